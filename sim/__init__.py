@@ -1,0 +1,1 @@
+"""MuJoCo models made from a board record, and the skating task."""

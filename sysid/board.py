@@ -1,0 +1,277 @@
+"""The board record: measurements in, MJCF numbers derived; one TOML file a board.
+
+The record holds what was measured with its uncertainty, what was fitted from which logs, whether
+the simulator passed the comparison, and one history line a refit.
+"""
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Self
+
+import tomlkit
+
+from sysid.errors import HuskyError, did_you_mean
+from sysid.files import write_atomically
+from sysid.quantity import Quantity
+
+SCHEMA = 1
+
+GEOMETRY_UNITS = {
+    "length": "m",
+    "width": "m",
+    "thickness": "m",
+    "wheelbase": "m",
+    "track": "m",
+    "wheel_radius": "m",
+    "truck_height": "m",
+    "rake": "rad",
+}
+"""`truck_height` is the distance from the tilt axis down to the axles; `rake` is λ of tan σ = tan λ sin γ."""
+MASS_UNITS = {"deck": "kg", "truck": "kg", "wheel": "kg"}
+"""One deck, each of two trucks, each of four wheels."""
+TILT_UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "rest_angle": "rad", "range": "rad"}
+"""`range` is the largest tilt to either side; `rest_angle` is a roll (right edge down is positive)."""
+DECAY_UNITS = {"period": "s", "first_peak": "rad", "second_peak": "rad"}
+
+
+@dataclass(frozen=True, slots=True)
+class BoardEffect:
+    """One effect beyond spring and damper, with its fitted parameters."""
+
+    name: str
+    """A name of the effect catalogue (`sysid.effects`)."""
+    parameters: Mapping[str, Quantity]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Board:
+    """Everything known of one board."""
+
+    name: str
+    description: str
+    source: str
+    geometry: Mapping[str, Quantity]
+    mass: Mapping[str, Quantity]
+    inertia: Quantity
+    """Roll inertia of what turns with the deck, about the tilt axis [kg*m^2]."""
+    tilt: Mapping[str, Quantity]
+    decay: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
+    """The free decay that stiffness and damping were derived from, where no log was fitted yet."""
+    effects: tuple[BoardEffect, ...] = ()
+    fit: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    check: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    history: tuple[Mapping[str, Any], ...] = ()
+
+    @property
+    def stiffness(self) -> float:
+        """Linear tilt stiffness k [N*m/rad]."""
+        return self.tilt["stiffness"].value
+
+    @property
+    def damping(self) -> float:
+        """Linear tilt damping d [N*m*s/rad]."""
+        return self.tilt["damping"].value
+
+    @property
+    def rest_angle(self) -> float:
+        """Roll at rest [rad]."""
+        return self.tilt["rest_angle"].value
+
+    @property
+    def passed(self) -> bool:
+        """Whether `check` accepted the board as it is recorded now."""
+        return bool(self.check.get("passed", False))
+
+    def with_tilt(self, **quantities: Quantity) -> Self:
+        """Return a copy with some quantities of the tilt joint replaced."""
+        return replace(self, tilt={**self.tilt, **quantities})
+
+
+def load_board(path: Path) -> Board:
+    """Read and validate one board record.
+
+    Raises:
+        HuskyError: The file is missing, is not TOML, or a field is missing, unknown, of the wrong
+            kind or in the wrong unit; the message names file, field and what was expected.
+    """
+    try:
+        raw = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise HuskyError(f"{path}: cannot read the board record ({error}).") from error
+    except tomllib.TOMLDecodeError as error:
+        raise HuskyError(f"{path}: not a TOML file ({error}).") from error
+    return _Reader(path).board(raw)
+
+
+def save_board(board: Board, path: Path) -> None:
+    """Write the record in one step: a crash at any moment leaves the old file whole.
+
+    Raises:
+        HuskyError: The folder cannot be written to.
+    """
+    text = board_to_toml(board)
+    _Reader(path).board(tomllib.loads(text))  # never write what could not be read back
+    write_atomically(path, text)
+
+
+def board_to_toml(board: Board) -> str:
+    """Return the record as TOML text."""
+    document = tomlkit.document()
+    document["schema"] = SCHEMA
+    document["name"] = board.name
+    document["description"] = board.description
+    document["source"] = board.source
+    document["geometry"] = _quantities(board.geometry)
+    document["mass"] = _quantities(board.mass)
+    document["inertia"] = {**_fields(board.inertia), "method": board.inertia.method}
+    if board.decay:
+        document["decay"] = _quantities(board.decay)
+    document["tilt"] = _quantities(board.tilt)
+    if board.effects:
+        effects = tomlkit.aot()
+        for effect in board.effects:
+            table = tomlkit.table()
+            table["name"] = effect.name
+            table["parameters"] = _quantities(effect.parameters)
+            effects.append(table)
+        document["effect"] = effects
+    for name, content in (("fit", board.fit), ("check", board.check)):
+        if content:
+            document[name] = dict(content)
+    if board.history:
+        lines = tomlkit.aot()
+        for line in board.history:
+            table = tomlkit.table()
+            table.update(line)
+            lines.append(table)
+        document["history"] = lines
+    return tomlkit.dumps(document)
+
+
+def _quantities(quantities: Mapping[str, Quantity]) -> Any:
+    table = tomlkit.table()
+    for name, quantity in quantities.items():
+        inline = tomlkit.inline_table()
+        inline.update(_fields(quantity))
+        table[name] = inline
+    return table
+
+
+def _fields(quantity: Quantity) -> dict[str, float | str]:
+    return {"value": float(quantity.value), "std": float(quantity.std), "unit": quantity.unit}
+
+
+@dataclass(frozen=True, slots=True)
+class _Reader:
+    """Turns raw TOML into a Board; knows the file for its messages."""
+
+    path: Path
+
+    def board(self, raw: Mapping[str, Any]) -> Board:
+        known = {
+            "schema", "name", "description", "source", "geometry", "mass", "inertia", "decay", "tilt",
+            "effect", "fit", "check", "history",
+        }  # fmt: skip
+        for key in raw:
+            if key not in known:
+                raise HuskyError(f"{self.path}: unknown field '{key}'.{did_you_mean(key, known)}")
+        if raw.get("schema") != SCHEMA:
+            raise HuskyError(f"{self.path}: schema is {raw.get('schema')!r}, expected {SCHEMA}.")
+        inertia = self._table(raw, "inertia")
+        return Board(
+            name=self._text(raw, "name"),
+            description=self._text(raw, "description"),
+            source=self._text(raw, "source"),
+            geometry=self._quantities(raw, "geometry", GEOMETRY_UNITS),
+            mass=self._quantities(raw, "mass", MASS_UNITS),
+            inertia=self._quantity(inertia, "inertia", "kg*m^2", positive=True).with_method(
+                self._text(inertia, "method", "inertia.method")
+            ),
+            tilt=self._quantities(raw, "tilt", TILT_UNITS, may_be_negative=("rest_angle",)),
+            decay=self._quantities(raw, "decay", DECAY_UNITS) if "decay" in raw else {},
+            effects=tuple(
+                self._effect(f"effect[{i}]", raw_effect)
+                for i, raw_effect in enumerate(self._tables(raw, "effect"))
+            ),
+            fit=self._table(raw, "fit") if "fit" in raw else {},
+            check=self._table(raw, "check") if "check" in raw else {},
+            history=tuple(self._tables(raw, "history")),
+        )
+
+    def _effect(self, where: str, raw: Mapping[str, Any]) -> BoardEffect:
+        name = self._text(raw, "name", f"{where}.name")
+        parameters = self._table(raw, "parameters", f"{where}.parameters")
+        return BoardEffect(
+            name,
+            {
+                key: self._quantity(value, f"{where} ({name}).parameters.{key}", None)
+                for key, value in parameters.items()
+            },
+        )
+
+    def _quantities(
+        self,
+        raw: Mapping[str, Any],
+        section: str,
+        units: Mapping[str, str],
+        *,
+        may_be_negative: Sequence[str] = (),
+    ) -> dict[str, Quantity]:
+        table = self._table(raw, section)
+        for key in table:
+            if key not in units:
+                raise HuskyError(
+                    f"{self.path}: unknown field '{section}.{key}'.{did_you_mean(key, units)} "
+                    f"Known: {', '.join(units)}."
+                )
+        return {
+            key: self._quantity(table.get(key), f"{section}.{key}", unit, positive=key not in may_be_negative)
+            for key, unit in units.items()
+        }
+
+    def _quantity(self, raw: Any, where: str, unit: str | None, *, positive: bool = False) -> Quantity:
+        shape = f"{{ value = …, std = …, unit = '{unit or '…'}' }}"
+        if raw is None:
+            raise HuskyError(f"{self.path}: field '{where}' is missing; expected {shape}.")
+        if not isinstance(raw, Mapping):
+            raise HuskyError(f"{self.path}: field '{where}' is {raw!r}; expected {shape}.")
+        numbers: dict[str, float] = {}
+        for key in ("value", "std"):
+            number: Any = raw.get(key)
+            if isinstance(number, bool) or not isinstance(number, int | float):
+                raise HuskyError(f"{self.path}: field '{where}.{key}' is {number!r}; expected a number.")
+            numbers[key] = float(number)
+        if raw.get("unit") != unit and not (unit is None and isinstance(raw.get("unit"), str)):
+            raise HuskyError(f"{self.path}: field '{where}.unit' is {raw.get('unit')!r}; expected {unit!r}.")
+        if numbers["std"] < 0:
+            raise HuskyError(f"{self.path}: field '{where}.std' is {numbers['std']}; expected 0 or more.")
+        if not abs(numbers["value"]) < float("inf") or (positive and numbers["value"] <= 0):
+            kind = "a positive number" if positive else "a finite number"
+            raise HuskyError(f"{self.path}: field '{where}.value' is {numbers['value']}; expected {kind}.")
+        return Quantity(numbers["value"], numbers["std"], str(raw["unit"]))
+
+    def _table(self, raw: Mapping[str, Any], key: str, where: str = "") -> Mapping[str, Any]:
+        value = raw.get(key)
+        if not isinstance(value, Mapping):
+            raise HuskyError(
+                f"{self.path}: section '[{where or key}]' is {'missing' if value is None else repr(value)}; "
+                "expected a table."
+            )
+        return value
+
+    def _tables(self, raw: Mapping[str, Any], key: str) -> Sequence[Mapping[str, Any]]:
+        value: Any = raw.get(key, [])
+        if not isinstance(value, list) or not all(isinstance(item, Mapping) for item in value):
+            raise HuskyError(f"{self.path}: '[[{key}]]' is {value!r}; expected an array of tables.")
+        return value
+
+    def _text(self, raw: Mapping[str, Any], key: str, where: str = "") -> str:
+        value = raw.get(key)
+        if not isinstance(value, str):
+            raise HuskyError(
+                f"{self.path}: field '{where or key}' is {'missing' if value is None else repr(value)}; "
+                "expected a text."
+            )
+        return value

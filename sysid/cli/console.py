@@ -1,0 +1,98 @@
+"""What every command shares: `--json`, `--workspace`, results on stdout, the rest on stderr."""
+
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+from rich.console import Console
+from rich.table import Table
+
+from sysid.files import write_json
+from sysid.quantity import Quantity
+from sysid.workspace import Workspace
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Common:
+    """Options of every command."""
+
+    json: Annotated[str | None, Parameter(name="--json")] = None
+    """Write the result as JSON to this file; '-' for stdout, and then nothing else is on stdout."""
+    workspace: Annotated[Path, Parameter(name="--workspace")] = Path()
+    """Folder with the user's boards (data/boards) and outputs (reports/BOARD)."""
+
+    @property
+    def space(self) -> Workspace:
+        """The workspace."""
+        return Workspace(self.workspace)
+
+
+@dataclass(frozen=True)
+class Printer:
+    """Prints a command's results for people, and its JSON for machines.
+
+    Colour only on a terminal, and never with NO_COLOR; a pipe gets plain text of any width.
+    """
+
+    common: Common
+    _stdout: Console = field(init=False)
+    _stderr: Console = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Open both consoles."""
+        quiet = self.common.json == "-"
+        width = None if sys.stdout.isatty() else 160
+        object.__setattr__(
+            self, "_stdout", Console(quiet=quiet, highlight=False, width=width, soft_wrap=True, emoji=False)
+        )
+        object.__setattr__(
+            self, "_stderr", Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
+        )
+
+    @property
+    def stderr(self) -> Console:
+        """The console for progress bars."""
+        return self._stderr
+
+    def say(self, text: str = "") -> None:
+        """Print a result line on stdout."""
+        self._stdout.print(text, markup=False)
+
+    def warn(self, text: str) -> None:
+        """Print a warning on stderr."""
+        self._stderr.print(f"warning: {text}", markup=False, style="yellow")
+
+    def note(self, text: str) -> None:
+        """Print what was inferred or done, on stderr."""
+        self._stderr.print(text, markup=False, style="dim")
+
+    def table(self, columns: Sequence[str], rows: Sequence[Sequence[str]], title: str | None = None) -> None:
+        """Print a table on stdout."""
+        table = Table(title=title, title_justify="left", title_style="bold")
+        for column in columns:
+            table.add_column(column, overflow="fold")
+        for row in rows:
+            table.add_row(*row)
+        self._stdout.print(table)
+
+    def quantities(self, rows: Sequence[tuple[str, Quantity]], title: str | None = None) -> None:
+        """Print quantities as a table: name, value ± 95 %, how."""
+        self.table(
+            ("quantity", "value ± 95 %", "how"),
+            [(name, str(quantity), quantity.method) for name, quantity in rows],
+            title,
+        )
+
+    def result(self, content: dict[str, Any]) -> None:
+        """Write the machine-readable result where `--json` says, if it was given."""
+        if self.common.json is None:
+            return
+        if self.common.json == "-":
+            sys.stdout.write(json.dumps(content, indent=2, allow_nan=False) + "\n")
+        else:
+            write_json(Path(self.common.json), content)

@@ -1,0 +1,26 @@
+"""The one exception that a user may see."""
+
+import difflib
+from collections.abc import Iterable
+
+
+class HuskyError(Exception):
+    """An expected failure: names the value, the likely cause and the next step.
+
+    The command line prints it on one line and exits with `exit_code`; anything else is a bug and
+    keeps its traceback.
+    """
+
+    exit_code = 1
+
+
+class QualityGateError(HuskyError):
+    """The computation went well and its answer is no (see `check`)."""
+
+    exit_code = 3
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return ' Did you mean 'x'?' for the known name closest to `name`, or an empty string."""
+    close = difflib.get_close_matches(name, list(known), n=1, cutoff=0.5)
+    return f" Did you mean '{close[0]}'?" if close else ""

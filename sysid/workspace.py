@@ -1,0 +1,73 @@
+"""Where boards are found and outputs land."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from sysid.board import Board, load_board, save_board
+from sysid.errors import HuskyError, did_you_mean
+
+
+def shipped_data() -> Path:
+    """Return the data folder that ships with the tool: in an installed wheel, or in the repository."""
+    package = Path(__file__).resolve().parent
+    installed = package / "_data"
+    return installed if installed.is_dir() else package.parent / "data"
+
+
+@dataclass(frozen=True, slots=True)
+class Workspace:
+    """A folder with the user's boards (`data/boards`) and outputs (`reports/<board>`)."""
+
+    root: Path
+
+    @property
+    def boards(self) -> Path:
+        """The folder of the user's own board records."""
+        return self.root / "data" / "boards"
+
+    def board_names(self) -> list[str]:
+        """Return the names of all boards: the workspace's and the shipped ones."""
+        folders = (self.boards, shipped_data() / "boards")
+        return sorted({path.stem for folder in folders for path in folder.glob("*.toml")})
+
+    def board_path(self, name: str) -> Path:
+        """Return the record that `name` means: the workspace's, else the shipped one.
+
+        Raises:
+            HuskyError: There is no board of that name.
+        """
+        for folder in (self.boards, shipped_data() / "boards"):
+            path = folder / f"{name}.toml"
+            if name and Path(name).name == name and path.is_file():
+                return path
+        names = self.board_names()
+        raise HuskyError(
+            f"unknown board '{name}'.{did_you_mean(name, names)} Known boards: {', '.join(names)}. "
+            f"A new one is a file {self.boards / f'{name}.toml'}."
+        )
+
+    def load_board(self, name: str) -> Board:
+        """Read the board that `name` means.
+
+        Raises:
+            HuskyError: There is no such board, or its record is not valid.
+        """
+        path = self.board_path(name)
+        board = load_board(path)
+        if board.name != path.stem:
+            raise HuskyError(f"{path}: field 'name' is '{board.name}'; expected '{path.stem}', as the file.")
+        return board
+
+    def save_board(self, board: Board) -> Path:
+        """Write a board into the workspace, never into the package, and return its path.
+
+        Raises:
+            HuskyError: The folder cannot be written to.
+        """
+        path = self.boards / f"{board.name}.toml"
+        save_board(board, path)
+        return path
+
+    def outputs(self, board: str) -> Path:
+        """Return the folder for a board's outputs; it is made when something is written to it."""
+        return self.root / "reports" / board
