@@ -1,0 +1,5 @@
+"""`python -m sysid.cli` is `husky-sysid`."""
+
+from sysid.cli import main
+
+main()

@@ -1,0 +1,71 @@
+"""The command line as a whole: every command is there, usage errors exit with 2, failures with 1."""
+
+import importlib
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from sysid.cli import COMMANDS, EXIT_CODES
+
+HEAVY = {"numpy", "pandas", "scipy", "matplotlib", "casadi", "mujoco", "cv2", "rerun", "torch", "control"}
+
+
+def husky(*arguments, cwd=None):
+    return subprocess.run(
+        [sys.executable, "-m", "sysid.cli", *arguments], capture_output=True, text=True, cwd=cwd, check=False
+    )
+
+
+def heavy_modules_after(statement):
+    code = f"{statement}; import sys; print(*sys.modules)"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+    return HEAVY & set(result.stdout.split())
+
+
+def test_help_names_every_command_and_the_exit_codes():
+    result = husky("--help")
+    assert result.returncode == 0
+    assert set(COMMANDS) <= set(result.stdout.split())
+    assert EXIT_CODES.split(";")[0] in result.stdout
+
+
+def test_help_imports_nothing_heavy():
+    assert heavy_modules_after("import sysid.cli; sysid.cli.build_app()") == set()
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_explains_itself(name):
+    result = husky(name, "--help")
+    assert result.returncode == 0, result.stderr
+    assert "--json" in result.stdout
+    assert "--workspace" in result.stdout
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_command_modules_import_nothing_heavy(name):
+    assert heavy_modules_after(f"import sysid.cli.{name}") <= {"numpy"}
+
+
+def test_every_command_file_is_listed():
+    package = importlib.import_module("sysid.cli")
+    files = {
+        path.stem for folder in package.__path__ for path in __import__("pathlib").Path(folder).glob("*.py")
+    }
+    assert files - {"__init__", "__main__", "console", "log_options"} == set(COMMANDS)
+
+
+def test_unknown_command_is_a_usage_error_with_a_suggestion():
+    result = husky("dcay")
+    assert result.returncode == 2
+    assert 'Did you mean "decay"?' in result.stderr
+
+
+def test_unknown_board_is_an_error_with_a_suggestion(tmp_path):
+    result = husky("boards", "pnk", "--workspace", str(tmp_path))
+    assert result.returncode == 1
+    assert "Did you mean 'pink'?" in result.stderr
+    assert "Traceback" not in result.stderr
+    assert list(tmp_path.iterdir()) == []

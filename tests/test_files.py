@@ -1,0 +1,50 @@
+"""A failed write leaves the old file whole and no debris."""
+
+import hashlib
+
+import pytest
+
+from sysid.errors import HuskyError
+from sysid.files import atomic_path, sha256, write_atomically, write_json
+
+
+def test_failure_in_the_middle_leaves_the_old_file_and_nothing_else(tmp_path):
+    path = tmp_path / "board.toml"
+    write_atomically(path, "old")
+    with pytest.raises(RuntimeError), atomic_path(path) as temporary:
+        temporary.write_text("half")
+        raise RuntimeError
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_new_file_has_ordinary_permissions(tmp_path):
+    plain = tmp_path / "plain"
+    plain.write_text("")
+    write_atomically(tmp_path / "atomic", "")
+    assert (tmp_path / "atomic").stat().st_mode == plain.stat().st_mode
+
+
+def test_folders_are_made(tmp_path):
+    write_json(tmp_path / "a" / "b" / "c.json", {"x": 1})
+    assert (tmp_path / "a" / "b" / "c.json").read_text() == '{\n  "x": 1\n}\n'
+
+
+def test_a_file_in_the_way_of_a_folder_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(HuskyError, match=r"c\.json: cannot write there"):
+        write_json(tmp_path / "file" / "c.json", {})
+
+
+def test_json_refuses_nan(tmp_path):
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        write_json(tmp_path / "x.json", {"x": float("nan")})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_sha256_of_a_file_longer_than_a_block(tmp_path):
+    content = b"0123456789" * 200_000
+    (tmp_path / "log").write_bytes(content)
+    blocks: list[int] = []
+    assert sha256(tmp_path / "log", blocks.append) == hashlib.sha256(content).hexdigest()
+    assert sum(blocks) == len(content)
