@@ -1,0 +1,1 @@
+"""The skateboarding world: robot, task, rewards and observations of the HUSKY paper."""
