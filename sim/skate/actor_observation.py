@@ -1,0 +1,99 @@
+"""What the policy sees: 78 numbers a step, five steps at a time; training and runtime share this code.
+
+| numbers | content | scale | noise in training (uniform, before scaling) |
+|---|---|---|---|
+| 0–1 | command: speed [m/s], heading relative to that at the command [rad] | 2, 1 | |
+| 2–4 | angular velocity of the pelvis, its own frame [rad/s] | 0.25 | ±0.2 |
+| 5–7 | direction of gravity in the pelvis frame [1] | 1 | ±0.05 |
+| 8–30 | joint positions less the default pose [rad] | 1 | ±0.01 |
+| 31–53 | joint velocities [rad/s] | 0.05 | ±1.5 |
+| 54–76 | last action [1] | 1 | |
+| 77 | phase of the cycle, 0 to 1 | 1 | |
+
+The five frames follow each other oldest first (`frame-major`): 390 numbers. After a reset all five are
+the first frame. The HUSKY release feeds 79 numbers, with the absolute heading as third, and groups the
+history by term; a policy replayed with the heading held at zero turns as well, so it is left out, as in
+the paper.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from sim.skate.arrays import constant, namespace
+
+FRAMES = 5
+"""Frames that the policy sees: this one and the four before."""
+FRAME_SIZE = 78
+"""Numbers a frame."""
+OBSERVATION_SIZE = FRAMES * FRAME_SIZE
+
+PARTS = (
+    ("command", 2, (2.0, 1.0), 0.0),
+    ("angular_velocity", 3, (0.25,) * 3, 0.2),
+    ("gravity", 3, (1.0,) * 3, 0.05),
+    ("joint_position", 23, (1.0,) * 23, 0.01),
+    ("joint_velocity", 23, (0.05,) * 23, 1.5),
+    ("last_action", 23, (1.0,) * 23, 0.0),
+    ("phase", 1, (1.0,), 0.0),
+)
+"""Name, size, scale and half-width of the noise of each part of a frame, in order."""
+
+SCALE = tuple(scale for _, _, scales, _ in PARTS for scale in scales)
+NOISE = tuple(noise for _, size, _, noise in PARTS for _ in range(size))
+
+
+def raw_frame(
+    command: Any,
+    angular_velocity: Any,
+    gravity: Any,
+    joint_offset: Any,
+    joint_velocity: Any,
+    last_action: Any,
+    phase: Any,
+) -> Any:
+    """Return one frame before noise and scaling, shape (..., 78).
+
+    Args:
+        command: Speed [m/s] and relative heading [rad], shape (..., 2).
+        angular_velocity: Of the pelvis in its own frame [rad/s], shape (..., 3).
+        gravity: Unit vector down in the pelvis frame, shape (..., 3).
+        joint_offset: Joint positions less the default pose [rad], shape (..., 23).
+        joint_velocity: [rad/s], shape (..., 23).
+        last_action: The policy's last output, shape (..., 23).
+        phase: Φ in [0, 1), shape (..., 1).
+    """
+    parts = (command, angular_velocity, gravity, joint_offset, joint_velocity, last_action, phase)
+    return namespace(command).concatenate(parts, axis=-1)
+
+
+def scale_frame(frame: Any) -> Any:
+    """Return a raw frame, shape (..., 78), in the units of the policy's input."""
+    return frame * constant(SCALE, frame)
+
+
+def projected_gravity(quaternion: Any) -> Any:
+    """Return the unit vector down in the frame of a body, shape (..., 3), from its orientation."""
+    w, x, y, z = (quaternion[..., i] for i in range(4))
+    xp = namespace(quaternion)
+    return xp.stack((2 * (w * y - x * z), -2 * (w * x + y * z), 2 * (x * x + y * y) - 1), axis=-1)
+
+
+class History:
+    """The last five frames of one robot (NumPy), filled with the first frame after a reset."""
+
+    def __init__(self) -> None:
+        """Start empty."""
+        self._frames: np.ndarray | None = None
+
+    def reset(self) -> None:
+        """Forget everything; the next frame fills all five places."""
+        self._frames = None
+
+    def push(self, frame: np.ndarray) -> np.ndarray:
+        """Add a scaled frame, shape (78,), and return the observation, shape (390,), oldest first."""
+        if self._frames is None:
+            self._frames = np.tile(frame, (FRAMES, 1))
+        else:
+            self._frames = np.vstack((self._frames[1:], frame))
+        return self._frames.reshape(-1)

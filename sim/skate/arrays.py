@@ -1,0 +1,30 @@
+"""One spelling for NumPy arrays (runtime, evaluation, tests) and torch tensors (training).
+
+PyTorch accepts NumPy's argument name `axis`, so a function that takes its namespace from its first
+argument serves both, and what the robot runs is the very code that was trained with.
+"""
+
+from typing import Any
+
+import numpy as np
+
+
+def namespace(array: Any) -> Any:
+    """Return the module whose functions work on `array`: numpy, or torch for a tensor."""
+    if isinstance(array, np.ndarray | np.generic | float | int):
+        return np
+    import torch
+
+    return torch
+
+
+def wrap_angle(angle: Any) -> Any:
+    """Return an angle [rad] wrapped into [-π, π)."""
+    return (angle + np.pi) % (2 * np.pi) - np.pi
+
+
+def constant(values: Any, like: Any) -> Any:
+    """Return `values` as an array of the kind, precision and device of `like`."""
+    if namespace(like) is np:
+        return np.asarray(values, dtype=np.asarray(like).dtype)
+    return like.new_tensor(np.asarray(values).tolist())

@@ -1,0 +1,67 @@
+"""The cycle that a skateboarder repeats: push, mount, steer, dismount (HUSKY, section III).
+
+Time alone drives it; contacts never switch a phase. Every policy step is `CONTROL_PERIOD` long, and the
+phase Φ runs from 0 to 1 over one cycle.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+CONTROL_PERIOD = 0.02
+"""Time between two decisions of the policy [s]."""
+STILL_SPEED = 0.1
+"""Commanded speed below which the robot shall stand instead of skate [m/s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """Lengths of the four stretches of the cycle in policy steps."""
+
+    push: int = 120
+    """One foot on the board, the other pushes (40 % of the cycle)."""
+    mount: int = 30
+    """From pushing to steering (10 %)."""
+    steer: int = 135
+    """Both feet on the board, side-on, leaning (45 %)."""
+    dismount: int = 15
+    """From steering to pushing (5 %)."""
+
+    @property
+    def period(self) -> int:
+        """Length of the cycle in policy steps."""
+        return self.push + self.mount + self.steer + self.dismount
+
+    def phase(self, step: Any) -> Any:
+        """Return Φ in [0, 1) of integer steps since the cycle began, shape (...,)."""
+        return (step % self.period) / self.period
+
+    def pushing(self, step: Any) -> Any:
+        """Return whether steps lie in the pushing stretch, shape (...,)."""
+        return step % self.period < self.push
+
+    def mounting(self, step: Any) -> Any:
+        """Return whether steps lie between pushing and steering, shape (...,)."""
+        step = step % self.period
+        return (step >= self.push) & (step < self.push + self.mount)
+
+    def steering(self, step: Any) -> Any:
+        """Return whether steps lie in the steering stretch, shape (...,)."""
+        step = step % self.period
+        return (step >= self.push + self.mount) & (step < self.period - self.dismount)
+
+    def dismounting(self, step: Any) -> Any:
+        """Return whether steps lie between steering and pushing, shape (...,)."""
+        return step % self.period >= self.period - self.dismount
+
+    def transition_fraction(self, step: Any) -> Any:
+        """Return the way gone within the present transition in (0, 1]; meaningless outside one."""
+        step = step % self.period
+        mounted = (step - self.push + 1) / self.mount
+        dismounted = (step - (self.period - self.dismount) + 1) / self.dismount
+        later = step >= self.period - self.dismount
+        return mounted * (1 - later * 1) + dismounted * (later * 1)
+
+    def steering_time_left(self, step: Any) -> Any:
+        """Return the time until the steering stretch ends [s], zero outside it, shape (...,)."""
+        step = step % self.period
+        return (self.period - self.dismount - step) * self.steering(step) * CONTROL_PERIOD

@@ -1,0 +1,68 @@
+"""How far to tilt the deck so that the board turns to a heading in the time that is left.
+
+Both trucks of a lean-to-steer board turn, in opposite senses, by σ with tan σ = tan λ sin γ. The axles
+meet at a radius L / (2 tan σ), hence ψ̇ = 2 v tan σ / L. The HUSKY paper writes ψ̇ = v tan σ / L, which is
+right for a single steered axle and asks for twice the tilt; it can be chosen for comparison.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from sim.skate.arrays import namespace, wrap_angle
+
+Kinematics = Literal["two-truck", "single-truck"]
+"""'two-truck' is the board's own turning; 'single-truck' is the paper's formula."""
+
+
+@dataclass(frozen=True, slots=True)
+class TiltGuidance:
+    """The board's turning geometry and the caution with which it is inverted."""
+
+    wheelbase: float
+    """Distance between the axles L [m]."""
+    rake: float
+    """Angle λ of tan σ = tan λ sin γ [rad]."""
+    limit: float
+    """Largest tilt to ask for, either side [rad]."""
+    kinematics: Kinematics = "two-truck"
+    least_speed: float = 0.3
+    """Floor of the forward speed [m/s]: a board at rest does not turn, however far it is tilted."""
+    least_time: float = 0.5
+    """Floor of the time left [s], so that the last steps of steering ask for no jerk."""
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        for name in ("wheelbase", "rake", "limit", "least_speed", "least_time"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} is {getattr(self, name)}; expected a positive number")
+
+    @property
+    def _trucks(self) -> int:
+        return 2 if self.kinematics == "two-truck" else 1
+
+    def yaw_rate(self, tilt: Any, speed: Any) -> Any:
+        """Return ψ̇ [rad/s], left turn positive, for a tilt γ (left edge down positive) and a speed."""
+        return self._trucks * speed * np.tan(self.rake) * namespace(tilt).sin(tilt) / self.wheelbase
+
+    def reference(self, heading: Any, target: Any, speed: Any, time_left: Any) -> Any:
+        """Return the tilt γ_ref that reaches the target heading when the time is up [rad].
+
+        Args:
+            heading: Heading of the board [rad], shape (...,).
+            target: Heading to reach [rad], shape (...,).
+            speed: Forward speed of the board [m/s], shape (...,); taken as at least `least_speed`.
+            time_left: Time until steering ends [s], shape (...,); taken as at least `least_time`.
+
+        Returns:
+            Tilt, left edge down positive, within ±`limit`, shape (...,).
+        """
+        xp = namespace(heading)
+        rate = wrap_angle(target - heading) / xp.clip(time_left, self.least_time, None)
+        sine = (
+            rate
+            * self.wheelbase
+            / (self._trucks * xp.clip(speed, self.least_speed, None) * np.tan(self.rake))
+        )
+        return xp.arcsin(xp.clip(sine, -np.sin(self.limit), np.sin(self.limit)))
