@@ -1,0 +1,92 @@
+"""One self-contained HTML page: no external source, light and dark, printable."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from html import escape
+from importlib.resources import files
+
+
+@dataclass(slots=True)
+class Page:
+    """Collects sections in reading order and renders them as one file."""
+
+    title: str
+    subtitle: str
+    _sections: list[tuple[str, str]] = field(default_factory=list[tuple[str, str]])
+
+    def section(self, title: str, *parts: str) -> None:
+        """Add a section; parts are HTML made by the functions below."""
+        self._sections.append((title, "\n".join(part for part in parts if part)))
+
+    def render(self) -> str:
+        """Return the whole page; style and script are inlined."""
+        links = "".join(
+            f'<a href="#s{i}">{escape(title)}</a>' for i, (title, _) in enumerate(self._sections, start=1)
+        )
+        body = "\n".join(
+            f'<section id="s{i}"><h2>{escape(title)}</h2>\n{content}\n</section>'
+            for i, (title, content) in enumerate(self._sections, start=1)
+        )
+        return (
+            '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+            '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+            # An empty icon keeps browsers from asking a server for one.
+            '<link rel="icon" href="data:,">\n'
+            f"<title>{escape(self.title)}</title>\n<style>\n{_asset('page.css')}</style>\n</head>\n<body>\n"
+            f'<h1>{escape(self.title)}</h1>\n<p class="sub">{escape(self.subtitle)}</p>\n<nav>{links}</nav>\n'
+            f"{body}\n<script>\n{_asset('page.js')}</script>\n</body>\n</html>\n"
+        )
+
+
+def paragraph(text: str) -> str:
+    """Return a paragraph of plain text."""
+    return f"<p>{escape(text)}</p>"
+
+
+def law(equation: str) -> str:
+    """Return an equation set apart."""
+    return f'<p class="law">{escape(equation)}</p>'
+
+
+def preformatted(text: str) -> str:
+    """Return text in a fixed pitch."""
+    return f"<pre>{escape(text)}</pre>"
+
+
+def verdict(text: str, *, good: bool) -> str:
+    """Return the one sentence a reader is looking for."""
+    return f'<p class="verdict {"good" if good else "bad"}">{"✓" if good else "✗"} {escape(text)}</p>'
+
+
+def warning_list(warnings: Sequence[str]) -> str:
+    """Return warnings as a list, or a line that says there are none."""
+    if not warnings:
+        return paragraph("None.")
+    return '<ul class="warnings">' + "".join(f"<li>{escape(text)}</li>" for text in warnings) + "</ul>"
+
+
+def table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table of plain texts."""
+    head = "".join(f"<th>{escape(column)}</th>" for column in columns)
+    body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+    return f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def figure(svg: str, caption: str) -> str:
+    """Return an inline figure with its caption."""
+    return f"<figure>{svg}<figcaption>{escape(caption)}</figcaption></figure>"
+
+
+def choices(parts: Sequence[tuple[str, str]]) -> str:
+    """Return several pieces of HTML of which the page shows one at a time, all of them in print."""
+    if len(parts) == 1:
+        return parts[0][1]
+    buttons = "".join(
+        f'<button type="button" data-shows="{escape(name)}">{escape(name)}</button>' for name, _ in parts
+    )
+    bodies = "".join(f'<div data-choice="{escape(name)}">{content}</div>' for name, content in parts)
+    return f'<div><div class="choices">{buttons}</div>{bodies}</div>'
+
+
+def _asset(name: str) -> str:
+    return (files("reports") / name).read_text(encoding="utf-8")

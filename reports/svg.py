@@ -1,0 +1,147 @@
+"""Matplotlib figures as inline SVG that follows the page: its text colour, its dark mode, its script.
+
+Lines that carry a `gid` become groups the page can find: `series:NAME` can be switched off, and an
+axes' own data is embedded so that the page can show values under the pointer.
+"""
+
+import io
+import json
+import re
+from collections.abc import Sequence
+from contextlib import contextmanager
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Generator
+
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+MOST_POINTS = 1200
+"""Points kept of one curve: about one a pixel; the numbers beside it use all of them."""
+
+
+@contextmanager
+def page_style() -> "Generator[None]":
+    """Draw figures for a page: real text, no background, stable identifiers."""
+    import matplotlib as mpl
+
+    with mpl.rc_context(
+        {
+            "svg.fonttype": "none",
+            "svg.hashsalt": "husky-sysid",
+            "font.family": "sans-serif",
+            "font.size": 9,
+            "axes.spines.top": False,
+            "axes.spines.right": False,
+            "axes.grid": True,
+            "grid.alpha": 0.25,
+            "grid.linewidth": 0.6,
+            "legend.frameon": False,
+            "figure.constrained_layout.use": True,
+            "path.simplify": True,
+        }
+    ):
+        yield
+
+
+def thin(*columns: "np.typing.ArrayLike") -> tuple[np.ndarray, ...]:
+    """Thin curves for the eye: of each bin of the first column keep the extremes of the second.
+
+    Args:
+        columns: Arrays of shape (n,): the abscissa, the curve, and any that go with them.
+
+    Returns:
+        The same columns with at most about `MOST_POINTS` rows, in order.
+    """
+    arrays = [np.asarray(column) for column in columns]
+    n = len(arrays[0])
+    if n <= MOST_POINTS or len(arrays) < 2:
+        return tuple(arrays)
+    edges = np.linspace(0, n, MOST_POINTS // 2 + 1).astype(int)
+    keep = {0, n - 1}
+    for start, stop in pairwise(edges):
+        piece = arrays[1][start:stop]
+        keep.update((start + int(np.argmin(piece)), start + int(np.argmax(piece))))
+    rows = np.array(sorted(keep))
+    return tuple(array[rows] for array in arrays)
+
+
+def figure_to_svg(figure: "Figure", identifier: str, title: str) -> str:
+    """Return a figure as an `<svg>` element for a page.
+
+    Args:
+        figure: Drawn under `page_style`.
+        identifier: Unique on the page; prefixes all of the figure's own identifiers.
+        title: What it shows, for readers who cannot see it.
+    """
+    buffer = io.StringIO()
+    figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = re.sub(r'\bid="([^"]+)"', rf'id="{identifier}-\1"', text)
+    text = re.sub(r'(xlink:href="|url\()#', rf"\1#{identifier}-", text)
+    # Black is matplotlib's "ink"; on a page the ink depends on light and dark.
+    text = re.sub(r"(fill|stroke): ?#000000", r"\1: currentColor", text)
+    text = re.sub(r'<svg [^>]*?(viewBox="[^"]+")[^>]*>', _open_tag(identifier, title, r"\1"), text, count=1)
+    hover = json.dumps(_hover_data(figure), separators=(",", ":"), allow_nan=False)
+    return text.replace("</svg>", f'<script type="application/json" class="hover">{hover}</script></svg>')
+
+
+def _open_tag(identifier: str, title: str, view_box: str) -> str:
+    escaped = title.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" '
+        f'id="{identifier}" class="figure" {view_box} role="img" aria-label="{escaped}">'
+    )
+
+
+def _hover_data(figure: "Figure") -> list[dict[str, object]]:
+    """Return for each axes with named series its box in the SVG and the series in data and SVG units."""
+    height = figure.get_figheight() * 72
+    scale = 72 / figure.dpi
+    panels: list[dict[str, object]] = []
+    for axes in figure.axes:
+        lines = [line for line in axes.get_lines() if (line.get_gid() or "").startswith("series:")]
+        if not lines:
+            continue
+        box = axes.get_window_extent()
+        panels.append(
+            {
+                "box": [
+                    round(box.x0 * scale, 2),
+                    round(height - box.y1 * scale, 2),
+                    round(box.width * scale, 2),
+                    round(box.height * scale, 2),
+                ],
+                "x": axes.get_xlabel(),
+                "y": axes.get_ylabel(),
+                "series": [_series(axes, line, height, scale) for line in lines],
+            }
+        )
+    return panels
+
+
+def _series(axes: "Axes", line: "Line2D", height: float, scale: float) -> dict[str, object]:
+    points = np.column_stack((np.asarray(line.get_xdata(), float), np.asarray(line.get_ydata(), float)))
+    points = points[np.isfinite(points).all(axis=1)]
+    if len(points) > MOST_POINTS // 2:
+        points = points[:: -(-len(points) // (MOST_POINTS // 2))]
+    pixels = axes.transData.transform(points) * scale
+    return {
+        "name": str(line.get_gid()).removeprefix("series:"),
+        "colour": str(line.get_color()),
+        "px": _rounded(pixels[:, 0], 4),
+        "py": _rounded(height - pixels[:, 1], 4),
+        "x": _rounded(points[:, 0], 5),
+        "y": _rounded(points[:, 1], 4),
+    }
+
+
+def _rounded(values: Sequence[float] | np.ndarray, digits: int) -> list[float]:
+    return [float(f"{value:.{digits}g}") for value in values]
