@@ -1,0 +1,83 @@
+# pyright: reportAttributeAccessIssue=false, reportUnknownParameterType=false
+# (MuJoCo ships no type stubs.)
+"""The ground of the skating scene: flat, long slopes, or ledges to roll down.
+
+Everything lies along +x, where a robot starts to skate; sideways the lane is wide enough for any turn.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Literal
+
+import mujoco
+
+Terrain = Literal["flat", "slopes", "steps"]
+
+SLOPES_DEG = (5.0, 6.0, 8.0, 10.0)
+"""Gradients of successive descents [deg], 3 m long each, with 6 m of level ground before each."""
+STEPS = (0.03, 0.04, 0.05, 0.06)
+"""Heights of successive ledges [m], with 5 m of level ground before each. A wheel of 3 cm radius cannot
+climb them: the lane goes down."""
+
+_HALF_WIDTH = 60.0
+_COLOUR = (0.32, 0.36, 0.40, 1.0)
+
+
+def add_terrain(spec: mujoco.MjSpec, terrain: Terrain) -> None:
+    """Add the body `terrain` with the chosen ground to a scene; it is level at z = 0 about the origin."""
+    body = spec.body("terrain") or spec.worldbody.add_body(name="terrain")
+    if terrain == "flat":
+        if spec.geom("terrain") is None:
+            body.add_geom(
+                name="terrain", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 0.05], rgba=list(_COLOUR)
+            )
+        return
+    if terrain == "slopes":
+        profile = _descents([math.radians(angle) for angle in SLOPES_DEG], run=3.0, level=6.0)
+    else:
+        profile = _ledges(STEPS, level=5.0)
+    plane = spec.geom("terrain")
+    if plane is not None:  # mjlab's own plane; the lane replaces it
+        spec.delete(plane)
+    for i, (start, end, top, drop) in enumerate(profile):
+        _slab(body, f"terrain_{i}", start, end, top, drop)
+
+
+def _descents(angles: Sequence[float], run: float, level: float) -> list[tuple[float, float, float, float]]:
+    """Return pieces (start, end, height at start, drop) [m] of level ground and slopes in turn."""
+    pieces = [(-20.0, level, 0.0, 0.0)]
+    x, z = level, 0.0
+    for angle in angles:
+        drop = run * math.tan(angle)
+        pieces += [(x, x + run, z, drop), (x + run, x + run + level, z - drop, 0.0)]
+        x, z = x + run + level, z - drop
+    return [*pieces, (x, x + 80.0, z, 0.0)]
+
+
+def _ledges(heights: Sequence[float], level: float) -> list[tuple[float, float, float, float]]:
+    pieces = [(-20.0, level, 0.0, 0.0)]
+    x, z = level, 0.0
+    for height in heights:
+        z -= height
+        pieces.append((x, x + level, z, 0.0))
+        x += level
+    return [*pieces, (x, x + 80.0, z, 0.0)]
+
+
+def _slab(body: mujoco.MjsBody, name: str, start: float, end: float, top: float, drop: float) -> None:
+    """Add a thick box whose upper face runs from (start, top) down to (end, top - drop)."""
+    length, thickness = math.hypot(end - start, drop), 1.0
+    pitch = math.atan2(drop, end - start)
+    middle_x, middle_z = (start + end) / 2, top - drop / 2
+    body.add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=[length / 2, _HALF_WIDTH, thickness / 2],
+        pos=[
+            middle_x - math.sin(pitch) * thickness / 2,
+            0.0,
+            middle_z - math.cos(pitch) * thickness / 2,
+        ],
+        quat=[math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0],
+        rgba=list(_COLOUR),
+    )
