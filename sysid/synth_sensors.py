@@ -1,0 +1,199 @@
+"""What a sensor makes of the true motion, and how loggers write it down."""
+
+import io
+import math
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from sysid.errors import HuskyError
+from sysid.files import write_atomically
+
+Array = npt.NDArray[np.float64]
+
+Dialect = Literal["angle", "angle-deg", "gyro", "imu", "phyphox", "sensor-logger"]
+"""How the log is written: an angle in rad or in degrees, a roll rate alone, six IMU channels in one CSV,
+the same as phyphox or as Sensor Logger exports them."""
+DIALECTS: tuple[Dialect, ...] = get_args(Dialect)
+GRAVITY = 9.80665
+_EPOCH_NS = 1_780_000_000_000_000_000
+"""Sensor Logger stamps samples with nanoseconds since 1970."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sensor:
+    """The measuring chain; everything zero is a perfect sensor."""
+
+    noise: float = 0.0
+    """White noise of an angle sensor [rad]."""
+    quantisation: float = 0.0
+    """Step of an angle sensor [rad]."""
+    lever_arm: tuple[float, float, float] = (0.1, 0.03, 0.05)
+    """Where an IMU sits on the deck, from the tilt axis: forward, left, up [m]."""
+    gyro_bias: float = 0.01
+    """Offset of the roll rate of an IMU [rad/s]; the other two axes get fractions of it."""
+    gyro_noise: float = 0.003
+    """White noise of a gyro sample [rad/s]."""
+    accelerometer_noise: float = 0.03
+    """White noise of an accelerometer sample [m/s^2]."""
+    bias: float = 0.0
+    """Constant error of the angle; of an IMU, its mounting about the roll axis [rad]."""
+    drift: float = 0.0
+    """Growing error of the angle; of an IMU, additional offset of the roll rate [rad/s]."""
+    time_constant: float = 0.0
+    """First-order lag of every channel [s]."""
+    clock: float = 1.0
+    """Measured seconds in one true second."""
+
+
+def measure(time: Array, motion: Array, sensor: Sensor, dialect: Dialect, rng: np.random.Generator) -> Array:
+    """Return what the channels read.
+
+    Args:
+        time: True time [s], shape (n,).
+        motion: True roll, rate and acceleration, shape (n, 3).
+        sensor: The measuring chain.
+        dialect: Decides the channels.
+        rng: Noise.
+
+    Returns:
+        Angle [rad], shape (n, 1), for an angle dialect; roll rate [rad/s], shape (n, 1), for 'gyro'; else
+        accelerations x, y, z [m/s^2] and rates x, y, z [rad/s], shape (n, 6).
+    """
+    roll, rate, acceleration = motion.T
+    if dialect in ("angle", "angle-deg"):
+        angle = lowpass(time, roll, rate, sensor.time_constant) + sensor.bias + sensor.drift * time
+        angle = angle + sensor.noise * rng.standard_normal(len(time))
+        if sensor.quantisation > 0:
+            angle = sensor.quantisation * np.round(angle / sensor.quantisation)
+        return angle[:, None]
+    roll_rate = lowpass(time, rate, acceleration, sensor.time_constant) + sensor.gyro_bias + sensor.drift
+    if dialect == "gyro":
+        return (roll_rate + sensor.gyro_noise * rng.standard_normal(len(time)))[:, None]
+    force = _specific_force(roll, rate, acceleration, sensor)
+    for axis in range(3):
+        force[:, axis] = lowpass(time, force[:, axis], _slope(time, force[:, axis]), sensor.time_constant)
+    force += sensor.accelerometer_noise * rng.standard_normal(force.shape)
+    still = np.zeros_like(roll_rate)
+    rates = np.column_stack((roll_rate, still - 0.4 * sensor.gyro_bias, still + 0.7 * sensor.gyro_bias))
+    rates += sensor.gyro_noise * rng.standard_normal(rates.shape)
+    return np.hstack((force, rates))
+
+
+def _specific_force(roll: Array, rate: Array, acceleration: Array, sensor: Sensor) -> Array:
+    """What an accelerometer on the deck feels [m/s^2], shape (n, 3): gravity, tangential, centripetal."""
+    _, left, up = sensor.lever_arm
+    y = GRAVITY * np.sin(roll) - acceleration * up - rate**2 * left
+    z = GRAVITY * np.cos(roll) + acceleration * left - rate**2 * up
+    c, s = math.cos(sensor.bias), math.sin(sensor.bias)
+    return np.column_stack((np.zeros_like(roll), c * y + s * z, c * z - s * y))
+
+
+def _slope(time: Array, signal: Array) -> Array:
+    return np.gradient(signal, time)
+
+
+def lowpass(time: Array, signal: Array, slope: Array, time_constant: float) -> Array:
+    """Return the output of τ ẏ = x − y, starting settled; exact for x cubic between samples.
+
+    Args:
+        time: Sample times [s], shape (n,).
+        signal: Input x at these times, shape (n,).
+        slope: Its derivative, shape (n,).
+        time_constant: τ [s]; 0 returns the input.
+    """
+    if time_constant == 0:
+        return signal
+    tau, h = time_constant, np.diff(time)
+    rise = (signal[1:] - signal[:-1]) / h
+    # Second derivatives at both ends of each interval, and the constant third, of the Hermite cubic.
+    left = (6 * rise - 4 * slope[:-1] - 2 * slope[1:]) / h
+    right = (2 * slope[:-1] + 4 * slope[1:] - 6 * rise) / h
+    third = (right - left) / h
+    settled_left = signal[:-1] - tau * slope[:-1] + tau**2 * left - tau**3 * third
+    settled_right = signal[1:] - tau * slope[1:] + tau**2 * right - tau**3 * third
+    forget = np.exp(-h / tau)
+    gain = settled_right - forget * settled_left
+    output, value = [float(signal[0])], float(signal[0])
+    for keep, add in zip(forget.tolist(), gain.tolist(), strict=True):
+        value = keep * value + add
+        output.append(value)
+    return np.array(output)
+
+
+def write_log(path: Path, time: Array, channels: Array, dialect: Dialect) -> None:
+    """Write a log as the named logger would.
+
+    Raises:
+        HuskyError: The file name does not go with the dialect, or cannot be written.
+    """
+    zipped = path.suffix == ".zip"
+    if dialect == "sensor-logger" and not zipped:
+        raise HuskyError(f"{path}: Sensor Logger exports an archive; name the log {path.stem}.zip.")
+    if zipped and dialect not in ("phyphox", "sensor-logger"):
+        raise HuskyError(f"{path}: only the dialects phyphox and sensor-logger are archives; name it .csv.")
+    if zipped:
+        write_atomically(path, _archive(_archived_tables(time, channels, dialect)))
+    else:
+        write_atomically(path, _table(time, channels, dialect))
+
+
+def _table(time: Array, channels: Array, dialect: Dialect) -> str:
+    match dialect:
+        case "angle":
+            return _csv("time_s,roll_rad", ["%.6f", "%.8f"], time, channels)
+        case "angle-deg":
+            return _csv("time_ms,roll_deg", ["%.3f", "%.6f"], 1e3 * time, np.degrees(channels))
+        case "gyro":
+            return _csv("time_s,gyro_x_rad_s", ["%.6f", "%.7f"], time, channels)
+        case "imu":
+            header = "time_s," + ",".join(f"acc_{a}_m_s2" for a in "xyz") + ","
+            header += ",".join(f"gyro_{a}_rad_s" for a in "xyz")
+            return _csv(header, ["%.6f"] + ["%.5f"] * 3 + ["%.6f"] * 3, time, channels)
+        case _:
+            header = '"Time (s)",' + ",".join(f'"Acceleration {a} (m/s^2)"' for a in "xyz") + ","
+            header += ",".join(f'"Gyroscope {a} (rad/s)"' for a in "xyz")
+            return _csv(header, ["%.9E"] + ["%.6E"] * 6, time, channels)
+
+
+def _archived_tables(time: Array, channels: Array, dialect: Dialect) -> Mapping[str, str]:
+    acceleration, rates = channels[:, :3], channels[:, 3:]
+    if dialect == "phyphox":
+        heads = [
+            '"Time (s)",' + ",".join(f'"{kind} {a} ({unit})"' for a in "xyz")
+            for kind, unit in (("Acceleration", "m/s^2"), ("Gyroscope", "rad/s"))
+        ]
+        formats = ["%.9E"] * 4
+        return {
+            "Accelerometer.csv": _csv(heads[0], formats, time, acceleration),
+            "Gyroscope.csv": _csv(heads[1], formats, time, rates),
+        }
+    stamps = (_EPOCH_NS + np.round(1e9 * time).astype(np.int64)).astype(np.str_)
+    tables: dict[str, str] = {}
+    for name, values in (("TotalAcceleration", acceleration), ("Gyroscope", rates)):
+        body = _csv("seconds_elapsed,z,y,x", ["%.7f"] * 4, time, values[:, ::-1]).splitlines()
+        lines = [f"{stamp},{line}" for stamp, line in zip(["time", *stamps.tolist()], body, strict=True)]
+        tables[f"{name}.csv"] = "\n".join(lines) + "\n"
+    return tables
+
+
+def _csv(header: str, formats: list[str], time: Array, channels: Array) -> str:
+    buffer = io.StringIO()
+    np.savetxt(
+        buffer, np.column_stack((time, channels)), fmt=formats, delimiter=",", header=header, comments=""
+    )
+    return buffer.getvalue()
+
+
+def _archive(tables: Mapping[str, str]) -> bytes:
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, text in tables.items():
+            # A fixed date: the same log is the same file.
+            archive.writestr(zipfile.ZipInfo(name, (2026, 1, 1, 0, 0, 0)), text, zipfile.ZIP_DEFLATED)
+    return buffer.getvalue()
