@@ -1,0 +1,53 @@
+"""The catalogue of physical effects: one file an effect.
+
+A new effect is a new file in this folder that ends in `EFFECT = Effect(...)`, and a test; the
+catalogue finds it.
+"""
+
+import importlib
+import pkgutil
+from collections.abc import Mapping, Sequence
+from functools import cache
+from types import MappingProxyType
+
+from sysid.effects.base import Effect
+from sysid.errors import HuskyError, did_you_mean
+
+
+@cache
+def catalogue() -> Mapping[str, Effect]:
+    """Return every effect by name, sorted by name."""
+    modules = (name for _, name, _ in pkgutil.iter_modules(__path__) if name != "base" and name[0] != "_")
+    effects = [importlib.import_module(f"{__name__}.{name}").EFFECT for name in modules]
+    return MappingProxyType({effect.name: effect for effect in sorted(effects, key=lambda e: e.name)})
+
+
+def effect(name: str) -> Effect:
+    """Return the effect of that name.
+
+    Raises:
+        HuskyError: There is none.
+    """
+    known = catalogue()
+    if name not in known:
+        raise HuskyError(
+            f"unknown effect '{name}'.{did_you_mean(name, known)} Known effects: {', '.join(known)}."
+        )
+    return known[name]
+
+
+def parameters_from(name: str, values: Sequence[float]) -> dict[str, float]:
+    """Return an effect's parameters by name from values in their order; defaults fill the end.
+
+    Raises:
+        HuskyError: Too many or too few values.
+    """
+    found = effect(name)
+    result = dict(zip(found.parameter_names, values, strict=False))
+    for parameter in found.parameters[len(values) :]:
+        if parameter.default is not None:
+            result[parameter.name] = parameter.default
+    if len(values) > len(found.parameters) or len(result) < len(found.parameters):
+        wanted = ", ".join(f"{p.name} [{p.unit}]" for p in found.parameters)
+        raise HuskyError(f"effect '{name}' got {len(values)} value(s); it takes {wanted}, in that order.")
+    return result

@@ -1,0 +1,278 @@
+"""What an effect is: a torque law with units, and everything a user needs to know about it.
+
+Every effect is one file beside this one that ends in `EFFECT = Effect(...)`. Its law is written once,
+against the small `Algebra` below, and therefore runs both on CasADi expressions and on plain numpy.
+
+The law of the tilt joint, with roll φ, tilt x = φ - rest angle and rate v:
+
+    I φ̈ = -k x - d v + Σ τ(x, v, φ, z),   ż = …
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal, Protocol
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import mujoco
+
+Value = Any
+"""A CasADi expression or a numpy array: laws are written once for both."""
+Values = Mapping[str, Value]
+"""An effect's parameters by name."""
+
+
+class Algebra(Protocol):
+    """The functions that a torque law may use beyond + - * / **."""
+
+    def sin(self, x: Value) -> Value:
+        """Sine."""
+        ...
+
+    def exp(self, x: Value) -> Value:
+        """Exponential."""
+        ...
+
+    def abs(self, x: Value) -> Value:
+        """Absolute value."""
+        ...
+
+    def minimum(self, a: Value, b: Value) -> Value:
+        """The smaller."""
+        ...
+
+    def maximum(self, a: Value, b: Value) -> Value:
+        """The larger."""
+        ...
+
+    def where(self, condition: Value, yes: Value, no: Value) -> Value:
+        """`yes` where the condition holds, else `no`."""
+        ...
+
+
+class NumpyAlgebra:
+    """Torque laws on plain numbers and arrays."""
+
+    def sin(self, x: Value) -> Value:
+        """Sine."""
+        return np.sin(x)
+
+    def exp(self, x: Value) -> Value:
+        """Exponential."""
+        return np.exp(x)
+
+    def abs(self, x: Value) -> Value:
+        """Absolute value."""
+        return np.abs(x)
+
+    def minimum(self, a: Value, b: Value) -> Value:
+        """The smaller."""
+        return np.minimum(a, b)
+
+    def maximum(self, a: Value, b: Value) -> Value:
+        """The larger."""
+        return np.maximum(a, b)
+
+    def where(self, condition: Value, yes: Value, no: Value) -> Value:
+        """`yes` where the condition holds, else `no`."""
+        return np.where(condition, yes, no)
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Where the joint is, as a torque law sees it."""
+
+    tilt: Value
+    """x: roll less the rest angle (and less the support's, if the joint stands on one) [rad]."""
+    rate: Value
+    """v: rate of `tilt` [rad/s]."""
+    roll: Value
+    """φ: absolute roll of the deck [rad]."""
+    stiffness: Value
+    """The joint's linear stiffness k [N*m/rad]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scales:
+    """Sizes of the problem at hand, from which starts and bounds are made."""
+
+    inertia: float
+    """Roll inertia [kg*m^2]."""
+    stiffness: float
+    """Linear stiffness that fits the decay alone [N*m/rad]."""
+    damping: float
+    """Linear damping that fits the decay alone [N*m*s/rad]."""
+    amplitude: float
+    """Largest tilt in the logs [rad]."""
+    duration: float = 1.0
+    """Longest release [s]."""
+
+    @property
+    def frequency(self) -> float:
+        """Natural frequency [rad/s]."""
+        return float(np.sqrt(self.stiffness / self.inertia))
+
+    @property
+    def rate(self) -> float:
+        """Rate of an undamped swing of the largest amplitude [rad/s]."""
+        return self.amplitude * self.frequency
+
+    @property
+    def torque(self) -> float:
+        """Spring torque at the largest tilt [N*m]."""
+        return self.stiffness * self.amplitude
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameter:
+    """One number of an effect: its unit, its size for a given problem, and where to look for it."""
+
+    name: str
+    unit: str
+    size: Callable[[Scales], float]
+    """A strength that clearly shows in the decay; the unit in which the fit works."""
+    low: float
+    """Lower bound in units of `size`."""
+    high: float
+    """Upper bound in units of `size`."""
+    starts: tuple[float, ...] = (0.1,)
+    """Starting values in units of `size`; several where the cost has several valleys."""
+    neutral: float | None = 0.0
+    """Value at which the effect vanishes; None where no single value does."""
+    default: float | None = None
+    """Value taken where a user leaves the parameter out."""
+
+    def bounds(self, scales: Scales) -> tuple[float, float]:
+        """Return the bounds in `unit`."""
+        size = self.size(scales)
+        return self.low * size, self.high * size
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class State:
+    """One internal variable of an effect, e.g. the elongation of a Maxwell arm."""
+
+    name: str
+    start: Callable[[Algebra, Value, Value, Value, Values], Value]
+    """`start(m, tilt, hold, stiffness, parameters)`: its value at release, after a hold of that length."""
+    size: Callable[[Scales], float]
+    """Its typical size, for scaling when it is fitted."""
+    rate: Callable[[Algebra, Motion, Value, Values], Value] | None = None
+    """`rate(m, motion, z, parameters)`: its time derivative."""
+    slip: Callable[[Algebra, Value, Values], Value] | None = None
+    """For rate-independent states: z follows the tilt, and `slip(m, z, parameters)` limits it."""
+
+
+Runner = Literal["native", "native since 3.7", "native since 4.0", "substitute", "no"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MujocoSupport:
+    """How an effect reaches MuJoCo, as data for the docs and the exporter."""
+
+    means: str
+    """What is written into the MJCF."""
+    since: str
+    """First MuJoCo version that runs it exactly ('' where it belongs to the log, not the model)."""
+    warp: bool
+    """Whether MuJoCo Warp of that version runs it."""
+    substitute: str = ""
+    """The nearest that MuJoCo 3.11 has, where `since` is newer; '' where not needed."""
+
+    def exact_in(self, version: str) -> bool:
+        """Return whether that MuJoCo version runs the effect exactly."""
+        return bool(self.since) and _numbers(version) >= _numbers(self.since)
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    return tuple(int(part) for part in version.split(".")[:2])
+
+
+class ToMjcf(Protocol):
+    """Writes an effect into a spec."""
+
+    def __call__(
+        self,
+        spec: "mujoco.MjSpec",
+        joint: "mujoco.MjsJoint",
+        parameters: Mapping[str, float],
+        *,
+        exact: bool = True,
+    ) -> tuple[str, ...]:
+        """Add the effect to `joint` of `spec`, in place.
+
+        The joint's `stiffness[0]`, `damping[0]` and `springref` hold the linear law already, its parent
+        body carries the roll inertia, and its axis is "1 0 0". `exact=False` writes the substitute
+        that MuJoCo 3.11 runs, where there is one.
+
+        Returns:
+            One line for each thing written, for the comments of the MJCF file.
+
+        Raises:
+            HuskyError: MuJoCo cannot hold these parameters.
+        """
+        ...
+
+
+def spec_angle(spec: "mujoco.MjSpec", angle: float) -> float:
+    """Return an angle [rad] in the unit that the spec's compiler reads: degrees, unless told otherwise."""
+    return float(np.degrees(angle)) if spec.compiler.degree else angle
+
+
+def belongs_to_log(
+    spec: "mujoco.MjSpec",
+    joint: "mujoco.MjsJoint",
+    parameters: Mapping[str, float],
+    *,
+    exact: bool = True,
+) -> tuple[str, ...]:
+    """Write nothing: the effect is in the measurement and must not go into the model."""
+    del spec, joint, parameters, exact
+    return ()
+
+
+def no_torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Value:
+    """Return zero torque."""
+    del m, motion, parameters, states
+    return 0.0
+
+
+Role = Literal["torque", "support", "shift", "record", "measurement"]
+"""What an effect changes: the torque of the joint; what the joint stands on; the rest angle; the
+numbers of the record (indistinguishable from another k and d in a free decay); or the sensor."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effect:
+    """One physical effect."""
+
+    name: str
+    title: str
+    """For people, e.g. 'dry friction'."""
+    parameters: tuple[Parameter, ...]
+    role: Role = "torque"
+    law: str
+    """The torque law as a formula, for the docs."""
+    source: str
+    """Where the law comes from."""
+    does: str
+    """What it does to a decay, in one sentence."""
+    look_alikes: tuple[str, ...]
+    """Effects that make nearly the same decay."""
+    experiment: str
+    """The experiment that tells it from its look-alikes."""
+    mujoco: MujocoSupport
+    to_mjcf: ToMjcf
+    example: tuple[float, ...]
+    """Parameters that show the effect clearly on the `pink` board, for pictures and tests."""
+    torque: Callable[[Algebra, Motion, Values, Sequence[Value]], Value] = no_torque
+    """`torque(m, motion, parameters, states)` [N*m], without dry friction."""
+    friction: Callable[[Algebra, Value, Values], Value] | None = None
+    """`friction(m, speed, parameters)` [N*m] ≥ 0: dry friction at |v|; at speed 0, what it takes to slide."""
+    states: tuple[State, ...] = field(default=())
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the parameters, in the order of the command line."""
+        return tuple(parameter.name for parameter in self.parameters)

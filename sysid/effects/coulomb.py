@@ -1,0 +1,54 @@
+"""Dry friction that does not depend on speed."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from sysid.effects.base import Algebra, Effect, MujocoSupport, Parameter, Value, Values
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+def friction(m: Algebra, speed: Value, parameters: Values) -> Value:
+    """Return F, whatever the speed [N*m]."""
+    del m
+    return parameters["torque"] + 0 * speed
+
+
+def to_mjcf(
+    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
+) -> tuple[str, ...]:
+    """Write frictionloss with a hardened constraint.
+
+    MuJoCo's default friction constraint yields like a damper near the turning points: it takes out
+    85 to 93 % of the true loss at these frequencies, and creeps instead of sticking. A time constant
+    of 2 ms and an impedance of 0.9999 make both right to 0.1 %.
+    """
+    del spec, exact
+    joint.frictionloss = parameters["torque"]
+    joint.solref_friction = [0.002, 1.0]
+    joint.solimp_friction = [0.9999, 0.9999, 0.001, 0.5, 2.0]
+    return (
+        f"coulomb: frictionloss {parameters['torque']:.6g} N*m; hardened (solreffriction, solimpfriction) "
+        "so that it neither yields nor creeps",
+    )
+
+
+EFFECT = Effect(
+    name="coulomb",
+    title="dry friction",
+    parameters=(
+        Parameter(name="torque", unit="N*m", size=lambda s: s.torque, low=0.0, high=1.0, starts=(0.01, 0.06)),
+    ),
+    law="τ = -F sgn v; sticks while the other torques stay within ±F",
+    source="Coulomb 1785; Feeny and Liang, J. Sound and Vibration 195 (1996): decrement of dry friction",
+    does="Amplitude falls by the same amount 4F/k each period, then the deck stops, not always at rest.",
+    look_alikes=("hysteresis", "stribeck"),
+    experiment="Release from 1° and from 10°: dry friction stops the small one at once, within ±F/k of rest.",
+    mujoco=MujocoSupport(
+        means="frictionloss with solreffriction 0.002 and solimpfriction 0.9999", since="3.0", warp=True
+    ),
+    to_mjcf=to_mjcf,
+    example=(0.15,),
+    friction=friction,
+)

@@ -1,0 +1,49 @@
+"""A spring that hardens or softens with tilt."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from sysid.effects.base import Algebra, Effect, Motion, MujocoSupport, Parameter, Value, Values
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+def torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Value:
+    """Return -c x³ [N*m]."""
+    del m, states
+    return -parameters["coefficient"] * motion.tilt**3
+
+
+def to_mjcf(
+    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
+) -> tuple[str, ...]:
+    """Write the third coefficient of the joint's spring polynomial."""
+    del spec, exact
+    joint.stiffness[2] += parameters["coefficient"]
+    return (f"cubic-stiffness: third stiffness coefficient {parameters['coefficient']:.6g} N*m/rad^3",)
+
+
+EFFECT = Effect(
+    name="cubic-stiffness",
+    title="hardening or softening spring",
+    parameters=(
+        Parameter(
+            name="coefficient",
+            unit="N*m/rad^3",
+            size=lambda s: s.stiffness / s.amplitude**2,
+            low=-0.95,
+            high=20.0,
+            starts=(0.05, -0.2, 0.5),
+        ),
+    ),
+    law="τ = -c x³; c > 0 hardens, c < 0 softens",
+    source="Duffing 1918; Nayfeh and Mook, Nonlinear Oscillations (1979): ω = ω₀(1 + 3c a²/8k)",
+    does="The period changes with amplitude: shorter when wide for hardening, longer for softening.",
+    look_alikes=("gravity", "end-stop", "freeplay"),
+    experiment="Release from 3°, 7° and 12°: a cubic changes the period with the square of the amplitude.",
+    mujoco=MujocoSupport(means="joint stiffness polynomial, third coefficient", since="3.7", warp=True),
+    to_mjcf=to_mjcf,
+    example=(200.0,),
+    torque=torque,
+)
