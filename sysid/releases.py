@@ -1,0 +1,400 @@
+"""Where a log is at rest, held by a hand, let go, swinging freely, and caught again.
+
+A free decay is a chain of legs between turning points, each shorter than the one before, about one
+and the same rest angle and at one and the same pace. A hand that lifts the deck moves away from that
+angle, at another pace, or makes legs that grow. So no threshold on angle or rate is needed, and the
+first sample may already be in the middle of a decay.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+
+from sysid.errors import HuskyError
+from sysid.roll import Release, Roll
+from sysid.turning_points import Leg, Swing, crossing_time, find_swing, legs_of
+
+SMALLEST_RELEASE = 0.08
+"""Chains below this share of the largest one's first leg are not counted as releases."""
+STILL = 0.05
+"""A deck within this share of the first amplitude counts as held still."""
+HALF_SWING = 1 / 0.59
+"""Half a period in units of the 10 to 90 % time of one leg of a lightly damped swing."""
+
+_Ending = tuple[float, Literal["rest", "caught", "log"]]
+
+
+@dataclass(frozen=True, slots=True)
+class Phase:
+    """A stretch of the log in which one thing happens."""
+
+    start: float
+    """[s] on the log's clock."""
+    end: float
+    """[s] on the log's clock."""
+    kind: Literal["rest", "held", "free", "caught"]
+
+
+@dataclass(frozen=True, slots=True)
+class _Chain:
+    """Successive legs that shrink: the skeleton of one free decay."""
+
+    legs: tuple[Leg, ...]
+    rest: float
+    after: Leg | None
+    """The leg that breaks the chain: a hand moves the deck again."""
+    start: float | None = None
+    """Time of the release [s] where the user gave it."""
+
+    @property
+    def pace(self) -> float:
+        """10 to 90 % time of a leg [s]."""
+        return float(np.median([leg.duration for leg in self.legs[:4]]))
+
+    @property
+    def sizes(self) -> list[float]:
+        """Amplitudes about rest at the turning points [rad]."""
+        return [abs(self.legs[0].origin - self.rest), *(abs(leg.target - self.rest) for leg in self.legs)]
+
+
+def find_releases(
+    roll: Roll,
+    *,
+    start: float | None = None,
+    stop: float | None = None,
+    releases: Sequence[float] = (),
+) -> list[Release]:
+    """Find every free decay in a log.
+
+    Args:
+        roll: The whole log.
+        start: Look from here on only [s].
+        stop: Look up to here only [s].
+        releases: Times at which the deck was let go [s], instead of finding them; where each decay
+            ends is still found.
+
+    Returns:
+        The free decays in order of time, at least one.
+
+    Raises:
+        HuskyError: There is no free decay, or a time lies outside the log.
+    """
+    part = _cut(roll, start, stop)
+    std = float(np.median(part.std))
+    swing = find_swing(part.time, part.roll, std if math.isfinite(std) else 0.0)
+    if not swing.pivots:
+        raise HuskyError(
+            f"{roll.log}: nothing moves by more than {math.degrees(swing.step):.2g}° "
+            f"(noise {math.degrees(swing.noise):.2g}°), so there is no decay. "
+            "Is it the right column (--column) and the right stretch of the log (--from, --to)?"
+        )
+    legs = legs_of(swing)
+    if releases:
+        chains = [_given_chain(swing, legs, time, roll.log) for time in sorted(releases)]
+    else:
+        chains = _free_chains(swing, legs)
+    if not chains:
+        raise HuskyError(
+            f"{roll.log}: it moves, but no stretch swings freely to rest. Give the times at which the deck "
+            "was let go (--release), or the stretch to look at (--from, --to)."
+        )
+    limits = [*(chain.start for chain in chains[1:]), None]
+    return [
+        _release(part, swing, chain, number, limit)
+        for number, (chain, limit) in enumerate(zip(chains, limits, strict=True), start=1)
+    ]
+
+
+def log_phases(roll: Roll, releases: Sequence[Release]) -> list[Phase]:
+    """Return what happens when in a log, without gaps, from its first sample to its last.
+
+    Between two decays the deck is at rest, then held from when it last leaves the rest angle; after a
+    catch it is caught until it is at rest or held for the next release.
+    """
+    phases: list[Phase] = []
+    done, caught = float(roll.time[0]), False
+    for release in releases:
+        phases += _between(roll, done, release.start, release, caught, release.hold)
+        settled = settling_time(release)
+        phases.append(Phase(release.start, settled, "free"))
+        done, caught = float(release.time[-1]), release.end == "caught"
+        phases.append(Phase(settled, done, "rest"))
+    if releases:
+        phases += _between(roll, done, float(roll.time[-1]), releases[-1], caught, 0.0)
+    return _merged(phases)
+
+
+def settling_time(release: Release) -> float:
+    """Return when the deck came to rest [s]; the end of the stretch if it did not."""
+    if release.end != "rest":
+        return float(release.time[-1])
+    swing = find_swing(release.time, release.roll, float(np.median(release.std)))
+    return _settled(swing, 0, len(swing.time) - 1, release.amplitude)
+
+
+def _cut(roll: Roll, start: float | None, stop: float | None) -> Roll:
+    """Return the part of the log between two times, on the same clock."""
+    begin, end = float(roll.time[0]), float(roll.time[-1])
+    low, high = begin if start is None else start, end if stop is None else stop
+    inside = (roll.time >= low) & (roll.time <= high)
+    if np.count_nonzero(inside) < 8:
+        raise HuskyError(
+            f"{roll.log}: {np.count_nonzero(inside)} samples between {low:.6g} s and {high:.6g} s; the log runs "
+            f"from {begin:.6g} s to {end:.6g} s. A decay needs at least 8 samples."
+        )
+    if inside.all():
+        return roll
+    return replace(
+        roll,
+        time=roll.time[inside],
+        roll=roll.roll[inside],
+        std=roll.std[inside],
+        rate=None if roll.rate is None else roll.rate[inside],
+        rate_std=None if roll.rate_std is None else roll.rate_std[inside],
+    )
+
+
+def _free_chains(swing: Swing, legs: list[Leg]) -> list[_Chain]:
+    """Return the chains that share one rest angle and one pace."""
+    chains = _shrinking_chains(swing, legs)
+    if not chains:
+        return []
+    largest = max(chain.legs[0].size for chain in chains)
+    chains = [chain for chain in chains if chain.legs[0].size > SMALLEST_RELEASE * largest]
+    groups = [[other for other in chains if _same_board(chain, other, swing)] for chain in chains]
+    return max(groups, key=lambda group: sum(_evidence(chain) for chain in group))
+
+
+def _evidence(chain: _Chain) -> float:
+    """How much a chain looks like a free decay: many legs, and a quick first one."""
+    return min(len(chain.legs), 6) * chain.legs[0].size / chain.legs[0].duration
+
+
+def _same_board(one: _Chain, other: _Chain, swing: Swing) -> bool:
+    """Whether two chains are about the same angle and move at the same pace."""
+    room = max(5.0 * swing.noise, 0.2 * min(one.sizes[0], other.sizes[0]))
+    return abs(one.rest - other.rest) < room and 0.6 < one.pace / other.pace < 1.6
+
+
+def _shrinking_chains(swing: Swing, legs: list[Leg]) -> list[_Chain]:
+    """Split the legs where they grow, or where the deck stays at the turning point between two."""
+    chains: list[_Chain] = []
+    begin = 0
+    for i in range(1, len(legs) + 1):
+        if i < len(legs) and _continues(swing, legs[i - 1], legs[i]):
+            continue
+        chain = _chain(
+            swing, legs[begin:i], legs[begin - 1] if begin else None, legs[i] if i < len(legs) else None
+        )
+        chains += [] if chain is None else [chain]
+        begin = i
+    return chains
+
+
+def _continues(swing: Swing, one: Leg, other: Leg) -> bool:
+    """Whether the next leg is a shorter one, and follows without a stay at the turning point."""
+    return other.size < one.size and _stay(swing, one, other) <= 2.5 * max(one.duration, other.duration)
+
+
+def _stay(swing: Swing, one: Leg | None, other: Leg | None) -> float:
+    """Return the time spent near the turning point between two legs [s]."""
+    arrived = 0 if one is None else one.reached
+    return float(swing.time[-1 if other is None else other.left] - swing.time[arrived])
+
+
+def _chain(swing: Swing, legs: list[Leg], before: Leg | None, after: Leg | None) -> _Chain | None:
+    """Build a chain and find the angle it is about; None where that is not to be seen."""
+    held = _stay(swing, before, legs[0]) > legs[0].duration
+    if len(legs) > 4 and not held and _first_leg_is_odd(legs):
+        legs = legs[1:]
+    turns = [legs[0].origin, *(leg.target for leg in legs)]
+    settles = _stay(swing, legs[-1], after) > 1.5 * legs[-1].duration
+    if len(legs) == 1 and not settles:
+        return None
+    return _Chain(tuple(legs), turns[-1] if len(legs) == 1 else _rest_angle(turns, settles=settles), after)
+
+
+def _rest_angle(turns: list[float], *, settles: bool) -> float:
+    """Return the angle about which the turning points converge [rad].
+
+    Three successive ones of a linear decay give it exactly, (a c - b²) / (a + c - 2 b) (Aitken); the
+    widest count most. Two legs that end at rest leave no choice but their last point.
+    """
+    if len(turns) == 3 and settles:
+        return turns[-1]
+    a, b, c = np.array(turns[:-2]), np.array(turns[1:-1]), np.array(turns[2:])
+    bend = a + c - 2 * b
+    return float(np.sum(bend * (a * c - b * b)) / np.sum(bend**2))
+
+
+def _first_leg_is_odd(legs: list[Leg]) -> bool:
+    """Whether the first leg loses far more than the next ones: a hand was still on the deck."""
+    losses = [math.log(one.size / other.size) for one, other in pairwise(legs[:4])]
+    return losses[0] > 0.12 + 2.0 * losses[1] - losses[2] and losses[0] > 1.8 * losses[1]
+
+
+def _given_chain(swing: Swing, legs: list[Leg], time: float, log: str) -> _Chain:
+    """Return the chain that begins at a given time."""
+    later = [leg for leg in legs if swing.time[leg.reached] > time]
+    if not later or time < swing.time[0]:
+        raise HuskyError(
+            f"{log}: nothing moves after a release at {time:.6g} s; the log runs from {swing.time[0]:.6g} s "
+            f"to {swing.time[-1]:.6g} s."
+        )
+    index = int(np.searchsorted(swing.time, time))
+    if later[0].left < index:
+        later[0] = replace(later[0], begin=index, left=index, origin=float(swing.roll[index]))
+    count = 1
+    while count < len(later) and _continues(swing, later[count - 1], later[count]):
+        count += 1
+    after = later[count] if count < len(later) else None
+    kept = later[:count]
+    turns = [kept[0].origin, *(leg.target for leg in kept)]
+    rest = turns[-1] if count == 1 else _rest_angle(turns, settles=after is not None)
+    return _Chain(tuple(kept), rest, after, start=time)
+
+
+def _release(roll: Roll, swing: Swing, chain: _Chain, number: int, limit: float | None) -> Release:
+    """Cut one free decay out of the log."""
+    begin, hold = _let_go(swing, chain)
+    finish, end = _ending(swing, chain, begin)
+    if limit is not None and limit <= finish:
+        finish, end = float(np.nextafter(limit, -math.inf)), "caught"
+    inside = (roll.time >= begin - 1e-9) & (roll.time <= finish + 1e-9)
+    rest = chain.rest
+    if end == "rest":
+        rest = float(np.median(swing.roll[(swing.time >= finish - chain.pace) & (swing.time <= finish)]))
+    return Release(
+        log=roll.log,
+        number=number,
+        time=roll.time[inside],
+        roll=roll.roll[inside],
+        std=roll.std[inside],
+        origin=roll.origin,
+        rate=None if roll.rate is None else roll.rate[inside],
+        rate_std=None if roll.rate_std is None else roll.rate_std[inside],
+        rest=rest,
+        hold=hold,
+        end=end,
+    )
+
+
+def _let_go(swing: Swing, chain: _Chain) -> tuple[float, float]:
+    """Return when the deck was let go and how long it had been held still before [s]."""
+    leg = chain.legs[0]
+    before = swing.roll[: leg.left + 1]
+    still = np.abs(before - leg.origin) <= max(3.0 * swing.noise, STILL * chain.sizes[0])
+    last = int(np.flatnonzero(still)[-1])
+    moving = np.flatnonzero(~still[:last])
+    since = int(moving[-1]) + 1 if len(moving) else 0
+    if chain.start is not None:
+        return chain.start, max(0.0, chain.start - float(swing.time[since]))
+    if swing.time[last] - swing.time[since] < 0.5 * chain.pace:
+        return float(swing.time[leg.begin]), 0.0
+    begin = _onset(swing, leg, float(np.median(before[since : last + 1])))
+    return begin, begin - float(swing.time[since])
+
+
+def _onset(swing: Swing, leg: Leg, level: float) -> float:
+    """Return when a leg left its level [s].
+
+    Released from rest, the way gone is a power series from t² on, so t is one in its square root; its
+    first three terms are fitted between 8 and 60 % of the way, clear of the noise and of the smoothing.
+    """
+    way = (swing.roll[leg.left : leg.finish + 1] - level) * math.copysign(1.0, leg.target - leg.origin)
+    size = abs(leg.target - level)
+    shares = np.linspace(max(0.08, min(0.4, 3.0 * swing.noise / size)), 0.6, 14)
+    times = np.array([crossing_time(swing.time[leg.left : leg.finish + 1], way, x * size) for x in shares])
+    powers = np.vander(np.sqrt(shares), 3, increasing=True)
+    start = float(np.linalg.lstsq(powers, times, rcond=None)[0][0])
+    return min(max(start, float(swing.time[leg.left]) - leg.duration), float(times[0]))
+
+
+def _ending(swing: Swing, chain: _Chain, begin: float) -> _Ending:
+    """Return when the free decay ends [s], and why."""
+    last = chain.legs[-1]
+    stop = len(swing.time) - 1 if chain.after is None else chain.after.left
+    stays = _stay(swing, last, chain.after) > 2.5 * chain.pace
+    if chain.after is None and not stays:
+        return float(swing.time[-1]), "log"
+    if _last_leg_is_cut(swing, chain, stays=stays):
+        return _followed(swing, chain, last.begin), "caught"
+    if stays:
+        settled = _settled(swing, last.begin, stop, chain.sizes[0])
+        tail = max(4.0 * chain.pace, 0.5 * (settled - begin))
+        hand = math.inf if chain.after is None else float(swing.time[stop]) - 0.5 * chain.pace
+        return max(settled, min(settled + tail, hand, float(swing.time[stop]))), "rest"
+    return _followed(swing, chain, last.finish), "caught"
+
+
+def _last_leg_is_cut(swing: Swing, chain: _Chain, *, stays: bool) -> bool:
+    """Whether the last leg ends where no free deck would: held away from rest, or braked far too much."""
+    sizes = chain.sizes
+    if len(chain.legs) == 1:
+        return False
+    lost = [one - other for one, other in pairwise(sizes)]
+    room = 3.0 * swing.noise + 0.05 * sizes[0]
+    if len(lost) > 2 and lost[-1] > 1.6 * max(lost[:-1]) + room:
+        return True
+    return stays and sizes[-1] > 0.25 * sizes[0] + room
+
+
+def _followed(swing: Swing, chain: _Chain, turn: int) -> float:
+    """Return how long the deck goes on as predicted after its last good turning point [s]."""
+    half = HALF_SWING * chain.pace
+    sizes = [size for size in chain.sizes if size > 3.0 * swing.noise]
+    ratio = (sizes[-1] / sizes[0]) ** (1 / max(1, len(sizes) - 1)) if len(sizes) > 1 else 0.1
+    decay, omega = -math.log(min(ratio, 0.99)) / half, math.pi / half
+    later = swing.time[turn:] - swing.time[turn]
+    later = later[later <= half]
+    size = float(swing.roll[turn]) - chain.rest
+    wave = np.cos(omega * later) + decay / omega * np.sin(omega * later)
+    error = np.abs(swing.roll[turn : turn + len(later)] - chain.rest - size * np.exp(-decay * later) * wave)
+    off = np.flatnonzero(error > max(4.0 * swing.noise, 0.08 * abs(size)))
+    reach = float(later[off[0]]) - 0.12 * half if len(off) else float(later[-1])
+    return float(swing.time[turn]) + max(0.0, reach)
+
+
+def _settled(swing: Swing, begin: int, stop: int, amplitude: float) -> float:
+    """Return the time after which the deck stays where it is until index `stop` [s]."""
+    part = swing.roll[begin : stop + 1]
+    level = float(np.median(part[-max(3, len(part) // 4) :]))
+    moving = np.flatnonzero(np.abs(part - level) > max(3.5 * swing.noise, 0.01 * amplitude))
+    last = int(moving[-1]) + 1 if len(moving) else 0
+    return float(swing.time[begin + min(last, len(part) - 1)])
+
+
+def _between(
+    roll: Roll, begin: float, finish: float, release: Release, caught: bool, hold: float
+) -> list[Phase]:
+    """Split the time between two decays into what a hand does and rest."""
+    inside = (roll.time >= begin) & (roll.time <= finish)
+    time, offset = roll.time[inside], np.abs(roll.roll[inside] - release.rest)
+    band = max(3.0 * float(np.median(release.std)), STILL * release.amplitude)
+    level = np.flatnonzero(offset < band)
+    if len(level) == 0 or time[level[-1]] - time[level[0]] < 0.05 * (finish - begin):
+        held = finish - hold if caught else begin
+        return [Phase(begin, held, "caught"), Phase(held, finish, "held")]
+    first, last = float(time[level[0]]), float(time[level[-1]])
+    return [
+        Phase(begin, first, "caught" if caught else "held"),
+        Phase(first, last, "rest"),
+        Phase(last, finish, "held"),
+    ]
+
+
+def _merged(phases: Sequence[Phase]) -> list[Phase]:
+    """Drop empty phases and join equal neighbours."""
+    merged: list[Phase] = []
+    for phase in phases:
+        if phase.end - phase.start <= 1e-9:
+            continue
+        if merged and merged[-1].kind == phase.kind:
+            merged[-1] = Phase(merged[-1].start, phase.end, phase.kind)
+        else:
+            merged.append(phase)
+    return merged

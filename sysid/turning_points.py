@@ -1,0 +1,194 @@
+"""Turning points of a noisy swing: the smoothed signal, its pivots and the legs between them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.roll import Array
+
+SMOOTHING_REACH = 0.25
+"""Half-width of the smoothing window in radians of the fastest motion's phase."""
+
+
+@dataclass(frozen=True, slots=True)
+class Swing:
+    """A roll signal on an even time grid, smoothed just enough that its turning points stand out."""
+
+    time: Array
+    """Even time grid [s], shape (m,)."""
+    roll: Array
+    """Smoothed roll [rad], shape (m,)."""
+    noise: float
+    """Standard deviation of what noise is left in `roll` [rad]."""
+    step: float
+    """Smallest movement that counts as one [rad]."""
+    pivots: tuple[int, ...]
+    """Where it turns round, and both ends: indices of the grid."""
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """The way from one turning point to the next."""
+
+    begin: int
+    """Grid index of the turning point it comes from."""
+    left: int
+    """Last grid index near the turning point it comes from."""
+    reached: int
+    """First grid index near the turning point it goes to."""
+    finish: int
+    """Grid index of the turning point it goes to."""
+    origin: float
+    """Roll at the turning point it comes from [rad]."""
+    target: float
+    """Roll at the turning point it goes to [rad]."""
+    duration: float
+    """Time from 10 to 90 % of the way [s]."""
+
+    @property
+    def size(self) -> float:
+        """Length of the way [rad], positive."""
+        return abs(self.target - self.origin)
+
+
+def noise_level(roll: Array) -> float:
+    """Estimate the white noise in a signal [rad] from its third differences; 0 for a clean one.
+
+    The median makes it indifferent to the short stretches that move fast. A quantised signal has at
+    least the noise of its quantum, which differences do not show where it rests on one value.
+    """
+    if len(roll) < 8:
+        return 0.0
+    third = np.abs(np.diff(roll, 3))
+    steps = np.abs(np.diff(roll))
+    scale = float(np.ptp(roll))
+    moving = steps[steps > 1e-9 * scale] if scale > 0 else steps[:0]
+    noise = 1.4826 * float(np.median(third)) / np.sqrt(20.0)
+    if 0 < len(moving) < 0.7 * len(steps):  # values repeat: an encoder, or a file with few decimals
+        noise = max(noise, float(np.percentile(moving, 5)) / np.sqrt(12.0))
+    return noise
+
+
+def find_swing(time: Array, roll: Array, std: float) -> Swing:
+    """Smooth a roll signal and find its turning points.
+
+    Args:
+        time: Time [s], shape (n,), increasing; need not be even.
+        roll: Roll [rad], shape (n,).
+        std: Standard deviation of a sample as the reader knows it [rad].
+    """
+    interval = float(np.median(np.diff(time)))
+    grid = time[0] + interval * np.arange(int((time[-1] - time[0]) / interval + 1.5))
+    even = np.interp(grid, time, roll)
+    span = float(np.percentile(even, 99.9) - np.percentile(even, 0.1)) or float(np.ptp(even))
+    speed = _top_speed(even, interval, std)
+    quickness = 2.0 * speed / span if span > 0 else 0.0
+    if quickness * interval < 0.5:  # else too few samples a swing to tell noise from motion
+        std = max(std, noise_level(roll))
+    reach = int(SMOOTHING_REACH / (quickness * interval)) if quickness > 0 else 0
+    smooth, gain = _smooth(even, _least_reach(std, span, reach))
+    noise = std * gain
+    step = max(6.0 * noise, 0.02 * span)
+    return Swing(grid, smooth, noise, step, _pivots(smooth, step))
+
+
+def legs_of(swing: Swing) -> list[Leg]:
+    """Return the legs between the successive pivots of a swing."""
+    return [_leg(swing, a, b) for a, b in zip(swing.pivots[:-1], swing.pivots[1:], strict=True)]
+
+
+def crossing_time(time: Array, level: Array, threshold: float) -> float:
+    """Return when `level` first rises through `threshold` [s], between samples; the last time if never."""
+    above = np.flatnonzero(level >= threshold)
+    if len(above) == 0:
+        return float(time[-1])
+    i = int(above[0])
+    if i == 0:
+        return float(time[0])
+    share = (threshold - level[i - 1]) / (level[i] - level[i - 1])
+    return float(time[i - 1] + share * (time[i] - time[i - 1]))
+
+
+def _leg(swing: Swing, a: int, b: int) -> Leg:
+    origin, target = float(swing.roll[a]), float(swing.roll[b])
+    size = abs(target - origin)
+    way = (swing.roll[a : b + 1] - origin) * np.sign(target - origin)
+    near = max(0.05 * size, min(2.5 * swing.noise, 0.3 * size))
+    left = a + int(np.flatnonzero(way <= near)[-1])
+    reached = left + int(np.flatnonzero(way[left - a :] >= size - near)[0])
+    time = swing.time[left : b + 1]
+    way = way[left - a :]
+    # A leg leaves and arrives through these levels once only: `left` is the last time near its origin.
+    low, high = max(0.1 * size, near), min(0.9 * size, size - near)
+    rise = crossing_time(time, way, high) - crossing_time(time, way, low)
+    stretch = 0.8 / ((high - low) / size) if high > low else 1.0
+    return Leg(a, left, reached, b, origin, target, max(rise * stretch, float(time[1] - time[0]) / 2))
+
+
+def _top_speed(even: Array, interval: float, std: float) -> float:
+    """Return the highest speed that is surely motion and not noise [rad/s]."""
+    best, lag = 0.0, 1
+    while lag < len(even):
+        change = float(np.abs(even[lag:] - even[:-lag]).max()) - 6.0 * std
+        best = max(best, change / (lag * interval))
+        lag *= 2
+    return best
+
+
+def _least_reach(std: float, span: float, reach: int) -> int:
+    """Return the smallest half-window that leaves noise well below what counts as movement."""
+    for half in range(min(reach, 2000)):
+        if 6.0 * std * _gain(half) <= 0.01 * span:
+            return half
+    return min(reach, 2000)
+
+
+def _gain(half: int) -> float:
+    """Noise gain of the centre point of a local parabola over 2 half + 1 samples."""
+    n = half
+    return (
+        1.0
+        if n < 2
+        else float(np.sqrt(3 * (3 * n**2 + 3 * n - 1) / ((2 * n + 3) * (2 * n + 1) * (2 * n - 1))))
+    )
+
+
+def _smooth(even: Array, half: int) -> tuple[Array, float]:
+    """Smooth by local parabolas (Savitzky and Golay, 1964); return the result and its noise gain."""
+    if half < 2 or len(even) <= 2 * half + 1:
+        return even, 1.0
+    offsets = np.arange(-half, half + 1.0)
+    basis = np.vander(offsets / half, 3, increasing=True)
+    weights: Array = np.linalg.pinv(basis)[0]
+    # Mirrored through the end points, so that a slope at the very start stays one.
+    head = 2 * even[0] - even[half:0:-1]
+    tail = 2 * even[-1] - even[-2 : -half - 2 : -1]
+    padded = np.concatenate([head, even, tail])
+    smooth: Array = np.convolve(padded, weights[::-1], mode="valid")
+    return smooth, float(np.sqrt(np.sum(weights**2)))
+
+
+def _pivots(roll: Array, step: float) -> tuple[int, ...]:
+    """Return the indices where the signal turns round by more than `step`, and both its ends."""
+    slope = np.sign(np.diff(roll))
+    turns = np.flatnonzero(slope[1:] != slope[:-1]) + 1
+    candidates = [0, *turns.tolist(), len(roll) - 1]
+    low = high = pivot = candidates[0]
+    pivots: list[int] = []
+    rising: bool | None = None
+    for i in candidates:
+        if rising is None:
+            low = i if roll[i] < roll[low] else low
+            high = i if roll[i] > roll[high] else high
+            if roll[high] - roll[low] > step:
+                rising = high > low
+                pivots.append(low if rising else high)
+                pivot = high if rising else low
+        elif (roll[i] > roll[pivot]) == rising and roll[i] != roll[pivot]:
+            pivot = i
+        elif abs(roll[i] - roll[pivot]) > step:
+            pivots.append(pivot)
+            rising, pivot = not rising, i
+    if rising is None:
+        return ()
+    return (*pivots, pivot)
