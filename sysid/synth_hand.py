@@ -8,8 +8,8 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 
-_GRID = 0.004
-"""Spacing of the spline's knots [s]: 25 in a period of the fastest tremor."""
+_GRID = 0.01
+"""Spacing of the spline's knots [s]: nine in a period of the fastest tremor."""
 
 
 @dataclass(frozen=True, slots=True)
