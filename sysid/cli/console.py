@@ -21,7 +21,7 @@ from sysid.workspace import Workspace
 class Common:
     """Options of every command."""
 
-    json: Annotated[str | None, Parameter(name="--json")] = None
+    json: Annotated[str | None, Parameter(name="--json", allow_leading_hyphen=True)] = None
     """Write the result as JSON to this file; '-' for stdout, and then nothing else is on stdout."""
     workspace: Annotated[Path, Parameter(name="--workspace")] = Path()
     """Folder with the user's boards (data/boards) and outputs (reports/BOARD)."""

@@ -1,0 +1,90 @@
+"""Options of every command that takes a log."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from sysid.cli.console import Printer
+from sysid.errors import HuskyError
+from sysid.logs import LogOptions, read_roll
+from sysid.roll import Release, Roll
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class LogArguments:
+    """How a log is read, where the inference needs help; and which part of it counts."""
+
+    column: Annotated[str | None, Parameter(name="--column")] = None
+    """Column with the roll angle or rate: its name, or its number counted from 1."""
+    unit: Annotated[str | None, Parameter(name="--unit")] = None
+    """Its unit (rad, deg, rad/s, deg/s, ...), or the size of one count in rad or rad/s."""
+    axis: Annotated[str | None, Parameter(name="--axis", allow_leading_hyphen=True)] = None
+    """Sensor axis that points forward (x, -y, ...), or the angle to take (roll, -pitch, ...)."""
+    rate: Annotated[float | None, Parameter(name="--rate")] = None
+    """Sampling rate in Hz, for a log without a usable time column."""
+    time_column: Annotated[str | None, Parameter(name="--time-column")] = None
+    """Column with the time: its name, or its number counted from 1."""
+    source: Annotated[Literal["auto", "angle", "gyro", "imu", "quaternion"], Parameter(name="--source")] = (
+        "auto"
+    )
+    """What to make roll from, where a log holds several."""
+    lever_arm: Annotated[
+        tuple[float, float, float] | None,
+        Parameter(name="--lever-arm", negative="", allow_leading_hyphen=True),
+    ] = None
+    """From the tilt axis to the accelerometer, along the sensor's x y z, in m; estimated if left out."""
+    start: Annotated[float | None, Parameter(name="--from")] = None
+    """Ignore the log before this time in s."""
+    stop: Annotated[float | None, Parameter(name="--to")] = None
+    """Ignore the log after this time in s."""
+    release: Annotated[tuple[float, ...], Parameter(name="--release", negative="")] = ()
+    """Time of a release in s, instead of finding it; repeat it for several."""
+
+    @property
+    def options(self) -> LogOptions:
+        """The part that reading needs."""
+        return LogOptions(
+            column=self.column,
+            unit=self.unit,
+            axis=self.axis,
+            rate=self.rate,
+            time_column=self.time_column,
+            source=self.source,
+            lever_arm=self.lever_arm,
+        )
+
+
+def load_roll(log: Path, arguments: LogArguments, printer: Printer) -> Roll:
+    """Read one log and say on stderr what was inferred and what is wrong with it.
+
+    Raises:
+        HuskyError: The log cannot be read as roll.
+    """
+    roll = read_roll(log, arguments.options)
+    printer.note(f"{log}: " + "; ".join(roll.notes))
+    for warning in roll.warnings:
+        printer.warn(f"{log}: {warning}")
+    return roll
+
+
+def load_releases(logs: Sequence[Path], arguments: LogArguments, printer: Printer) -> list[Release]:
+    """Read logs and return the free decays in all of them.
+
+    Raises:
+        HuskyError: A log cannot be read, or holds no free decay.
+    """
+    from sysid.releases import find_releases
+
+    if not logs:
+        raise HuskyError("no log was given.")
+    releases: list[Release] = []
+    for log in logs:
+        roll = load_roll(log, arguments, printer)
+        releases += find_releases(
+            roll, start=arguments.start, stop=arguments.stop, releases=arguments.release
+        )
+    return releases

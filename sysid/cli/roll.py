@@ -1,0 +1,66 @@
+"""`husky-sysid roll`: the roll angle of any log or film, as a plain table."""
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from cyclopts import Parameter
+
+from sysid.cli.console import Common, Printer
+from sysid.cli.log_options import LogArguments, load_roll
+from sysid.errors import HuskyError
+from sysid.files import atomic_path
+
+_NO_ARGUMENTS = LogArguments()
+_NO_COMMON = Common()
+
+
+def roll(
+    log: Path,
+    /,
+    *,
+    output: Annotated[Path, Parameter(name=("--output", "-o"))],
+    arguments: LogArguments = _NO_ARGUMENTS,
+    common: Common = _NO_COMMON,
+) -> int:
+    """Extract the roll angle of any log or video into a CSV file.
+
+    Args:
+        log: CSV, Parquet, MCAP, phone export (zip or folder) or video.
+        output: CSV file to write: time_s, roll_rad, roll_std_rad.
+        arguments: How the log is read.
+        common: Options of every command.
+    """
+    printer = Printer(common)
+    signal = load_roll(log, arguments, printer)
+    inside = (signal.time >= (arguments.start or 0.0)) & (
+        signal.time <= (arguments.stop if arguments.stop is not None else np.inf)
+    )
+    rows = int(np.count_nonzero(inside))
+    if not rows:
+        raise HuskyError(
+            f"{log}: nothing between --from {arguments.start} and --to {arguments.stop}; it runs from 0 to "
+            f"{signal.time[-1]:.4g} s."
+        )
+    import pandas as pd
+
+    table = pd.DataFrame({"time_s": signal.time, "roll_rad": signal.roll, "roll_std_rad": signal.std})
+    with atomic_path(output) as temporary:
+        table[inside].to_csv(temporary, index=False, float_format="%.9g")
+    low, high = np.rad2deg([signal.roll[inside].min(), signal.roll[inside].max()])
+    printer.say(
+        f"{output}: {rows} rows, {signal.sampling_rate:.4g} Hz, roll {low:.2f}° to {high:.2f}°, "
+        f"noise {np.rad2deg(np.median(signal.std[inside])):.2g}°"
+    )
+    printer.result(
+        {
+            "log": str(log),
+            "output": str(output),
+            "rows": rows,
+            "rate_hz": signal.sampling_rate,
+            "origin": signal.origin,
+            "notes": list(signal.notes),
+            "warnings": list(signal.warnings),
+        }
+    )
+    return 0

@@ -1,0 +1,104 @@
+"""Sensor noise, quantisation step and saturation of a signal, from the signal itself."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.roll import Array
+
+BLOCK = 64
+MAX_BLOCKS = 2000
+DIFFERENCE = 6
+_GAIN = 924.0
+"""Sum of the squared coefficients of the sixth difference: what it does to the variance of white noise."""
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """What a sensor adds to a signal."""
+
+    std: float
+    """Standard deviation of one sample, in the signal's unit."""
+    step: float
+    """Quantisation step in the signal's unit; 0 where none can be seen."""
+
+
+def estimate_noise(signal: Array) -> Noise:
+    """Estimate a sensor's noise from the smoothness of its signal.
+
+    White noise is what is left of a smooth motion in sixth differences (a sine of angular frequency ω,
+    sampled every T, leaves (ωT)⁶ of its amplitude); the median over short blocks ignores release, catch
+    and knocks. A filtered sensor has less noise in high differences than it has, so the scatter about a
+    straight line in the quietest blocks is a second estimate, and the larger one counts. Neither can be
+    below what rounding to the quantisation step leaves, step / √12.
+
+    Args:
+        signal: Evenly sampled signal, shape (n,).
+    """
+    blocks = _blocks(signal)
+    step = quantisation_step(blocks)
+    differences = np.diff(blocks, DIFFERENCE, axis=1)
+    high = float(np.median(np.sqrt(np.mean(differences**2, axis=1) / _GAIN)))
+    scatter = np.sort(_scatter_about_line(blocks))
+    quiet = float(np.median(scatter[: max(1, len(scatter) // 5)]))
+    # Blocks as quiet as this may still move; where motion is all there is, high differences know better.
+    quiet = quiet if quiet < 3 * max(high, step / np.sqrt(12)) else 0.0
+    return Noise(std=max(high, quiet, step / np.sqrt(12)), step=step)
+
+
+def quantisation_step(blocks: Array) -> float:
+    """Return the step that all differences within the blocks, shape (m, b), are multiples of, or 0."""
+    changes = np.abs(np.diff(blocks, axis=1)).ravel()
+    size = float(changes.max(initial=0.0))
+    changes = changes[changes > 1e-9 * size]
+    if changes.size < 8:
+        return 0.0
+    step = float(changes.min())
+    # Rounded decimals make the smallest difference a little off; refine it by the larger multiples.
+    for limit in (4.0, 40.0, 400.0):
+        near = changes[changes < limit * step]
+        step = float(np.sum(near) / np.sum(np.round(near / step)))
+    ratio = changes[changes < 100 * step] / step
+    return step if np.mean(np.abs(ratio - np.round(ratio)) < 0.1) > 0.95 else 0.0
+
+
+def saturated(signal: Array, noise: Noise) -> Array:
+    """Return how far each sample may lie beyond the value that the sensor stopped at, shape (n,); 0 where free.
+
+    A sensor at its limit repeats its largest or smallest value, and goes in and out of it steeply. At a
+    turning point, even of a coarsely quantised signal, the way in and out is flat; a deck that is held
+    leaves gently. Beyond the limit the motion is taken as a parabola through the slopes at both ends:
+    height = slope · duration / 4.
+    """
+    excess = np.zeros_like(signal)
+    for limit in (signal.max(), signal.min()):
+        at_limit = signal == limit
+        if np.count_nonzero(at_limit) < 3:
+            continue
+        edges = np.flatnonzero(np.diff(np.concatenate(([False], at_limit, [False])).astype(np.int8)))
+        for start, stop in edges.reshape(-1, 2):
+            if stop - start < 3 or start < 2 or stop > signal.size - 2:
+                continue
+            slope_in = abs(signal[start - 1] - signal[start - 2])
+            slope_out = abs(signal[stop] - signal[stop + 1]) if stop + 1 < signal.size else 0.0
+            slope = min(slope_in, slope_out)
+            if slope > 4 * max(noise.std, noise.step):
+                excess[start:stop] = slope * (stop - start) / 4
+    return excess
+
+
+def _blocks(signal: Array) -> Array:
+    """Cut the signal into at most MAX_BLOCKS blocks of BLOCK samples spread over all of it, shape (m, b)."""
+    length = min(BLOCK, signal.size)
+    count = signal.size // length
+    starts = np.unique(np.linspace(0, signal.size - length, min(count, MAX_BLOCKS)).astype(np.intp))
+    return signal[starts[:, None] + np.arange(length)]
+
+
+def _scatter_about_line(blocks: Array) -> Array:
+    """Standard deviation of each block about its own straight line, shape (m,)."""
+    size = blocks.shape[1]
+    ramp = np.arange(size) - (size - 1) / 2
+    centred = blocks - blocks.mean(axis=1, keepdims=True)
+    slope = centred @ ramp / np.sum(ramp**2)
+    return np.sqrt(np.sum((centred - slope[:, None] * ramp) ** 2, axis=1) / max(size - 2, 1))
