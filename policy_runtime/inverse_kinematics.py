@@ -62,7 +62,7 @@ def solve(
     tasks: Sequence[Task],
     *,
     margin: float = 0.02,
-    tolerance: float = 1e-8,
+    tolerance: float = 1e-6,
     steps: int = 300,
 ) -> Array:
     """Return the configuration that meets the tasks best in the sense of weighted least squares.
@@ -75,7 +75,7 @@ def solve(
         start: Configuration to start from, shape (nq,).
         tasks: What to hold.
         margin: Distance kept from every joint limit [rad].
-        tolerance: A step shorter than this ends the search [m or rad].
+        tolerance: A step shorter than this [m or rad], or a relative gain smaller than this, ends the search.
         steps: Most steps allowed.
 
     Returns:
@@ -97,11 +97,14 @@ def solve(
         mujoco.mj_integratePos(model, trial, step, 1.0)
         trial[7:] = np.clip(trial[7:], low, high)
         new_residual, new_jacobian = _linearise(model, data, trial, tasks)
-        if new_residual @ new_residual > residual @ residual * (1 + 1e-12):
+        before, after = float(residual @ residual), float(new_residual @ new_residual)
+        if after > before * (1 + 1e-12):
             damping = max(damping, 1e-6) * 10  # too far for the linear model
         else:
             qpos, residual, jacobian = trial, new_residual, new_jacobian
             damping /= 3
+            if before - after < tolerance * after:  # along a stretched limb the steps shrink slowly
+                return qpos
         if np.abs(step).max() < tolerance:
             return qpos
     raise HuskyError(
