@@ -362,7 +362,7 @@ def synthesise(
     if not options.hand:
         first = releases[0].start
         kept = time >= first - 1e-9
-        time, motion = time[kept] - first, motion[kept]
+        time, motion = np.maximum(time[kept] - first, 0.0), motion[kept]
         releases = [replace(releases[0], start=0.0, end=releases[0].end - first)]
     channels = measure(time, motion, options.sensor, options.dialect, sensing)
     kept = _kept(len(time), options.dropout, sensing)

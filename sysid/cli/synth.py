@@ -23,7 +23,9 @@ def synth(
     board: Annotated[str, Parameter(name=["--board", "-b"])],
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
     effect: Annotated[tuple[str, ...], Parameter(name=["--effect", "-e"], negative="")] = (),
-    release_angle: Annotated[tuple[str, ...], Parameter(name="--release-angle", negative="")] = (),
+    release_angle: Annotated[
+        tuple[str, ...], Parameter(name="--release-angle", negative="", allow_leading_hyphen=True)
+    ] = (),
     releases: int | None = None,
     rate: float | None = None,
     duration: float = 2.0,
