@@ -220,6 +220,11 @@ def spec_angle(spec: "mujoco.MjSpec", angle: float) -> float:
     return float(np.degrees(angle)) if spec.compiler.degree else angle
 
 
+def rest_of(spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint") -> float:
+    """Return the joint's springref [rad], whichever unit the spec's compiler reads."""
+    return float(np.radians(joint.springref) if spec.compiler.degree else joint.springref)
+
+
 def belongs_to_log(
     spec: "mujoco.MjSpec",
     joint: "mujoco.MjsJoint",

@@ -1,0 +1,74 @@
+"""A bumper that the deck meets at a certain tilt."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from sysid.effects.base import Algebra, Effect, Motion, MujocoSupport, Parameter, Value, Values, rest_of
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+def torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Value:
+    """Return -(k_s (|x| - a) sgn x + d_s v) beyond ±a, else 0 [N*m]."""
+    del states
+    beyond = motion.tilt - m.maximum(-parameters["angle"], m.minimum(parameters["angle"], motion.tilt))
+    touching = m.where(m.abs(motion.tilt) > parameters["angle"], 1.0, 0.0)
+    return -parameters["stiffness"] * beyond - parameters["damping"] * motion.rate * touching
+
+
+def to_mjcf(
+    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
+) -> tuple[str, ...]:
+    """Write a spring tendon with a dead band of ±a; MuJoCo has no damper that acts on one side only."""
+    del exact
+    rest = rest_of(spec, joint)
+    tendon = spec.add_tendon(name=f"{joint.name}_end_stop")
+    tendon.wrap_joint(joint.name, 1.0)
+    tendon.stiffness[0] = parameters["stiffness"]
+    tendon.springlength = [rest - parameters["angle"], rest + parameters["angle"]]
+    lines = [
+        f"end-stop: tendon of {parameters['stiffness']:.6g} N*m/rad beyond ±{parameters['angle']:.6g} rad"
+    ]
+    if parameters["damping"]:
+        lines.append(f"end-stop: its damping {parameters['damping']:.6g} N*m*s/rad is left out")
+    return tuple(lines)
+
+
+EFFECT = Effect(
+    name="end-stop",
+    title="end stop or bumper",
+    parameters=(
+        Parameter(
+            name="angle",
+            unit="rad",
+            size=lambda s: s.amplitude,
+            low=0.1,
+            high=1.0,
+            starts=(0.3, 0.5, 0.7, 0.85),
+            neutral=1.0,
+        ),
+        Parameter(
+            name="stiffness", unit="N*m/rad", size=lambda s: s.stiffness, low=0.0, high=60.0, starts=(1.5,)
+        ),
+        Parameter(
+            name="damping",
+            unit="N*m*s/rad",
+            size=lambda s: s.stiffness / s.frequency,
+            low=0.0,
+            high=5.0,
+            default=0.0,
+        ),
+    ),
+    law="τ = -k_s (|x| - a) sgn x - d_s v beyond ±a",
+    source="piecewise linear stop, Shaw and Holmes, J. Sound and Vibration 90 (1983)",
+    does="Wide swings turn round early and run fast; below the angle of the stop nothing changes.",
+    look_alikes=("cubic-stiffness",),
+    experiment="Release from below and above the angle of the stop: below it the period is constant.",
+    mujoco=MujocoSupport(
+        means="fixed tendon with a dead band (springlength) and a stiffness", since="3.0", warp=True
+    ),
+    to_mjcf=to_mjcf,
+    example=(0.1, 60.0, 0.0),
+    torque=torque,
+)

@@ -1,0 +1,64 @@
+"""The weight of a deck whose centre of mass is not on the tilt axis."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from sysid.effects.base import Algebra, Effect, Motion, MujocoSupport, Parameter, Value, Values
+
+if TYPE_CHECKING:
+    import mujoco
+
+from sysid.errors import HuskyError
+
+
+def torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Value:
+    """Return -M sin φ [N*m]."""
+    del states
+    return -parameters["moment"] * m.sin(motion.roll)
+
+
+def to_mjcf(
+    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
+) -> tuple[str, ...]:
+    """Lower the centre of mass of the joint's body, keeping its inertia about the axis.
+
+    Raises:
+        HuskyError: The shift alone would make a larger inertia about the axis than the body has.
+    """
+    del exact
+    body = joint.parent
+    gravity = float(-spec.option.gravity[2])
+    if gravity <= 0:
+        raise HuskyError(
+            "gravity is off in this model (option gravity 0 0 0); switch it on for the sine term."
+        )
+    drop = parameters["moment"] / (body.mass * gravity)
+    about_own = body.inertia[0] - body.mass * drop**2
+    if about_own <= 0:
+        raise HuskyError(
+            f"gravity moment {parameters['moment']:.4g} N*m needs the mass {body.mass:.4g} kg {abs(drop):.3g} m "
+            f"off the axis, more than the roll inertia {body.inertia[0]:.4g} kg*m^2 allows. Check the mass."
+        )
+    body.ipos[2] -= drop
+    body.inertia[0] = about_own
+    return (f"gravity: centre of mass {drop:.6g} m below the axis, roll inertia about the axis unchanged",)
+
+
+EFFECT = Effect(
+    name="gravity",
+    title="centre of mass off the axis",
+    parameters=(
+        Parameter(
+            name="moment", unit="N*m", size=lambda s: s.stiffness, low=-1.0, high=3.0, starts=(0.3, 0.98)
+        ),
+    ),
+    law="τ = -M sin φ; M = m g h with the centre of mass h below the axis",
+    source="physical pendulum; Huygens 1673",
+    does="Adds M to the stiffness; only wide swings (beyond 30°) show the sine by a longer period.",
+    look_alikes=("cubic-stiffness", "stiffness of the record"),
+    experiment="Turn the board over, or tilt the floor by 2°: only weight pulls towards the vertical.",
+    mujoco=MujocoSupport(means="position of the body's centre of mass", since="3.0", warp=True),
+    to_mjcf=to_mjcf,
+    example=(1.0,),
+    torque=torque,
+)

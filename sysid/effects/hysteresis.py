@@ -1,0 +1,88 @@
+"""Dry friction behind a spring: loss that depends on the path, not on the rate."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from sysid.effects.base import (
+    Algebra,
+    Effect,
+    Motion,
+    MujocoSupport,
+    Parameter,
+    State,
+    Value,
+    Values,
+    rest_of,
+)
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+def torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Value:
+    """Return -k₁ z, with z the stretch of the slider's spring [N*m]."""
+    del m, motion
+    return -parameters["stiffness"] * states[0]
+
+
+def slip(m: Algebra, stretch: Value, parameters: Values) -> Value:
+    """Return the stretch that the slider can hold: it slips at ±T/k₁ [rad]."""
+    reach = parameters["torque"] / (parameters["stiffness"] + 1e-12)
+    return m.maximum(-reach, m.minimum(reach, stretch))
+
+
+def held(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
+    """Return the stretch of a slider that was dragged from rest to the release angle [rad]."""
+    del hold, stiffness
+    return slip(m, tilt, parameters)
+
+
+def to_mjcf(
+    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
+) -> tuple[str, ...]:
+    """Write a tendon that yields, or dry friction where MuJoCo is older than 4.0."""
+    stiffness, limit = parameters["stiffness"], parameters["torque"]
+    if not exact or not hasattr(joint, "springyield"):
+        from sysid.effects import coulomb
+
+        coulomb.to_mjcf(spec, joint, {"torque": limit})
+        return (f"hysteresis: frictionloss {limit:.6g} N*m only (springyield needs MuJoCo 4.0)",)
+    rest = rest_of(spec, joint)
+    tendon = spec.add_tendon(name=f"{joint.name}_hysteresis")
+    tendon.wrap_joint(joint.name, 1.0)
+    tendon.stiffness[0] = stiffness
+    tendon.springlength = [rest, rest]
+    tendon.springyield = limit / stiffness
+    return (f"hysteresis: tendon of {stiffness:.6g} N*m/rad that yields at {limit:.6g} N*m",)
+
+
+EFFECT = Effect(
+    name="hysteresis",
+    title="rate-independent hysteresis (Jenkins slider)",
+    parameters=(
+        Parameter(
+            name="stiffness",
+            unit="N*m/rad",
+            size=lambda s: s.stiffness,
+            low=0.0,
+            high=30.0,
+            starts=(0.3, 2.0),
+        ),
+        Parameter(name="torque", unit="N*m", size=lambda s: s.torque, low=0.0, high=1.0, starts=(0.04,)),
+    ),
+    law="τ = -k₁ z, z follows x and slips at ±T/k₁",
+    source="Jenkin 1922; Iwan, J. Applied Mechanics 33 (1966)",
+    does="Wide swings lose a fixed torque like dry friction; small ones only see a stiffer spring.",
+    look_alikes=("coulomb", "stribeck"),
+    experiment="Release from 1°: a slider behind a spring swings on, dry friction stops.",
+    mujoco=MujocoSupport(
+        means="fixed tendon with springyield",
+        since="4.0",
+        warp=True,
+        substitute="coulomb at the slipping torque",
+    ),
+    to_mjcf=to_mjcf,
+    example=(8.0, 0.2),
+    torque=torque,
+    states=(State(name="stretch", start=held, size=lambda s: 0.1 * s.amplitude, slip=slip),),
+)

@@ -1,0 +1,37 @@
+"""A roll inertia that differs from the record."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from sysid.effects.base import Effect, MujocoSupport, Parameter
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+def to_mjcf(
+    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
+) -> tuple[str, ...]:
+    """Scale the roll inertia of the joint's body."""
+    del spec, exact
+    body = joint.parent
+    body.inertia[0] *= parameters["ratio"]
+    return (f"inertia: roll inertia times {parameters['ratio']:.6g}",)
+
+
+EFFECT = Effect(
+    name="inertia",
+    title="the record's roll inertia is wrong",
+    role="record",
+    parameters=(
+        Parameter(name="ratio", unit="1", size=lambda s: 1.0, low=0.1, high=10.0, starts=(1.0,), neutral=1.0),
+    ),
+    law="I → r I",
+    source="only k/I, d/I and τ/I show in a free decay",
+    does="Period and damping both change as if stiffness and damping were divided by the same number.",
+    look_alikes=("clock", "stiffness and damping of the record"),
+    experiment="Add 1 kg at a known distance and repeat: two decays give the inertia itself.",
+    mujoco=MujocoSupport(means="diagonal inertia of the body", since="3.0", warp=True),
+    to_mjcf=to_mjcf,
+    example=(1.3,),
+)

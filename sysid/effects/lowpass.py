@@ -1,0 +1,45 @@
+"""A first-order low-pass filter between deck and log."""
+
+from sysid.effects.base import (
+    Algebra,
+    Effect,
+    Motion,
+    MujocoSupport,
+    Parameter,
+    State,
+    Value,
+    Values,
+    belongs_to_log,
+)
+
+
+def reading_rate(m: Algebra, motion: Motion, reading: Value, parameters: Values) -> Value:
+    """Return (φ - reading)/T [rad/s]."""
+    return (motion.roll - reading) / m.maximum(parameters["time_constant"], 1e-6)
+
+
+def settled(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
+    """Return the reading while the deck was held: the angle itself [rad]."""
+    del m, hold, stiffness, parameters
+    return tilt
+
+
+EFFECT = Effect(
+    name="lowpass",
+    title="a filter in the sensor",
+    role="measurement",
+    parameters=(
+        Parameter(
+            name="time_constant", unit="s", size=lambda s: 1.0 / s.frequency, low=0.0, high=3.0, starts=(0.1,)
+        ),
+    ),
+    law="T ṁ = φ - m, and m is measured",
+    source="first-order lag",
+    does="The start is rounded off; afterwards the decay is only late and a little smaller.",
+    look_alikes=("sensor delay",),
+    experiment="Compare the first 20 ms after release with a film, or with a second sensor.",
+    mujoco=MujocoSupport(means="nothing: it belongs to the log", since="", warp=False),
+    to_mjcf=belongs_to_log,
+    example=(0.01,),
+    states=(State(name="reading", start=settled, size=lambda s: s.amplitude, rate=reading_rate),),
+)

@@ -1,0 +1,104 @@
+"""What the joint stands on gives way: wheels, hanger, carpet."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from sysid.effects.base import Algebra, Effect, MujocoSupport, Parameter, State, Value, Values, rest_of
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+def support_at_release(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
+    """Return the roll of the support when the deck is held still: both springs carry the same [rad]."""
+    del m, hold
+    return tilt * stiffness / (stiffness + parameters["stiffness"])
+
+
+def still(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
+    """Return the support's rate at release: none [rad/s]."""
+    del m, hold, stiffness, parameters
+    return 0 * tilt
+
+
+def to_mjcf(
+    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
+) -> tuple[str, ...]:
+    """Add the support as a body of its own, tied to the deck by a tendon of their difference.
+
+    The joint's own spring, damper and friction move to that tendon, so write this effect last.
+    """
+    import mujoco
+
+    del exact
+    ground = joint.parent.parent
+    body = ground.add_body(name=f"{joint.name}_support", pos=list(joint.parent.pos))
+    body.explicitinertial = True
+    body.mass = 1e-3
+    inertia = parameters["inertia"]
+    body.inertia = [inertia, inertia, inertia]
+    hinge = body.add_joint(name=f"{joint.name}_support_joint", axis=[1, 0, 0])
+    hinge.type = mujoco.mjtJoint.mjJNT_HINGE
+    hinge.stiffness[0] = parameters["stiffness"]
+    hinge.damping[0] = parameters["damping"]
+    rest = rest_of(spec, joint)
+    tendon = spec.add_tendon(name=f"{joint.name}_on_support")
+    tendon.wrap_joint(joint.name, 1.0)
+    tendon.wrap_joint(hinge.name, -1.0)
+    tendon.springlength = [rest, rest]
+    for index in range(3):
+        tendon.stiffness[index], joint.stiffness[index] = joint.stiffness[index], 0.0
+        tendon.damping[index], joint.damping[index] = joint.damping[index], 0.0
+    tendon.frictionloss, joint.frictionloss = joint.frictionloss, 0.0
+    tendon.solref_friction, tendon.solimp_friction = joint.solref_friction, joint.solimp_friction
+    return (
+        f"second-mode: support {inertia:.6g} kg*m^2 on {parameters['stiffness']:.6g} N*m/rad and "
+        f"{parameters['damping']:.6g} N*m*s/rad; the tilt spring is a tendon between deck and support",
+    )
+
+
+EFFECT = Effect(
+    name="second-mode",
+    title="compliant support",
+    role="support",
+    parameters=(
+        Parameter(
+            name="inertia",
+            unit="kg*m^2",
+            size=lambda s: s.inertia,
+            low=0.003,
+            high=20.0,
+            starts=(0.1, 1.0),
+            neutral=None,
+        ),
+        Parameter(
+            name="stiffness",
+            unit="N*m/rad",
+            size=lambda s: s.stiffness,
+            low=0.3,
+            high=60.0,
+            starts=(4.0,),
+            neutral=None,
+        ),
+        Parameter(
+            name="damping",
+            unit="N*m*s/rad",
+            size=lambda s: s.stiffness / s.frequency,
+            low=0.0,
+            high=10.0,
+            starts=(0.2,),
+        ),
+    ),
+    law="J s̈ = -k_s s - d_s ṡ + k x + d v - Σ τ, with x = φ - s - rest angle",
+    source="two-degree-of-freedom oscillator, den Hartog, Mechanical Vibrations (1934)",
+    does="A second frequency rides on the decay, or, if it is damped, the decay looks viscoelastic.",
+    look_alikes=("viscoelastic",),
+    experiment="Block the trucks or stand the board on concrete: a compliant support then disappears.",
+    mujoco=MujocoSupport(means="a second hinge and a tendon of the difference", since="3.7", warp=True),
+    to_mjcf=to_mjcf,
+    example=(0.004, 60.0, 0.1),
+    states=(
+        State(name="support", start=support_at_release, size=lambda s: 0.2 * s.amplitude),
+        State(name="support_rate", start=still, size=lambda s: 0.2 * s.rate),
+    ),
+)
