@@ -31,10 +31,13 @@ class TiltGuidance:
     """Floor of the forward speed [m/s]: a board at rest does not turn, however far it is tilted."""
     least_time: float = 0.5
     """Floor of the time left [s], so that the last steps of steering ask for no jerk."""
+    longest_time: float = 1.2
+    """Ceiling of the time left [s]: spread over the whole stretch, as in the paper (inf), the turn leaves
+    half the commanded angle as mean heading error; a turn that is done early leaves time to correct it."""
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        for name in ("wheelbase", "rake", "limit", "least_speed", "least_time"):
+        for name in ("wheelbase", "rake", "limit", "least_speed", "least_time", "longest_time"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected a positive number")
 
@@ -59,7 +62,7 @@ class TiltGuidance:
             Tilt, left edge down positive, within ±`limit`, shape (...,).
         """
         xp = namespace(heading)
-        rate = wrap_angle(target - heading) / xp.clip(time_left, self.least_time, None)
+        rate = wrap_angle(target - heading) / xp.clip(time_left, self.least_time, self.longest_time)
         sine = (
             rate
             * self.wheelbase

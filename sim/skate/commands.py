@@ -1,0 +1,200 @@
+# pyright: reportMissingImports=false, reportUntypedBaseClass=false, reportUnknownParameterType=false
+"""What the robot is told to do, and where it is in its cycle: mjlab's command term of the task."""
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from mjlab.managers.command_manager import CommandTerm, CommandTermCfg
+
+from sim.skate import rotation
+from sim.skate.arrays import wrap_angle
+from sim.skate.clock import STILL_SPEED, Clock
+from sim.skate.reading import Reading
+from sim.skate.tilt_guidance import TiltGuidance
+from sim.skate.transitions import KEY_BODIES, TransitionPath
+
+if TYPE_CHECKING:
+    from mjlab.envs import ManagerBasedRlEnv
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CanonicalPose:
+    """A pose of the robot on the board, as the environment needs it; plain tuples, so that it can be logged."""
+
+    joints: tuple[float, ...]
+    """[rad], 23."""
+    pelvis: tuple[float, ...]
+    """Position [m] and quaternion of the pelvis in the board frame, 7."""
+    key_positions: tuple[tuple[float, ...], ...]
+    """Key bodies in the board frame [m], 14 × 3."""
+    key_quaternions: tuple[tuple[float, ...], ...]
+    """14 × 4."""
+
+
+@dataclass(kw_only=True)
+class SkateCommandCfg(CommandTermCfg):
+    """Ranges of the commands and the shape of the cycle."""
+
+    speed: tuple[float, float] = (0.0, 1.5)
+    """Range of the commanded speed [m/s]."""
+    turn: tuple[float, float] = (-np.pi / 4, np.pi / 4)
+    """Range of the commanded heading relative to the board's at the time of the command [rad]."""
+    clock: Clock = field(default_factory=Clock)
+    path: TransitionPath = field(default_factory=TransitionPath)
+    guidance: TiltGuidance
+    push_pose: CanonicalPose
+    """Where dismounting ends."""
+    steer_pose: CanonicalPose
+    """Where mounting ends."""
+    resampling_time_range: tuple[float, float] = (1e9, 1e9)
+    """Speed is drawn once an episode; the turn also at the start of every steering stretch."""
+
+    def build(self, env: "ManagerBasedRlEnv") -> "SkateCommand":
+        """Return the term."""
+        return SkateCommand(self, env)
+
+
+class SkateCommand(CommandTerm):
+    """Speed, relative heading, step in the cycle, and the path of the key bodies in transitions."""
+
+    cfg: SkateCommandCfg
+
+    def __init__(self, cfg: SkateCommandCfg, env: "ManagerBasedRlEnv") -> None:
+        """Allocate everything for all environments."""
+        super().__init__(cfg, env)
+        n, device = self.num_envs, self.device
+        self.reading = Reading(env)
+        self.clock = cfg.clock
+        self.step = torch.zeros(n, dtype=torch.long, device=device)
+        """Steps since the cycle began, (n,)."""
+        self.target_heading = torch.zeros(n, device=device)
+        self._command = torch.zeros(n, 2, device=device)
+        ends = (cfg.push_pose, cfg.steer_pose)
+        self._end_positions = torch.tensor([pose.key_positions for pose in ends], device=device)
+        self._end_quaternions = torch.tensor([pose.key_quaternions for pose in ends], device=device)
+        # What stands shall not be lifted: the right foot carries the robot through both transitions.
+        self._lifted = torch.ones(self._end_positions.shape[1], device=device)
+        self._lifted[KEY_BODIES.index("right_ankle_roll_link")] = 0.0
+        self._start_positions = self._end_positions[0].repeat(n, 1, 1)
+        self._start_quaternions = self._end_quaternions[0].repeat(n, 1, 1)
+        self.key_positions = self._start_positions.clone()
+        """Where the key bodies shall be in the board frame [m], (n, 14, 3)."""
+        self.key_quaternions = self._start_quaternions.clone()
+        self.first_action = torch.zeros(n, 23, device=device)
+        """What an episode counts as the action before its first: set by the reset, (n, 23)."""
+
+    @property
+    def command(self) -> torch.Tensor:
+        """Commanded speed [m/s] and relative heading [rad], (n, 2)."""
+        return self._command
+
+    @property
+    def still(self) -> torch.Tensor:
+        """Whether the robot is told to stand, bool (n,)."""
+        return self._command[:, 0] < STILL_SPEED
+
+    @property
+    def pushing(self) -> torch.Tensor:
+        """Whether the robot shall push, bool (n,)."""
+        return self.clock.pushing(self.step) & ~self.still
+
+    @property
+    def steering(self) -> torch.Tensor:
+        """Whether the robot shall steer, bool (n,)."""
+        return self.clock.steering(self.step) & ~self.still
+
+    @property
+    def transition(self) -> torch.Tensor:
+        """Whether the robot mounts or dismounts, bool (n,)."""
+        return (self.clock.mounting(self.step) | self.clock.dismounting(self.step)) & ~self.still
+
+    @property
+    def phase(self) -> torch.Tensor:
+        """Φ in [0, 1), (n,)."""
+        return self.clock.phase(self.step)
+
+    def tilt_reference(self) -> torch.Tensor:
+        """Tilt γ_ref that the guidance asks for [rad], (n,)."""
+        reading = self.reading
+        forward = rotation.rotate_back(reading.board_quaternion(), reading.board_velocity())[:, 0]
+        time_left = self.clock.steering_time_left(self.step)
+        return self.cfg.guidance.reference(reading.board_heading(), self.target_heading, forward, time_left)
+
+    def reset(self, env_ids: torch.Tensor | slice | None) -> dict[str, float]:
+        """Draw new commands, and make the first action continue the pose that the reset chose."""
+        extras = super().reset(env_ids)
+        actions = self._env.action_manager
+        for past in (actions.action, actions.prev_action, actions.prev_prev_action):
+            past[env_ids] = self.first_action[env_ids]
+        return extras
+
+    def _resample_command(self, env_ids: torch.Tensor) -> None:
+        speed = torch.empty(len(env_ids), device=self.device).uniform_(*self.cfg.speed)
+        # An episode that begins in motion is one that was told to move.
+        moving = self.step[env_ids] > 0
+        self._command[env_ids, 0] = torch.where(moving, speed.clamp(min=STILL_SPEED), speed)
+        self._draw_turn(env_ids)
+
+    def _draw_turn(self, env_ids: torch.Tensor) -> None:
+        turn = torch.empty(len(env_ids), device=self.device).uniform_(*self.cfg.turn)
+        self._command[env_ids, 1] = turn
+        self.target_heading[env_ids] = wrap_angle(self.reading.board_heading()[env_ids] + turn)
+
+    def _update_command(self, env_ids: torch.Tensor | None) -> None:
+        if env_ids is None:
+            advances = (self._env.episode_length_buf > 0) & ~self.still
+            self.step += advances
+            self._enter_stretches(advances)
+        self._update_path()
+
+    def _enter_stretches(self, advances: torch.Tensor) -> None:
+        clock, step = self.clock, self.step % self.clock.period
+        leaves = advances & ((step == clock.push) | (step == clock.period - clock.dismount))
+        positions, quaternions = self.reading.key_bodies_on_board()
+        self._start_positions = torch.where(leaves[:, None, None], positions, self._start_positions)
+        self._start_quaternions = torch.where(leaves[:, None, None], quaternions, self._start_quaternions)
+        begins = advances & (step == clock.push + clock.mount)
+        turn = torch.empty(self.num_envs, device=self.device).uniform_(*self.cfg.turn)
+        target = wrap_angle(self.reading.board_heading() + turn)
+        self._command[:, 1] = torch.where(begins, turn, self._command[:, 1])
+        self.target_heading = torch.where(begins, target, self.target_heading)
+
+    def _update_path(self) -> None:
+        fraction = self.clock.transition_fraction(self.step)
+        mounting = self.clock.mounting(self.step)[:, None, None]
+        ends = torch.where(mounting, self._end_positions[1], self._end_positions[0])
+        turned = torch.where(mounting, self._end_quaternions[1], self._end_quaternions[0])
+        path = self.cfg.path
+        self.key_positions = path.positions(self._start_positions, ends, fraction, self._lifted)
+        self.key_quaternions = path.orientations(self._start_quaternions, turned, fraction)
+
+    def _update_metrics(self) -> None:
+        pass
+
+
+def canonical_pose(joints: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> CanonicalPose:
+    """Return a pose with its key bodies, by forward kinematics of the model.
+
+    Args:
+        joints: [rad], shape (23,).
+        position: Of the pelvis in the board frame [m], shape (3,).
+        quaternion: Of the pelvis in the board frame, shape (4,).
+    """
+    import mujoco
+
+    from sim.skate.g1 import g1_spec
+
+    model = g1_spec(visuals=False).compile()
+    data = mujoco.MjData(model)
+    data.qpos[:] = np.concatenate((position, quaternion, joints))
+    mujoco.mj_kinematics(model, data)
+    return CanonicalPose(
+        joints=tuple(map(float, joints)),
+        pelvis=tuple(map(float, np.concatenate((position, quaternion)))),
+        key_positions=tuple(tuple(map(float, data.body(name).xpos)) for name in KEY_BODIES),
+        key_quaternions=tuple(tuple(map(float, data.body(name).xquat)) for name in KEY_BODIES),
+    )
+
+

@@ -1,0 +1,121 @@
+# pyright: reportMissingImports=false, reportUnknownParameterType=false
+"""Brings reward and termination functions into mjlab: the state is read once a step, for all of them."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Literal
+
+import torch
+
+from sim.skate import contacts, rotation, terminations
+from sim.skate.observations import skate_command
+from sim.skate.reading import ZONE
+from sim.skate.state import SkateState
+
+if TYPE_CHECKING:
+    from mjlab.envs import ManagerBasedRlEnv
+
+Stretch = Literal["push", "steer", "transition", "not-push", "not-steer", "moving", "still", "always"]
+"""When a reward counts. 'not-steer' includes standing still."""
+
+_SETTLING_STEPS = 5
+"""Steps after a reset in which unloaded feet are no failure: the robot has only just been set down."""
+
+
+def measure(env: "ManagerBasedRlEnv") -> SkateState:
+    """Return the state of this control step; computed at the first call of the step and kept for the others."""
+    kept = getattr(env, "_skate_state", None)
+    if kept is None or kept[0] != env.common_step_counter:
+        kept = (env.common_step_counter, _read(env))
+        env._skate_state = kept  # noqa: SLF001  the environment is where a step's values live
+    return kept[1]
+
+
+def reward(env: "ManagerBasedRlEnv", term: Callable[..., Any], when: Stretch, **arguments: Any) -> torch.Tensor:
+    """Return a reward term's values in the stretch in which it counts, zero elsewhere, (n,)."""
+    state = measure(env)
+    value = term(state, **arguments)
+    active = {
+        "push": state.pushing,
+        "steer": state.steering,
+        "transition": state.transition,
+        "not-push": state.steering | state.transition,
+        "not-steer": ~state.steering,
+        "moving": ~state.still,
+        "still": state.still,
+    }
+    return value if when == "always" else value * active[when]
+
+
+def fallen(env: "ManagerBasedRlEnv", **arguments: float) -> torch.Tensor:
+    """Return `terminations.fallen`, (n,)."""
+    return terminations.fallen(measure(env), **arguments)
+
+
+def body_contact(env: "ManagerBasedRlEnv") -> torch.Tensor:
+    """Return `terminations.body_contact`, (n,)."""
+    return terminations.body_contact(measure(env))
+
+
+class OffBoard:
+    """`terminations.off_board` with its memory of one step."""
+
+    def __init__(self, cfg: Any, env: "ManagerBasedRlEnv") -> None:
+        """Start with loaded feet."""
+        self._unloaded = torch.zeros(env.num_envs, dtype=torch.bool, device=env.device)
+
+    def __call__(self, env: "ManagerBasedRlEnv") -> torch.Tensor:
+        """Return who has left the board, (n,)."""
+        state = measure(env)
+        off = terminations.off_board(state, self._unloaded)
+        self._unloaded = ~state.foot_on_deck.any(dim=-1)
+        return off & (env.episode_length_buf > _SETTLING_STEPS)
+
+    def reset(self, env_ids: Any = None) -> None:
+        """Forget the step before."""
+        self._unloaded[slice(None) if env_ids is None else env_ids] = False
+
+
+def _read(env: "ManagerBasedRlEnv") -> SkateState:
+    command = skate_command(env)
+    reading = command.reading
+    board, pelvis = reading.board_quaternion(), reading.robot_quaternion()
+    joints = reading.joint_position()
+    limits = env.scene["robot"].data.soft_joint_pos_limits
+    offset = reading.marker_offset()
+    positions, quaternions = reading.key_bodies_on_board()
+    height = rotation.rotate_back(board, reading.robot_position() - reading.board_position())[:, 2]
+    actions = env.action_manager
+    return SkateState(
+        pushing=command.pushing,
+        transition=command.transition,
+        steering=command.steering,
+        still=command.still,
+        commanded_speed=command.command[:, 0],
+        target_heading=command.target_heading,
+        tilt_reference=command.tilt_reference(),
+        board_velocity=rotation.rotate_back(board, reading.board_velocity()),
+        board_heading=rotation.yaw(board),
+        robot_heading=rotation.yaw(pelvis),
+        tilt=reading.tilt(),
+        upright=1 - 2 * (pelvis[:, 1] ** 2 + pelvis[:, 2] ** 2),
+        pelvis_height=height,
+        foot_on_ground=reading.loaded(contacts.FEET_GROUND),
+        foot_on_deck=reading.loaded(contacts.FEET_DECK),
+        foot_in_zone=(offset[..., 0].abs() < ZONE[0]) & (offset[..., 1].abs() < ZONE[1]),
+        foot_marker_distance=offset.norm(dim=-1),
+        left_air_time=reading.left_air_time(),
+        left_sole_heights=reading.left_sole_heights(),
+        wheel_on_ground=reading.wheels_loaded(),
+        other_contacts=reading.other_contacts(),
+        self_contacts=reading.self_contacts(),
+        joint_position=joints,
+        joint_velocity=reading.joint_velocity(),
+        joint_acceleration=reading.joint_acceleration(),
+        joint_torque=reading.joint_torque(),
+        joint_excess=(joints - limits[..., 1]).clamp(min=0) + (limits[..., 0] - joints).clamp(min=0),
+        action=actions.action,
+        action_1=actions.prev_action,
+        action_2=actions.prev_prev_action,
+        key_position_error=(command.key_positions - positions).norm(dim=-1),
+        key_orientation_error=rotation.angle_between(quaternions, command.key_quaternions),
+    )

@@ -1,0 +1,54 @@
+"""What can be chosen about the task; the defaults are what the shipped policies are trained with."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal
+
+from sim.board_scene import Coupling
+from sim.skate.posterior import Spread
+from sim.skate.start import Start
+from sim.skate.terrain import Terrain
+from sim.skate.tilt_guidance import Kinematics
+
+Pushing = Literal["amp", "gait"]
+"""How pushing is taught: by the style of reference motions, or by a clock of foot contacts."""
+Guidance = Literal["path", "translation", "none"]
+"""What guides mounting and dismounting: positions and orientations of the key bodies, positions only, nothing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SkateOptions:
+    """One variant of the task."""
+
+    pushing: Pushing = "amp"
+    transition: Guidance = "path"
+    tilt_guidance: bool = True
+    kinematics: Kinematics = "two-truck"
+    turn_time: float = 1.2
+    """Longest time that the guidance spreads a turn over [s]; inf for the paper's form."""
+    coupling: Coupling = "equality"
+    steered: bool = True
+    """Whether tilting steers at all; without it the board goes straight."""
+    terrain: Terrain = "flat"
+    speed: tuple[float, float] = (0.0, 1.5)
+    """Range of the commanded speed [m/s]."""
+    turn: float = math.pi / 4
+    """Largest commanded change of heading to either side [rad]."""
+    start: Start = field(default_factory=Start)
+    spread: Spread | None = field(default_factory=Spread)
+    """How boards are drawn from the posterior; None trains on the record itself."""
+    boards: int = 64
+    """Number of boards drawn."""
+    pushes: float = 0.5
+    """Largest change of velocity by external pushes [m/s]; 0 for none."""
+    mount_steps: int = 30
+    """Length of mounting in policy steps."""
+    bezier_order: int = 2
+    lift: float = 0.2
+    """Lift of the inner control points of the transition's path [m]."""
+    pose_offset: float = 0.0
+    """Perturbation of the canonical poses: this much is added to every joint [rad]."""
+    noise: bool = True
+    """Noise on the actor's observation."""
+    episode: float = 20.0
+    """Length of an episode [s]."""

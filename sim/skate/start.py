@@ -1,0 +1,27 @@
+"""Where in the cycle episodes begin."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Start:
+    """Where in the cycle episodes begin; shares add up to 1."""
+
+    standing: float = 0.4
+    """Share that begins the cycle at rest, one foot on the ground."""
+    pushing: float = 0.3
+    """Share that rolls in the push pose, anywhere in the pushing stretch."""
+    steering: float = 0.3
+    """Share that rolls in the steer pose, anywhere in the steering stretch."""
+    speed: tuple[float, float] = (0.2, 1.6)
+    """Speed of those that roll [m/s]."""
+    position_noise: float = 0.02
+    """Half-width of the pelvis' offset over the board [m]."""
+    joint_noise: float = 0.01
+    """[rad]."""
+
+    def __post_init__(self) -> None:
+        """Check the shares."""
+        total = self.standing + self.pushing + self.steering
+        if abs(total - 1) > 1e-6:
+            raise ValueError(f"the shares of starts add up to {total}; expected 1")

@@ -1,0 +1,230 @@
+# pyright: reportMissingImports=false, reportUnknownParameterType=false
+"""The whole task as mjlab's configuration: scene, cycle, observations, rewards, terminations, events."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sim.skate import rewards
+from sim.skate.actor_observation import FRAMES, NOISE, SCALE
+from sim.skate.clock import Clock
+from sim.skate.g1 import JOINTS, default_pose, motor_of
+from sim.skate.options import SkateOptions
+from sim.skate.poses import load_poses
+from sim.skate.posterior import draw_boards, tilt_draws
+from sim.skate.scene import DECIMATION, SceneOptions, mjlab_scene, mjlab_simulation, standing_height
+from sim.skate.tilt_guidance import TiltGuidance
+from sim.skate.transitions import TransitionPath
+from sysid.board import Board
+
+if TYPE_CHECKING:
+    from mjlab.envs import ManagerBasedRlEnvCfg
+    from mjlab.managers.event_manager import EventTermCfg
+    from mjlab.managers.observation_manager import ObservationGroupCfg
+    from mjlab.managers.reward_manager import RewardTermCfg
+    from mjlab.managers.termination_manager import TerminationTermCfg
+
+    from sim.skate.commands import SkateCommandCfg
+
+STYLE_FRAMES = 5
+"""Joint frames that the style discriminator judges together."""
+
+
+def skate_env_cfg(
+    board: Board, options: SkateOptions, *, environments: int, seed: int
+) -> "ManagerBasedRlEnvCfg":
+    """Return the environment's configuration.
+
+    Args:
+        board: The record of the board to ride.
+        options: The variant of the task.
+        environments: Number of parallel worlds.
+        seed: Seed of everything random, the drawn boards included.
+
+    Raises:
+        HuskyError: The board cannot be built, or the canonical poses are missing.
+    """
+    from mjlab.envs import ManagerBasedRlEnvCfg
+    from mjlab.envs.mdp.actions import JointPositionActionCfg
+
+    scene = SceneOptions(coupling=options.coupling, terrain=options.terrain)
+    command = skate_command_cfg(board, options)
+    action = JointPositionActionCfg(
+        entity_name="robot",
+        actuator_names=(".*",),
+        scale={joint: motor_of(joint).action_scale for joint in JOINTS},
+        use_default_offset=True,
+    )
+    return ManagerBasedRlEnvCfg(
+        scene=mjlab_scene(board, scene, environments),
+        sim=mjlab_simulation(scene),
+        decimation=DECIMATION,
+        episode_length_s=options.episode,
+        seed=seed,
+        observations=_observations(options),
+        actions={"joint_pos": action},
+        commands={"skate": command},
+        rewards=reward_terms(options, command),
+        terminations=_terminations(),
+        events=_events(board, options, scene, seed),
+    )
+
+
+def skate_command_cfg(board: Board, options: SkateOptions) -> "SkateCommandCfg":
+    """Return the command term's configuration: ranges, cycle, guidance, canonical poses."""
+    from sim.skate.commands import SkateCommandCfg, canonical_pose
+
+    poses = load_poses()
+    push, steer = (
+        canonical_pose(pose.joints + options.pose_offset, pose.position, pose.quaternion)
+        for pose in (poses["push"], poses["steer"])
+    )
+    return SkateCommandCfg(
+        speed=options.speed,
+        turn=(-options.turn, options.turn),
+        clock=Clock(mount=options.mount_steps),
+        path=TransitionPath(order=options.bezier_order, lift=options.lift),
+        guidance=TiltGuidance(
+            wheelbase=board.geometry["wheelbase"].value,
+            rake=board.geometry["rake"].value,
+            limit=board.tilt["range"].value,
+            kinematics=options.kinematics,
+            longest_time=options.turn_time,
+        ),
+        push_pose=push,
+        steer_pose=steer,
+    )
+
+
+def reward_terms(options: SkateOptions, command: "SkateCommandCfg") -> "dict[str, RewardTermCfg]":
+    """Return the reward terms with their weights and the stretches in which they count."""
+    from mjlab.managers.reward_manager import RewardTermCfg
+
+    from sim.skate.measuring import reward
+
+    def term(function: Any, when: str, weight: float, **arguments: Any) -> RewardTermCfg:
+        return RewardTermCfg(func=reward, weight=weight, params={"term": function, "when": when, **arguments})
+
+    steer_pose, stand = command.steer_pose.joints, tuple(default_pose().tolist())
+    terms = {
+        "push/board_velocity": term(rewards.board_velocity, "push", 3.0),
+        "push/facing_forward": term(rewards.facing_forward, "push", 1.0),
+        "push/air_time": term(rewards.air_time, "push", 3.0),
+        "push/flat_push": term(rewards.flat_push, "push", 0.5),
+        "steer/feet_on_board": term(rewards.feet_on_board, "steer", 3.0),
+        "steer/pose": term(rewards.steering_pose, "steer", 1.5, pose=steer_pose),
+        "steer/feet_on_markers": term(rewards.feet_on_markers, "steer", 1.0),
+        "steer/heading": term(rewards.board_heading, "steer", 5.0),
+        "coast/board_velocity": term(rewards.board_velocity, "not-push", 1.0),
+        "always/wheels": term(rewards.wheels_on_ground, "always", 0.5),
+        "always/level_deck": term(rewards.level_deck, "not-steer", 3.0),
+        "always/stand": term(rewards.standing_still, "still", 1.0, pose=stand),
+        "always/alive": term(rewards.alive, "always", 1.0),
+        "always/joint_limits": term(rewards.joint_limits, "always", -5.0),
+        "always/action_rate": term(rewards.action_rate, "always", -0.1),
+        "always/action_smoothness": term(rewards.action_smoothness, "always", -0.1),
+        "always/joint_velocity": term(rewards.joint_velocity, "always", -1e-3),
+        "always/joint_acceleration": term(rewards.joint_acceleration, "always", -2.5e-7),
+        "always/joint_torque": term(rewards.joint_torque, "always", -1e-6),
+        "always/self_contact": term(rewards.self_contact, "always", -10.0),
+    }
+    if options.tilt_guidance:
+        terms["steer/tilt_guide"] = term(rewards.tilt_guide, "steer", 4.0)
+    if options.transition != "none":
+        terms["transition/positions"] = term(rewards.key_positions, "transition", 10.0)
+        terms["transition/left_foot_down"] = term(rewards.left_foot_on_ground, "transition", -0.5)
+    if options.transition == "path":
+        terms["transition/orientations"] = term(rewards.key_orientations, "transition", 10.0)
+    return terms
+
+
+def _observations(options: SkateOptions) -> "dict[str, ObservationGroupCfg]":
+    from mjlab.managers.observation_manager import ObservationGroupCfg, ObservationTermCfg
+    from mjlab.utils.noise import UniformNoiseCfg
+
+    from sim.skate import observations
+
+    noise = UniformNoiseCfg(n_min=tuple(-n for n in NOISE), n_max=NOISE) if options.noise else None
+    frame = ObservationTermCfg(func=observations.ActorFrame, noise=noise, scale=SCALE)
+    return {
+        "actor": ObservationGroupCfg({"frame": frame}, enable_corruption=options.noise, history_length=FRAMES),
+        "critic": ObservationGroupCfg({"privileged": ObservationTermCfg(func=observations.CriticVector)}),
+        "style": ObservationGroupCfg(
+            {"joints": ObservationTermCfg(func=observations.joint_angles)}, history_length=STYLE_FRAMES
+        ),
+        "style_mask": ObservationGroupCfg({"mask": ObservationTermCfg(func=observations.style_mask)}),
+    }
+
+
+def _terminations() -> "dict[str, TerminationTermCfg]":
+    from mjlab.envs import mdp
+    from mjlab.managers.termination_manager import TerminationTermCfg
+
+    from sim.skate import measuring
+
+    return {
+        "time_out": TerminationTermCfg(func=mdp.time_out, time_out=True),
+        "fallen": TerminationTermCfg(func=measuring.fallen),
+        "off_board": TerminationTermCfg(func=measuring.OffBoard),
+        "body_contact": TerminationTermCfg(func=measuring.body_contact),
+        "not_finite": TerminationTermCfg(func=mdp.nan_detection),
+    }
+
+
+def _events(
+    board: Board, options: SkateOptions, scene: SceneOptions, seed: int
+) -> "dict[str, EventTermCfg]":
+    from mjlab.envs.mdp import dr
+    from mjlab.managers.event_manager import EventTermCfg
+    from mjlab.managers.scene_entity_config import SceneEntityCfg
+
+    from sim.skate import randomisation
+
+    def startup(function: Any, **params: Any) -> EventTermCfg:
+        return EventTermCfg(func=function, mode="startup", params=params)
+
+    offset = {axis: (-0.025, 0.025) for axis in range(3)}
+    events = {
+        "begin": EventTermCfg(
+            func=randomisation.begin,
+            mode="reset",
+            params={"start": options.start, "standing_height": standing_height()},
+        ),
+        "torso_com": startup(
+            dr.body_com_offset,
+            asset_cfg=SceneEntityCfg("robot", body_names=("torso_link",)),
+            operation="add",
+            ranges=offset,
+        ),
+        "board_com": startup(
+            dr.body_com_offset,
+            asset_cfg=SceneEntityCfg("board", body_names=("board",)),
+            operation="add",
+            ranges=offset,
+        ),
+        "sole_friction": startup(
+            dr.geom_friction,
+            asset_cfg=SceneEntityCfg("robot", geom_names=(".*_foot.*_collision",)),
+            operation="scale",
+            ranges=(0.3, 1.6),
+            shared_random=True,
+        ),
+        "deck_friction": startup(
+            dr.geom_friction,
+            asset_cfg=SceneEntityCfg("board", geom_names=("deck_collision",)),
+            operation="scale",
+            ranges=(0.8, 2.0),
+        ),
+    }
+    if options.spread is not None:
+        rng = np.random.default_rng(seed)
+        draws = tilt_draws(draw_boards(board, options.boards, options.spread, rng), scene.timestep)
+        events["tilt_joint"] = startup(randomisation.draw_tilt_joint, draws=draws)
+    if options.pushes > 0:
+        events["push"] = EventTermCfg(
+            func=randomisation.push,
+            mode="interval",
+            interval_range_s=(5.0, 10.0),
+            params={"speed": options.pushes},
+        )
+    return events

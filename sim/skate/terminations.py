@@ -1,0 +1,26 @@
+"""When an episode ends early."""
+
+import math
+from typing import Any
+
+from sim.skate.state import SkateState
+
+
+def fallen(state: SkateState, inclination: float = math.radians(70)) -> Any:
+    """The pelvis leans further than `inclination` [rad] from upright, bool (n,)."""
+    return state.upright < math.cos(inclination)
+
+
+def off_board(state: SkateState, unloaded_before: Any) -> Any:
+    """Neither foot has loaded the deck, now and in the step before, bool (n,).
+
+    Args:
+        state: The present state.
+        unloaded_before: Whether neither foot loaded the deck one step earlier, bool (n,).
+    """
+    return unloaded_before & ~state.foot_on_deck.any(axis=-1)
+
+
+def body_contact(state: SkateState) -> Any:
+    """Something of the robot but its feet touches ground or board, bool (n,)."""
+    return state.other_contacts > 0
