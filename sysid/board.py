@@ -34,6 +34,7 @@ MASS_UNITS = {"deck": "kg", "truck": "kg", "wheel": "kg"}
 TILT_UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "rest_angle": "rad", "range": "rad"}
 """`range` is the largest tilt to either side; `rest_angle` is a roll (right edge down is positive)."""
 DECAY_UNITS = {"period": "s", "first_peak": "rad", "second_peak": "rad"}
+PUBLISHED_UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +60,8 @@ class Board:
     tilt: Mapping[str, Quantity]
     decay: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
     """The free decay that stiffness and damping were derived from, where no log was fitted yet."""
+    published: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
+    """Stiffness and damping as the source itself prints them; for comparison, never used."""
     effects: tuple[BoardEffect, ...] = ()
     fit: Mapping[str, Any] = field(default_factory=dict[str, Any])
     check: Mapping[str, Any] = field(default_factory=dict[str, Any])
@@ -128,6 +131,8 @@ def board_to_toml(board: Board) -> str:
     document["inertia"] = {**_fields(board.inertia), "method": board.inertia.method}
     if board.decay:
         document["decay"] = _quantities(board.decay)
+    if board.published:
+        document["published"] = _quantities(board.published)
     document["tilt"] = _quantities(board.tilt)
     if board.effects:
         effects = tomlkit.aot()
@@ -171,8 +176,8 @@ class _Reader:
 
     def board(self, raw: Mapping[str, Any]) -> Board:
         known = {
-            "schema", "name", "description", "source", "geometry", "mass", "inertia", "decay", "tilt",
-            "effect", "fit", "check", "history",
+            "schema", "name", "description", "source", "geometry", "mass", "inertia", "decay", "published",
+            "tilt", "effect", "fit", "check", "history",
         }  # fmt: skip
         for key in raw:
             if key not in known:
@@ -191,6 +196,7 @@ class _Reader:
             ),
             tilt=self._quantities(raw, "tilt", TILT_UNITS, may_be_negative=("rest_angle",)),
             decay=self._quantities(raw, "decay", DECAY_UNITS) if "decay" in raw else {},
+            published=self._quantities(raw, "published", PUBLISHED_UNITS) if "published" in raw else {},
             effects=tuple(
                 self._effect(f"effect[{i}]", raw_effect)
                 for i, raw_effect in enumerate(self._tables(raw, "effect"))

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from sysid.files import write_json
@@ -75,9 +76,9 @@ class Printer:
         """Print a table on stdout."""
         table = Table(title=title, title_justify="left", title_style="bold")
         for column in columns:
-            table.add_column(column, overflow="fold")
+            table.add_column(escape(column), overflow="fold")
         for row in rows:
-            table.add_row(*row)
+            table.add_row(*map(escape, row))  # '[kg]' is a unit, not a style
         self._stdout.print(table)
 
     def quantities(self, rows: Sequence[tuple[str, Quantity]], title: str | None = None) -> None:

@@ -1,0 +1,246 @@
+"""`husky-sysid boards`: list the boards, or show one whole."""
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from sysid.board import Board
+from sysid.cli.console import Common, Printer
+from sysid.errors import HuskyError
+from sysid.quantity import Quantity
+from sysid.workspace import Workspace
+
+if TYPE_CHECKING:
+    from sysid.free_decay import DecayNumbers
+
+SYMBOLS = {
+    "log_decrement": "log decrement δ",
+    "damping_ratio": "damping ratio ζ",
+    "period": "period T",
+    "omega_d": "damped frequency ω_d",
+    "omega_n": "natural frequency ω_n",
+    "inertia": "roll inertia I",
+    "stiffness": "stiffness k = I ω_n²",
+    "damping": "damping d = 2ζ√(kI)",
+}
+
+
+def boards(
+    name: Annotated[
+        str | None, Parameter(help="Show this board whole; all boards in a table without.")
+    ] = None,
+    /,
+    *,
+    common: Common = Common(),
+) -> int:
+    """List boards, their parameters, where these come from, and whether they passed the check."""
+    printer = Printer(common)
+    if name is not None:
+        _show(common.space, name, printer)
+    else:
+        _list(common.space, printer)
+    return 0
+
+
+def _list(space: Workspace, printer: Printer) -> None:
+    records: list[Board] = []
+    errors: list[str] = []
+    for name in space.board_names():
+        try:
+            records.append(space.load_board(name))
+        except HuskyError as error:
+            printer.warn(str(error))
+            errors.append(str(error))
+    printer.table(
+        ("board", "k [N·m/rad]", "d [N·m·s/rad]", "I [kg·m²]", "ζ", "f [Hz]", "effects", "from", "check"),
+        [
+            (
+                board.name,
+                _bare(board.tilt["stiffness"]),
+                _bare(board.tilt["damping"]),
+                _bare(board.inertia),
+                f"{damping_ratio(board):.3f}",
+                f"{natural_frequency(board):.2f}",
+                ", ".join(effect.name for effect in board.effects) or "none",
+                provenance(board),
+                verdict(board),
+            )
+            for board in records
+        ],
+    )
+    for board in records:
+        if line := derivation_line(board):
+            printer.say(line)
+    printer.result({"boards": [summary(space, board) for board in records], "errors": errors})
+
+
+def _show(space: Workspace, name: str, printer: Printer) -> None:
+    board = space.load_board(name)
+    printer.say(f"{board.name}: {board.description}")
+    printer.say(f"source: {board.source}")
+    printer.say(f"record: {space.board_path(name)}")
+    printer.quantities(
+        [
+            ("stiffness k", board.tilt["stiffness"].with_method(provenance(board))),
+            ("damping d", board.tilt["damping"].with_method(provenance(board))),
+            ("rest angle", board.tilt["rest_angle"]),
+            ("range, to either side", board.tilt["range"]),
+            ("roll inertia I", board.inertia),
+        ],
+        "tilt joint",
+    )
+    if (numbers := derivation(board)) is not None:
+        decay = [(key.replace("_", " "), quantity) for key, quantity in board.decay.items()]
+        printer.quantities([*decay, ("roll inertia", board.inertia)], "measured decay")
+        printer.quantities([(SYMBOLS[key], quantity) for key, quantity in numbers.items()], "derived from it")
+        printer.say(derivation_line(board))
+    if board.effects:
+        printer.quantities(
+            [
+                (f"{effect.name}: {key}", quantity)
+                for effect in board.effects
+                for key, quantity in effect.parameters.items()
+            ],
+            "effects beyond spring and damper",
+        )
+        _warn_of_unknown_effects(board, printer)
+    for title, table in (("geometry", board.geometry), ("mass", board.mass)):
+        rows = [(key.replace("_", " "), str(quantity)) for key, quantity in table.items()]
+        printer.table(("quantity", "value ± 95 %"), rows, title)
+    for title, content in (("fit", board.fit), ("check", board.check)):
+        if content:
+            printer.table(("field", "value"), [(key, str(value)) for key, value in content.items()], title)
+    if board.history:
+        keys = list(dict.fromkeys(key for line in board.history for key in line))
+        printer.table(keys, [[str(line.get(key, "")) for key in keys] for line in board.history], "history")
+    printer.say(f"check: {verdict(board)}")
+    printer.result(
+        {
+            **summary(space, board),
+            "geometry": _json(board.geometry),
+            "mass": _json(board.mass),
+            "tilt": _json(board.tilt),
+            "effect": [{"name": e.name, "parameters": _json(e.parameters)} for e in board.effects],
+            "fit": _plain(board.fit),
+            "check": _plain(board.check),
+            "history": [_plain(line) for line in board.history],
+        }
+    )
+
+
+def _warn_of_unknown_effects(board: Board, printer: Printer) -> None:
+    from sysid.synth import PARAMETERS
+
+    for effect in board.effects:
+        known = {parameter.name: parameter.unit for parameter in PARAMETERS.get(effect.name, ())}
+        if not known:
+            printer.warn(f"effect '{effect.name}' of the record is not in the catalogue.")
+        elif {key: quantity.unit for key, quantity in effect.parameters.items()} != known:
+            expected = ", ".join(f"{key} in {unit}" for key, unit in known.items())
+            printer.warn(
+                f"effect '{effect.name}' of the record has other parameters than expected ({expected})."
+            )
+
+
+def derivation(board: Board) -> "DecayNumbers | None":
+    """Return the numbers that follow from the record's period and peaks, where it has them."""
+    if not board.decay:
+        return None
+    from sysid.free_decay import decay_from_peaks
+
+    return decay_from_peaks(
+        board.decay["period"], board.decay["first_peak"], board.decay["second_peak"], board.inertia
+    )
+
+
+def derivation_line(board: Board) -> str:
+    """Return the derivation of k and d to the digits that the source prints, beside what it prints."""
+    numbers = derivation(board)
+    if numbers is None:
+        return ""
+    data = board.decay
+    line = (
+        f"{board.name}: T = {data['period'].value:g} s, peaks {data['first_peak'].value:g} → "
+        f"{data['second_peak'].value:g} rad, I = {board.inertia.value:g} kg·m² give "
+        f"k = {numbers.stiffness.value:.3f} N·m/rad, d = {numbers.damping.value:.4f} N·m·s/rad"
+    )
+    if board.published:
+        k, d = board.published["stiffness"].value, board.published["damping"].value
+        line += f" (printed there, rounded on the way: {k:.3f}, {d:.3f})"
+    return line
+
+
+def damping_ratio(board: Board) -> float:
+    """Return ζ = d / (2 √(k I))."""
+    return board.damping / (2 * math.sqrt(board.stiffness * board.inertia.value))
+
+
+def natural_frequency(board: Board) -> float:
+    """Return √(k/I) / 2π [Hz]."""
+    return math.sqrt(board.stiffness / board.inertia.value) / (2 * math.pi)
+
+
+def provenance(board: Board) -> str:
+    """Say where stiffness and damping come from."""
+    if board.fit:
+        logs = board.fit.get("logs", ())
+        rmse = board.fit.get("rmse")
+        error = f", rmse {1e3 * rmse:.3g} mrad" if isinstance(rmse, int | float) else ""
+        return f"fitted to {len(logs)} log{'s' if len(logs) != 1 else ''}{error}"
+    return "period and two peaks" if board.decay else "entered by hand"
+
+
+def verdict(board: Board) -> str:
+    """Say whether the board passed the check."""
+    if not board.check:
+        return "not run"
+    nrmse = board.check.get("nrmse")
+    error = f" (nrmse {100 * nrmse:.2g} %)" if isinstance(nrmse, int | float) else ""
+    return ("passed" if board.passed else "failed") + error
+
+
+def summary(space: Workspace, board: Board) -> dict[str, Any]:
+    """Return what the table shows, as JSON-ready data."""
+    numbers = derivation(board)
+    path = space.board_path(board.name)
+    return {
+        "board": board.name,
+        "description": board.description,
+        "source": board.source,
+        "record": str(path),
+        "shipped": space.boards not in path.parents,
+        "stiffness": board.tilt["stiffness"].to_json(),
+        "damping": board.tilt["damping"].to_json(),
+        "inertia": board.inertia.to_json(),
+        "damping_ratio": damping_ratio(board),
+        "natural_frequency_hz": natural_frequency(board),
+        "effects": [effect.name for effect in board.effects],
+        "provenance": provenance(board),
+        "checked": bool(board.check),
+        "passed": board.passed,
+        "decay": _json(board.decay),
+        "derivation": numbers.to_json() if numbers else None,
+        "published": _json(board.published),
+    }
+
+
+def _bare(quantity: Quantity) -> str:
+    """The value with its 95 % interval, without the unit that the column's head names."""
+    return str(Quantity(quantity.value, quantity.std, "1", interval=quantity.interval))
+
+
+def _json(quantities: Mapping[str, Quantity]) -> dict[str, object]:
+    return {key: quantity.to_json() for key, quantity in quantities.items()}
+
+
+def _plain(content: Any) -> Any:
+    """TOML values as JSON has them: dates become text, NaN becomes null."""
+    if isinstance(content, Mapping):
+        return {str(key): _plain(value) for key, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [_plain(value) for value in content]
+    if isinstance(content, float) and not math.isfinite(content):
+        return None
+    return content if isinstance(content, bool | int | float | str) else str(content)
