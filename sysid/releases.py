@@ -20,7 +20,7 @@ from sysid.turning_points import Leg, Swing, crossing_time, find_swing, legs_of
 
 SMALLEST_RELEASE = 0.08
 """Chains below this share of the largest one's first leg are not counted as releases."""
-STILL = 0.05
+STILL = 0.03
 """A deck within this share of the first amplitude counts as held still."""
 HALF_SWING = 1 / 0.59
 """Half a period in units of the 10 to 90 % time of one leg of a lightly damped swing."""
@@ -45,6 +45,8 @@ class _Chain:
 
     legs: tuple[Leg, ...]
     rest: float
+    settles: bool
+    """Whether the deck stays, or moves less than can be told, after the last leg."""
     after: Leg | None
     """The leg that breaks the chain: a hand moves the deck again."""
     start: float | None = None
@@ -86,13 +88,13 @@ def find_releases(
     part = _cut(roll, start, stop)
     std = float(np.median(part.std))
     swing = find_swing(part.time, part.roll, std if math.isfinite(std) else 0.0)
-    if not swing.pivots:
+    legs = legs_of(swing)
+    if not legs:
         raise HuskyError(
             f"{roll.log}: nothing moves by more than {math.degrees(swing.step):.2g}° "
             f"(noise {math.degrees(swing.noise):.2g}°), so there is no decay. "
             "Is it the right column (--column) and the right stretch of the log (--from, --to)?"
         )
-    legs = legs_of(swing)
     if releases:
         chains = [_given_chain(swing, legs, time, roll.log) for time in sorted(releases)]
     else:
@@ -166,12 +168,18 @@ def _free_chains(swing: Swing, legs: list[Leg]) -> list[_Chain]:
     largest = max(chain.legs[0].size for chain in chains)
     chains = [chain for chain in chains if chain.legs[0].size > SMALLEST_RELEASE * largest]
     groups = [[other for other in chains if _same_board(chain, other, swing)] for chain in chains]
-    return max(groups, key=lambda group: sum(_evidence(chain) for chain in group))
+    return max(groups, key=lambda group: _evidence(group, swing))
 
 
-def _evidence(chain: _Chain) -> float:
-    """How much a chain looks like a free decay: many legs, and a quick first one."""
-    return min(len(chain.legs), 6) * chain.legs[0].size / chain.legs[0].duration
+def _evidence(group: list[_Chain], swing: Swing) -> float:
+    """How much chains look like free decays: quick legs, many that are not small, an angle often come to."""
+    speed = sum(
+        sum(leg.size**2 / leg.duration for leg in chain.legs[:8]) / chain.legs[0].size for chain in group
+    )
+    room = max(5.0 * swing.noise, 0.1 * group[0].sizes[0])
+    levels = [float(np.median(swing.roll[first : last + 1])) for first, last in swing.stays]
+    at_rest = [abs(level - group[0].rest) < room for level in levels]
+    return speed * max(1, sum(now and not before for before, now in pairwise([False, *at_rest])))
 
 
 def _same_board(one: _Chain, other: _Chain, swing: Swing) -> bool:
@@ -181,52 +189,65 @@ def _same_board(one: _Chain, other: _Chain, swing: Swing) -> bool:
 
 
 def _shrinking_chains(swing: Swing, legs: list[Leg]) -> list[_Chain]:
-    """Split the legs where they grow, or where the deck stays at the turning point between two."""
+    """Split the legs into chains that shrink, each followed as far as it goes on about its own rest."""
     chains: list[_Chain] = []
     begin = 0
-    for i in range(1, len(legs) + 1):
-        if i < len(legs) and _continues(swing, legs[i - 1], legs[i]):
-            continue
-        chain = _chain(
-            swing, legs[begin:i], legs[begin - 1] if begin else None, legs[i] if i < len(legs) else None
-        )
-        chains += [] if chain is None else [chain]
-        begin = i
+    while begin < len(legs):
+        finish = begin + 1
+        while finish < len(legs) and _continues(swing, legs[finish - 1], legs[finish]):
+            finish += 1
+        chain = _chain(swing, legs, begin, finish)
+        if chain is not None:
+            chains.append(chain)
+            finish = len(legs) if chain.after is None else legs.index(chain.after)
+        begin = finish
     return chains
 
 
 def _continues(swing: Swing, one: Leg, other: Leg) -> bool:
-    """Whether the next leg is a shorter one, and follows without a stay at the turning point."""
-    return other.size < one.size and _stay(swing, one, other) <= 2.5 * max(one.duration, other.duration)
+    """Whether the next leg is a shorter one of about the same pace, and follows without a stay."""
+    shorter = other.size < one.size + 6.0 * swing.noise
+    as_slow = other.duration > 0.5 * one.duration or other.size < 3.0 * swing.step
+    return shorter and as_slow and not one.to_stay
 
 
-def _stay(swing: Swing, one: Leg | None, other: Leg | None) -> float:
-    """Return the time spent near the turning point between two legs [s]."""
-    arrived = 0 if one is None else one.reached
-    return float(swing.time[-1 if other is None else other.left] - swing.time[arrived])
+def _chain(swing: Swing, legs: list[Leg], begin: int, finish: int) -> _Chain | None:
+    """Build the chain of legs `begin` to `finish` - 1 and of what follows about the same rest angle.
 
-
-def _chain(swing: Swing, legs: list[Leg], before: Leg | None, after: Leg | None) -> _Chain | None:
-    """Build a chain and find the angle it is about; None where that is not to be seen."""
-    held = _stay(swing, before, legs[0]) > legs[0].duration
-    if len(legs) > 4 and not held and _first_leg_is_odd(legs):
-        legs = legs[1:]
-    turns = [legs[0].origin, *(leg.target for leg in legs)]
-    settles = _stay(swing, legs[-1], after) > 1.5 * legs[-1].duration
-    if len(legs) == 1 and not settles:
+    Returns None where that angle is not to be seen.
+    """
+    chosen = legs[begin:finish]
+    if len(chosen) > 4 and not chosen[0].from_stay and _first_leg_is_odd(chosen):
+        chosen = chosen[1:]
+    if len(chosen) == 1 and not chosen[0].to_stay:
         return None
-    return _Chain(tuple(legs), turns[-1] if len(legs) == 1 else _rest_angle(turns, settles=settles), after)
+    rest = _rest_angle(chosen)
+    # A slow turning point looks like a stay, and close to rest the noise makes a leg grow: neither ends it.
+    while finish < len(legs):
+        leg = legs[finish]
+        homeward = (rest - leg.origin) * (leg.target - leg.origin) > 0.3 * leg.size**2
+        swings_on = homeward and leg.size < chosen[-1].size + 6.0 * swing.noise
+        if not swings_on and leg.size > (3.0 if homeward else 2.0) * swing.step:
+            break
+        chosen += [leg] if swings_on else []
+        finish += 1
+    after = legs[finish] if finish < len(legs) else None
+    pause = float(swing.time[-1 if after is None else after.left] - swing.time[chosen[-1].reached])
+    settles = chosen[-1].to_stay or pause > 2.5 * max(leg.duration for leg in chosen[:3])
+    settles = settles or (after is None and chosen[-1].size < 2.0 * swing.step)
+    return _Chain(tuple(chosen), rest, settles, after)
 
 
-def _rest_angle(turns: list[float], *, settles: bool) -> float:
-    """Return the angle about which the turning points converge [rad].
+def _rest_angle(legs: list[Leg]) -> float:
+    """Return the angle about which the turning points of a chain converge [rad].
 
     Three successive ones of a linear decay give it exactly, (a c - b²) / (a + c - 2 b) (Aitken); the
-    widest count most. Two legs that end at rest leave no choice but their last point.
+    widest count most. One or two legs that end at rest leave no choice but their last point.
     """
-    if len(turns) == 3 and settles:
-        return turns[-1]
-    a, b, c = np.array(turns[:-2]), np.array(turns[1:-1]), np.array(turns[2:])
+    turns = np.array([legs[0].origin, *(leg.target for leg in legs)])
+    if len(turns) == 2 or (len(turns) == 3 and legs[-1].to_stay):
+        return float(turns[-1])
+    a, b, c = turns[:-2], turns[1:-1], turns[2:]
     bend = a + c - 2 * b
     return float(np.sum(bend * (a * c - b * b)) / np.sum(bend**2))
 
@@ -248,14 +269,13 @@ def _given_chain(swing: Swing, legs: list[Leg], time: float, log: str) -> _Chain
     index = int(np.searchsorted(swing.time, time))
     if later[0].left < index:
         later[0] = replace(later[0], begin=index, left=index, origin=float(swing.roll[index]))
-    count = 1
-    while count < len(later) and _continues(swing, later[count - 1], later[count]):
-        count += 1
-    after = later[count] if count < len(later) else None
-    kept = later[:count]
-    turns = [kept[0].origin, *(leg.target for leg in kept)]
-    rest = turns[-1] if count == 1 else _rest_angle(turns, settles=after is not None)
-    return _Chain(tuple(kept), rest, after, start=time)
+    finish = 1
+    while finish < len(later) and _continues(swing, later[finish - 1], later[finish]):
+        finish += 1
+    chain = _chain(swing, later, 0, finish)
+    if chain is None:
+        chain = _Chain((later[0],), later[0].target, False, later[1] if len(later) > 1 else None)
+    return replace(chain, start=time)
 
 
 def _release(roll: Roll, swing: Swing, chain: _Chain, number: int, limit: float | None) -> Release:
@@ -294,7 +314,7 @@ def _let_go(swing: Swing, chain: _Chain) -> tuple[float, float]:
     if chain.start is not None:
         return chain.start, max(0.0, chain.start - float(swing.time[since]))
     if swing.time[last] - swing.time[since] < 0.5 * chain.pace:
-        return float(swing.time[leg.begin]), 0.0
+        return _onset(swing, leg, leg.origin) if leg.begin else float(swing.time[0]), 0.0
     begin = _onset(swing, leg, float(np.median(before[since : last + 1])))
     return begin, begin - float(swing.time[since])
 
@@ -302,15 +322,18 @@ def _let_go(swing: Swing, chain: _Chain) -> tuple[float, float]:
 def _onset(swing: Swing, leg: Leg, level: float) -> float:
     """Return when a leg left its level [s].
 
-    Released from rest, the way gone is a power series from t² on, so t is one in its square root; its
-    first three terms are fitted between 8 and 60 % of the way, clear of the noise and of the smoothing.
+    Released from rest, the square root of the way gone is a power series in time, so time is one in that
+    root. Fitted between 8 and 40 % of the way, clear of noise and smoothing, two terms come out early and
+    three late; mixed as here they are right to 0.3 % of a period for ζ from 0.02 to 0.8.
     """
     way = (swing.roll[leg.left : leg.finish + 1] - level) * math.copysign(1.0, leg.target - leg.origin)
+    time = swing.time[leg.left : leg.finish + 1]
     size = abs(leg.target - level)
-    shares = np.linspace(max(0.08, min(0.4, 3.0 * swing.noise / size)), 0.6, 14)
-    times = np.array([crossing_time(swing.time[leg.left : leg.finish + 1], way, x * size) for x in shares])
-    powers = np.vander(np.sqrt(shares), 3, increasing=True)
-    start = float(np.linalg.lstsq(powers, times, rcond=None)[0][0])
+    shares = np.linspace(max(0.08, min(0.3, 3.0 * swing.noise / size)), 0.4, 14)
+    times = np.array([crossing_time(time, way, share * size) for share in shares])
+    series = np.vander(np.sqrt(shares), 3, increasing=True)
+    two, three = (np.linalg.lstsq(series[:, :terms], times, rcond=None)[0][0] for terms in (2, 3))
+    start = float(0.35 * two + 0.65 * three)
     return min(max(start, float(swing.time[leg.left]) - leg.duration), float(times[0]))
 
 
@@ -318,12 +341,11 @@ def _ending(swing: Swing, chain: _Chain, begin: float) -> _Ending:
     """Return when the free decay ends [s], and why."""
     last = chain.legs[-1]
     stop = len(swing.time) - 1 if chain.after is None else chain.after.left
-    stays = _stay(swing, last, chain.after) > 2.5 * chain.pace
-    if chain.after is None and not stays:
+    if chain.after is None and not chain.settles:
         return float(swing.time[-1]), "log"
-    if _last_leg_is_cut(swing, chain, stays=stays):
+    if _last_leg_is_cut(swing, chain):
         return _followed(swing, chain, last.begin), "caught"
-    if stays:
+    if chain.settles:
         settled = _settled(swing, last.begin, stop, chain.sizes[0])
         tail = max(4.0 * chain.pace, 0.5 * (settled - begin))
         hand = math.inf if chain.after is None else float(swing.time[stop]) - 0.5 * chain.pace
@@ -331,7 +353,7 @@ def _ending(swing: Swing, chain: _Chain, begin: float) -> _Ending:
     return _followed(swing, chain, last.finish), "caught"
 
 
-def _last_leg_is_cut(swing: Swing, chain: _Chain, *, stays: bool) -> bool:
+def _last_leg_is_cut(swing: Swing, chain: _Chain) -> bool:
     """Whether the last leg ends where no free deck would: held away from rest, or braked far too much."""
     sizes = chain.sizes
     if len(chain.legs) == 1:
@@ -340,7 +362,7 @@ def _last_leg_is_cut(swing: Swing, chain: _Chain, *, stays: bool) -> bool:
     room = 3.0 * swing.noise + 0.05 * sizes[0]
     if len(lost) > 2 and lost[-1] > 1.6 * max(lost[:-1]) + room:
         return True
-    return stays and sizes[-1] > 0.25 * sizes[0] + room
+    return chain.settles and sizes[-1] > 0.25 * sizes[0] + room
 
 
 def _followed(swing: Swing, chain: _Chain, turn: int) -> float:

@@ -1,6 +1,7 @@
 """Turning points of a noisy swing: the smoothed signal, its pivots and the legs between them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -22,8 +23,8 @@ class Swing:
     """Standard deviation of what noise is left in `roll` [rad]."""
     step: float
     """Smallest movement that counts as one [rad]."""
-    pivots: tuple[int, ...]
-    """Where it turns round, and both ends: indices of the grid."""
+    stays: tuple[tuple[int, int], ...]
+    """First and last grid index of each stretch in which it stays where it is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,11 +45,15 @@ class Leg:
     """Roll at the turning point it goes to [rad]."""
     duration: float
     """Time from 10 to 90 % of the way [s]."""
+    from_stay: bool
+    """Whether the deck stayed where the leg begins."""
+    to_stay: bool
+    """Whether the deck stays where the leg ends."""
 
     @property
     def size(self) -> float:
         """Length of the way [rad], positive."""
-        return abs(self.target - self.origin)
+        return max(abs(self.target - self.origin), 1e-15)
 
 
 def noise_level(roll: Array) -> float:
@@ -89,12 +94,31 @@ def find_swing(time: Array, roll: Array, std: float) -> Swing:
     smooth, gain = _smooth(even, _least_reach(std, span, reach))
     noise = std * gain
     step = max(6.0 * noise, 0.02 * span)
-    return Swing(grid, smooth, noise, step, _pivots(smooth, step))
+    return Swing(grid, smooth, noise, step, _stays(smooth, step, quickness * interval))
 
 
 def legs_of(swing: Swing) -> list[Leg]:
-    """Return the legs between the successive pivots of a swing."""
-    return [_leg(swing, a, b) for a, b in zip(swing.pivots[:-1], swing.pivots[1:], strict=True)]
+    """Return the legs between turning points, in order of time; none where nothing moves.
+
+    A leg never passes through a stretch in which the deck stays: lifting on from rest is a leg of its
+    own, even in the direction in which the decay came in.
+    """
+    stays = {
+        (first + last) // 2: float(np.median(swing.roll[first : last + 1])) for first, last in swing.stays
+    }
+    bounds = sorted(stays)
+    if not swing.stays or swing.stays[0][0] > 0:
+        bounds.insert(0, 0)
+    if not swing.stays or swing.stays[-1][1] < len(swing.roll) - 1:
+        bounds.append(len(swing.roll) - 1)
+    legs: list[Leg] = []
+    for begin, finish in pairwise(bounds):
+        pivots = [begin + i for i in _pivots(swing.roll[begin : finish + 1], swing.step)]
+        for a, b in pairwise(pivots):
+            origin = stays.get(begin) if a == pivots[0] else None
+            target = stays.get(finish) if b == pivots[-1] else None
+            legs.append(_leg(swing, a, b, origin, target))
+    return _without_slow_turns(swing, legs)
 
 
 def crossing_time(time: Array, level: Array, threshold: float) -> float:
@@ -109,20 +133,54 @@ def crossing_time(time: Array, level: Array, threshold: float) -> float:
     return float(time[i - 1] + share * (time[i] - time[i - 1]))
 
 
-def _leg(swing: Swing, a: int, b: int) -> Leg:
-    origin, target = float(swing.roll[a]), float(swing.roll[b])
-    size = abs(target - origin)
+def _without_slow_turns(swing: Swing, legs: list[Leg]) -> list[Leg]:
+    """Take back a stay that is no longer than a turning point of the legs about it."""
+    legs = list(legs)
+    for i, (one, other) in enumerate(pairwise(legs)):
+        pause = float(swing.time[other.left] - swing.time[one.reached])
+        if one.to_stay and pause < 1.5 * min(one.duration, other.duration):
+            legs[i], legs[i + 1] = replace(legs[i], to_stay=False), replace(other, from_stay=False)
+    return legs
+
+
+def _leg(swing: Swing, a: int, b: int, stays_at: float | None, will_stay_at: float | None) -> Leg:
+    """Measure the leg between two pivots; where the deck stays, its level counts and not one extreme."""
+    origin = float(swing.roll[a]) if stays_at is None else stays_at
+    target = float(swing.roll[b]) if will_stay_at is None else will_stay_at
+    size = max(abs(target - origin), 1e-15)
     way = (swing.roll[a : b + 1] - origin) * np.sign(target - origin)
     near = max(0.05 * size, min(2.5 * swing.noise, 0.3 * size))
-    left = a + int(np.flatnonzero(way <= near)[-1])
-    reached = left + int(np.flatnonzero(way[left - a :] >= size - near)[0])
+    low, high = np.flatnonzero(way <= near), np.flatnonzero(way >= size - near)
+    left = a + int(low[-1] if len(low) else 0)
+    later = high[high >= left - a]
+    reached = a + int(later[0] if len(later) else len(way) - 1)
     time = swing.time[left : b + 1]
     way = way[left - a :]
     # A leg leaves and arrives through these levels once only: `left` is the last time near its origin.
     low, high = max(0.1 * size, near), min(0.9 * size, size - near)
     rise = crossing_time(time, way, high) - crossing_time(time, way, low)
     stretch = 0.8 / ((high - low) / size) if high > low else 1.0
-    return Leg(a, left, reached, b, origin, target, max(rise * stretch, float(time[1] - time[0]) / 2))
+    duration = max(rise * stretch, float(swing.time[1] - swing.time[0]) / 2)
+    return Leg(a, left, reached, b, origin, target, duration, stays_at is not None, will_stay_at is not None)
+
+
+def _stays(roll: Array, step: float, quickness: float) -> tuple[tuple[int, int], ...]:
+    """Return the stretches that go nowhere for about a radian of the fastest motion's phase."""
+    if quickness <= 0:
+        return ((0, len(roll) - 1),)
+    half = min(max(1, round(0.5 / quickness)), len(roll))
+    padded = np.pad(roll, half, mode="edge")
+    still = np.abs(padded[2 * half :] - padded[: -2 * half]) < step
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(np.int8)))
+    pieces: list[tuple[int, int]] = []
+    for first, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        while first < end:  # what creeps on, as a slow hand does, is cut where it has gone too far
+            part = roll[first:end]
+            span = np.maximum.accumulate(part) - np.minimum.accumulate(part)
+            last = first + int(np.searchsorted(span, 2.0 * step, side="right")) - 1
+            pieces += [(first, last)] if last - first >= max(2, half) else []
+            first = last + 1
+    return tuple(pieces)
 
 
 def _top_speed(even: Array, interval: float, std: float) -> float:
