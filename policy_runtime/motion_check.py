@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from policy_runtime.motions import Motion
-from sim.skate.g1 import FOOT_BODIES, JOINTS, g1_spec
+from sim.skate.g1 import FOOT_BODIES, JOINTS
 from sysid.roll import Array
 
 PLANTED_HEIGHT = 0.002
@@ -64,18 +64,13 @@ class MotionFacts:
         return float(np.mean(self.planted))
 
 
-def motion_facts(motion: Motion, model: mujoco.MjModel | None = None) -> MotionFacts:
+def motion_facts(motion: Motion, model: mujoco.MjModel) -> MotionFacts:
     """Measure a clip.
 
     Args:
         motion: The clip.
-        model: The G1 without a board; built if None.
-
-    Raises:
-        HuskyError: mjlab is not installed, and no model was given.
+        model: The G1 without a board (`sim.skate.g1.g1_spec`).
     """
-    if model is None:
-        model = g1_spec(visuals=False).compile()
     soles, com, touching = _forward(model, motion)
     left, right = soles[:, 0], soles[:, 1]
     moved = np.linalg.norm(np.gradient(left[..., :2].mean(axis=1), axis=0), axis=1) * motion.rate

@@ -1,0 +1,175 @@
+"""How well a policy skates: the five errors of the HUSKY paper, from recorded rides.
+
+| name | here | the paper |
+|---|---|---|
+| E_succ | share of episodes that reach their time limit | success rate, criteria not given |
+| E_vel | mean of abs(v_cmd - v) over the pushing steps, v along the board [m/s] | "velocity tracking error" |
+| E_yaw | mean of abs(ψ_target - ψ) over the steering steps, ψ of the board [rad] | "heading error" |
+| E_smth | mean of abs(Δq) over joints and steps [rad] | "smoothness", formula not given |
+| E_contact | share of pushing and steering steps with the wrong feet down | "contact error" |
+
+Where the paper leaves a choice, the other readings are reported beside: the error of the mean speed of
+each pushing stretch, the heading error at the last step of each steering stretch, the length and the
+root mean square of Δq, and the share of wrong contacts in pushing and in steering alone. An episode
+that ends early counts with the steps it had. Wrong feet: in pushing, the right foot off the deck or
+the left foot on it; in steering, a foot off the deck or on the ground.
+"""
+
+from dataclasses import dataclass, fields
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from sim.skate.arrays import wrap_angle
+from sysid.errors import HuskyError
+from sysid.roll import Array
+
+Flags = npt.NDArray[np.bool_]
+
+METRICS = {
+    "E_vel": "m/s",
+    "E_yaw": "rad",
+    "E_smth": "rad",
+    "E_contact": "1",
+    "E_vel_mean_speed": "m/s",
+    "E_yaw_final": "rad",
+    "E_smth_norm": "rad",
+    "E_smth_rms": "rad",
+    "E_contact_push": "1",
+    "E_contact_steer": "1",
+}
+"""Every error besides E_succ, with its unit."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rides:
+    """Recorded episodes side by side: first axis policy steps (t), second episodes (n)."""
+
+    alive: Flags
+    """The episode still ran at this step, (t, n)."""
+    pushing: Flags
+    """In the pushing stretch and told to move, (t, n)."""
+    steering: Flags
+    """In the steering stretch and told to move, (t, n)."""
+    commanded_speed: Array
+    """[m/s], (t, n)."""
+    target_heading: Array
+    """[rad], (t, n); read in steering only."""
+    speed: Array
+    """Of the board along its own x axis [m/s], (t, n)."""
+    heading: Array
+    """Of the board [rad], (t, n)."""
+    joints: Array
+    """[rad], (t, n, 23)."""
+    foot_on_ground: Flags
+    """Left, right, (t, n, 2)."""
+    foot_on_deck: Flags
+    """Left, right, (t, n, 2)."""
+    succeeded: Flags
+    """The episode reached its time limit, (n,)."""
+
+    def __post_init__(self) -> None:
+        """Check that the shapes agree.
+
+        Raises:
+            HuskyError: They do not.
+        """
+        steps, episodes = self.alive.shape
+        tails = {"joints": (23,), "foot_on_ground": (2,), "foot_on_deck": (2,)}
+        for field in fields(self):
+            shape = np.shape(getattr(self, field.name))
+            if field.name == "succeeded":
+                wanted: tuple[int, ...] = (episodes,)
+            else:
+                wanted = (steps, episodes, *tails.get(field.name, ()))
+            if shape != wanted:
+                raise HuskyError(f"rides: '{field.name}' has shape {shape}; expected {wanted}.")
+
+    @classmethod
+    def join(cls, rides: "list[Self]") -> Self:
+        """Put rides of different lengths side by side; the shorter ones are no longer alive at the end."""
+        steps = max(len(ride.alive) for ride in rides)
+
+        def stack(name: str) -> Any:
+            if name == "succeeded":
+                return np.concatenate([ride.succeeded for ride in rides])
+            arrays = [getattr(ride, name) for ride in rides]
+            return np.concatenate([_pad(array, steps) for array in arrays], axis=1)
+
+        return cls(**{field.name: stack(field.name) for field in fields(cls)})
+
+
+def _pad(array: Any, steps: int) -> Any:
+    return np.pad(array, [(0, steps - len(array)), *[(0, 0)] * (array.ndim - 1)])
+
+
+def episode_errors(rides: Rides) -> dict[str, Array]:
+    """Return every error of `METRICS` for every episode, shape (n,); NaN where a stretch never came."""
+    push, steer = rides.pushing & rides.alive, rides.steering & rides.alive
+    speed_error = np.abs(rides.commanded_speed - rides.speed)
+    yaw_error = np.abs(wrap_angle(rides.target_heading - rides.heading))
+    change = np.diff(rides.joints, axis=0)
+    pairs = rides.alive[1:] & rides.alive[:-1]
+    wrong_push = ~rides.foot_on_deck[..., 1] | rides.foot_on_deck[..., 0]
+    wrong_steer = ~rides.foot_on_deck.all(axis=-1) | rides.foot_on_ground.any(axis=-1)
+    wrong = np.where(rides.pushing, wrong_push, wrong_steer)
+    return {
+        "E_vel": _mean(speed_error, push),
+        "E_yaw": _mean(yaw_error, steer),
+        "E_smth": _mean(np.abs(change).mean(axis=-1), pairs),
+        "E_contact": _mean(wrong.astype(float), push | steer),
+        "E_vel_mean_speed": _stretch_errors(rides.commanded_speed - rides.speed, push),
+        "E_yaw_final": _mean(yaw_error, _last(steer)),
+        "E_smth_norm": _mean(np.linalg.norm(change, axis=-1), pairs),
+        "E_smth_rms": np.sqrt(_mean((change**2).mean(axis=-1), pairs)),
+        "E_contact_push": _mean(wrong_push.astype(float), push),
+        "E_contact_steer": _mean(wrong_steer.astype(float), steer),
+    }
+
+
+def _mean(values: Array, where: Flags) -> Array:
+    """Return the mean over steps where a flag is set, shape (n,); NaN where it never is."""
+    count = where.sum(axis=0)
+    total = np.where(where, values, 0.0).sum(axis=0)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def _last(flags: Flags) -> Flags:
+    """Return the last step of every stretch that came to its end."""
+    last = np.zeros_like(flags)
+    last[:-1] = flags[:-1] & ~flags[1:]
+    return last
+
+
+def _stretch_errors(error: Array, where: Flags) -> Array:
+    """Return the mean over stretches of abs(mean error in the stretch), shape (n,)."""
+    result = np.full(error.shape[1], np.nan)
+    for n in range(error.shape[1]):
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], where[:, n].astype(int), [0]])))
+        means = [abs(float(error[a:b, n].mean())) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+        if means:
+            result[n] = float(np.mean(means))
+    return result
+
+
+def reachable_headings(rides: Rides) -> Array:
+    """Return every steering stretch as (turn asked for, turn achieved, speed at its start), shape (m, 3).
+
+    Args:
+        rides: Recorded episodes.
+
+    Returns:
+        [rad], [rad], [m/s], one row for each stretch that came to its end.
+    """
+    rows: list[tuple[float, float, float]] = []
+    steer = rides.steering & rides.alive
+    for n in range(steer.shape[1]):
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], steer[:, n].astype(int), [0]])))
+        for begin, end in zip(edges[::2], edges[1::2], strict=True):
+            if end < len(steer) and rides.alive[end, n]:
+                start = rides.heading[begin, n]
+                asked = wrap_angle(rides.target_heading[begin, n] - start)
+                done = float(np.unwrap(rides.heading[begin:end, n])[-1] - start)
+                rows.append((float(asked), done, float(rides.speed[begin, n])))
+    return np.array(rows).reshape(-1, 3)

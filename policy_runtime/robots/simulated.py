@@ -1,0 +1,226 @@
+# pyright: reportAttributeAccessIssue=false, reportUnknownParameterType=false
+# (MuJoCo ships no type stubs.)
+"""The robot on its board in plain MuJoCo: what a real robot would report, and the truth besides."""
+
+import math
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from policy_runtime.robots import PD_PERIOD, JointCommand, RobotState
+from sim.board_scene import TILT_JOINT, TRUCK_JOINTS, WHEELS, set_trucks
+from sim.skate.g1 import FOOT_BODIES, JOINTS
+from sim.skate.scene import BOARD, ROBOT
+from sysid.errors import HuskyError
+from sysid.roll import Array
+
+Flags = npt.NDArray[np.bool_]
+
+LOADED = 5.0
+"""Force above which a foot or a wheel counts as loaded [N]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Truth:
+    """What only a simulator knows."""
+
+    board_position: Array
+    """Origin of the board, on its tilt axis [m], shape (3,)."""
+    board_heading: float
+    """[rad]"""
+    board_speed: float
+    """Velocity of the board along its own x axis [m/s]."""
+    roll: float
+    """Tilt joint [rad], right edge down positive."""
+    trucks: Array
+    """Front and rear truck angle [rad], shape (2,)."""
+    pelvis_position: Array
+    """[m], shape (3,)."""
+    upright: float
+    """Cosine of the pelvis' inclination."""
+    foot_on_ground: Flags
+    """Left, right, bool (2,)."""
+    foot_on_deck: Flags
+    """Left, right, bool (2,)."""
+    wheel_on_ground: Flags
+    """Front left, front right, rear left, rear right, bool (4,)."""
+    other_contacts: int
+    """Contacts of ground or board with anything of the robot but its feet."""
+    energy: float
+    """Kinetic and potential energy of everything [J]."""
+
+
+class SimulatedRobot:
+    """Steps a skating scene (`sim.skate.scene.skate_spec`) at the rate of the servos."""
+
+    def __init__(self, model: mujoco.MjModel, *, direct_rake: float | None = None) -> None:
+        """Take over a compiled scene.
+
+        Args:
+            model: Compiled from `skate_spec`; its step must divide the servos' period.
+            direct_rake: λ [rad] where the scene was built with coupling='direct'; the trucks are
+                then set after every step.
+
+        Raises:
+            HuskyError: A joint of the robot is missing, or the step does not divide the period.
+        """
+        self.model, self.data = model, mujoco.MjData(model)
+        self._rake = direct_rake
+        self._substeps = round(PD_PERIOD / model.opt.timestep)
+        if not math.isclose(self._substeps * model.opt.timestep, PD_PERIOD, rel_tol=1e-6):
+            raise HuskyError(
+                f"the scene's step of {model.opt.timestep * 1e3:g} ms does not divide the servo period of "
+                f"{PD_PERIOD * 1e3:g} ms. Build it with a step of 2 or 1 ms."
+            )
+        try:
+            joints = [model.joint(ROBOT + name) for name in JOINTS]
+            self._actuators = np.array([model.actuator(ROBOT + name).id for name in JOINTS])
+            base = model.joint(f"{ROBOT}floating_base_joint")
+            board = model.joint(f"{BOARD}board_free_joint")
+        except KeyError as error:
+            raise HuskyError(f"the scene is not one of skating: {error.args[0]}") from error
+        self.ids = _Ids(model)
+        self._q = np.array([joint.qposadr[0] for joint in joints])
+        self._v = np.array([joint.dofadr[0] for joint in joints])
+        self.base_q, self.base_v = int(base.qposadr[0]), int(base.dofadr[0])
+        self.board_q, self.board_v = int(board.qposadr[0]), int(board.dofadr[0])
+        self.reset(model.qpos0)
+
+    def reset(self, qpos: Array, speed: float = 0.0) -> None:
+        """Put everything at a configuration, robot and board rolling ahead together.
+
+        Args:
+            qpos: Configuration of the whole scene, shape (nq,).
+            speed: Of board, wheels and robot along x [m/s].
+        """
+        mujoco.mj_resetData(self.model, self.data)
+        self.data.qpos[:] = qpos
+        self.data.qvel[[self.base_v, self.board_v]] = speed
+        for wheel in self.ids.wheel_joints:
+            self.data.qvel[wheel] = speed / self.ids.wheel_radius
+        if self._rake is not None:
+            set_trucks(self.model, self.data, self._rake, BOARD)
+        self.data.ctrl[self._actuators] = self.data.qpos[self._q]
+        mujoco.mj_forward(self.model, self.data)
+
+    def read(self) -> RobotState:
+        """Return the robot's own state, without noise."""
+        data, base, velocity = self.data, self.base_q, self.base_v
+        return RobotState(
+            time=float(data.time),
+            age=0.0,
+            quaternion=data.qpos[base + 3 : base + 7].copy(),
+            angular_velocity=data.qvel[velocity + 3 : velocity + 6].copy(),
+            joint_position=data.qpos[self._q],
+            joint_velocity=data.qvel[self._v],
+            joint_torque=data.actuator_force[self._actuators],
+        )
+
+    def send(self, command: JointCommand) -> None:
+        """Set targets and gains; MuJoCo's own servos follow them in every step, implicit in velocity."""
+        model = self.model
+        self.data.ctrl[self._actuators] = command.position
+        model.actuator_gainprm[self._actuators, 0] = command.stiffness
+        model.actuator_biasprm[self._actuators, 1] = -command.stiffness
+        model.actuator_biasprm[self._actuators, 2] = -command.damping
+
+    def step(self) -> None:
+        """Advance the simulation by one period of the servos."""
+        if self._rake is None:
+            mujoco.mj_step(self.model, self.data, self._substeps)
+            return
+        for _ in range(self._substeps):
+            mujoco.mj_step(self.model, self.data)
+            set_trucks(self.model, self.data, self._rake, BOARD)
+
+    def close(self) -> None:
+        """Do nothing: there is nothing to let go of."""
+
+    def push(self, velocity: Array) -> None:
+        """Change the robot's velocity at once, as a shove would [m/s], shape (2,)."""
+        self.data.qvel[self.base_v : self.base_v + 2] += velocity
+
+    def truth(self) -> Truth:
+        """Return what only a simulator knows of the present moment."""
+        model, data, ids = self.model, self.data, self.ids
+        feet_ground, feet_deck, wheels, other = ids.contacts(model, data)
+        q, v = self.board_q, self.board_v
+        board = data.body(ids.board)
+        forward = board.xmat.reshape(3, 3)[:, 0]
+        kinetic = _kinetic_energy(model, data)
+        w, x, y, z = data.qpos[q + 3 : q + 7]
+        return Truth(
+            board_position=data.qpos[q : q + 3].copy(),
+            board_heading=math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
+            board_speed=float(data.qvel[v : v + 3] @ forward),
+            roll=float(data.qpos[ids.tilt]),
+            trucks=data.qpos[ids.trucks],
+            pelvis_position=data.qpos[self.base_q : self.base_q + 3].copy(),
+            upright=float(data.xmat[ids.pelvis, 8]),
+            foot_on_ground=feet_ground > LOADED,
+            foot_on_deck=feet_deck > LOADED,
+            wheel_on_ground=wheels > LOADED / 5,
+            other_contacts=other,
+            energy=kinetic,
+        )
+
+
+class _Ids:
+    """Numbers of bodies, joints and geoms by what they are."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self.board = model.body(f"{BOARD}board").id
+        self.pelvis = model.body(f"{ROBOT}pelvis").id
+        self.tilt = int(model.joint(BOARD + TILT_JOINT).qposadr[0])
+        self.trucks = np.array([int(model.joint(BOARD + name).qposadr[0]) for name in TRUCK_JOINTS])
+        wheels = [model.joint(f"{BOARD}{wheel}_wheel_joint") for wheel in WHEELS]
+        self.wheel_joints = [int(joint.dofadr[0]) for joint in wheels]
+        self.wheel_radius = float(model.geom(f"{BOARD}{WHEELS[0]}_wheel_collision").size[0])
+        # What each geom is: 0, 1 feet; 2 deck; 3 to 6 wheels; 7 other parts of the board; 8 ground;
+        # 9 other parts of the robot.
+        self.kind = np.full(model.ngeom, 9)
+        feet = [model.body(ROBOT + name).id for name in FOOT_BODIES]
+        deck = model.body(f"{BOARD}deck").id
+        wheel_bodies = [model.body(f"{BOARD}{wheel}_wheel").id for wheel in WHEELS]
+        for geom in range(model.ngeom):
+            body = int(model.geom_bodyid[geom])
+            root = int(model.body_rootid[body])
+            if body in feet:
+                self.kind[geom] = feet.index(body)
+            elif body == deck:
+                self.kind[geom] = 2
+            elif body in wheel_bodies:
+                self.kind[geom] = 3 + wheel_bodies.index(body)
+            elif root == self.board:
+                self.kind[geom] = 7
+            elif model.body_weldid[body] == 0:
+                self.kind[geom] = 8
+
+    def contacts(self, model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, Array, Array, int]:
+        """Return force of feet on the ground (2,), on the deck (2,), wheels (4,) [N], and other contacts."""
+        ground, deck, wheels, other = np.zeros(2), np.zeros(2), np.zeros(4), 0
+        force = np.zeros(6)
+        pairs = self.kind[data.contact.geom] if data.ncon else np.zeros((0, 2), dtype=int)
+        for i, pair in enumerate(pairs):
+            first, second = int(pair.min()), int(pair.max())
+            robot = second == 9 and 2 <= first <= 8
+            other += robot
+            if robot or first == 9 or second == 9:
+                continue
+            mujoco.mj_contactForce(model, data, i, force)
+            if first < 2 and second == 8:
+                ground[first] += force[0]
+            elif first < 2 and second == 2:
+                deck[first] += force[0]
+            elif 3 <= first <= 6 and second == 8:
+                wheels[first - 3] += force[0]
+        return ground, deck, wheels, other
+
+
+def _kinetic_energy(model: mujoco.MjModel, data: mujoco.MjData) -> float:
+    """Return kinetic plus potential energy [J], whatever the model's flags."""
+    mujoco.mj_energyPos(model, data)
+    mujoco.mj_energyVel(model, data)
+    return float(data.energy.sum())

@@ -1,0 +1,236 @@
+"""The loop that runs a policy: 50 decisions a second over servos that step 500 times a second.
+
+Every tick reads the robot, checks it, asks the policy, checks the answer and sends it. Whatever a check
+finds ends the run in a damped stop: the servos hold nothing and only brake, until the robot has come
+down.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from policy_runtime.commands import Command, CommandSource
+from policy_runtime.policy import Policy
+from policy_runtime.robots import PD_PERIOD, JointCommand, Robot, RobotState
+from policy_runtime.safety import Guard, Limits
+from sim.skate.clock import CONTROL_PERIOD, STILL_SPEED, Clock
+from sim.skate.g1 import JOINTS, servos
+from sysid.roll import Array
+
+SERVO_STEPS = round(CONTROL_PERIOD / PD_PERIOD)
+"""Servo periods in one policy step."""
+STOP_TIME = 1.5
+"""How long the servos brake after a stop [s]."""
+
+
+class Tick(NamedTuple):
+    """What happened in one policy step, for recorders."""
+
+    time: float
+    """Since the start of the run [s]."""
+    step: int
+    """Policy steps since the cycle began."""
+    state: RobotState
+    command: Command
+    target: Array
+    """Joint targets [rad], shape (23,)."""
+    action: Array
+    """The policy's answer in its own units, shape (23,)."""
+
+
+class Event(NamedTuple):
+    """One line of the run's log."""
+
+    time: float
+    """Since the start of the run [s]."""
+    kind: str
+    """'start', 'stop' or 'end'."""
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Timing:
+    """How long the ticks took."""
+
+    decide: Array
+    """Reading, checking, asking the policy and sending [s], shape (ticks,)."""
+    tick: Array
+    """The whole tick without sleeping and recording [s], shape (ticks,)."""
+    late: Array
+    """How late each tick began, in real time [s], shape (ticks,)."""
+
+    def summary(self) -> dict[str, dict[str, float]]:
+        """Return median, 99th percentile and maximum of each [ms]."""
+        if not len(self.tick):
+            return {}
+        return {
+            name: {
+                "p50_ms": float(np.percentile(values, 50) * 1e3),
+                "p99_ms": float(np.percentile(values, 99) * 1e3),
+                "max_ms": float(np.max(values) * 1e3),
+            }
+            for name, values in (("decide", self.decide), ("tick", self.tick), ("late", self.late))
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunResult:
+    """How a run went."""
+
+    ticks: int
+    stopped: str | None
+    """Why it was stopped; None if it ended as planned."""
+    events: tuple[Event, ...]
+    timing: Timing
+
+    @property
+    def duration(self) -> float:
+        """Time during which the policy was in charge [s]."""
+        return self.ticks * CONTROL_PERIOD
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the result for machines."""
+        return {
+            "ticks": self.ticks,
+            "duration_s": self.duration,
+            "stopped": self.stopped,
+            "events": [{"t_s": event.time, "kind": event.kind, "text": event.text} for event in self.events],
+            "timing": self.timing.summary(),
+        }
+
+
+@dataclass(kw_only=True)
+class Runtime:
+    """One policy on one robot."""
+
+    robot: Robot
+    policy: Policy
+    commands: CommandSource
+    limits: Limits
+    real_time: bool = False
+    """Wait for the wall clock; a simulated robot runs as fast as it can without."""
+    on_tick: Callable[[Tick], None] | None = None
+    """Called once a tick, after the decision."""
+    on_event: Callable[[Event], None] | None = None
+    """Called for every line of the log as it is written."""
+    clock: Clock = field(default_factory=Clock)
+    stop_time: float = STOP_TIME
+    """How long the servos brake after a stop [s]."""
+
+    def run(self, duration: float = float("inf")) -> RunResult:
+        """Run until the time is over, the commands end, or a check stops the robot.
+
+        Args:
+            duration: Longest time [s].
+        """
+        return _Run(self).go(duration)
+
+
+class _Run:
+    """The state of one run."""
+
+    def __init__(self, runtime: Runtime) -> None:
+        self._runtime = runtime
+        self._robot = runtime.robot
+        self._guard = Guard(runtime.limits, CONTROL_PERIOD)
+        self._servos = servos()
+        self._events: list[Event] = []
+        self._times: list[tuple[float, float, float]] = []
+        self._ticks = self._step = 0
+        self._turn = 0.0
+
+    def go(self, duration: float) -> RunResult:
+        runtime = self._runtime
+        state = self._robot.read()
+        stopped = self._guard.check(state)
+        if stopped is None:
+            runtime.policy.reset(state)
+            self._log("start", f"policy '{runtime.policy.name}'")
+        start = time.perf_counter()
+        while stopped is None and self._ticks * CONTROL_PERIOD < duration - 1e-9:
+            begin = time.perf_counter()
+            tick = self._decide()
+            decided = time.perf_counter()
+            if not isinstance(tick, Tick):
+                stopped = tick
+                break
+            if runtime.on_tick is not None:
+                runtime.on_tick(tick)
+            recorded = time.perf_counter()
+            for servo in range(SERVO_STEPS):
+                self._robot.step()
+                if runtime.real_time:
+                    self._wait(start + self._ticks * CONTROL_PERIOD + (servo + 1) * PD_PERIOD)
+            late = begin - start - self._ticks * CONTROL_PERIOD if runtime.real_time else 0.0
+            spent = time.perf_counter() - recorded + decided - begin - self._slept
+            self._times.append((decided - begin, spent, late))
+            self._ticks += 1
+        self._finish(stopped)
+        times = np.array(self._times).reshape(-1, 3)
+        return RunResult(
+            ticks=self._ticks,
+            stopped=stopped,
+            events=tuple(self._events),
+            timing=Timing(decide=times[:, 0], tick=times[:, 1], late=times[:, 2]),
+        )
+
+    def _decide(self) -> Tick | str | None:
+        """Read, check, ask, send; return what happened, or why to stop, or None where the commands ended."""
+        self._slept = 0.0
+        runtime, now = self._runtime, self._ticks * CONTROL_PERIOD
+        state = self._robot.read()
+        stopped = self._guard.check(state)
+        if stopped is not None:
+            return stopped
+        wanted = runtime.commands.at(now)
+        if wanted is None:
+            return None
+        command = self._latch(wanted)
+        target = runtime.policy.act(state, command, self._step)
+        stopped = self._guard.check_target(target)
+        if stopped is not None:
+            return stopped
+        self._robot.send(
+            JointCommand(position=target, stiffness=self._servos.stiffness, damping=self._servos.damping)
+        )
+        tick = Tick(now, self._step, state, command, target, runtime.policy.action)
+        if command.speed >= STILL_SPEED:  # the cycle stands still while the robot does
+            self._step += 1
+        return tick
+
+    def _latch(self, wanted: Command) -> Command:
+        """Take speed at once, but a turn only when steering begins: it counts from the heading then."""
+        clock, position = self._runtime.clock, self._step % self._runtime.clock.period
+        if self._ticks == 0 or position == clock.push + clock.mount:
+            self._turn = wanted.turn
+        return Command(wanted.speed, self._turn)
+
+    def _finish(self, stopped: str | None) -> None:
+        if stopped is not None:
+            self._log("stop", stopped)
+        else:
+            self._log("end", f"after {self._ticks * CONTROL_PERIOD:.1f} s")
+        brake = JointCommand(
+            position=np.zeros(len(JOINTS)), stiffness=np.zeros(len(JOINTS)), damping=self._servos.damping
+        )
+        self._robot.send(brake)
+        begin = time.perf_counter()
+        for servo in range(round(self._runtime.stop_time / PD_PERIOD)):
+            self._robot.step()
+            if self._runtime.real_time:
+                self._wait(begin + (servo + 1) * PD_PERIOD)
+
+    def _wait(self, until: float) -> None:
+        left = until - time.perf_counter()
+        if left > 0:
+            time.sleep(left)
+            self._slept += left
+
+    def _log(self, kind: str, text: str) -> None:
+        event = Event(self._ticks * CONTROL_PERIOD, kind, text)
+        self._events.append(event)
+        if self._runtime.on_event is not None:
+            self._runtime.on_event(event)

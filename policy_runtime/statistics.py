@@ -1,0 +1,49 @@
+"""Means with 95 % intervals, over episodes and over seeds."""
+
+import math
+
+import numpy as np
+
+from sysid.quantity import Z95, Quantity
+from sysid.roll import Array
+
+
+def proportion(successes: int, trials: int) -> Quantity:
+    """Return a share with its Wilson 95 % interval, which stays within 0 and 1 (Wilson 1927)."""
+    if trials == 0:
+        return Quantity(math.nan, math.nan, "1", "no episode")
+    share, z2 = successes / trials, Z95**2
+    centre = (share + z2 / (2 * trials)) / (1 + z2 / trials)
+    half = Z95 / (1 + z2 / trials) * math.sqrt(share * (1 - share) / trials + z2 / (4 * trials**2))
+    std = math.sqrt(max(share * (1 - share), 0.0) / trials)
+    low, high = max(0.0, centre - half), min(1.0, centre + half)
+    return Quantity(share, std, "1", f"Wilson, {trials} episodes", (low, high))
+
+
+def mean_over(values: list[Array], unit: str) -> Quantity:
+    """Return the mean of a metric with its 95 % interval.
+
+    With three seeds or more the interval is Student's over the seeds' means, so that what a seed has in
+    common (its draw of boards, its commands) counts; with fewer it is over episodes.
+
+    Args:
+        values: One array of episode values for each seed; NaN are left out.
+        unit: Unit of the values.
+    """
+    finite = [array[np.isfinite(array)] for array in values]
+    everything = np.concatenate(finite) if finite else np.zeros(0)
+    if len(everything) == 0:
+        return Quantity(math.nan, math.nan, unit, "never came to it")
+    means = [float(array.mean()) for array in finite if len(array)]
+    if len(means) >= 3:
+        sample, over = np.array(means), "seeds"
+    else:
+        sample, over = everything, "episodes"
+    mean = float(sample.mean())
+    if len(sample) < 2:
+        return Quantity(mean, math.nan, unit, "one episode")
+    from scipy.stats import t
+
+    error = float(sample.std(ddof=1)) / math.sqrt(len(sample))
+    half = float(t.ppf(0.975, len(sample) - 1)) * error
+    return Quantity(mean, error, unit, f"mean over {len(sample)} {over}", (mean - half, mean + half))
