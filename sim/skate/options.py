@@ -35,10 +35,10 @@ class SkateOptions:
     turn: float = math.pi / 4
     """Largest commanded change of heading to either side [rad]."""
     start: Start = field(default_factory=Start)
-    spread: Spread | None = field(default_factory=Spread)
-    """How boards are drawn from the posterior; None trains on the record itself."""
     boards: int = 64
-    """Number of boards drawn."""
+    """Number of boards drawn from the posterior; 0 trains on the record itself."""
+    spread: Spread = field(default_factory=Spread)
+    """How they are drawn."""
     pushes: float = 0.5
     """Largest change of velocity by external pushes [m/s]; 0 for none."""
     mount_steps: int = 30

@@ -216,7 +216,7 @@ def _events(
             ranges=(0.8, 2.0),
         ),
     }
-    if options.spread is not None:
+    if options.boards > 0:
         rng = np.random.default_rng(seed)
         draws = tilt_draws(draw_boards(board, options.boards, options.spread, rng), scene.timestep)
         events["tilt_joint"] = startup(randomisation.draw_tilt_joint, draws=draws)

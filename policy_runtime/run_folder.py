@@ -1,0 +1,192 @@
+"""The folder of a training run: everything needed to understand it and to go on with it.
+
+| file | content |
+|---|---|
+| config.toml | every option, resolved |
+| board.toml | the record that is trained for |
+| origin.json | hashes of record and motions, versions, host, seed, start, whether the board had passed |
+| curves.jsonl | one line an iteration, see `policy_runtime.progress` |
+| curves.png | the same as a picture |
+| checkpoints/model_N.pt | networks, normalisers, optimisers after iteration N |
+| policy.onnx | the last checkpoint's policy with its metadata |
+"""
+
+import dataclasses
+import json
+import tomllib
+import types
+import typing
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+import tomlkit
+
+from sim.skate.options import SkateOptions
+from sysid.errors import HuskyError, did_you_mean
+from sysid.files import write_atomically
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LearnOptions:
+    """Numbers of the learner (HUSKY, table of PPO)."""
+
+    environments: int = 4096
+    """Worlds a process."""
+    steps: int = 24
+    """Policy steps a world and iteration."""
+    iterations: int = 3000
+    seed: int = 1
+    hidden: tuple[int, ...] = (512, 256, 128)
+    """Widths of actor and critic."""
+    initial_std: float = 0.5
+    """Standard deviation of the first actions. The paper's 1.0 makes the penalties on action differences
+    outweigh everything that can be earned, so that falling early pays."""
+    epochs: int = 5
+    mini_batches: int = 4
+    clip: float = 0.2
+    value_weight: float = 1.0
+    entropy: float = 0.005
+    learning_rate: float = 1e-3
+    """Where the adaptive rate starts."""
+    desired_kl: float = 0.01
+    gamma: float = 0.99
+    lam: float = 0.95
+    """λ of generalised advantage estimation."""
+    gradient_norm: float = 1.0
+    save_every: int = 100
+    """Iterations between checkpoints."""
+    style_weight: float = 5.0
+    """Weight of the style reward per second."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunConfig:
+    """All options of a run."""
+
+    task: SkateOptions = field(default_factory=SkateOptions)
+    learn: LearnOptions = field(default_factory=LearnOptions)
+
+
+@dataclass(frozen=True, slots=True)
+class RunFolder:
+    """Paths in a run's folder."""
+
+    path: Path
+
+    @property
+    def config(self) -> Path:
+        """The resolved options."""
+        return self.path / "config.toml"
+
+    @property
+    def board(self) -> Path:
+        """The board's record."""
+        return self.path / "board.toml"
+
+    @property
+    def origin(self) -> Path:
+        """What the run was made from."""
+        return self.path / "origin.json"
+
+    @property
+    def curves(self) -> Path:
+        """One JSON line an iteration."""
+        return self.path / "curves.jsonl"
+
+    @property
+    def policy(self) -> Path:
+        """The exported policy."""
+        return self.path / "policy.onnx"
+
+    def checkpoint(self, iteration: int) -> Path:
+        """Return the path of the checkpoint after an iteration."""
+        return self.path / "checkpoints" / f"model_{iteration}.pt"
+
+    def checkpoints(self) -> list[Path]:
+        """Return all checkpoints, oldest first."""
+        return sorted((self.path / "checkpoints").glob("model_*.pt"), key=_iteration)
+
+    def write_config(self, config: RunConfig) -> None:
+        """Write the options.
+
+        Raises:
+            HuskyError: The folder cannot be written to.
+        """
+        write_atomically(self.config, tomlkit.dumps(_plain(dataclasses.asdict(config))))
+
+    def read_config(self) -> RunConfig:
+        """Read the options back.
+
+        Raises:
+            HuskyError: There is no such run, or an option is unknown or of the wrong kind.
+        """
+        try:
+            raw = tomllib.loads(self.config.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise HuskyError(f"{self.config}: no training run there ({error.strerror}).") from error
+        except tomllib.TOMLDecodeError as error:
+            raise HuskyError(f"{self.config}: not a TOML file ({error}).") from error
+        return _build(RunConfig, raw, str(self.config))
+
+    def read_curves(self) -> list[dict[str, float]]:
+        """Return the iterations' reports; a last line cut short by a kill is left out."""
+        lines = self.curves.read_text(encoding="utf-8").splitlines() if self.curves.exists() else []
+        rows: list[dict[str, float]] = []
+        for line in lines:
+            try:
+                rows.append(json.loads(line))
+            except json.JSONDecodeError:
+                break
+        return rows
+
+
+def _iteration(path: Path) -> int:
+    return int(path.stem.removeprefix("model_"))
+
+
+def _plain(value: Any) -> Any:
+    """Return nested dictionaries with lists for tuples, as TOML has them."""
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _build(kind: type[T], raw: Any, where: str) -> T:
+    """Return a dataclass from nested dictionaries, checking names and kinds."""
+    if not isinstance(raw, Mapping):
+        raise HuskyError(f"{where}: is {raw!r}; expected a table.")
+    hints = typing.get_type_hints(kind)
+    values: dict[str, Any] = {}
+    for name, value in raw.items():
+        if name not in hints:
+            raise HuskyError(f"{where}: unknown option '{name}'.{did_you_mean(name, hints)}")
+        values[name] = _value(hints[name], value, f"{where}: {name}")
+    try:
+        return kind(**values)
+    except ValueError as error:
+        raise HuskyError(f"{where}: {error}.") from error
+
+
+def _value(hint: Any, value: Any, where: str) -> Any:
+    if dataclasses.is_dataclass(hint) and isinstance(hint, type):
+        return _build(hint, value, where)
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if origin is tuple:
+        if not isinstance(value, list):
+            raise HuskyError(f"{where} is {value!r}; expected a list.")
+        return tuple(_value(arguments[0], item, where) for item in value)
+    if origin is typing.Literal:
+        if value not in arguments:
+            raise HuskyError(f"{where} is {value!r}; expected one of {', '.join(map(str, arguments))}.")
+        return value
+    if origin in (types.UnionType, typing.Union):
+        return value
+    if hint is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if not isinstance(value, hint):
+        raise HuskyError(f"{where} is {value!r}; expected {hint.__name__}.")
+    return value

@@ -1,0 +1,345 @@
+# pyright: reportMissingImports=false, reportUnknownParameterType=false, reportUnknownLambdaType=false
+"""The training loop: mjlab's worlds, rsl_rl's PPO with the style extension, one process a GPU.
+
+`python -m policy_runtime.train FOLDER` goes on with the run in a folder (see `policy_runtime.run_folder`);
+under torchrun every process does its share. The command line writes the folder and calls this.
+"""
+
+import argparse
+import contextlib
+import json
+import math
+import os
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from policy_runtime.motions import load_motions, windows
+from policy_runtime.run_folder import LearnOptions, RunConfig, RunFolder
+from sysid.board import load_board
+from sysid.errors import HuskyError
+from sysid.files import atomic_path, sha256
+
+if TYPE_CHECKING:
+    from mjlab.rl import RslRlVecEnvWrapper
+
+    from policy_runtime.amp import AmpPPO
+
+Report = Callable[[dict[str, float]], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Process:
+    """This process among those of the run."""
+
+    rank: int
+    count: int
+    device: str
+
+    @property
+    def leads(self) -> bool:
+        """Whether this process writes files."""
+        return self.rank == 0
+
+
+def join_processes(device: str) -> Process:
+    """Read torchrun's environment and join the other processes, if there are any.
+
+    Args:
+        device: 'cpu' or 'cuda'.
+    """
+    import torch
+
+    count, rank = int(os.environ.get("WORLD_SIZE", "1")), int(os.environ.get("RANK", "0"))
+    local = int(os.environ.get("LOCAL_RANK", "0"))
+    if device == "cuda":
+        device = f"cuda:{local}"
+        torch.cuda.set_device(local)
+    if count > 1 and not torch.distributed.is_initialized():
+        torch.distributed.init_process_group("nccl" if device != "cpu" else "gloo")
+    return Process(rank, count, device)
+
+
+def train(
+    folder: RunFolder,
+    *,
+    device: str,
+    iterations: int | None = None,
+    minutes: float = math.inf,
+    report: Report | None = None,
+) -> int:
+    """Train from the folder's newest checkpoint, or from the start, and return the iterations done in all.
+
+    Args:
+        folder: A run's folder with configuration and record.
+        device: 'cpu' or 'cuda'.
+        iterations: Iterations in all; the configuration's if None.
+        minutes: Stop, with a checkpoint, after so much time.
+        report: Called by the leading process with every iteration's numbers.
+
+    Raises:
+        HuskyError: The folder is not a run, or the numbers have stopped being finite.
+    """
+    import torch
+
+    config = folder.read_config()
+    process = join_processes(device)
+    deadline = time.monotonic() + 60 * minutes
+    with contextlib.redirect_stdout(sys.stderr):
+        env, algorithm = build(folder, config, process)
+    start = restore(folder, env, algorithm, process)
+    if process.count > 1:
+        algorithm.broadcast_parameters()
+    total = config.learn.iterations if iterations is None else iterations
+    done = _learn(folder, config.learn, env, algorithm, process, (start, total), deadline, report)
+    env.close()
+    if process.count > 1:
+        torch.distributed.barrier()
+    return done
+
+
+def build(folder: RunFolder, config: RunConfig, process: Process) -> tuple["RslRlVecEnvWrapper", "AmpPPO"]:
+    """Build the worlds and the learner of a run."""
+    import torch
+    from mjlab.envs import ManagerBasedRlEnv
+    from mjlab.rl import RslRlVecEnvWrapper
+    from mjlab.utils.torch import configure_torch_backends
+
+    from sim.skate.task import skate_env_cfg
+
+    configure_torch_backends()
+    seed = config.learn.seed + process.rank
+    torch.manual_seed(seed)
+    env_cfg = skate_env_cfg(
+        load_board(folder.board), config.task, environments=config.learn.environments, seed=seed
+    )
+    env = RslRlVecEnvWrapper(ManagerBasedRlEnv(env_cfg, device=process.device))
+    return env, build_learner(env, config.learn, process)
+
+
+def build_learner(env: Any, learn: LearnOptions, process: Process) -> "AmpPPO":
+    """Build PPO with the style extension for worlds."""
+    import torch
+
+    from policy_runtime.amp import AmpOptions, AmpPPO
+
+    reference = np.concatenate([windows(motion).reshape(-1, 5 * 23) for motion in load_motions()])
+    model = {
+        "class_name": "MLPModel",
+        "hidden_dims": learn.hidden,
+        "activation": "elu",
+        "obs_normalization": True,
+    }
+    gaussian = {"class_name": "GaussianDistribution", "init_std": learn.initial_std, "std_type": "scalar"}
+    settings: dict[str, Any] = {
+        "num_steps_per_env": learn.steps,
+        "obs_groups": {"actor": ["actor"], "critic": ["critic"]},
+        "multi_gpu": None
+        if process.count == 1
+        else {"global_rank": process.rank, "local_rank": process.rank, "world_size": process.count},
+        "actor": model | {"distribution_cfg": gaussian},
+        "critic": dict(model),
+        "algorithm": {
+            "class_name": AmpPPO,
+            "amp": AmpOptions(weight=learn.style_weight),
+            "reference": torch.tensor(reference, dtype=torch.float),
+            "num_learning_epochs": learn.epochs,
+            "num_mini_batches": learn.mini_batches,
+            "clip_param": learn.clip,
+            "value_loss_coef": learn.value_weight,
+            "entropy_coef": learn.entropy,
+            "learning_rate": learn.learning_rate,
+            "desired_kl": learn.desired_kl,
+            "gamma": learn.gamma,
+            "lam": learn.lam,
+            "max_grad_norm": learn.gradient_norm,
+            "schedule": "adaptive",
+            "rnd_cfg": None,
+            "symmetry_cfg": None,
+        },
+    }
+    with contextlib.redirect_stdout(sys.stderr):
+        learner = AmpPPO.construct_algorithm(env.get_observations(), env, settings, process.device)
+    learner.train_mode()
+    return learner
+
+
+def restore(folder: RunFolder, env: Any, algorithm: "AmpPPO", process: Process) -> int:
+    """Load the newest checkpoint, if there is one, and return the number of iterations done."""
+    import torch
+
+    checkpoints = folder.checkpoints()
+    if not checkpoints:
+        return 0
+    try:
+        kept = torch.load(checkpoints[-1], map_location=process.device, weights_only=True)
+        algorithm.load(kept, None, strict=True)
+    except (RuntimeError, KeyError, EOFError) as error:
+        raise HuskyError(
+            f"{checkpoints[-1]}: not a checkpoint of this run ({str(error).splitlines()[0]}). "
+            "Delete it to go on from the one before."
+        ) from error
+    env.unwrapped.common_step_counter = kept["step_counter"]
+    return kept["iteration"]
+
+
+def save(folder: RunFolder, env: Any, algorithm: "AmpPPO", iteration: int) -> None:
+    """Write a checkpoint in one step."""
+    import torch
+
+    content = algorithm.save() | {
+        "iteration": iteration,
+        "step_counter": env.unwrapped.common_step_counter,
+    }
+    with atomic_path(folder.checkpoint(iteration)) as temporary:
+        torch.save(content, temporary)
+
+
+def export(folder: RunFolder, algorithm: "AmpPPO") -> None:
+    """Write the policy as it is now."""
+    from policy_runtime.onnx_export import export_policy, policy_metadata
+
+    metadata = policy_metadata(load_board(folder.board), sha256(folder.board), folder.path.name)
+    export_policy(algorithm.get_policy(), folder.policy, metadata)
+
+
+def _learn(
+    folder: RunFolder,
+    learn: LearnOptions,
+    env: Any,
+    algorithm: "AmpPPO",
+    process: Process,
+    span: tuple[int, int],
+    deadline: float,
+    report: Report | None,
+) -> int:
+    """Iterate from span[0] to span[1] or until the deadline; return the iterations done."""
+    import torch
+
+    from policy_runtime.progress import Progress
+
+    progress = Progress(env.unwrapped)
+    iteration = span[0]
+    lengths = torch.randint_like(env.episode_length_buf, int(env.max_episode_length))
+    env.episode_length_buf = lengths  # else all worlds would time out together
+    obs = env.get_observations()
+    while iteration < span[1]:
+        began = time.monotonic()
+        obs = collect(env, algorithm, obs, learn.steps, progress)
+        numbers = progress.read()  # waits for the device
+        collected = time.monotonic()
+        numbers |= algorithm.update()
+        check_finite(algorithm, numbers, iteration)
+        iteration += 1
+        ended = time.monotonic()
+        numbers |= {
+            "iteration": iteration,
+            "samples": iteration * learn.steps * learn.environments * process.count,
+            "collect_s": collected - began,
+            "learn_s": ended - collected,
+            "steps_per_s": learn.steps * learn.environments * process.count / (ended - began),
+            "learning_rate": algorithm.learning_rate,
+            "action_std": float(algorithm.get_policy().output_std.mean()),
+        }
+        stop = _agreed(ended > deadline, process) or iteration >= span[1]
+        if process.leads:
+            with folder.curves.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(numbers) + "\n")
+            if report is not None:
+                report(numbers)
+            if stop or iteration % learn.save_every == 0:
+                save(folder, env, algorithm, iteration)
+                export(folder, algorithm)
+        if stop:
+            break
+    return iteration
+
+
+def collect(env: Any, algorithm: "AmpPPO", obs: Any, steps: int, progress: Any) -> Any:
+    """Let the policy act for some steps and return the last observation; returns are computed too."""
+    import torch
+
+    with torch.inference_mode():
+        for _ in range(steps):
+            obs, rewards, dones, extras = env.step(algorithm.act(obs))
+            algorithm.process_env_step(obs, rewards, dones, extras)
+            progress.add(algorithm.style_reward)
+        algorithm.compute_returns(obs)
+    return obs
+
+
+def check_finite(algorithm: "AmpPPO", numbers: dict[str, float], iteration: int) -> None:
+    """Stop when a loss is not a number any more, naming what first went wrong.
+
+    Raises:
+        HuskyError: With the observation group, its column and the world, or the reward, or the loss.
+    """
+    import torch
+
+    bad = [name for name, value in numbers.items() if not math.isfinite(value)]
+    if not bad:
+        return
+    groups = {**algorithm.storage.observations.items(), "reward": algorithm.storage.rewards}
+    for name, values in groups.items():
+        where = torch.nonzero(~torch.isfinite(values))
+        if len(where):
+            step, world, column = (int(i) for i in where[0])
+            raise HuskyError(
+                f"iteration {iteration}: {name}, number {column}, of world {world} is not finite at step {step}. "
+                "The simulation has become unstable there; go on from the last checkpoint with another seed."
+            )
+    raise HuskyError(
+        f"iteration {iteration}: {', '.join(bad)} is not finite although all observations and rewards are. "
+        "Lower --learning-rate and go on from the last checkpoint."
+    )
+
+
+def _agreed(flag: bool, process: Process) -> bool:
+    """Return whether any process says so, in all of them the same."""
+    if process.count == 1:
+        return flag
+    import torch
+
+    said = torch.tensor(float(flag), device=process.device)
+    torch.distributed.all_reduce(said)
+    return bool(said > 0)
+
+
+def main() -> None:
+    """Go on with a run; what torchrun starts."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--device", default="cuda", choices=("cpu", "cuda"))
+    parser.add_argument("--iterations", type=int)
+    parser.add_argument("--minutes", type=float, default=math.inf)
+    arguments = parser.parse_args()
+    try:
+        train(
+            RunFolder(arguments.folder),
+            device=arguments.device,
+            iterations=arguments.iterations,
+            minutes=arguments.minutes,
+            report=lambda numbers: print(one_line(numbers), file=sys.stderr),  # noqa: T201
+        )
+    except HuskyError as error:
+        print(f"error: {error}", file=sys.stderr)  # noqa: T201
+        raise SystemExit(error.exit_code) from None
+
+
+def one_line(numbers: dict[str, float]) -> str:
+    """Return an iteration's main numbers on one line."""
+    return (
+        f"{numbers['iteration']:.0f}: {numbers['steps_per_s']:,.0f} steps/s  reward {numbers['reward']:.2f}  "
+        f"survival {numbers['survival']:.2f}  falls/min {numbers['falls_per_minute']:.2f}  "
+        f"speed error {numbers['speed_error']:.3f} m/s  heading error {numbers['heading_error']:.3f} rad  "
+        f"both feet {numbers['both_feet']:.2f}  style {numbers['style']:.2f}  std {numbers['action_std']:.2f}"
+    )
+
+
+if __name__ == "__main__":
+    main()
