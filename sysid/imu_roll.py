@@ -1,4 +1,4 @@
-"""Roll from an inertial sensor: a rate gyro alone, gyro and accelerometer, or an orientation quaternion."""
+"""Roll from an inertial sensor: gyro alone, gyro and accelerometer, or an orientation quaternion."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -6,30 +6,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sysid.errors import HuskyError
+from sysid.gyro import REST_BLOCK, find_rest, roll_from_rate
 from sysid.log_clock import Clock
 from sysid.log_columns import Choice
-from sysid.log_names import RATE_UNITS
+from sysid.log_names import ACCEL_UNITS, RATE_UNITS
 from sysid.log_noise import estimate_noise, saturated
 from sysid.roll import Array, Roll
+from sysid.rotations import quaternion_matrices, rotation_angles
 
 if TYPE_CHECKING:
+    from sysid.gravity import Gravity
     from sysid.logs import LogOptions
 
-REST_BLOCK = 0.2
-"""Length of a stretch that is tested for rest [s]."""
+STANDARD_GRAVITY = ACCEL_UNITS["g"]
+ONE_AXIS = 0.8
+"""Share of the rotation about one axis from which on a motion counts as one-axis."""
+UPRIGHT = 0.8
+"""Cosine between roll axis and vertical beyond which gravity tells too little of roll."""
+
 MAX_RATE = 35.0
 """No common gyro measures more than 2000 °/s = 34.9 rad/s: larger numbers are degrees."""
-
-
-@dataclass(frozen=True, slots=True)
-class Bias:
-    """Offset of a rate gyro."""
-
-    value: Array
-    """Offset at each sample [rad/s], shape (n,)."""
-    std: float
-    """Standard deviation of its mean [rad/s]; inf where nothing tells it."""
-    how: str
 
 
 def roll_from_imu(
@@ -38,63 +35,198 @@ def roll_from_imu(
     """Return roll from the chosen columns of an inertial sensor.
 
     Raises:
-        HuskyError: The sensor did not move, or gravity lies along the roll axis.
+        HuskyError: The record is too short for it.
     """
-    rates = np.stack([data[name] for name in choice.columns[:3]], axis=1)
-    rates = rates * rate_scale(rates, choice)
-    return roll_from_rate(path, choice, clock, rates[:, 0] * choice.sign)
-
-
-def roll_from_rate(path: Path, choice: Choice, clock: Clock, rate: Array) -> Roll:
-    """Integrate one rotation rate [rad/s], shape (n,), to roll.
-
-    The zero of roll is the rest angle, as far as the record shows it: a gyro knows no vertical. The error of
-    the integral is a random walk; fits should use `Roll.rate`, whose errors are independent.
-    """
-    noise = estimate_noise(rate)
-    bias = estimate_bias(clock.time, rate, noise.std)
-    free = rate - bias.value
-    steps = np.diff(clock.time)
-    angle = np.concatenate(([0.0], np.cumsum(0.5 * (free[1:] + free[:-1]) * steps)))
-    angle -= resting_level(angle)
-    walk = noise.std * np.sqrt(np.cumsum(np.concatenate((steps[:1], steps))) * np.median(steps))
-    rate_std = np.full(rate.size, noise.std)
-    excess = saturated(rate, noise)
-    warnings = [*clock.warnings, *choice.warnings]
-    if excess.any():
-        np.maximum(rate_std, excess, out=rate_std)
-        warnings.append(
-            f"the gyro is saturated at {np.abs(rate[excess > 0]).max():.3g} rad/s in {np.count_nonzero(excess)} "
-            "samples: angles after them are off, use a range that is wide enough"
-        )
-        walk = np.sqrt(walk**2 + np.cumsum((excess * np.median(steps)) ** 2))
-    if not np.isfinite(bias.std):
-        warnings.append(
-            "no rest and no oscillation to find the gyro's offset from: taken as 0, roll may drift"
-        )
+    columns = np.stack([data[name] for name in choice.columns], axis=1)
+    if choice.source == "quaternion":
+        return _roll_from_quaternion(path, choice, clock, columns)
+    rates = columns[:, :3]
+    accel = accel_in_si(columns[:, 3:], choice) if choice.source == "imu" else None
+    rates = rates * rate_scale(clock.time, rates, accel, choice)
+    if rates.shape[1] == 1:
+        return roll_from_rate(path, choice, clock, rates[:, 0] * choice.sign)
+    axis = find_roll_axis(clock.time, rates, choice)
+    gravity = None if accel is None else _gravity(clock.time, rates, accel, axis, options)
+    if gravity is None:
+        return roll_from_rate(path, choice, clock, rates @ axis.vector)
+    if gravity.lever_arm is not None:
+        arm = ", ".join(f"{100 * value:.1f}" for value in gravity.lever_arm)
+        known = "given" if options.lever_arm else "estimated"
+        choice.notes.append(f"accelerometer sits ({arm}) cm from the axis of rotation, {known}")
+    roll = angle_about(axis.vector, gravity.up, choice)
+    if roll is None:
+        choice.warnings.append("the roll axis stands upright, where gravity tells no roll: gyro alone")
+        return roll_from_rate(path, choice, clock, rates @ axis.vector)
+    noise = estimate_noise(gravity.rate @ axis.vector).std
+    offset = ", ".join(f"{value:.2g}" for value in gravity.offset)
+    _warn_of_saturation(choice, columns)
     return Roll(
         log=str(path),
         time=clock.time,
-        roll=angle,
-        std=np.maximum(walk, noise.std * float(np.median(steps))),
-        origin="gyro",
-        rate=free,
-        rate_std=rate_std,
-        notes=(
-            f"gyro offset {np.mean(bias.value):.3g} rad/s ± {bias.std:.1g} {bias.how}",
-            f"gyro noise {noise.std:.2g} rad/s; roll is zero at rest, a gyro knows no vertical",
-        ),
-        warnings=tuple(warnings),
+        roll=roll,
+        std=np.maximum(gravity.std, noise * float(np.median(np.diff(clock.time)))),
+        origin="imu",
+        rate=gravity.rate @ axis.vector,
+        rate_std=np.full(roll.size, noise),
+        notes=(f"gyro offset ({offset}) rad/s, gyro noise {noise:.2g} rad/s",),
+        warnings=(*clock.warnings, *choice.warnings),
     )
 
 
-def rate_scale(rates: Array, choice: Choice) -> float:
+def _gravity(
+    time: Array, rates: Array, accel: Array, axis: "RollAxis", options: "LogOptions"
+) -> "Gravity | None":
+    from sysid.gravity import smooth_gravity
+
+    noise = float(np.mean([estimate_noise(rates[:, k]).std for k in range(3)]))
+    rest = find_rest(time, rates @ axis.vector, estimate_noise(rates @ axis.vector).std, 1)
+    return smooth_gravity(
+        time,
+        rates,
+        accel,
+        offset=None if rest is None else rates[rest].mean(axis=0),
+        offset_std=0.1 if rest is None else 2e-3,
+        rate_noise=noise,
+        lever_arm=None if options.lever_arm is None else np.array(options.lever_arm),
+        find_lever_arm=axis.share > ONE_AXIS,
+    )
+
+
+def _roll_from_quaternion(path: Path, choice: Choice, clock: Clock, quaternion: Array) -> Roll:
+    """Return the swing of an orientation about its roll axis; the orientation turns sensor into earth axes."""
+    norm = np.linalg.norm(quaternion, axis=1)
+    if not np.all(np.abs(norm - 1) < 0.1):
+        raise HuskyError(
+            f"{', '.join(map(repr, choice.columns))}: {np.count_nonzero(np.abs(norm - 1) >= 0.1)} rows are no "
+            "orientation (their norm is not 1). Is the order w, x, y, z and the file whole?"
+        )
+    attitude = quaternion_matrices(quaternion)
+    turned = rotation_angles(attitude[:-1].transpose(0, 2, 1) @ attitude[1:])
+    rates = turned / np.diff(clock.time)[:, None]
+    rates = np.concatenate((rates[:1], 0.5 * (rates[1:] + rates[:-1]), rates[-1:]))
+    axis = find_roll_axis(clock.time, rates, choice)
+    roll = angle_about(axis.vector, attitude[:, 2, :], choice)
+    if roll is None:  # the axis stands upright: the sum of the turns is all there is
+        roll = np.concatenate(([0.0], np.cumsum(turned @ axis.vector)))
+        choice.notes.append("the roll axis stands upright: roll is counted from the first sample")
+    noise = estimate_noise(roll)
+    return Roll(
+        log=str(path),
+        time=clock.time,
+        roll=roll,
+        std=np.full(roll.size, noise.std),
+        origin="quaternion",
+        notes=(f"noise {np.rad2deg(noise.std):.3g}° from the signal itself",),
+        warnings=(*clock.warnings, *choice.warnings),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class RollAxis:
+    """The axis that the deck turns about, in sensor axes."""
+
+    vector: Array
+    """Unit vector forward, shape (3,)."""
+    share: float
+    """Share of the squared rotation rate that is about it, 0 to 1."""
+
+
+def find_roll_axis(time: Array, rates: Array, choice: Choice) -> RollAxis:
+    """Return the user's axis, or the one that the sensor turns about most; its largest component is positive.
+
+    Args:
+        time: Time [s], shape (n,).
+        rates: Rotation rates in sensor axes [rad/s], shape (n, 3).
+        choice: Gets notes and warnings; its axis and sign count.
+    """
+    free = rates - np.median(rates, axis=0)
+    moments, axes = np.linalg.eigh(free.T @ free)
+    if choice.axis:
+        vector = np.eye(3)["xyz".index(choice.axis)]
+        share = float(np.sum((free @ vector) ** 2) / max(moments.sum(), 1e-30))
+        choice.notes.append(
+            f"roll about the sensor's {'-' if choice.sign < 0 else '+'}{choice.axis}, as --axis says"
+        )
+    else:
+        vector = axes[:, -1] * np.sign(axes[np.argmax(np.abs(axes[:, -1])), -1])
+        share = float(moments[-1] / max(moments.sum(), 1e-30))
+        main = "xyz"[int(np.argmax(np.abs(vector)))]
+        shown = ", ".join(f"{value:.2f}" for value in vector)
+        choice.notes.append(
+            f"roll about ({shown}) of the sensor, {100 * share:.0f} % of its rotation, taken as forward; "
+            f"--axis -{main} if the sensor's {main} points backward"
+        )
+    if share < ONE_AXIS:
+        choice.warnings.append(
+            f"the sensor turns about several axes (only {100 * share:.0f} % about the roll axis): not a one-axis motion"
+        )
+    return RollAxis(vector * choice.sign, share)
+
+
+def angle_about(axis: Array, up: Array, choice: Choice) -> Array | None:
+    """Return the roll about an axis from the vertical in sensor axes, shape (n,); None if the axis is upright.
+
+    Roll is zero where the sensor axis that is nearest to the vertical points along it, as seen along the roll
+    axis: a sensor that lies flat reads the true roll, whichever of its faces is up.
+    """
+    mean = up.mean(axis=0)
+    if np.median(np.abs(up @ axis)) > UPRIGHT:
+        return None
+    square = np.eye(3) - np.outer(axis, axis)
+    facing = (square @ mean) / np.linalg.norm(square, axis=0).clip(1e-9)
+    facing[np.linalg.norm(square, axis=0) < 0.5] = 0.0  # nearly along the roll axis
+    nearest = int(np.argmax(np.abs(facing)))
+    sign = 1.0 if facing[nearest] >= 0 else -1.0
+    top = square[:, nearest] * sign
+    top /= np.linalg.norm(top)
+    left = np.cross(top, axis)
+    choice.notes.append(
+        f"roll is zero where the sensor's {'+' if sign > 0 else '-'}{'xyz'[nearest]} points up"
+    )
+    return np.unwrap(np.arctan2(up @ left, up @ top))
+
+
+def accel_in_si(accel: Array, choice: Choice) -> Array | None:
+    """Return the accelerations in m/s²; None, with a warning, where they hold no gravity."""
+    norm = float(np.median(np.linalg.norm(accel, axis=1)))
+    if choice.accel_unit is not None:
+        scale = ACCEL_UNITS[choice.accel_unit]
+    else:
+        known = {
+            unit: size for unit, size in ACCEL_UNITS.items() if 0.8 < norm * size / STANDARD_GRAVITY < 1.25
+        }
+        scale = next(iter(known.values()), STANDARD_GRAVITY / norm if norm > 100 else 1.0)
+        unit = next(iter(known), f"counts of {scale:.3g} m/s²")
+        choice.notes.append(f"accelerations in {unit}, because they rest at {norm:.4g}")
+    if not 0.7 < norm * scale / STANDARD_GRAVITY < 1.4:
+        choice.warnings.append(
+            f"'{choice.columns[3]}' holds no gravity (it rests at {norm * scale:.2g} m/s²): gyro alone. "
+            "Record the accelerometer with gravity"
+        )
+        return None
+    return accel * scale
+
+
+def _warn_of_saturation(choice: Choice, columns: Array) -> None:
+    for name, column in zip(choice.columns, columns.T, strict=True):
+        count = np.count_nonzero(saturated(column, estimate_noise(column)))
+        if count:
+            choice.warnings.append(
+                f"'{name}' is saturated in {count} samples (up to {np.abs(column).max():.4g}): "
+                "angles after them are off, use a range that is wide enough"
+            )
+
+
+def rate_scale(time: Array, rates: Array, accel: Array | None, choice: Choice) -> float:
     """Return rad/s per unit of the rates, shape (n, m), adding to the choice's notes how that is known."""
     if choice.scale is not None:
         choice.notes.append(f"one count is {choice.scale:g} rad/s, as --unit says")
         return choice.scale
     if choice.unit is not None:
         return RATE_UNITS[choice.unit]
+    if accel is not None and (unit := _unit_by_gravity(time, rates, accel)) is not None:
+        choice.notes.append(f"rates in {unit}, because so they turn the accelerometer's vertical")
+        return RATE_UNITS[unit]
     largest = float(np.abs(rates).max())
     unit = "deg/s" if largest > MAX_RATE else "rad/s"
     choice.warnings.append(
@@ -104,82 +236,19 @@ def rate_scale(rates: Array, choice: Choice) -> float:
     return RATE_UNITS[unit]
 
 
-def estimate_bias(time: Array, rate: Array, noise: float) -> Bias:
-    """Find a gyro's offset from the rest at the beginning and the end, or else from the oscillation.
-
-    Where both ends rest and differ by more than their noise, the offset goes in a straight line from one to
-    the other (a sensor that warms up).
-    """
-    rests = [rest for rest in (_rest(time, rate, noise, 1), _rest(time, rate, noise, -1)) if rest is not None]
-    if len(rests) == 2 and rests[0][0] < rests[1][0]:
-        (t0, b0, s0), (t1, b1, s1) = rests
-        if abs(b1 - b0) > 5 * np.hypot(s0, s1):
-            return Bias(
-                np.interp(time, (t0, t1), (b0, b1)), max(s0, s1), "from the rest at both ends, drifting"
-            )
-        weights = np.array((s0, s1)) ** -2.0
-        value = float(np.average((b0, b1), weights=weights))
-        return Bias(np.full(rate.size, value), float(weights.sum() ** -0.5), "from the rest at both ends")
-    if rests:
-        where = "beginning" if rests[0][0] < time[-1] / 2 else "end"
-        return Bias(np.full(rate.size, rests[0][1]), rests[0][2], f"from the rest at the {where}")
-    level = oscillation_level(rate)
-    if level is None:
-        return Bias(np.zeros(rate.size), np.inf, "(unknown)")
-    return Bias(np.full(rate.size, level[0]), level[1], "from the oscillation itself: the log has no rest")
-
-
-def resting_level(angle: Array) -> float:
-    """Return the rest angle: where a quiet end lies, else what the oscillation is about, else the median."""
-    tail = angle[-max(8, angle.size // 20) :]
-    if np.ptp(tail) < 0.02 * np.ptp(angle):
-        return float(np.mean(tail))
-    level = oscillation_level(angle)
-    return float(np.median(angle)) if level is None else level[0]
-
-
-def oscillation_level(signal: Array) -> tuple[float, float] | None:
-    """Return the level that a decaying oscillation is about, and its standard deviation; None if there is none.
-
-    A decaying sine about a level c satisfies y(t + 2m) = a y(t + m) + b y(t) + (1 - a - b) c for any lag m
-    (Prony); least squares over the record, with m a quarter of the period, gives c.
-    """
-    centred = signal - np.mean(signal)
-    crossings = np.flatnonzero(np.diff(np.signbit(centred)))
-    spans = np.diff(crossings)
-    long = spans[spans > 0.3 * spans.max()] if spans.size else spans
-    if long.size < 2:
+def _unit_by_gravity(time: Array, rates: Array, accel: Array) -> str | None:
+    """Return the unit in which the rates turn gravity as the accelerometer sees it: g' = -ω × g."""
+    size = max(1, round(REST_BLOCK / float(np.median(np.diff(time)))))
+    count = time.size // size
+    if count < 8:
         return None
-    lag = max(1, int(np.median(long) / 2))
-    if signal.size < 6 * lag:
+    means = [values[: count * size].reshape(count, size, 3).mean(axis=1) for values in (rates, accel)]
+    change = np.diff(means[1], axis=0) / (size * float(np.median(np.diff(time))))
+    middle = [0.5 * (values[1:] + values[:-1]) for values in means]
+    turned = -np.cross(middle[0] - np.median(rates, axis=0), middle[1])
+    agreement = float(np.sum(change * turned))
+    if agreement < 0.3 * np.linalg.norm(change) * np.linalg.norm(turned):
         return None
-    design = np.stack((signal[lag:-lag], signal[: -2 * lag], np.ones(signal.size - 2 * lag)), axis=1)
-    target = signal[2 * lag :]
-    solution, *_ = np.linalg.lstsq(design, target, rcond=None)
-    gain = float(1 - solution[0] - solution[1])
-    residual = float(np.std(target - design @ solution))
-    # Residuals are alike over about a lag: that many fewer of them are independent.
-    std = residual / max(gain, 1e-9) * np.sqrt(lag / target.size)
-    level = float(solution[2]) / gain if gain > 0.1 else np.inf
-    return (level, std) if abs(level - np.mean(signal)) < np.ptp(signal) / 2 else None
-
-
-def _rest(time: Array, rate: Array, noise: float, direction: int) -> tuple[float, float, float] | None:
-    """Return time, mean rate and its standard deviation of the rest at one end of the log, if there is one."""
-    period = float(np.median(np.diff(time)))
-    size = max(16, round(REST_BLOCK / period))
-    ordered = rate[::direction]
-    blocks = ordered[: ordered.size // size * size].reshape(-1, size)
-    if not len(blocks):
-        return None
-    means = blocks.mean(axis=1)
-    limit = 2.5 * noise
-    quiet = (blocks.std(axis=1) < limit) & (np.abs(means - means[0]) < limit)
-    count = int(np.argmin(quiet)) if not quiet.all() else len(blocks)
-    if count == 0 or (count == len(blocks)) or abs(means[0]) > 0.3 * np.abs(rate).max():
-        return None
-    still = ordered[: count * size]
-    middle = time[::direction][count * size // 2]
-    # Neighbouring blocks tell how far the mean really wanders, which white noise alone does not.
-    wander = means[:count].std(ddof=1) / np.sqrt(count) if count > 2 else 0.0
-    return float(middle), float(still.mean()), float(max(still.std() / np.sqrt(still.size), wander, 1e-12))
+    found = agreement / float(np.sum(turned**2))
+    unit = min(RATE_UNITS, key=lambda name: abs(np.log(RATE_UNITS[name] / found)))
+    return unit if abs(np.log(RATE_UNITS[unit] / found)) < np.log(2) else None
