@@ -8,6 +8,7 @@ import numpy as np
 
 from sysid.board import Board
 from sysid.errors import HuskyError
+from sysid.hermite import hermite_matrix
 from sysid.joint_flow import LINEAR, Structure, build_flow, steps_for, structure_of, unroll
 from sysid.roll import Array
 
@@ -89,9 +90,7 @@ class Trajectory:
     """Its rate [rad/s], shape (n,)."""
 
 
-def simulate(
-    law: JointLaw, time: Array, angle: float, rate: float = 0.0, *, hold: float = 1e3
-) -> Trajectory:
+def simulate(law: JointLaw, time: Array, angle: float, rate: float = 0.0, *, hold: float = 1e3) -> Trajectory:
     """Let go of the deck and watch it.
 
     Args:
@@ -120,30 +119,11 @@ def simulate(
             f"the simulated roll grows without bound from {np.degrees(angle):.3g} degrees: "
             "the law has no stable rest. Check the signs and sizes of its effects."
         )
-    roll, roll_rate = hermite(seen[0], seen[1], true_time, h)
+    grid = seen.T.ravel()
+    roll = hermite_matrix(true_time, h, steps) @ grid
+    roll_rate = hermite_matrix(true_time, h, steps, slope=True) @ grid / ratio
     roll = roll + effects.get("sensor-bias", (0.0,))[0] + effects.get("sensor-drift", (0.0,))[0] * true_time
     return Trajectory(np.asarray(time), roll, roll_rate)
-
-
-def hermite(values: Array, slopes: Array, time: Array, h: float) -> tuple[Array, Array]:
-    """Interpolate values with slopes on a grid of step h at `time`: cubic Hermite, values and slopes.
-
-    Args:
-        values: On the grid, shape (..., g).
-        slopes: On the grid, shape (..., g).
-        time: Where to look [s], shape (n,), within the grid.
-        h: Grid step [s].
-
-    Returns:
-        Values and slopes at `time`, shape (..., n) each.
-    """
-    index = np.minimum((time / h).astype(np.int64), values.shape[-1] - 2)
-    s = time / h - index
-    a, b = values[..., index], values[..., index + 1]
-    p, q = h * slopes[..., index], h * slopes[..., index + 1]
-    value = (1 + 2 * s) * (1 - s) ** 2 * a + s * (1 - s) ** 2 * p + s**2 * (3 - 2 * s) * b - s**2 * (1 - s) * q
-    slope = 6 * s * (1 - s) * (b - a) + (1 - s) * (1 - 3 * s) * p + s * (3 * s - 2) * q
-    return value, slope / h
 
 
 def _simulate_steps(law: JointLaw, time: Array, angle: float, rate: float, h: float) -> Trajectory:

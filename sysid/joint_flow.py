@@ -142,7 +142,9 @@ class Mechanics:
     def friction(self, speed: Any) -> Any:
         """Return the dry friction of all effects at that speed [N*m]."""
         levels = [
-            part.friction(self.m, speed, values) for part, values, _ in self.slots if part.friction is not None
+            part.friction(self.m, speed, values)
+            for part, values, _ in self.slots
+            if part.friction is not None
         ]
         return sum(levels[1:], levels[0]) if levels else 0.0
 
@@ -278,7 +280,9 @@ def build_flow(structure: Structure, *, free_states: bool, sensitivities: bool) 
     else:
         moved, seen = carried, ca.SX(2, 0)
     accumulated, given = ca.vertcat(y, ca.vec(carried)), ca.vertcat(parameters, h)
-    results = ca.cse([ca.vertcat(following, ca.vec(moved)), ca.densify(ca.vertcat(ca.vec(out), ca.vec(seen)))])
+    results = ca.cse(
+        [ca.vertcat(following, ca.vec(moved)), ca.densify(ca.vertcat(ca.vec(out), ca.vec(seen)))]
+    )
     step = ca.Function("step", [accumulated, given], results)
     return Flow(structure, free_states, sensitivities, begin, step)
 
@@ -309,7 +313,7 @@ def _output(structure: Structure, mechanics: Mechanics, y: Any) -> Any:
     for part, values, states in mechanics.slots:
         if part.name == "lowpass":
             state = part.states[0]
-            assert state.rate is not None  # noqa: S101  a filter has a rate
+            assert state.rate is not None
             return ca.vertcat(
                 y[states.start], state.rate(mechanics.m, mechanics.motion(y), y[states.start], values)
             )

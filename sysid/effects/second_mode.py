@@ -86,7 +86,7 @@ EFFECT = Effect(
             size=lambda s: s.stiffness / s.frequency,
             low=0.0,
             high=10.0,
-            starts=(0.2,),
+            starts=(0.03, 0.3),
         ),
     ),
     law="J s̈ = -k_s s - d_s ṡ + k x + d v - Σ τ, with x = φ - s - rest angle",

@@ -1,0 +1,262 @@
+"""From releases to normal equations: single shooting with exact sensitivities.
+
+All releases share the physics; each has its own roll and rate at release, its own internal states, and
+on request its own sensor bias. Unknowns are scaled by their sizes, so that one is a large change of any.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from sysid.effects.base import Scales
+from sysid.hermite import hermite_matrix
+from sysid.joint_flow import Flow, Structure, build_flow, steps_for, unroll
+from sysid.least_squares import Normal
+from sysid.roll import Array, Release
+
+Bias = Literal["shared", "own"]
+"""Sensor zero: one for all releases (it is then part of the rest angle), or one for each."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Record:
+    """What is fitted of one release."""
+
+    release: Release
+    time: Array
+    """Since the release [s], shape (n,)."""
+    signal: Array
+    """Measured roll [rad], or roll rate [rad/s] if `is_rate`, shape (n,)."""
+    is_rate: bool
+    std: float
+    """Noise of the signal, one number [rad or rad/s]."""
+
+
+def make_records(releases: Sequence[Release], std: float, *, rate: bool) -> tuple[Record, ...]:
+    """Cut the tails at rest that say nothing new and return what is to be fitted.
+
+    Args:
+        releases: From one board.
+        std: Noise floor of the signal [rad or rad/s].
+        rate: Fit the measured rate (the roll is only its integral) instead of the roll.
+    """
+    records: list[Record] = []
+    for release in releases:
+        measured = release.rate if rate and release.rate is not None else release.roll
+        end = _end_of_motion(release, measured, std)
+        time = release.time[:end] - release.time[0]
+        records.append(Record(release=release, time=time, signal=measured[:end], is_rate=rate, std=std))
+    return tuple(records)
+
+
+def _end_of_motion(release: Release, signal: Array, std: float) -> int:
+    """Return how many samples to keep: the motion, and half as long again of the rest after it.
+
+    A long rest would outweigh the motion and teach nothing: a joint that sticks is still. The last tenth
+    of a release that came to rest may hold the hand that comes for the next one, and is left out.
+    """
+    n = len(signal)
+    if release.end != "rest":
+        return n
+    quiet = max(16, int(0.9 * n))
+    level = float(np.median(signal[int(0.7 * quiet) : quiet]))
+    window = max(1, n // 100)
+    smooth = np.convolve(signal[:quiet] - level, np.ones(window) / window, mode="same")
+    moving = np.flatnonzero(np.abs(smooth[: quiet - window]) > 5.0 * std / np.sqrt(window))
+    last = int(moving[-1]) if len(moving) else quiet
+    return min(quiet, int(1.5 * last) + 16)
+
+
+@dataclass(frozen=True, slots=True)
+class _Path:
+    """What turns one record into residuals."""
+
+    record: Record
+    steps: int
+    at: Any
+    """Sparse matrix from grid values and slopes to the samples, shape (n, 2 steps)."""
+
+
+@dataclass(slots=True)
+class Problem:
+    """Least squares of one structure on some records.
+
+    The vector of unknowns is: free parameters of the joint, then for each record its roll, rate, free
+    internal states and, with bias 'own', its bias; each in units of its size.
+    """
+
+    structure: Structure
+    records: Sequence[Record]
+    scales: Scales
+    bias: Bias = "shared"
+    fixed: Mapping[str, float] = field(default_factory=dict[str, float])
+    """Parameters held at a value, by the structure's names."""
+    free_states: bool = True
+    steps_per_period: int = 40
+    weights: Sequence[Array] | None = None
+    """Of each sample of each record, for robust losses; None for all ones."""
+    _flow: Flow = field(init=False)
+    _paths: list[_Path] = field(init=False)
+    step: float = field(init=False)
+    """Integration step [s]."""
+
+    def __post_init__(self) -> None:
+        """Lay the grid and build the CasADi functions."""
+        self._flow = build_flow(self.structure, free_states=self.free_states, sensitivities=True)
+        self.step = 2 * np.pi / self.scales.frequency / self.steps_per_period
+        self._paths = []
+        for record in self.records:
+            steps = steps_for(float(record.time[-1]), self.step)
+            at = hermite_matrix(record.time, self.step, steps, slope=record.is_rate)
+            self._paths.append(_Path(record, steps, at))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The structure's parameters that are free."""
+        return tuple(n for n in self.structure.parameters[1:] if n not in self.fixed)
+
+    @property
+    def own(self) -> int:
+        """How many unknowns each record has of its own."""
+        return self._flow.unknowns + (self.bias == "own")
+
+    @property
+    def samples(self) -> int:
+        """Number of residuals."""
+        return sum(len(record.time) for record in self.records)
+
+    def sizes(self) -> Array:
+        """Return the size of each unknown, shape (p,)."""
+        s = self.scales
+        known = {"stiffness": s.stiffness, "damping": s.stiffness / s.frequency, "rest_angle": s.amplitude}
+        for part in self.structure.parts:
+            known.update({f"{part.name}.{p.name}": p.size(s) for p in part.parameters})
+        own = [s.amplitude, s.rate]
+        if self.free_states:
+            own += [state.size(s) for state in self.structure.states]
+        own += [s.amplitude] if self.bias == "own" else []
+        return np.array([known[name] for name in self.names] + own * len(self.records))
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Return lower and upper bounds in units of the sizes, shape (p,) each."""
+        known = {"stiffness": (-3.0, 50.0), "damping": (-0.5, 20.0), "rest_angle": (-2.0, 2.0)}
+        for part in self.structure.parts:
+            known.update({f"{part.name}.{p.name}": (p.low, p.high) for p in part.parameters})
+        own = [(-4.0, 4.0)] * 2
+        if self.free_states:
+            own += [(-10.0, 10.0)] * len(self.structure.states)
+        own += [(-2.0, 2.0)] if self.bias == "own" else []
+        pairs = np.array([known[name] for name in self.names] + own * len(self.records))
+        return pairs[:, 0], pairs[:, 1]
+
+    def start(self, parameters: Mapping[str, float]) -> Array:
+        """Return unknowns for given parameters; the rest from the records themselves."""
+        values = [parameters[name] for name in self.names]
+        vector = self.vector_of(parameters)
+        for record in self.records:
+            roll, rate = _first_motion(record)
+            own = [roll, rate]
+            if self.free_states:
+                held = build_flow(self.structure, free_states=False, sensitivities=False)
+                start = np.asarray(held.begin(vector, own, max(record.release.hold, 0.0))).ravel()
+                own += list(start[2:])
+            values += own + ([0.0] if self.bias == "own" else [])
+        return np.array(values) / self.sizes()
+
+    def vector_of(self, parameters: Mapping[str, float]) -> Array:
+        """Return the structure's parameter vector, inertia first."""
+        full = {"inertia": self.scales.inertia, **parameters, **self.fixed}
+        return np.array([full[name] for name in self.structure.parameters])
+
+    def parameters(self, unknowns: Array) -> dict[str, float]:
+        """Return all parameters by name, fixed ones included, without the inertia."""
+        count = len(self.names)
+        values = unknowns[:count] * self.sizes()[:count]
+        return {**dict(zip(self.names, map(float, values), strict=True)), **self.fixed}
+
+    def residuals(self, unknowns: Array) -> list[Array]:
+        """Return model minus measurement of each record [rad or rad/s]."""
+        return [pair[0] for pair in self.linearise(unknowns)]
+
+    def linearise(self, unknowns: Array) -> list[tuple[Array, Array]]:
+        """Return residual, shape (n,), and Jacobian, shape (n, free + own), of each record; not scaled.
+
+        The Jacobian's columns are the free parameters and then the record's own unknowns.
+        """
+        sizes = self.sizes()
+        values = unknowns * sizes
+        shared, own = len(self.names), self.own
+        parameters = self.parameters(unknowns)
+        vector = self.vector_of(parameters)
+        free = [i for i, n in enumerate(self.structure.parameters[1:]) if n not in self.fixed]
+        count = len(self.structure.parameters) - 1
+        columns = free + list(range(count, count + self._flow.unknowns))
+        result: list[tuple[Array, Array]] = []
+        for index, path in enumerate(self._paths):
+            mine = values[shared + index * own : shared + (index + 1) * own]
+            start = self._flow.begin(vector, mine[: self._flow.unknowns], max(path.record.release.hold, 0.0))
+            seen = np.asarray(unroll(self._flow, path.steps)(start, np.append(vector, self.step)))
+            table = np.empty((2 * path.steps, 1 + len(columns)))
+            table[0::2, 0], table[1::2, 0] = seen[0], seen[1]
+            table[0::2, 1:] = seen[2::2][columns].T
+            table[1::2, 1:] = seen[3::2][columns].T
+            with np.errstate(all="ignore"):
+                at = path.at @ table
+            result.append(self._observed(path.record, at, mine, parameters))
+        return result
+
+    def _observed(
+        self, record: Record, at: Array, mine: Array, values: Mapping[str, float]
+    ) -> tuple[Array, Array]:
+        """Subtract the measurement and add what the sensor adds of its own."""
+        residual, jacobian = at[:, 0] - record.signal, at[:, 1:]
+        one = np.ones_like(record.time)
+        columns = {
+            "sensor-bias.angle": 0 * one if record.is_rate else one,
+            "sensor-drift.rate": one if record.is_rate else record.time,
+        }
+        for name, column in columns.items():
+            if name in values:
+                residual = residual + column * values[name]
+            if name in self.names:
+                jacobian[:, self.names.index(name)] += column
+        if self.bias == "own":
+            residual = residual + mine[-1]
+            jacobian = np.column_stack([jacobian, np.ones(len(residual))])
+        return residual, jacobian
+
+    def normal(self, unknowns: Array) -> Normal:
+        """Return cost and normal equations, residuals in units of their noise."""
+        shared, own = len(self.names), self.own
+        sizes = self.sizes()
+        gradient = np.zeros(len(sizes))
+        hessian = np.zeros((len(sizes), len(sizes)))
+        cost = 0.0
+        for index, (residual, jacobian) in enumerate(self.linearise(unknowns)):
+            if not np.all(np.isfinite(residual)) or not np.all(np.isfinite(jacobian)):
+                return Normal(np.inf, gradient, hessian)
+            where = np.r_[0:shared, shared + index * own : shared + (index + 1) * own]
+            if max(float(np.abs(residual).max()), float(np.abs(jacobian).max())) > 1e30:
+                return Normal(np.inf, gradient, hessian)
+            scale = 1.0 / self.records[index].std
+            r, j = residual * scale, jacobian * (scale * sizes[where])
+            if self.weights is not None:
+                root = np.sqrt(self.weights[index])
+                r, j = r * root, j * root[:, None]
+            cost += 0.5 * float(r @ r)
+            gradient[where] += j.T @ r
+            hessian[np.ix_(where, where)] += j.T @ j
+        return Normal(cost, gradient, hessian)
+
+
+def _first_motion(record: Record) -> tuple[float, float]:
+    """Return roll and rate at release from a parabola through the first samples."""
+    release = record.release
+    if record.is_rate:
+        return float(release.roll[0]), float(np.median(record.signal[:3]))
+    span = max(5, int(np.searchsorted(record.time, 0.01)))
+    t, y = record.time[:span], record.signal[:span]
+    fit = np.polynomial.polynomial.polyfit(t, y, min(2, len(t) - 1))
+    return float(fit[0]), float(fit[1]) if span > 12 else 0.0

@@ -1,0 +1,115 @@
+"""Bounded nonlinear least squares: Levenberg–Marquardt on normal equations.
+
+Small on purpose: the residuals of a joint fit come with an exact Jacobian, have a dozen unknowns, and
+are reduced to normal equations release by release, which scipy's solvers cannot take.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+Status = Literal["converged", "stalled", "out of iterations"]
+
+
+@dataclass(frozen=True, slots=True)
+class Normal:
+    """Cost and normal equations at one point."""
+
+    cost: float
+    """Half the sum of squared residuals; inf where the model cannot be evaluated."""
+    gradient: Array
+    """Jᵀ r, shape (p,)."""
+    hessian: Array
+    """Jᵀ J, shape (p, p)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Minimum:
+    """Where the search ended."""
+
+    point: Array
+    normal: Normal
+    status: Status
+    evaluations: int
+    at_bound: npt.NDArray[np.bool_]
+    """Which variables ended on a bound, shape (p,)."""
+
+
+def minimise(
+    evaluate: Callable[[Array], Normal],
+    start: Array,
+    low: Array,
+    high: Array,
+    *,
+    iterations: int = 60,
+    tolerance: float = 1e-7,
+    damping: float = 1e-3,
+) -> Minimum:
+    """Minimise half the sum of squares over a box (Marquardt 1963; Moré 1978 for the scaling).
+
+    Args:
+        evaluate: Cost, gradient and Gauss–Newton Hessian at a point.
+        start: Start, shape (p,); it is moved into the box.
+        low: Lower bounds, shape (p,).
+        high: Upper bounds, shape (p,).
+        iterations: Steps tried at most.
+        tolerance: Relative fall of the cost, predicted and found, below which the search ends.
+        damping: First Marquardt parameter.
+    """
+    point = np.clip(start, low, high)
+    here = evaluate(point)
+    evaluations, factor = 1, damping
+    status: Status = "out of iterations"
+    for _ in range(iterations):
+        blocked = ((point <= low) & (here.gradient > 0)) | ((point >= high) & (here.gradient < 0))
+        step = _step(here, ~blocked, factor)
+        trial = np.clip(point + step, low, high)
+        moved = trial - point
+        predicted = -float(here.gradient @ moved + 0.5 * moved @ here.hessian @ moved)
+        if predicted <= tolerance * here.cost:
+            status = "converged"
+            if factor <= 1.0:
+                break
+        there = evaluate(trial)
+        evaluations += 1
+        fall = here.cost - there.cost
+        if np.isfinite(there.cost) and fall > 0:
+            share = fall / max(predicted, 1e-300)
+            point, here = trial, there
+            factor = max(factor * (0.1 if share > 0.75 else 0.4 if share > 0.25 else 2.0), 1e-9)
+            if fall <= tolerance * here.cost and predicted <= 10 * tolerance * here.cost:
+                status = "converged"
+                break
+            status = "out of iterations"
+        else:
+            if status == "converged":
+                break
+            factor *= 8.0
+            if factor > 1e9:
+                status = "stalled"
+                break
+    span = 1e-9 * np.maximum(1.0, np.abs(point))
+    return Minimum(point, here, status, evaluations, (point <= low + span) | (point >= high - span))
+
+
+def _step(here: Normal, free: npt.NDArray[np.bool_], factor: float) -> Array:
+    """Return the damped Gauss–Newton step in the free variables; the others stay."""
+    step = np.zeros_like(here.gradient)
+    if not free.any():
+        return step
+    hessian = here.hessian[np.ix_(free, free)]
+    diagonal = np.diag(hessian)
+    floor = max(float(diagonal.max()), 1e-300) * 1e-12
+    damped = hessian + np.diag(factor * np.maximum(diagonal, floor))
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(damped), 1e-300))
+    scaled = damped * np.outer(scale, scale)
+    try:
+        step[free] = -scale * np.linalg.solve(scaled, scale * here.gradient[free])
+    except np.linalg.LinAlgError:
+        step[free] = -scale * (np.linalg.pinv(scaled) @ (scale * here.gradient[free]))
+    return step

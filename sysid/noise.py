@@ -1,0 +1,134 @@
+"""What a sensor cannot know: noise floor, correlation of residuals, and a test whether they are white."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import comb
+
+import numpy as np
+
+from sysid.roll import Array, Release
+
+_ORDERS = (2, 4, 6, 8)
+"""Even difference orders; a higher one removes more of the motion but is a little noisier."""
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseFloor:
+    """Standard deviation of the sensor noise, and how it was found."""
+
+    std: float
+    """[rad], or [rad/s] for a rate."""
+    how: str
+
+
+def difference_std(signal: Array) -> float:
+    """Return the noise of a sampled smooth motion from its high-order differences.
+
+    Differences of order m suppress a motion of frequency f by (2 sin πf/f_s)^m and keep white noise,
+    whose m-th difference has variance C(2m, m) σ². The order is raised until the estimate stops
+    falling by more than its own uncertainty. Kinks of the motion are few, so a robust spread
+    (median absolute deviation) of the differences is taken.
+
+    Args:
+        signal: Evenly sampled, shape (n,), n > 16.
+
+    Returns:
+        Standard deviation in the signal's unit. It holds for noise that is independent from sample to
+        sample; a smoothing sensor has more noise than this shows.
+    """
+    best = np.inf
+    for order in _ORDERS:
+        differences = np.diff(signal, order)
+        if len(differences) < 8:
+            break
+        spread = float(np.sqrt(np.mean(differences**2)))
+        robust = 1.4826 * float(np.median(np.abs(differences - np.median(differences))))
+        if robust > 0 and spread > 1.3 * robust:  # a few kinks or outliers, not the noise
+            spread = robust
+        estimate = spread / np.sqrt(comb(2 * order, order))
+        if estimate >= best * (1 - 1.0 / np.sqrt(len(differences))):
+            break
+        best = estimate
+    return float(best)
+
+
+def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloor:
+    """Estimate the sensor noise of some releases.
+
+    From differences, pooled over all samples: a motion is smooth, white noise is not. Two kinds of sensor
+    need more. One that smooths (a filter, a fusion of sensors) has noise that differences do not show; the
+    spread at rest shows it. One with coarse steps shows no noise at all while it stands still; a
+    twelfth of the step squared is the least that counts.
+    """
+    squares, still, count, resting = 0.0, 0.0, 0, 0
+    for release in releases:
+        signal = _signal(release, rate=rate)
+        squares += len(signal) * difference_std(signal) ** 2
+        count += len(signal)
+        if release.end == "rest":
+            tail = signal[int(0.65 * len(signal)) : int(0.9 * len(signal))]
+            t = np.linspace(-1, 1, len(tail))
+            still += float(np.sum((tail - np.polyval(np.polyfit(t, tail, 1), t)) ** 2))
+            resting += len(tail)
+    std = float(np.sqrt(squares / count))
+    unit = "rad/s" if rate else "rad"
+    level = _quantisation(releases, rate=rate)
+    if level / np.sqrt(12) > std:
+        return NoiseFloor(level / float(np.sqrt(12)), f"from the sensor's steps of {level:.3g} {unit}")
+    spread = float(np.sqrt(still / resting)) if resting > 50 else 0.0
+    if spread > 1.2 * std:
+        return NoiseFloor(
+            spread,
+            f"from the spread at rest; the sensor smooths (sample to sample it moves by {std:.2g} {unit} only)",
+        )
+    return NoiseFloor(std, f"from high-order differences of {count} samples: what no smooth motion can do")
+
+
+def _signal(release: Release, *, rate: bool) -> Array:
+    return release.rate if rate and release.rate is not None else release.roll
+
+
+def _quantisation(releases: Sequence[Release], *, rate: bool) -> float:
+    """Return the step of a sensor that has one (most neighbours are equal or one step apart), else 0."""
+    jumps = np.concatenate([np.abs(np.diff(_signal(r, rate=rate))) for r in releases])
+    moving = jumps[jumps > 1e-12]
+    if len(moving) < 8 or len(moving) > 0.95 * len(jumps):
+        return 0.0
+    step = float(moving.min())
+    return step if np.mean(np.abs(moving / step - np.round(moving / step)) < 0.02) > 0.95 else 0.0
+
+
+def autocorrelation(residuals: Sequence[Array], lags: int) -> Array:
+    """Return the pooled autocorrelation of residuals for lags 0 to `lags`, shape (lags + 1,)."""
+    total = np.zeros(lags + 1)
+    for residual in residuals:
+        n = len(residual)
+        size = 1 << (2 * n - 1).bit_length()
+        spectrum = np.abs(np.fft.rfft(residual, size)) ** 2
+        covariance = np.fft.irfft(spectrum, size)[: min(lags + 1, n)]
+        total[: len(covariance)] += covariance
+    return total / max(total[0], 1e-300)
+
+
+def ljung_box(residuals: Sequence[Array], lags: int = 20) -> tuple[float, int]:
+    """Return the Ljung–Box statistic pooled over releases and its degrees of freedom (Biometrika 1978)."""
+    statistic, degrees = 0.0, 0
+    for residual in residuals:
+        n = len(residual)
+        count = min(lags, n // 5)
+        if count < 1:
+            continue
+        rho = autocorrelation([residual], count)[1:]
+        statistic += n * (n + 2) * float(np.sum(rho**2 / (n - np.arange(1, count + 1))))
+        degrees += count
+    return statistic, degrees
+
+
+def correlation_length(residuals: Sequence[Array]) -> float:
+    """Return over how many samples residuals are correlated: 1 + 2 Σ ρ up to the first lag within noise."""
+    n = sum(len(r) for r in residuals)
+    longest = max(2, min(max(len(r) for r in residuals) // 4, 2000))
+    rho = autocorrelation(residuals, longest)[1:]
+    small = np.flatnonzero(rho < 2.0 / np.sqrt(n))
+    end = int(small[0]) if len(small) else len(rho)
+    return float(1 + 2 * np.sum(rho[:end]))
