@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from sysid.cli.console import Common, Printer
 from sysid.errors import HuskyError
-from sysid.synth import SynthOptions, parse_effect, synthesise
+from sysid.synth import SynthOptions, complete_effects, parse_effect, synthesise
 from sysid.synth_sensors import Dialect, Sensor
 
 DEFAULT_ANGLE = 0.87
@@ -47,52 +47,34 @@ def synth(
 
     The truth is written beside the log, as LOG.truth.json.
 
-    Parameters
-    ----------
-    board:
-        The board that is recorded.
-    output:
-        The log to write: .csv, or .zip for the dialects phyphox and sensor-logger.
-    effect:
-        A hidden effect, NAME=V[,V...] in SI units, e.g. coulomb=0.1; may be repeated.
-    release_angle:
-        Roll at a release, e.g. 10, 10deg or 0.17rad (degrees without a unit), right edge down positive; may
-        be repeated, one release each.
-    releases:
-        Number of releases where no angles are given: alternating sides, each smaller than the one before.
-    rate:
-        Samples per second; 1000, or what the simulator's step gives with the effect 'discretisation'.
-    duration:
-        Time left to each free decay [s].
-    hold:
-        Time for which the deck is held before each release [s].
-    noise_deg:
-        White noise of an angle sample [degrees].
-    quantisation_deg:
-        Step of an angle sensor [degrees].
-    jitter:
-        Standard deviation of the sampling instants, in sampling periods.
-    dropout:
-        Share of samples that are missing.
-    seed:
-        Seed of everything random; the same seed makes the same file.
-    dialect:
-        How the log is written.
-    lever_arm:
-        Where an IMU sits, from the tilt axis: forward, left, up [m].
-    gyro_bias:
-        Offset of a gyro [rad/s].
-    gyro_noise:
-        White noise of a gyro sample [rad/s].
-    accelerometer_noise:
-        White noise of an accelerometer sample [m/s^2].
-    hand:
-        Keep rest and hand in the log; without, it starts at the only release.
+    Args:
+        board: The board that is recorded.
+        output: The log to write: .csv, or .zip for the dialects phyphox and sensor-logger.
+        effect: A hidden effect, NAME=V[,V...] in SI units, e.g. coulomb=0.1; may be repeated.
+        release_angle: Roll at a release, e.g. 10, 10deg or 0.17rad (degrees without a unit), right edge down
+            positive; may be repeated, one release each.
+        releases: Number of releases where no angles are given: alternating sides, each smaller than the one
+            before.
+        rate: Samples per second; 1000, or what the simulator's step gives with the effect 'discretisation'.
+        duration: Time left to each free decay [s].
+        hold: Time for which the deck is held before each release [s].
+        noise_deg: White noise of an angle sample [degrees].
+        quantisation_deg: Step of an angle sensor [degrees].
+        jitter: Standard deviation of the sampling instants, in sampling periods.
+        dropout: Share of samples that are missing.
+        seed: Seed of everything random; the same seed makes the same file.
+        dialect: How the log is written.
+        lever_arm: Where an IMU sits, from the tilt axis: forward, left, up [m].
+        gyro_bias: Offset of a gyro [rad/s].
+        gyro_noise: White noise of a gyro sample [rad/s].
+        accelerometer_noise: White noise of an accelerometer sample [m/s^2].
+        hand: Keep rest and hand in the log; without, it starts at the only release.
+        common: Shared options.
     """
     printer = Printer(common)
     record = common.space.load_board(board)
     limit = record.tilt["range"].value
-    effects = dict(parse_effect(text) for text in effect)
+    effects = complete_effects(dict(parse_effect(text) for text in effect))
     if len(effects) < len(effect):
         raise HuskyError("an effect is given twice; each may be given once.")
     angles = _angles(release_angle, releases, limit)

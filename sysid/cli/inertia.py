@@ -1,0 +1,387 @@
+"""`husky-sysid inertia METHOD`: roll inertia from dimensions, parts, swings, weights or two decays."""
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import App, Parameter
+
+from sysid.cli.console import Common, Printer
+from sysid.errors import HuskyError
+from sysid.quantity import Quantity
+from sysid.quantity_text import parse_quantity
+
+NOTES = """Quantities are written 2.58, 2.58±0.05 or 2.58+-0.05 in SI units (± is the 95 % interval), or with a unit: 20±0.2cm,
+184ms, 3.1deg, 6.5Hz. Distances are from the tilt axis. Every method takes --json PATH and --workspace DIR, and
+--save BOARD to put the result into the board's record."""
+
+inertia = App(name="inertia", help_epilogue=NOTES)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Outcome(Common):
+    """Options of every method."""
+
+    save: str | None = None
+    """Put the inertia into the record of this board in the workspace; stiffness, damping and torques follow."""
+
+
+Text = Annotated[str, Parameter(negative="", allow_leading_hyphen=True)]
+Texts = Annotated[tuple[str, ...], Parameter(negative="", allow_leading_hyphen=True)]
+UNITS = {
+    "mass": "kg", "stiffness": "N*m/rad", "period": "s", "amplitude": "rad", "bare": "rad/s",
+    "loaded": "rad/s", "own": "kg*m^2", "gravity": "m/s^2",
+}  # fmt: skip
+"""Of the options; what is not named is a length in m."""
+MAY_BE_ZERO = ("distance", "amplitude")
+
+
+@inertia.command
+def cuboid(
+    *, mass: Text, width: Text, height: Text, distance: Text = "0", outcome: Outcome = Outcome()
+) -> int:
+    """Uniform cuboid: m (w² + h²) / 12 + m e².
+
+    Args:
+        mass: Mass m [kg].
+        width: Width w across the deck [m].
+        height: Height h [m].
+        distance: Distance e of its centre from the tilt axis [m].
+        outcome: What to do with the result.
+    """
+    from sysid import inertia as methods
+
+    given = {"mass": mass, "width": width, "height": height, "distance": distance}
+    return _report("cuboid", methods.cuboid, given, outcome)
+
+
+@inertia.command
+def parts(
+    *,
+    cuboid: Texts = (),
+    cylinder: Texts = (),
+    point: Texts = (),
+    body: Texts = (),
+    outcome: Outcome = Outcome(),
+) -> int:
+    """Sum of several parts by the parallel-axis theorem.
+
+    Args:
+        cuboid: MASS,WIDTH,HEIGHT[,DISTANCE] of a cuboid; may be repeated, as all of these.
+        cylinder: MASS,RADIUS,LENGTH[,DISTANCE] of a cylinder that lies across the deck (a bolt, a rail).
+        point: MASS,DISTANCE of something small (a sensor, a screw).
+        body: INERTIA,MASS,DISTANCE of anything whose inertia about its own centre is known.
+        outcome: What to do with the result.
+    """
+    from sysid import inertia as methods
+
+    kinds: dict[str, tuple[tuple[str, ...], Callable[..., Quantity], tuple[str, ...], int]] = {
+        "cuboid": (cuboid, methods.cuboid, ("kg", "m", "m", "m"), 3),
+        "cylinder": (cylinder, methods.cylinder, ("kg", "m", "m", "m"), 3),
+        "point": (point, methods.point, ("kg", "m"), 2),
+        "body": (body, methods.shifted, ("kg*m^2", "kg", "m"), 3),
+    }
+    named: dict[str, Quantity] = {}
+    for kind, (texts, method, units, needed) in kinds.items():
+        for number, text in enumerate(texts, start=1):
+            named[f"{kind} {number}"] = method(*_fields(f"--{kind} '{text}'", text, units, needed))
+    result = methods.parts(list(named.values()))
+    variance = sum(part.std**2 for part in named.values())
+    budget = {name: part.std**2 / variance for name, part in named.items() if part.std > 0}
+    return _finish("parts", result, outcome, inputs=named, budget=budget)
+
+
+@inertia.command
+def bifilar(
+    *, mass: Text, separation: Text, length: Text, period: Text, distance: Text = "0",
+    outcome: Outcome = Outcome(),
+) -> int:  # fmt: skip
+    """Twist on two parallel strings, roll axis vertical: m g s² T² / (16 π² L) + m e².
+
+    Args:
+        mass: Mass m [kg].
+        separation: Distance s between the strings, the centre of mass midway [m].
+        length: Length L of the strings [m].
+        period: Period T of one full twist [s].
+        distance: Distance e from the centre of mass to the tilt axis [m].
+        outcome: What to do with the result.
+    """
+    from sysid import inertia as methods
+
+    given = {"mass": mass, "separation": separation, "length": length, "period": period, "distance": distance}
+    return _report("bifilar", methods.bifilar, given, outcome)
+
+
+@inertia.command
+def torsional(
+    *,
+    stiffness: Text,
+    period: Text,
+    mass: Text | None = None,
+    distance: Text = "0",
+    outcome: Outcome = Outcome(),
+) -> int:
+    """Twist on a wire or rod of known stiffness: κ T² / 4π² + m e².
+
+    Args:
+        stiffness: Torsional stiffness κ of the wire [N*m/rad].
+        period: Period T [s].
+        mass: Mass m; needed with --distance only [kg].
+        distance: Distance e from the wire's axis to the tilt axis [m].
+        outcome: What to do with the result.
+    """
+    from sysid import inertia as methods
+
+    given = {"stiffness": stiffness, "period": period, "distance": distance}
+    return _report("torsional", methods.torsional, given | ({"mass": mass} if mass else {}), outcome)
+
+
+@inertia.command
+def compound(
+    *, mass: Text, pivot: Text, period: Text, distance: Text = "0", amplitude: Text = "0",
+    outcome: Outcome = Outcome(),
+) -> int:  # fmt: skip
+    """Swing as a pendulum about an axis parallel to the roll axis: m g l T² / 4π² − m l² + m e².
+
+    Args:
+        mass: Mass m [kg].
+        pivot: Distance l from the pivot to the centre of mass [m].
+        period: Period T [s].
+        distance: Distance e from the centre of mass to the tilt axis [m].
+        amplitude: Amplitude of the swing, to take its lengthening of the period out [rad].
+        outcome: What to do with the result.
+    """
+    from sysid import inertia as methods
+
+    given = {"mass": mass, "pivot": pivot, "period": period, "distance": distance, "amplitude": amplitude}
+    return _report("compound", methods.compound, given, outcome)
+
+
+@inertia.command(name="added-mass")
+def added_mass(
+    *, bare: Text, loaded: Text, mass: Text, offset: Text, height: Text = "0", own: Text = "0",
+    outcome: Outcome = Outcome(),
+) -> int:  # fmt: skip
+    """Two decays, without and with a known mass: (ΔI ω₂² + m g z) / (ω₁² − ω₂²).
+
+    Args:
+        bare: Natural frequency of the deck alone [rad/s], or the JSON file that `decay --json` wrote.
+        loaded: The same with the added mass.
+        mass: All the mass that was added [kg].
+        offset: Its distance y to the side; best half to the left and half to the right [m].
+        height: Its height z above the tilt axis, negative below [m].
+        own: Its inertia about its own centre [kg*m^2].
+        outcome: What to do with the result.
+    """
+    from sysid import inertia as methods
+
+    quantities = {"bare": _frequency("bare", bare), "loaded": _frequency("loaded", loaded)}
+    for name, text, zero in (
+        ("mass", mass, False),
+        ("offset", offset, False),
+        ("height", height, True),
+        ("own", own, True),
+    ):
+        quantities[name] = parse_quantity(text, UNITS.get(name, "m"), f"--{name}", positive=not zero)
+    result = methods.added_mass(**quantities)
+    return _finish("added-mass", result, outcome, quantities, _budget(methods.added_mass, quantities))
+
+
+@inertia.command(name="static-tilt")
+def static_tilt(
+    *, reading: Texts, height: Text = "0", frequency: Text | None = None, outcome: Outcome = Outcome()
+) -> int:
+    """Known weights at known offsets give the stiffness k itself; with a decay, I = k / ω_n².
+
+    Args:
+        reading: MASS,OFFSET,ROLL of one weight: kg, m from the tilt axis (right positive), roll with right edge down
+            positive, e.g. 1.00,0.08±0.001,3.1±0.1deg; at least three, best to both sides.
+        height: Height of the weights above the tilt axis [m].
+        frequency: Natural frequency of the same deck [rad/s], or the JSON file that `decay --json` wrote.
+        outcome: What to do with the result.
+    """
+    from sysid import static_tilt as tilt
+
+    readings: list[tilt.Weighing] = []
+    for text in reading:
+        mass, offset, roll = _fields(
+            f"--reading '{text}'", text, ("kg", "m", "rad"), 3, negative=("m", "rad")
+        )
+        readings.append(tilt.Weighing(mass=mass, offset=offset, roll=roll))
+    test = tilt.static_tilt(readings, parse_quantity(height, "m", "--height", positive=False))
+    printer = Printer(outcome)
+    printer.quantities([("stiffness k", test.stiffness), ("rest angle", test.rest)])
+    worst = max(test.residuals, key=abs)
+    printer.say(f"largest distance of a reading from the line: {math.degrees(worst):+.3f} degrees")
+    # 95 % of all lines through good readings scatter less than this (Wilson and Hilferty).
+    limit = (
+        1 - 2 / (9 * test.degrees_of_freedom) + 1.645 * math.sqrt(2 / (9 * test.degrees_of_freedom))
+    ) ** 3
+    if test.chi_square > limit * test.degrees_of_freedom:
+        printer.warn(
+            "the readings scatter more than their uncertainties say: friction, a spring that is not linear, or "
+            "angles read less well than stated. The interval was widened."
+        )
+    content = {"stiffness": test.stiffness.to_json(), "rest_angle": test.rest.to_json()}
+    if frequency is None:
+        if outcome.save is not None:
+            raise HuskyError("k alone is no inertia; give the natural frequency of a decay with --frequency.")
+        printer.note("for the inertia, add --frequency with ω_n of a decay of the same deck")
+        printer.result({"method": "static-tilt", "inertia": None, **content})
+        return 0
+    inputs = {"stiffness": test.stiffness, "natural frequency": _frequency("frequency", frequency)}
+    result = test.inertia(inputs["natural frequency"])
+    shares = {"stiffness": 1.0, "natural frequency": 2.0}
+    parts = {name: (shares[name] * q.std / q.value) ** 2 for name, q in inputs.items()}
+    budget = {name: part / sum(parts.values()) for name, part in parts.items()}
+    return _finish("static-tilt", result, outcome, inputs, budget, extra=content)
+
+
+@inertia.command
+def combine(*estimates: Text, outcome: Outcome = Outcome()) -> int:
+    """Weighted mean of several methods, and whether they agree.
+
+    Args:
+        estimates: NAME=INERTIA for each method, e.g. cuboid=0.0087±0.0004 bifilar=0.0083±0.0001, or NAME=FILE with
+            the JSON that a method wrote.
+        outcome: What to do with the result.
+    """
+    from sysid import inertia as methods
+
+    named: dict[str, Quantity] = {}
+    for text in estimates:
+        name, equals, value = text.partition("=")
+        if not equals or name in named:
+            raise HuskyError(f"'{text}': expected NAME=INERTIA, each name once.")
+        if value.endswith(".json"):
+            named[name] = _from_json(Path(value), "inertia", "kg*m^2")
+        else:
+            named[name] = parse_quantity(value, "kg*m^2", name)
+    result = methods.combine(named)
+    printer = Printer(outcome)
+    rows = [(name, str(q), f"{result.pulls[name]:+.1f} σ from the others") for name, q in named.items()]
+    printer.table(("method", "inertia ± 95 %", "where it stands"), rows)
+    verdict = "agree" if result.agree else "disagree"
+    text = f"the methods {verdict}: χ² = {result.chi_square:.2f} for {result.degrees_of_freedom}, p = {result.p_value:.2g}"
+    if not result.agree:
+        odd = (
+            f"'{result.odd_one}' stands out"
+            if result.odd_one
+            else "with two methods nobody can say which is wrong"
+        )
+        printer.warn(f"{text}; {odd}. The interval was widened by the scatter.")
+    else:
+        printer.say(text)
+    extra = {
+        "chi_square": result.chi_square, "degrees_of_freedom": result.degrees_of_freedom,
+        "p_value": result.p_value, "agree": result.agree, "stands_out": result.odd_one,
+        "pulls": dict(result.pulls),
+    }  # fmt: skip
+    return _finish("combine", result.inertia, outcome, named, {}, extra=extra)
+
+
+def _report(name: str, method: Callable[..., Quantity], given: Mapping[str, str], outcome: Outcome) -> int:
+    """Read the options, run a method, print the result."""
+    inputs = {
+        key: parse_quantity(text, UNITS.get(key, "m"), f"--{key}", positive=key not in MAY_BE_ZERO)
+        for key, text in given.items()
+    }
+    return _finish(name, method(**inputs), outcome, inputs, _budget(method, inputs))
+
+
+def _budget(method: Callable[..., Quantity], inputs: Mapping[str, Quantity]) -> dict[str, float]:
+    from sysid.propagation import error_budget
+
+    return error_budget(method, inputs)
+
+
+def _finish(
+    name: str,
+    result: Quantity,
+    outcome: Outcome,
+    inputs: Mapping[str, Quantity],
+    budget: Mapping[str, float],
+    extra: Mapping[str, Any] | None = None,
+) -> int:
+    """Print result and error budget, save it where asked to, write the JSON."""
+    printer = Printer(outcome)
+    printer.quantities([("roll inertia I", result)])
+    if budget:
+        ranked = sorted(budget.items(), key=lambda item: -item[1])
+        shares = ", ".join(
+            f"{key.replace('_', ' ')} {100 * share:.0f} %" for key, share in ranked if share >= 0.005
+        )
+        printer.say(f"its variance comes from: {shares}")
+    elif result.std == 0:
+        printer.warn(
+            "no input has an uncertainty, so the inertia has none; write 2.58±0.05 where you measured."
+        )
+    content: dict[str, Any] = {
+        "method": name,
+        "inertia": result.to_json(),
+        "inputs": {key: quantity.to_json() for key, quantity in inputs.items()},
+        "budget": dict(budget),
+        **(extra or {}),
+    }
+    if outcome.save is not None:
+        content["saved"] = _save(outcome.save, result, outcome, printer)
+    printer.result(content)
+    return 0
+
+
+def _save(board: str, result: Quantity, outcome: Outcome, printer: Printer) -> str:
+    from sysid.inertia import with_inertia
+
+    old = outcome.space.load_board(board)
+    new = with_inertia(old, result)
+    path = outcome.space.save_board(new)
+    for name in ("stiffness", "damping"):
+        printer.note(
+            f"{board}: {name} {old.tilt[name]} → {new.tilt[name]}, as the decay fixes its ratio to I"
+        )
+    if old.check:
+        printer.warn(f"{board}: the check of the old record no longer counts; run it again.")
+    printer.say(f"saved: {path}")
+    return str(path)
+
+
+def _fields(
+    name: str, text: str, units: tuple[str, ...], needed: int, negative: tuple[str, ...] = ()
+) -> list[Quantity]:
+    fields = text.split(",")
+    if not needed <= len(fields) <= len(units):
+        count = f"{needed}" if needed == len(units) else f"{needed} or {len(units)}"
+        raise HuskyError(f"{name}: number of fields is {len(fields)}; expected {count}, with commas between.")
+    return [
+        # A part may sit on the axis, and weights stand on both sides of it.
+        parse_quantity(
+            field, unit, f"{name}, field {number}", positive=number < needed and unit not in negative
+        )
+        for number, (field, unit) in enumerate(zip(fields, units, strict=False), start=1)
+    ]
+
+
+def _frequency(name: str, text: str) -> Quantity:
+    if text.endswith(".json"):
+        return _from_json(Path(text), "omega_n", "rad/s")
+    return parse_quantity(text, "rad/s", f"--{name}")
+
+
+def _from_json(path: Path, key: str, unit: str) -> Quantity:
+    """Read one quantity of a result file."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))[key]
+        value, std, found = float(content["value"]), float(content["std"]), content["unit"]
+    except OSError as error:
+        raise HuskyError(f"{path}: cannot read it ({error.strerror}).") from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise HuskyError(
+            f"{path}: holds no quantity '{key}' with a value and a std; give a result file."
+        ) from error
+    if found != unit:
+        raise HuskyError(f"{path}: '{key}' is in {found!r}; expected {unit!r}.")
+    return Quantity(value, std, unit, f"{path}")

@@ -1,0 +1,117 @@
+"""Static tilt test: known weights at known offsets give the stiffness itself.
+
+A decay gives k/I; with k from weights the two measure the roll inertia, and nobody has to assume a shape.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.decay_numbers import t95
+from sysid.errors import HuskyError
+from sysid.inertia import GRAVITY, ON_AXIS, UNIT
+from sysid.propagation import propagate
+from sysid.quantity import Quantity
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Weighing:
+    """One reading of the static tilt test."""
+
+    mass: Quantity
+    """Put on the deck [kg]."""
+    offset: Quantity
+    """Of the mass from the tilt axis, right positive [m]."""
+    roll: Quantity
+    """Roll read then, right edge down positive [rad]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TiltTest:
+    """What a static tilt test tells."""
+
+    stiffness: Quantity
+    """k [N*m/rad]."""
+    rest: Quantity
+    """Roll without a weight [rad]."""
+    chi_square: float
+    """Of the readings about the line, with the deviations that were given."""
+    degrees_of_freedom: int
+    residuals: tuple[float, ...]
+    """Reading minus line [rad]."""
+
+    def inertia(self, natural_frequency: Quantity) -> Quantity:
+        """Return I = k / ω_n², with ω_n [rad/s] from a decay of the same deck."""
+
+        def ratio(k: float, w: float) -> float:
+            return k / w**2
+
+        return propagate(ratio, (self.stiffness, natural_frequency), UNIT, "static tilt test and a decay")
+
+
+def static_tilt(
+    readings: Sequence[Weighing], height: Quantity = ON_AXIS, gravity: Quantity = GRAVITY
+) -> TiltTest:
+    """Return the stiffness from known weights at known offsets, by a weighted line φ = φ₀ + τ/k.
+
+    τ = m g (r cos φ + z sin φ). Every reading carries the deviation of its angle and, through the slope, of
+    its torque; where the scatter is larger than these say, the scatter counts.
+
+    Args:
+        readings: At least three; weights to both sides tell the rest angle from the stiffness best.
+        height: z of the weights above the tilt axis [m].
+        gravity: g [m/s^2]; common to all readings, so its deviation comes on top.
+
+    Raises:
+        HuskyError: Too few readings, all at one torque, no uncertainty to go by, or no spring at all.
+    """
+    if len(readings) < 3:
+        raise HuskyError(f"{len(readings)} readings; a line with a check needs at least 3.")
+    torques = [_torque(reading, height, gravity) for reading in readings]
+    x = np.array([torque.value for torque in torques])
+    y = np.array([reading.roll.value for reading in readings])
+    if np.ptp(x) <= 1e-9:
+        raise HuskyError("all weights make the same torque; use different weights or offsets, on both sides.")
+    slope = float(np.polyfit(x, y, 1)[0])
+    variance = np.array(
+        [r.roll.std**2 + (slope * t.std) ** 2 for r, t in zip(readings, torques, strict=True)]
+    )
+    given = bool(np.all(variance > 0))
+    weights = 1 / variance if given else np.ones_like(y)
+    design = np.column_stack((np.ones_like(x), x))
+    covariance = np.linalg.inv(design.T @ (design * weights[:, None]))
+    rest, slope = (covariance @ (design.T @ (weights * y))).tolist()
+    residuals = y - rest - slope * x
+    freedom = len(y) - 2
+    chi_square = float(np.sum(weights * residuals**2))
+    scatter = chi_square / freedom
+    covariance = covariance * (max(1.0, scatter) if given else scatter)
+    if slope <= 2 * math.sqrt(covariance[1, 1]):
+        raise HuskyError(
+            "the roll does not grow with the torque beyond its scatter; check that right offsets and right-down "
+            "angles are both positive, and use larger weights."
+        )
+    t = t95(freedom) if not given or scatter > 1 else t95(math.inf)
+    relative = math.sqrt(covariance[1, 1]) / slope
+    common = gravity.std / gravity.value
+    k, total = 1 / slope, math.hypot(relative, common)
+    half = math.hypot(t * relative, t95(math.inf) * common) * k
+    method = f"static tilt, {len(y)} readings"
+    return TiltTest(
+        stiffness=Quantity(k, k * total, "N*m/rad", method, (k - half, k + half)),
+        rest=Quantity(rest, math.sqrt(covariance[0, 0]), "rad", method),
+        chi_square=chi_square if given else math.nan,
+        degrees_of_freedom=freedom,
+        residuals=tuple(residuals.tolist()),
+    )
+
+
+def _torque(reading: Weighing, height: Quantity, gravity: Quantity) -> Quantity:
+    phi, g = reading.roll.value, gravity.value
+
+    def about_axis(m: float, r: float, z: float) -> float:
+        return m * g * (r * math.cos(phi) + z * math.sin(phi))
+
+    return propagate(about_axis, (reading.mass, reading.offset, height), "N*m", "weight")
