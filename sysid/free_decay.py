@@ -1,4 +1,262 @@
-"""Free decay: logarithmic decrement, damping ratio, frequencies, stiffness and damping."""
+"""Free decay: logarithmic decrement, damping ratio, frequencies, stiffness and damping.
+
+Three ways side by side: the whole trace (the result), the line through all peaks, and the classic two
+peaks. Where they disagree, or the trace is not a linear decay, a warning names the likely reason.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from sysid.decay_numbers import DecayNumbers as DecayNumbers
 from sysid.decay_numbers import decay_from_peaks as decay_from_peaks
+from sysid.decay_numbers import decay_numbers, numbers_from_decrement
+from sysid.decay_patterns import Pattern, find_patterns
+from sysid.decay_peaks import Peak, PeakLine, find_peaks, fit_peak_line
+from sysid.decay_peaks import log_decrement_two_peaks as log_decrement_two_peaks
+from sysid.decay_trace import TraceFit, decay_basis, fit_traces
+from sysid.errors import HuskyError
+from sysid.noise import NoiseFloor, ljung_box, noise_floor
+from sysid.quantity import Quantity
+from sysid.roll import Array, Release
+
+DISAGREE = 2.58
+"""Two estimates disagree from this many standard deviations of their difference on (1 % by chance)."""
+ABOVE_NOISE = 1.15
+"""Residuals above this multiple of the noise floor are looked at."""
+WORTH_NAMING = 0.007
+"""Misfit below this share of the amplitude is not worth a warning."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FreeDecay:
+    """Everything that free decays of one board say about it."""
+
+    releases: tuple[Release, ...]
+    """The free decays; a gyro's roll without its drift."""
+    numbers: DecayNumbers
+    """The result: from the whole traces."""
+    trace: TraceFit
+    peaks: tuple[tuple[Peak, ...], ...]
+    """Usable peaks of each release."""
+    line: PeakLine | None
+    """The line through all peaks; None where noise leaves no second one."""
+    from_line: DecayNumbers | None
+    two_peaks: Quantity | None
+    """The classic δ of two peaks of the first release that has them."""
+    rest_angles: tuple[Quantity, ...]
+    """Rest angle of each release [rad]."""
+    floor: NoiseFloor
+    """Sensor noise of what the trace was fitted to."""
+    patterns: tuple[Pattern, ...]
+    """Deviations from a linear decay that the peaks show."""
+    linear: bool
+    """Whether a linear decay explains the traces but for noise and at most a trifle."""
+    warnings: tuple[str, ...]
+
+
+def free_decay(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
+    """Identify a linear tilt joint from its free decays.
+
+    Args:
+        releases: Free decays of one board, from one log or several.
+        inertia: Roll inertia about the tilt axis [kg*m^2]; its uncertainty goes into k and d.
+
+    Raises:
+        HuskyError: The decays hold too little to say anything, or do not look like a decay at all.
+    """
+    _refuse_noise(releases)
+    trace = fit_traces(releases)
+    floor = noise_floor(releases, rate=trace.signal == "rate")
+    _refuse_nonsense(releases, trace)
+    count = f"{len(releases)} release{'s' if len(releases) > 1 else ''}"
+    numbers = decay_numbers(
+        trace.omega_n,
+        trace.damping_ratio,
+        trace.covariance,
+        inertia,
+        degrees_of_freedom=trace.degrees_of_freedom,
+        method=f"whole trace of {count}",
+    )
+    steady, rests, noise = _rest_angles(releases, trace, floor)
+    peaks = [
+        find_peaks(release, rest.value, trace.omega_n, numbers.omega_d.value, noise)
+        if trace.damping_ratio < 1
+        else []
+        for release, rest in zip(steady, rests, strict=True)
+    ]
+    line = fit_peak_line(peaks, [rest.std for rest in rests])
+    linear = _is_linear(trace, floor)
+    decay = FreeDecay(
+        releases=tuple(steady),
+        numbers=numbers,
+        trace=trace,
+        peaks=tuple(tuple(group) for group in peaks),
+        line=line,
+        from_line=None if line is None else _from_line(line, inertia),
+        two_peaks=_two_peaks(peaks, rests),
+        rest_angles=tuple(rests),
+        floor=floor,
+        patterns=tuple(find_patterns(steady, peaks, noise)),
+        linear=linear,
+        warnings=(),
+    )
+    return replace(decay, warnings=tuple(_warnings(decay)))
+
+
+def _refuse_noise(releases: Sequence[Release]) -> None:
+    if not releases:
+        raise HuskyError("no free decay was given.")
+    for release in releases:
+        noise = float(np.median(release.std))
+        if release.amplitude < 5.0 * noise:
+            raise HuskyError(
+                f"{release.log}: the release at {release.start:.4g} s has an amplitude of "
+                f"{math.degrees(release.amplitude):.2g}° in noise of {math.degrees(noise):.2g}°: too little to "
+                "fit. Tip the deck further, or use a better sensor."
+            )
+
+
+def _refuse_nonsense(releases: Sequence[Release], trace: TraceFit) -> None:
+    """Refuse where the numbers would mean nothing."""
+    log = releases[0].log
+    if trace.explained < 0.5:
+        raise HuskyError(
+            f"{log}: a decaying oscillation explains only {100 * max(0.0, trace.explained):.0f} % of the motion after "
+            "the release, so this is no free decay. Mark the free part of the log (--from, --to, --release)."
+        )
+    spread = math.sqrt(trace.covariance[0, 0]) / trace.omega_n
+    if not spread < 0.25:
+        raise HuskyError(
+            f"{log}: the free motion is too short or too strongly damped to tell its frequency "
+            f"({trace.omega_n:.3g} rad/s ± {200 * spread:.0f} %). Record faster, tip the deck further, or give "
+            "more releases."
+        )
+
+
+def _rest_angles(
+    releases: Sequence[Release], trace: TraceFit, floor: NoiseFloor
+) -> tuple[list[Release], list[Quantity], float]:
+    """Return the releases without drift, their rest angles and the noise of their roll [rad]."""
+    if trace.signal == "roll":
+        rests = [Quantity(f.level, f.level_std, "rad", "whole trace") for f in trace.releases]
+        return list(releases), rests, floor.std
+    steady: list[Release] = []
+    rests: list[Quantity] = []
+    variance = 0.0
+    for release, fitted in zip(releases, trace.releases, strict=True):
+        roll = release.roll - fitted.level * (release.time - release.time[0])
+        begin = int(np.searchsorted(release.time, fitted.trace.time[0]))
+        rest, std, residual = _level(release.time[begin:], roll[begin:], trace)
+        variance += float(np.mean(residual**2)) / len(releases)
+        rests.append(Quantity(rest, std, "rad", "integrated rate"))
+        steady.append(replace(release, roll=roll, rest=rest))
+    return steady, rests, math.sqrt(variance)
+
+
+def _level(time: Array, roll: Array, trace: TraceFit) -> tuple[float, float, Array]:
+    """Return the rest angle of an integrated rate, its std and the residual, the poles being known."""
+    a = trace.omega_n * trace.damping_ratio
+    u, v = decay_basis(time - time[0], a, trace.omega_n**2 - a * a)
+    basis = np.column_stack([u, v, np.ones_like(time)])
+    inverse = np.asarray(np.linalg.pinv(basis), dtype=np.float64)
+    coefficients = inverse @ roll
+    residual = roll - basis @ coefficients
+    return float(coefficients[2]), float(np.std(residual)) * float(np.linalg.norm(inverse[2])), residual
+
+
+def _from_line(line: PeakLine, inertia: Quantity) -> DecayNumbers:
+    return numbers_from_decrement(
+        line.log_decrement,
+        line.period,
+        inertia,
+        degrees_of_freedom=line.degrees_of_freedom,
+        method=line.log_decrement.method,
+    )
+
+
+def _two_peaks(peaks: Sequence[Sequence[Peak]], rests: Sequence[Quantity]) -> Quantity | None:
+    found = (log_decrement_two_peaks(group, rest.std) for group, rest in zip(peaks, rests, strict=True))
+    return next((delta for delta in found if delta is not None), None)
+
+
+def _is_linear(trace: TraceFit, floor: NoiseFloor) -> bool:
+    """Whether what the fit leaves is noise, or too small to matter."""
+    size = max(float(np.abs(fitted.modelled - fitted.level).max()) for fitted in trace.releases)
+    misfit = math.sqrt(max(0.0, trace.noise**2 - floor.std**2))
+    statistic, degrees = ljung_box([fitted.residual for fitted in trace.releases])
+    white = statistic < degrees + 6.0 * math.sqrt(2.0 * degrees)
+    return white or trace.noise < ABOVE_NOISE * floor.std or misfit < WORTH_NAMING * size
+
+
+def _warnings(decay: FreeDecay) -> list[str]:
+    warnings = [text for text in (_not_linear(decay), _disagreement(decay), _damping_regime(decay)) if text]
+    for release in decay.releases:
+        cycles = (release.time[-1] - release.start) / (2 * math.pi / decay.trace.omega_n)
+        if release.end != "rest" and cycles < 1:
+            warnings.append(
+                f"the release at {release.start:.4g} s is {release.end if release.end != 'log' else 'cut off'} after "
+                f"{cycles:.2f} of a period: its intervals are wide"
+            )
+    return warnings
+
+
+def _not_linear(decay: FreeDecay) -> str | None:
+    if decay.linear:
+        return None
+    unit = "rad" if decay.trace.signal == "roll" else "rad/s"
+    reasons = (
+        "; ".join(pattern.text for pattern in decay.patterns) or "the residual has a shape, see the picture"
+    )
+    return (
+        f"a linear decay is not the whole story: it leaves {decay.trace.noise:.2g} {unit} where the sensor's noise "
+        f"is {decay.floor.std:.2g} {unit}. {reasons[0].upper()}{reasons[1:]}. k and d are a compromise over the "
+        "amplitudes seen; `husky-sysid diagnose` says what is missing"
+    )
+
+
+def _disagreement(decay: FreeDecay) -> str | None:
+    """Compare δ of the line through the peaks with δ of the whole trace."""
+    if decay.line is None:
+        return None
+    one, other = decay.line.log_decrement, decay.numbers.log_decrement
+    if abs(one.value - other.value) < DISAGREE * math.hypot(one.std, other.std):
+        return None
+    return (
+        f"δ from the peaks ({one}) and from the whole trace ({other}) disagree by more than their intervals. "
+        f"Likely: {_why(decay)}"
+    )
+
+
+def _why(decay: FreeDecay) -> str:
+    if decay.patterns:
+        return decay.patterns[0].text
+    used = [
+        (group, rest) for group, rest in zip(decay.peaks, decay.rest_angles, strict=True) if len(group) > 1
+    ]
+    last, rest = used[0][0][-1], used[0][1]
+    clear = last.amplitude / math.hypot(last.std, rest.std)
+    if len(used[0][0]) <= 3 and clear < 20:
+        return (
+            f"the last of {len(used[0][0])} peaks stands only {clear:.0f} standard deviations above the noise, and "
+            "all of δ hangs on it; trust the whole trace"
+        )
+    if any(release.end == "caught" for release in decay.releases):
+        return "a hand was on the deck before the end that was found; shorten it with --to"
+    if len(used[0][0]) <= 3:
+        return "the deck was not let go cleanly, so the first peak is not on the line; trust the whole trace"
+    return "the rest angle moves during the decay, or the law is not linear; see the log-amplitude line"
+
+
+def _damping_regime(decay: FreeDecay) -> str | None:
+    zeta = decay.numbers.damping_ratio
+    if zeta.value >= 1:
+        return (
+            f"overdamped (ζ = {zeta}): nothing oscillates, so there is no decrement and no period. k and d come from "
+            "the shape of the return alone"
+        )
+    if zeta.ci95[0] <= 0:
+        return f"the damping cannot be told from zero (ζ = {zeta}): record longer, or more releases"
+    return None

@@ -1,0 +1,193 @@
+"""Peaks of a free decay, and the logarithmic decrement from them."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from sysid.decay_numbers import t95
+from sysid.quantity import Quantity
+from sysid.roll import Array, Release
+from sysid.turning_points import find_swing
+
+WINDOW = 0.7
+"""Half-width of the local fit at a peak, in radians of ω_n: a cubic is right to 0.1 % there."""
+CLEAR = 4.0
+"""A peak counts while its amplitude is this many standard deviations."""
+
+
+@dataclass(frozen=True, slots=True)
+class Peak:
+    """One turning point of a free decay."""
+
+    number: int
+    """Half-cycles since the release; 0 is the release itself, where the deck was held still before."""
+    time: float
+    """[s] on the log's clock."""
+    time_std: float
+    """[s]"""
+    roll: float
+    """Measured roll [rad]."""
+    amplitude: float
+    """Distance from the rest angle [rad], positive."""
+    std: float
+    """Standard deviation of `roll` [rad]; the rest angle's own is common to all peaks of a release."""
+
+
+@dataclass(frozen=True, slots=True)
+class PeakLine:
+    """ln(amplitude) and time of all usable peaks against their number, one line for all releases."""
+
+    log_decrement: Quantity
+    """δ per full period, from the slope [1]."""
+    period: Quantity
+    """T from the times of the peaks [s]."""
+    degrees_of_freedom: float
+    """Peaks used less parameters of the line of amplitudes."""
+    intercepts: tuple[float, ...]
+    """ln(amplitude) of peak 0 of each release, NaN where the release has no usable peak."""
+
+
+def find_peaks(release: Release, rest: float, omega_n: float, omega_d: float, noise: float) -> list[Peak]:
+    """Find the turning points of a free decay with sub-sample timing.
+
+    Between two passages through the rest angle, a cubic is fitted to the samples about the extreme one.
+    The peaks end where noise begins to make them: at the first one below `CLEAR` standard deviations.
+
+    Args:
+        release: The free decay; its roll without drift.
+        rest: Rest angle [rad].
+        omega_n: Natural frequency, for the width of the local fits [rad/s].
+        omega_d: Frequency of the oscillation, for the numbers of the half-cycles [rad/s].
+        noise: Standard deviation of one sample [rad].
+    """
+    swing = find_swing(release.time, release.roll, noise)
+    offset = np.interp(release.time, swing.time, swing.roll) - rest
+    peaks = [_release_peak(release, rest, omega_n, noise)] if release.hold > 0 else []
+    passages = np.flatnonzero(np.diff(np.sign(offset)) != 0)
+    half = math.pi / omega_d
+    for begin, end in pairwise([0, *(passages + 1).tolist(), len(offset)]):
+        index = begin + int(np.argmax(np.abs(offset[begin:end])))
+        at_edge = index - begin < 1 or end - index <= 1
+        if at_edge or release.time[index] - release.start < 0.5 * half:
+            continue  # the trace enters or leaves in the middle of this swing, or this is the release itself
+        peak = _local_peak(release, index, rest, omega_n, noise)
+        number = round((peak.time - (peaks[-1].time if peaks else peak.time)) / half)
+        number = peaks[-1].number + number if peaks else 1
+        if peak.amplitude < CLEAR * peak.std:
+            break
+        if not peaks or number > peaks[-1].number:
+            peaks.append(Peak(number, peak.time, peak.time_std, peak.roll, peak.amplitude, peak.std))
+    return peaks
+
+
+def log_decrement_two_peaks(peaks: Sequence[Peak], rest_std: float = 0.0) -> Quantity | None:
+    """Return the classic δ = ln(A₁/A₂) of the first peak and the next one on the same side.
+
+    Where noise has swallowed the second, the one on the other side serves: δ = 2 ln(A₁/A₂). None if
+    there is no second peak at all.
+    """
+    for step in (2, 1):
+        for first in peaks[:1]:
+            second = next((peak for peak in peaks if peak.number == first.number + step), None)
+            if second is None or second.amplitude >= first.amplitude:
+                continue
+            share = 2.0 / step
+            delta = share * math.log(first.amplitude / second.amplitude)
+            side = -1.0 if step == 2 else 1.0  # an error of the rest angle moves both or parts them
+            common = (1 / first.amplitude + side / second.amplitude) * rest_std
+            own = math.hypot(first.std / first.amplitude, second.std / second.amplitude)
+            where = "the next one on the same side" if step == 2 else "the next one on the other side"
+            return Quantity(delta, share * math.hypot(own, common), "1", f"first peak and {where}")
+    return None
+
+
+def fit_peak_line(peaks: Sequence[Sequence[Peak]], rest_stds: Sequence[float]) -> PeakLine | None:
+    """Fit δ and T to all usable peaks of all releases, weighted by their noise.
+
+    Every release has its own first amplitude and time; slope and period are shared. Scatter beyond the
+    noise widens the intervals. None if no release has two peaks.
+    """
+    used = [(i, peak) for i, group in enumerate(peaks) if len(group) > 1 for peak in group]
+    if not used:
+        return None
+    number = np.array([peak.number for _, peak in used], dtype=float)
+    owner = np.array([i for i, _ in used])
+    log_amplitude = np.array([math.log(peak.amplitude) for _, peak in used])
+    log_std = np.array([math.hypot(peak.std, rest_stds[i]) / peak.amplitude for i, peak in used])
+    slope, slope_std, freedom, intercepts = _shared_slope(number, log_amplitude, log_std, owner)
+    times = np.array([peak.time for _, peak in used])
+    half, half_std, _, _ = _shared_slope(number, times, np.array([peak.time_std for _, peak in used]), owner)
+    method = f"{len(used)} peaks, weighted line through ln(amplitude)"
+    quantile = t95(freedom) if freedom > 0 else 1.96
+    lines = [intercepts.get(i, math.nan) for i in range(len(peaks))]
+    return PeakLine(
+        _quantity(-2 * slope, 2 * slope_std, "1", method, quantile),
+        _quantity(2 * half, 2 * half_std, "s", f"{len(used)} peaks, line through their times", quantile),
+        freedom if freedom > 0 else math.inf,
+        tuple(lines),
+    )
+
+
+def _quantity(value: float, std: float, unit: str, method: str, quantile: float) -> Quantity:
+    return Quantity(value, std, unit, method, (value - quantile * std, value + quantile * std))
+
+
+def _shared_slope(x: Array, y: Array, std: Array, owner: Array) -> tuple[float, float, int, dict[int, float]]:
+    """Fit y = intercept(owner) + slope x; return slope, its std, degrees of freedom and the intercepts."""
+    owners = sorted({int(i) for i in owner})
+    design = np.column_stack([x, *(owner == i for i in owners)]) / std[:, None]
+    solution = np.asarray(np.linalg.lstsq(design, y / std, rcond=None)[0], dtype=np.float64)
+    covariance = np.asarray(np.linalg.inv(design.T @ design), dtype=np.float64)
+    freedom = len(y) - design.shape[1]
+    scatter = float(np.sum((y / std - design @ solution) ** 2)) / freedom if freedom > 0 else 1.0
+    slope_std = math.sqrt(float(covariance[0, 0]) * max(1.0, scatter))
+    return float(solution[0]), slope_std, freedom, dict(zip(owners, solution[1:].tolist(), strict=True))
+
+
+def _release_peak(release: Release, rest: float, omega_n: float, noise: float) -> Peak:
+    """Return peak 0: the roll at the release, where the rate is zero."""
+    since = release.time - release.start
+    near = since <= max(WINDOW / omega_n, float(since[min(3, len(since) - 1)]))
+    powers = np.column_stack([np.ones(np.count_nonzero(near)), since[near] ** 2, since[near] ** 3])
+    value, variance = _intercept(powers, release.roll[near])
+    # The onset of the motion is known to about 1 % of a period.
+    return Peak(0, release.start, 0.06 / omega_n, value, abs(value - rest), noise * math.sqrt(variance))
+
+
+def _intercept(powers: Array, values: Array) -> tuple[float, float]:
+    """Return the constant term of a least-squares fit and its variance in units of the noise's."""
+    powers = powers / np.maximum(np.abs(powers).max(axis=0), 1e-300)
+    inverse = np.asarray(np.linalg.pinv(powers), dtype=np.float64)
+    return float(inverse[0] @ values), float(inverse[0] @ inverse[0])
+
+
+def _local_peak(release: Release, index: int, rest: float, omega_n: float, noise: float) -> Peak:
+    """Return the extremum of a cubic through the samples about `index`."""
+    width = WINDOW / omega_n
+    since = release.time - release.time[index]
+    near = np.abs(since) <= width
+    if np.count_nonzero(near) < 5:  # a slow sensor: the three nearest samples and their parabola
+        nearest = np.argsort(np.abs(since))[:3]
+        near = np.zeros(len(since), dtype=bool)
+        near[nearest] = True
+        width = max(width, float(np.abs(since[near]).max()))
+    x = since[near] / width
+    order = 3 if np.count_nonzero(near) >= 5 else 2
+    powers = np.vander(x, order + 1, increasing=True)
+    inverse = np.asarray(np.linalg.pinv(powers), dtype=np.float64)
+    c: Array = inverse @ release.roll[near]
+    bend = 2 * c[2]
+    top = float(np.clip(-c[1] / bend if bend else 0.0, -1, 1))
+    if order == 3:  # one Newton step for the cubic term
+        slope, curve = c[1] + 2 * c[2] * top + 3 * c[3] * top**2, 2 * c[2] + 6 * c[3] * top
+        top = float(np.clip(top - slope / curve if curve else top, -1, 1))
+    at = top ** np.arange(order + 1)
+    by_time = np.arange(order + 1) * top ** np.maximum(np.arange(order + 1) - 1, 0)
+    value = float(c @ at)
+    value_std = noise * float(np.linalg.norm(at @ inverse))
+    time_std = noise * float(np.linalg.norm(by_time @ inverse)) / max(abs(bend), 1e-12) * width
+    time = float(release.time[index]) + top * width
+    return Peak(1, time, max(time_std, 1e-3 * width), value, abs(value - rest), max(value_std, 1e-12))
