@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.errors import HuskyError
-from sysid.gyro import REST_BLOCK, find_rest, roll_from_rate
+from sysid.gyro import find_rest, roll_from_rate
 from sysid.log_clock import Clock
 from sysid.log_columns import Choice
 from sysid.log_names import ACCEL_UNITS, RATE_UNITS
@@ -238,17 +238,27 @@ def rate_scale(time: Array, rates: Array, accel: Array | None, choice: Choice) -
 
 def _unit_by_gravity(time: Array, rates: Array, accel: Array) -> str | None:
     """Return the unit in which the rates turn gravity as the accelerometer sees it: g' = -ω × g."""
-    size = max(1, round(REST_BLOCK / float(np.median(np.diff(time)))))
-    count = time.size // size
-    if count < 8:
+    period = float(np.median(np.diff(time)))
+    found = 0.0
+    for seconds in (
+        0.2,
+        0.02,
+    ):  # slow motions drown in noise over short blocks, fast ones average out over long ones
+        size = max(1, round(seconds / period))
+        count = time.size // size
+        if count < 8:
+            continue
+        mean_rate, mean_accel = (
+            values[: count * size].reshape(count, size, 3).mean(axis=1)
+            for values in (rates - np.median(rates, axis=0), accel)
+        )
+        change = np.diff(mean_accel, axis=0) / (size * period)
+        turned = np.cross(0.5 * (mean_accel[1:] + mean_accel[:-1]), 0.5 * (mean_rate[1:] + mean_rate[:-1]))
+        agreement = float(np.sum(change * turned))
+        if agreement > 0.3 * np.linalg.norm(change) * np.linalg.norm(turned) > 0:
+            found = agreement / float(np.sum(turned**2))
+            break
+    if not found:
         return None
-    means = [values[: count * size].reshape(count, size, 3).mean(axis=1) for values in (rates, accel)]
-    change = np.diff(means[1], axis=0) / (size * float(np.median(np.diff(time))))
-    middle = [0.5 * (values[1:] + values[:-1]) for values in means]
-    turned = -np.cross(middle[0] - np.median(rates, axis=0), middle[1])
-    agreement = float(np.sum(change * turned))
-    if agreement < 0.3 * np.linalg.norm(change) * np.linalg.norm(turned):
-        return None
-    found = agreement / float(np.sum(turned**2))
     unit = min(RATE_UNITS, key=lambda name: abs(np.log(RATE_UNITS[name] / found)))
     return unit if abs(np.log(RATE_UNITS[unit] / found)) < np.log(2) else None

@@ -42,6 +42,8 @@ class Choice:
     sign: float = 1.0
     std: str | None = None
     """Column of the angle's own standard deviation."""
+    doubt: int = 0
+    """Words that say that these are second-hand: a reference, a goal, a phone's own fusion."""
     time: str | None = None
     time_unit: str | None = None
     notes: list[str] = field(default_factory=list[str])
@@ -139,9 +141,9 @@ def _signal(log: LogFile, columns: Sequence[Column], options: "LogOptions") -> C
             + (f" about axis '{options.axis}'" if options.axis else "")
             + ". Name one with --column, and its unit with --unit."
         )
-    choice = found[0]
+    choice = min(found, key=lambda candidate: candidate.doubt)
     if len(found) > 1:
-        others = ", ".join(other.source for other in found[1:])
+        others = ", ".join(other.source for other in found if other is not choice)
         choice.notes.append(f"the log also holds {others}: choose with --source")
     return choice
 
@@ -193,8 +195,6 @@ def _angle(columns: Sequence[Column], axis: str, sign: float) -> Choice | None:
 
     angles.sort(key=rank)
     best = angles[0]
-    if best.doubt and not axis and len(angles) > 1:
-        return None
     rivals = [c.name for c in angles[1:]]
     why = f" rather than {', '.join(map(repr, rivals[:4]))}: {_why(best, angles[1])}" if rivals else ""
     choice = Choice(
@@ -202,6 +202,7 @@ def _angle(columns: Sequence[Column], axis: str, sign: float) -> Choice | None:
         columns=(best.name,),
         unit=best.unit,
         sign=sign,
+        doubt=best.doubt,
         std=_std_of(best, columns),
         notes=[f"roll from '{best.name}'{why}"],
     )
@@ -265,6 +266,7 @@ def _imu(columns: Sequence[Column], axis: str, sign: float) -> Choice | None:
         columns=tuple(column.name for column in (*gyro, *accel)),
         unit=gyro[0].unit,
         accel_unit=accel[0].unit,
+        doubt=gyro[0].doubt,
         axis=axis,
         sign=sign,
         notes=[
@@ -280,6 +282,7 @@ def _gyro(columns: Sequence[Column], axis: str, sign: float) -> Choice | None:
             source="gyro",
             columns=tuple(column.name for column in gyro),
             unit=gyro[0].unit,
+            doubt=gyro[0].doubt,
             axis=axis,
             sign=sign,
             notes=[f"roll from gyro '{gyro[0].name}'..., integrated"],
@@ -292,6 +295,7 @@ def _gyro(columns: Sequence[Column], axis: str, sign: float) -> Choice | None:
         source="gyro",
         columns=(rates[0].name,),
         unit=rates[0].unit,
+        doubt=rates[0].doubt,
         sign=sign,
         notes=[f"roll from the rate '{rates[0].name}', integrated"],
     )
@@ -304,6 +308,7 @@ def _quaternion(columns: Sequence[Column], axis: str, sign: float) -> Choice | N
     return Choice(
         source="quaternion",
         columns=tuple(column.name for column in quaternion),
+        doubt=quaternion[0].doubt,
         axis=axis,
         sign=sign,
         notes=[f"roll from the orientation '{quaternion[0].name}'..., taken as sensor to earth"],

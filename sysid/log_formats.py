@@ -1,6 +1,6 @@
 """File formats: each becomes a `LogFile`, named columns of numbers that are read when asked for."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -10,6 +10,14 @@ import numpy as np
 from sysid.errors import HuskyError
 from sysid.log_csv import open_csv
 from sysid.roll import Array
+
+_KNOWN_ELSEWHERE = {
+    b"SQLite format 3": "a ROS 2 recording in SQLite. Convert it: mcap convert recording.db3 recording.mcap.",
+    b"#ROSBAG": "a ROS 1 bag. Convert it: mcap convert recording.bag recording.mcap.",
+    b"\x1f\x8b": "compressed with gzip. Unpack it first.",
+    b"\xd0\xcf\x11\xe0": "an Excel sheet. Save it as CSV.",
+}
+"""First bytes of formats that are not read, and what to do with them."""
 
 
 class LogFile(Protocol):
@@ -43,30 +51,6 @@ class LogFile(Protocol):
     def read(self, names: Sequence[str]) -> dict[str, Array]:
         """Return whole columns of float64; missing values are NaN."""
         ...
-
-
-@dataclass(frozen=True, slots=True)
-class LoadedTable:
-    """A table that is already in memory."""
-
-    path: Path
-    columns: Mapping[str, Array]
-    notes: tuple[str, ...] = ()
-    has_header: bool = True
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the columns."""
-        return tuple(self.columns)
-
-    @property
-    def units(self) -> tuple[str | None, ...]:
-        """No units apart from the names."""
-        return (None,) * len(self.columns)
-
-    def read(self, names: Sequence[str]) -> dict[str, Array]:
-        """Return whole columns."""
-        return {name: np.asarray(self.columns[name], dtype=np.float64) for name in names}
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,20 +113,31 @@ def _first_line(error: Exception) -> str:
 
 
 def open_log(path: Path) -> LogFile:
-    """Open a log by its ending and first bytes.
+    """Open a log by its first bytes, whatever its ending says.
 
     Raises:
         HuskyError: The file cannot be opened or is of no known format.
     """
+    from sysid.log_sensors import open_folder, open_zip
+
     try:
+        if path.is_dir():
+            return open_folder(path)
         with path.open("rb") as file:
             magic = file.read(16)
-    except IsADirectoryError:
-        from sysid.log_phone import open_folder
-
-        return open_folder(path)
     except OSError as error:
         raise HuskyError(f"{path}: cannot be opened ({error.strerror}).") from error
-    if magic.startswith(b"PAR1") or path.suffix.lower() in (".parquet", ".pq"):
+    for start, advice in _KNOWN_ELSEWHERE.items():
+        if magic.startswith(start):
+            raise HuskyError(f"{path}: {advice}")
+    if magic.startswith(b"PAR1"):
         return _open_parquet(path)
+    if magic.startswith(b"\x89MCAP"):
+        from sysid.log_mcap import open_mcap
+
+        return open_mcap(path)
+    if magic.startswith(b"PK") and path.suffix.lower() in (".xlsx", ".ods"):
+        raise HuskyError(f"{path}: a spreadsheet. Save it as CSV.")
+    if magic.startswith(b"PK"):
+        return open_zip(path)
     return open_csv(path)

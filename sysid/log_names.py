@@ -85,7 +85,7 @@ _OTHER_WORDS = {"mag", "magnetometer", "magnetic", "magn", "temp", "temperature"
 _STD_WORDS = {"std", "sigma", "stdev", "stddev", "sd"}
 _DOUBTFUL = {"ref", "reference", "truth", "mocap", "optical", "goal", "target", "cmd", "command", "commanded",
              "setpoint", "desired", "des", "raw", "logged", "err", "error", "model", "sim", "simulated", "predicted",
-             "uncalibrated", "wrapped", "old", "linear", "user"}  # fmt: skip
+             "uncalibrated", "wrapped", "old", "linear", "user", "fused"}  # fmt: skip
 """Words of columns that are not the plain measurement: goals, references, second-hand copies."""
 _GLUED = re.compile(
     r"(gyroscope|gyro|gyr|omega|w|g|accelerometer|accel|acc|a|magnetometer|mag|m|quat|q|rot)([xyzw])"
