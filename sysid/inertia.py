@@ -314,7 +314,7 @@ def with_inertia(board: Board, inertia: Quantity) -> Board:
         board: The record.
         inertia: Roll inertia about the tilt axis [kg*m^2].
     """
-    if board.decay:
+    if board.decay and not board.fit:
         data = board.decay
         numbers = decay_from_peaks(data["period"], data["first_peak"], data["second_peak"], inertia)
         tilt = {"stiffness": numbers.stiffness, "damping": numbers.damping}
