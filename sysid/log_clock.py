@@ -11,6 +11,8 @@ from sysid.roll import Array
 
 GAP = 4.5
 """A step this many times the usual one is a gap."""
+SAMPLE = 200_000
+"""As many steps tell how the stamps of a long log come."""
 WRAPS = {2.0**32: "32-bit", 2.0**16: "16-bit"}
 
 
@@ -188,20 +190,21 @@ def _drop_copies(clock: Clock, signal: Array) -> None:
 def _even_out(clock: Clock, signal: Array) -> None:
     """Replace late stamps by the even clock of the sensor."""
     steps = np.diff(clock.time)
-    some = steps[:: max(1, steps.size // 200_000)]
+    first = max(0, (steps.size - SAMPLE) // 2)
+    some = np.sort(steps[first : first + SAMPLE])
     low, usual, high = np.percentile(some, (5, 50, 95))
-    mean = float(some[some <= 20 * max(usual, some.mean())].mean())
+    mean = float(some[: some.size - max(3, some.size // 400)].mean())  # a few gaps aside
     forced = bool(steps.min() <= 0)
-    if not forced and high - low < 0.02 * usual:
+    if not forced and high - low < 0.02 * usual and mean < 1.5 * usual:
         return
-    bursts = forced or np.mean(some < 0.25 * mean) > 0.2
+    bursts = forced or bool(np.mean(some < 0.25 * mean) > 0.2)
     even = _even_times(clock.time)
     if even is None:
         if forced:
             clock.time = _spread(clock.time)
             clock.warnings.append("several rows share one time stamp: spread evenly up to the next stamp")
         return
-    if not forced:
+    if not bursts:  # no sensor measures in bursts, but it may well measure unevenly
         stamped, evened = _roughness(clock.time, signal), _roughness(even, signal)
         if not evened < 0.7 * stamped:
             if high - low > 0.2 * usual:
@@ -231,8 +234,8 @@ def _even_times(time: Array) -> Array | None:
     positive = steps[steps > 0]
     large = np.flatnonzero(steps > 0.3 * np.percentile(positive, 99))
     burst = int(np.percentile(np.diff(large), 95)) if large.size > 2 else 1
-    window = max(8, 2 * burst)
-    if count < 4 * window:
+    window = min(max(16, 8 * burst), count // 8)
+    if window < max(4, 2 * burst):
         return None
     period = float(np.median((time[window:] - time[:-window]) / window))
     if period <= 0:
@@ -247,7 +250,7 @@ def _even_times(time: Array) -> Array | None:
         after = lowest[np.minimum(rows + window // 2, count - 1)]  # over the window that starts at it
         jump = after - before
         jump[:window] = 0.0
-        at = np.flatnonzero(jump > 0.7 * period)
+        at = np.flatnonzero(jump > max(0.7 * period, 8 * float(np.median(np.abs(jump)))))
         groups = np.split(at, np.flatnonzero(np.diff(at) > 1) + 1) if at.size else []
         if len(groups) > max(3, count // 200):
             return None

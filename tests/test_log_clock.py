@@ -1,0 +1,176 @@
+"""Stamps as they come out of phones and boards: the repaired clock is the sensor's."""
+
+import numpy as np
+import pytest
+from rocking import rocking, write_csv
+
+from sysid.errors import HuskyError
+from sysid.logs import LogOptions, read_roll
+
+RATE = 200.0
+TRUE = np.arange(1600) / RATE
+
+
+def read(tmp_path, stamps, roll, header="t_s", form="%.9f", **options):
+    path = write_csv(tmp_path / "log.csv", (header, "roll_rad"), [form % s for s in stamps], roll)
+    return read_roll(path, LogOptions(**options))
+
+
+def noisy(time, seed=0, std=5e-4):
+    return rocking(time)[0] + np.random.default_rng(seed).normal(0, std, time.size)
+
+
+def clock_error(roll, true):
+    """Largest difference between the clock and the truth, up to the time of the first sample [s]."""
+    error = roll.time - (true - true[0])
+    return float(np.abs(error - np.median(error)).max())
+
+
+@pytest.mark.parametrize(
+    ("unit", "size"), [("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)], ids=["s", "ms", "us", "ns"]
+)
+@pytest.mark.parametrize("epoch", [0.0, 1.7e9])
+@pytest.mark.parametrize("named", [True, False])
+def test_units_and_epoch_by_name_or_by_size(tmp_path, unit, size, epoch, named):
+    whole = [f"{int(round((epoch + t) * 1e9)) / (1e9 / size):.6f}" if size < 1e9 else
+             str(round((epoch + t) * 1e9)) for t in TRUE]  # fmt: skip
+    path = write_csv(tmp_path / "log.csv", (f"time_{unit}" if named else "time", "roll_rad"), whole, noisy(TRUE))
+    roll = read_roll(path)
+    assert roll.time[0] == 0
+    assert clock_error(roll, TRUE) < 2e-6
+    assert any(f"in {unit}" in note for note in roll.notes)
+
+
+@pytest.mark.parametrize("burst", [4, 10, 25])
+def test_bursts_get_the_even_clock_of_the_sensor(tmp_path, burst):
+    rng = np.random.default_rng(burst)
+    arrival = (np.arange(TRUE.size) // burst * burst + burst - 1) / RATE  # when the last of a packet is there
+    delay = np.repeat(rng.exponential(2e-3, TRUE.size // burst), burst)
+    stamps = arrival + delay + np.tile(np.arange(burst), TRUE.size // burst) * 1e-5
+    roll = read(tmp_path, stamps, noisy(TRUE))
+    assert roll.time.size == TRUE.size
+    assert clock_error(roll, TRUE) < 4e-3
+    assert roll.sampling_rate == pytest.approx(RATE, rel=2e-3)
+    assert any("bursts" in warning for warning in roll.warnings)
+
+
+def test_bursts_with_one_stamp_for_all_and_a_lost_packet(tmp_path):
+    stamps = np.repeat(np.arange(160) * 10 / RATE, 10)
+    keep = np.ones(TRUE.size, dtype=bool)
+    keep[600:640] = False
+    roll = read(tmp_path, stamps[keep], noisy(TRUE)[keep])
+    assert clock_error(roll, TRUE[keep]) < 3e-3
+    assert any("gap" in warning for warning in roll.warnings)
+
+
+def test_late_stamps_of_even_samples_are_evened(tmp_path):
+    stamps = TRUE + np.random.default_rng(1).normal(0, 1.2e-3, TRUE.size)
+    stamps = np.sort(stamps)
+    roll = read(tmp_path, stamps, noisy(TRUE))
+    assert clock_error(roll, TRUE) < 3e-4
+    assert any("jitter" in warning for warning in roll.warnings)
+
+
+def test_truthful_uneven_stamps_are_kept(tmp_path):
+    uneven = np.sort(TRUE + np.random.default_rng(1).normal(0, 1.2e-3, TRUE.size))
+    roll = read(tmp_path, uneven, noisy(uneven))
+    assert clock_error(roll, uneven) < 1e-8
+    assert any("uneven sampling kept" in note for note in roll.notes)
+
+
+def test_gaps_are_kept_and_said(tmp_path):
+    keep = (TRUE < 3.0) | (TRUE > 3.4)
+    roll = read(tmp_path, TRUE[keep], noisy(TRUE)[keep])
+    assert clock_error(roll, TRUE[keep]) < 1e-8
+    assert [w for w in roll.warnings if "1 gaps" in w and "0.41 s" in w]
+
+
+def test_copies_of_rows_are_dropped(tmp_path):
+    twice = np.sort(np.concatenate((np.arange(TRUE.size), np.arange(0, TRUE.size, 7))))
+    values = noisy(TRUE)
+    roll = read(tmp_path, TRUE[twice], values[twice])
+    assert roll.time.size == TRUE.size
+    np.testing.assert_allclose(roll.roll, values, atol=1e-8)
+    assert any("copies" in warning for warning in roll.warnings)
+
+
+def test_rows_out_of_order_are_sorted(tmp_path):
+    order = np.arange(TRUE.size)
+    order[[500, 501]] = order[[501, 500]]
+    order[[900, 903]] = order[[903, 900]]
+    values = noisy(TRUE)
+    roll = read(tmp_path, TRUE[order], values[order])
+    np.testing.assert_allclose(roll.roll, values, atol=1e-8)
+    assert any("out of order" in warning for warning in roll.warnings)
+
+
+def test_restarted_counter_is_said(tmp_path):
+    stamps = np.concatenate((TRUE, TRUE))
+    roll = read(tmp_path, stamps, np.concatenate((noisy(TRUE), noisy(TRUE, 1))))
+    assert np.all(np.diff(roll.time) > 0)
+    assert roll.time[TRUE.size] - roll.time[TRUE.size - 1] == pytest.approx(1.0)
+    assert any("restarts 1 times, first at row 1601" in warning for warning in roll.warnings)
+
+
+@pytest.mark.parametrize("bits", [16, 32])
+def test_overflowing_counters_are_undone(tmp_path, bits):
+    size = 1e3 if bits == 16 else 1e6
+    start = 2**bits - 2000.0 * size / 1e3
+    stamps = np.mod(np.round(start + TRUE * size), 2**bits)
+    roll = read(tmp_path, stamps, noisy(TRUE), header="t_ms" if bits == 16 else "t_us", form="%.0f")
+    assert clock_error(roll, TRUE) < 1e-6
+    assert any("overflowed 1 times" in note for note in roll.notes)
+
+
+def test_random_stamps_are_no_clock(tmp_path):
+    stamps = np.random.default_rng(0).permutation(TRUE)
+    with pytest.raises(HuskyError, match="it is no clock.*--time-column"):
+        read(tmp_path, stamps, noisy(TRUE))
+    with pytest.raises(HuskyError, match="never changes"):
+        read(tmp_path, np.full(TRUE.size, 3.0), noisy(TRUE))
+
+
+def test_without_time_the_rate_makes_it(tmp_path):
+    path = write_csv(tmp_path / "log.csv", ("roll_rad",), noisy(TRUE))
+    with pytest.raises(HuskyError, match="--rate"):
+        read_roll(path)
+    roll = read_roll(path, LogOptions(rate=RATE))
+    np.testing.assert_allclose(roll.time, TRUE)
+    for rate in (0.0, -5.0, float("nan"), float("inf")):
+        with pytest.raises(HuskyError, match="positive number of hertz"):
+            read_roll(path, LogOptions(rate=rate))
+
+
+def test_rate_replaces_a_wrong_time_column(tmp_path):
+    roll = read(tmp_path, TRUE * 3, noisy(TRUE), rate=RATE)
+    np.testing.assert_allclose(roll.time, TRUE)
+
+
+def test_samples_repeated_by_a_slow_sensor_are_dropped(tmp_path):
+    fast = np.arange(8000) / 1000
+    held = np.repeat(noisy(TRUE), 5)
+    roll = read(tmp_path, fast, held)
+    assert roll.time.size == pytest.approx(TRUE.size, abs=3)
+    assert roll.sampling_rate == pytest.approx(RATE)
+    assert any("repeats each value over 5 rows" in note for note in roll.notes)
+
+
+def test_a_coarse_encoder_is_not_taken_for_a_slow_sensor(tmp_path):
+    step = 2 * np.pi / 4096
+    fast = np.arange(8000) / 1000
+    counts = np.round(rocking(fast, omega=6.0)[0] / step) * step
+    roll = read(tmp_path, fast, counts)
+    assert roll.time.size == fast.size
+    assert roll.std.min() >= step / np.sqrt(12) * (1 - 1e-6)
+
+
+def test_rows_without_numbers_leave_gaps_not_a_shift(tmp_path):
+    values = noisy(TRUE)
+    cells = [f"{value:.9g}" for value in values]
+    for row in (*range(300, 340), 700):
+        cells[row] = ""
+    path = write_csv(tmp_path / "log.csv", ("roll_rad", "other"), cells, TRUE)
+    keep = np.array([cell != "" for cell in cells])
+    roll = read_roll(path, LogOptions(rate=RATE))
+    np.testing.assert_allclose(roll.time, TRUE[keep])
+    assert any("41 of 1600 rows" in warning for warning in roll.warnings)
