@@ -1,0 +1,1 @@
+"""Parts of `sysid.video_roll`: decoding, what is tracked, the camera, and the angle."""

@@ -1,0 +1,31 @@
+"""What the user says about a film instead of leaving it to inference."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+Method = Literal["auto", "marker", "dots", "edge", "features"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VideoOptions:
+    """How roll is read from a film."""
+
+    method: Method = "auto"
+    """What is followed: a printed marker, coloured stickers, the deck's straight edge, or its texture."""
+    roi: tuple[int, int, int, int] | None = None
+    """Left, top, width and height [px] of where the board moves."""
+    calibration: Path | None = None
+    """Camera calibration: a file with camera matrix and distortion, or a film of a chessboard."""
+    readout: float | None = None
+    """Time from the sensor's first to its last row [s]; 0 for a global shutter."""
+    camera_angle: tuple[float, float] | None = None
+    """Where the deck's axis points in the picture, to the right and down from the line of sight [rad]."""
+    pivot: tuple[float, float] | None = None
+    """Point that a single dot turns about [px]; fitted if left out."""
+    front: bool = False
+    """The film is taken from the front of the board, where roll turns the other way."""
+    rate: float | None = None
+    """True frame rate [Hz], instead of the container's stamps (slow-motion films lie)."""
+    overlay: Path | None = None
+    """Film to write in which what was followed is drawn; a contact sheet (.png) lands beside it."""

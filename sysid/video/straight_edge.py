@@ -1,0 +1,109 @@
+"""Straight edges to a hundredth of a pixel: brightness profiles across them, and a robust line."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from sysid.roll import Array
+from sysid.video.frames import Picture
+
+
+@dataclass(frozen=True, slots=True)
+class Edges:
+    """Lines through m edges in one picture."""
+
+    ends: Array
+    """The given ends of each edge, moved onto it [px], shape (m, 2, 2)."""
+    contrast: Array
+    """Brightness step along the edge's normal, median over its profiles [grey levels], shape (m,)."""
+    scatter: Array
+    """Standard deviation of the profiles' edge positions about the line [px], shape (m,)."""
+    used: Array
+    """Share of the profiles that support the line, shape (m,)."""
+
+
+def find_edges(picture: Picture, ends: Array, reach: float, *, count: int = 24) -> Edges:
+    """Move edges onto the brightness steps nearby.
+
+    Each profile's position is the centroid of its gradient where it has the wanted sign (dark on the
+    right when walking from the first end to the second is a positive step to the left): for any
+    symmetric blur, motion blur included, that is the true edge.
+
+    Args:
+        picture: Grey picture.
+        ends: Where the edges roughly are [px], shape (m, 2, 2); brightness grows along the normal
+            (dy, -dx) of the direction from first to second end.
+        reach: How far the edges may be off, to either side [px].
+        count: Profiles an edge.
+    """
+    along = ends[:, 1] - ends[:, 0]
+    length = np.linalg.norm(along, axis=1, keepdims=True)
+    along = along / np.maximum(length, 1e-9)
+    normal = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    share = np.linspace(0.1, 0.9, count)
+    offset = np.arange(-np.ceil(reach) - 1, np.ceil(reach) + 2)
+    feet = ends[:, None, 0] + share[None, :, None] * (ends[:, None, 1] - ends[:, None, 0])
+    samples = (feet[:, :, None] + offset[None, None, :, None] * normal[:, None, None]).astype(np.float32)
+    m = len(ends)
+    profile = cv2.remap(
+        picture,
+        samples[..., 0].reshape(m * count, -1),
+        samples[..., 1].reshape(m * count, -1),
+        cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_REPLICATE,
+    ).reshape(m, count, -1)
+    step = np.diff(profile.astype(np.float64), axis=2)
+    position, contrast = _centroid(step, offset[:-1] + 0.5)
+    return _lines(ends, normal, share, position, contrast)
+
+
+def _centroid(step: Array, offset: Array) -> tuple[Array, Array]:
+    """Centroid of the positive steps around the strongest one [px], and their sum, each (m, count)."""
+    smooth = step.copy()
+    smooth[..., 1:-1] = (step[..., :-2] + 2 * step[..., 1:-1] + step[..., 2:]) / 4
+    peak = offset[np.argmax(smooth, axis=2)]
+    top = smooth.max(axis=2)
+    weight = np.maximum(step - 0.1 * top[..., None], 0)
+    centre = peak
+    for half_width in (4.0, 4.0):
+        near = weight * (np.abs(offset - centre[..., None]) <= half_width)
+        total = near.sum(axis=2)
+        centre = np.where(total > 0, (near * offset).sum(axis=2) / np.maximum(total, 1e-9), np.nan)
+    return centre, total
+
+
+def _lines(ends: Array, normal: Array, share: Array, position: Array, contrast: Array) -> Edges:
+    """Fit offset = a + b·share to every edge's profiles by reweighted least squares (Cauchy weights)."""
+    strong = np.nanmedian(contrast, axis=1)
+    base = np.isfinite(position) & (contrast > 0.4 * strong[:, None])
+    place = np.where(base, position, 0.0)
+    middle = np.nanmedian(np.where(base, position, np.nan), axis=1, keepdims=True) if base.any() else 0.0
+    weight = base / (1 + ((place - middle) / 3.0) ** 2)
+    intercept = slope = np.zeros(len(ends))
+    spread = np.full(len(ends), np.inf)
+    residual = place
+    for _ in range(4):
+        total = np.maximum(weight.sum(axis=1), 1e-9)
+        mean_share = (weight * share).sum(axis=1) / total
+        mean_place = (weight * place).sum(axis=1) / total
+        centred = share - mean_share[:, None]
+        moment = np.maximum((weight * centred**2).sum(axis=1), 1e-9)
+        slope = (weight * centred * place).sum(axis=1) / moment
+        intercept = mean_place - slope * mean_share
+        residual = place - intercept[:, None] - slope[:, None] * share
+        spread = np.sqrt((weight * residual**2).sum(axis=1) / total) + 0.02
+        weight = base / (1 + (residual / (2.5 * spread[:, None])) ** 2)
+    moved = np.stack([intercept, intercept + slope], axis=1)[..., None] * normal[:, None]
+    supported = base & (np.abs(residual) < np.maximum(3 * spread[:, None], 0.5))
+    return Edges(ends + moved, strong, spread, supported.mean(axis=1))
+
+
+def corners(edges: Edges) -> Array:
+    """Intersect each edge with the one before it in the cycle; shape (m, 2)."""
+    first, second = edges.ends, np.roll(edges.ends, 1, axis=0)
+    a, b = first[:, 1] - first[:, 0], second[:, 1] - second[:, 0]
+    gap = second[:, 0] - first[:, 0]
+    cross = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    share = (gap[:, 0] * b[:, 1] - gap[:, 1] * b[:, 0]) / np.where(np.abs(cross) < 1e-9, np.nan, cross)
+    return first[:, 0] + share[:, None] * a
