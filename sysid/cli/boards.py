@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from sysid.board import Board
 from sysid.cli.console import Common, Printer
-from sysid.errors import HuskyError
+from sysid.errors import HuskyError, did_you_mean
 from sysid.quantity import Quantity
 from sysid.workspace import Workspace
 
@@ -131,13 +131,16 @@ def _show(space: Workspace, name: str, printer: Printer) -> None:
 
 
 def _warn_of_unknown_effects(board: Board, printer: Printer) -> None:
-    from sysid.synth import PARAMETERS
+    from sysid.effects import catalogue
 
     for effect in board.effects:
-        known = {parameter.name: parameter.unit for parameter in PARAMETERS.get(effect.name, ())}
-        if not known:
-            printer.warn(f"effect '{effect.name}' of the record is not in the catalogue.")
-        elif {key: quantity.unit for key, quantity in effect.parameters.items()} != known:
+        entry = catalogue().get(effect.name)
+        if entry is None:
+            hint = did_you_mean(effect.name, catalogue())
+            printer.warn(f"effect '{effect.name}' of the record is not in the catalogue.{hint}")
+            continue
+        known = {parameter.name: parameter.unit for parameter in entry.parameters}
+        if {key: quantity.unit for key, quantity in effect.parameters.items()} != known:
             expected = ", ".join(f"{key} in {unit}" for key, unit in known.items())
             printer.warn(
                 f"effect '{effect.name}' of the record has other parameters than expected ({expected})."
