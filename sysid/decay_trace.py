@@ -207,7 +207,8 @@ def _search(traces: Sequence[Trace], poles: Array) -> Array:
             -np.linalg.solve(normal / np.outer(scale, scale) + damping * np.eye(2), gradient / scale) / scale
         )
         trial = poles + step
-        trial_parts = [_project(trace, trial) for trace in traces] if trial[0] > 0 else []
+        allowed = trial[0] > 0 and trial[0] ** 2 + trial[1] > 0  # it decays, to where it rests
+        trial_parts = [_project(trace, trial) for trace in traces] if allowed else []
         trial_cost = sum((part[0] for part in trial_parts), 0.0 if trial_parts else math.inf)
         if not trial_cost < cost:
             damping *= 10

@@ -135,7 +135,8 @@ def settling_time(release: Release) -> float:
     if release.end != "rest":
         return float(release.time[-1])
     swing = find_swing(release.time, release.roll, float(np.median(release.std)))
-    return _settled(swing, 0, len(swing.time) - 1, release.amplitude)
+    legs = legs_of(swing)
+    return _settled(swing, legs[-1].reached if legs else 0, len(swing.time) - 1, release.amplitude)[0]
 
 
 def _cut(roll: Roll, start: float | None, stop: float | None) -> Roll:
@@ -227,7 +228,8 @@ def _chain(swing: Swing, legs: list[Leg], begin: int, finish: int) -> _Chain | N
         leg = legs[finish]
         homeward = (rest - leg.origin) * (leg.target - leg.origin) > 0.3 * leg.size**2
         swings_on = homeward and leg.size < chosen[-1].size + 6.0 * swing.noise
-        if not swings_on and leg.size > (3.0 if homeward else 2.0) * swing.step:
+        away = max(leg.size if homeward else 0.0, abs(leg.target - rest))
+        if not swings_on and away > 2.0 * swing.step:
             break
         chosen += [leg] if swings_on else []
         finish += 1
@@ -306,7 +308,12 @@ def _release(roll: Roll, swing: Swing, chain: _Chain, number: int, limit: float 
 def _let_go(swing: Swing, chain: _Chain) -> tuple[float, float]:
     """Return when the deck was let go and how long it had been held still before [s]."""
     leg = chain.legs[0]
-    before = swing.roll[: leg.left + 1]
+    width = max(5, round(0.25 * chain.pace / float(swing.time[1] - swing.time[0])))
+    before = np.convolve(
+        np.pad(swing.roll[: leg.left + 1], (width // 2, width - 1 - width // 2), "edge"),
+        np.ones(width) / width,
+        "valid",
+    )
     still = np.abs(before - leg.origin) <= max(3.0 * swing.noise, STILL * chain.sizes[0])
     last = int(np.flatnonzero(still)[-1])
     moving = np.flatnonzero(~still[:last])
@@ -346,10 +353,11 @@ def _ending(swing: Swing, chain: _Chain, begin: float) -> _Ending:
     if _last_leg_is_cut(swing, chain):
         return _followed(swing, chain, last.begin), "caught"
     if chain.settles:
-        settled = _settled(swing, last.begin, stop, chain.sizes[0])
+        settled, leaves = _settled(swing, last.reached, stop, chain.sizes[0])
         tail = max(4.0 * chain.pace, 0.5 * (settled - begin))
-        hand = math.inf if chain.after is None else float(swing.time[stop]) - 0.5 * chain.pace
-        return max(settled, min(settled + tail, hand, float(swing.time[stop]))), "rest"
+        if chain.after is not None:  # a hand is felt before it is seen
+            leaves -= max(0.5 * chain.pace, 0.25 * (leaves - settled))
+        return max(settled, min(settled + tail, leaves)), "rest"
     return _followed(swing, chain, last.finish), "caught"
 
 
@@ -381,13 +389,18 @@ def _followed(swing: Swing, chain: _Chain, turn: int) -> float:
     return float(swing.time[turn]) + max(0.0, reach)
 
 
-def _settled(swing: Swing, begin: int, stop: int, amplitude: float) -> float:
-    """Return the time after which the deck stays where it is until index `stop` [s]."""
-    part = swing.roll[begin : stop + 1]
-    level = float(np.median(part[-max(3, len(part) // 4) :]))
-    moving = np.flatnonzero(np.abs(part - level) > max(3.5 * swing.noise, 0.01 * amplitude))
-    last = int(moving[-1]) + 1 if len(moving) else 0
-    return float(swing.time[begin + min(last, len(part) - 1)])
+def _settled(swing: Swing, reached: int, stop: int, amplitude: float) -> tuple[float, float]:
+    """Return from when until when the deck stays at rest, about its first stay after index `reached` [s]."""
+    stays = [(first, last) for first, last in swing.stays if last > reached and first < stop]
+    first, last = stays[0] if stays else (reached, stop)
+    first, last = max(first, reached), min(last, stop)
+    level = float(np.median(swing.roll[first : last + 1]))
+    loud = np.flatnonzero(np.abs(swing.roll - level) > max(4.0 * swing.noise, 0.01 * amplitude))
+    middle = (first + last) // 2
+    before, after = loud[loud < middle], loud[loud > middle]
+    settled = int(before[-1]) + 1 if len(before) else 0
+    leaves = min(int(after[0]) - 1 if len(after) else stop, stop)
+    return float(swing.time[settled]), float(swing.time[leaves])
 
 
 def _between(
