@@ -16,7 +16,17 @@ from sysid.log_names import parse_unit
 from sysid.roll import Array
 
 HEAD_BYTES = 1 << 18
-DIALECTS = ((",", "."), ("\t", "."), (";", "."), (";", ","), ("\t", ","), ("|", "."), ("|", ","), (" ", "."), (" ", ","))
+DIALECTS = (
+    (",", "."),
+    ("\t", "."),
+    (";", "."),
+    (";", ","),
+    ("\t", ","),
+    ("|", "."),
+    ("|", ","),
+    (" ", "."),
+    (" ", ","),
+)
 """Delimiter and decimal sign, in the order of preference; ' ' is any run of blanks."""
 COMMENTS = ("#", "%", "//")
 _BOMS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))

@@ -16,6 +16,7 @@ from sysid.log_columns import Choice, angle_scale, choose_columns
 from sysid.log_formats import open_log
 from sysid.log_noise import estimate_noise, saturated
 from sysid.roll import Array, Roll
+from sysid.video.options import VideoOptions
 
 VIDEO_SUFFIXES = frozenset({".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v"})
 MIN_SAMPLES = 8
@@ -40,6 +41,8 @@ class LogOptions:
     """What to make roll from, where a log holds several."""
     lever_arm: tuple[float, float, float] | None = None
     """From the tilt axis to the accelerometer, in sensor axes [m]; None estimates it."""
+    video: VideoOptions | None = None
+    """How a film is read; its `rate` is the one above."""
 
 
 def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
@@ -56,7 +59,7 @@ def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
     if path.suffix.lower() in VIDEO_SUFFIXES:
         from sysid.video_roll import roll_from_video
 
-        return roll_from_video(path, options)
+        return roll_from_video(path, replace(options.video or VideoOptions(), rate=options.rate))
     log = open_log(path)
     choice = choose_columns(log, options)
     data = log.read([name for name in (*choice.columns, choice.time, choice.std) if name])

@@ -1,5 +1,6 @@
 """Options of every command that takes a log."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,52 @@ from sysid.cli.console import Printer
 from sysid.errors import HuskyError
 from sysid.logs import LogOptions, read_roll
 from sysid.roll import Release, Roll
+from sysid.video.options import Method, VideoOptions
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class VideoArguments:
+    """How a film is read, where the inference needs help."""
+
+    method: Annotated[Method, Parameter(name="--method")] = "auto"
+    """Film: what to follow."""
+    roi: Annotated[tuple[int, int, int, int] | None, Parameter(name="--roi", negative="")] = None
+    """Film: left, top, width and height in px of where the board moves."""
+    calibration: Annotated[Path | None, Parameter(name="--calibration")] = None
+    """Film: camera calibration, a file or a film of a chessboard."""
+    readout: Annotated[float | None, Parameter(name="--readout")] = None
+    """Film: time from the sensor's first to its last row in s; 0 for a global shutter."""
+    camera_angle: Annotated[
+        tuple[float, float] | None, Parameter(name="--camera-angle", negative="", allow_leading_hyphen=True)
+    ] = None
+    """Film: where the deck's axis points, to the right and down from the line of sight, in degrees."""
+    pivot: Annotated[
+        tuple[float, float] | None, Parameter(name="--pivot", negative="", allow_leading_hyphen=True)
+    ] = None
+    """Film: point in px that a single dot turns about."""
+    front: Annotated[bool, Parameter(name="--front", negative="")] = False
+    """Film: taken from the front of the board, not from behind."""
+    overlay: Annotated[Path | None, Parameter(name="--overlay")] = None
+    """Film: write one in which what was followed is drawn."""
+
+    @property
+    def options(self) -> VideoOptions:
+        """The same, with angles in rad."""
+        angle = self.camera_angle
+        return VideoOptions(
+            method=self.method,
+            roi=self.roi,
+            calibration=self.calibration,
+            readout=self.readout,
+            camera_angle=None if angle is None else (math.radians(angle[0]), math.radians(angle[1])),
+            pivot=self.pivot,
+            front=self.front,
+            overlay=self.overlay,
+        )
+
+
+_NO_VIDEO = VideoArguments()
 
 
 @Parameter(name="*")
@@ -43,6 +90,7 @@ class LogArguments:
     """Ignore the log after this time in s."""
     release: Annotated[tuple[float, ...], Parameter(name="--release", negative="")] = ()
     """Time of a release in s, instead of finding it; repeat it for several."""
+    video: VideoArguments = _NO_VIDEO
 
     @property
     def options(self) -> LogOptions:
@@ -55,6 +103,7 @@ class LogArguments:
             time_column=self.time_column,
             source=self.source,
             lever_arm=self.lever_arm,
+            video=self.video.options,
         )
 
 
