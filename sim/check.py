@@ -1,0 +1,190 @@
+"""The gate: does the deck in the training scene decay as it was measured, and if not, why?"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.free_decay_rig import swing
+from sim.in_scene import HeldScene
+from sysid.board import Board
+from sysid.errors import HuskyError
+from sysid.roll import Array, Release
+
+WITHIN_RANGE = 0.97
+"""Share of the scene's tilt range below which a decay is compared: a limit pushes a little before its end."""
+BLOCK = 0.008
+"""Residuals are averaged over blocks of this length before the noise is taken out [s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReleaseCheck:
+    """One measured decay beside the scene's."""
+
+    log: str
+    number: int
+    side: str
+    time: Array
+    """Time on the log's clock [s], shape (n,)."""
+    measured: Array
+    """[rad], shape (n,)."""
+    simulated: Array
+    """[rad], shape (n,); with the log's own zero."""
+    zero: float
+    """The log's zero against the scene's [rad]."""
+    start: tuple[float, float]
+    """Fitted roll [rad] and rate [rad/s] at the first sample, about the scene's zero."""
+    cut: float
+    """Time left out at the beginning because the deck was beyond the scene's tilt range [s]."""
+    error_power: float
+    """Mean square of the residual without the sensor's noise [rad²]; may come out slightly negative."""
+    power: float
+    """Mean square of the measured roll about rest without the sensor's noise [rad²]."""
+
+    @property
+    def rmse(self) -> float:
+        """RMS of the residual, noise included [rad]."""
+        return float(np.sqrt(np.mean((self.measured - self.simulated) ** 2)))
+
+    @property
+    def nrmse(self) -> float:
+        """RMS of the residual over RMS of the measured roll about rest, both without noise."""
+        return math.sqrt(max(self.error_power, 0.0) / self.power)
+
+
+@dataclass(frozen=True, slots=True)
+class SceneCheck:
+    """All measured decays beside the scene's."""
+
+    releases: tuple[ReleaseCheck, ...]
+    tolerance: float
+
+    @property
+    def nrmse(self) -> float:
+        """RMS of all residuals over RMS of all measured roll about rest, both without noise."""
+        weights = [len(release.time) for release in self.releases]
+        error = np.average([release.error_power for release in self.releases], weights=weights)
+        power = np.average([release.power for release in self.releases], weights=weights)
+        return math.sqrt(max(float(error), 0.0) / float(power))
+
+    @property
+    def rmse(self) -> float:
+        """RMS of all residuals, noise included [rad]."""
+        return float(np.sqrt(np.mean(np.concatenate([r.measured - r.simulated for r in self.releases]) ** 2)))
+
+    @property
+    def passed(self) -> bool:
+        """Whether the scene decays as measured, within the tolerance."""
+        return self.nrmse <= self.tolerance
+
+
+def check_scene(
+    board: Board, scene: HeldScene, releases: Sequence[Release], *, tolerance: float = 0.02
+) -> SceneCheck:
+    """Release the deck in a scene as it was released in the logs, and compare.
+
+    Angle and rate at the start, and the log's zero, are fitted for each release, so that noise in its
+    first samples does not count against the scene.
+
+    Args:
+        board: The record; only its measurement effects (clock, lowpass, drift) and rest angle are used.
+        scene: The scene, its chassis held.
+        releases: Measured decays.
+        tolerance: Largest accepted NRMSE.
+
+    Raises:
+        HuskyError: No decay stays within the scene's tilt range for long enough.
+    """
+    return SceneCheck(tuple(_compare(board, scene, release) for release in releases), tolerance)
+
+
+def _compare(board: Board, scene: HeldScene, release: Release) -> ReleaseCheck:
+    from scipy.optimize import least_squares
+
+    inside = _inside(release, scene.tilt_range)
+    time, measured = release.time[inside:], release.roll[inside:]
+    duration = float(time[-1] - time[0])
+    rest = board.rest_angle
+
+    def simulated(unknown: Array) -> Array:
+        angle, rate, zero = unknown
+        clock = _parameter(board, "clock", "ratio", 1.0)
+        move = swing(
+            scene.model, angle, rate, duration / clock, joint=scene.joint, after_step=scene.after_step
+        )
+        return zero + _as_sensed(board, move.at((time - time[0]) / clock), time)
+
+    zero = release.rest - rest
+    slope = np.polynomial.Polynomial.fit(time[:12] - time[0], measured[:12], 2).convert().coef
+    guess = np.array([slope[0] - zero, slope[1], zero])
+    speed = max(abs(slope[1]), abs(slope[0] - release.rest) / 0.02)
+    found = least_squares(
+        lambda unknown: simulated(unknown) - measured,  # pyright: ignore[reportUnknownLambdaType]
+        guess,
+        x_scale=[max(release.amplitude, 1e-3), speed, max(release.amplitude, 1e-3)],
+        diff_step=1e-5,
+        max_nfev=12,
+    )
+    residual = np.asarray(found.fun)
+    step = float(np.median(np.diff(time)))
+    return ReleaseCheck(
+        log=release.log,
+        number=release.number,
+        side=release.side,
+        time=time,
+        measured=measured,
+        simulated=measured + residual,
+        zero=float(found.x[2]),
+        start=(float(found.x[0]), float(found.x[1])),
+        cut=float(time[0] - release.time[0]),
+        error_power=smooth_power(residual, step),
+        power=max(smooth_power(measured - rest - float(found.x[2]), step), 1e-12),
+    )
+
+
+def _inside(release: Release, tilt_range: float) -> int:
+    """Return the first sample from which the deck stays within the scene's tilt range."""
+    beyond = np.flatnonzero(np.abs(release.roll - release.rest) > WITHIN_RANGE * tilt_range)
+    first = int(beyond[-1]) + 1 if len(beyond) else 0
+    if len(release.roll) - first < 16:
+        raise HuskyError(
+            f"{release.log}, release {release.number}: the deck stays within the scene's tilt range of "
+            f"{tilt_range:.3g} rad for {len(release.roll) - first} samples only. Release it from less, or widen "
+            "tilt.range in the board record."
+        )
+    return first
+
+
+def smooth_power(signal: Array, step: float) -> float:
+    """Return the mean square of a sampled smooth signal under white noise, without the noise.
+
+    Means of neighbouring blocks share the signal but not the noise, so the mean of their products is
+    the signal's power alone; unlike a subtracted noise floor it needs no estimate of the noise.
+
+    Args:
+        signal: Evenly sampled, shape (n,).
+        step: Sampling interval [s].
+    """
+    width = max(1, round(BLOCK / step))
+    usable = len(signal) // width * width
+    blocks = signal[:usable].reshape(-1, width).mean(axis=1)
+    return float(np.mean(blocks[1:] * blocks[:-1]))
+
+
+def _as_sensed(board: Board, roll: Array, time: Array) -> Array:
+    """Apply the record's measurement effects: low-pass filter and drift."""
+    from scipy.signal import lfilter
+
+    constant = _parameter(board, "lowpass", "time_constant", 0.0)
+    if constant > 0:
+        keep = math.exp(-float(np.median(np.diff(time))) / constant)
+        roll = lfilter([1 - keep], [1, -keep], roll, zi=[keep * roll[0]])[0]
+    return roll + _parameter(board, "sensor-drift", "rate", 0.0) * (time - time[0])
+
+
+def _parameter(board: Board, effect: str, name: str, otherwise: float) -> float:
+    for part in board.effects:
+        if part.name == effect:
+            return part.parameters[name].value
+    return otherwise

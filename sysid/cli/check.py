@@ -1,0 +1,215 @@
+"""`husky-sysid check`: the gate between a measured board and training."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import date
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from sysid.board import Board
+from sysid.cli.console import Common, Printer
+from sysid.cli.log_options import LogArguments, load_releases
+from sysid.errors import HuskyError, QualityGateError
+
+if TYPE_CHECKING:
+    from sim.check import SceneCheck
+    from sim.in_scene import HeldScene
+    from sim.scene_additions import SceneAdditions, TiltJoint
+
+_NO_ARGUMENTS = LogArguments()
+_NO_COMMON = Common()
+
+
+def check(
+    *logs: Path,
+    board: Annotated[str, Parameter(name="--board")],
+    tolerance: Annotated[float, Parameter(name="--tolerance")] = 0.02,
+    scene_file: Annotated[Path | None, Parameter(name="--scene-file")] = None,
+    joint: Annotated[str, Parameter(name="--joint")] = "board_tilt_joint",
+    timestep: Annotated[float | None, Parameter(name="--timestep")] = None,
+    integrator: Annotated[str, Parameter(name="--integrator")] = "implicitfast",
+    coupling: Annotated[Literal["equality", "direct"], Parameter(name="--coupling")] = "equality",
+    export: Annotated[
+        Literal["in-scene", "step-compensated", "physical"], Parameter(name="--export")
+    ] = "in-scene",
+    arguments: LogArguments = _NO_ARGUMENTS,
+    common: Common = _NO_COMMON,
+) -> int:
+    """Release the deck in the training scene as it was released in the logs, and compare.
+
+    Args:
+        logs: Measured decays.
+        board: Name of the board.
+        tolerance: Largest accepted NRMSE: RMS error over RMS of the measured roll about rest, sensor noise
+            taken out.
+        scene_file: An MJCF scene to check instead of the one that the tool builds.
+        joint: Name of the tilt joint in that file.
+        timestep: Step in s; 0.005 or the scene file's if left out.
+        integrator: MuJoCo integrator of the scene that the tool builds.
+        coupling: How tilt steers the trucks in it: a joint equality, or trucks set directly after each step.
+        export: Which parameters are written into it: compensated so that the scene as a whole decays like
+            the board, for the step alone, or not at all.
+        arguments: How logs are read.
+        common: Options of every command.
+
+    Raises:
+        QualityGateError: The scene does not decay as measured.
+    """
+    from sim.check import check_scene
+    from sim.scene_additions import scene_additions
+
+    if not 0 < tolerance < 1:
+        raise HuskyError(f"--tolerance {tolerance:g}: expected a share between 0 and 1, such as 0.02.")
+    printer = Printer(common)
+    record = common.space.load_board(board)
+    releases = load_releases(logs, arguments, printer)
+    if scene_file is not None:
+        from sim.in_scene import scene_from_file
+
+        scene = scene_from_file(scene_file, joint=joint, timestep=timestep)
+    else:
+        scene = _own_scene(record, timestep or 0.005, integrator, coupling, export, printer)
+    result = check_scene(record, scene, releases, tolerance=tolerance)
+    additions = scene_additions(record, scene)
+    reasons = additions.reasons(record, record.tilt["range"].value)
+    _print(printer, record, scene, result, additions)
+    printer.result(_json(record, scene, result, additions, () if result.passed else reasons))
+    if scene_file is None:
+        path = common.space.save_board(replace(record, check=_entry(scene, result, logs)))
+        printer.note(f"written into {path}")
+    else:
+        printer.note("the board record is unchanged: its [check] speaks of the scene that the tool builds")
+    if result.passed:
+        printer.say(f"passed: NRMSE {100 * result.nrmse:.2f} % (tolerance {100 * tolerance:g} %)")
+        return 0
+    why = (
+        "; ".join(reasons) or "no part of the scene stands out: fit the board to these logs, or diagnose them"
+    )
+    raise QualityGateError(
+        f"the scene does not decay like board '{board}': NRMSE {100 * result.nrmse:.1f} %, tolerance "
+        f"{100 * tolerance:g} %. Why: {why}."
+    )
+
+
+def _own_scene(
+    record: Board,
+    timestep: float,
+    integrator: str,
+    coupling: Literal["equality", "direct"],
+    export: str,
+    printer: Printer,
+) -> "HeldScene":
+    from sim.in_scene import compensate_in_scene, training_scene
+    from sim.step_compensation import compensate_step
+
+    written = record
+    if export != "physical":
+        if export == "in-scene":
+            done = compensate_in_scene(record, timestep=timestep, integrator=integrator, coupling=coupling)
+        else:
+            done = compensate_step(record, timestep=timestep, integrator=integrator)
+        written = done.board
+        printer.note("; ".join(done.lines()))
+    return training_scene(written, timestep=timestep, integrator=integrator, coupling=coupling)
+
+
+def _print(
+    printer: Printer, record: Board, scene: "HeldScene", result: "SceneCheck", additions: "SceneAdditions"
+) -> None:
+    printer.say(f"board {record.name} in: {scene.name}; the chassis is held, as on a bench")
+    for release in result.releases:
+        if release.cut > 0:
+            printer.note(
+                f"{release.log}, release {release.number}: the first {1e3 * release.cut:.0f} ms are beyond the scene's "
+                f"tilt range of ±{scene.tilt_range:.3g} rad and are left out"
+            )
+    printer.table(
+        ("log", "release", "from", "to compare", "NRMSE", "RMSE with noise"),
+        [
+            (
+                release.log,
+                str(release.number),
+                release.side,
+                f"{release.time[-1] - release.time[0]:.2f} s",
+                f"{100 * release.nrmse:.2f} %",
+                f"{1e3 * release.rmse:.2f} mrad",
+            )
+            for release in result.releases
+        ],
+    )
+    rows = [("wanted at this step", additions.wanted), ("the scene as a whole", additions.whole)]
+    rows += [(name if name == "deck alone" else f"of that: {name}", part) for name, part in additions.parts]
+    printer.table(
+        ("tilt joint", "stiffness N·m/rad", "damping N·m·s/rad", "inertia kg·m²"),
+        [
+            (name, f"{part.stiffness:.4g}", f"{part.damping:.4g}", f"{part.inertia:.4g}")
+            for name, part in ((name, _rounded(part, additions.wanted)) for name, part in rows)
+        ],
+    )
+
+
+def _rounded(part: "TiltJoint", wanted: "TiltJoint") -> "TiltJoint":
+    """Drop what is below a millionth of the board's own: rounding of the simulation."""
+    return type(part)(
+        *(
+            0.0 if abs(value) < 1e-6 * abs(own) else value
+            for value, own in (
+                (part.stiffness, wanted.stiffness),
+                (part.damping, wanted.damping),
+                (part.inertia, wanted.inertia),
+            )
+        )
+    )
+
+
+def _entry(scene: "HeldScene", result: "SceneCheck", logs: Sequence[Path]) -> dict[str, Any]:
+    return {
+        "passed": result.passed,
+        "nrmse": float(f"{result.nrmse:.4g}"),
+        "tolerance": result.tolerance,
+        "scene": scene.name,
+        "logs": [str(log) for log in logs],
+        "date": date.today().isoformat(),
+    }
+
+
+def _json(
+    record: Board,
+    scene: "HeldScene",
+    result: "SceneCheck",
+    additions: "SceneAdditions",
+    reasons: Sequence[str],
+) -> dict[str, Any]:
+    def numbers(joint: "TiltJoint") -> dict[str, float]:
+        return {"stiffness": joint.stiffness, "damping": joint.damping, "inertia": joint.inertia}
+
+    return {
+        "board": record.name,
+        "scene": scene.name,
+        "passed": result.passed,
+        "nrmse": result.nrmse,
+        "tolerance": result.tolerance,
+        "rmse_rad": result.rmse,
+        "releases": [
+            {
+                "log": release.log,
+                "release": release.number,
+                "side": release.side,
+                "t_start_s": float(release.time[0]),
+                "t_end_s": float(release.time[-1]),
+                "left_out_s": release.cut,
+                "nrmse": release.nrmse,
+                "rmse_rad": release.rmse,
+                "zero_rad": release.zero,
+            }
+            for release in result.releases
+        ],
+        "tilt_joint": {
+            "wanted": numbers(additions.wanted),
+            "whole": numbers(additions.whole),
+            "parts": {name: numbers(part) for name, part in additions.parts},
+        },
+        "reasons": list(reasons),
+    }
