@@ -293,7 +293,7 @@ class OnnxPolicy:
     def __init__(self, file: PolicyFile) -> None:
         """Take the file; `reset` begins an episode."""
         self.name = file.path.stem
-        self._file = file
+        self.file = file
         self._observation = ReleaseObservation() if file.size == RELEASE_SIZE else PaperObservation()
         self._default, self._scale = default_pose(), servos().action_scale
         self.action = np.zeros(len(JOINTS))
@@ -301,12 +301,12 @@ class OnnxPolicy:
     def reset(self, state: RobotState) -> None:
         """Begin an episode; the first 'last action' is the one that asks for the present pose, as in training."""
         self._observation.reset()
-        release = self._file.size == RELEASE_SIZE
+        release = self.file.size == RELEASE_SIZE
         self.action = np.zeros(len(JOINTS)) if release else action_for(state.joint_position)
 
     def act(self, state: RobotState, command: Command, step: int) -> Array:
         """Return joint targets [rad], shape (23,)."""
         observation = self._observation.build(state, command, self.action, step).astype(np.float32)[None]
-        answer = self._file.session.run([self._file.output_name], {self._file.input_name: observation})[0]
+        answer = self.file.session.run([self.file.output_name], {self.file.input_name: observation})[0]
         self.action = np.asarray(answer, dtype=np.float64)[0]
         return self._default + self._scale * self.action

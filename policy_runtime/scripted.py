@@ -5,6 +5,8 @@ from collections.abc import Callable
 import numpy as np
 
 from policy_runtime.commands import Command
+from policy_runtime.gravity_load import GravityLoad
+from policy_runtime.motion_check import motion_facts
 from policy_runtime.motions import Motion, load_motions
 from policy_runtime.policy import Policy, action_for
 from policy_runtime.robots import RobotState
@@ -43,44 +45,59 @@ class Scripted:
 
 
 def zero_action() -> Scripted:
-    """Answer zero always: the default pose, one foot on the ground, one on the deck."""
+    """Answer zero always: ask for the default pose, one foot on the ground, one on the deck."""
     return Scripted("zero", lambda command, step: default_pose())
 
 
 def standing() -> Scripted:
-    """Hold the steering pose always: ride whatever comes."""
-    pose = load_poses()["steer"].joints
-    return Scripted("stand", lambda command, step: pose)
+    """Hold the steering pose against gravity: ride whatever comes."""
+    pose = load_poses()["steer"]
+    target = GravityLoad().asked(pose.joints, pose.quaternion, (True, True))
+    return Scripted("stand", lambda command, step: target)
 
 
 def scripted_push(clip: Motion | None = None, clock: Clock | None = None) -> Scripted:
-    """Replay a pushing clip, step on the board, hold the steering pose, step off: the cycle without feedback.
+    """Replay a pushing clip while the cycle pushes, and glide on the right foot for the rest of it.
+
+    It never steps on the board with both feet: without feedback it would only fall.
 
     Args:
         clip: What to push like; the shipped clip whose speed is nearest to the command if None.
         clock: The cycle.
     """
     clock = clock or Clock()
+    load = GravityLoad()
     clips = [clip] if clip is not None else load_motions()
     speeds = np.array([_speed(motion) for motion in clips])
-    poses = load_poses()
-    push, steer = poses["push"].joints, poses["steer"].joints
+    replays = [_replay(motion, load) for motion in clips]
+    pose = load_poses()["push"]
+    glide = load.asked(pose.joints, pose.quaternion, (False, True))
+    still = load.asked(default_pose(), np.array([1.0, 0.0, 0.0, 0.0]), (True, True))
 
     def targets(command: Command, step: int) -> Array:
         if command.speed < STILL_SPEED:
-            return default_pose()
-        motion = clips[int(np.argmin(np.abs(speeds - command.speed)))]
+            return still
+        replay = replays[int(np.argmin(np.abs(speeds - command.speed)))]
         step = step % clock.period
         if clock.pushing(step):
-            return motion.joints[step % len(motion.joints)]
-        if clock.mounting(step):
-            last = motion.joints[(clock.push - 1) % len(motion.joints)]
-            return _blend(last, steer, (step - clock.push) / clock.mount)
-        if clock.steering(step):
-            return steer
-        return _blend(steer, push, (step - clock.push - clock.mount - clock.steer) / clock.dismount)
+            return replay[step % len(replay)]
+        since, left = step - clock.push, clock.period - step
+        if since < clock.mount:
+            return _blend(replay[(clock.push - 1) % len(replay)], glide, since / clock.mount)
+        return _blend(replay[0], glide, min(left / clock.dismount, 1.0))
 
     return Scripted("push", targets)
+
+
+def _replay(motion: Motion, load: GravityLoad) -> Array:
+    """Return the targets that replay a clip, shape (frames, 23): the left foot bears weight where it stands."""
+    planted = motion_facts(motion, load.model).planted
+    return np.array(
+        [
+            load.asked(joints, quaternion, (bool(down), True))
+            for joints, quaternion, down in zip(motion.joints, motion.quaternion, planted, strict=True)
+        ]
+    )
 
 
 def _blend(start: Array, end: Array, share: float) -> Array:

@@ -11,6 +11,8 @@ import numpy.typing as npt
 
 from policy_runtime.robots import PD_PERIOD, JointCommand, RobotState
 from sim.board_scene import TILT_JOINT, TRUCK_JOINTS, WHEELS, set_trucks
+from sim.skate import rotation
+from sim.skate.arrays import wrap_angle
 from sim.skate.g1 import FOOT_BODIES, JOINTS
 from sim.skate.scene import BOARD, ROBOT
 from sysid.errors import HuskyError
@@ -52,22 +54,45 @@ class Truth:
     """Kinetic and potential energy of everything [J]."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gantry:
+    """A trolley on the board that holds the pelvis upright, as a robot is tried out in a hall.
+
+    It turns the pelvis towards upright and towards where it faced on the board when the ride began, and
+    keeps it above the same place of the board. It stands on the board: how it pushes and turns the robot
+    it pushes and turns the board back, so that whatever moves both is the robot's own push. Up and down
+    the robot is free.
+    """
+
+    turning: float = 600.0
+    """Stiffness against leaning and turning [N*m/rad]."""
+    turning_damping: float = 60.0
+    """[N*m*s/rad]"""
+    holding: float = 2000.0
+    """Stiffness against leaving its place over the board [N/m]."""
+    holding_damping: float = 250.0
+    """[N*s/m]"""
+
+
 class SimulatedRobot:
     """Steps a skating scene (`sim.skate.scene.skate_spec`) at the rate of the servos."""
 
-    def __init__(self, model: mujoco.MjModel, *, direct_rake: float | None = None) -> None:
+    def __init__(
+        self, model: mujoco.MjModel, *, direct_rake: float | None = None, gantry: Gantry | None = None
+    ) -> None:
         """Take over a compiled scene.
 
         Args:
             model: Compiled from `skate_spec`; its step must divide the servos' period.
             direct_rake: λ [rad] where the scene was built with coupling='direct'; the trucks are
                 then set after every step.
+            gantry: Holds the robot; None lets it fall.
 
         Raises:
             HuskyError: A joint of the robot is missing, or the step does not divide the period.
         """
         self.model, self.data = model, mujoco.MjData(model)
-        self._rake = direct_rake
+        self._rake, self._gantry = direct_rake, gantry
         self._substeps = round(PD_PERIOD / model.opt.timestep)
         if not math.isclose(self._substeps * model.opt.timestep, PD_PERIOD, rel_tol=1e-6):
             raise HuskyError(
@@ -104,6 +129,7 @@ class SimulatedRobot:
             set_trucks(self.model, self.data, self._rake, BOARD)
         self.data.ctrl[self._actuators] = self.data.qpos[self._q]
         mujoco.mj_forward(self.model, self.data)
+        self._held = self._in_board_frame()
 
     def read(self) -> RobotState:
         """Return the robot's own state, without noise."""
@@ -128,12 +154,37 @@ class SimulatedRobot:
 
     def step(self) -> None:
         """Advance the simulation by one period of the servos."""
+        if self._gantry is not None:
+            self._hold(self._gantry)
         if self._rake is None:
             mujoco.mj_step(self.model, self.data, self._substeps)
             return
         for _ in range(self._substeps):
             mujoco.mj_step(self.model, self.data)
             set_trucks(self.model, self.data, self._rake, BOARD)
+
+    def _in_board_frame(self) -> tuple[Array, float]:
+        """Return where the pelvis is over the board, forward and left [m], and how it is turned [rad]."""
+        pelvis, board = self.data.body(self.ids.pelvis), self.data.body(self.ids.board)
+        place = (pelvis.xpos - board.xpos) @ board.xmat.reshape(3, 3)[:, :2]
+        return place, float(rotation.yaw(pelvis.xquat) - rotation.yaw(board.xquat))
+
+    def _hold(self, gantry: Gantry) -> None:
+        data, pelvis, board = self.data, self.ids.pelvis, self.ids.board
+        frame = data.xmat[pelvis].reshape(3, 3)
+        place, turned = self._in_board_frame()
+        plane = data.xmat[board].reshape(3, 3)[:, :2]
+        relative = data.qvel[self.base_v : self.base_v + 3] - data.qvel[self.board_v : self.board_v + 3]
+        pull = gantry.holding * (self._held[0] - place) - gantry.holding_damping * (relative @ plane)
+        towards = np.cross(frame[:, 2], [0.0, 0.0, 1.0])  # axis and sine of the lean
+        towards[2] = wrap_angle(self._held[1] - turned)
+        spin = frame @ data.qvel[self.base_v + 3 : self.base_v + 6]
+        spin[2] -= data.qvel[self.board_v + 5]
+        data.xfrc_applied[pelvis, :3] = plane @ pull
+        data.xfrc_applied[board, :3] = -plane @ pull
+        torque = gantry.turning * towards - gantry.turning_damping * spin
+        data.xfrc_applied[pelvis, 3:] = torque
+        data.xfrc_applied[board, 5] = -torque[2]
 
     def close(self) -> None:
         """Do nothing: there is nothing to let go of."""

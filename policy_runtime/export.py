@@ -1,0 +1,173 @@
+# pyright: reportAttributeAccessIssue=false, reportUnknownParameterType=false
+# (MuJoCo ships no type stubs.)
+"""One folder that runs by itself: scene with meshes, policy, board record; neither mjlab nor torch needed.
+
+| file | content |
+|---|---|
+| `scene.xml`, `assets/` | robot on board on the ground, as compiled for the runtime |
+| `policy.onnx` | the policy, where one was given |
+| `<board>.toml` | the record of the board that the scene holds |
+| `folder.json` | what belongs together: names, SHA-256, versions, start configuration |
+"""
+
+import json
+import re
+import shutil
+import tempfile
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from policy_runtime.policy import open_policy
+from policy_runtime.robots import PD_PERIOD
+from policy_runtime.robots.simulated import Gantry
+from policy_runtime.world import World, world_of
+from sim.board_scene import Coupling
+from sim.skate.g1 import g1_xml
+from sim.skate.scene import SceneOptions, skate_spec, standing_state
+from sim.skate.terrain import Terrain
+from sysid.board import Board, load_board, save_board
+from sysid.errors import HuskyError
+from sysid.files import sha256, write_atomically, write_json
+from sysid.roll import Array
+
+MANIFEST = "folder.json"
+FORMAT = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Bundle:
+    """An exported folder that has been read and found whole."""
+
+    path: Path
+    board: Board
+    policy: Path | None
+    model: mujoco.MjModel
+    start: Array
+    """Configuration at the start, shape (nq,)."""
+    direct_rake: float | None
+
+    def world(self, *, start: str = "stand", gantry: Gantry | None = None) -> World:
+        """Return the world of this folder; `start` as in `world.make_world`."""
+        if start == "stand":
+            world = world_of(self.model, start="push", direct_rake=self.direct_rake, gantry=gantry)
+            return World(world.robot, self.start)
+        return world_of(self.model, start=start, direct_rake=self.direct_rake, gantry=gantry)
+
+
+def export_folder(
+    board: Board,
+    folder: Path,
+    *,
+    policy: Path | None = None,
+    coupling: Coupling = "equality",
+    terrain: Terrain = "flat",
+    force: bool = False,
+) -> list[Path]:
+    """Write the folder and return its files.
+
+    Args:
+        board: The record.
+        folder: Where to write; made if need be, and replaced only where it is an exported folder.
+        policy: ONNX policy to put in; checked against robot and board.
+        coupling: How tilt steers the trucks.
+        terrain: The ground.
+        force: See `policy.open_policy`.
+
+    Raises:
+        HuskyError: mjlab is not installed, the policy does not fit, or the folder holds something else.
+    """
+    if policy is not None:
+        open_policy(policy, board, force=force)
+    if folder.exists() and any(folder.iterdir()) and not (folder / MANIFEST).is_file():
+        raise HuskyError(f"{folder}: not empty, and not an exported folder. Choose another with --output.")
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}-") as name:
+        made = Path(name) / folder.name
+        made.mkdir()
+        _write(board, made, policy, coupling, terrain)
+        if folder.exists():
+            shutil.rmtree(folder)
+        made.replace(folder)
+    return sorted(path for path in folder.rglob("*") if path.is_file())
+
+
+def _write(board: Board, folder: Path, policy: Path | None, coupling: Coupling, terrain: Terrain) -> None:
+    spec = skate_spec(
+        board, SceneOptions(coupling=coupling, terrain=terrain, timestep=PD_PERIOD), visuals=True
+    )
+    model = spec.compile()
+    spec.meshdir = "assets"
+    text = spec.to_xml()
+    write_atomically(folder / "scene.xml", text)
+    (folder / "assets").mkdir()
+    for mesh in sorted(set(re.findall(r'file="([^"]+)"', text))):
+        shutil.copyfile(g1_xml().parent / "assets" / Path(mesh).name, folder / "assets" / Path(mesh).name)
+    save_board(board, folder / f"{board.name}.toml")
+    if policy is not None:
+        shutil.copyfile(policy, folder / "policy.onnx")
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    manifest = {
+        "format": FORMAT,
+        "board": board.name,
+        "board_passed": board.passed,
+        "policy": None if policy is None else "policy.onnx",
+        "coupling": coupling,
+        "rake": board.geometry["rake"].value,
+        "start": standing_state(model).tolist(),
+        "versions": {"husky-sysid": version("husky-sysid"), "mujoco": mujoco.__version__},
+        "sha256": {path.relative_to(folder).as_posix(): sha256(path) for path in files},
+    }
+    write_json(folder / MANIFEST, manifest)
+
+
+def load_folder(folder: Path) -> Bundle:
+    """Read an exported folder, checking every file against its SHA-256.
+
+    Raises:
+        HuskyError: It is not an exported folder, a file is missing or has changed, or this MuJoCo cannot
+            read the scene.
+    """
+    manifest = _manifest(folder)
+    for name, digest in manifest["sha256"].items():
+        path = folder / name
+        if not path.is_file():
+            raise HuskyError(f"{path}: missing from the exported folder. Export it again.")
+        if sha256(path) != digest:
+            raise HuskyError(f"{path}: has changed since it was exported. Export it again.")
+    try:
+        model = mujoco.MjModel.from_xml_path(str(folder / "scene.xml"))
+    except ValueError as error:
+        written = manifest["versions"].get("mujoco")
+        raise HuskyError(
+            f"{folder / 'scene.xml'}: MuJoCo {mujoco.__version__} cannot read it ({error}); it was written by {written}."
+        ) from error
+    policy = manifest["policy"]
+    return Bundle(
+        path=folder,
+        board=load_board(folder / f"{manifest['board']}.toml"),
+        policy=None if policy is None else folder / policy,
+        model=model,
+        start=np.array(manifest["start"]),
+        direct_rake=float(manifest["rake"]) if manifest["coupling"] == "direct" else None,
+    )
+
+
+def _manifest(folder: Path) -> dict[str, Any]:
+    path = folder / MANIFEST
+    try:
+        manifest = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise HuskyError(
+            f"{folder}: not an exported folder, it has no {MANIFEST} ({error.strerror})."
+        ) from error
+    except ValueError as error:
+        raise HuskyError(f"{path}: not valid JSON ({error}).") from error
+    keys = {"format", "board", "policy", "coupling", "rake", "start", "versions", "sha256"}
+    if not isinstance(manifest, dict) or not keys <= manifest.keys() or manifest["format"] != FORMAT:
+        raise HuskyError(f"{path}: not a folder of format {FORMAT} of husky-sysid. Export it again.")
+    return manifest

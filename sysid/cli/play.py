@@ -1,0 +1,65 @@
+"""`husky-sysid play`: show a policy in Rerun or in the MuJoCo viewer."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from sysid.cli.console import Common, Printer
+from sysid.cli.ride_options import RideOptions, choose_renderer, prepare, write_ride
+
+
+def play(
+    policy: str,
+    /,
+    *,
+    options: RideOptions = RideOptions(),
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    viewer: bool = False,
+    common: Common = Common(),
+) -> int:
+    """Ride in simulation as fast as the machine can, and write a recording and pictures.
+
+    Args:
+        policy: zero, stand or push (scripted), an ONNX file, or an exported folder.
+        options: The ride.
+        output: Folder for picture, film strip, numbers and Rerun recording; reports/BOARD of the workspace
+            if not given.
+        viewer: Open the MuJoCo viewer and ride in real time instead.
+        common: Options of every command.
+    """
+    choose_renderer()
+    from policy_runtime.metrics import episode_errors
+    from policy_runtime.recording import Recorder
+    from policy_runtime.runtime import Runtime
+    from policy_runtime.viewer import viewed
+    from policy_runtime.world import joint_limits
+
+    printer = Printer(common)
+    ride = prepare(policy, options, printer)
+    robot = ride.world.robot
+    recorder = Recorder(robot)
+    runtime = Runtime(
+        robot=robot,
+        policy=ride.policy,
+        commands=ride.commands,
+        limits=joint_limits(robot.model),
+        on_tick=recorder.add,
+        real_time=viewer,
+        stop_time=0.0,
+    )
+    with viewed(robot, viewer) as shown:
+        runtime.robot = shown
+        result = runtime.run(options.duration)
+    recording = recorder.recording()
+    files = write_ride(ride, recording, output or common.space.outputs(ride.board.name), printer)
+    printer.say(f"{ride.policy.name} rode {ride.board.name} for {result.duration:.2f} s")
+    printer.say(f"ended: {result.stopped or 'as planned'}")
+    for kind, path in files.items():
+        printer.say(f"{kind}: {path}")
+    errors = {key: float(value[0]) for key, value in episode_errors(recording.rides(succeeded=True)).items()}
+    known = {key: value for key, value in errors.items() if value == value}
+    printer.result(
+        {"board": ride.board.name, "policy": ride.policy.name, **result.to_json(), "files": files, **known}
+    )
+    return 0

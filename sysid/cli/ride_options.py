@@ -1,0 +1,173 @@
+"""What the commands that ride a board share: which policy, which world, what to write."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+
+from sysid.board import Board
+from sysid.cli.console import Common, Printer
+from sysid.errors import HuskyError
+
+if TYPE_CHECKING:
+    from policy_runtime.commands import CommandSource
+    from policy_runtime.policy import Policy
+    from policy_runtime.recording import Recording
+    from policy_runtime.world import World
+
+MIN_TICKS_FOR_FILM = 2
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class RideOptions:
+    """Options of `run` and `play`."""
+
+    board: Annotated[str | None, Parameter(name=["--board", "-b"])] = None
+    """The board to ride; an exported folder brings its own."""
+    duration: float = 12.0
+    """Length of the ride [s]."""
+    speed: float = 0.8
+    """Commanded speed [m/s]; below 0.1 the robot stands still."""
+    turn_deg: float = 0.0
+    """Commanded turn in every steering stretch [degrees], left positive."""
+    commands: Path | None = None
+    """CSV file of commands: time_s,speed_m_s,turn_rad; replaces --speed and --turn-deg."""
+    start: Literal["stand", "push", "steer"] = "stand"
+    """Begin with one foot on the ground, or in a canonical pose on the rolling board."""
+    start_speed: float = 0.0
+    """Speed at the start [m/s]."""
+    terrain: Literal["flat", "slopes", "steps"] = "flat"
+    coupling: Literal["equality", "direct"] = "equality"
+    """How the deck's tilt steers the trucks."""
+    gantry: bool = False
+    """Hold the pelvis upright, as a robot is tried out on a trolley."""
+    force: bool = False
+    """Run where policy and board disagree, or the board has not passed `check`."""
+
+
+def choose_renderer() -> None:
+    """Have MuJoCo render without a display where there is none; it asks once, when it is imported."""
+    if not os.environ.get("DISPLAY"):
+        os.environ.setdefault("MUJOCO_GL", "egl")
+
+
+@dataclass(frozen=True)
+class Ride:
+    """Everything that a ride needs."""
+
+    board: Board
+    policy: "Policy"
+    world: "World"
+    commands: "CommandSource"
+
+
+def prepare(policy: str, options: RideOptions, printer: Printer, *, visuals: bool = True) -> Ride:
+    """Open policy, board and world.
+
+    Args:
+        policy: A scripted policy's name, an ONNX file, or an exported folder.
+        options: From the command line.
+        printer: Says what was assumed.
+        visuals: Keep the robot's meshes.
+
+    Raises:
+        HuskyError: Something is missing or does not fit.
+    """
+    if not os.environ.get("DISPLAY"):
+        os.environ.setdefault(
+            "MUJOCO_GL", "egl"
+        )  # MuJoCo asks once, when it is imported; GLFW needs a display
+    from policy_runtime.evaluate import policy_named
+    from policy_runtime.export import MANIFEST, load_folder
+    from policy_runtime.robots.simulated import Gantry
+    from policy_runtime.world import make_world
+
+    gantry = Gantry() if options.gantry else None
+    if (Path(policy) / MANIFEST).is_file() or Path(policy).is_dir():
+        bundle = load_folder(Path(policy))
+        if bundle.policy is None:
+            raise HuskyError(f"{policy}: holds no policy. Export it with one.")
+        if options.board not in (None, bundle.board.name):
+            raise HuskyError(
+                f"{policy}: exported for board '{bundle.board.name}', not for '{options.board}'."
+            )
+        world = bundle.world(start=options.start, gantry=gantry)
+        board, name = bundle.board, str(bundle.policy)
+    else:
+        if options.board is None:
+            raise HuskyError("which board? Name it with --board, or give an exported folder.")
+        board, name = _board(printer.common, options.board), policy
+        world = make_world(
+            board,
+            coupling=options.coupling,
+            terrain=options.terrain,
+            start=options.start,
+            gantry=gantry,
+            visuals=visuals,
+        )
+    rider = policy_named(name, board, force=options.force)
+    for note in policy_notes(rider):
+        printer.note(note)
+    if not board.passed:
+        printer.warn(
+            f"board '{board.name}' has not passed `check`: its tilt joint may not move like the real one."
+        )
+    world.reset(speed=options.start_speed)
+    return Ride(board, rider, world, command_source(options))
+
+
+def policy_notes(policy: "Policy") -> tuple[str, ...]:
+    """Return what could not be checked about a policy."""
+    from policy_runtime.policy import OnnxPolicy
+
+    return policy.file.notes if isinstance(policy, OnnxPolicy) else ()
+
+
+def command_source(options: RideOptions) -> "CommandSource":
+    """Return the commands that the options ask for.
+
+    Raises:
+        HuskyError: The file of commands is not valid.
+    """
+    import math
+
+    from policy_runtime.commands import Command, Constant, load_script
+
+    if options.commands is not None:
+        return load_script(options.commands)
+    return Constant(Command(options.speed, math.radians(options.turn_deg)))
+
+
+def _board(common: Common, name: str) -> Board:
+    return common.space.load_board(name)
+
+
+def write_ride(ride: Ride, recording: "Recording", folder: Path, printer: Printer) -> dict[str, str]:
+    """Write picture, film strip, Rerun recording and numbers of a ride; return what was written where.
+
+    Raises:
+        HuskyError: The folder cannot be written to.
+    """
+    from reports.ride_figure import ride_figure
+    from reports.ride_film import film_strip
+    from reports.ride_rerun import ride_recording
+
+    if len(recording.time) < MIN_TICKS_FOR_FILM:
+        printer.warn("the ride ended at once; there is nothing to draw.")
+        return {}
+    name = f"ride-{ride.policy.name}"
+    model = ride.world.robot.model
+    files = {kind: folder / f"{name}{suffix}" for kind, suffix in (("picture", ".png"), ("numbers", ".npz"))}
+    ride_figure(recording, f"{ride.policy.name} on {ride.board.name}", files["picture"])
+    recording.save(files["numbers"])
+    files["recording"] = folder / f"{name}.rrd"
+    ride_recording(model, recording, name, files["recording"])
+    try:
+        film_strip(model, recording.qpos, recording.time, folder / f"{name}-film.png")
+        files["film"] = folder / f"{name}-film.png"
+    except HuskyError as error:
+        printer.warn(f"no film strip: {error}")
+    return {kind: str(path) for kind, path in files.items()}
