@@ -7,9 +7,11 @@ import numpy as np
 
 from sysid.errors import HuskyError
 from sysid.roll import Array
+from sysid.video.dots import DotTracker, find_dots, fit_pivot
 from sysid.video.frames import Clip
 from sysid.video.marker import MarkerTracker, find_marker
 from sysid.video.options import VideoOptions
+from sysid.video.survey import Survey, survey
 from sysid.video.track import Tracker
 from sysid.video.turning import Turning, fit_turning
 
@@ -46,7 +48,18 @@ def choose(clip: Clip, options: VideoOptions) -> Chosen:
         chosen = _marker(clip, options.method == "auto")
         if chosen is not None:
             return chosen
-    raise HuskyError(f"{clip.path}: no board found.")
+        if options.method == "marker":
+            raise HuskyError(
+                f"{clip.path}: no ArUco or AprilTag marker is seen. Print a larger one with a white margin, film "
+                "it sharp and large (50 px or more), or choose another --method."
+            )
+    look = survey(clip, options.roi)
+    tried = [_dots] if options.method == "auto" else [{"dots": _dots}[options.method]]
+    for attempt in tried:
+        chosen = attempt(clip, look, options)
+        if chosen is not None:
+            return chosen
+    raise HuskyError(f"{clip.path}: no board is found")
 
 
 def _marker(clip: Clip, auto: bool) -> Chosen | None:
@@ -67,6 +80,39 @@ def _marker(clip: Clip, auto: bool) -> Chosen | None:
         ),
         zero_note="roll zero is where the marker's edges are level in the picture",
         finds_direction=True,
+    )
+
+
+def _dots(clip: Clip, look: Survey, options: VideoOptions) -> Chosen | None:
+    dots = find_dots(look)
+    if not dots:
+        return None
+    auto = ", as no marker is in the picture and they stand out" if options.method == "auto" else ""
+    size = ", ".join(f"{2 * dot.radius:.0f} px wide at {dot.place[0]:.0f},{dot.place[1]:.0f}" for dot in dots)
+    tracker = DotTracker(dots, look.box)
+    if len(dots) == 2:
+        return Chosen(
+            tracker=tracker,
+            what="the pair of dots",
+            why=f"follows two coloured dots ({size}){auto}",
+            solve=lambda points, matrix, direction: fit_turning(points, matrix, direction=direction),
+            zero=lambda turning: _level(turning, complex(turning.shape[1] - turning.shape[0]), 2),
+            zero_note="roll zero is where the line between the dots is level in the picture",
+            finds_direction=True,
+        )
+    if options.method == "auto" and options.pivot is None and dots[0].radius < 6:
+        return None
+    where = "fitted" if options.pivot is None else "given"
+    return Chosen(
+        tracker=tracker,
+        what="the dot",
+        why=f"follows one coloured dot ({size}) about a {where} pivot{auto}",
+        solve=lambda points, matrix, direction: fit_pivot(
+            points, matrix, direction=direction, pivot=options.pivot
+        ),
+        zero=lambda turning: _level(turning, 1 + 0j, 4),
+        zero_note="roll zero is where the dot is straight below, above or beside the pivot in the picture",
+        finds_direction=False,
     )
 
 

@@ -112,10 +112,10 @@ def fit_turning(
         variance = variance + _direction_variance(points, mask, matrix, state, yaw, pitch, covariance)
         direction_std = float(np.sqrt(np.trace(covariance) / 2))
     angle = np.where(keep, state.angle, np.nan)
-    std = np.where(keep, np.sqrt(variance + _smear(angle) ** 2), np.nan)
+    std = np.where(keep, np.sqrt(variance + smear(angle) ** 2), np.nan)
     shape = state.shape - state.shape.mean()
     misfit = np.where(keep, (np.abs(state.residual) ** 2).sum(axis=1) * matrix[0, 0] ** 2, np.nan)
-    return Turning(_unwrap(angle), std, yaw, pitch, direction_std, noise, blur, outliers, misfit, shape)
+    return Turning(unwrap(angle), std, yaw, pitch, direction_std, noise, blur, outliers, misfit, shape)
 
 
 def _rays(points: Array, matrix: Array) -> Array:
@@ -310,7 +310,7 @@ def _direction_variance(
     return np.einsum("ni,ij,nj->n", jacobian, covariance, jacobian)
 
 
-def _smear(angle: Array) -> Array:
+def smear(angle: Array) -> Array:
     """What an unknown exposure does: a smeared body is seen at its mean, not at the middle of the exposure.
 
     The mean over an exposure T is off by φ̈ T²/24; for T anywhere between 0 and the frame interval the
@@ -322,7 +322,7 @@ def _smear(angle: Array) -> Array:
     return np.where(np.isfinite(smear), smear, 0.0)
 
 
-def _unwrap(angle: Array) -> Array:
+def unwrap(angle: Array) -> Array:
     good = np.isfinite(angle)
     result = angle.copy()
     result[good] = np.unwrap(angle[good])
