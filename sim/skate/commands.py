@@ -10,7 +10,7 @@ from mjlab.managers.command_manager import CommandTerm, CommandTermCfg
 
 from sim.skate import rotation
 from sim.skate.arrays import wrap_angle
-from sim.skate.clock import STILL_SPEED, Clock
+from sim.skate.clock import CONTROL_PERIOD, STILL_SPEED, Clock
 from sim.skate.reading import Reading
 from sim.skate.tilt_guidance import TiltGuidance
 from sim.skate.transitions import KEY_BODIES, TransitionPath
@@ -82,6 +82,10 @@ class SkateCommand(CommandTerm):
         self.key_positions = self._start_positions.clone()
         """Where the key bodies shall be in the board frame [m], (n, 14, 3)."""
         self.key_quaternions = self._start_quaternions.clone()
+        self.key_bodies = (self._start_positions, self._start_quaternions)
+        """Where the key bodies are in the board frame: positions [m] (n, 14, 3), orientations (n, 14, 4)."""
+        self.air_time = torch.zeros(n, device=device)
+        """Time since the left foot last touched the ground [s], (n,)."""
         self.first_action = torch.zeros(n, 23, device=device)
         """What an episode counts as the action before its first: set by the reset, (n, 23)."""
 
@@ -125,6 +129,7 @@ class SkateCommand(CommandTerm):
     def reset(self, env_ids: torch.Tensor | slice | None) -> dict[str, float]:
         """Draw new commands, and make the first action continue the pose that the reset chose."""
         extras = super().reset(env_ids)
+        self.air_time[env_ids] = 0.0
         actions = self._env.action_manager
         for past in (actions.action, actions.prev_action, actions.prev_prev_action):
             past[env_ids] = self.first_action[env_ids]
@@ -143,16 +148,22 @@ class SkateCommand(CommandTerm):
         self.target_heading[env_ids] = wrap_angle(self.reading.board_heading()[env_ids] + turn)
 
     def _update_command(self, env_ids: torch.Tensor | None) -> None:
+        self.key_bodies = self.reading.key_bodies_on_board()
         if env_ids is None:
             advances = (self._env.episode_length_buf > 0) & ~self.still
             self.step += advances
             self._enter_stretches(advances)
         self._update_path()
 
+    def count_air_time(self, left_on_ground: torch.Tensor) -> torch.Tensor:
+        """Take a step with or without the left foot on the ground into account and return `air_time`."""
+        self.air_time = torch.where(left_on_ground, 0.0, self.air_time + CONTROL_PERIOD)
+        return self.air_time
+
     def _enter_stretches(self, advances: torch.Tensor) -> None:
         clock, step = self.clock, self.step % self.clock.period
         leaves = advances & ((step == clock.push) | (step == clock.period - clock.dismount))
-        positions, quaternions = self.reading.key_bodies_on_board()
+        positions, quaternions = self.key_bodies
         self._start_positions = torch.where(leaves[:, None, None], positions, self._start_positions)
         self._start_quaternions = torch.where(leaves[:, None, None], quaternions, self._start_quaternions)
         begins = advances & (step == clock.push + clock.mount)

@@ -36,9 +36,7 @@ def contact_sensors() -> "tuple[ContactSensorCfg, ...]":
     wheels = ContactMatch(mode="body", pattern=tuple(f"{w}_wheel" for w in WHEELS), entity="board")
     both = ("found", "force")
     return (
-        ContactSensorCfg(
-            name=FEET_GROUND, primary=feet, secondary=ground, fields=both, reduce="netforce", track_air_time=True
-        ),
+        ContactSensorCfg(name=FEET_GROUND, primary=feet, secondary=ground, fields=both, reduce="netforce"),
         ContactSensorCfg(name=FEET_DECK, primary=feet, secondary=deck, fields=both, reduce="netforce"),
         ContactSensorCfg(name=ROBOT_GROUND, primary=robot, secondary=ground, fields=("found",), reduce="netforce"),
         ContactSensorCfg(name=ROBOT_BOARD, primary=robot, secondary=board, fields=("found",), reduce="netforce"),

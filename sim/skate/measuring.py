@@ -26,7 +26,7 @@ def measure(env: "ManagerBasedRlEnv") -> SkateState:
     kept = getattr(env, "_skate_state", None)
     if kept is None or kept[0] != env.common_step_counter:
         kept = (env.common_step_counter, _read(env))
-        env._skate_state = kept  # noqa: SLF001  the environment is where a step's values live
+        env._skate_state = kept
     return kept[1]
 
 
@@ -56,6 +56,12 @@ def body_contact(env: "ManagerBasedRlEnv") -> torch.Tensor:
     return terminations.body_contact(measure(env))
 
 
+def not_finite(env: "ManagerBasedRlEnv") -> torch.Tensor:
+    """Return where the simulation has broken down, (n,)."""
+    data = env.sim.data
+    return ~(torch.isfinite(data.qpos).all(dim=-1) & torch.isfinite(data.qvel).all(dim=-1))
+
+
 class OffBoard:
     """`terminations.off_board` with its memory of one step."""
 
@@ -83,6 +89,7 @@ def _read(env: "ManagerBasedRlEnv") -> SkateState:
     limits = env.scene["robot"].data.soft_joint_pos_limits
     offset = reading.marker_offset()
     positions, quaternions = reading.key_bodies_on_board()
+    on_ground = reading.loaded(contacts.FEET_GROUND)
     height = rotation.rotate_back(board, reading.robot_position() - reading.board_position())[:, 2]
     actions = env.action_manager
     return SkateState(
@@ -99,11 +106,11 @@ def _read(env: "ManagerBasedRlEnv") -> SkateState:
         tilt=reading.tilt(),
         upright=1 - 2 * (pelvis[:, 1] ** 2 + pelvis[:, 2] ** 2),
         pelvis_height=height,
-        foot_on_ground=reading.loaded(contacts.FEET_GROUND),
+        foot_on_ground=on_ground,
         foot_on_deck=reading.loaded(contacts.FEET_DECK),
         foot_in_zone=(offset[..., 0].abs() < ZONE[0]) & (offset[..., 1].abs() < ZONE[1]),
         foot_marker_distance=offset.norm(dim=-1),
-        left_air_time=reading.left_air_time(),
+        left_air_time=command.count_air_time(on_ground[:, 0]),
         left_sole_heights=reading.left_sole_heights(),
         wheel_on_ground=reading.wheels_loaded(),
         other_contacts=reading.other_contacts(),

@@ -123,7 +123,7 @@ def _board(command: SkateCommand) -> tuple[torch.Tensor, ...]:
 
 
 def _path(command: SkateCommand) -> tuple[torch.Tensor, ...]:
-    positions, quaternions = command.reading.key_bodies_on_board()
+    positions, quaternions = command.key_bodies
     there = command.transition[:, None].float()
     angles = rotation.angle_between(quaternions, command.key_quaternions)
     return (there * (command.key_positions - positions).flatten(1), there * angles)
@@ -137,7 +137,7 @@ def _contacts(command: SkateCommand) -> tuple[torch.Tensor, ...]:
     return (
         torch.sign(forces) * torch.log1p(forces.abs()),
         reading.wheels_loaded().float(),
-        reading.left_air_time()[:, None].clamp(max=1.0),
+        command.air_time[:, None].clamp(max=1.0),
     )
 
 

@@ -166,10 +166,6 @@ class Reading:
         """Whether left and right foot are loaded, bool (n, 2)."""
         return self.foot_forces(sensor).norm(dim=-1) > contacts.FORCE_THRESHOLD
 
-    def left_air_time(self) -> torch.Tensor:
-        """Time since the left foot last touched the ground [s], (n,)."""
-        return self._env.scene[contacts.FEET_GROUND].data.current_air_time[:, 0]
-
     def wheels_loaded(self) -> torch.Tensor:
         """Whether each wheel presses on the ground, bool (n, 4)."""
         return self._env.scene[contacts.WHEELS_GROUND].data.force.norm(dim=-1) > contacts.WHEEL_FORCE_THRESHOLD

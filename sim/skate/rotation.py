@@ -6,16 +6,14 @@ from sim.skate.arrays import namespace
 
 
 def multiply(first: Any, second: Any) -> Any:
-    """Return the rotation `second` followed by `first`, shape (..., 4)."""
+    """Return the rotation `second` followed by `first`, shape (..., 4); both broadcast."""
     xp = namespace(first)
-    aw, ax, ay, az = (first[..., i] for i in range(4))
-    bw, bx, by, bz = (second[..., i] for i in range(4))
-    return xp.stack(
+    scalar, vector = first[..., :1], first[..., 1:]
+    scalar_2, vector_2 = second[..., :1], second[..., 1:]
+    return xp.concatenate(
         (
-            aw * bw - ax * bx - ay * by - az * bz,
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
+            scalar * scalar_2 - (vector * vector_2).sum(axis=-1)[..., None],
+            scalar * vector_2 + scalar_2 * vector + _cross(vector, vector_2),
         ),
         axis=-1,
     )
@@ -28,16 +26,16 @@ def conjugate(quaternion: Any) -> Any:
 
 def rotate(quaternion: Any, vector: Any) -> Any:
     """Return vectors, shape (..., 3), turned by rotations, shape (..., 4); both broadcast."""
-    xp = namespace(quaternion)
-    w, axis = quaternion[..., :1], quaternion[..., 1:]
-    axis, vector = xp.broadcast_tensors(axis, vector) if xp.__name__ == "torch" else xp.broadcast_arrays(axis, vector)
+    axis = quaternion[..., 1:]
     twice = 2 * _cross(axis, vector)
-    return vector + w * twice + _cross(axis, twice)
+    return vector + quaternion[..., :1] * twice + _cross(axis, twice)
 
 
 def rotate_back(quaternion: Any, vector: Any) -> Any:
-    """Return vectors of the outer frame expressed in the rotated frame, shape (..., 3)."""
-    return rotate(conjugate(quaternion), vector)
+    """Return vectors of the outer frame expressed in the rotated frame, shape (..., 3); both broadcast."""
+    axis = quaternion[..., 1:]
+    twice = 2 * _cross(axis, vector)
+    return vector - quaternion[..., :1] * twice + _cross(axis, twice)
 
 
 def yaw(quaternion: Any) -> Any:
@@ -84,7 +82,7 @@ def slerp(start: Any, end: Any, fraction: Any) -> Any:
 
 
 def _cross(first: Any, second: Any) -> Any:
-    xp = namespace(first)
-    ax, ay, az = (first[..., i] for i in range(3))
-    bx, by, bz = (second[..., i] for i in range(3))
-    return xp.stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), axis=-1)
+    """Return the cross product; torch broadcasts only arrays of equally many axes."""
+    ndim = max(first.ndim, second.ndim)
+    first, second = (vector[(None,) * (ndim - vector.ndim)] for vector in (first, second))
+    return namespace(first).linalg.cross(first, second)

@@ -167,7 +167,7 @@ def _terminations() -> "dict[str, TerminationTermCfg]":
         "fallen": TerminationTermCfg(func=measuring.fallen),
         "off_board": TerminationTermCfg(func=measuring.OffBoard),
         "body_contact": TerminationTermCfg(func=measuring.body_contact),
-        "not_finite": TerminationTermCfg(func=mdp.nan_detection),
+        "not_finite": TerminationTermCfg(func=measuring.not_finite),
     }
 
 
