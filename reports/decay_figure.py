@@ -83,29 +83,28 @@ def draw_log(axes: "Axes", roll: Roll, decay: FreeDecay) -> "Axes":
 def draw_traces(axes: "Axes", decay: FreeDecay) -> "Axes":
     """Draw every decay from its release on, with the fitted linear decay and its envelope."""
     scale, unit = _unit(decay)
-    rate = decay.trace.omega_n * decay.trace.damping_ratio
+    decay_rate = decay.trace.omega_n * decay.trace.damping_ratio
+    largest = max(decay.trace.releases, key=lambda fitted: float(np.ptp(fitted.modelled)))
     for i, (release, fitted) in enumerate(zip(decay.releases, decay.trace.releases, strict=True)):
+        whole = release.roll if decay.trace.signal == "roll" or release.rate is None else release.rate
+        measured = scale * (whole - fitted.level)
+        axes.plot(
+            *thin(release.time - release.start, measured), color=REAL, lw=2.2, label=None if i else "measured"
+        )
         since = fitted.trace.time - release.start
-        measured = scale * (fitted.trace.measured - fitted.level)
         modelled = scale * (fitted.modelled - fitted.level)
-        axes.plot(*thin(since, measured), color=REAL, lw=2.2, label=None if i else "measured")
         axes.plot(*thin(since, modelled), color=SIM, lw=0.9, label=None if i else "linear decay")
-        envelope = _envelope(fitted, since, rate) * scale
-        for side in (1, -1):
-            axes.plot(
-                *thin(since, side * envelope),
-                color=NOISE,
-                lw=0.8,
-                ls=(0, (4, 3)),
-                label="envelope" if i + side == 1 else None,
-            )
+        if fitted is largest:
+            envelope = scale * _envelope(fitted, since, decay_rate)
+            axes.plot(*thin(since, envelope), color=NOISE, lw=0.8, ls=(0, (4, 3)), label="envelope")
+            axes.plot(*thin(since, -envelope), color=NOISE, lw=0.8, ls=(0, (4, 3)))
     name = "roll about rest [°]" if decay.trace.signal == "roll" else f"roll rate [{unit}]"
     axes.set(ylabel=name, xlim=(0, _shown(decay)))
     height = max(float(np.abs(f.trace.measured - f.level).max()) for f in decay.trace.releases) * scale
     axes.set_ylim(-1.15 * height, 1.15 * height)
     axes.legend(loc="upper right", ncols=3, handlelength=1.6, columnspacing=1.2)
     numbers = decay.numbers
-    axes.set_title(f"ω_n = {numbers.omega_n}    ζ = {numbers.damping_ratio}")
+    axes.set_title(f"$ω_n$ = {numbers.omega_n}    ζ = {numbers.damping_ratio}")
     return axes
 
 
@@ -115,13 +114,13 @@ def draw_residual(axes: "Axes", decay: FreeDecay) -> "Axes":
     for release, fitted in zip(decay.releases, decay.trace.releases, strict=True):
         axes.plot(*thin(fitted.trace.time - release.start, scale * fitted.residual), color=REAL, lw=0.7)
     band = 2 * decay.floor.std * scale
-    axes.axhspan(-band, band, color=NOISE, alpha=0.3, lw=0, label="sensor noise ±2σ")
+    axes.axhspan(-band, band, color=NOISE, alpha=0.3, lw=0)
     axes.axhline(0, color=SIM, lw=0.9)
     axes.set(xlabel="time since release [s]", ylabel=f"residual [{unit}]")
+    gap = "" if unit == "°" else " "
     axes.set_title(
-        f"residual {_two_digits(decay.trace.noise * scale)} {unit}, sensor noise {_two_digits(decay.floor.std * scale)} {unit}"
+        f"residual {decay.trace.noise * scale:.2g}{gap}{unit}, sensor noise {decay.floor.std * scale:.2g}{gap}{unit} (grey: ±2σ)"
     )
-    axes.legend(loc="upper right")
     return axes
 
 
@@ -162,6 +161,8 @@ def draw_peak_line(axes: "Axes", decay: FreeDecay) -> "Axes":
                 label="line through the peaks" if i == used[0][0] else None,
             )
     axes.set_yscale("log")
+    smallest = min(peak.amplitude for _, group in used for peak in group)
+    axes.set_ylim(bottom=max(axes.get_ylim()[0], math.degrees(smallest) / 3))
     _readable_log_axis(axes)
     axes.set(xlabel="half-cycles since release", ylabel="amplitude about rest [°]")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
@@ -175,11 +176,13 @@ def draw_peak_line(axes: "Axes", decay: FreeDecay) -> "Axes":
 
 def _readable_log_axis(axes: "Axes") -> None:
     """Label a logarithmic axis with plain numbers, also where it spans less than a decade."""
-    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+    from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
     low, high = axes.get_ylim()
-    narrow = high / low < 30
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,)))
+    if high / low < 8:
+        axes.yaxis.set_major_locator(MaxNLocator(6))
+    else:
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high / low < 100 else (1.0,)))
     axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())
 
@@ -200,7 +203,3 @@ def _shown(decay: FreeDecay) -> float:
     longest = max(float(release.time[-1]) - release.start for release in decay.releases)
     ring = 6.0 / (decay.trace.omega_n * decay.trace.damping_ratio)
     return min(longest, max(ring, 2 * math.pi / decay.trace.omega_n))
-
-
-def _two_digits(value: float) -> str:
-    return f"{value:.2g}"

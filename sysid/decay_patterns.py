@@ -10,6 +10,8 @@ import numpy as np
 from sysid.decay_peaks import Peak
 from sysid.roll import Array, Release
 
+STOPPED = 0.015
+"""A swing below this share of the first one may have been stopped half-way by friction."""
 CERTAIN = 4.0
 """A pattern is named from this many standard deviations on."""
 
@@ -44,9 +46,10 @@ def _loss(peaks: Sequence[Sequence[Peak]]) -> Pattern | None:
     A linear decay loses in proportion. Dry friction adds a constant, so a line through (amplitude, loss)
     has a positive intercept; damping that grows with the speed bends the other way.
     """
-    points = [point for group in peaks for point in _full_cycle_losses(group)]
+    moving = [[p for p in group if p.amplitude > STOPPED * group[0].amplitude] for group in peaks]
+    points = [point for group in moving for point in _full_cycle_losses(group)]
     if len(points) < 3:
-        points = [point for group in peaks for point in _half_cycle_losses(group)]
+        points = [point for group in moving for point in _half_cycle_losses(group)]
     if len(points) < 3:
         return None
     size, loss, std = np.array(points).T

@@ -183,6 +183,12 @@ def _verdict(result: "FreeDecay") -> str:
         )
     share = _inertia_share(result)
     closing = f"; {100 * share:.0f} % of k's variance comes from I" if share > 0.5 else ""
+    if ratio > 1.15:
+        size = max(float(abs(fitted.modelled - fitted.level).max()) for fitted in result.trace.releases)
+        left = 100 * result.trace.noise / size
+        return (
+            f"✓ linear decay but for {left:.2g} % of the amplitude ({ratio:.3g} × the sensor noise){closing}"
+        )
     return f"✓ linear decay: the residual is {ratio:.2f} × the sensor noise{closing}"
 
 
