@@ -194,6 +194,14 @@ def test_static_tilt_recovers_stiffness_and_its_interval_holds() -> None:
     assert np.mean([t.chi_square for t in tests]) == pytest.approx(4, rel=0.1)
 
 
+def test_gravity_is_common_to_all_readings() -> None:
+    """However many readings: what is wrong with g is wrong with k."""
+    readings = weighings(14.684, 0.0, np.random.default_rng(0), 1e-5)
+    loose = static_tilt(readings, gravity=q(G, 0.1, "m/s^2")).stiffness
+    assert loose.std / loose.value == pytest.approx(0.1 / G, rel=0.05)
+    assert (loose.ci95[1] - loose.value) / Z95 == pytest.approx(loose.std, rel=0.05)
+
+
 def test_static_tilt_without_uncertainties_goes_by_the_scatter() -> None:
     rng = np.random.default_rng(3)
     hits = []

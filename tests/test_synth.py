@@ -252,6 +252,16 @@ def test_dropout_loses_about_its_share(share: float, seed: int) -> None:
     assert kept[0]
 
 
+def test_drift_of_a_gyro_is_an_offset_of_its_rate(pink: Board) -> None:
+    for dialect, column in (("gyro", 0), ("imu", 3)):
+        plain, drifting = (
+            synthesise(pink, effects, with_options(dialect=dialect, gyro_bias=0.01)).channels[:, column]
+            for effects in ({}, {"sensor-drift": (0.004,)})
+        )
+        assert drifting - plain == pytest.approx(0.004)
+        assert plain[0] == pytest.approx(0.01)
+
+
 @pytest.mark.parametrize("irregular", [False, True])
 def test_lowpass_is_a_first_order_lag(irregular: bool) -> None:
     """A sine comes out smaller and later by the textbook factor, once the start is forgotten."""

@@ -198,6 +198,19 @@ def test_end_stop_reflects_as_a_stiffer_spring() -> None:
     assert top > edge
 
 
+@pytest.mark.parametrize("phase", np.linspace(0.0, 1.2, 13))
+def test_stop_that_is_only_grazed_is_not_stepped_over(phase: float) -> None:
+    """The deck is beyond the stop for a fraction of one step; its peak follows from energy."""
+    k, ks, edge, top = 14.684, 100.0, 0.0995, 0.1
+    law = TrueLaw(inertia=8.7e-3, stiffness=k, damping=0.0, stop_angle=edge, stop_stiffness=ks)
+    natural = math.sqrt(k / law.inertia)
+    start = released(law, top * math.sin(phase), top * natural * math.cos(phase))
+    time = np.linspace(0, (math.pi - phase) / natural, 20_000)
+    samples, _ = simulate(law, start, 0.0, float(time[-1]), time)
+    peak = (ks * edge + math.sqrt((ks * edge) ** 2 - (k + ks) * (ks * edge**2 - k * top**2))) / (k + ks)
+    assert samples[:, 0].max() == pytest.approx(peak, abs=1e-8)
+
+
 def test_arm_forgets_the_hold() -> None:
     """The arm's stretch at the release is the fading integral of the hand's rate; then it is a linear system."""
     law = TrueLaw(**PINK, arm_stiffness=6.0, arm_time=0.2)
