@@ -198,7 +198,7 @@ def add_effects(spec: mujoco.MjSpec, joint: mujoco.MjsJoint, board: Board) -> tu
         lines += effect(part.name).to_mjcf(spec, joint, values)
     deck = joint.parent
     # An effect that lowers roll inertia makes a narrower deck, which turns more easily about z too.
-    deck.inertia[2] = min(deck.inertia[2], deck.inertia[0] + deck.inertia[1])
+    deck.inertia[2] = min(deck.inertia[2], 0.999 * (deck.inertia[0] + deck.inertia[1]))
     return tuple(lines)
 
 

@@ -51,9 +51,16 @@ class Compensation:
 
     def lines(self) -> tuple[str, ...]:
         """Return what was done and both errors, for people and for the comments of a file."""
+        where = f"{self.how}, for {self.integrator} at {1e3 * self.timestep:g} ms"
+        if self.inertia_ratio == 1 and self.damping_ratio == 1:
+            return (
+                f"{where}: as recorded",
+                f"unloaded decay: NRMSE {100 * self.decay_error:.3f} %",
+                f"static stiffness: {100 * self.static_error:+.3f} %",
+            )
         return (
-            f"{self.how}, for {self.integrator} at {1e3 * self.timestep:g} ms: roll inertia "
-            f"{100 * (self.inertia_ratio - 1):+.1f} %, damping {100 * (self.damping_ratio - 1):+.1f} %, stiffness kept",
+            f"{where}: roll inertia {100 * (self.inertia_ratio - 1):+.1f} %, damping "
+            f"{100 * (self.damping_ratio - 1):+.1f} %, stiffness kept",
             f"unloaded decay: NRMSE {100 * self.decay_error:.3f} % ({100 * self.decay_error_before:.2f} % without it)",
             f"static stiffness: {100 * self.static_error:+.3f} %",
         )

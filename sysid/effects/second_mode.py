@@ -34,6 +34,7 @@ def to_mjcf(
     ground = joint.parent.parent
     body = ground.add_body(name=f"{joint.name}_support", pos=list(joint.parent.pos))
     body.explicitinertial = True
+    body.ipos = [0.0, 0.0, 0.0]  # left out, MjSpec takes the position of the body
     body.mass = 1e-3
     inertia = parameters["inertia"]
     body.inertia = [inertia, inertia, inertia]

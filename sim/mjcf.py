@@ -1,0 +1,156 @@
+"""A board as an MJCF file: readable, with where each number comes from and what it costs."""
+
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+import mujoco
+
+from sim.board_scene import STEERED_SHARE, Coupling, board_spec, coupling_polynomial, reflected_inertia
+from sim.free_decay_rig import rig_spec
+from sim.in_scene import compensate_in_scene
+from sim.step_compensation import Compensation, compensate_step, uncompensated
+from sysid.board import Board
+from sysid.errors import HuskyError
+from sysid.quantity import Quantity
+
+Kind = Literal["bench", "scene"]
+"""The clamped free-decay rig, or the free board with trucks and wheels on the ground."""
+Export = Literal["physical", "step-compensated", "in-scene"]
+"""What is written: the record's numbers; those that make the sampled decay right at this step; or those
+that make the whole scene's decay right at this step, wheels and coupling included."""
+
+FINE_STEP = 0.001
+"""Up to this step a bench is written with its physical parameters [s]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mjcf:
+    """The file and what a user should know of it."""
+
+    xml: str
+    compensation: Compensation
+    """What was written instead of the record's numbers, and both errors."""
+    export: Export
+
+
+def default_export(kind: Kind, timestep: float) -> Export:
+    """Return what is written unless the user says otherwise."""
+    if kind == "scene":
+        return "in-scene"
+    return "physical" if timestep <= FINE_STEP else "step-compensated"
+
+
+def board_mjcf(
+    board: Board,
+    kind: Kind,
+    *,
+    timestep: float = 0.005,
+    integrator: str = "implicitfast",
+    export: Export | None = None,
+    coupling: Coupling = "equality",
+) -> Mjcf:
+    """Write a board as MJCF.
+
+    Args:
+        board: The record, in physical parameters.
+        kind: Bench or scene.
+        timestep: [s].
+        integrator: MuJoCo's name of the integrator.
+        export: Which parameters are written; `default_export` if None.
+        coupling: How tilt steers the trucks of the scene.
+
+    Raises:
+        HuskyError: The board cannot be built so, or `export` does not go with `kind`.
+    """
+    export = export or default_export(kind, timestep)
+    if export == "in-scene" and kind == "bench":
+        raise HuskyError(
+            "--export in-scene compensates for wheels and coupling, which a bench has not. Add --scene."
+        )
+    if export == "in-scene":
+        done = compensate_in_scene(board, timestep=timestep, integrator=integrator, coupling=coupling)
+    elif export == "step-compensated":
+        done = compensate_step(board, timestep=timestep, integrator=integrator)
+    else:
+        done = uncompensated(board, timestep=timestep, integrator=integrator)
+    if kind == "scene":
+        spec = board_spec(done.board, timestep=timestep, integrator=integrator, coupling=coupling)
+    else:
+        spec = rig_spec(done.board, timestep=timestep, integrator=integrator)
+    return Mjcf(_commented(spec, board, done, kind, export, coupling), done, export)
+
+
+def _commented(
+    spec: mujoco.MjSpec, board: Board, done: Compensation, kind: Kind, export: Export, coupling: Coupling
+) -> str:
+    """Insert comments above the elements they speak of."""
+    spec.compile()
+    xml = spec.to_xml()
+    for pattern, lines in _comments(board, done, kind, export, coupling):
+        found = re.search(pattern, xml, re.M)
+        if found is None:
+            continue
+        indent = found[1]
+        text = "".join(f"{indent}<!-- {_safe(line)} -->\n" for line in lines)
+        xml = xml[: found.start()] + text + xml[found.start() :]
+    return xml
+
+
+def _comments(
+    board: Board, done: Compensation, kind: Kind, export: Export, coupling: Coupling
+) -> list[tuple[str, list[str]]]:
+    written = done.board
+    head = [
+        f"Board '{board.name}': {board.description}. Source: {board.source}.",
+        f"Made by husky-sysid mjcf: {kind}, {export}. Units: m, kg, s, rad. Positive roll: right edge down.",
+        *(f"{line[0].upper()}{line[1:]}." for line in done.lines()),
+    ]
+    if kind == "scene" and coupling == "direct":
+        head.append(
+            "The truck angles are set from outside after each step: tan(truck) = tan(rake) sin(roll)."
+        )
+    inertia = [f"Measured: roll inertia {_text(board.inertia)} ({board.inertia.method})."]
+    if kind == "scene" and coupling == "equality":
+        inertia.append(
+            f"Of what is written, {reflected_inertia(board):.3g} kg·m² are the trucks' and wheels', which steer as "
+            "the deck tilts; the rest is the deck's own."
+        )
+    tilt = [
+        f"Measured: stiffness {_text(board.tilt['stiffness'])}, damping {_text(board.tilt['damping'])}, "
+        f"rest angle {_text(board.tilt['rest_angle'])}.",
+        f"Written: damping {written.damping:.6g}, roll inertia {written.inertia.value:.6g}; stiffness as measured.",
+    ]
+    fitted = board.fit.get("logs")
+    if fitted:
+        tilt.append(
+            f"Fitted to {', '.join(str(log) for log in fitted)}, {board.fit.get('date', 'date unknown')}."
+        )
+    tilt += [
+        f"Effect {part.name}: " + ", ".join(f"{key} {_text(q)}" for key, q in part.parameters.items()) + "."
+        for part in board.effects
+    ]
+    rake = board.geometry["rake"].value
+    _, error = coupling_polynomial(rake, board.tilt["range"].value)
+    return [
+        (r"^([ \t]*)<equality>", [
+            f"tan(truck) = tan(rake) sin(roll), rake {_text(board.geometry['rake'])}; the polynomial is off by at most "
+            f"{error:.1e} rad within the tilt range."
+        ]),
+        (r"^([ \t]*)<body name=\"front_truck\"", [
+            f"Trucks and wheels: {100 * STEERED_SHARE:g} % of their mass steers, the rest is in the body 'board'; what they "
+            "add to the measured roll inertia must not count twice."
+        ]),
+        (r"^([ \t]*)<joint name=\"board_tilt_joint\"", tilt),
+        (r"^([ \t]*)<body name=\"deck\"", inertia),
+        (r"^()<mujoco", head),
+    ]  # fmt: skip
+
+
+def _text(quantity: Quantity) -> str:
+    return str(quantity)
+
+
+def _safe(text: str) -> str:
+    """Return the text with no two hyphens in a row, which XML forbids in a comment."""
+    return re.sub(r"-(?=-)", "- ", text)

@@ -1,0 +1,79 @@
+"""`husky-sysid mjcf`: a board as an MJCF file."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from sysid.cli.console import Common, Printer
+from sysid.errors import HuskyError
+from sysid.files import write_atomically
+
+_NO_COMMON = Common()
+
+
+def mjcf(
+    *,
+    board: Annotated[str, Parameter(name="--board")],
+    output: Annotated[Path, Parameter(name=("--output", "-o"))],
+    bench: Annotated[bool, Parameter(name="--bench", negative="")] = False,
+    scene: Annotated[bool, Parameter(name="--scene", negative="")] = False,
+    timestep: Annotated[float, Parameter(name="--timestep")] = 0.005,
+    integrator: Annotated[str, Parameter(name="--integrator")] = "implicitfast",
+    export: Annotated[
+        Literal["physical", "step-compensated", "in-scene"] | None, Parameter(name="--export")
+    ] = None,
+    coupling: Annotated[Literal["equality", "direct"], Parameter(name="--coupling")] = "equality",
+    common: Common = _NO_COMMON,
+) -> int:
+    """Write a board as MJCF.
+
+    Args:
+        board: Name of the board.
+        output: XML file to write.
+        bench: The clamped free-decay rig: the deck on its tilt joint.
+        scene: The free board with trucks and wheels on the ground; this is the default.
+        timestep: Step in s for which the file is meant.
+        integrator: MuJoCo integrator for which it is meant.
+        export: 'physical' writes the record's numbers; 'step-compensated' those that make the decay right at
+            this step; 'in-scene' those that make it right with wheels and coupling too. By default in-scene
+            for a scene, and for a bench physical up to 1 ms and step-compensated above.
+        coupling: How tilt steers the trucks: a joint equality, or trucks set from outside after each step.
+        common: Options of every command.
+    """
+    from sim.mjcf import board_mjcf
+
+    if bench and scene:
+        raise HuskyError("--bench and --scene exclude each other.")
+    if not 0 < timestep <= 0.05:
+        raise HuskyError(f"--timestep {timestep:g}: expected seconds between 0 and 0.05, such as 0.005.")
+    printer = Printer(common)
+    record = common.space.load_board(board)
+    kind = "bench" if bench else "scene"
+    made = board_mjcf(
+        record, kind, timestep=timestep, integrator=integrator, export=export, coupling=coupling
+    )
+    write_atomically(output, made.xml)
+    done = made.compensation
+    printer.say(f"{output}: {kind} of board {board}, {made.export}")
+    for line in done.lines():
+        printer.say(f"  {line}")
+    printer.result(
+        {
+            "board": board,
+            "file": str(output),
+            "kind": kind,
+            "export": made.export,
+            "timestep": done.timestep,
+            "integrator": done.integrator,
+            "written": {
+                "stiffness": done.board.stiffness,
+                "damping": done.board.damping,
+                "inertia": done.board.inertia.value,
+            },
+            "decay_nrmse": done.decay_error,
+            "decay_nrmse_uncompensated": done.decay_error_before,
+            "static_stiffness_error": done.static_error,
+        }
+    )
+    return 0

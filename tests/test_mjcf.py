@@ -1,0 +1,127 @@
+"""The written file is the board: it loads, says where its numbers come from, and decays as it should."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+import pytest
+
+from sim.check import check_scene
+from sim.free_decay_rig import swing
+from sim.in_scene import scene_from_file
+from sim.mjcf import board_mjcf, default_export
+from sysid.board import Board, BoardEffect, load_board
+from sysid.cli.console import Common
+from sysid.cli.mjcf import mjcf
+from sysid.effects import catalogue
+from sysid.errors import HuskyError
+from sysid.joint import JointLaw, simulate
+from sysid.quantity import Quantity
+from sysid.roll import Release
+from sysid.workspace import shipped_data
+
+
+@pytest.fixture(params=["pink", "black"])
+def board(request: pytest.FixtureRequest) -> Board:
+    return load_board(shipped_data() / "boards" / f"{request.param}.toml")
+
+
+def decay_of(board: Board, angle: float = 0.17) -> Release:
+    time = np.arange(0.0, 0.5, 0.002)
+    return Release(
+        log="made", number=1, time=time, roll=simulate(JointLaw.from_board(board), time, angle).roll,
+        std=np.zeros(len(time)), origin="angle", rest=0.0, hold=0.5, end="rest",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["bench", "scene"])
+@pytest.mark.parametrize(
+    ("integrator", "timestep"), [("implicitfast", 0.005), ("Euler", 0.002), ("RK4", 0.002)]
+)
+def test_the_file_decays_like_the_board(
+    board: Board, kind: str, integrator: str, timestep: float, tmp_path: Path
+):
+    made = board_mjcf(board, kind, integrator=integrator, timestep=timestep)
+    path = tmp_path / "board.xml"
+    path.write_text(made.xml)
+    scene = scene_from_file(path)
+    assert scene.model.opt.timestep == timestep
+    assert check_scene(board, scene, [decay_of(board)]).nrmse < 0.006
+    assert scene.model.jnt_stiffness[scene.model.joint("board_tilt_joint").id] == pytest.approx(
+        board.stiffness
+    )
+
+
+def test_the_physical_file_holds_the_records_numbers(board: Board):
+    root = ElementTree.fromstring(board_mjcf(board, "bench", export="physical").xml)
+    joint = root.find(".//joint[@name='board_tilt_joint']")
+    assert float(joint.get("stiffness")) == pytest.approx(board.stiffness, rel=1e-5)
+    assert float(joint.get("damping")) == pytest.approx(board.damping, rel=1e-5)
+    inertia = root.find(".//body[@name='deck']/inertial").get("diaginertia")
+    assert float(inertia.split()[0]) == pytest.approx(board.inertia.value, rel=1e-5)
+
+
+def test_comments_say_where_numbers_come_from_and_both_errors(board: Board):
+    text = board_mjcf(board, "scene").xml
+    for words in (
+        board.source, "Measured: roll inertia", "Measured: stiffness", "Unloaded decay: NRMSE", "Static stiffness",
+        "tan(truck) = tan(rake) sin(roll)", "in-scene",
+    ):  # fmt: skip
+        assert words in text
+    hyphens = replace(board, source="a -- b --- c")
+    ElementTree.fromstring(board_mjcf(hyphens, "bench", timestep=0.001).xml)
+
+
+@pytest.mark.parametrize("name", sorted(catalogue()))
+@pytest.mark.parametrize("kind", ["bench", "scene"])
+def test_every_effect_is_written_and_loads(name: str, kind: str):
+    board = load_board(shipped_data() / "boards" / "pink.toml")
+    found = catalogue()[name]
+    pairs = zip(found.parameters, found.example, strict=True)
+    rich = replace(board, effects=(BoardEffect(name, {p.name: Quantity(v, 0.0, p.unit) for p, v in pairs}),))
+    model = mujoco.MjModel.from_xml_string(board_mjcf(rich, kind, export="physical").xml)
+    assert model.joint("board_tilt_joint").axis[0] == 1.0
+
+
+def test_defaults_of_export():
+    assert default_export("bench", 0.001) == "physical"
+    assert default_export("bench", 0.002) == "step-compensated"
+    assert default_export("scene", 0.005) == "in-scene"
+    board = load_board(shipped_data() / "boards" / "pink.toml")
+    with pytest.raises(HuskyError, match="Add --scene"):
+        board_mjcf(board, "bench", export="in-scene")
+
+
+def test_the_command_writes_file_and_json(tmp_path: Path):
+    path = tmp_path / "deep" / "board.xml"
+    common = Common(json=str(tmp_path / "out.json"), workspace=tmp_path)
+    assert mjcf(board="black", output=path, bench=True, common=common) == 0
+    out = json.loads((tmp_path / "out.json").read_text())
+    assert out["export"] == "step-compensated"
+    assert out["written"]["inertia"] == pytest.approx(0.831 * 0.00715, rel=1e-3)
+    assert out["decay_nrmse"] < 1e-3 < out["decay_nrmse_uncompensated"]
+    assert mujoco.MjModel.from_xml_path(str(path)).nv == 1
+    with pytest.raises(HuskyError, match="exclude each other"):
+        mjcf(board="black", output=path, bench=True, scene=True, common=common)
+    with pytest.raises(HuskyError, match="expected seconds"):
+        mjcf(board="black", output=path, timestep=5.0, common=common)
+
+
+@pytest.mark.parametrize("kind", ["bench", "scene"])
+def test_mujoco_warp_decays_the_same(board: Board, kind: str):
+    warp = pytest.importorskip("mujoco_warp", reason="MuJoCo Warp is in the training environment only")
+    model = mujoco.MjModel.from_xml_string(board_mjcf(board, kind).xml)
+    data = mujoco.MjData(model)
+    tilt = model.joint("board_tilt_joint").qposadr[0]
+    data.qpos[tilt] = 0.1
+    mujoco.mj_forward(model, data)
+    warp_model, warp_data = warp.put_model(model), warp.put_data(model, data)
+    for _ in range(100):
+        mujoco.mj_step(model, data)
+        warp.step(warp_model, warp_data)
+        assert warp_data.qpos.numpy()[0, tilt] == pytest.approx(data.qpos[tilt], abs=1e-5)
+    if kind == "bench":
+        assert swing(model, 0.1, 0.0, 0.5).roll[100] == pytest.approx(data.qpos[tilt], abs=1e-9)
