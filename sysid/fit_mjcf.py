@@ -252,7 +252,7 @@ def search(
     """
     fixed = dict(fixed or {})
     rest = _rest(records)
-    free_states = bool(structure.states) and any(record.release.hold <= 0 for record in records)
+    free_states = bool(structure.memories) and any(record.release.hold <= 0 for record in records)
     starts = starting_points(structure, scales) if starts is None else starts
     coarse_steps = min(24, steps_per_period)
     coarse = Problem(
@@ -327,22 +327,9 @@ def summarise(
     """Turn a minimum into quantities with uncertainty."""
     names = problem.names
     residuals = problem.residuals(minimum.point)
-    covariance = parameter_covariance(problem, minimum, residuals)
     parameters = problem.parameters(minimum.point)
-    units = {**UNITS, **_effect_units(problem.structure)}
-    values = np.array([parameters[name] for name in names])
-    by_inertia = np.array(
-        [
-            v / board.inertia.value if units[n][:3] in ("N*m", "kg*") else 0.0
-            for n, v in zip(names, values, strict=True)
-        ]
-    )
-    covariance = covariance + np.outer(by_inertia, by_inertia) * board.inertia.std**2
-    deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    quantities = {
-        name: Quantity(float(v), float(s), units[name], "least squares of the decay")
-        for name, v, s in zip(names, values, deviation, strict=True)
-    }
+    covariance = total_covariance(problem, minimum, board)
+    quantities = parameter_quantities(problem, minimum, board, covariance)
     own = problem.own
     begins = minimum.point[len(names) :] * problem.sizes()[len(names) :]
     vector = problem.vector_of(parameters)
@@ -361,6 +348,70 @@ def summarise(
         problem=problem,
         minimum=minimum,
     )  # fmt: skip
+
+
+def total_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
+    """Return the covariance of the free parameters with the inertia's uncertainty in it, shape (free, free)."""
+    units = {**UNITS, **_effect_units(problem.structure)}
+    parameters = problem.parameters(minimum.point)
+    by_inertia = np.array(
+        [
+            parameters[n] / board.inertia.value if units[n][:3] in ("N*m", "kg*") else 0.0
+            for n in problem.names
+        ]
+    )
+    own = parameter_covariance(problem, minimum, problem.residuals(minimum.point))
+    return own + np.outer(by_inertia, by_inertia) * board.inertia.std**2
+
+
+def parameter_quantities(
+    problem: Problem,
+    minimum: Minimum,
+    board: Board,
+    covariance: Array | None = None,
+    *,
+    certain: bool = True,
+) -> dict[str, Quantity]:
+    """Return the free parameters as quantities; `certain=False` leaves the deviations unknown and is quick."""
+    units = {**UNITS, **_effect_units(problem.structure)}
+    parameters = problem.parameters(minimum.point)
+    if certain and covariance is None:
+        covariance = total_covariance(problem, minimum, board)
+    deviation = (
+        np.full(len(problem.names), np.nan)
+        if covariance is None
+        else np.sqrt(np.maximum(np.diag(covariance), 0))
+    )
+    return {
+        name: Quantity(parameters[name], float(std), units[name], "least squares of the decay")
+        for name, std in zip(problem.names, deviation, strict=True)
+    }
+
+
+def strength(problem: Problem, minimum: Minimum, effects: Sequence[str]) -> dict[str, float]:
+    """Return the peak torque of effects over the peak torque of the joint, along the fitted motion."""
+    from sysid.joint_torque import torque_shares
+
+    law = JointLaw.from_vector(problem.structure, problem.vector_of(problem.parameters(minimum.point)))
+    own, shared = problem.own, len(problem.names)
+    begins = (minimum.point * problem.sizes())[shared:]
+    starts = [(begins[i * own], begins[i * own + 1]) for i in range(len(problem.records))]
+    times = [record.time for record in problem.records]
+    return torque_shares(law, times, starts, effects)
+
+
+def fit_each(problem: Problem, minimum: Minimum) -> list[tuple[float, float]]:
+    """Fit each record alone and return its stiffness and its sum of squared residuals in units of the noise."""
+    shared, own = len(problem.names), problem.own
+    rows: list[tuple[float, float]] = []
+    for index, record in enumerate(problem.records):
+        alone = replace_records(problem, [record])
+        start = np.r_[
+            minimum.point[:shared], minimum.point[shared + index * own : shared + (index + 1) * own]
+        ]
+        found = minimise(alone.normal, start, *alone.bounds(), iterations=25)
+        rows.append((alone.parameters(found.point)["stiffness"], 2 * found.normal.cost))
+    return rows
 
 
 def _effect_units(structure: Structure) -> dict[str, str]:

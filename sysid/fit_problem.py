@@ -135,7 +135,7 @@ class Problem:
             known.update({f"{part.name}.{p.name}": p.size(s) for p in part.parameters})
         own = [s.amplitude, s.rate]
         if self.free_states:
-            own += [state.size(s) for state in self.structure.states]
+            own += [state.size(s) for state in self.structure.memories]
         own += [s.amplitude] if self.bias == "own" else []
         return np.array([known[name] for name in self.names] + own * len(self.records))
 
@@ -146,7 +146,7 @@ class Problem:
             known.update({f"{part.name}.{p.name}": (p.low, p.high) for p in part.parameters})
         own = [(-4.0, 4.0)] * 2
         if self.free_states:
-            own += [(-10.0, 10.0)] * len(self.structure.states)
+            own += [(-10.0, 10.0)] * len(self.structure.memories)
         own += [(-2.0, 2.0)] if self.bias == "own" else []
         pairs = np.array([known[name] for name in self.names] + own * len(self.records))
         return pairs[:, 0], pairs[:, 1]
@@ -158,10 +158,11 @@ class Problem:
         for record in self.records:
             roll, rate = _first_motion(record)
             own = [roll, rate]
-            if self.free_states:
+            if self.free_states and self.structure.memories:
                 held = build_flow(self.structure, free_states=False, sensitivities=False)
-                start = np.asarray(held.begin(vector, own, max(record.release.hold, 0.0))).ravel()
-                own += list(start[2:])
+                start = np.asarray(held.begin(vector, own, max(record.release.hold, 0.0))).ravel()[2:]
+                kept = [part.role != "measurement" for part in self.structure.parts for _ in part.states]
+                own += list(start[kept])
             values += own + ([0.0] if self.bias == "own" else [])
         return np.array(values) / self.sizes()
 

@@ -82,6 +82,11 @@ class Structure:
         slides = any(part.friction is not None for part in self.parts)
         return slides or any(state.slip is not None for state in self.states)
 
+    @property
+    def memories(self) -> tuple[State, ...]:
+        """Internal states of the joint itself, which may be unknown at release; a filter starts settled."""
+        return tuple(state for part in self.parts if part.role != "measurement" for state in part.states)
+
     def slots(self) -> list[tuple[Effect, slice, slice]]:
         """Return each effect with its slices of the parameter vector and of the state vector."""
         slots: list[tuple[Effect, slice, slice]] = []
@@ -236,7 +241,7 @@ class Flow:
     @property
     def unknowns(self) -> int:
         """How many numbers each release has of its own: roll, rate and free internal states."""
-        return 2 + (len(self.structure.states) if self.free_states else 0)
+        return 2 + (len(self.structure.memories) if self.free_states else 0)
 
     @property
     def columns(self) -> int:
@@ -258,11 +263,11 @@ def build_flow(structure: Structure, *, free_states: bool, sensitivities: bool) 
     ca: Any = casadi
     count, states = len(structure.parameters), len(structure.states)
     parameters = ca.SX.sym("parameters", count)
-    unknowns = ca.SX.sym("unknowns", 2 + (states if free_states else 0))
+    unknowns = ca.SX.sym("unknowns", 2 + (len(structure.memories) if free_states else 0))
     hold, h = ca.SX.sym("hold"), ca.SX.sym("h")
     mechanics = Mechanics(structure, parameters)
 
-    first = _first_state(structure, mechanics, unknowns, hold, free_states=free_states)
+    first = _first_state(mechanics, unknowns, hold, free_states=free_states)
     wanted = ca.vertcat(parameters[1:], unknowns)
     seed = ca.jacobian(first, wanted) if sensitivities else ca.SX(2 + states, 0)
     begin = ca.Function("begin", [parameters, unknowns, hold], [ca.vertcat(first, ca.vec(ca.densify(seed)))])
@@ -287,22 +292,23 @@ def build_flow(structure: Structure, *, free_states: bool, sensitivities: bool) 
     return Flow(structure, free_states, sensitivities, begin, step)
 
 
-def _first_state(
-    structure: Structure, mechanics: Mechanics, unknowns: Any, hold: Any, *, free_states: bool
-) -> Any:
+def _first_state(mechanics: Mechanics, unknowns: Any, hold: Any, *, free_states: bool) -> Any:
+    """Return the state at release: what is unknown as it is, the rest as the hold left it."""
     import casadi
 
     ca: Any = casadi
-    if free_states:
-        return unknowns
     tilt = unknowns[0] - mechanics.rest
-    internal = [
-        unknowns[0] if part.role == "measurement"
-        else state.start(mechanics.m, tilt, hold, mechanics.stiffness, values)
-        for part, values, _ in mechanics.slots
-        for state in part.states
-    ]  # fmt: skip
-    return ca.vertcat(unknowns, *internal)
+    internal: list[Any] = []
+    free = iter(_items(unknowns, slice(2, unknowns.shape[0])))
+    for part, values, _ in mechanics.slots:
+        for state in part.states:
+            if part.role == "measurement":
+                internal.append(unknowns[0])
+            elif free_states:
+                internal.append(next(free))
+            else:
+                internal.append(state.start(mechanics.m, tilt, hold, mechanics.stiffness, values))
+    return ca.vertcat(unknowns[:2], *internal)
 
 
 def _output(structure: Structure, mechanics: Mechanics, y: Any) -> Any:

@@ -14,8 +14,8 @@ BRISTLE_DAMPING = 1.0
 
 
 def friction(m: Algebra, speed: Value, parameters: Values) -> Value:
-    """Return Fc + (Fs - Fc) exp(-(v/vs)²) [N*m]."""
-    extra = parameters["static_torque"] - parameters["torque"]
+    """Return Fc + (Fs - Fc) exp(-(v/vs)²) [N*m]; Fs below Fc counts as Fc."""
+    extra = m.maximum(parameters["static_torque"] - parameters["torque"], 0.0)
     return parameters["torque"] + extra * m.exp(-((speed / parameters["velocity"]) ** 2))
 
 

@@ -1,0 +1,453 @@
+"""What is the model missing? A verdict that the data can defend, or none.
+
+Two cases, told apart by the residual of the best model. If it is white, the noise is all that is left
+and likelihood may judge: an effect is named if it pays for its parameters and for having been picked
+from a catalogue (extended BIC). If not, no likelihood holds; then only what predicts other releases
+counts, and the simplest model within one standard error of the best prediction is taken.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from sysid.board import Board
+from sysid.effects import effect
+from sysid.errors import HuskyError
+from sysid.fit_mjcf import parameter_quantities, scales_of, strength
+from sysid.fit_problem import Bias, make_records
+from sysid.model_search import Model, Progress, Searcher
+from sysid.noise import NoiseFloor, band_excess, correlation_length, noise_floor
+from sysid.quantity import Quantity
+from sysid.record_check import record_deviation
+from sysid.roll import Release
+
+Status = Literal["none-missing", "missing", "unexplained"]
+
+WHITE = 1e-3
+"""Probability below which a residual is not white."""
+BAND = 4.0
+"""Upper end of the band in which the joint moves, in natural frequencies."""
+TIE = 8.0
+"""Difference of score below which two models are not told apart (odds of e⁴ at most)."""
+PRECISE = 4.0
+"""Residual over noise floor from which the sensor sees more than any model of a joint holds."""
+EXPLAINED = 0.9
+"""Share of the held-out error that effects must take away to be named without reaching the noise."""
+MATERIAL = 0.006
+"""Error of the model beyond noise, over the RMS roll, below which nothing is missing that matters."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """One model that was tried."""
+
+    effects: tuple[str, ...]
+    """What it has beyond the board's record."""
+    rmse: float
+    heldout_rmse: float | None
+    """None where the model was out of the running before it came to that."""
+    score: float
+    """Extended BIC less that of the best: 0 is best, 8 is e⁴ to 1 against."""
+    parameters: Mapping[str, Quantity]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """What is missing, and how sure that is."""
+
+    status: Status
+    effects: tuple[str, ...]
+    confidence: float
+    indistinguishable_from: tuple[tuple[str, ...], ...]
+    error_before: float
+    error_after: float
+    next_experiment: str
+    explanation: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Diagnosis:
+    """All that was found."""
+
+    noise: NoiseFloor
+    baseline: Candidate
+    candidates: tuple[Candidate, ...]
+    """Best first."""
+    verdict: Verdict
+    shares: Mapping[str, float]
+    """Peak torque of each missing effect over the peak torque of the joint."""
+    warnings: tuple[str, ...]
+    best: Model = field(repr=False)
+    base: Model = field(repr=False)
+
+
+@dataclass(frozen=True, slots=True)
+class _Case:
+    """Everything that the judgement needs."""
+
+    board: Board
+    base: Model
+    models: Sequence[Model]
+    """Polished and predicted, best score first, base included."""
+    scores: Mapping[tuple[str, ...], float]
+    noise: NoiseFloor
+    period: float
+
+    def missing(self, model: Model) -> tuple[str, ...]:
+        return tuple(name for name in model.effects if name not in self.base.effects)
+
+    def is_white(self, model: Model) -> bool:
+        return whiteness(model, self.period) > WHITE
+
+    def excess(self, model: Model) -> float:
+        """Held-out mean square error beyond the noise."""
+        return max(model.heldout_rmse**2 - self.noise.std**2, 0.0)
+
+
+def whiteness(model: Model, period: float) -> float:
+    """Return the probability that the residual of a model is white, by its power in the joint's band."""
+    steps = [float(np.median(np.diff(r.time))) for r in model.problem.records]
+    return band_excess(model.residuals, steps, BAND / period)[1]
+
+
+def diagnose(
+    releases: Sequence[Release],
+    board: Board,
+    *,
+    bias: Bias = "shared",
+    use_rate: bool = False,
+    workers: int = 2,
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """Fit the catalogue to releases and judge what the board's record is missing.
+
+    Args:
+        releases: Free decays of one board; with one only, its second half is predicted from its first.
+        board: The record; its effects are in every model.
+        bias: One sensor zero for all releases, or one each.
+        use_rate: Fit the measured rate instead of the roll.
+        workers: Threads.
+        progress: Called as the search goes on.
+
+    Raises:
+        HuskyError: The releases are too short, or their unit is wrong.
+    """
+    noise = noise_floor(releases, rate=use_rate)
+    records = make_records(releases, noise.std, rate=use_rate)
+    scales = scales_of(records, board)
+    period = 2 * np.pi / scales.frequency
+    warnings = check_releases(releases, board, period)
+    searcher = Searcher(
+        records=records, scales=scales, bias=bias, base=tuple(sorted(p.name for p in board.effects)),
+        workers=workers, progress=progress,
+    )  # fmt: skip
+    singles = searcher.singles()
+    ranked = sorted(singles[1:], key=lambda m: m.chi2)
+    settled = any(whiteness(m, period) > 0.05 for m in (singles[0], *ranked[:3]))
+    pairs = searcher.pairs(singles, ranked[:3] if settled else None)
+    models = [*singles, *pairs]
+    if not any(whiteness(m, period) > WHITE for m in sorted(models, key=lambda m: m.chi2)[:4]):
+        best_pairs = sorted(pairs, key=lambda m: m.chi2)[:2]
+        models += searcher.neighbours(best_pairs, singles)
+    final = _finalists(searcher, models, singles[0])
+    base = next(m for m in final if m.effects == searcher.base)
+    scores = _scores([*final, *models], final, len(searcher.names()))
+    final.sort(key=lambda m: scores[m.effects])
+    case = _Case(board, base, final, scores, noise, period)
+    verdict, best, shares = _judge(case)
+    if progress is not None:
+        progress("done", 1.0)
+    done = {m.effects for m in final}
+    others = sorted((m for m in models if m.effects not in done), key=lambda m: scores[m.effects])
+    return Diagnosis(
+        noise=noise,
+        baseline=_candidate(case, base),
+        candidates=tuple(_candidate(case, m) for m in (*final, *others)),
+        verdict=verdict,
+        shares=shares,
+        warnings=tuple(warnings),
+        best=best,
+        base=base,
+    )
+
+
+def check_releases(releases: Sequence[Release], board: Board, period: float) -> list[str]:
+    """Refuse what no verdict can be made from, and say what looks odd.
+
+    Raises:
+        HuskyError: Angles that cannot be radians of a board, or releases shorter than a swing.
+    """
+    warnings: list[str] = []
+    largest = max(r.amplitude for r in releases)
+    limit = board.tilt["range"].value
+    if largest > np.pi:
+        raise HuskyError(
+            f"the deck was released from {largest:.4g} rad, more than half a turn; the joint allows "
+            f"±{limit:.3g} rad. If the log is in degrees, say --unit deg."
+        )
+    if largest > 1.5 * limit:
+        warnings.append(
+            f"released from {largest:.3g} rad although the record's joint range is ±{limit:.3g} rad"
+        )
+    if largest < 0.02 * limit:
+        warnings.append(f"released from {np.degrees(largest):.2g}° only; is the unit right (--unit)?")
+    longest = max(float(r.time[-1] - r.time[0]) for r in releases)
+    samples = max(len(r.time) for r in releases)
+    if longest < 0.6 * period or samples < 24:
+        raise HuskyError(
+            f"the longest release has {samples} samples over {longest:.3g} s, and one swing takes {period:.3g} s: "
+            "too short for a verdict. Record until the deck rests, and three releases or more."
+        )
+    if len(releases) == 1:
+        warnings.append(
+            "one release only: the second half of its motion was predicted from the first. Three releases "
+            "from different angles, to both sides, make a much stronger test"
+        )
+    return warnings
+
+
+def _finalists(searcher: Searcher, models: Sequence[Model], base: Model) -> list[Model]:
+    """Refine and predict the models that may win: the best of every size, and the linear joint."""
+    by_cost = sorted(models, key=lambda m: m.chi2)
+    picked: dict[tuple[str, ...], Model] = {base.effects: base}
+    for count, most in ((1, 4), (2, 6), (3, 2)):
+        extra = [m for m in by_cost if len(m.effects) - len(base.effects) == count]
+        picked.update({m.effects: m for m in extra[:most]})
+    scores = _scores(models, models, len(searcher.names()))
+    picked.update({m.effects: m for m in sorted(models, key=lambda m: scores[m.effects])[:5]})
+    jobs = [lambda m=m: searcher.predicted(searcher.polished(m)) for m in picked.values()]
+    return searcher.each("predicting what was held out", jobs, 0.85, 0.99)
+
+
+def _scores(
+    models: Sequence[Model], reference: Sequence[Model], catalogue: int
+) -> dict[tuple[str, ...], float]:
+    """Return the extended BIC of models (Chen and Chen, Biometrika 95, 2008), less the best.
+
+    Residuals that are correlated over c samples count as n/c independent ones.
+    """
+    best = min(reference, key=lambda m: m.chi2)
+    n = best.problem.samples
+    length = max(1.0, correlation_length(best.residuals))
+    variance = max(best.chi2 / n, 0.25)
+    price = np.log(max(n / length, 3.0)) + 2 * np.log(catalogue)
+    scores: dict[tuple[str, ...], float] = {}
+    for model in models:  # the first of equal effects counts: the refined one
+        scores.setdefault(model.effects, model.chi2 / (variance * length) + price * model.size)
+    low = min(scores[m.effects] for m in reference)
+    return {key: value - low for key, value in scores.items()}
+
+
+def _judge(case: _Case) -> tuple[Verdict, Model, dict[str, float]]:
+    winner = case.models[0]
+    if case.is_white(winner):
+        return _judge_white(case, winner)
+    return _judge_prediction(case)
+
+
+def _judge_white(case: _Case, winner: Model) -> tuple[Verdict, Model, dict[str, float]]:
+    """The noise is all that is left: likelihood decides."""
+    rivals = [
+        m for m in case.models[1:]
+        if case.scores[m.effects] < TIE and not set(m.effects) > set(winner.effects) and case.is_white(m)
+    ]  # fmt: skip
+    weights = [np.exp(-0.5 * case.scores[m.effects]) for m in case.models]
+    confidence = float(1.0 / sum(weights))
+    named = case.missing(winner)
+    alike = [case.missing(m) for m in rivals if m is not case.base]
+    doubtful = any(m is case.base for m in rivals)
+    return _with_record(case, winner, named, alike, confidence, doubtful=doubtful)
+
+
+def _judge_prediction(case: _Case) -> tuple[Verdict, Model, dict[str, float]]:
+    """Something is left: the simplest of the best predictors, and only if it takes most of the error away."""
+    best = min(case.models, key=lambda m: m.heldout_rmse)
+    near = [m for m in case.models if _within_one_error(m, best)]
+    fewest = min(m.size for m in near)
+    winner = min((m for m in near if m.size <= fewest), key=lambda m: m.heldout_rmse)
+    before, after = case.excess(case.base), case.excess(winner)
+    explained = 1.0 - after / before if before > 0 else 0.0
+    motion = _motion_rms(case.base)
+    if np.sqrt(before) < MATERIAL * motion:
+        text = (
+            f"Nothing is missing that matters: the model predicts the motion to {np.sqrt(before) / motion:.2%} of "
+            "its RMS. What is left is not noise, but too small to say what it is."
+        )
+        verdict = _verdict(case, case.base, "none-missing", (), 0.8, (), "", text)
+        return verdict, case.base, {}
+    named = case.missing(winner)
+    precise = winner.rmse > PRECISE * case.noise.std
+    if named and precise and explained >= EXPLAINED:
+        return _partly(case, winner, near, explained)
+    return _unexplained(case, winner, explained)
+
+
+def _partly(
+    case: _Case, winner: Model, near: Sequence[Model], explained: float
+) -> tuple[Verdict, Model, dict[str, float]]:
+    named = case.missing(winner)
+    alike = tuple(
+        case.missing(m) for m in near
+        if m is not winner and m is not case.base and m.size <= winner.size + 1
+        and not set(m.effects) > set(winner.effects)
+    )  # fmt: skip
+    shares = strength(winner.problem, winner.minimum, named)
+    text = (
+        f"{_list(named)} {_is(named)} missing: with {_it(named)} the prediction of held-out motion has "
+        f"{explained:.0%} less squared error. {_shares(shares)} The sensor is so precise that a rest of "
+        f"{winner.rmse / case.noise.std:.0f} times its noise remains; no pair of known effects predicts better "
+        "by more than the scatter between releases."
+    )
+    confidence = 0.9 * explained / (1 + len(alike))
+    experiment = _experiment(named, alike)
+    return _verdict(case, winner, "missing", named, confidence, alike, experiment, text), winner, shares
+
+
+def _unexplained(case: _Case, winner: Model, explained: float) -> tuple[Verdict, Model, dict[str, float]]:
+    named = case.missing(winner)
+    text = "Something is missing that no effect of the catalogue explains, alone, in pairs or in threes. "
+    if named:
+        text += (
+            f"The nearest is {_list(named)}, which takes away {max(explained, 0):.0%} of the squared error but leaves "
+            f"a motion that is not noise ({winner.rmse / case.noise.std:.2f} times the noise floor). "
+        )
+    text += _contradiction(case)
+    text += "The map of the missing torque (compare) shows at which angle and rate it acts."
+    experiment = (
+        "Release from 3°, 7° and 12° to both sides, three times each: what repeats is a law, what does not is "
+        "the board changing or the sensor."
+    )
+    return _verdict(case, winner, "unexplained", (), 0.9, (), experiment, text), winner, {}
+
+
+def _contradiction(case: _Case) -> str:
+    """Say so if every release fits the linear joint alone, each with its own stiffness."""
+    from sysid.fit_mjcf import fit_each
+
+    rows = fit_each(case.base.problem, case.base.minimum)
+    if len(rows) < 2:
+        return ""
+    alone = sum(cost for _, cost in rows)
+    if alone > 1.15 * case.base.problem.samples:
+        return ""
+    values = ", ".join(f"{k:.4g}" for k, _ in rows)
+    return (
+        f"Each release alone fits the model, with stiffnesses {values} N*m/rad: the releases contradict each "
+        "other, as if the board had changed between them (or the stiffness depends on the amplitude). "
+    )
+
+
+def _with_record(
+    case: _Case,
+    winner: Model,
+    named: tuple[str, ...],
+    alike: Sequence[tuple[str, ...]],
+    confidence: float,
+    *,
+    doubtful: bool,
+) -> tuple[Verdict, Model, dict[str, float]]:
+    """Add what shows only against the record: a shift, another inertia, gravity, a clock."""
+    shares = strength(winner.problem, winner.minimum, named)
+    deviation = record_deviation(winner, case.board, look_at_linear=not named)
+    effects = (*named, *deviation.effects)
+    sets = [(*others, *deviation.effects) for others in alike]
+    sets += [(*named, *other) for other in deviation.alike]
+    ratio = winner.rmse / case.noise.std
+    if not effects:
+        text = (
+            f"Nothing is missing: the residual is white and {ratio:.2f} times the noise floor. {deviation.text}"
+        ).strip()
+        return _verdict(case, winner, "none-missing", (), confidence, (), "", text), winner, {}
+    text = (
+        f"{_list(effects)} {_is(effects)} missing: with {_it(effects)} the residual is white and {ratio:.2f} times "
+        f"the noise floor (before: {case.base.rmse / case.noise.std:.2f}). {_shares(shares)} {deviation.text}"
+    ).strip()
+    if doubtful:
+        text += " The evidence is thin: the model without it is nearly as likely."
+    if sets:
+        text += f" These data cannot tell it from {'; or '.join(_list(s) for s in sets)}."
+    experiment = deviation.experiment if deviation.effects and not named else _experiment(named, sets)
+    verdict = _verdict(case, winner, "missing", effects, confidence, tuple(sets), experiment, text)
+    return verdict, winner, shares
+
+
+def _within_one_error(model: Model, best: Model) -> bool:
+    """Whether held-out errors differ by less than 1 % or one standard error, release by release."""
+    assert model.heldout is not None
+    assert best.heldout is not None
+    if model.heldout_rmse <= 1.01 * best.heldout_rmse:
+        return True
+    blocks = 8 if len(model.heldout) == 1 else 1
+    differences = [
+        float(np.sum(a**2 - b**2))
+        for one, other in zip(model.heldout, best.heldout, strict=True)
+        for a, b in zip(np.array_split(one, blocks), np.array_split(other, blocks), strict=True)
+    ]
+    n = len(differences)
+    mean = float(np.mean(differences))
+    return mean <= float(np.std(differences, ddof=1)) / np.sqrt(n) if n > 1 else False
+
+
+def _motion_rms(model: Model) -> float:
+    rest = model.parameters.get("rest_angle", 0.0)
+    signals = [r.signal - (0.0 if r.is_rate else rest) for r in model.problem.records]
+    return float(np.sqrt(np.mean(np.concatenate(signals) ** 2)))
+
+
+def _candidate(case: _Case, model: Model) -> Candidate:
+    return Candidate(
+        effects=case.missing(model),
+        rmse=model.rmse,
+        heldout_rmse=model.heldout_rmse if model.heldout is not None else None,
+        score=case.scores[model.effects],
+        parameters=parameter_quantities(
+            model.problem, model.minimum, case.board, certain=model.heldout is not None
+        ),
+    )
+
+
+def _verdict(
+    case: _Case,
+    model: Model,
+    status: Status,
+    effects: tuple[str, ...],
+    confidence: float,
+    alike: Sequence[tuple[str, ...]],
+    experiment: str,
+    text: str,
+) -> Verdict:
+    unique = dict.fromkeys(tuple(s) for s in alike if set(s) != set(effects))
+    return Verdict(
+        status=status, effects=effects, confidence=min(max(confidence, 0.0), 0.999),
+        indistinguishable_from=tuple(unique), error_before=case.base.rmse, error_after=model.rmse,
+        next_experiment=experiment, explanation=text,
+    )  # fmt: skip
+
+
+def _experiment(named: Sequence[str], alike: Sequence[tuple[str, ...]]) -> str:
+    """Return the experiment that decides between what is named and what looks like it."""
+    others = [name for group in alike for name in group if name not in named]
+    for name in (*named, *others):
+        part = effect(name)
+        if not others or set(part.look_alikes) & {*named, *others} or name in others:
+            return part.experiment
+    return effect(named[0]).experiment
+
+
+def _list(names: Sequence[str]) -> str:
+    return " and ".join(f"'{name}' ({effect(name).title})" for name in names)
+
+
+def _is(names: Sequence[str]) -> str:
+    return "is" if len(names) == 1 else "are"
+
+
+def _it(names: Sequence[str]) -> str:
+    return "it" if len(names) == 1 else "them"
+
+
+def _shares(shares: Mapping[str, float]) -> str:
+    parts = [f"{name} peaks at {share:.1%} of the joint's torque" for name, share in shares.items()]
+    return f"{'; '.join(parts).capitalize()}." if parts else ""

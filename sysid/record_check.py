@@ -1,0 +1,133 @@
+"""What a free decay shows only against the board's record: another rest angle, inertia, weight or clock.
+
+A decay alone holds k/I, d/I and a constant shift. Effects that change just these cannot be found by
+fitting; they show where the record knew the numbers, as a deviation with a direction of its own.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.board import Board
+from sysid.effects import effect
+from sysid.fit_mjcf import parameter_covariance
+from sysid.model_search import Model
+
+SURE = 4.0
+"""Standard deviations from which a deviation counts."""
+SHIFTS = ("offset", "preload", "sensor-bias")
+
+
+@dataclass(frozen=True, slots=True)
+class Deviation:
+    """How the fitted numbers differ from the record."""
+
+    effects: tuple[str, ...] = ()
+    alike: tuple[tuple[str, ...], ...] = ()
+    text: str = ""
+    experiment: str = ""
+
+
+def record_deviation(model: Model, board: Board, *, look_at_linear: bool) -> Deviation:
+    """Compare a fitted model with the record.
+
+    Args:
+        model: The model that was chosen.
+        board: The record.
+        look_at_linear: Compare stiffness and damping too; with another effect in the model they
+            legitimately differ.
+    """
+    covariance = parameter_covariance(model.problem, model.minimum, model.residuals)
+    names = list(model.problem.names)
+    shift = _shift(model, board, covariance, names)
+    linear = _linear(model, board, covariance, names) if look_at_linear else Deviation()
+    effects = (*linear.effects, *shift.effects)
+    alike = [(*other, *shift.effects) for other in linear.alike]
+    alike += [(*linear.effects, *other) for other in shift.alike]
+    return Deviation(
+        effects, tuple(alike), f"{linear.text} {shift.text}".strip(), linear.experiment or shift.experiment
+    )
+
+
+def _shift(model: Model, board: Board, covariance: np.ndarray, names: list[str]) -> Deviation:
+    """Name the rest angle if it moved; what moved it cannot be told."""
+    if "rest_angle" not in names or model.problem.bias == "own" or "gravity" in model.effects:
+        return Deviation()
+    if model.problem.records[0].is_rate:
+        return Deviation()
+    index = names.index("rest_angle")
+    moved = model.parameters["rest_angle"] - board.rest_angle
+    deviation = float(np.hypot(np.sqrt(covariance[index, index]), board.tilt["rest_angle"].std))
+    if abs(moved) < SURE * deviation or abs(moved) < 0.1 * model.problem.records[0].std:
+        return Deviation()
+    torque = model.parameters["stiffness"] * moved
+    text = (
+        f"The deck rests {np.degrees(moved):+.3g}° from the record's rest angle: its rest angle moved, or a "
+        f"constant torque of {torque:+.3g} N*m acts, or the sensor is off by as much; a free decay cannot tell."
+    )
+    return Deviation(("offset",), (("preload",), ("sensor-bias",)), text, effect("offset").experiment)
+
+
+def _linear(model: Model, board: Board, covariance: np.ndarray, names: list[str]) -> Deviation:
+    """Compare k/I and d/I with the record, and name what would change them in just this proportion."""
+    record = {name: board.tilt[name] for name in ("stiffness", "damping")}
+    known = (board.decay or board.fit) and all(q.std > 0 for q in record.values())
+    if not known or any(name not in names for name in record) or model.parameters["damping"] <= 0:
+        return Deviation()
+    values = np.array([model.parameters[name] for name in record])
+    if values[0] <= 0:
+        return Deviation()
+    pick = [names.index(name) for name in record]
+    logs = np.log(values / np.array([q.value for q in record.values()]))
+    spread = covariance[np.ix_(pick, pick)] / np.outer(values, values)
+    spread = spread + np.diag([(q.std / q.value) ** 2 for q in record.values()])
+    if float(logs @ np.linalg.solve(spread, logs)) < SURE**2 + 3.0:
+        return Deviation()
+    matches = [name for name, miss in _explanations(logs, spread, board) if miss < 3.0]
+    change = (
+        f"Against the record, k/I is {np.expm1(logs[0]):+.1%} and d/I is {np.expm1(logs[1]):+.1%}; a free decay "
+        "cannot tell whether stiffness and damping changed or "
+    )
+    if not matches:
+        return Deviation(text=change + "the inertia did. `husky-sysid fit` brings the record up to date.")
+    titles = " or ".join(f"'{name}' ({effect(name).title})" for name in matches)
+    return Deviation(
+        (matches[0],),
+        tuple((name,) for name in matches[1:]),
+        change + f"one cause makes both, {titles}.",
+        effect(matches[0]).experiment,
+    )
+
+
+def _explanations(logs: np.ndarray, spread: np.ndarray, board: Board) -> list[tuple[str, float]]:
+    """Return effects with one parameter and their distance from (ln k, ln d) in standard deviations."""
+    directions = {"inertia": (1.0, 1.0), "clock": (2.0, 1.0), "gravity": (1.0, 0.0)}
+    inverse = np.linalg.inv(spread)
+    misses: list[tuple[str, float]] = []
+    for name, direction in directions.items():
+        d = np.array(direction)
+        along = float(d @ inverse @ logs) / float(d @ inverse @ d)
+        rest = logs - along * d
+        misses.append((name, float(np.sqrt(rest @ inverse @ rest))))
+    steps = np.geomspace(2e-4, 0.02, 400)
+    path = np.array([stepped_logs(board, h) for h in steps])
+    rest = logs - path
+    distance = np.sqrt(np.einsum("ij,jk,ik->i", rest, inverse, rest))
+    misses.append(("discretisation", float(np.nanmin(distance))))
+    return sorted(misses, key=lambda item: item[1])
+
+
+def stepped_logs(board: Board, h: float) -> tuple[float, float]:
+    """Return ln(k'/k) and ln(d'/d) of the continuous joint that moves like the record stepped by implicitfast.
+
+    The step's map has determinant a = 1/(1 + h d/I) and trace 1 + a - h² a k/I; its poles are those of
+    a continuous joint with the same decay and frequency at the samples.
+    """
+    inertia, k, d = board.inertia.value, board.stiffness, board.damping
+    a = 1.0 / (1.0 + h * d / inertia)
+    cosine = (1.0 + a - h * h * a * k / inertia) / (2.0 * np.sqrt(a))
+    if abs(cosine) >= 1:
+        return float("nan"), float("nan")
+    decay, frequency = -0.5 * np.log(a) / h, np.arccos(cosine) / h
+    square = decay**2 + frequency**2
+    return float(np.log(square * inertia / k)), float(np.log(2 * decay * inertia / d))
