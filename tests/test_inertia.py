@@ -463,6 +463,34 @@ def test_results_feed_each_other_as_files(tmp_path: Path) -> None:
     assert "the methods" in result.stdout + result.stderr
 
 
+def test_two_synthetic_decays_and_a_known_mass_tell_the_true_inertia(tmp_path: Path) -> None:
+    """From log to inertia with the tool's own commands; 0.8 kg at 80 mm on the compliant board."""
+    ratio = 1 + 0.8 * 0.08**2 / 8.70e-3
+    for name, effect in (("bare", "inertia=1"), ("loaded", f"inertia={ratio}")):
+        made = husky(
+            "synth",
+            "--board",
+            "pink",
+            "--releases",
+            "4",
+            "-o",
+            f"{name}.csv",
+            "--effect",
+            effect,
+            cwd=tmp_path,
+        )
+        assert made.returncode == 0, made.stderr
+        found = husky("decay", f"{name}.csv", "--board", "pink", "--json", f"{name}.json", cwd=tmp_path)
+        assert found.returncode == 0, found.stderr
+    frequencies = ("--bare", "bare.json", "--loaded", "loaded.json")
+    mass = ("--mass", "0.8", "--offset", "80mm")
+    result = husky("inertia", "added-mass", *frequencies, *mass, "--json", "-", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    inertia_found = json.loads(result.stdout)["inertia"]
+    assert abs(inertia_found["value"] - 8.70e-3) < 3 * inertia_found["std"]
+    assert inertia_found["std"] < 0.05 * 8.70e-3
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
