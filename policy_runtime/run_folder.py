@@ -52,7 +52,7 @@ class LearnOptions:
     entropy: float = 0.005
     learning_rate: float = 1e-3
     """Where the adaptive rate starts."""
-    desired_kl: float = 0.01
+    desired_kl: float = 0.015
     gamma: float = 0.99
     lam: float = 0.95
     """λ of generalised advantage estimation."""

@@ -13,7 +13,7 @@ def namespace(array: Any) -> Any:
     """Return the module whose functions work on `array`: numpy, or torch for a tensor."""
     if isinstance(array, np.ndarray | np.generic | float | int):
         return np
-    import torch
+    import torch  # only where a tensor shows that it is here anyway
 
     return torch
 

@@ -7,6 +7,8 @@ phase Φ runs from 0 to 1 over one cycle.
 from dataclasses import dataclass
 from typing import Any
 
+from sim.skate.arrays import namespace
+
 CONTROL_PERIOD = 0.02
 """Time between two decisions of the policy [s]."""
 STILL_SPEED = 0.1
@@ -54,12 +56,12 @@ class Clock:
         return step % self.period >= self.period - self.dismount
 
     def transition_fraction(self, step: Any) -> Any:
-        """Return the way gone within the present transition in (0, 1]; meaningless outside one."""
+        """Return the way gone within the present transition in (0, 1]; outside one, 0 or 1."""
         step = step % self.period
         mounted = (step - self.push + 1) / self.mount
         dismounted = (step - (self.period - self.dismount) + 1) / self.dismount
-        later = step >= self.period - self.dismount
-        return mounted * (1 - later * 1) + dismounted * (later * 1)
+        fraction = namespace(mounted).where(step >= self.period - self.dismount, dismounted, mounted)
+        return namespace(mounted).clip(fraction, 0.0, 1.0)
 
     def steering_time_left(self, step: Any) -> Any:
         """Return the time until the steering stretch ends [s], zero outside it, shape (...,)."""

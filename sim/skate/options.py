@@ -26,6 +26,11 @@ class SkateOptions:
     kinematics: Kinematics = "two-truck"
     turn_time: float = 1.2
     """Longest time that the guidance spreads a turn over [s]; inf for the paper's form."""
+    tilt_tolerance: float = 0.05
+    """Tolerance of the reward for the asked tilt [rad]; the release's 0.02 pays nothing to a learner whose
+    deck still swings by 0.1."""
+    smoothness: float = 0.05
+    """Weight of the squared first and second differences of the actions; the paper has 0.1."""
     coupling: Coupling = "equality"
     steered: bool = True
     """Whether tilting steers at all; without it the board goes straight."""

@@ -121,15 +121,15 @@ def reward_terms(options: SkateOptions, command: "SkateCommandCfg") -> "dict[str
         "always/stand": term(rewards.standing_still, "still", 1.0, pose=stand),
         "always/alive": term(rewards.alive, "always", 1.0),
         "always/joint_limits": term(rewards.joint_limits, "always", -5.0),
-        "always/action_rate": term(rewards.action_rate, "always", -0.1),
-        "always/action_smoothness": term(rewards.action_smoothness, "always", -0.1),
+        "always/action_rate": term(rewards.action_rate, "always", -options.smoothness),
+        "always/action_smoothness": term(rewards.action_smoothness, "always", -options.smoothness),
         "always/joint_velocity": term(rewards.joint_velocity, "always", -1e-3),
         "always/joint_acceleration": term(rewards.joint_acceleration, "always", -2.5e-7),
         "always/joint_torque": term(rewards.joint_torque, "always", -1e-6),
         "always/self_contact": term(rewards.self_contact, "always", -10.0),
     }
     if options.tilt_guidance:
-        terms["steer/tilt_guide"] = term(rewards.tilt_guide, "steer", 4.0)
+        terms["steer/tilt_guide"] = term(rewards.tilt_guide, "steer", 4.0, tolerance=options.tilt_tolerance)
     if options.transition != "none":
         terms["transition/positions"] = term(rewards.key_positions, "transition", 10.0)
         terms["transition/left_foot_down"] = term(rewards.left_foot_on_ground, "transition", -0.5)
