@@ -44,16 +44,29 @@ def decay_figure(roll: Roll, decay: FreeDecay, title: str) -> "Figure":
     from matplotlib.figure import Figure
 
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(9.0, 7.2), layout="constrained")
-        grid = figure.add_gridspec(3, 2, height_ratios=(1.15, 1.5, 0.9), width_ratios=(1.75, 1))
-        figure.suptitle(title, x=0.01, ha="left", fontsize=11)
-        draw_log(figure.add_subplot(grid[0, :]), roll, decay)
-        trace = figure.add_subplot(grid[1, 0])
+        figure = Figure(figsize=(9.0, 7.2))
+        # Fixed margins: finding them by trial would draw everything twice.
+        upper = figure.add_gridspec(1, 1, left=0.075, right=0.985, top=0.93, bottom=0.71)
+        lower = figure.add_gridspec(
+            2,
+            2,
+            left=0.075,
+            right=0.985,
+            top=0.585,
+            bottom=0.065,
+            hspace=0.2,
+            wspace=0.2,
+            height_ratios=(1.6, 1),
+            width_ratios=(1.75, 1),
+        )
+        figure.suptitle(title, x=0.01, y=0.985, ha="left", fontsize=11)
+        draw_log(figure.add_subplot(upper[0, 0]), roll, decay)
+        trace = figure.add_subplot(lower[0, 0])
         draw_traces(trace, decay)
-        residual = figure.add_subplot(grid[2, 0], sharex=trace)
+        residual = figure.add_subplot(lower[1, 0], sharex=trace)
         draw_residual(residual, decay)
         trace.tick_params(labelbottom=False)
-        draw_peak_line(figure.add_subplot(grid[1:, 1]), decay)
+        draw_peak_line(figure.add_subplot(lower[:, 1]), decay)
     return figure
 
 
@@ -104,7 +117,7 @@ def draw_traces(axes: "Axes", decay: FreeDecay) -> "Axes":
     axes.set_ylim(-1.15 * height, 1.15 * height)
     axes.legend(loc="upper right", ncols=3, handlelength=1.6, columnspacing=1.2)
     numbers = decay.numbers
-    axes.set_title(f"$ω_n$ = {numbers.omega_n}    ζ = {numbers.damping_ratio}")
+    axes.set_title(f"ωₙ = {numbers.omega_n}    ζ = {numbers.damping_ratio}")
     return axes
 
 

@@ -97,9 +97,11 @@ def fit_traces(releases: Sequence[Release]) -> TraceFit:
             "Record faster, or mark longer decays (--release, --to)."
         )
     poles = _start(traces, releases)
+    longest = max(float(trace.time[-1] - trace.time[0]) for trace in traces)
     for cycles in (2.0, 5.0, 15.0):  # growing windows: a long trace has many wrong frequencies to lock on to
-        span = 2 * math.pi * cycles / math.sqrt(max(abs(poles[1]), poles[0] ** 2))
-        poles = _search([_head(trace, span) for trace in traces], poles)
+        span = 2 * math.pi * cycles / math.sqrt(poles[0] ** 2 + poles[1])
+        if span < longest:
+            poles = _search([_head(trace, span) for trace in traces], poles)
     poles = _search(traces, poles)
     if not (poles[0] > 0 and poles[0] ** 2 + poles[1] > 0):
         raise HuskyError(
@@ -151,7 +153,8 @@ def _start(traces: Sequence[Trace], releases: Sequence[Release]) -> Array:
         large = [leg.duration for leg in legs if leg.size > 0.3 * max(leg.size for leg in legs)]
         paces += large[:6] or [float(trace.time[-1] - trace.time[0]) / 4]
     pace = float(np.median(paces))
-    heads = [_head(trace, 8.0 * pace) for trace in traces]
+    largest = sorted(traces, key=lambda trace: -float(np.ptp(trace.measured)))[:3]
+    heads = [_head(trace, 8.0 * pace) for trace in largest]
     # A leg's 10 to 90 % time is 1.85/ω undamped and 2.6/ω near critical damping.
     grid = [
         np.array([zeta * omega, omega**2 * (1 - zeta**2)])

@@ -1,0 +1,92 @@
+"""Cold start of `husky-sysid decay` against the least that any tool on this stack must do.
+
+Run:  python benchmarks/decay_cold_start.py [ROUNDS]
+
+The log is 60 s at 1 kHz with twenty releases. The yardstick imports numpy, pandas and scipy.optimize and
+reads the same file with pandas. Both run as fresh processes, by turns, so that a busy machine slows both;
+the ratio of the medians is recorded in benchmarks/results/decay_cold_start.md.
+"""
+
+import platform
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+LIMIT = 2.5
+ROOT = Path(__file__).parent
+YARDSTICK = "import sys, numpy, pandas, scipy.optimize; pandas.read_csv(sys.argv[1])"
+
+
+def write_log(path: Path) -> None:
+    """Write 60 s at 1 kHz: held, let go, swings to rest; by turns to both sides."""
+    rng = np.random.default_rng(0)
+    time_s = np.arange(60_000) / 1000.0
+    omega, zeta = 41.08, 0.5626
+    since = time_s % 3.0 - 1.5
+    amplitude = 0.18 * np.where(time_s // 3.0 % 2 == 0, 1, -1)
+    damped = omega * np.sqrt(1 - zeta**2)
+    swing = np.exp(-zeta * omega * since) * (
+        np.cos(damped * since) + zeta / np.sqrt(1 - zeta**2) * np.sin(damped * since)
+    )
+    s = np.clip((since + 1.5) / 0.6, 0, 1)
+    roll = amplitude * np.where(since < 0, s**3 * (10 - 15 * s + 6 * s**2), swing)
+    roll += rng.normal(0, np.deg2rad(0.1), len(roll))
+    np.savetxt(path, np.column_stack([time_s, roll]), "%.6f", ",", header="time_s,roll_rad", comments="")
+
+
+def seconds(command: list[str], folder: str) -> float:
+    start = time.perf_counter()
+    subprocess.run(command, check=True, capture_output=True, cwd=folder)
+    return time.perf_counter() - start
+
+
+def main() -> None:
+    rounds = int(sys.argv[1]) if len(sys.argv) > 1 else 7
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder) / "log.csv"
+        write_log(log)
+        commands = {
+            "yardstick": [sys.executable, "-c", YARDSTICK, str(log)],
+            "decay": [sys.executable, "-m", "sysid.cli", "decay", str(log), "--board", "pink"],
+            "decay --no-picture": [
+                sys.executable, "-m", "sysid.cli", "decay", str(log), "--board", "pink", "--no-picture",
+            ],
+        }  # fmt: skip
+        for command in commands.values():  # warm the disk cache
+            seconds(command, folder)
+        taken: dict[str, list[float]] = {name: [] for name in commands}
+        for _ in range(rounds):
+            for name, command in commands.items():
+                taken[name].append(seconds(command, folder))
+    medians = {name: statistics.median(times) for name, times in taken.items()}
+    lines = [
+        "# Cold start of `husky-sysid decay`",
+        "",
+        f"60 s at 1 kHz (60 000 rows), twenty releases; Python {platform.python_version()}, medians of {rounds} rounds,",
+        "by turns; made by `benchmarks/decay_cold_start.py`.",
+        "",
+        "| command | seconds | ratio |",
+        "|---|---|---|",
+        *(
+            f"| {name} | {value:.2f} | {value / medians['yardstick']:.2f} |"
+            for name, value in medians.items()
+        ),
+        "",
+        f"Limit for `decay` with its picture: {LIMIT}.",
+        "",
+    ]
+    report = "\n".join(lines)
+    (ROOT / "results").mkdir(exist_ok=True)
+    (ROOT / "results" / "decay_cold_start.md").write_text(report)
+    print(report)
+    if medians["decay"] > LIMIT * medians["yardstick"]:
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()
