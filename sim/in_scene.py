@@ -73,6 +73,8 @@ def scene_from_file(path: Path, *, joint: str = TILT_JOINT, timestep: float | No
     Raises:
         HuskyError: The file cannot be read or compiled, or has no such joint.
     """
+    if not path.is_file():
+        raise HuskyError(f"{path}: there is no such scene file.")
     try:
         spec = mujoco.MjSpec.from_file(str(path))
         spec.compile()

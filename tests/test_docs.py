@@ -61,6 +61,8 @@ def workspace(folder: Path) -> Path:
             shutil.copytree(part, folder / "data" / part.name)
         elif part.name != "boards" and part.is_dir():
             (folder / "data" / part.name).symlink_to(part)
+    (folder / "docs").mkdir()
+    (folder / "docs" / "examples").symlink_to(ROOT / "docs" / "examples")
     return folder
 
 
