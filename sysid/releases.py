@@ -178,8 +178,7 @@ def _evidence(group: list[_Chain], swing: Swing) -> float:
         sum(leg.size**2 / leg.duration for leg in chain.legs[:8]) / chain.legs[0].size for chain in group
     )
     room = max(5.0 * swing.noise, 0.1 * group[0].sizes[0])
-    levels = [float(np.median(swing.roll[first : last + 1])) for first, last in swing.stays]
-    at_rest = [abs(level - group[0].rest) < room for level in levels]
+    at_rest = [abs(level - group[0].rest) < room for level in swing.levels]
     return speed * max(1, sum(now and not before for before, now in pairwise([False, *at_rest])))
 
 

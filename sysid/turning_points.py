@@ -25,6 +25,8 @@ class Swing:
     """Smallest movement that counts as one [rad]."""
     stays: tuple[tuple[int, int], ...]
     """First and last grid index of each stretch in which it stays where it is."""
+    levels: tuple[float, ...]
+    """Mean roll of each of these stretches [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +96,9 @@ def find_swing(time: Array, roll: Array, std: float) -> Swing:
     smooth, gain = _smooth(even, _least_reach(std, span, reach))
     noise = std * gain
     step = max(6.0 * noise, 0.02 * span)
-    return Swing(grid, smooth, noise, step, _stays(smooth, step, quickness * interval))
+    stays = _stays(smooth, step, quickness * interval)
+    levels = tuple(float(smooth[first : last + 1].mean()) for first, last in stays)
+    return Swing(grid, smooth, noise, step, stays, levels)
 
 
 def legs_of(swing: Swing) -> list[Leg]:
@@ -103,9 +107,8 @@ def legs_of(swing: Swing) -> list[Leg]:
     A leg never passes through a stretch in which the deck stays: lifting on from rest is a leg of its
     own, even in the direction in which the decay came in.
     """
-    stays = {
-        (first + last) // 2: float(np.median(swing.roll[first : last + 1])) for first, last in swing.stays
-    }
+    middles = ((first + last) // 2 for first, last in swing.stays)
+    stays = dict(zip(middles, swing.levels, strict=True))
     bounds = sorted(stays)
     if not swing.stays or swing.stays[0][0] > 0:
         bounds.insert(0, 0)
