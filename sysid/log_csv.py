@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from sysid.log_names import parse_unit
 from sysid.roll import Array
 
 HEAD_BYTES = 1 << 18
+MAX_LINE = 20_000
 DIALECTS = (
     (",", "."),
     ("\t", "."),
@@ -47,6 +48,8 @@ class CsvTable:
     delimiter: str
     decimal: str
     encoding: str
+    width: int
+    """Cells in a row, an empty one behind a last delimiter included."""
     skip: int
     """Lines before the first row of numbers."""
     comment: str | None
@@ -63,6 +66,7 @@ class CsvTable:
         import pandas as pd
 
         wanted = [self.names.index(name) for name in names]
+        self._require_memory(len(wanted))
         kinds: Any = {index: "str" if self.names[index] in self.dates else "float64" for index in wanted}
         try:
             with warnings.catch_warnings():
@@ -73,7 +77,7 @@ class CsvTable:
                     decimal=self.decimal,
                     header=None,
                     names=list(range(len(self.names))),
-                    usecols=wanted,
+                    usecols=None if len(wanted) == self.width else wanted,
                     dtype=kinds,
                     index_col=False,
                     skiprows=self.skip,
@@ -96,6 +100,20 @@ class CsvTable:
             name = self.names[index]
             columns[name] = self._seconds(frame[index]) if name in self.dates else frame[index].to_numpy()
         return columns
+
+    def _require_memory(self, columns: int) -> None:
+        """Refuse what would not fit, before the computer starts to swap."""
+        size = self.path.stat().st_size
+        free = _free_memory()
+        with self.path.open("rb") as file:
+            file.seek(size // 2)
+            probe = file.read(1 << 16)
+        needed = size * max(1, probe.count(b"\n")) / len(probe) * 8 * (2 * columns + 4)
+        if free is not None and needed > free:
+            raise HuskyError(
+                f"{self.path}: {size / 1e9:.1f} GB of rows need about {needed / 1e9:.1f} GB of memory, and "
+                f"{free / 1e9:.1f} GB are free. Cut it into parts."
+            )
 
     def _seconds(self, texts: Any) -> Array:
         """Turn dates or times of day into seconds since the first."""
@@ -148,17 +166,24 @@ def open_csv(path: Path) -> CsvTable:
     """
     with path.open("rb") as file:
         head = file.read(HEAD_BYTES)
+        _refuse_binary_middle(path, file)
     text, encoding = _decode(path, head)
     lines = text.splitlines()
     if len(head) == HEAD_BYTES and len(lines) > 1:
         lines.pop()  # cut in the middle
+    if max(map(len, lines)) > MAX_LINE:
+        raise HuskyError(
+            f"{path}: a line of {max(map(len, lines))} characters: no table with a row for each sample. "
+            "If the rows are columns in it, transpose it."
+        )
     comment = _comment_sign(lines)
     rows = [
         (number, line)
         for number, line in enumerate(lines)
         if line.strip() and not (comment and line.lstrip().startswith(comment))
     ]
-    delimiter, decimal, width = _dialect(path, [line for _, line in rows])
+    delimiter, decimal, cells = _dialect(path, [line for _, line in rows])
+    width = cells
     first = _first_row(rows, delimiter, decimal, width)
     header, units = _header(lines, rows, first, delimiter, decimal, width, comment)
     sample = [split_line(line, delimiter) for _, line in rows[first : first + 50]]
@@ -184,6 +209,7 @@ def open_csv(path: Path) -> CsvTable:
         delimiter=delimiter,
         decimal=decimal,
         encoding=encoding,
+        width=cells,
         skip=skipped,
         comment=comment[0] if comment else None,
         dates=dates,
@@ -220,6 +246,30 @@ def _decode(path: Path, head: bytes) -> tuple[str, str]:
             encoding = "cp1252"
     text = head.decode(encoding, errors="replace").replace("\r\n", "\n").replace("\r", "\n")
     return text, encoding
+
+
+def _refuse_binary_middle(path: Path, file: BinaryIO) -> None:
+    """Look into a large file at several places: a text that goes over into zero bytes was not closed well."""
+    size = file.seek(0, 2)
+    file.seek(0)
+    utf16 = file.read(2) in (b"\xff\xfe", b"\xfe\xff")
+    for place in range(HEAD_BYTES, size, max(HEAD_BYTES, size // 64)):
+        file.seek(place)
+        if not utf16 and b"\0\0" in file.read(4096):
+            raise HuskyError(
+                f"{path}: zero bytes from about byte {place} on: the recording was not closed well, or this is no "
+                "text table. Cut the file off before them."
+            )
+
+
+def _free_memory() -> float | None:
+    """Return the memory that is free for use [bytes], None where the system does not say."""
+    try:
+        text = Path("/proc/meminfo").read_text(encoding="ascii")
+    except OSError:
+        return None
+    found = re.search(r"MemAvailable:\s*(\d+) kB", text)
+    return float(found[1]) * 1024 if found else None
 
 
 def _comment_sign(lines: Sequence[str]) -> str | None:

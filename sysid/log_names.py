@@ -74,7 +74,7 @@ _TIME_WORDS = {"t", "time", "times", "timestamp", "timestamps", "stamp", "elapse
 _RATE_WORDS = {"gyro", "gyr", "gyroscope", "gyroscopes", "omega", "rate", "speed", "velocity", "vel", "dot", "qvel",
                "angvel", "thetadot", "phidot", "angularvelocity", "angularrate", "rotationrate"}  # fmt: skip
 _ACCEL_WORDS = {"acc", "accel", "accelerometer", "acceleration", "acceler"}
-_QUATERNION_WORDS = {"quat", "quaternion", "orientation", "attitude"}
+_QUATERNION_WORDS = {"q", "quat", "quaternion", "orientation", "attitude"}
 _ROLL_WORDS = {"roll", "phi", "bank", "heel", "tilt", "lean"}
 _ANGLE_WORDS = _ROLL_WORDS | {"angle", "theta", "pitch", "yaw", "heading", "psi", "pos", "position", "qpos", "encoder",
                               "winkel", "angulo", "inclination", "deflection", "swing"}  # fmt: skip

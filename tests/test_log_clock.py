@@ -34,7 +34,9 @@ def clock_error(roll, true):
 def test_units_and_epoch_by_name_or_by_size(tmp_path, unit, size, epoch, named):
     whole = [f"{int(round((epoch + t) * 1e9)) / (1e9 / size):.6f}" if size < 1e9 else
              str(round((epoch + t) * 1e9)) for t in TRUE]  # fmt: skip
-    path = write_csv(tmp_path / "log.csv", (f"time_{unit}" if named else "time", "roll_rad"), whole, noisy(TRUE))
+    path = write_csv(
+        tmp_path / "log.csv", (f"time_{unit}" if named else "time", "roll_rad"), whole, noisy(TRUE)
+    )
     roll = read_roll(path)
     assert roll.time[0] == 0
     assert clock_error(roll, TRUE) < 2e-6

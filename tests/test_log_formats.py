@@ -128,7 +128,9 @@ def test_dates_and_times_of_day_as_time(tmp_path):
 
 
 def test_parquet_with_and_without_time_stamps(tmp_path):
-    pd.DataFrame({"t_s": TIME, "junk": ["a"] * TIME.size, "roll_rad": ROLL}).to_parquet(tmp_path / "a.parquet")
+    pd.DataFrame({"t_s": TIME, "junk": ["a"] * TIME.size, "roll_rad": ROLL}).to_parquet(
+        tmp_path / "a.parquet"
+    )
     check(tmp_path / "a.parquet")
     stamps = pd.to_datetime(1.7e18 + TIME * 1e9)
     pd.DataFrame({"time": stamps, "roll_deg": np.rad2deg(ROLL)}).to_parquet(tmp_path / "b.pq")
@@ -156,7 +158,9 @@ def check_phone(path, tolerance_deg=0.3):
 
 def table(names, *columns, sep=",", decimal="."):
     lines = [sep.join(f'"{name}"' for name in names)]
-    lines += [sep.join(f"{value:.9g}".replace(".", decimal) for value in row) for row in zip(*columns, strict=True)]
+    lines += [
+        sep.join(f"{value:.9g}".replace(".", decimal) for value in row) for row in zip(*columns, strict=True)
+    ]
     return "\n".join(lines) + "\n"
 
 
@@ -166,7 +170,9 @@ def test_phyphox_zip(tmp_path, sep, decimal):
     path = tmp_path / "Gyroscope and accelerometer 2026-03-01.zip"
     with zipfile.ZipFile(path, "w") as archive:
         names = [f"Gyroscope {axis} (rad/s)" for axis in "xyz"]
-        archive.writestr("Gyroscope.csv", table(("Time (s)", *names), time, *gyro.T, sep=sep, decimal=decimal))
+        archive.writestr(
+            "Gyroscope.csv", table(("Time (s)", *names), time, *gyro.T, sep=sep, decimal=decimal)
+        )
         names = [f"Acceleration {axis} (m/s^2)" for axis in "xyz"]
         late = np.maximum(time[::2] - 1e-3, 0.0)
         sampled = [np.interp(late, time, column) for column in accel.T]
@@ -204,7 +210,11 @@ def test_sensor_logger_export(tmp_path, kind):
             lines.append(f"{stamp:.0f},{t:.9f}," + ",".join(f"{value:.9g}" for value in row[::-1]))
         return "\n".join(lines) + "\n"
 
-    files = {"Gyroscope.csv": of(gyro), "Metadata.csv": "version,device\n3,phone\n", "Annotation.csv": "time,text\n"}
+    files = {
+        "Gyroscope.csv": of(gyro),
+        "Metadata.csv": "version,device\n3,phone\n",
+        "Annotation.csv": "time,text\n",
+    }
     if kind == "uncalibrated":
         files["AccelerometerUncalibrated.csv"] = of(accel / 9.81)
     elif kind == "gravity-apart":
@@ -306,7 +316,9 @@ def test_missing_mcap_extra_names_what_to_install(tmp_path, monkeypatch):
 
 
 def test_only_the_needed_columns_are_read(tmp_path):
-    text = "t_s,note,roll_rad\n" + "".join(f"{t:.6g},hello,{r:.9g}\n" for t, r in zip(TIME, ROLL, strict=True))
+    text = "t_s,note,roll_rad\n" + "".join(
+        f"{t:.6g},hello,{r:.9g}\n" for t, r in zip(TIME, ROLL, strict=True)
+    )
     (tmp_path / "log.csv").write_text(text)
     table = open_csv(tmp_path / "log.csv")
     assert table.names == ("t_s", "note", "roll_rad")
