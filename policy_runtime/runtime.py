@@ -141,6 +141,7 @@ class _Run:
         self._times: list[tuple[float, float, float]] = []
         self._ticks = self._step = 0
         self._turn = 0.0
+        self._slept = 0.0
 
     def go(self, duration: float) -> RunResult:
         runtime = self._runtime
@@ -224,10 +225,10 @@ class _Run:
                 self._wait(begin + (servo + 1) * PD_PERIOD)
 
     def _wait(self, until: float) -> None:
-        left = until - time.perf_counter()
-        if left > 0:
-            time.sleep(left)
-            self._slept += left
+        now = time.perf_counter()
+        if until > now:
+            time.sleep(until - now)
+            self._slept += time.perf_counter() - now
 
     def _log(self, kind: str, text: str) -> None:
         event = Event(self._ticks * CONTROL_PERIOD, kind, text)

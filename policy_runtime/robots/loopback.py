@@ -1,0 +1,124 @@
+# pyright: reportMissingImports=false
+# (cyclonedds is optional.)
+"""A simulated G1 that speaks the robot's own messages: to rehearse a run without a robot."""
+
+import threading
+import time
+from typing import Any
+
+import numpy as np
+
+from policy_runtime.robots import PD_PERIOD, JointCommand
+from policy_runtime.robots.simulated import SimulatedRobot
+from policy_runtime.robots.unitree import POLICY_MOTORS, join_domain, load_messages
+from sim.skate.g1 import JOINTS, servos
+
+
+class SimulatedG1:
+    """Steps a simulated robot in real time, publishes its state and obeys the commands that come.
+
+    Use it as a context manager. Until the first command the servos only brake, as the real robot's
+    damping mode does.
+    """
+
+    def __init__(self, robot: SimulatedRobot, *, interface: str | None = None, domain: int = 0) -> None:
+        """Join the network.
+
+        Args:
+            robot: What moves.
+            interface: Network interface; CycloneDDS chooses one if None.
+            domain: DDS domain.
+
+        Raises:
+            HuskyError: cyclonedds is not installed or cannot use the interface.
+        """
+        self._messages = load_messages()
+        participant = join_domain(interface, domain)
+        from cyclonedds.pub import DataWriter
+        from cyclonedds.sub import DataReader
+        from cyclonedds.topic import Topic
+
+        messages = self._messages
+        self._participant: Any = participant
+        self._writer: Any = DataWriter(
+            participant, Topic(participant, messages.STATE_TOPIC, messages.LowState)
+        )
+        self._reader: Any = DataReader(
+            participant, Topic(participant, messages.COMMAND_TOPIC, messages.LowCmd)
+        )
+        self._robot = robot
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self.silent = False
+        """Send no states, as when the cable is pulled."""
+        self.frozen = False
+        """Repeat the same state, as when the sensors hang."""
+        self.corrupt = False
+        """Send wrong check sums."""
+        self.commands = self.rejected = 0
+        """Commands obeyed, and commands thrown away for a wrong check sum."""
+
+    def __enter__(self) -> "SimulatedG1":
+        """Start to move."""
+        self._brake()
+        self._thread.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Stop."""
+        self._stop.set()
+        self._thread.join()
+        self._reader = self._writer = self._participant = None
+
+    def _brake(self) -> None:
+        zeros = np.zeros(len(JOINTS))
+        self._robot.send(JointCommand(position=zeros, stiffness=zeros, damping=servos().damping))
+
+    def _run(self) -> None:
+        state, due = self._state(), time.monotonic()
+        while not self._stop.is_set():
+            self._obey()
+            self._robot.step()
+            if not self.frozen:
+                state = self._state()
+            if not self.silent:
+                self._writer.write(state)
+            due = max(due + PD_PERIOD, time.monotonic() - 0.1)  # do not race after a long pause
+            time.sleep(max(0.0, due - time.monotonic()))
+
+    def _obey(self) -> None:
+        newest = next(
+            (c for c in reversed(self._reader.take(N=50)) if isinstance(c, self._messages.LowCmd)), None
+        )
+        if newest is None:
+            return
+        if newest.crc != self._messages.command_crc(newest):
+            self.rejected += 1
+            return
+        self.commands += 1
+        motors = [newest.motor_cmd[slot] for slot in POLICY_MOTORS]
+        on = np.array([motor.mode == 1 for motor in motors], dtype=np.float64)
+        self._robot.send(
+            JointCommand(
+                position=np.array([motor.q for motor in motors]),
+                stiffness=on * np.array([motor.kp for motor in motors]),
+                damping=on * np.array([motor.kd for motor in motors]),
+            )
+        )
+
+    def _state(self) -> Any:
+        own, message = self._robot.read(), self._messages.empty_state()
+        message.tick = round(own.time * 1e3)
+        message.imu_state.quaternion = own.quaternion.tolist()
+        message.imu_state.gyroscope = own.angular_velocity.tolist()
+        for i, slot in enumerate(POLICY_MOTORS):
+            motor = message.motor_state[slot]
+            motor.mode = 1
+            motor.q, motor.dq, motor.tau_est = (
+                float(own.joint_position[i]),
+                float(own.joint_velocity[i]),
+                float(own.joint_torque[i]),
+            )
+        # The sum runs over single precision, as the message travels.
+        message.crc = self._messages.state_crc(message) ^ int(self.corrupt)
+        return message

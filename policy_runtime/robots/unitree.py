@@ -1,0 +1,178 @@
+# pyright: reportMissingImports=false
+# (cyclonedds is optional.)
+"""The Unitree G1 over its network interface: low-level commands and states through CycloneDDS.
+
+The motors close the servo loop; this side sends them targets and gains 500 times a second, and what the
+robot last said counts as its state. Only the 23 joints of the policy are driven; the wrists are held
+where they are. Before the first command the robot must be in its damping mode with the factory's
+motion service off (as for every low-level program).
+"""
+
+import socket
+import time
+from typing import Any
+from xml.sax.saxutils import escape
+
+import numpy as np
+
+from policy_runtime.robots import PD_PERIOD, JointCommand, RobotState
+from sysid.errors import HuskyError
+
+POLICY_MOTORS = (*range(19), *range(22, 26))
+"""Motor slots of the 23 joints in policy order: legs, waist, left arm, right arm without wrists."""
+WRIST_MOTORS = (19, 20, 21, 26, 27, 28)
+WRIST_STIFFNESS, WRIST_DAMPING = 20.0, 1.0
+"""Gains that hold the wrists [N*m/rad], [N*m*s/rad]."""
+PITCH_ROLL = 0
+"""Mode in which ankles and waist take pitch and roll instead of the two motors of their linkage."""
+CONNECT_TIMEOUT = 3.0
+"""Longest time to wait for the robot's first message [s]."""
+
+
+class UnitreeG1:
+    """A G1 that is driven over the network."""
+
+    def __init__(
+        self, interface: str | None = None, domain: int = 0, timeout: float = CONNECT_TIMEOUT
+    ) -> None:
+        """Connect and wait for the first state.
+
+        Args:
+            interface: Network interface towards the robot, e.g. 'eth0'; CycloneDDS chooses one if None.
+            domain: DDS domain; the robot is in domain 0.
+            timeout: Longest time to wait for the robot [s].
+
+        Raises:
+            HuskyError: cyclonedds is not installed, the interface does not exist, or no robot answers.
+        """
+        messages = load_messages()
+        self._messages = messages
+        participant = join_domain(interface, domain)
+        from cyclonedds.pub import DataWriter
+        from cyclonedds.sub import DataReader
+        from cyclonedds.topic import Topic
+
+        self._participant: Any = participant
+        self._writer: Any = DataWriter(
+            participant, Topic(participant, messages.COMMAND_TOPIC, messages.LowCmd)
+        )
+        self._reader: Any = DataReader(
+            participant, Topic(participant, messages.STATE_TOPIC, messages.LowState)
+        )
+        self._command: Any = None
+        self._state: Any = None
+        self._received = -np.inf
+        self.rejected = 0
+        """Messages thrown away for a wrong check sum."""
+        self._next = time.monotonic()
+        end = time.monotonic() + timeout
+        while self._state is None:
+            if time.monotonic() > end:
+                raise HuskyError(
+                    f"no G1 answers on {interface or 'any interface'}, DDS domain {domain}. Is the robot on, the cable "
+                    "in, and the computer in the robot's network (192.168.123.x)?"
+                )
+            self._receive()
+            time.sleep(PD_PERIOD)
+
+    def read(self) -> RobotState:
+        """Return the latest state; its age says how long ago it came."""
+        self._receive()
+        state, motors = self._state, self._state.motor_state
+        return RobotState(
+            time=state.tick * 1e-3,
+            age=time.monotonic() - self._received,
+            quaternion=np.array(state.imu_state.quaternion, dtype=np.float64),
+            angular_velocity=np.array(state.imu_state.gyroscope, dtype=np.float64),
+            joint_position=np.array([motors[i].q for i in POLICY_MOTORS], dtype=np.float64),
+            joint_velocity=np.array([motors[i].dq for i in POLICY_MOTORS], dtype=np.float64),
+            joint_torque=np.array([motors[i].tau_est for i in POLICY_MOTORS], dtype=np.float64),
+        )
+
+    def send(self, command: JointCommand) -> None:
+        """Make this the command that is sent from now on."""
+        message = self._messages.empty_command()
+        message.mode_pr, message.mode_machine = PITCH_ROLL, self._state.mode_machine
+        for i, slot in enumerate(POLICY_MOTORS):
+            motor = message.motor_cmd[slot]
+            motor.mode = 1
+            motor.q, motor.kp, motor.kd = (
+                float(command.position[i]),
+                float(command.stiffness[i]),
+                float(command.damping[i]),
+            )
+        braking = not np.any(command.stiffness)
+        for slot in WRIST_MOTORS:
+            motor = message.motor_cmd[slot]
+            motor.mode, motor.q = 1, float(self._state.motor_state[slot].q)
+            motor.kp, motor.kd = 0.0 if braking else WRIST_STIFFNESS, WRIST_DAMPING
+        message.crc = self._messages.command_crc(message)
+        self._command = message
+
+    def step(self) -> None:
+        """Send the command once and wait for the next servo period."""
+        if self._command is not None:
+            self._writer.write(self._command)
+        self._next = max(self._next + PD_PERIOD, time.monotonic())
+        time.sleep(max(0.0, self._next - time.monotonic()))
+
+    def close(self) -> None:
+        """Leave the network."""
+        self._reader = self._writer = self._participant = None
+
+    def _receive(self) -> None:
+        """Take what has come; the newest whole state counts."""
+        for state in reversed(self._reader.take(N=50)):
+            if not isinstance(state, self._messages.LowState):
+                continue  # the writer went away: not a state
+            if state.crc not in (0, self._messages.state_crc(state)):  # 0: a firmware that does not sum
+                self.rejected += 1
+                continue
+            self._state, self._received = state, time.monotonic()
+            return
+
+
+def load_messages() -> Any:
+    """Return the module of message types.
+
+    Raises:
+        HuskyError: cyclonedds is not installed.
+    """
+    try:
+        from policy_runtime.robots import unitree_messages
+    except ImportError as error:
+        raise HuskyError(
+            "talking to a G1 needs cyclonedds, which is not installed. Run `pip install husky-sysid[robot]`."
+        ) from error
+    return unitree_messages
+
+
+def join_domain(interface: str | None, domain: int) -> Any:
+    """Return a DDS participant on one network interface.
+
+    Raises:
+        HuskyError: CycloneDDS cannot use the interface.
+    """
+    from cyclonedds.core import DDSException
+    from cyclonedds.domain import Domain, DomainParticipant
+
+    if interface is not None:
+        known = sorted(name for _, name in socket.if_nameindex())
+        if interface not in known:
+            raise HuskyError(f"no network interface '{interface}'. This computer has: {', '.join(known)}.")
+        network = f'<NetworkInterface name="{escape(interface)}" priority="default" multicast="default"/>'
+        configuration = (
+            f"<CycloneDDS><Domain><General><Interfaces>{network}</Interfaces></General></Domain></CycloneDDS>"
+        )
+        try:
+            _DOMAINS.setdefault((domain, interface), Domain(domain, configuration))
+        except DDSException as error:
+            raise HuskyError(f"CycloneDDS cannot use interface '{interface}' ({error}).") from error
+    try:
+        return DomainParticipant(domain)
+    except DDSException as error:
+        raise HuskyError(f"CycloneDDS cannot join domain {domain} ({error}).") from error
+
+
+_DOMAINS: dict[tuple[int, str], Any] = {}
+"""Domains configured so far: CycloneDDS forgets a configuration when its object goes."""

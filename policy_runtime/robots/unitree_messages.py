@@ -1,0 +1,150 @@
+# pyright: reportMissingImports=false, reportUntypedBaseClass=false, reportUntypedClassDecorator=false
+# pyright: reportInvalidTypeForm=false, reportArgumentType=false, reportGeneralTypeIssues=false
+# pyright: reportCallIssue=false
+# (cyclonedds is optional, and its types are made when they are declared.)
+"""The low-level messages of Unitree's humanoids (`unitree_hg`), for CycloneDDS.
+
+Field names, order and sizes are Unitree's published interface (unitree_sdk2, BSD-3-Clause); a publisher
+and a subscriber only understand each other if they agree on all of them.
+"""
+
+import struct
+import zlib
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from cyclonedds.idl import IdlStruct
+from cyclonedds.idl.annotations import autoid, final
+from cyclonedds.idl.types import array, float32, int16, uint8, uint32
+
+COMMAND_TOPIC, STATE_TOPIC = "rt/lowcmd", "rt/lowstate"
+MOTORS = 35
+"""Motor slots in a message; the G1 uses the first 29."""
+
+
+@dataclass
+@final
+@autoid("sequential")
+class MotorCmd(IdlStruct, typename="unitree_hg.msg.dds_.MotorCmd_"):
+    """What one motor shall do: torque = tau + kp (q - measured) + kd (dq - measured)."""
+
+    mode: uint8
+    q: float32
+    dq: float32
+    tau: float32
+    kp: float32
+    kd: float32
+    reserve: uint32
+
+
+@dataclass
+@final
+@autoid("sequential")
+class LowCmd(IdlStruct, typename="unitree_hg.msg.dds_.LowCmd_"):
+    """One command to all motors."""
+
+    mode_pr: uint8
+    mode_machine: uint8
+    motor_cmd: array[MotorCmd, MOTORS]
+    reserve: array[uint32, 4]
+    crc: uint32
+
+
+@dataclass
+@final
+@autoid("sequential")
+class IMUState(IdlStruct, typename="unitree_hg.msg.dds_.IMUState_"):
+    """The IMU in the pelvis."""
+
+    quaternion: array[float32, 4]
+    gyroscope: array[float32, 3]
+    accelerometer: array[float32, 3]
+    rpy: array[float32, 3]
+    temperature: int16
+
+
+@dataclass
+@final
+@autoid("sequential")
+class MotorState(IdlStruct, typename="unitree_hg.msg.dds_.MotorState_"):
+    """What one motor measures."""
+
+    mode: uint8
+    q: float32
+    dq: float32
+    ddq: float32
+    tau_est: float32
+    temperature: array[int16, 2]
+    vol: float32
+    sensor: array[uint32, 2]
+    motorstate: uint32
+    reserve: array[uint32, 4]
+
+
+@dataclass
+@final
+@autoid("sequential")
+class LowState(IdlStruct, typename="unitree_hg.msg.dds_.LowState_"):
+    """One state of the whole robot."""
+
+    version: array[uint32, 2]
+    mode_pr: uint8
+    mode_machine: uint8
+    tick: uint32
+    imu_state: IMUState
+    motor_state: array[MotorState, MOTORS]
+    wireless_remote: array[uint8, 40]
+    reserve: array[uint32, 4]
+    crc: uint32
+
+
+def empty_command() -> LowCmd:
+    """Return a command that asks for nothing."""
+    motors = [MotorCmd(0, 0.0, 0.0, 0.0, 0.0, 0.0, 0) for _ in range(MOTORS)]
+    return LowCmd(0, 0, motors, [0] * 4, 0)
+
+
+def empty_state() -> LowState:
+    """Return a state of zeros, upright."""
+    imu = IMUState([1.0, 0.0, 0.0, 0.0], [0.0] * 3, [0.0] * 3, [0.0] * 3, 0)
+    motors = [MotorState(0, 0.0, 0.0, 0.0, 0.0, [0, 0], 0.0, [0, 0], 0, [0] * 4) for _ in range(MOTORS)]
+    return LowState([0, 0], 0, 0, 0, imu, motors, [0] * 40, [0] * 4, 0)
+
+
+# The check sum runs over the message as a C struct lays it out, little-endian and padded to four bytes.
+_COMMAND_LAYOUT = struct.Struct("<2B2x" + "B3x5fI" * MOTORS + "4I")
+_STATE_LAYOUT = struct.Struct("<2I2B2xI" + "13fh2x" + "B3x4f2hf2II4I" * MOTORS + "40B4I")
+
+
+def command_crc(command: LowCmd) -> int:
+    """Return the check sum that the robot expects of a command."""
+    values: list[Any] = [command.mode_pr, command.mode_machine]
+    for motor in command.motor_cmd:
+        values += [motor.mode, motor.q, motor.dq, motor.tau, motor.kp, motor.kd, motor.reserve]
+    return crc32(_COMMAND_LAYOUT.pack(*values, *command.reserve))
+
+
+def state_crc(state: LowState) -> int:
+    """Return the check sum of a state."""
+    imu = state.imu_state
+    values: list[Any] = [*state.version, state.mode_pr, state.mode_machine, state.tick]
+    values += [*imu.quaternion, *imu.gyroscope, *imu.accelerometer, *imu.rpy, imu.temperature]
+    for motor in state.motor_state:
+        values += [motor.mode, motor.q, motor.dq, motor.ddq, motor.tau_est, *motor.temperature, motor.vol]
+        values += [*motor.sensor, motor.motorstate, *motor.reserve]
+    return crc32(_STATE_LAYOUT.pack(*values, *state.wireless_remote, *state.reserve))
+
+
+def crc32(data: bytes) -> int:
+    """Return the CRC-32/MPEG-2 of 32-bit little-endian words, each taken from its highest bit down.
+
+    Polynomial 0x04C11DB7, start 0xFFFFFFFF, no final inversion. It is the common CRC-32 with every bit
+    order reversed, and that one is fast.
+    """
+    words = np.frombuffer(data, dtype="<u4").byteswap().tobytes()
+    return int(f"{zlib.crc32(words.translate(_REVERSED)) ^ 0xFFFFFFFF:032b}"[::-1], 2)
+
+
+_REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
+"""Every byte with its bits in reverse order."""

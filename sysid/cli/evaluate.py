@@ -1,0 +1,79 @@
+"""`husky-sysid evaluate`: success, velocity, heading, smoothness, contacts."""
+
+import math
+import os
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from sysid.cli.console import Common, Printer
+from sysid.errors import HuskyError
+
+
+def evaluate(
+    policy: str,
+    /,
+    *,
+    board: Annotated[str, Parameter(name=["--board", "-b"])],
+    episodes: int = 100,
+    seeds: int = 5,
+    duration: float = 20.0,
+    pushes: float = 0.0,
+    workers: int | None = None,
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    force: bool = False,
+    common: Common = Common(),
+) -> int:
+    """Measure a policy over many episodes in plain MuJoCo.
+
+    Args:
+        policy: zero, stand or push (scripted), or an ONNX file.
+        board: The board to ride.
+        episodes: Episodes of each seed; the paper has 1000.
+        seeds: Number of seeds: 0, 1, 2, …
+        duration: Length of an episode [s].
+        pushes: Largest change of velocity by shoves, one every 5 to 10 s [m/s].
+        workers: Processes; as many as there are processors if not given.
+        output: Folder for the picture; reports/BOARD of the workspace if not given.
+        force: Run where policy and board disagree, or the board has not passed `check`.
+        common: Options of every command.
+    """
+    from rich.progress import Progress
+
+    from policy_runtime.evaluate import Protocol, evaluate_policy
+    from policy_runtime.metrics import METRICS
+    from reports.ride_figure import paths_figure
+
+    if episodes < 1 or seeds < 1:
+        raise HuskyError(f"--episodes {episodes} --seeds {seeds}: both must be at least 1.")
+    if not duration > 0:
+        raise HuskyError(f"--duration {duration:g}: must be longer than 0 s.")
+    printer = Printer(common)
+    record = common.space.load_board(board)
+    processes = workers or len(os.sched_getaffinity(0))
+    with Progress(console=printer.stderr, transient=True) as progress:
+        task = progress.add_task("riding", total=episodes * seeds)
+        result = evaluate_policy(
+            policy,
+            record,
+            episodes=episodes,
+            seeds=tuple(range(seeds)),
+            protocol=Protocol(duration=duration, pushes=pushes),
+            workers=processes,
+            force=force,
+            progress=lambda done: progress.update(task, advance=done),
+        )
+    rows = [("E_succ", result.success), *((name, result.errors[name]) for name in METRICS)]
+    rows.append(("episode length", result.duration))
+    title = f"{result.policy} on {result.board}: {episodes} episodes × {seeds} seeds"
+    shown = [(name, str(value) if math.isfinite(value.value) else "–", value.method) for name, value in rows]
+    printer.table(("quantity", "value ± 95 %", "how"), shown, title)
+    endings = ", ".join(f"{ending} {count}" for ending, count in result.endings.items())
+    printer.say(f"endings: {endings}")
+    folder = output or common.space.outputs(record.name)
+    picture = folder / f"evaluate-{result.policy}.png"
+    paths_figure(result.paths, result.headings, title, picture)
+    printer.say(f"picture: {picture}")
+    printer.result({**result.to_json(), "picture": str(picture)})
+    return 0

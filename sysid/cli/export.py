@@ -1,0 +1,55 @@
+"""`husky-sysid export`: pack scene, policy and board record into one folder."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from sysid.cli.console import Common, Printer
+
+
+def export(
+    *,
+    board: Annotated[str, Parameter(name=["--board", "-b"])],
+    policy: Path | None = None,
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    coupling: Literal["equality", "direct"] = "equality",
+    terrain: Literal["flat", "slopes", "steps"] = "flat",
+    force: bool = False,
+    common: Common = Common(),
+) -> int:
+    """Pack scene, policy and board record into one folder that runs by itself.
+
+    Run it with `husky-sysid run FOLDER` or `husky-sysid play FOLDER`, on a machine that has neither mjlab
+    nor torch.
+
+    Args:
+        board: The board.
+        policy: ONNX policy to put in.
+        output: The folder; reports/BOARD/export of the workspace if not given.
+        coupling: How the deck's tilt steers the trucks.
+        terrain: The ground.
+        force: Export where policy and board disagree, or the board has not passed `check`.
+        common: Options of every command.
+    """
+    from policy_runtime.export import export_folder
+
+    printer = Printer(common)
+    record = common.space.load_board(board)
+    if not record.passed:
+        printer.warn(f"board '{board}' has not passed `check`; the folder says so.")
+    folder = output or common.space.outputs(board) / "export"
+    files = export_folder(record, folder, policy=policy, coupling=coupling, terrain=terrain, force=force)
+    size = sum(path.stat().st_size for path in files)
+    printer.say(f"{folder}: {len(files)} files, {size / 1e6:.1f} MB")
+    printer.result(
+        {
+            "folder": str(folder),
+            "board": record.name,
+            "board_passed": record.passed,
+            "policy": None if policy is None else str(policy),
+            "files": [str(path) for path in files],
+            "bytes": size,
+        }
+    )
+    return 0

@@ -1,0 +1,103 @@
+"""`husky-sysid motions`: list, plot and play reference motions."""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from sysid.cli.console import Common, Printer
+from sysid.errors import HuskyError
+
+if TYPE_CHECKING:
+    from policy_runtime.motion_check import MotionFacts
+
+
+def motions(
+    *motion: Path,
+    plot: Annotated[Path | None, Parameter(name="--plot")] = None,
+    rerun: Annotated[Path | None, Parameter(name="--rerun")] = None,
+    common: Common = Common(),
+) -> int:
+    """List reference motions and what they do; draw them, or play them in Rerun.
+
+    Args:
+        motion: Names of shipped clips, files (.npy, (frames, 36)) or folders; all shipped clips if none is
+            given.
+        plot: Draw the joints over time into this PNG file.
+        rerun: Write a Rerun recording of the moving robot to this file; open it with `rerun FILE`.
+        common: Options of every command.
+    """
+    from policy_runtime.motion_check import motion_facts
+    from policy_runtime.motions import load_motions
+    from sim.skate.g1 import JOINTS, g1_spec
+
+    printer = Printer(common)
+    clips = load_motions(motion)
+    model = g1_spec(visuals=rerun is not None).compile()
+    facts = {clip.name: motion_facts(clip, model) for clip in clips}
+    if len(facts) < len(clips):
+        raise HuskyError("two motions have the same name; give them one at a time.")
+    columns = (
+        "motion",
+        "length",
+        "speed",
+        "period",
+        "on ground",
+        "slide",
+        "peak joint speed",
+        "limit margin",
+    )
+    printer.table(columns, [_row(name, fact) for name, fact in facts.items()])
+    for name, fact in facts.items():
+        if fact.limit_margin < 0:
+            printer.warn(f"{name}: a joint is {math.degrees(-fact.limit_margin):.1f}° beyond its range")
+        if fact.slide > 0.1:
+            printer.warn(f"{name}: the planted left foot slides at up to {fact.slide:.2f} m/s")
+    if plot is not None:
+        from reports.motion_figure import motion_figure
+
+        motion_figure(clips, [fact.planted for fact in facts.values()], plot)
+        printer.say(f"picture: {plot}")
+    if rerun is not None:
+        from reports.ride_rerun import motion_recording
+
+        motion_recording(model, clips, rerun)
+        printer.say(f"recording: {rerun}")
+    printer.result({"motions": [_json(name, fact, JOINTS) for name, fact in facts.items()]})
+    return 0
+
+
+def _row(name: str, fact: "MotionFacts") -> tuple[str, ...]:
+    return (
+        name,
+        f"{fact.frames} frames, {fact.duration:.2f} s",
+        f"{fact.speed:.2f} m/s",
+        f"{fact.period:.2f} s" if math.isfinite(fact.period) else "none",
+        f"{100 * fact.stance:.0f} %",
+        f"{fact.slide * 1e3:.0f} mm/s",
+        f"{fact.peak_speed:.1f} rad/s ({fact.peak_speed_joint})",
+        f"{fact.limit_margin:.3f} rad",
+    )
+
+
+def _json(name: str, fact: "MotionFacts", joints: tuple[str, ...]) -> dict[str, object]:
+    finite = {"period": fact.period, "support_margin": fact.support_margin}
+    return {
+        "name": name,
+        "frames": fact.frames,
+        "duration_s": fact.duration,
+        "speed": fact.speed,
+        "stance": fact.stance,
+        "slide": fact.slide,
+        "penetration": fact.penetration,
+        "limit_margin": fact.limit_margin,
+        "peak_speed": fact.peak_speed,
+        "peak_speed_joint": fact.peak_speed_joint,
+        "self_contacts": fact.self_contacts,
+        **{key: value if math.isfinite(value) else None for key, value in finite.items()},
+        "ranges": {
+            joint: [float(low), float(high)]
+            for joint, low, high in zip(joints, fact.joint_low, fact.joint_high, strict=True)
+        },
+    }
