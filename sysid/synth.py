@@ -24,6 +24,10 @@ from sysid.synth_sensors import Dialect, Sensor, measure, write_log
 Array = npt.NDArray[np.float64]
 
 
+MOST_SAMPLES = 2e7
+"""Five and a half hours at 1 kHz."""
+
+
 class Parameter(NamedTuple):
     """One number of an effect."""
 
@@ -391,9 +395,16 @@ def _check(options: SynthOptions, effects: Mapping[str, object]) -> None:
     for name in ("hold", "lead", "tremor"):
         if not 0 <= getattr(options, name) < math.inf:
             refuse(f"the {name}", getattr(options, name), "0 or more")
-    for name, value in (("noise", options.sensor.noise), ("quantisation", options.sensor.quantisation)):
-        if not 0 <= value < math.inf:
-            refuse(f"the {name}", value, "0 or more")
+    for name in ("noise", "quantisation", "gyro_noise", "accelerometer_noise"):
+        if not 0 <= getattr(options.sensor, name) < math.inf:
+            refuse(f"the {name.replace('_', ' ')}", getattr(options.sensor, name), "0 or more")
+    if not all(map(math.isfinite, (*options.sensor.lever_arm, options.sensor.gyro_bias))):
+        refuse("lever arm or gyro bias", "not finite", "finite numbers")
+    if options.seed < 0:
+        refuse("the seed", options.seed, "0 or more")
+    seconds = options.lead + len(options.angles) * (options.push + options.hold + options.duration)
+    if not seconds * options.rate <= MOST_SAMPLES:
+        refuse("the number of samples", f"{seconds * options.rate:.3g}", f"at most {MOST_SAMPLES:.0e}")
     if not 0 <= options.jitter <= 0.3:
         refuse("the jitter", options.jitter, "0 to 0.3 sampling periods, or samples would change places")
     if not 0 <= options.dropout <= 0.9:
@@ -486,6 +497,8 @@ def _stepped(
         HuskyError: A sample falls between two steps.
     """
     steps = round((end - begin) / timestep)
+    if steps > MOST_SAMPLES:
+        raise HuskyError(f"a step of {timestep:g} s makes {steps:.3g} steps a release; use a longer one.")
     wanted = (times - begin) / timestep
     index = np.round(wanted).astype(np.int64)
     if np.abs(wanted - index).max(initial=0.0) > 1e-6:
@@ -503,5 +516,9 @@ def _stepped(
         slope = law.damping + 2 * law.quadratic_damping * abs(rate) + 3 * law.cubic_damping * rate**2
         rate += timestep * torque / (law.inertia + timestep * slope)
         roll += timestep * rate
+        if not abs(roll) < 2 * math.pi:
+            raise HuskyError(
+                f"with steps of {timestep:g} s the motion grows without bound; use a shorter one."
+            )
     last = np.array([path[-1, 0], path[-1, 1], 0.0, 0.0, 0.0])
     return path[index], Condition(last, modes)

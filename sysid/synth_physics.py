@@ -27,9 +27,12 @@ Array = npt.NDArray[np.float64]
 RTOL = 1e-8
 ATOL = 1e-10
 """Tolerances of DOP853; the motion is then right to about 1e-8 rad, a hundred-thousandth of sensor noise."""
+_LARGEST = 2 * math.pi
+"""Roll beyond which a deck has turned over [rad]."""
 _PROBES = (0.2, 0.4, 0.6, 0.8, 1.0)
 """Where in a step the guards are looked at, as fractions: a kink crossed twice within one step shows."""
-_MAX_EVENTS = 100_000
+_MAX_STEPS = 20_000
+"""A few seconds of computing; boards need some hundred in one release, with hard stops some thousand."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -323,13 +326,37 @@ def simulate(
 
     Returns:
         Samples (roll, rate, acceleration), shape (n, 3), and the condition at `end`.
+
+    Raises:
+        HuskyError: The motion grows without bound, chatters or is far too stiff.
     """
+    try:
+        with np.errstate(all="ignore"):
+            return _simulate(law, start, begin, end, times, hand, accelerations, rtol, atol)
+    except (ArithmeticError, ValueError) as error:  # a number left the range of floats
+        raise HuskyError(
+            f"the true motion cannot be followed ({error}): it grows without bound, chatters or is far too stiff. "
+            "Use milder effects."
+        ) from error
+
+
+def _simulate(
+    law: TrueLaw,
+    start: Condition,
+    begin: float,
+    end: float,
+    times: Array,
+    hand: Hand | None,
+    accelerations: bool,
+    rtol: float,
+    atol: float,
+) -> tuple[Array, Condition]:
     from scipy.integrate import DOP853
 
     motion = _Motion(law, start.modes, hand)
     motion.begin(begin, start.state)
     samples = np.zeros((len(times), 3))
-    time, state, taken, events = begin, start.state, 0, 0
+    time, state, taken, steps = begin, start.state, 0, 0
     longest = _longest_step(law) if law.has_kinks else np.inf
     step = None
     while time < end:
@@ -345,9 +372,10 @@ def simulate(
         guards = motion.guards()
         event = None
         while solver.status == "running" and event is None:
+            steps += 1
             message = solver.step()
-            if message is not None:
-                raise RuntimeError(f"the integration of the true motion failed: {message}")
+            if message is not None or steps > _MAX_STEPS or not abs(float(solver.y[0])) < _LARGEST:
+                raise ArithmeticError(f"beyond t = {solver.t:.6g} s")
             step = solver.step_size
             stop = len(times) if solver.t >= end else int(np.searchsorted(times, solver.t))
             path = solver.dense_output() if guards or stop > taken else None
@@ -361,9 +389,6 @@ def simulate(
         if event is not None:
             state = motion.switch(event[0], time, state)
             step = longest / 4
-            events += 1
-            if events > _MAX_EVENTS:
-                raise HuskyError(f"the true motion chatters at t = {time:.6g} s; use milder parameters.")
     return samples, Condition(state, motion.modes)
 
 

@@ -178,6 +178,15 @@ def test_discretisation_is_what_mujoco_does(pink: Board) -> None:
         ({}, {"hold": -1.0}, "hold is -1"),
         ({}, {"noise": -1.0}, "noise is -1"),
         ({}, {"jitter": 2.0}, "jitter"),
+        ({}, {"gyro_noise": math.nan}, "gyro noise is nan"),
+        ({}, {"lever_arm": (0.0, math.inf, 0.0)}, "lever arm"),
+        ({}, {"seed": -1}, "seed is -1"),
+        ({}, {"rate": 1e9}, "number of samples"),
+        ({}, {"duration": math.inf}, "duration is inf"),
+        ({"cubic-damping": (-1.0,)}, {}, "grows without bound"),
+        ({"preload": (100.0,)}, {}, "tips over"),
+        ({"discretisation": (0.1,)}, {"rate": 10.0, "duration": 20.0}, "use a shorter one"),
+        ({"discretisation": (1e-9,)}, {}, "use a longer one"),
         ({}, {"dropout": 1.0}, "dropout"),
         ({}, {"hand": False, "angles": (0.1, 0.2)}, "without a hand"),
     ],
@@ -185,6 +194,36 @@ def test_discretisation_is_what_mujoco_does(pink: Board) -> None:
 def test_impossible_wishes_are_refused(pink: Board, effects, changes, match: str) -> None:
     with pytest.raises(HuskyError, match=match):
         synthesise(pink, effects, with_options(**changes))
+
+
+SIZES = (
+    st.floats(1e-3, 1e3)
+    | st.floats(-1e3, 1e3)
+    | st.floats(1e-6, 1.0)
+    | st.sampled_from([0.0, 1e12, -1e12, math.inf, math.nan])
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(data=st.data())
+def test_any_effects_make_a_finite_log_or_one_clear_refusal(data: st.DataObject) -> None:
+    names = data.draw(st.lists(st.sampled_from(sorted(PARAMETERS)), min_size=1, max_size=3, unique=True))
+    effects = {name: data.draw(st.tuples(*[SIZES] * len(PARAMETERS[name]))) for name in names}
+    board = Workspace(Path()).load_board("pink")
+    try:
+        log = synthesise(board, effects, with_options(rate=100.0, duration=0.3))
+    except HuskyError:
+        return
+    assert np.all(np.isfinite(log.channels))
+    assert np.all(np.diff(log.time) > 0)
+
+
+def test_motion_that_leaves_the_numbers_is_refused(pink: Board) -> None:
+    effects = {
+        "stribeck": (0.0394, 1.267, 0.00198), "inertia": (0.00236,), "quadratic-damping": (-4.333,), "offset": (0.963,),
+    }  # fmt: skip
+    with pytest.raises(HuskyError, match="cannot be followed"):
+        synthesise(pink, effects, with_options(rate=100.0, duration=0.3))
 
 
 @pytest.mark.parametrize(
