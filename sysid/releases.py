@@ -1,9 +1,7 @@
 """Where a log is at rest, held by a hand, let go, swinging freely, and caught again.
 
-A free decay is a chain of legs between turning points, each shorter than the one before, about one
-and the same rest angle and at one and the same pace. A hand that lifts the deck moves away from that
-angle, at another pace, or makes legs that grow. So no threshold on angle or rate is needed, and the
-first sample may already be in the middle of a decay.
+Decays are told from what a hand does by the turning points alone (`sysid.decay_chains`), so no threshold
+on angle or rate is needed, and the first sample may already be in the middle of a decay.
 """
 
 import math
@@ -14,12 +12,11 @@ from typing import Literal
 
 import numpy as np
 
+from sysid.decay_chains import Chain, free_chains, given_chain
 from sysid.errors import HuskyError
 from sysid.roll import Release, Roll
 from sysid.turning_points import Leg, Swing, crossing_time, find_swing, legs_of
 
-SMALLEST_RELEASE = 0.08
-"""Chains below this share of the largest one's first leg are not counted as releases."""
 STILL = 0.03
 """A deck within this share of the first amplitude counts as held still."""
 HALF_SWING = 1 / 0.59
@@ -37,30 +34,6 @@ class Phase:
     end: float
     """[s] on the log's clock."""
     kind: Literal["rest", "held", "free", "caught"]
-
-
-@dataclass(frozen=True, slots=True)
-class _Chain:
-    """Successive legs that shrink: the skeleton of one free decay."""
-
-    legs: tuple[Leg, ...]
-    rest: float
-    settles: bool
-    """Whether the deck stays, or moves less than can be told, after the last leg."""
-    after: Leg | None
-    """The leg that breaks the chain: a hand moves the deck again."""
-    start: float | None = None
-    """Time of the release [s] where the user gave it."""
-
-    @property
-    def pace(self) -> float:
-        """10 to 90 % time of a leg [s]."""
-        return float(np.median([leg.duration for leg in self.legs[:4]]))
-
-    @property
-    def sizes(self) -> list[float]:
-        """Amplitudes about rest at the turning points [rad]."""
-        return [abs(self.legs[0].origin - self.rest), *(abs(leg.target - self.rest) for leg in self.legs)]
 
 
 def find_releases(
@@ -96,9 +69,9 @@ def find_releases(
             "Is it the right column (--column) and the right stretch of the log (--from, --to)?"
         )
     if releases:
-        chains = [_given_chain(swing, legs, time, roll.log) for time in sorted(releases)]
+        chains = [given_chain(swing, legs, time, roll.log) for time in sorted(releases)]
     else:
-        chains = _free_chains(swing, legs)
+        chains = free_chains(swing, legs)
     if not chains:
         raise HuskyError(
             f"{roll.log}: it moves, but no stretch swings freely to rest. Give the times at which the deck "
@@ -161,125 +134,7 @@ def _cut(roll: Roll, start: float | None, stop: float | None) -> Roll:
     )
 
 
-def _free_chains(swing: Swing, legs: list[Leg]) -> list[_Chain]:
-    """Return the chains that share one rest angle and one pace."""
-    chains = _shrinking_chains(swing, legs)
-    if not chains:
-        return []
-    largest = max(chain.legs[0].size for chain in chains)
-    chains = [chain for chain in chains if chain.legs[0].size > SMALLEST_RELEASE * largest]
-    groups = [[other for other in chains if _same_board(chain, other, swing)] for chain in chains]
-    return max(groups, key=lambda group: _evidence(group, swing))
-
-
-def _evidence(group: list[_Chain], swing: Swing) -> float:
-    """How much chains look like free decays: quick legs, many that are not small, an angle often come to."""
-    speed = sum(
-        sum(leg.size**2 / leg.duration for leg in chain.legs[:8]) / chain.legs[0].size for chain in group
-    )
-    room = max(5.0 * swing.noise, 0.1 * group[0].sizes[0])
-    at_rest = [abs(level - group[0].rest) < room for level in swing.levels]
-    return speed * max(1, sum(now and not before for before, now in pairwise([False, *at_rest])))
-
-
-def _same_board(one: _Chain, other: _Chain, swing: Swing) -> bool:
-    """Whether two chains are about the same angle and move at the same pace."""
-    room = max(5.0 * swing.noise, 0.2 * min(one.sizes[0], other.sizes[0]))
-    return abs(one.rest - other.rest) < room and 0.6 < one.pace / other.pace < 1.6
-
-
-def _shrinking_chains(swing: Swing, legs: list[Leg]) -> list[_Chain]:
-    """Split the legs into chains that shrink, each followed as far as it goes on about its own rest."""
-    chains: list[_Chain] = []
-    begin = 0
-    while begin < len(legs):
-        finish = begin + 1
-        while finish < len(legs) and _continues(swing, legs[finish - 1], legs[finish]):
-            finish += 1
-        chain = _chain(swing, legs, begin, finish)
-        if chain is not None:
-            chains.append(chain)
-            finish = len(legs) if chain.after is None else legs.index(chain.after)
-        begin = finish
-    return chains
-
-
-def _continues(swing: Swing, one: Leg, other: Leg) -> bool:
-    """Whether the next leg is a shorter one of about the same pace, and follows without a stay."""
-    shorter = other.size < one.size + 6.0 * swing.noise
-    as_slow = other.duration > 0.5 * one.duration or other.size < 3.0 * swing.step
-    return shorter and as_slow and not one.to_stay
-
-
-def _chain(swing: Swing, legs: list[Leg], begin: int, finish: int) -> _Chain | None:
-    """Build the chain of legs `begin` to `finish` - 1 and of what follows about the same rest angle.
-
-    Returns None where that angle is not to be seen.
-    """
-    chosen = legs[begin:finish]
-    if len(chosen) > 4 and not chosen[0].from_stay and _first_leg_is_odd(chosen):
-        chosen = chosen[1:]
-    if len(chosen) == 1 and not chosen[0].to_stay:
-        return None
-    rest = _rest_angle(chosen)
-    # A slow turning point looks like a stay, and close to rest the noise makes a leg grow: neither ends it.
-    while finish < len(legs):
-        leg = legs[finish]
-        homeward = (rest - leg.origin) * (leg.target - leg.origin) > 0.3 * leg.size**2
-        swings_on = homeward and leg.size < chosen[-1].size + 6.0 * swing.noise
-        away = max(leg.size if homeward else 0.0, abs(leg.target - rest))
-        if not swings_on and away > 2.0 * swing.step:
-            break
-        chosen += [leg] if swings_on else []
-        finish += 1
-    after = legs[finish] if finish < len(legs) else None
-    pause = float(swing.time[-1 if after is None else after.left] - swing.time[chosen[-1].reached])
-    settles = chosen[-1].to_stay or pause > 2.5 * max(leg.duration for leg in chosen[:3])
-    settles = settles or (after is None and chosen[-1].size < 2.0 * swing.step)
-    return _Chain(tuple(chosen), rest, settles, after)
-
-
-def _rest_angle(legs: list[Leg]) -> float:
-    """Return the angle about which the turning points of a chain converge [rad].
-
-    Three successive ones of a linear decay give it exactly, (a c - b²) / (a + c - 2 b) (Aitken); the
-    widest count most. One or two legs that end at rest leave no choice but their last point.
-    """
-    turns = np.array([legs[0].origin, *(leg.target for leg in legs)])
-    if len(turns) == 2 or (len(turns) == 3 and legs[-1].to_stay):
-        return float(turns[-1])
-    a, b, c = turns[:-2], turns[1:-1], turns[2:]
-    bend = a + c - 2 * b
-    return float(np.sum(bend * (a * c - b * b)) / np.sum(bend**2))
-
-
-def _first_leg_is_odd(legs: list[Leg]) -> bool:
-    """Whether the first leg loses far more than the next ones: a hand was still on the deck."""
-    losses = [math.log(one.size / other.size) for one, other in pairwise(legs[:4])]
-    return losses[0] > 0.12 + 2.0 * losses[1] - losses[2] and losses[0] > 1.8 * losses[1]
-
-
-def _given_chain(swing: Swing, legs: list[Leg], time: float, log: str) -> _Chain:
-    """Return the chain that begins at a given time."""
-    later = [leg for leg in legs if swing.time[leg.reached] > time]
-    if not later or time < swing.time[0]:
-        raise HuskyError(
-            f"{log}: nothing moves after a release at {time:.6g} s; the log runs from {swing.time[0]:.6g} s "
-            f"to {swing.time[-1]:.6g} s."
-        )
-    index = int(np.searchsorted(swing.time, time))
-    if later[0].left < index:
-        later[0] = replace(later[0], begin=index, left=index, origin=float(swing.roll[index]))
-    finish = 1
-    while finish < len(later) and _continues(swing, later[finish - 1], later[finish]):
-        finish += 1
-    chain = _chain(swing, later, 0, finish)
-    if chain is None:
-        chain = _Chain((later[0],), later[0].target, False, later[1] if len(later) > 1 else None)
-    return replace(chain, start=time)
-
-
-def _release(roll: Roll, swing: Swing, chain: _Chain, number: int, limit: float | None) -> Release:
+def _release(roll: Roll, swing: Swing, chain: Chain, number: int, limit: float | None) -> Release:
     """Cut one free decay out of the log."""
     begin, hold = _let_go(swing, chain)
     finish, end = _ending(swing, chain, begin)
@@ -304,7 +159,7 @@ def _release(roll: Roll, swing: Swing, chain: _Chain, number: int, limit: float 
     )
 
 
-def _let_go(swing: Swing, chain: _Chain) -> tuple[float, float]:
+def _let_go(swing: Swing, chain: Chain) -> tuple[float, float]:
     """Return when the deck was let go and how long it had been held still before [s]."""
     leg = chain.legs[0]
     width = max(5, round(0.25 * chain.pace / float(swing.time[1] - swing.time[0])))
@@ -343,7 +198,7 @@ def _onset(swing: Swing, leg: Leg, level: float) -> float:
     return min(max(start, float(swing.time[leg.left]) - leg.duration), float(times[0]))
 
 
-def _ending(swing: Swing, chain: _Chain, begin: float) -> _Ending:
+def _ending(swing: Swing, chain: Chain, begin: float) -> _Ending:
     """Return when the free decay ends [s], and why."""
     last = chain.legs[-1]
     stop = len(swing.time) - 1 if chain.after is None else chain.after.left
@@ -360,7 +215,7 @@ def _ending(swing: Swing, chain: _Chain, begin: float) -> _Ending:
     return _followed(swing, chain, last.finish), "caught"
 
 
-def _last_leg_is_cut(swing: Swing, chain: _Chain) -> bool:
+def _last_leg_is_cut(swing: Swing, chain: Chain) -> bool:
     """Whether the last leg ends where no free deck would: held away from rest, or braked far too much."""
     sizes = chain.sizes
     if len(chain.legs) == 1:
@@ -372,7 +227,7 @@ def _last_leg_is_cut(swing: Swing, chain: _Chain) -> bool:
     return chain.settles and sizes[-1] > 0.25 * sizes[0] + room
 
 
-def _followed(swing: Swing, chain: _Chain, turn: int) -> float:
+def _followed(swing: Swing, chain: Chain, turn: int) -> float:
     """Return how long the deck goes on as predicted after its last good turning point [s]."""
     half = HALF_SWING * chain.pace
     sizes = [size for size in chain.sizes if size > 3.0 * swing.noise]

@@ -53,9 +53,14 @@ class Leg:
     """Whether the deck stays where the leg ends."""
 
     @property
+    def way(self) -> float:
+        """Signed length of the way [rad]."""
+        return self.target - self.origin
+
+    @property
     def size(self) -> float:
         """Length of the way [rad], positive."""
-        return max(abs(self.target - self.origin), 1e-15)
+        return max(abs(self.way), 1e-15)
 
 
 def noise_level(roll: Array) -> float:
@@ -141,7 +146,9 @@ def _without_slow_turns(swing: Swing, legs: list[Leg]) -> list[Leg]:
     legs = list(legs)
     for i, (one, other) in enumerate(pairwise(legs)):
         pause = float(swing.time[other.left] - swing.time[one.reached])
-        if one.to_stay and pause < 1.5 * min(one.duration, other.duration):
+        shrinking = one.way * other.way < 0 and other.size < 0.8 * one.size
+        longest = (2.2 if shrinking else 1.5) * min(one.duration, other.duration)
+        if one.to_stay and pause < longest:
             legs[i], legs[i + 1] = replace(legs[i], to_stay=False), replace(other, from_stay=False)
     return legs
 
