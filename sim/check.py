@@ -41,6 +41,8 @@ class ReleaseCheck:
     """Mean square of the residual without the sensor's noise [rad²]; may come out slightly negative."""
     power: float
     """Mean square of the measured roll about rest without the sensor's noise [rad²]."""
+    error_power_std: float
+    """Standard deviation of `error_power` that the noise leaves [rad²]."""
 
     @property
     def rmse(self) -> float:
@@ -67,6 +69,14 @@ class SceneCheck:
         error = np.average([release.error_power for release in self.releases], weights=weights)
         power = np.average([release.power for release in self.releases], weights=weights)
         return math.sqrt(max(float(error), 0.0) / float(power))
+
+    @property
+    def hidden(self) -> float:
+        """NRMSE that the sensors' noise could hide, at 95 %."""
+        weights = np.array([len(release.time) for release in self.releases], dtype=np.float64)
+        weights /= weights.sum()
+        std = math.sqrt(float(np.sum((weights * [r.error_power_std for r in self.releases]) ** 2)))
+        return math.sqrt(1.645 * std / float(weights @ [release.power for release in self.releases]))
 
     @property
     def rmse(self) -> float:
@@ -128,6 +138,8 @@ def _compare(board: Board, scene: HeldScene, release: Release) -> ReleaseCheck:
     )
     residual = np.asarray(found.fun)
     step = float(np.median(np.diff(time)))
+    error_power, error_power_std = smooth_power(residual, step)
+    power, _ = smooth_power(measured - rest - float(found.x[2]), step)
     return ReleaseCheck(
         log=release.log,
         number=release.number,
@@ -138,8 +150,9 @@ def _compare(board: Board, scene: HeldScene, release: Release) -> ReleaseCheck:
         zero=float(found.x[2]),
         start=(float(found.x[0]), float(found.x[1])),
         cut=float(time[0] - release.time[0]),
-        error_power=smooth_power(residual, step),
-        power=max(smooth_power(measured - rest - float(found.x[2]), step), 1e-12),
+        error_power=error_power,
+        power=max(power, 1e-12),
+        error_power_std=error_power_std,
     )
 
 
@@ -156,7 +169,7 @@ def _inside(release: Release, tilt_range: float) -> int:
     return first
 
 
-def smooth_power(signal: Array, step: float) -> float:
+def smooth_power(signal: Array, step: float) -> tuple[float, float]:
     """Return the mean square of a sampled smooth signal under white noise, without the noise.
 
     Means of neighbouring blocks share the signal but not the noise, so the mean of their products is
@@ -165,11 +178,15 @@ def smooth_power(signal: Array, step: float) -> float:
     Args:
         signal: Evenly sampled, shape (n,).
         step: Sampling interval [s].
+
+    Returns:
+        The mean square, and its standard deviation.
     """
     width = max(1, round(BLOCK / step))
     usable = len(signal) // width * width
     blocks = signal[:usable].reshape(-1, width).mean(axis=1)
-    return float(np.mean(blocks[1:] * blocks[:-1]))
+    products = blocks[1:] * blocks[:-1]
+    return float(np.mean(products)), float(np.std(products) / math.sqrt(len(products)))
 
 
 def _as_sensed(board: Board, roll: Array, time: Array) -> Array:

@@ -72,6 +72,7 @@ def test_noise_and_a_sensors_zero_do_not_count_against_the_scene(board: Board):
     clean = check_scene(board, scene, [measured(board)])
     noisy = check_scene(board, scene, [measured(board, noise=0.003, bias=0.05)])
     assert noisy.rmse > 0.0025
+    assert clean.hidden < 0.005 < noisy.hidden
     assert noisy.nrmse == pytest.approx(clean.nrmse, abs=0.008)
     assert noisy.releases[0].zero == pytest.approx(0.05, abs=1e-3)
 
@@ -99,9 +100,12 @@ def test_smooth_power_takes_the_noise_out():
     rng = np.random.default_rng(0)
     time = np.arange(0, 2, 0.002)
     smooth = 0.01 * np.sin(2 * math.pi * 6 * time)
-    power = smooth_power(smooth + 0.01 * rng.standard_normal(len(time)), 0.002)
+    power, _ = smooth_power(smooth + 0.01 * rng.standard_normal(len(time)), 0.002)
     assert power == pytest.approx(np.mean(smooth**2), rel=0.1)
-    assert abs(smooth_power(0.01 * rng.standard_normal(len(time)), 0.002)) < 3e-6
+    alone = [smooth_power(0.01 * rng.standard_normal(len(time)), 0.002) for _ in range(200)]
+    values, deviations = np.array(alone).T
+    assert abs(values.mean()) < 3 * values.std() / math.sqrt(200)
+    assert values.std() == pytest.approx(deviations.mean(), rel=0.15)
 
 
 def test_what_the_scene_adds_is_found_where_it_was_put(board: Board):

@@ -82,7 +82,12 @@ def check(
     else:
         printer.note("the board record is unchanged: its [check] speaks of the scene that the tool builds")
     if result.passed:
-        printer.say(f"passed: NRMSE {100 * result.nrmse:.2f} % (tolerance {100 * tolerance:g} %)")
+        printer.say(
+            f"passed: NRMSE {100 * result.nrmse:.2f} % (tolerance {100 * tolerance:g} %; the noise of the logs hides less "
+            f"than {100 * result.hidden:.1f} %)"
+        )
+        if result.hidden > tolerance:
+            printer.warn("the logs are too noisy to tell: record longer, more often, or with a better sensor")
         return 0
     why = (
         "; ".join(reasons) or "no part of the scene stands out: fit the board to these logs, or diagnose them"
@@ -191,6 +196,7 @@ def _json(
         "passed": result.passed,
         "nrmse": result.nrmse,
         "tolerance": result.tolerance,
+        "nrmse_hidden_by_noise": result.hidden,
         "rmse_rad": result.rmse,
         "releases": [
             {
