@@ -6,338 +6,26 @@ effects of the catalogue in its true law, and passes the motion through a sensor
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import Any, NamedTuple
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from sysid.board import Board
-from sysid.errors import HuskyError, did_you_mean
-from sysid.files import write_json
-from sysid.roll import Release, Roll
+from sysid.errors import HuskyError
+from sysid.synth_effects import SENSOR_FIELDS, STEPPED, complete_effects, true_law
 from sysid.synth_hand import HandMotion, hand_motion
-from sysid.synth_physics import Condition, Modes, TrueLaw, simulate
-from sysid.synth_sensors import Dialect, Sensor, measure, write_log
+from sysid.synth_law import Modes, TrueLaw
+from sysid.synth_log import SyntheticLog as SyntheticLog
+from sysid.synth_log import SynthOptions as SynthOptions
+from sysid.synth_log import TrueRelease as TrueRelease
+from sysid.synth_physics import Condition, simulate
+from sysid.synth_sensors import measure
 
 Array = npt.NDArray[np.float64]
 
-
 MOST_SAMPLES = 2e7
 """Five and a half hours at 1 kHz."""
-
-
-class Parameter(NamedTuple):
-    """One number of an effect."""
-
-    name: str
-    unit: str
-    positive: bool
-    default: float | None = None
-
-
-PARAMETERS: Mapping[str, tuple[Parameter, ...]] = {
-    "coulomb": (Parameter("torque", "N*m", True),),
-    "stribeck": (
-        Parameter("torque", "N*m", True),
-        Parameter("static_torque", "N*m", True),
-        Parameter("velocity", "rad/s", True),
-    ),
-    "quadratic-damping": (Parameter("coefficient", "N*m*s^2/rad^2", False),),
-    "cubic-damping": (Parameter("coefficient", "N*m*s^3/rad^3", False),),
-    "cubic-stiffness": (Parameter("coefficient", "N*m/rad^3", False),),
-    "asymmetric-stiffness": (Parameter("coefficient", "N*m/rad^2", False),),
-    "gravity": (Parameter("moment", "N*m", False),),
-    "end-stop": (
-        Parameter("angle", "rad", True),
-        Parameter("stiffness", "N*m/rad", True),
-        Parameter("damping", "N*m*s/rad", False, 0.0),
-    ),
-    "freeplay": (Parameter("half_width", "rad", True),),
-    "preload": (Parameter("torque", "N*m", False),),
-    "offset": (Parameter("angle", "rad", False),),
-    "viscoelastic": (Parameter("stiffness", "N*m/rad", True), Parameter("time_constant", "s", True)),
-    "hysteresis": (Parameter("stiffness", "N*m/rad", True), Parameter("torque", "N*m", True)),
-    "second-mode": (
-        Parameter("inertia", "kg*m^2", True),
-        Parameter("stiffness", "N*m/rad", True),
-        Parameter("damping", "N*m*s/rad", False),
-    ),
-    "inertia": (Parameter("ratio", "1", True),),
-    "discretisation": (Parameter("timestep", "s", True),),
-    "sensor-bias": (Parameter("angle", "rad", False),),
-    "sensor-drift": (Parameter("rate", "rad/s", False),),
-    "clock": (Parameter("ratio", "1", True),),
-    "lowpass": (Parameter("time_constant", "s", True),),
-}
-"""Effects that a synthetic board can have, and their parameters in order."""
-
-_LAW_FIELDS: Mapping[str, tuple[str, ...]] = {
-    "quadratic-damping": ("quadratic_damping",),
-    "cubic-damping": ("cubic_damping",),
-    "cubic-stiffness": ("cubic_stiffness",),
-    "asymmetric-stiffness": ("even_stiffness",),
-    "gravity": ("gravity",),
-    "end-stop": ("stop_angle", "stop_stiffness", "stop_damping"),
-    "freeplay": ("half_gap",),
-    "preload": ("preload",),
-    "viscoelastic": ("arm_stiffness", "arm_time"),
-    "hysteresis": ("slider_stiffness", "slider_torque"),
-    "second-mode": ("support_inertia", "support_stiffness", "support_damping"),
-}
-_SENSOR_FIELDS = {
-    "sensor-bias": "bias",
-    "sensor-drift": "drift",
-    "clock": "clock",
-    "lowpass": "time_constant",
-}
-_STEPPED = {"quadratic-damping", "cubic-damping", "cubic-stiffness", "asymmetric-stiffness", "gravity"} | {
-    "preload", "offset", "inertia", "discretisation", *_SENSOR_FIELDS,
-}  # fmt: skip
-"""What may go together with 'discretisation': laws without kinks and without memory."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SynthOptions:
-    """How the board is moved and recorded."""
-
-    angles: tuple[float, ...] = (math.radians(10.0),)
-    """Roll at each release [rad], right edge down positive."""
-    rate: float = 1000.0
-    """Sampling rate [Hz]."""
-    duration: float = 2.0
-    """Time left to each free decay [s]."""
-    hold: float = 0.6
-    """Time for which the deck is held before each release [s]."""
-    push: float = 0.5
-    """Time that the hand takes to push the deck over [s]."""
-    lead: float = 0.6
-    """Untouched rest at the start of the log [s]."""
-    tremor: float = math.radians(0.03)
-    """Root mean square tremor of the holding hand [rad]."""
-    hand: bool = True
-    """Keep rest and hand in the log; without, a log of one release starts at the release."""
-    jitter: float = 0.0
-    """Standard deviation of the sampling instants, in sampling periods; the stamps tell the truth."""
-    dropout: float = 0.0
-    """Share of samples that are missing, lost in runs of about five."""
-    seed: int = 0
-    dialect: Dialect = "angle"
-    sensor: Sensor = field(default_factory=lambda: Sensor(noise=math.radians(0.1)))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TrueRelease:
-    """What happened at one release, on the log's clock."""
-
-    start: float
-    """Time of letting go [s]."""
-    end: float
-    """Time at which the hand takes the deck again or the log ends [s]."""
-    angle: float
-    """True roll then [rad]."""
-    rate: float
-    """True roll rate then [rad/s]."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SyntheticLog:
-    """A log and the truth behind it."""
-
-    board: str
-    law: TrueLaw
-    effects: Mapping[str, tuple[float, ...]]
-    options: SynthOptions
-    time: Array
-    """Time stamps [s], shape (n,)."""
-    channels: Array
-    """What the sensor read, shape (n, channels) (see `measure`)."""
-    true_motion: Array
-    """True roll [rad], rate [rad/s] and acceleration [rad/s^2], shape (n, 3); the last is 0 where no
-    sensor needs it."""
-    releases: tuple[TrueRelease, ...]
-
-    def to_roll(self, name: str = "synthetic") -> Roll:
-        """Return an angle log as the reader would.
-
-        Raises:
-            HuskyError: The log holds no angle.
-        """
-        if self.channels.shape[1] != 1 or self.options.dialect == "gyro":
-            raise HuskyError(f"a log of dialect '{self.options.dialect}' holds no angle; read it as a file.")
-        roll = self.channels[:, 0]
-        return Roll(
-            log=name, time=self.time, roll=roll, std=np.full(len(roll), self.angle_std), origin="angle"
-        )
-
-    @property
-    def angle_std(self) -> float:
-        """Standard deviation of one angle sample [rad]: white noise and rounding."""
-        sensor = self.options.sensor
-        return math.hypot(sensor.noise, sensor.quantisation / math.sqrt(12))
-
-    def to_releases(self, name: str = "synthetic") -> list[Release]:
-        """Return the free decays of an angle log, cut where they truly begin and end.
-
-        Raises:
-            HuskyError: The log holds no angle.
-        """
-        roll = self.to_roll(name)
-        rest = self.law.equilibrium() + self.options.sensor.bias
-        found: list[Release] = []
-        for number, true in enumerate(self.releases, start=1):
-            part = slice(*np.searchsorted(roll.time, (true.start - 1e-9, true.end - 1e-9)).tolist())
-            found.append(
-                Release(
-                    log=name, number=number, time=roll.time[part], roll=roll.roll[part], std=roll.std[part],
-                    origin="angle", rest=rest, hold=self.options.hold, end="log",
-                )
-            )  # fmt: skip
-        return found
-
-    def truth(self) -> dict[str, Any]:
-        """Return everything that is true of the log, as JSON-ready data."""
-        law, sensor = self.law, self.options.sensor
-        parameters = {
-            "inertia": {"value": law.inertia, "unit": "kg*m^2"},
-            "stiffness": {"value": law.stiffness, "unit": "N*m/rad"},
-            "damping": {"value": law.damping, "unit": "N*m*s/rad"},
-            "rest_angle": {"value": law.rest, "unit": "rad"},
-        }
-        effects = [
-            {
-                "name": name,
-                "parameters": {
-                    parameter.name: {"value": value, "unit": parameter.unit}
-                    for parameter, value in zip(PARAMETERS[name], values, strict=True)
-                },
-            }
-            for name, values in self.effects.items()
-        ]
-        options: dict[str, Any] = {
-            name: getattr(self.options, name)
-            for name in self.options.__dataclass_fields__
-            if name not in ("sensor", "seed", "angles")
-        }
-        return {
-            "synthetic": True,
-            "board": self.board,
-            "parameters": parameters,
-            "effects": effects,
-            "releases": [
-                {
-                    "t_start_s": release.start,
-                    "t_end_s": release.end,
-                    "angle_rad": release.angle,
-                    "rate_rad_s": release.rate,
-                }
-                for release in self.releases
-            ],
-            "seed": self.options.seed,
-            "samples": len(self.time),
-            "options": {**options, "angles": list(self.options.angles)},
-            "sensor": {name: getattr(sensor, name) for name in sensor.__dataclass_fields__},
-        }
-
-    def save(self, path: Path, command: str = "") -> tuple[Path, Path]:
-        """Write the log and, beside it, the truth; return both paths.
-
-        Raises:
-            HuskyError: The name does not go with the dialect, or the folder cannot be written to.
-        """
-        truth = path.with_suffix(".truth.json")
-        write_log(path, self.time, self.channels, self.options.dialect)
-        write_json(truth, {**self.truth(), "command": command} if command else self.truth())
-        return path, truth
-
-
-def parse_effect(text: str) -> tuple[str, tuple[float, ...]]:
-    """Return name and parameters of 'NAME=V[,V...]'.
-
-    Raises:
-        HuskyError: The text is not of that form, or the effect is unknown.
-    """
-    name, equals, values = text.partition("=")
-    check_effect_name(name)
-    if not equals or not values:
-        wanted = ",".join(f"{p.name.upper()}" for p in PARAMETERS[name])
-        raise HuskyError(f"effect '{name}' has no value; write {name}={wanted}{_units(name)}.")
-    try:
-        return name, tuple(float(value) for value in values.split(","))
-    except ValueError:
-        raise HuskyError(f"effect '{text}': '{values}' is not a list of numbers{_units(name)}.") from None
-
-
-def check_effect_name(name: str) -> None:
-    """Accept the name of an effect.
-
-    Raises:
-        HuskyError: There is none of that name.
-    """
-    if name not in PARAMETERS:
-        raise HuskyError(
-            f"unknown effect '{name}'.{did_you_mean(name, PARAMETERS)} Known: {', '.join(PARAMETERS)}."
-        )
-
-
-def _units(name: str) -> str:
-    return " (" + ", ".join(f"{p.name} in {p.unit}" for p in PARAMETERS[name]) + ")"
-
-
-def complete_effects(effects: Mapping[str, Sequence[float]]) -> dict[str, tuple[float, ...]]:
-    """Return the effects with their optional parameters filled in.
-
-    Raises:
-        HuskyError: An effect is unknown, or a parameter is missing, superfluous or out of range.
-    """
-    complete: dict[str, tuple[float, ...]] = {}
-    for name, values in effects.items():
-        check_effect_name(name)
-        parameters = PARAMETERS[name]
-        needed = sum(parameter.default is None for parameter in parameters)
-        if not needed <= len(values) <= len(parameters):
-            raise HuskyError(
-                f"effect '{name}' has {len(values)} parameters; expected {needed}{_units(name)}."
-            )
-        filled = [*map(float, values), *(p.default or 0.0 for p in parameters[len(values) :])]
-        for parameter, value in zip(parameters, filled, strict=True):
-            if not math.isfinite(value) or (parameter.positive and value <= 0):
-                kind = "a positive" if parameter.positive else "a finite"
-                raise HuskyError(f"effect '{name}': {parameter.name} is {value:g}; expected {kind} number.")
-        complete[name] = tuple(filled)
-    if "stribeck" in complete and complete["stribeck"][1] < complete["stribeck"][0]:
-        raise HuskyError(
-            "effect 'stribeck': static_torque is below torque; static friction is the larger one."
-        )
-    return complete
-
-
-def true_law(board: Board, effects: Mapping[str, Sequence[float]]) -> TrueLaw:
-    """Return the true joint of a board with effects.
-
-    Raises:
-        HuskyError: An effect is unknown or its parameters are wrong.
-    """
-    effects = complete_effects(effects)
-    fields = {
-        field: value
-        for name, names in _LAW_FIELDS.items()
-        if name in effects
-        for field, value in zip(names, effects[name], strict=True)
-    }
-    if "stribeck" in effects:
-        sliding, static, fields["stribeck_velocity"] = effects["stribeck"]
-        fields["friction"], fields["static_friction"] = sliding, static
-    for key in ("friction", "static_friction") if "coulomb" in effects else ():
-        fields[key] = fields.get(key, 0.0) + effects["coulomb"][0]
-    return TrueLaw(
-        inertia=board.inertia.value * effects.get("inertia", (1.0,))[0],
-        stiffness=board.stiffness,
-        damping=board.damping,
-        rest=board.rest_angle + effects.get("offset", (0.0,))[0],
-        **fields,
-    )
 
 
 def synthesise(
@@ -359,7 +47,7 @@ def synthesise(
     chosen = complete_effects({**recorded, **(effects or {})})
     _check(options, chosen)
     law = true_law(board, chosen)
-    given = {field: chosen[name][0] for name, field in _SENSOR_FIELDS.items() if name in chosen}
+    given = {field: chosen[name][0] for name, field in SENSOR_FIELDS.items() if name in chosen}
     options = replace(options, sensor=replace(options.sensor, **given))
     physics, sensing = np.random.default_rng(options.seed).spawn(2)
     time, motion, releases = _move(law, options, chosen.get("discretisation", (0.0,))[0], physics)
@@ -414,7 +102,7 @@ def _check(options: SynthOptions, effects: Mapping[str, object]) -> None:
     if options.dialect == "gyro" and "sensor-bias" in effects:
         raise HuskyError("effect 'sensor-bias' is an angle and a rate gyro has none; use sensor-drift.")
     if "discretisation" in effects:
-        if others := set(effects) - _STEPPED:
+        if others := set(effects) - STEPPED:
             raise HuskyError(
                 f"effect 'discretisation' cannot be made together with {', '.join(sorted(others))}: "
                 "the plain step loop holds smooth laws only."

@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 
 from sysid.board import Board
 from sysid.errors import HuskyError
-from sysid.synth import PARAMETERS, SynthOptions, complete_effects, parse_effect, synthesise, true_law
+from sysid.synth import SynthOptions, synthesise
+from sysid.synth_effects import PARAMETERS, complete_effects, parse_effect, true_law
 from sysid.synth_sensors import DIALECTS, GRAVITY, Sensor, lowpass
 from sysid.workspace import Workspace
 

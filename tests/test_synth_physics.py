@@ -8,7 +8,8 @@ from scipy.linalg import expm
 
 from sysid.errors import HuskyError
 from sysid.synth_hand import hand_motion
-from sysid.synth_physics import Condition, TrueLaw, simulate
+from sysid.synth_law import TrueLaw
+from sysid.synth_physics import Condition, simulate
 
 PINK = {"inertia": 8.7e-3, "stiffness": 14.684, "damping": 0.40221}
 LIGHT = {**PINK, "damping": 0.03}

@@ -14,7 +14,8 @@ import pytest
 
 from sysid import joint
 from sysid.effects import catalogue
-from sysid.synth import PARAMETERS, SynthOptions, synthesise
+from sysid.synth import SynthOptions, synthesise
+from sysid.synth_effects import PARAMETERS
 from sysid.synth_sensors import Sensor
 from sysid.workspace import Workspace
 

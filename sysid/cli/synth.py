@@ -11,7 +11,8 @@ from cyclopts import Parameter
 
 from sysid.cli.console import Common, Printer
 from sysid.errors import HuskyError
-from sysid.synth import SynthOptions, complete_effects, parse_effect, synthesise
+from sysid.synth import SynthOptions, synthesise
+from sysid.synth_effects import complete_effects, parse_effect
 from sysid.synth_sensors import Dialect, Sensor
 
 DEFAULT_ANGLE = 0.87
