@@ -30,13 +30,16 @@ class GravityLoad:
         self.model = g1_spec(visuals=False).compile()
         self._data = mujoco.MjData(self.model)
 
-    def torques(self, joints: Array, quaternion: Array, standing: tuple[bool, bool]) -> Array:
+    def torques(
+        self, joints: Array, quaternion: Array, standing: tuple[bool, bool], thrust: float = 0.0
+    ) -> Array:
         """Return the torques that hold a pose at rest [N*m], shape (23,).
 
         Args:
             joints: [rad], shape (23,).
             quaternion: Orientation of the pelvis wxyz, shape (4,).
             standing: Whether left and right foot bear weight.
+            thrust: Force along x with which the ground pushes the left foot [N], where it stands.
         """
         model, data = self.model, self._data
         data.qpos[:3] = 0.0
@@ -51,12 +54,16 @@ class GravityLoad:
         for foot, point, share in _shares(feet, soles, data.subtree_com[1]):
             mujoco.mj_jac(model, data, jacobian, None, point, foot)
             torque -= jacobian.T @ (share * weight)
+            if standing[0] and foot == feet[0]:
+                torque -= thrust * jacobian[0]
         return torque[6:]
 
-    def asked(self, joints: Array, quaternion: Array, standing: tuple[bool, bool]) -> Array:
+    def asked(
+        self, joints: Array, quaternion: Array, standing: tuple[bool, bool], thrust: float = 0.0
+    ) -> Array:
         """Return the joint targets that come to rest in a pose [rad], shape (23,); arguments as in `torques`."""
         robot = servos()
-        torque = np.clip(self.torques(joints, quaternion, standing), -robot.effort, robot.effort)
+        torque = np.clip(self.torques(joints, quaternion, standing, thrust), -robot.effort, robot.effort)
         return joints + torque / robot.stiffness
 
 

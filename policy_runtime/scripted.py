@@ -20,6 +20,10 @@ EASE_STEPS = 10
 """Policy steps over which a script leads from where the joints are to where it begins."""
 
 
+THRUST = 60.0
+"""Force with which the pushing script thrusts the left foot backwards against the ground [N]."""
+
+
 class Scripted:
     """Follows joint targets that a function gives for command and step; without feedback."""
 
@@ -94,7 +98,7 @@ def _replay(motion: Motion, load: GravityLoad) -> Array:
     planted = motion_facts(motion, load.model).planted
     return np.array(
         [
-            load.asked(joints, quaternion, (bool(down), True))
+            load.asked(joints, quaternion, (bool(down), True), THRUST)
             for joints, quaternion, down in zip(motion.joints, motion.quaternion, planted, strict=True)
         ]
     )

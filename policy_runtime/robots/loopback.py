@@ -13,6 +13,9 @@ from policy_runtime.robots.simulated import SimulatedRobot
 from policy_runtime.robots.unitree import POLICY_MOTORS, join_domain, load_messages
 from sim.skate.g1 import JOINTS, servos
 
+LOOPBACK = "lo"
+"""The network interface on which a computer talks to itself."""
+
 
 class SimulatedG1:
     """Steps a simulated robot in real time, publishes its state and obeys the commands that come.

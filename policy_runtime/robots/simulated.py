@@ -101,7 +101,7 @@ class SimulatedRobot:
             )
         try:
             joints = [model.joint(ROBOT + name) for name in JOINTS]
-            self._actuators = np.array([model.actuator(ROBOT + name).id for name in JOINTS])
+            self.actuators = np.array([model.actuator(ROBOT + name).id for name in JOINTS])
             base = model.joint(f"{ROBOT}floating_base_joint")
             board = model.joint(f"{BOARD}board_free_joint")
         except KeyError as error:
@@ -127,7 +127,7 @@ class SimulatedRobot:
             self.data.qvel[wheel] = speed / self.ids.wheel_radius
         if self._rake is not None:
             set_trucks(self.model, self.data, self._rake, BOARD)
-        self.data.ctrl[self._actuators] = self.data.qpos[self._q]
+        self.data.ctrl[self.actuators] = self.data.qpos[self._q]
         mujoco.mj_forward(self.model, self.data)
         self._held = self._in_board_frame()
 
@@ -141,16 +141,16 @@ class SimulatedRobot:
             angular_velocity=data.qvel[velocity + 3 : velocity + 6].copy(),
             joint_position=data.qpos[self._q],
             joint_velocity=data.qvel[self._v],
-            joint_torque=data.actuator_force[self._actuators],
+            joint_torque=data.actuator_force[self.actuators],
         )
 
     def send(self, command: JointCommand) -> None:
         """Set targets and gains; MuJoCo's own servos follow them in every step, implicit in velocity."""
         model = self.model
-        self.data.ctrl[self._actuators] = command.position
-        model.actuator_gainprm[self._actuators, 0] = command.stiffness
-        model.actuator_biasprm[self._actuators, 1] = -command.stiffness
-        model.actuator_biasprm[self._actuators, 2] = -command.damping
+        self.data.ctrl[self.actuators] = command.position
+        model.actuator_gainprm[self.actuators, 0] = command.stiffness
+        model.actuator_biasprm[self.actuators, 1] = -command.stiffness
+        model.actuator_biasprm[self.actuators, 2] = -command.damping
 
     def step(self) -> None:
         """Advance the simulation by one period of the servos."""

@@ -165,7 +165,8 @@ def join_domain(interface: str | None, domain: int) -> Any:
             f"<CycloneDDS><Domain><General><Interfaces>{network}</Interfaces></General></Domain></CycloneDDS>"
         )
         try:
-            _DOMAINS.setdefault((domain, interface), Domain(domain, configuration))
+            if (domain, interface) not in _DOMAINS:
+                _DOMAINS[domain, interface] = Domain(domain, configuration)
         except DDSException as error:
             raise HuskyError(f"CycloneDDS cannot use interface '{interface}' ({error}).") from error
     try:

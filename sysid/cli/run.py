@@ -1,5 +1,7 @@
 """`husky-sysid run`: a policy in real time, in MuJoCo or on the robot."""
 
+from collections.abc import Generator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -13,6 +15,7 @@ if TYPE_CHECKING:
     from policy_runtime.commands import CommandSource
     from policy_runtime.recording import Recorder
     from policy_runtime.robots import Robot
+    from policy_runtime.robots.simulated import SimulatedRobot
     from policy_runtime.runtime import RunResult
 
 
@@ -21,7 +24,7 @@ def run(
     /,
     *,
     options: RideOptions = RideOptions(),
-    robot: Literal["simulated", "unitree"] = "simulated",
+    robot: Literal["simulated", "rehearsal", "unitree"] = "simulated",
     interface: str | None = None,
     domain: int = 0,
     keyboard: bool = False,
@@ -38,7 +41,8 @@ def run(
     Args:
         policy: zero, stand or push (scripted), an ONNX file, or an exported folder.
         options: The ride; terrain, start and gantry count in simulation only.
-        robot: In plain MuJoCo, or a G1 on the network.
+        robot: In plain MuJoCo; a rehearsal, in which the same simulation speaks the G1's messages over this
+            computer's loopback; or a G1 on the network.
         interface: Network interface towards the robot, e.g. eth0.
         domain: DDS domain of the robot.
         keyboard: Take speed and turn from the arrow keys.
@@ -50,9 +54,11 @@ def run(
     choose_renderer()
     printer = Printer(common)
     ride = prepare(policy, options, printer, visuals=viewer or record)
+    if robot != "simulated" and (viewer or record):
+        raise HuskyError("--viewer and --record belong to --robot simulated. Leave them out.")
     if robot == "unitree":
-        if viewer or record or options.gantry:
-            raise HuskyError("--viewer, --record and --gantry belong to the simulated robot. Leave them out.")
+        if options.gantry:
+            raise HuskyError("--gantry holds a simulated robot. Hold the real one yourself.")
         if not ride.board.passed and not options.force:
             raise QualityGateError(
                 f"board '{ride.board.name}' has not passed `check`: a policy made for it is not fit for the robot. "
@@ -92,30 +98,47 @@ def _drive(
 ) -> "tuple[RunResult, Recorder | None]":
     """Run until the end and let go of the robot."""
     from policy_runtime.recording import Recorder
-    from policy_runtime.robots.unitree import UnitreeG1
     from policy_runtime.runtime import Runtime
-    from policy_runtime.viewer import viewed
     from policy_runtime.world import joint_limits
 
     simulated = ride.world.robot
     recorder = Recorder(simulated) if record else None
-    driven: Robot = UnitreeG1(interface, domain) if robot == "unitree" else simulated
-    runtime = Runtime(
-        robot=driven,
-        policy=ride.policy,
-        commands=commands,
-        limits=joint_limits(simulated.model),
-        real_time=robot == "simulated",
-        on_tick=None if recorder is None else recorder.add,
-        on_event=lambda event: printer.note(f"{event.time:8.2f} s  {event.kind}: {event.text}"),
-    )
-    try:
+    with _driven(simulated, robot, interface, domain, viewer) as driven:
+        runtime = Runtime(
+            robot=driven,
+            policy=ride.policy,
+            commands=commands,
+            limits=joint_limits(simulated.model),
+            real_time=robot == "simulated",  # the others wait by themselves
+            on_tick=None if recorder is None else recorder.add,
+            on_event=lambda event: printer.note(f"{event.time:8.2f} s  {event.kind}: {event.text}"),
+        )
+        return runtime.run(options.duration), recorder
+
+
+@contextmanager
+def _driven(
+    simulated: "SimulatedRobot", robot: str, interface: str | None, domain: int, viewer: bool
+) -> "Generator[Robot]":
+    """Yield the robot to drive, and let go of it at the end."""
+    if robot == "simulated":
+        from policy_runtime.viewer import viewed
+
         with viewed(simulated, viewer) as shown:
-            if robot == "simulated":
-                runtime.robot = shown
-            return runtime.run(options.duration), recorder
-    finally:
-        driven.close()
+            yield shown
+        return
+    from policy_runtime.robots.loopback import LOOPBACK, SimulatedG1
+    from policy_runtime.robots.unitree import UnitreeG1
+
+    interface = LOOPBACK if robot == "rehearsal" else interface
+    with (
+        SimulatedG1(simulated, interface=interface, domain=domain) if robot == "rehearsal" else nullcontext()
+    ):
+        driven = UnitreeG1(interface, domain)
+        try:
+            yield driven
+        finally:
+            driven.close()
 
 
 def _report(ride: Ride, result: "RunResult", files: dict[str, str], folder: Path, printer: Printer) -> None:
