@@ -16,6 +16,8 @@ from sysid.turning_points import Leg, Swing
 
 SMALLEST_RELEASE = 0.08
 """Chains below this share of the largest one's first leg are not counted as releases."""
+SMALLEST_OF_LOG = 0.12
+"""Nor are they where the largest one's first leg is below this share of the log's whole range."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +50,8 @@ def free_chains(swing: Swing, legs: list[Leg]) -> list[Chain]:
     if not chains:
         return []
     largest = max(chain.legs[0].size for chain in chains)
+    if largest < SMALLEST_OF_LOG * float(np.ptp(swing.roll)):
+        return []
     chains = [chain for chain in chains if chain.legs[0].size > SMALLEST_RELEASE * largest]
     groups = [[other for other in chains if _same_board(chain, other, swing)] for chain in chains]
     return max(groups, key=lambda group: _evidence(group, swing))
@@ -65,7 +69,7 @@ def _evidence(group: list[Chain], swing: Swing) -> float:
 
 def _same_board(one: Chain, other: Chain, swing: Swing) -> bool:
     """Whether two chains are about the same angle and move at the same pace."""
-    room = max(5.0 * swing.noise, 0.2 * min(one.sizes[0], other.sizes[0]))
+    room = max(5.0 * swing.noise, 0.35 * min(one.sizes[0], other.sizes[0]))
     return abs(one.rest - other.rest) < room and 0.6 < one.pace / other.pace < 1.6
 
 

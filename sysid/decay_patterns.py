@@ -107,13 +107,14 @@ def _period(peaks: Sequence[Sequence[Peak]]) -> Pattern | None:
 def _stop(releases: Sequence[Release], peaks: Sequence[Sequence[Peak]], noise: float) -> Pattern | None:
     """Whether a decay stops beside the angle that it swung about."""
     for release, group in zip(releases, peaks, strict=True):
-        if release.end != "rest" or len(group) < 3 or release.origin == "gyro":
+        chosen = [peak for peak in group if peak.number > 0 or len(group) < 4][:3]
+        if release.end != "rest" or len(chosen) < 3 or release.origin == "gyro":
             continue
-        a, b, c = (peak.roll for peak in group[:3])
+        a, b, c = (peak.roll for peak in chosen)
         bend = a + c - 2 * b
         middle = (a * c - b * b) / bend
         gains = np.array([c - middle, 2 * (middle - b), a - middle]) / bend
-        middle_std = float(np.linalg.norm(gains * np.array([peak.std for peak in group[:3]])))
+        middle_std = float(np.linalg.norm(gains * np.array([peak.std for peak in chosen])))
         off = release.rest - middle
         if abs(off) > max(CERTAIN * math.hypot(middle_std, noise / 3), 0.015 * release.amplitude):
             return Pattern(

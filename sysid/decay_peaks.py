@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from sysid.decay_numbers import t95
+from sysid.decay_trace import decay_basis
 from sysid.quantity import Quantity
 from sysid.roll import Array, Release
 from sysid.turning_points import find_swing
@@ -65,7 +66,8 @@ def find_peaks(release: Release, rest: float, omega_n: float, omega_d: float, no
     """
     swing = find_swing(release.time, release.roll, noise)
     offset = np.interp(release.time, swing.time, swing.roll) - rest
-    peaks = [_release_peak(release, rest, omega_n, noise)] if release.hold > 0 else []
+    first = _release_peak(release, rest, omega_n, omega_d, noise) if release.hold > 0 else None
+    peaks = [] if first is None else [first]
     passages = np.flatnonzero(np.diff(np.sign(offset)) != 0)
     half = math.pi / omega_d
     for begin, end in pairwise([0, *(passages + 1).tolist(), len(offset)]):
@@ -147,21 +149,23 @@ def _shared_slope(x: Array, y: Array, std: Array, owner: Array) -> tuple[float, 
     return float(solution[0]), slope_std, freedom, dict(zip(owners, solution[1:].tolist(), strict=True))
 
 
-def _release_peak(release: Release, rest: float, omega_n: float, noise: float) -> Peak:
-    """Return peak 0: the roll at the release, where the rate is zero."""
+def _release_peak(release: Release, rest: float, omega_n: float, omega_d: float, noise: float) -> Peak | None:
+    """Return peak 0: the roll at the release, where the rate is zero; None if the sensor is too slow.
+
+    One sample would do but for its noise; so the first ones are taken together, on the course of a decay
+    that starts from rest.
+    """
     since = release.time - release.start
-    near = since <= max(WINDOW / omega_n, float(since[min(3, len(since) - 1)]))
-    powers = np.column_stack([np.ones(np.count_nonzero(near)), since[near] ** 2, since[near] ** 3])
-    value, variance = _intercept(powers, release.roll[near])
+    near = since <= WINDOW / omega_n
+    if np.count_nonzero(near) < 2:
+        return None
+    a = math.sqrt(max(0.0, omega_n**2 - omega_d**2))
+    u, v = decay_basis(since[near], a, omega_d**2)
+    course = u + a * v
+    amplitude = float(course @ (release.roll[near] - rest) / (course @ course))
+    std = noise / float(np.linalg.norm(course))
     # The onset of the motion is known to about 1 % of a period.
-    return Peak(0, release.start, 0.06 / omega_n, value, abs(value - rest), noise * math.sqrt(variance))
-
-
-def _intercept(powers: Array, values: Array) -> tuple[float, float]:
-    """Return the constant term of a least-squares fit and its variance in units of the noise's."""
-    powers = powers / np.maximum(np.abs(powers).max(axis=0), 1e-300)
-    inverse = np.asarray(np.linalg.pinv(powers), dtype=np.float64)
-    return float(inverse[0] @ values), float(inverse[0] @ inverse[0])
+    return Peak(0, release.start, 0.06 / omega_n, rest + amplitude, abs(amplitude), std)
 
 
 def _local_peak(release: Release, index: int, rest: float, omega_n: float, noise: float) -> Peak:

@@ -24,6 +24,8 @@ from sysid.roll import Array, Release
 
 DISAGREE = 2.58
 """Two estimates disagree from this many standard deviations of their difference on (1 % by chance)."""
+TRIFLE = 0.005
+"""Two decrements this close, relatively, are never said to disagree: a local cubic is no closer."""
 ABOVE_NOISE = 1.15
 """Residuals above this multiple of the noise floor are looked at."""
 WORTH_NAMING = 0.007
@@ -222,7 +224,8 @@ def _disagreement(decay: FreeDecay) -> str | None:
     if decay.line is None:
         return None
     one, other = decay.line.log_decrement, decay.numbers.log_decrement
-    if abs(one.value - other.value) < DISAGREE * math.hypot(one.std, other.std):
+    apart = abs(one.value - other.value)
+    if not apart > max(DISAGREE * math.hypot(one.std, other.std), TRIFLE * other.value):
         return None
     return (
         f"δ from the peaks ({one}) and from the whole trace ({other}) disagree by more than their intervals. "
@@ -246,7 +249,10 @@ def _why(decay: FreeDecay) -> str:
     if any(release.end == "caught" for release in decay.releases):
         return "a hand was on the deck before the end that was found; shorten it with --to"
     if len(used[0][0]) <= 3:
-        return "the deck was not let go cleanly, so the first peak is not on the line; trust the whole trace"
+        return (
+            "the first peak is not on the line, because the deck was not let go cleanly or the law is not linear "
+            "at large angles"
+        )
     return "the rest angle moves during the decay, or the law is not linear; see the log-amplitude line"
 
 

@@ -222,9 +222,11 @@ def _last_leg_is_cut(swing: Swing, chain: Chain) -> bool:
         return False
     lost = [one - other for one, other in pairwise(sizes)]
     room = 3.0 * swing.noise + 0.05 * sizes[0]
-    if len(lost) > 2 and lost[-1] > 1.6 * max(lost[:-1]) + room:
-        return True
-    return chain.settles and sizes[-1] > 0.25 * sizes[0] + room
+    if len(lost) < 3:
+        return chain.settles and sizes[-1] > 0.25 * sizes[0] + room
+    # Dry friction that takes 2 F/k off each swing can hold the deck up to F/k beside the middle.
+    held = 3.0 * swing.noise + 0.02 * sizes[0] + float(np.median(lost[:-1]))
+    return lost[-1] > 1.6 * max(lost[:-1]) + room or (chain.settles and sizes[-1] > held)
 
 
 def _followed(swing: Swing, chain: Chain, turn: int) -> float:
