@@ -5,11 +5,13 @@ straight edge, or its texture. From then on all is one: points in pictures, free
 shake and rolling shutter, and the angle of a body that turns about an axis seen at a slant.
 """
 
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from sysid.errors import HuskyError
 from sysid.roll import Array, Roll
@@ -24,6 +26,10 @@ if TYPE_CHECKING:
 
 FEWEST_PER_PERIOD = 8
 """Frames a period below which the fastest part of a swing is guessed rather than seen."""
+STEADY = 0.5
+"""Change of velocity from frame to frame, as a share of it, up to which it counts as known."""
+SHEAR_DOUBT = 0.1
+"""Least deviation of a read-out time that is seen in the film, as a share of the frame interval."""
 LONGEST_GAP = 3
 """Lost frames in a row that are interpolated over."""
 READOUT_CEILING = 1 / 30
@@ -61,12 +67,12 @@ def roll_from_video(path: Path, options: VideoOptions | None = None) -> Roll:
     signal = _Signal(time, sign * (turning.angle + chosen.zero(turning)), turning.std)
     pace = _refuse_slow(path, signal)
     signal, filled, dropped = _fill(signal, pace)
-    notes, warnings = _words(clip, track, lens, chosen, turning, options)
+    notes, faults = _words(clip, track, lens, chosen, turning, options)
     notes.append(readout_note)
     if filled:
         notes.append(f"{filled} lost frames filled in from their neighbours")
     if dropped:
-        warnings.append(
+        faults.append(
             f"{dropped} of {len(track.time)} frames show too little of the board and are left out; "
             "keep hands and feet out of the picture"
         )
@@ -77,7 +83,7 @@ def roll_from_video(path: Path, options: VideoOptions | None = None) -> Roll:
         std=signal.std,
         origin="video",
         notes=tuple(notes),
-        warnings=tuple(warnings),
+        warnings=tuple(faults),
     )
     if options.overlay is not None:
         from sysid.video.overlay import draw_overlay
@@ -135,9 +141,10 @@ def _angle(
     _, middle = at(ceiling / 2, options.camera_angle)
     fixed = (middle.yaw, middle.pitch)
     tried = [at(readout, fixed) for readout in (0.0, ceiling / 2, ceiling)]
-    freedom = 2 * chosen.tracker.points - 3
-    readout, deviation = _seen_readout([turning.misfit for _, turning in tried], freedom, ceiling)
-    if deviation < 0.1 * ceiling:
+    freedom = 2 * chosen.tracker.points - 3 if chosen.shows_shear else 0
+    misfit = [np.where(_steady(points), turning.misfit, np.nan) for _, turning in tried]
+    readout, deviation = _seen_readout(misfit, freedom, ceiling)
+    if deviation < 0.2 * ceiling:
         note = (
             f"read-out {readout * 1e3:.3g} ± {2 * deviation * 1e3:.1g} ms, from how moving points are sheared"
         )
@@ -160,6 +167,16 @@ def _angle(
     return time, _with_shake(replace(turning, std=np.hypot(turning.std, spread)), track), note
 
 
+def _steady(points: Array) -> npt.NDArray[np.bool_]:
+    """Frames whose velocity is known from their neighbours: not those in which a hand lets go."""
+    with np.errstate(invalid="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # a frame in which nothing is seen
+        middle = np.nanmean(points, axis=1)
+    speed = np.linalg.norm(middle[2:] - middle[:-2], axis=1) / 2
+    bend = np.linalg.norm(middle[2:] - 2 * middle[1:-1] + middle[:-2], axis=1)
+    return np.concatenate([[False], (bend < STEADY * speed + 0.2) & np.isfinite(bend), [False]])
+
+
 def _seen_readout(misfit: list[Array], freedom: int, ceiling: float) -> tuple[float, float]:
     """Vertex and deviation of the parabola through the misfit at no, half and full read-out."""
     if freedom <= 0:
@@ -167,7 +184,8 @@ def _seen_readout(misfit: list[Array], freedom: int, ceiling: float) -> tuple[fl
     square = np.stack(misfit)
     good = np.isfinite(square).all(axis=0)
     square = square[:, good]
-    square = np.minimum(square, 30 * np.median(square, axis=1, keepdims=True))
+    least = square.min(axis=0)
+    square = square[:, least < 60 * np.median(least)]
     total = square.sum(axis=1)
     bend = 2 * (total[0] - 2 * total[1] + total[2]) / ceiling**2
     if bend <= 0:
@@ -177,8 +195,10 @@ def _seen_readout(misfit: list[Array], freedom: int, ceiling: float) -> tuple[fl
         total.min() - bend / 2 * (np.array([0, ceiling / 2, ceiling])[total.argmin()] - vertex) ** 2,
         0.2 * total.min(),
     )
-    noise = left / (freedom * max(int(good.sum()), 1))
-    return float(np.clip(vertex, 0, ceiling)), float(np.sqrt(2 * noise / bend))
+    noise = left / (freedom * max(square.shape[1], 1))
+    return float(np.clip(vertex, 0, ceiling)), float(
+        np.hypot(np.sqrt(2 * noise / bend), SHEAR_DOUBT * ceiling)
+    )
 
 
 def _rate(time: Array, angle: Array) -> Array:
@@ -272,18 +292,14 @@ def _words(
         )
     elif options.camera_angle is not None:
         notes.append("direction of the axis as given")
-    warnings: list[str] = []
+    faults: list[str] = []
     shake = track.shake
     if not shake.found:
-        warnings.append("too little background to see whether the camera shakes; use a tripod")
+        faults.append("too little background to see whether the camera shakes; use a tripod")
     elif shake.significant:
         notes.append(f"camera shake of {np.degrees(np.std(shake.rotation)):.2g}° taken out by the background")
     if track.repeated:
-        warnings.append(
-            f"{track.repeated} frames without a later time stamp than the one before are left out"
-        )
+        faults.append(f"{track.repeated} frames without a later time stamp than the one before are left out")
     if turning.outliers:
-        warnings.append(
-            f"{turning.outliers} frames in which the points do not fit a turning body are left out"
-        )
-    return notes, [*warnings, *chosen.warnings]
+        faults.append(f"{turning.outliers} frames in which the points do not fit a turning body are left out")
+    return notes, [*faults, *chosen.warnings]

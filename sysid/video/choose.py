@@ -8,7 +8,9 @@ import numpy as np
 from sysid.errors import HuskyError
 from sysid.roll import Array
 from sysid.video.dots import DotTracker, find_dots, fit_pivot
-from sysid.video.frames import Clip
+from sysid.video.edge import EdgeTracker, find_edge, fit_direction
+from sysid.video.features import FEWEST, FeatureTracker, find_features
+from sysid.video.frames import Clip, grey
 from sysid.video.marker import MarkerTracker, find_marker
 from sysid.video.options import VideoOptions
 from sysid.video.survey import Survey, survey
@@ -20,6 +22,19 @@ Solve = Callable[[Array, Array, tuple[float, float] | None], Turning]
 
 MARKER_SEARCH = 20
 """Frames in which a marker is looked for."""
+EDGE_DOUBT = np.radians(5.0)
+"""Standard deviation of the camera's direction where nothing in the film shows it [rad]."""
+DOT_FLOOR = 0.08
+"""Least standard deviation of a dot's place [px]: films hold colour at half the resolution of brightness."""
+NOT_FOUND = {
+    "marker": "no ArUco or AprilTag marker is seen. Print a larger one with a white margin, film it sharp and "
+    "large (50 px or more)",
+    "dots": "no coloured dot that moves is seen. Use stickers of a colour that nothing else has",
+    "features": f"fewer than {FEWEST} patches of texture move as one. Film the deck larger or in more light",
+    "edge": "no straight edge that moves is seen. Give its region with --roi LEFT TOP WIDTH HEIGHT",
+    "auto": "no board is found: neither marker, coloured dots, texture nor straight edge moves. Print a marker "
+    "(docs/video.md)",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,32 +49,32 @@ class Chosen:
     zero: Callable[[Turning], float]
     """What to add so that zero is where it should be [rad]."""
     zero_note: str
-    finds_direction: bool
+    finds_direction: bool = True
+    """Whether the points show from where the camera looks."""
+    shows_shear: bool = False
+    """Whether the points show how a rolling shutter shears the moving body."""
     warnings: tuple[str, ...] = ()
 
 
 def choose(clip: Clip, options: VideoOptions) -> Chosen:
-    """Choose what to follow: what the user says, else the first that is there of marker, dots, texture, edge.
+    """Choose what to follow: what the user says, else the first that is there: marker, dots, texture, edge.
 
     Raises:
         HuskyError: Nothing that can be followed is found.
     """
-    if options.method in ("auto", "marker"):
-        chosen = _marker(clip, options.method == "auto")
-        if chosen is not None:
-            return chosen
-        if options.method == "marker":
-            raise HuskyError(
-                f"{clip.path}: no ArUco or AprilTag marker is seen. Print a larger one with a white margin, film "
-                "it sharp and large (50 px or more), or choose another --method."
-            )
-    look = survey(clip, options.roi)
-    tried = [_dots] if options.method == "auto" else [{"dots": _dots}[options.method]]
-    for attempt in tried:
-        chosen = attempt(clip, look, options)
-        if chosen is not None:
-            return chosen
-    raise HuskyError(f"{clip.path}: no board is found")
+    auto = options.method == "auto"
+    chosen = _marker(clip, auto) if auto or options.method == "marker" else None
+    if chosen is None and options.method != "marker":
+        look = survey(clip, options.roi)
+        ways = {"dots": _dots, "features": _features, "edge": _edge}
+        for way in ways.values() if auto else (ways[options.method],):
+            chosen = way(look, options)
+            if chosen is not None:
+                break
+    if chosen is None:
+        other = "." if auto else ", or choose another --method."
+        raise HuskyError(f"{clip.path}: {NOT_FOUND[options.method]}{other}")
+    return chosen
 
 
 def _marker(clip: Clip, auto: bool) -> Chosen | None:
@@ -70,43 +85,39 @@ def _marker(clip: Clip, auto: bool) -> Chosen | None:
             break
     else:
         return None
+    upper_left = np.exp(1j * np.pi / 4 * np.array([-3, -1, 1, 3]))
     return Chosen(
         tracker=MarkerTracker(marker),
         what=f"{marker.kind} marker {marker.number}",
         why=f"follows {marker.kind} marker {marker.number}" + (", as one is in the picture" if auto else ""),
         solve=lambda points, matrix, direction: fit_turning(points, matrix, direction=direction, square=True),
-        zero=lambda turning: _level(
-            turning, np.vdot(np.exp(1j * np.pi / 4 * np.array([-3, -1, 1, 3])), turning.shape), 4
-        ),
+        zero=lambda turning: _level(turning, complex(np.vdot(upper_left, turning.shape)), 4),
         zero_note="roll zero is where the marker's edges are level in the picture",
-        finds_direction=True,
+        shows_shear=True,
     )
 
 
-def _dots(clip: Clip, look: Survey, options: VideoOptions) -> Chosen | None:
+def _dots(look: Survey, options: VideoOptions) -> Chosen | None:
     dots = find_dots(look)
-    if not dots:
-        return None
     auto = ", as no marker is in the picture and they stand out" if options.method == "auto" else ""
     size = ", ".join(f"{2 * dot.radius:.0f} px wide at {dot.place[0]:.0f},{dot.place[1]:.0f}" for dot in dots)
-    tracker = DotTracker(dots, look.box)
     if len(dots) == 2:
         return Chosen(
-            tracker=tracker,
+            tracker=DotTracker(dots, look.box),
             what="the pair of dots",
             why=f"follows two coloured dots ({size}){auto}",
-            solve=lambda points, matrix, direction: fit_turning(points, matrix, direction=direction),
+            solve=lambda points, matrix, direction: fit_turning(
+                points, matrix, direction=direction, floor=DOT_FLOOR
+            ),
             zero=lambda turning: _level(turning, complex(turning.shape[1] - turning.shape[0]), 2),
             zero_note="roll zero is where the line between the dots is level in the picture",
-            finds_direction=True,
         )
-    if options.method == "auto" and options.pivot is None and dots[0].radius < 6:
+    if not dots:
         return None
-    where = "fitted" if options.pivot is None else "given"
     return Chosen(
-        tracker=tracker,
+        tracker=DotTracker(dots, look.box),
         what="the dot",
-        why=f"follows one coloured dot ({size}) about a {where} pivot{auto}",
+        why=f"follows one coloured dot ({size}) about a {'fitted' if options.pivot is None else 'given'} pivot{auto}",
         solve=lambda points, matrix, direction: fit_pivot(
             points, matrix, direction=direction, pivot=options.pivot
         ),
@@ -116,9 +127,50 @@ def _dots(clip: Clip, look: Survey, options: VideoOptions) -> Chosen | None:
     )
 
 
+def _features(look: Survey, options: VideoOptions) -> Chosen | None:
+    places = find_features(look)
+    if len(places) < FEWEST:
+        return None
+    auto = ", as neither marker nor dots are in the picture" if options.method == "auto" else ""
+    return Chosen(
+        tracker=FeatureTracker(grey(look.first.picture), places, look.box),
+        what="the deck's texture",
+        why=f"follows {len(places)} patches of texture that move{auto}",
+        solve=lambda points, matrix, direction: fit_turning(points, matrix, direction=direction, alike=16.0),
+        zero=lambda turning: -float(np.nanmedian(turning.angle[-max(5, len(turning.angle) // 10) :])),
+        zero_note="roll zero is where the deck is at the end of the film (its last tenth): texture shows no horizontal",
+    )
+
+
+def _edge(look: Survey, options: VideoOptions) -> Chosen | None:
+    ends = find_edge(look)
+    if ends is None:
+        return None
+    auto = ", as neither marker, dots nor texture are in the picture" if options.method == "auto" else ""
+    tracker = EdgeTracker(ends, look.box)
+    warnings: tuple[str, ...] = ()
+    if options.camera_angle is None:
+        warnings = (
+            "an edge does not show from where the camera looks: it is taken to look along the board's axis "
+            "to within 5 degrees (say otherwise with --camera-angle)",
+        )
+    return Chosen(
+        tracker=tracker,
+        what="the deck's edge",
+        why=f"follows a straight edge {np.linalg.norm(ends[1] - ends[0]):.0f} px long{auto}",
+        solve=lambda points, matrix, direction: fit_direction(
+            points, matrix, np.array(tracker.deviations), direction=direction, doubt=EDGE_DOUBT
+        ),
+        zero=lambda turning: _level(turning, 1 + 0j, 2),
+        zero_note="roll zero is where the edge is level in the picture",
+        finds_direction=False,
+        warnings=warnings,
+    )
+
+
 def _level(turning: Turning, direction: complex, symmetry: int) -> float:
     """Turn the angles so that a body of this symmetry, seen along `direction` at angle 0, starts level."""
     tilt = float(np.angle(direction))
     rest = float(np.nanmedian(turning.angle)) + tilt
-    quarter = 2 * np.pi / symmetry
-    return tilt - quarter * round(rest / quarter)
+    step = 2 * np.pi / symmetry
+    return tilt - step * round(rest / step)

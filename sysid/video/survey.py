@@ -79,7 +79,14 @@ def box_of(clip: Clip, roi: tuple[int, int, int, int]) -> tuple[int, int, int, i
         HuskyError: The region is empty or outside the picture.
     """
     left, top, width, height = roi
-    if width < 16 or height < 16 or left < 0 or top < 0 or left + width > clip.width or top + height > clip.height:
+    if (
+        width < 16
+        or height < 16
+        or left < 0
+        or top < 0
+        or left + width > clip.width
+        or top + height > clip.height
+    ):
         raise HuskyError(
             f"--roi {left} {top} {width} {height}: left, top, width and height in px, at least 16x16, inside the "
             f"picture of {clip.width}x{clip.height}."

@@ -71,7 +71,7 @@ class _State:
 def rectify(points: Array, matrix: Array, yaw: float, pitch: float) -> Complex:
     """Return points (..., 2) [px] as a camera looking along the axis would see them, x + i y (y down)."""
     ray = _rays(points, matrix) @ _look(yaw, pitch)
-    return (ray[..., 0] + 1j * ray[..., 1]) / ray[..., 2]
+    return ray[..., 0] / ray[..., 2] + 1j * (ray[..., 1] / ray[..., 2])
 
 
 def fit_turning(
@@ -80,7 +80,8 @@ def fit_turning(
     *,
     direction: tuple[float, float] | None = None,
     square: bool = False,
-    point_noise: Array | None = None,
+    alike: float = 1.0,
+    floor: float = FLOOR,
 ) -> Turning:
     """Estimate the angle of a rigid body in every frame.
 
@@ -90,7 +91,8 @@ def fit_turning(
         direction: Yaw and pitch of the axis [rad], where known; estimated otherwise.
         square: The points are the corners of a square that stands across the axis (to within 10
             degrees), in order around it.
-        point_noise: Standard deviation [px] that the tracker adds to a frame's points, shape (n,).
+        alike: How many points share their errors, so that they count as one.
+        floor: Least standard deviation of a point's position [px].
 
     Returns:
         The angles. Zero is arbitrary here: the first point lies in direction 0 from the second.
@@ -101,10 +103,8 @@ def fit_turning(
     keep, outliers = _without_outliers(state, seen & keep[:, None], keep, points, matrix)
     mask = seen & keep[:, None]
     state, yaw, pitch, covariance = _solve(points, mask, matrix, direction, square)
-    noise, blur, per_frame = _noise(state, mask, points, matrix)
-    if point_noise is not None:
-        per_frame = np.hypot(per_frame, point_noise)
-    information = _information(state, mask)
+    noise, blur, per_frame = _noise(state, mask, points, matrix, floor)
+    information = _information(state, mask) / alike
     variance = (per_frame / matrix[0, 0]) ** 2 / information
     variance = variance + _centre_variance(state, mask, noise / matrix[0, 0])
     direction_std = 0.0
@@ -247,7 +247,7 @@ def _without_outliers(
 
 
 def _noise(
-    state: _State, mask: npt.NDArray[np.bool_], points: Array, matrix: Array
+    state: _State, mask: npt.NDArray[np.bool_], points: Array, matrix: Array, floor: float
 ) -> tuple[float, float, Array]:
     """Noise at rest [px], its growth with speed, and each frame's noise [px], from what does not fit."""
     seen = mask.sum(axis=1)
@@ -256,7 +256,7 @@ def _noise(
     square = (np.abs(state.residual) ** 2).sum(axis=1) * matrix[0, 0] ** 2 / np.maximum(freedom, 1)
     speed = _speed(points)
     slow = used & (speed <= np.median(speed[used]))
-    rest = float(np.average(square[slow], weights=freedom[slow])) + FLOOR**2
+    rest = float(np.average(square[slow], weights=freedom[slow])) + floor**2
     fast = used & (speed > 0.5)
     blur = 0.0
     if fast.sum() >= 3:
@@ -323,6 +323,7 @@ def smear(angle: Array) -> Array:
 
 
 def unwrap(angle: Array) -> Array:
+    """Return the angles without jumps of whole turns, past the NaN of frames that show nothing."""
     good = np.isfinite(angle)
     result = angle.copy()
     result[good] = np.unwrap(angle[good])

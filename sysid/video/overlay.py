@@ -1,0 +1,110 @@
+"""An annotated clip and a contact sheet, so that a person sees what was followed."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from sysid.errors import HuskyError
+from sysid.files import atomic_path
+from sysid.roll import Array, Roll
+from sysid.video.frames import Clip, Picture
+from sysid.video.track import Track
+
+REAL = (0, 159, 230)
+"""Orange, in OpenCV's order: measurements have it everywhere."""
+LOST = (60, 60, 255)
+WIDTH = 960
+"""Width of the annotated clip [px], unless the film is smaller."""
+CODECS = {".mp4": "mp4v", ".mov": "mp4v", ".avi": "MJPG", ".mkv": "mp4v"}
+SHEET = (4, 3)
+"""Columns and rows of the contact sheet."""
+
+
+def draw_overlay(clip: Clip, track: Track, roll: Roll, rows: Array, path: Path) -> Path:
+    """Write the clip with points, angle and trace drawn in, and `<path>.png` with twelve frames of it.
+
+    Args:
+        clip: The film.
+        track: What was followed in it.
+        roll: The roll made from it.
+        rows: Row of `track` that each sample of `roll` is from, shape (m,).
+        path: The clip to write (.mp4, .mov, .mkv or .avi).
+
+    Returns:
+        The contact sheet's path.
+
+    Raises:
+        HuskyError: The clip cannot be written.
+    """
+    codec = CODECS.get(path.suffix.lower())
+    if codec is None:
+        raise HuskyError(f"--overlay {path}: a film ends with {', '.join(CODECS)}.")
+    scale = min(1.0, WIDTH / clip.width)
+    size = (2 * round(clip.width * scale / 2), 2 * round(clip.height * scale / 2))
+    sample = {int(row): number for number, row in enumerate(rows)}
+    frames = {int(index): row for row, index in enumerate(track.index)}
+    chosen = {int(index) for index in np.linspace(0, len(track.index) - 1, SHEET[0] * SHEET[1]).round()}
+    sheet: list[Picture] = []
+    with atomic_path(path) as temporary:
+        writer = cv2.VideoWriter(str(temporary), cv2.VideoWriter.fourcc(*codec), roll.sampling_rate, size)
+        if not writer.isOpened():
+            raise HuskyError(f"--overlay {path}: this system cannot write such a film; try .avi.")
+        try:
+            for frame in clip.frames():
+                row = frames.get(frame.index)
+                if row is None:
+                    continue
+                picture = np.asarray(cv2.resize(frame.picture, size, interpolation=cv2.INTER_AREA), np.uint8)
+                _annotate(picture, track.points[row] * scale, roll, sample.get(row))
+                writer.write(picture)
+                if row in chosen:
+                    sheet.append(
+                        np.asarray(
+                            cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), np.uint8
+                        )
+                    )
+        finally:
+            writer.release()
+    sheet_path = path.with_suffix(".png")
+    _write_sheet(sheet, sheet_path)
+    return sheet_path
+
+
+def _annotate(picture: Picture, points: Array, roll: Roll, number: int | None) -> None:
+    seen = points[np.isfinite(points).all(axis=1)]
+    for x, y in seen:
+        cv2.circle(picture, (round(16 * x), round(16 * y)), 64, REAL, 2, cv2.LINE_AA, shift=4)
+    if len(seen) in (2, 4):
+        cv2.polylines(
+            picture, [np.round(16 * seen).astype(np.int32)], len(seen) == 4, REAL, 1, cv2.LINE_AA, shift=4
+        )
+    height, width = picture.shape[:2]
+    strip = picture[height - 64 :]
+    strip[:] = (strip * 0.35).astype(np.uint8)
+    span = max(float(np.abs(roll.roll).max()), 1e-3)
+    across = 8 + (width - 16) * roll.time / roll.time[-1]
+    down = height - 32 + 26 * roll.roll / span
+    trace = np.round(16 * np.stack([across, down], axis=1)).astype(np.int32)
+    cv2.polylines(picture, [trace], False, (200, 200, 200), 1, cv2.LINE_AA, shift=4)
+    if number is None:
+        _text(picture, "not seen", LOST)
+        return
+    cv2.circle(picture, (int(trace[number, 0]), int(trace[number, 1])), 72, REAL, -1, cv2.LINE_AA, shift=4)
+    angle, deviation = np.degrees(roll.roll[number]), np.degrees(roll.std[number])
+    _text(picture, f"{roll.time[number]:7.3f} s   roll {angle:+7.2f} +- {2 * deviation:.2f} deg", REAL)
+
+
+def _text(picture: Picture, text: str, colour: tuple[int, int, int]) -> None:
+    size = 0.5 + picture.shape[1] / 2400
+    for tint, width in (((0, 0, 0), 4), (colour, 1)):
+        cv2.putText(picture, text, (12, 30), cv2.FONT_HERSHEY_SIMPLEX, size, tint, width, cv2.LINE_AA)
+
+
+def _write_sheet(pictures: list[Picture], path: Path) -> None:
+    columns, rows = SHEET
+    blank = np.zeros_like(pictures[0])
+    cells = [*pictures, *[blank] * (columns * rows)][: columns * rows]
+    sheet = np.vstack([np.hstack(cells[row * columns : (row + 1) * columns]) for row in range(rows)])
+    with atomic_path(path) as temporary:
+        cv2.imwrite(str(temporary), sheet)
