@@ -26,7 +26,7 @@ def to_mjcf(
     import mujoco
 
     sliding, static, velocity = (parameters[name] for name in ("torque", "static_torque", "velocity"))
-    if not exact or not hasattr(mujoco.mjtCtrlInput, "mjINPUT_NONE"):
+    if not exact or not hasattr(getattr(mujoco, "mjtCtrlInput", None), "mjINPUT_NONE"):
         from sysid.effects import coulomb
 
         coulomb.to_mjcf(spec, joint, {"torque": sliding})

@@ -34,7 +34,7 @@ def to_mjcf(
     import mujoco
 
     stiffness, time_constant = parameters["stiffness"], parameters["time_constant"]
-    if not exact or not hasattr(mujoco.mjtCtrlInput, "mjINPUT_NONE"):
+    if not exact or not hasattr(getattr(mujoco, "mjtCtrlInput", None), "mjINPUT_NONE"):
         joint.stiffness[0] += stiffness
         return (f"viscoelastic: stiffness raised by {stiffness:.6g} N*m/rad, without the creep",)
     motor = spec.add_actuator(
