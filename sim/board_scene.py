@@ -74,6 +74,7 @@ def board_spec(
     integrator: str = "implicitfast",
     tilt_range: float | None = None,
     wheel_friction: Sequence[float] = WHEEL_FRICTION,
+    exact_effects: bool = True,
 ) -> mujoco.MjSpec:
     """Build the free board from its record, effects included.
 
@@ -87,6 +88,7 @@ def board_spec(
         integrator: MuJoCo's name of the integrator.
         tilt_range: Largest tilt to either side [rad]; the record's if None.
         wheel_friction: Sliding [1], torsional [m] and rolling [m] friction of the wheels.
+        exact_effects: False writes effects that need a MuJoCo newer than 3.11 as their substitutes.
 
     Raises:
         HuskyError: The record cannot be built: inertia too small for the deck's mass, rake and tilt
@@ -112,7 +114,7 @@ def board_spec(
         spec.add_exclude(name=f"deck_{wheel}_wheel", bodyname1="deck", bodyname2=f"{wheel}_wheel")
     if coupling == "equality":
         _add_coupling(spec, board, limit, timestep)
-    add_effects(spec, tilt, board)
+    add_effects(spec, tilt, board, exact=exact_effects)
     assert_matches_record(spec, board, coupling)
     return spec
 
@@ -177,8 +179,16 @@ def integrator_value(name: str) -> int:
     return int(known[name.lower()])
 
 
-def add_effects(spec: mujoco.MjSpec, joint: mujoco.MjsJoint, board: Board) -> tuple[str, ...]:
+def add_effects(
+    spec: mujoco.MjSpec, joint: mujoco.MjsJoint, board: Board, *, exact: bool = True
+) -> tuple[str, ...]:
     """Put spring, damper and the record's effects on a tilt joint.
+
+    Args:
+        spec: The spec; changed in place.
+        joint: Its tilt joint.
+        board: The record.
+        exact: False writes effects that need a MuJoCo newer than 3.11 as their substitutes.
 
     Returns:
         One line for each thing that an effect wrote.
@@ -195,7 +205,7 @@ def add_effects(spec: mujoco.MjSpec, joint: mujoco.MjsJoint, board: Board) -> tu
     lines: list[str] = []
     for part in parts:
         values = {name: quantity.value for name, quantity in part.parameters.items()}
-        lines += effect(part.name).to_mjcf(spec, joint, values)
+        lines += effect(part.name).to_mjcf(spec, joint, values, exact=exact)
     deck = joint.parent
     # An effect that lowers roll inertia makes a narrower deck, which turns more easily about z too.
     deck.inertia[2] = min(deck.inertia[2], 0.999 * (deck.inertia[0] + deck.inertia[1]))

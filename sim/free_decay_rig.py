@@ -23,13 +23,20 @@ AfterStep = Callable[[mujoco.MjModel, mujoco.MjData], None]
 """Called after each step, e.g. to set the trucks of a scene whose coupling is 'direct'."""
 
 
-def rig_spec(board: Board, *, timestep: float = 0.001, integrator: str = "implicitfast") -> mujoco.MjSpec:
+def rig_spec(
+    board: Board,
+    *,
+    timestep: float = 0.001,
+    integrator: str = "implicitfast",
+    exact_effects: bool = True,
+) -> mujoco.MjSpec:
     """Build the bench from a board record: base clamped, deck free to tilt without a limit.
 
     Args:
         board: The record; what is built has its deck mass, roll inertia, stiffness, damping, effects.
         timestep: [s].
         integrator: MuJoCo's name of the integrator.
+        exact_effects: False writes effects that need a MuJoCo newer than 3.11 as their substitutes.
 
     Raises:
         HuskyError: The record cannot be built, or compiled mass or inertia differ from the record.
@@ -63,7 +70,7 @@ def rig_spec(board: Board, *, timestep: float = 0.001, integrator: str = "implic
         conaffinity=0,
         rgba=[0.83, 0.68, 0.47, 1.0],
     )
-    add_effects(spec, joint, board)
+    add_effects(spec, joint, board, exact=exact_effects)
     _assert_matches_record(spec, board)
     return spec
 

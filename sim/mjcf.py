@@ -1,6 +1,7 @@
 """A board as an MJCF file: readable, with where each number comes from and what it costs."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -11,6 +12,7 @@ from sim.free_decay_rig import rig_spec
 from sim.in_scene import compensate_in_scene
 from sim.step_compensation import Compensation, compensate_step, uncompensated
 from sysid.board import Board
+from sysid.effects import effect
 from sysid.errors import HuskyError
 from sysid.quantity import Quantity
 
@@ -20,6 +22,8 @@ Export = Literal["physical", "step-compensated", "in-scene"]
 """What is written: the record's numbers; those that make the sampled decay right at this step; or those
 that make the whole scene's decay right at this step, wheels and coupling included."""
 
+OLDEST = "3.11"
+"""The oldest MuJoCo that a file with `exact_effects=False` is written for."""
 FINE_STEP = 0.001
 """Up to this step a bench is written with its physical parameters [s]."""
 
@@ -49,6 +53,7 @@ def board_mjcf(
     integrator: str = "implicitfast",
     export: Export | None = None,
     coupling: Coupling = "equality",
+    exact_effects: bool = True,
 ) -> Mjcf:
     """Write a board as MJCF.
 
@@ -59,6 +64,7 @@ def board_mjcf(
         integrator: MuJoCo's name of the integrator.
         export: Which parameters are written; `default_export` if None.
         coupling: How tilt steers the trucks of the scene.
+        exact_effects: False writes effects that need a MuJoCo newer than 3.11 as their substitutes.
 
     Raises:
         HuskyError: The board cannot be built so, or `export` does not go with `kind`.
@@ -75,31 +81,42 @@ def board_mjcf(
     else:
         done = uncompensated(board, timestep=timestep, integrator=integrator)
     if kind == "scene":
-        spec = board_spec(done.board, timestep=timestep, integrator=integrator, coupling=coupling)
+        spec = board_spec(
+            done.board,
+            timestep=timestep,
+            integrator=integrator,
+            coupling=coupling,
+            exact_effects=exact_effects,
+        )
     else:
-        spec = rig_spec(done.board, timestep=timestep, integrator=integrator)
-    return Mjcf(_commented(spec, board, done, kind, export, coupling), done, export)
+        spec = rig_spec(done.board, timestep=timestep, integrator=integrator, exact_effects=exact_effects)
+    comments = _comments(board, done, kind, export, coupling, exact_effects=exact_effects)
+    return Mjcf(_commented(spec, comments), done, export)
 
 
-def _commented(
-    spec: mujoco.MjSpec, board: Board, done: Compensation, kind: Kind, export: Export, coupling: Coupling
-) -> str:
-    """Insert comments above the elements they speak of."""
+def _commented(spec: mujoco.MjSpec, comments: Sequence[tuple[str, Sequence[str]]]) -> str:
+    """Write the spec, each comment above the element that it speaks of."""
     spec.compile()
     xml = spec.to_xml()
-    for pattern, lines in _comments(board, done, kind, export, coupling):
+    for pattern, lines in comments:
         found = re.search(pattern, xml, re.M)
         if found is None:
             continue
-        indent = found[1]
-        text = "".join(f"{indent}<!-- {_safe(line)} -->\n" for line in lines)
+        text = "".join(f"{found[1]}<!-- {_safe(line)} -->\n" for line in lines)
         xml = xml[: found.start()] + text + xml[found.start() :]
     return xml
 
 
 def _comments(
-    board: Board, done: Compensation, kind: Kind, export: Export, coupling: Coupling
+    board: Board,
+    done: Compensation,
+    kind: Kind,
+    export: Export,
+    coupling: Coupling,
+    *,
+    exact_effects: bool,
 ) -> list[tuple[str, list[str]]]:
+    """Return for each kind of element a pattern of its line, and what to say above it."""
     written = done.board
     head = [
         f"Board '{board.name}': {board.description}. Source: {board.source}.",
@@ -127,7 +144,9 @@ def _comments(
             f"Fitted to {', '.join(str(log) for log in fitted)}, {board.fit.get('date', 'date unknown')}."
         )
     tilt += [
-        f"Effect {part.name}: " + ", ".join(f"{key} {_text(q)}" for key, q in part.parameters.items()) + "."
+        f"Effect {part.name}: "
+        + ", ".join(f"{key} {_text(q)}" for key, q in part.parameters.items())
+        + f"; {_realisation(part.name, exact=exact_effects)}."
         for part in board.effects
     ]
     rake = board.geometry["rake"].value
@@ -145,6 +164,13 @@ def _comments(
         (r"^([ \t]*)<body name=\"deck\"", inertia),
         (r"^()<mujoco", head),
     ]  # fmt: skip
+
+
+def _realisation(name: str, *, exact: bool) -> str:
+    support = effect(name).mujoco
+    if exact or not support.since or support.exact_in(OLDEST):
+        return support.means
+    return f"substitute for MuJoCo {OLDEST}: {support.substitute}"
 
 
 def _text(quantity: Quantity) -> str:

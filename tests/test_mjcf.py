@@ -86,6 +86,21 @@ def test_every_effect_is_written_and_loads(name: str, kind: str):
     assert model.joint("board_tilt_joint").axis[0] == 1.0
 
 
+@pytest.mark.parametrize("name", ["viscoelastic", "stribeck", "hysteresis"])
+def test_substitutes_need_nothing_newer_than_mujoco_3_11(name: str):
+    board = load_board(shipped_data() / "boards" / "pink.toml")
+    found = catalogue()[name]
+    pairs = zip(found.parameters, found.example, strict=True)
+    rich = replace(board, effects=(BoardEffect(name, {p.name: Quantity(v, 0.0, p.unit) for p, v in pairs}),))
+    exact, older = (
+        board_mjcf(rich, "bench", export="physical", exact_effects=exact).xml for exact in (True, False)
+    )
+    assert "substitute for MuJoCo 3.11" in older
+    assert "substitute" not in exact
+    for newer in ("dcmotor", "springyield", "lugre"):
+        assert newer not in older
+
+
 def test_defaults_of_export():
     assert default_export("bench", 0.001) == "physical"
     assert default_export("bench", 0.002) == "step-compensated"

@@ -24,6 +24,7 @@ def mjcf(
         Literal["physical", "step-compensated", "in-scene"] | None, Parameter(name="--export")
     ] = None,
     coupling: Annotated[Literal["equality", "direct"], Parameter(name="--coupling")] = "equality",
+    substitutes: Annotated[bool, Parameter(name="--substitutes", negative="")] = False,
     common: Common = _NO_COMMON,
 ) -> int:
     """Write a board as MJCF.
@@ -39,6 +40,7 @@ def mjcf(
             this step; 'in-scene' those that make it right with wheels and coupling too. By default in-scene
             for a scene, and for a bench physical up to 1 ms and step-compensated above.
         coupling: How tilt steers the trucks: a joint equality, or trucks set from outside after each step.
+        substitutes: Write effects that need a newer MuJoCo than 3.11 as the nearest that 3.11 has.
         common: Options of every command.
     """
     from sim.mjcf import board_mjcf
@@ -51,7 +53,13 @@ def mjcf(
     record = common.space.load_board(board)
     kind = "bench" if bench else "scene"
     made = board_mjcf(
-        record, kind, timestep=timestep, integrator=integrator, export=export, coupling=coupling
+        record,
+        kind,
+        timestep=timestep,
+        integrator=integrator,
+        export=export,
+        coupling=coupling,
+        exact_effects=not substitutes,
     )
     write_atomically(output, made.xml)
     done = made.compensation
