@@ -41,7 +41,7 @@ def roll_from_rate(path: Path, choice: Choice, clock: Clock, rate: Array) -> Rol
     rate_std = np.full(rate.size, noise.std)
     excess = saturated(rate, noise)
     warnings = [*clock.warnings, *choice.warnings]
-    if excess.any():
+    if excess is not None:
         np.maximum(rate_std, excess, out=rate_std)
         warnings.append(
             f"the gyro is saturated at {np.abs(rate[excess > 0]).max():.3g} rad/s in {np.count_nonzero(excess)} "

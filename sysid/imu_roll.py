@@ -209,8 +209,9 @@ def accel_in_si(accel: Array, choice: Choice) -> Array | None:
 
 def _warn_of_saturation(choice: Choice, columns: Array) -> None:
     for name, column in zip(choice.columns, columns.T, strict=True):
-        count = np.count_nonzero(saturated(column, estimate_noise(column)))
-        if count:
+        excess = saturated(column, estimate_noise(column))
+        if excess is not None:
+            count = np.count_nonzero(excess)
             choice.warnings.append(
                 f"'{name}' is saturated in {count} samples (up to {np.abs(column).max():.4g}): "
                 "angles after them are off, use a range that is wide enough"

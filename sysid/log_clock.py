@@ -41,7 +41,8 @@ def even_clock(count: int, rate: float, kept: npt.NDArray[np.intp] | None = None
     """Return the clock of `count` rows sampled `rate` times a second, at the rows that were `kept`."""
     rows = np.arange(count) if kept is None else kept
     clock = Clock((rows - rows[0]) / rate, notes=[f"time from --rate: {rate:g} Hz"])
-    _report_gaps(clock)
+    if clock.time.size > 1:
+        _report_gaps(clock, np.diff(clock.time))
     return clock
 
 
@@ -82,23 +83,31 @@ def repair_clock(stamps: Array, signal: Array, unit: str | None, name: str) -> C
         HuskyError: The stamps do not increase, so they are no clock.
     """
     scale, why = time_scale(stamps, unit)
-    clock = Clock((stamps - stamps[0]) * scale)
+    clock = Clock(stamps if stamps[0] == 0 and scale == 1 else (stamps - stamps[0]) * scale)
     clock.notes.append(f"time '{name}' {why}")
     steps = np.diff(clock.time)
-    if steps.size == 0 or not np.any(steps):
+    if steps.size == 0 or steps.min() == steps.max() == 0:
         raise HuskyError(
             f"the time column '{name}' never changes. Name another with --time-column, or give --rate."
         )
-    if steps.min() < 0:
-        _undo_going_back(clock, scale, name)
-        steps = np.diff(clock.time)
     if steps.min() <= 0:
-        _drop_copies(clock, clock.of(signal))
-        steps = np.diff(clock.time)
+        if steps.min() < 0:
+            _undo_going_back(clock, scale, name)
+        if np.diff(clock.time).min() <= 0:
+            _drop_copies(clock, clock.of(signal))
     drop_repeats(clock, clock.of(signal))
-    _even_out(clock, clock.of(signal))
-    _report_gaps(clock)
+    if clock.time.size != stamps.size or steps.min() <= 0:
+        steps = np.diff(clock.time)
+    if _even_out(clock, clock.of(signal), steps):
+        steps = np.diff(clock.time)
+    _report_gaps(clock, steps)
     return clock
+
+
+def usual_step(steps: Array) -> float:
+    """Return the median of the steps, or of enough of them."""
+    first = max(0, (steps.size - SAMPLE) // 2)
+    return float(np.median(steps[first : first + SAMPLE]))
 
 
 def drop_repeats(clock: Clock, signal: Array) -> None:
@@ -145,7 +154,7 @@ def _held_rows(signal: Array) -> int:
 
 
 def _undo_going_back(clock: Clock, scale: float, name: str) -> None:
-    time = clock.time
+    time = clock.time = clock.time.copy()
     steps = np.diff(time)
     usual = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
     for modulus, bits in WRAPS.items():
@@ -175,7 +184,7 @@ def _undo_going_back(clock: Clock, scale: float, name: str) -> None:
             "Name another column with --time-column, or give --rate."
         )
     clock.select(np.argsort(time, kind="stable"))
-    clock.time -= clock.time[0]
+    clock.time = clock.time - clock.time[0]
     clock.warnings.append(f"{back.size} rows were out of order, first at row {row + 1}: sorted by time")
 
 
@@ -187,23 +196,22 @@ def _drop_copies(clock: Clock, signal: Array) -> None:
     clock.warnings.append(f"{np.count_nonzero(same_time)} rows are copies of the row before: dropped")
 
 
-def _even_out(clock: Clock, signal: Array) -> None:
-    """Replace late stamps by the even clock of the sensor."""
-    steps = np.diff(clock.time)
+def _even_out(clock: Clock, signal: Array, steps: Array) -> bool:
+    """Replace late stamps by the even clock of the sensor; return whether the clock has changed."""
     first = max(0, (steps.size - SAMPLE) // 2)
     some = np.sort(steps[first : first + SAMPLE])
     low, usual, high = np.percentile(some, (5, 50, 95))
     mean = float(some[: some.size - max(3, some.size // 400)].mean())  # a few gaps aside
     forced = bool(steps.min() <= 0)
     if not forced and high - low < 0.02 * usual and mean < 1.5 * usual:
-        return
+        return False
     bursts = forced or bool(np.mean(some < 0.25 * mean) > 0.2)
     even = _even_times(clock.time)
     if even is None:
         if forced:
             clock.time = _spread(clock.time)
             clock.warnings.append("several rows share one time stamp: spread evenly up to the next stamp")
-        return
+        return forced
     if not bursts:  # no sensor measures in bursts, but it may well measure unevenly
         stamped, evened = _roughness(clock.time, signal), _roughness(even, signal)
         if not evened < 0.7 * stamped:
@@ -212,13 +220,14 @@ def _even_out(clock: Clock, signal: Array) -> None:
                     f"uneven sampling kept (steps {low * 1e3:.3g} to {high * 1e3:.3g} ms): the signal is as "
                     "smooth on it as on an even clock"
                 )
-            return
+            return False
     late = float(np.percentile(np.abs(clock.time - even - np.median(clock.time - even)), 95))
     clock.time = even - even[0]
     clock.warnings.append(
         f"time stamps {'come in bursts' if bursts else 'jitter'} (up to {late * 1e3:.3g} ms off): "
         f"replaced by the sensor's even clock of {1 / float(np.median(np.diff(even))):.4g} Hz"
     )
+    return True
 
 
 def _even_times(time: Array) -> Array | None:
@@ -289,13 +298,13 @@ def _spread(time: Array) -> Array:
     return spread
 
 
-def _report_gaps(clock: Clock) -> None:
-    steps = np.diff(clock.time)
-    usual = float(np.median(steps))
-    gaps = np.flatnonzero(steps > GAP * usual)
-    if gaps.size:
-        worst = int(gaps[np.argmax(steps[gaps])])
-        clock.warnings.append(
-            f"{gaps.size} gaps in the record, the longest of {steps[worst]:.3g} s at {clock.time[worst]:.4g} s: "
-            "nothing was filled in"
-        )
+def _report_gaps(clock: Clock, steps: Array) -> None:
+    limit = GAP * usual_step(steps)
+    if steps.max() <= limit:
+        return
+    gaps = np.flatnonzero(steps > limit)
+    worst = int(gaps[np.argmax(steps[gaps])])
+    clock.warnings.append(
+        f"{gaps.size} gaps in the record, the longest of {steps[worst]:.3g} s at {clock.time[worst]:.4g} s: "
+        "nothing was filled in"
+    )

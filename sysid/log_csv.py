@@ -16,6 +16,7 @@ from sysid.log_names import parse_unit
 from sysid.roll import Array
 
 HEAD_BYTES = 1 << 18
+HEAD_LINES = 2000
 MAX_LINE = 20_000
 DIALECTS = (
     (",", "."),
@@ -171,6 +172,9 @@ def open_csv(path: Path) -> CsvTable:
     lines = text.splitlines()
     if len(head) == HEAD_BYTES and len(lines) > 1:
         lines.pop()  # cut in the middle
+    del lines[HEAD_LINES:]
+    if not text.strip("\ufeff \r\n\t\0"):
+        raise HuskyError(f"{path}: the file is empty. Was the recording saved?")
     if max(map(len, lines)) > MAX_LINE:
         raise HuskyError(
             f"{path}: a line of {max(map(len, lines))} characters: no table with a row for each sample. "

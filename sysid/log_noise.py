@@ -62,28 +62,31 @@ def quantisation_step(blocks: Array) -> float:
     return step if np.mean(np.abs(ratio - np.round(ratio)) < 0.1) > 0.95 else 0.0
 
 
-def saturated(signal: Array, noise: Noise) -> Array:
-    """Return how far each sample may lie beyond the value that the sensor stopped at, shape (n,); 0 where free.
+def saturated(signal: Array, noise: Noise) -> Array | None:
+    """Return how far each sample may lie beyond the value that the sensor stopped at, shape (n,), 0 where free.
 
     A sensor at its limit repeats its largest or smallest value, and goes in and out of it steeply. At a
     turning point, even of a coarsely quantised signal, the way in and out is flat; a deck that is held
     leaves gently. Beyond the limit the motion is taken as a parabola through the slopes at both ends:
-    height = slope · duration / 4.
+    height = slope · duration / 4. None where nothing is saturated.
     """
-    excess = np.zeros_like(signal)
+    excess: Array | None = None
     for limit in (signal.max(), signal.min()):
-        at_limit = signal == limit
-        if np.count_nonzero(at_limit) < 3:
+        at_limit = np.flatnonzero(signal == limit)
+        if at_limit.size < 3:
             continue
-        edges = np.flatnonzero(np.diff(np.concatenate(([False], at_limit, [False])).astype(np.int8)))
-        for start, stop in edges.reshape(-1, 2):
-            if stop - start < 3 or start < 2 or stop > signal.size - 2:
-                continue
-            slope_in = abs(signal[start - 1] - signal[start - 2])
-            slope_out = abs(signal[stop] - signal[stop + 1]) if stop + 1 < signal.size else 0.0
-            slope = min(slope_in, slope_out)
-            if slope > 4 * max(noise.std, noise.step):
-                excess[start:stop] = slope * (stop - start) / 4
+        breaks = np.flatnonzero(np.diff(at_limit) > 1)
+        starts = at_limit[np.concatenate(([0], breaks + 1))]
+        stops = at_limit[np.concatenate((breaks, [at_limit.size - 1]))] + 1
+        inside = (stops - starts >= 3) & (starts >= 2) & (stops <= signal.size - 2)
+        starts, stops = starts[inside], stops[inside]
+        slopes = np.minimum(
+            np.abs(signal[starts - 1] - signal[starts - 2]), np.abs(signal[stops] - signal[stops + 1])
+        )
+        for run in np.flatnonzero(slopes > 4 * max(noise.std, noise.step)):
+            excess = np.zeros_like(signal) if excess is None else excess
+            start, stop = starts[run], stops[run]
+            excess[start:stop] = slopes[run] * (stop - start) / 4
     return excess
 
 

