@@ -31,12 +31,16 @@ BAND = 4.0
 """Upper end of the band in which the joint moves, in natural frequencies."""
 TIE = 8.0
 """Difference of score below which two models are not told apart (odds of e⁴ at most)."""
-PRECISE = 4.0
+PRECISE = 10.0
 """Residual over noise floor from which the sensor sees more than any model of a joint holds."""
-EXPLAINED = 0.9
-"""Share of the held-out error that effects must take away to be named without reaching the noise."""
-MATERIAL = 0.006
-"""Error of the model beyond noise, over the RMS roll, below which nothing is missing that matters."""
+VISIBLE = 3.0
+"""Residual over noise floor from which a small rest is a matter of taste, not of detection."""
+EXPLAINED = 0.8
+"""Share of the squared held-out error that effects must take away to be named without reaching the noise."""
+NEAR = 3.0
+"""Where no residual is white, one more effect must cut the squared held-out error by this factor."""
+MATERIAL = 0.0075
+"""Error of the model over the RMS of the motion below which nothing is missing that matters."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,7 +112,8 @@ class _Case:
 
 def whiteness(model: Model, period: float) -> float:
     """Return the probability that the residual of a model is white, by its power in the joint's band."""
-    steps = [float(np.median(np.diff(r.time))) for r in model.problem.records]
+    average = model.problem.average
+    steps = [average * float(np.median(np.diff(r.time))) for r in model.problem.records]
     return band_excess(model.residuals, steps, BAND / period)[1]
 
 
@@ -149,11 +154,11 @@ def diagnose(
     pairs = searcher.pairs(singles, ranked[:3] if settled else None)
     models = [*singles, *pairs]
     if not any(whiteness(m, period) > WHITE for m in sorted(models, key=lambda m: m.chi2)[:4]):
-        best_pairs = sorted(pairs, key=lambda m: m.chi2)[:2]
+        best_pairs = sorted(pairs, key=lambda m: m.chi2)[:1]
         models += searcher.neighbours(best_pairs, singles)
     final = _finalists(searcher, models, singles[0])
     base = next(m for m in final if m.effects == searcher.base)
-    scores = _scores([*final, *models], final, len(searcher.names()))
+    scores = _scores(final, models, len(searcher.names()))
     final.sort(key=lambda m: scores[m.effects])
     case = _Case(board, base, final, scores, noise, period)
     verdict, best, shares = _judge(case)
@@ -222,21 +227,27 @@ def _finalists(searcher: Searcher, models: Sequence[Model], base: Model) -> list
 
 
 def _scores(
-    models: Sequence[Model], reference: Sequence[Model], catalogue: int
+    finalists: Sequence[Model], screened: Sequence[Model], catalogue: int
 ) -> dict[tuple[str, ...], float]:
-    """Return the extended BIC of models (Chen and Chen, Biometrika 95, 2008), less the best.
+    """Return the extended BIC of models (Chen and Chen, Biometrika 95, 2008), less the best finalist.
 
-    Residuals that are correlated over c samples count as n/c independent ones.
+    Residuals that are correlated over c samples count as n/c independent ones. Screened models were
+    fitted to averages; what that hides is the same for all, and known from those fitted both ways.
     """
-    best = min(reference, key=lambda m: m.chi2)
-    n = best.problem.samples
+    best = min(finalists, key=lambda m: m.chi2)
     length = max(1.0, correlation_length(best.residuals))
-    variance = max(best.chi2 / n, 0.25)
-    price = np.log(max(n / length, 3.0)) + 2 * np.log(catalogue)
-    scores: dict[tuple[str, ...], float] = {}
-    for model in models:  # the first of equal effects counts: the refined one
-        scores.setdefault(model.effects, model.chi2 / (variance * length) + price * model.size)
-    low = min(scores[m.effects] for m in reference)
+    variance = max(best.chi2 / best.samples, 0.25)
+    price = np.log(max(best.samples / length, 3.0)) + 2 * np.log(catalogue)
+    refined = {m.effects: m for m in finalists}
+    both = [refined[m.effects].chi2 - m.chi2 for m in screened if m.effects in refined]
+    hidden = float(np.median(both)) if both else 0.0
+
+    def score(model: Model, chi2: float) -> float:
+        return chi2 / (variance * length) + price * model.size
+
+    scores = {m.effects: score(m, m.chi2 + hidden) for m in screened}
+    scores.update({m.effects: score(m, m.chi2) for m in finalists})
+    low = min(scores[m.effects] for m in finalists)
     return {key: value - low for key, value in scores.items()}
 
 
@@ -263,22 +274,26 @@ def _judge_white(case: _Case, winner: Model) -> tuple[Verdict, Model, dict[str, 
 
 def _judge_prediction(case: _Case) -> tuple[Verdict, Model, dict[str, float]]:
     """Something is left: the simplest of the best predictors, and only if it takes most of the error away."""
-    best = min(case.models, key=lambda m: m.heldout_rmse)
-    near = [m for m in case.models if _within_one_error(m, best)]
-    fewest = min(m.size for m in near)
-    winner = min((m for m in near if m.size <= fewest), key=lambda m: m.heldout_rmse)
+    few = [m for m in case.models if len(case.missing(m)) <= 2]
+    best = min(few, key=lambda m: m.heldout_rmse)
+    near = [
+        m for m in few
+        if _within_one_error(m, best) or case.excess(m) <= NEAR * case.excess(best)
+    ]  # fmt: skip
+    fewest = min(len(m.effects) for m in near)
+    winner = min((m for m in near if len(m.effects) == fewest), key=lambda m: (m.size, m.heldout_rmse))
     before, after = case.excess(case.base), case.excess(winner)
     explained = 1.0 - after / before if before > 0 else 0.0
-    motion = _motion_rms(case.base)
-    if np.sqrt(before) < MATERIAL * motion:
+    precise = winner.rmse > PRECISE * case.noise.std
+    rest = case.base.rmse / _motion_rms(case.base)
+    if rest < MATERIAL and case.base.rmse > VISIBLE * case.noise.std:
         text = (
-            f"Nothing is missing that matters: the model predicts the motion to {np.sqrt(before) / motion:.2%} of "
-            "its RMS. What is left is not noise, but too small to say what it is."
+            f"Nothing is missing that matters: the model follows the motion to {rest:.2%} of its RMS. "
+            "What is left is not noise, but too small to say what it is."
         )
         verdict = _verdict(case, case.base, "none-missing", (), 0.8, (), "", text)
         return verdict, case.base, {}
     named = case.missing(winner)
-    precise = winner.rmse > PRECISE * case.noise.std
     if named and precise and explained >= EXPLAINED:
         return _partly(case, winner, near, explained)
     return _unexplained(case, winner, explained)
@@ -290,15 +305,14 @@ def _partly(
     named = case.missing(winner)
     alike = tuple(
         case.missing(m) for m in near
-        if m is not winner and m is not case.base and m.size <= winner.size + 1
-        and not set(m.effects) > set(winner.effects)
+        if m is not winner and m is not case.base and len(m.effects) == len(winner.effects)
     )  # fmt: skip
     shares = strength(winner.problem, winner.minimum, named)
     text = (
         f"{_list(named)} {_is(named)} missing: with {_it(named)} the prediction of held-out motion has "
         f"{explained:.0%} less squared error. {_shares(shares)} The sensor is so precise that a rest of "
-        f"{winner.rmse / case.noise.std:.0f} times its noise remains; no pair of known effects predicts better "
-        "by more than the scatter between releases."
+        f"{winner.rmse / case.noise.std:.0f} times its noise remains; one known effect "
+        "more does not cut the error of prediction to a third."
     )
     confidence = 0.9 * explained / (1 + len(alike))
     experiment = _experiment(named, alike)

@@ -153,6 +153,70 @@ def fit_joint(
     return summarise(problem, minimum, board, noise, evaluations)
 
 
+def fit_to_others(
+    board: Board, records: Sequence[Record], *, bias: Bias = "shared", law: JointLaw | None = None
+) -> list[Array]:
+    """Return the residuals of a law that is given, with only roll and rate at each release fitted.
+
+    Args:
+        board: Its law is taken, unless `law` is given.
+        records: Releases.
+        bias: With 'own', the sensor zero of each release is fitted too.
+        law: The joint.
+
+    Returns:
+        Model minus measurement of each record [rad or rad/s].
+    """
+    return own_motion(law or JointLaw.from_board(board), records, bias=bias)[0]
+
+
+def own_motion(
+    law: JointLaw, records: Sequence[Record], *, bias: Bias = "shared", steps_per_period: int = 120
+) -> tuple[list[Array], list[tuple[float, float]]]:
+    """Fit roll and rate at each release to a given law.
+
+    Returns:
+        Residuals of each record, and (roll [rad], rate [rad/s]) at each release.
+    """
+    structure = law.structure
+    amplitude = max(max(float(np.ptp(r.release.roll)) for r in records) / 1.6, 1e-4)
+    scales = Scales(
+        inertia=law.inertia, stiffness=max(law.frequency**2 * law.inertia, 1e-9), damping=max(law.damping, 0.0),
+        amplitude=amplitude, duration=max(float(r.time[-1]) for r in records),
+    )  # fmt: skip
+    parameters = dict(zip(structure.parameters, map(float, law.vector), strict=True))
+    del parameters["inertia"]
+    free_states = bool(structure.memories) and any(r.release.hold <= 0 for r in records)
+    residuals: list[Array] = []
+    starts: list[tuple[float, float]] = []
+    for record in records:
+        problem = Problem(
+            structure, [record], scales, bias=bias, fixed=parameters, free_states=free_states,
+            steps_per_period=steps_per_period,
+        )  # fmt: skip
+        found = minimise(problem.normal, problem.start(parameters), *problem.bounds(), iterations=30)
+        if not np.isfinite(found.normal.cost):
+            raise HuskyError(
+                "the record's law moves without bound from the measured release. Refit it (husky-sysid fit)."
+            )
+        residuals += problem.residuals(found.point)
+        own = found.point * problem.sizes()
+        starts.append((float(own[0]), float(own[1])))
+    return residuals, starts
+
+
+def heldout_rmse(fit: JointFit) -> float:
+    """Return the error on releases that were left out, one after another [rad or rad/s].
+
+    With one release it is the second half of its motion, predicted from the first.
+    """
+    from sysid.model_search import Model, Searcher
+
+    searcher = Searcher(records=fit.records, scales=fit.problem.scales, bias=fit.problem.bias)
+    model = Model(effects=fit.problem.structure.effects, problem=fit.problem, minimum=fit.minimum)
+    return searcher.predicted(model).heldout_rmse
+
+
 def scales_of(records: Sequence[Record], board: Board) -> Scales:
     """Return the sizes of the problem from a linear fit, started from the data and from the board."""
     amplitude = max(float(np.ptp(r.release.roll)) for r in records)
@@ -240,6 +304,7 @@ def search(
     fixed: Mapping[str, float] | None = None,
     steps_per_period: int = 60,
     starts: Sequence[Mapping[str, float]] | None = None,
+    average: int = 1,
 ) -> tuple[Problem, Minimum, int]:
     """Find the best parameters of a structure: many short searches on a coarse grid, the best one finely.
 
@@ -257,7 +322,7 @@ def search(
     coarse_steps = min(24, steps_per_period)
     coarse = Problem(
         structure, records, scales, bias=bias, fixed=fixed, free_states=free_states,
-        steps_per_period=coarse_steps,
+        steps_per_period=coarse_steps, average=average,
     )  # fmt: skip
     horizons = [1.25, 4.0] if structure.effects else []
     early = [
@@ -296,7 +361,7 @@ def replace_records(problem: Problem, records: Sequence[Record]) -> Problem:
     """Return the same problem on other records."""
     return Problem(
         problem.structure, records, problem.scales, bias=problem.bias, fixed=problem.fixed,
-        free_states=problem.free_states, steps_per_period=problem.steps_per_period,
+        free_states=problem.free_states, steps_per_period=problem.steps_per_period, average=problem.average,
     )  # fmt: skip
 
 
@@ -454,7 +519,8 @@ def parameter_covariance(problem: Problem, minimum: Minimum, residuals: Sequence
 
 
 def _inverse(matrix: Array) -> Array:
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    diagonal = np.diag(matrix)
+    scale = 1.0 / np.sqrt(np.maximum(diagonal, 1e-24 * max(float(diagonal.max(initial=0.0)), 1e-200)))
     values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
     # A direction that the data leave open keeps a huge variance instead of none.
     floored = np.maximum(values, 1e-13 * max(float(values[-1]), 1e-300))

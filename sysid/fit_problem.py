@@ -77,6 +77,10 @@ class _Path:
     steps: int
     at: Any
     """Sparse matrix from grid values and slopes to the samples, shape (n, 2 steps)."""
+    signal: Array
+    time: Array
+    std: float
+    """Signal, time and noise of the samples, or of means of neighbours; shape (n,)."""
 
 
 @dataclass(slots=True)
@@ -95,6 +99,8 @@ class Problem:
     """Parameters held at a value, by the structure's names."""
     free_states: bool = True
     steps_per_period: int = 40
+    average: int = 1
+    """Neighbouring samples whose means are fitted instead of each: nearly as good, and quicker."""
     weights: Sequence[Array] | None = None
     """Of each sample of each record, for robust losses; None for all ones."""
     _flow: Flow = field(init=False)
@@ -110,7 +116,13 @@ class Problem:
         for record in self.records:
             steps = steps_for(float(record.time[-1]), self.step)
             at = hermite_matrix(record.time, self.step, steps, slope=record.is_rate)
-            self._paths.append(_Path(record, steps, at))
+            mean = _averaging(len(record.time), self.average)
+            self._paths.append(
+                _Path(
+                    record, steps, mean @ at, mean @ record.signal, mean @ record.time,
+                    record.std / float(np.sqrt(self.average)),
+                )
+            )  # fmt: skip
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -125,7 +137,7 @@ class Problem:
     @property
     def samples(self) -> int:
         """Number of residuals."""
-        return sum(len(record.time) for record in self.records)
+        return sum(len(path.signal) for path in self._paths)
 
     def sizes(self) -> Array:
         """Return the size of each unknown, shape (p,)."""
@@ -205,18 +217,18 @@ class Problem:
             table[1::2, 1:] = seen[3::2][columns].T
             with np.errstate(all="ignore"):
                 at = path.at @ table
-            result.append(self._observed(path.record, at, mine, parameters))
+            result.append(self._observed(path, at, mine, parameters))
         return result
 
     def _observed(
-        self, record: Record, at: Array, mine: Array, values: Mapping[str, float]
+        self, path: _Path, at: Array, mine: Array, values: Mapping[str, float]
     ) -> tuple[Array, Array]:
         """Subtract the measurement and add what the sensor adds of its own."""
-        residual, jacobian = at[:, 0] - record.signal, at[:, 1:]
-        one = np.ones_like(record.time)
+        residual, jacobian = at[:, 0] - path.signal, at[:, 1:]
+        one = np.ones_like(path.time)
         columns = {
-            "sensor-bias.angle": 0 * one if record.is_rate else one,
-            "sensor-drift.rate": one if record.is_rate else record.time,
+            "sensor-bias.angle": 0 * one if path.record.is_rate else one,
+            "sensor-drift.rate": one if path.record.is_rate else path.time,
         }
         for name, column in columns.items():
             if name in values:
@@ -241,7 +253,7 @@ class Problem:
             where = np.r_[0:shared, shared + index * own : shared + (index + 1) * own]
             if max(float(np.abs(residual).max()), float(np.abs(jacobian).max())) > 1e30:
                 return Normal(np.inf, gradient, hessian)
-            scale = 1.0 / self.records[index].std
+            scale = 1.0 / self._paths[index].std
             r, j = residual * scale, jacobian * (scale * sizes[where])
             if self.weights is not None:
                 root = np.sqrt(self.weights[index])
@@ -250,6 +262,18 @@ class Problem:
             gradient[where] += j.T @ r
             hessian[np.ix_(where, where)] += j.T @ j
         return Normal(cost, gradient, hessian)
+
+
+def _averaging(count: int, width: int) -> Any:
+    """Return the sparse matrix of means of `width` neighbours, shape (count // width, count)."""
+    from scipy.sparse import csr_matrix, identity
+
+    if width == 1:
+        return identity(count, format="csr")
+    rows = count // width
+    used = rows * width
+    entries = np.full(used, 1.0 / width)
+    return csr_matrix((entries, (np.arange(used) // width, np.arange(used))), shape=(rows, count))
 
 
 def _first_motion(record: Record) -> tuple[float, float]:

@@ -38,8 +38,13 @@ class Model:
 
     @property
     def chi2(self) -> float:
-        """Sum of squared residuals in units of the noise floor."""
-        return 2.0 * self.minimum.normal.cost
+        """Sum of squared residuals in units of the noise floor; what averaging hid is taken for noise."""
+        return 2.0 * self.minimum.normal.cost + self.samples - self.problem.samples
+
+    @property
+    def samples(self) -> int:
+        """Number of samples that were fitted, singly or averaged."""
+        return sum(len(record.time) for record in self.problem.records)
 
     @property
     def size(self) -> int:
@@ -60,7 +65,7 @@ class Model:
     @property
     def rmse(self) -> float:
         """Root mean square residual."""
-        return float(np.sqrt(self.chi2 / self.problem.samples)) * self.problem.records[0].std
+        return float(np.sqrt(self.chi2 / self.samples)) * self.problem.records[0].std
 
     @property
     def heldout_rmse(self) -> float:
@@ -92,6 +97,13 @@ class Searcher:
     workers: int = 2
     progress: Progress | None = None
 
+    @property
+    def average(self) -> int:
+        """Samples averaged while screening: what leaves forty a period."""
+        period = 2 * np.pi / self.scales.frequency
+        step = float(np.median(np.diff(self.records[0].time)))
+        return max(1, int(period / step / 40))
+
     def names(self) -> list[str]:
         """Return the effects that a free decay can show, which are worth a fit here."""
         known = catalogue()
@@ -105,7 +117,7 @@ class Searcher:
         """Search one model from the catalogue's own starts."""
         problem, minimum, _ = search(
             structure_of(effects), self.records, self.scales, bias=self.bias, steps_per_period=steps,
-            fixed=defaults(effects),
+            fixed=defaults(effects), average=self.average,
         )  # fmt: skip
         return Model(effects=tuple(sorted(effects)), problem=problem, minimum=minimum)
 
@@ -114,7 +126,7 @@ class Searcher:
         effects = tuple(sorted({*one.effects, *other.effects}))
         problem = Problem(
             structure_of(effects), self.records, self.scales, bias=self.bias, steps_per_period=COARSE,
-            fixed=defaults(effects),
+            fixed=defaults(effects), average=self.average,
             free_states=one.problem.free_states or other.problem.free_states,
         )  # fmt: skip
         own = {**self._small(effects)}

@@ -1,0 +1,142 @@
+"""`husky-sysid diagnose`: what the model is missing, or that nothing is, or that nothing known explains it."""
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sysid.board import Board
+from sysid.cli.console import Common, Printer
+from sysid.cli.log_options import LogArguments, load_releases
+from sysid.roll import Release
+
+if TYPE_CHECKING:
+    from sysid.diagnose import Candidate, Diagnosis
+    from sysid.model_search import Progress
+
+_NO_ARGUMENTS = LogArguments()
+_NO_COMMON = Common()
+_SHOWN = 8
+
+
+def diagnose(
+    *logs: Path,
+    board: str,
+    workers: int = 2,
+    arguments: LogArguments = _NO_ARGUMENTS,
+    common: Common = _NO_COMMON,
+) -> int:
+    """Rank the physical effects that the model is missing, or say that nothing is.
+
+    Args:
+        logs: Logs of one board, with several releases in all.
+        board: Name of the board.
+        workers: Threads that search.
+        arguments: How the logs are read.
+        common: Options of every command.
+    """
+    from sysid.diagnose import diagnose as search
+
+    printer = Printer(common)
+    record = common.space.load_board(board)
+    releases = load_releases(logs, arguments, printer)
+    how = signal_of(releases)
+    with progress_bar(printer) as progress:
+        result = search(releases, record, **how, workers=workers, progress=progress)
+    for warning in result.warnings:
+        printer.warn(warning)
+    _print(printer, result, record, len(releases))
+    printer.result(to_json(result, record, [str(log) for log in logs]))
+    return 0
+
+
+def signal_of(releases: list[Release]) -> dict[str, Any]:
+    """Return which signal to fit: the rate where roll is only its integral, own zeros where roll was fused."""
+    origins = {release.origin for release in releases}
+    if origins == {"gyro"} and all(release.rate is not None for release in releases):
+        return {"use_rate": True}
+    return {"bias": "own" if origins & {"gyro", "imu"} else "shared"}
+
+
+@contextmanager
+def progress_bar(printer: Printer) -> Generator["Progress | None"]:
+    """Show a bar on stderr, on a terminal only."""
+    if not printer.stderr.is_terminal:
+        yield None
+        return
+    from rich.progress import Progress as Bar
+
+    with Bar(console=printer.stderr, transient=True) as bar:
+        task = bar.add_task("", total=1.0)
+
+        def update(what: str, share: float) -> None:
+            bar.update(task, description=what, completed=share)
+
+        yield update
+
+
+def _print(printer: Printer, result: "Diagnosis", board: Board, releases: int) -> None:
+    verdict, floor = result.verdict, result.noise
+    printer.say(
+        f"{board.name} · {releases} release(s) · noise floor {np.degrees(floor.std):.3g}° ({floor.how})"
+    )
+    rows = [_row(c, floor.std) for c in result.candidates[:_SHOWN]]
+    if not any(c.effects == () for c in result.candidates[:_SHOWN]):
+        rows.append(_row(result.baseline, floor.std))
+    printer.table(("missing", "error / noise", "held out / noise", "score (0 is best)"), rows)
+    printer.say(
+        f"{verdict.status}: {', '.join(verdict.effects) or '-'} (confidence {verdict.confidence:.0%})"
+    )
+    printer.say(verdict.explanation)
+    for group in verdict.indistinguishable_from:
+        printer.say(f"  looks the same in these logs: {', '.join(group)}")
+    if verdict.next_experiment:
+        printer.say(f"next experiment: {verdict.next_experiment}")
+    if verdict.effects and verdict.status == "missing":
+        from sysid.effects import effect
+
+        fittable = [n for n in verdict.effects if effect(n).role != "record"]
+        if fittable:
+            flags = " ".join(f"--effect {name}" for name in fittable)
+            printer.say(f"to add it: husky-sysid fit LOG... --board {board.name} {flags}")
+
+
+def _row(candidate: "Candidate", floor: float) -> tuple[str, ...]:
+    held = "-" if candidate.heldout_rmse is None else f"{candidate.heldout_rmse / floor:.3f}"
+    name = ", ".join(candidate.effects) or "(nothing)"
+    return name, f"{candidate.rmse / floor:.3f}", held, f"{candidate.score:.1f}"
+
+
+def to_json(result: "Diagnosis", board: Board, logs: list[str]) -> dict[str, Any]:
+    """Return the binding result of the command."""
+    verdict = result.verdict
+    return {
+        "board": board.name,
+        "logs": logs,
+        "noise_floor_rad": result.noise.std,
+        "baseline": {"rmse_rad": result.baseline.rmse, "heldout_rmse_rad": result.baseline.heldout_rmse},
+        "candidates": [
+            {
+                "effects": list(c.effects),
+                "rmse_rad": c.rmse,
+                "heldout_rmse_rad": c.heldout_rmse,
+                "score": c.score,
+                "parameters": {name: quantity.to_json() for name, quantity in c.parameters.items()},
+            }
+            for c in result.candidates
+        ],
+        "verdict": {
+            "status": verdict.status,
+            "effects": list(verdict.effects),
+            "confidence": verdict.confidence,
+            "indistinguishable_from": [list(group) for group in verdict.indistinguishable_from],
+            "error_before_rad": verdict.error_before,
+            "error_after_rad": verdict.error_after,
+            "next_experiment": verdict.next_experiment,
+            "explanation": verdict.explanation,
+            "share_of_peak_torque": dict(result.shares),
+        },
+        "warnings": list(result.warnings),
+    }

@@ -1,0 +1,150 @@
+"""`husky-sysid fit`: the tilt joint that decays like the board, saved in its record."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from cyclopts import Parameter
+
+from sysid.board import Board
+from sysid.cli.console import Common, Printer
+from sysid.cli.diagnose import signal_of
+from sysid.cli.log_options import LogArguments, load_releases
+from sysid.files import atomic_path
+from sysid.roll import Release
+
+if TYPE_CHECKING:
+    from reports.ladder_figure import Rung
+    from sysid.fit_mjcf import FitOptions, JointFit
+
+_NO_ARGUMENTS = LogArguments()
+_NO_COMMON = Common()
+
+
+def fit(
+    *logs: Path,
+    board: Annotated[str, Parameter(name=("--board", "-b"))],
+    effect: Annotated[tuple[str, ...], Parameter(name="--effect", negative="")] = (),
+    plain: bool = False,
+    robust: bool = False,
+    arguments: LogArguments = _NO_ARGUMENTS,
+    common: Common = _NO_COMMON,
+) -> int:
+    """Fit stiffness, damping and effects to logs, and save the board.
+
+    The roll inertia is taken from the record: a free decay alone fixes only k/I, d/I and torque/I.
+
+    Args:
+        logs: Logs of one board.
+        board: Name of the board.
+        effect: Effect to add to those of the record; repeat it for several.
+        plain: Drop the effects that the record has.
+        robust: Let outliers of the sensor count less.
+        arguments: How the logs are read.
+        common: Options of every command.
+    """
+    from sysid.fit_mjcf import FitOptions, check_effects, fit_joint, heldout_rmse
+    from sysid.fit_record import recorded, refuse_bad
+
+    printer = Printer(common)
+    record = common.space.load_board(board)
+    check_effects(effect)
+    kept = () if plain else tuple(part.name for part in record.effects)
+    names = tuple(dict.fromkeys((*kept, *effect)))
+    releases = load_releases(logs, arguments, printer)
+    options = FitOptions(robust=robust, **signal_of(releases))
+    result = fit_joint(releases, record, names, options)
+    for warning in result.warnings:
+        printer.warn(warning)
+    refuse_bad(result)
+    heldout = heldout_rmse(result)
+    new = recorded(record, result, logs, heldout=heldout)
+    rungs = _ladder(releases, record, names, options, result, heldout)
+    path = common.space.save_board(new)
+    picture = _draw(common, new, rungs, result)
+    _print(printer, record, new, result, rungs)
+    printer.say(f"written: {path}, {picture}")
+    printer.result(_to_json(new, result, heldout, rungs))
+    return 0
+
+
+def _ladder(
+    releases: list[Release],
+    board: Board,
+    names: tuple[str, ...],
+    options: "FitOptions",
+    result: "JointFit",
+    heldout: float,
+) -> "list[Rung]":
+    """Return the errors from the linear joint up, one effect more on each rung."""
+    from reports.ladder_figure import Rung
+    from sysid.fit_mjcf import fit_joint, heldout_rmse
+
+    rungs: list[Rung] = []
+    for count in range(len(names)):
+        step = fit_joint(releases, board, names[:count], options)
+        label = f"+ {names[count - 1]}" if count else "spring and\ndamper"
+        rungs.append(Rung(label, step.rmse, heldout_rmse(step)))
+    label = f"+ {names[-1]}" if names else "spring and\ndamper"
+    return [*rungs, Rung(label, result.rmse, heldout)]
+
+
+def _draw(common: Common, board: Board, rungs: "list[Rung]", result: "JointFit") -> Path:
+    from reports.ladder_figure import ladder_figure
+
+    path = common.space.outputs(board.name) / "ladder.png"
+    unit = "rad/s" if result.records[0].is_rate else "rad"
+    with atomic_path(path) as temporary:
+        figure = ladder_figure(rungs, result.noise.std, f"{board.name}: what each effect takes away", unit)
+        figure.savefig(temporary, dpi=140)
+    return path
+
+
+def _print(printer: Printer, old: Board, new: Board, result: "JointFit", rungs: "list[Rung]") -> None:
+    scale, unit = (1.0, "rad/s") if result.records[0].is_rate else (float(np.degrees(1.0)), "°")
+    printer.say(
+        f"{new.name} · {len(result.records)} release(s) · {result.status} · noise floor "
+        f"{scale * result.noise.std:.3g}{unit} ({result.noise.how})"
+    )
+    before: dict[str, Any] = {**{n: q for n, q in old.tilt.items() if n != "range"}}
+    before.update({f"{p.name}.{n}": q for p in old.effects for n, q in p.parameters.items()})
+    rows = [(name, str(before.get(name, "-")), str(quantity)) for name, quantity in result.quantities.items()]
+    printer.table(("quantity", "before", "after ± 95 %"), rows)
+    printer.table(
+        ("model", "error", "held out", "error / noise"),
+        [
+            (
+                rung.label.replace("\n", " "),
+                f"{scale * rung.rmse:.4g}{unit}",
+                f"{scale * rung.heldout:.4g}{unit}",
+                f"{rung.rmse / result.noise.std:.3f}",
+            )
+            for rung in rungs
+        ],
+    )
+    printer.say(f"record as it stood: error {scale * new.history[-1]['rmse_before']:.4g}{unit}")
+
+
+def _to_json(board: Board, result: "JointFit", heldout: float, rungs: "list[Rung]") -> dict[str, Any]:
+    return {
+        "board": board.name,
+        "effects": [name for name, _ in result.law.effects],
+        "inertia": board.inertia.to_json(),
+        "parameters": {name: quantity.to_json() for name, quantity in result.quantities.items()},
+        "correlation": {
+            "names": list(result.quantities),
+            "matrix": np.nan_to_num(result.correlation).tolist(),
+        },
+        "rmse_rad": result.rmse,
+        "nrmse": result.nrmse,
+        "heldout_rmse_rad": heldout,
+        "noise_floor_rad": result.noise.std,
+        "signal": "rate" if result.records[0].is_rate else "roll",
+        "rmse_before_rad": board.history[-1]["rmse_before"],
+        "ladder": [
+            {"model": r.label.replace("\n", " "), "rmse_rad": r.rmse, "heldout_rmse_rad": r.heldout}
+            for r in rungs
+        ],
+        "status": result.status,
+        "warnings": list(result.warnings),
+    }
