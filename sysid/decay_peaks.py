@@ -15,7 +15,9 @@ from sysid.turning_points import find_swing
 
 WINDOW = 0.7
 """Half-width of the local fit at a peak, in radians of ω_n: a cubic is right to 0.1 % there."""
-CLEAR = 4.0
+ONSET = 0.02
+"""Standard deviation of the time of a release, in periods."""
+CLEAR = 6.0
 """A peak counts while its amplitude is this many standard deviations."""
 
 
@@ -62,7 +64,7 @@ def find_peaks(release: Release, rest: float, omega_n: float, omega_d: float, no
         rest: Rest angle [rad].
         omega_n: Natural frequency, for the width of the local fits [rad/s].
         omega_d: Frequency of the oscillation, for the numbers of the half-cycles [rad/s].
-        noise: Standard deviation of one sample [rad].
+        noise: Standard deviation of one sample [rad], positive.
     """
     swing = find_swing(release.time, release.roll, noise)
     offset = np.interp(release.time, swing.time, swing.roll) - rest
@@ -118,8 +120,19 @@ def fit_peak_line(peaks: Sequence[Sequence[Peak]], rest_stds: Sequence[float]) -
     number = np.array([peak.number for _, peak in used], dtype=float)
     owner = np.array([i for i, _ in used])
     log_amplitude = np.array([math.log(peak.amplitude) for _, peak in used])
-    log_std = np.array([math.hypot(peak.std, rest_stds[i]) / peak.amplitude for i, peak in used])
-    slope, slope_std, freedom, intercepts = _shared_slope(number, log_amplitude, log_std, owner)
+    std = np.array([math.hypot(peak.std, rest_stds[i]) for i, peak in used])
+    slope, slope_std, freedom, intercepts = _shared_slope(
+        number, log_amplitude, std / np.exp(log_amplitude), owner
+    )
+    # A small peak that noise has raised must not count for more: weigh by the line's amplitude instead.
+    fitted = np.exp(np.array([intercepts[int(i)] for i in owner]) + slope * number)
+    # Nor may chance decide which of the smallest ones count: what is near the threshold goes, by the line.
+    kept = (fitted > 1.3 * CLEAR * std) | (number <= 2)
+    used = [item for item, keep in zip(used, kept, strict=True) if keep]
+    number, owner, log_amplitude = number[kept], owner[kept], log_amplitude[kept]
+    slope, slope_std, freedom, intercepts = _shared_slope(
+        number, log_amplitude, std[kept] / fitted[kept], owner
+    )
     times = np.array([peak.time for _, peak in used])
     half, half_std, _, _ = _shared_slope(number, times, np.array([peak.time_std for _, peak in used]), owner)
     method = f"{len(used)} peaks, weighted line through ln(amplitude)"
@@ -152,8 +165,8 @@ def _shared_slope(x: Array, y: Array, std: Array, owner: Array) -> tuple[float, 
 def _release_peak(release: Release, rest: float, omega_n: float, omega_d: float, noise: float) -> Peak | None:
     """Return peak 0: the roll at the release, where the rate is zero; None if the sensor is too slow.
 
-    One sample would do but for its noise; so the first ones are taken together, on the course of a decay
-    that starts from rest.
+    The first samples are taken together, on the course of a decay that starts from rest; its start is
+    known to about 2 % of a period, so a small shift in time is fitted along with the amplitude.
     """
     since = release.time - release.start
     near = since <= WINDOW / omega_n
@@ -161,11 +174,13 @@ def _release_peak(release: Release, rest: float, omega_n: float, omega_d: float,
         return None
     a = math.sqrt(max(0.0, omega_n**2 - omega_d**2))
     u, v = decay_basis(since[near], a, omega_d**2)
-    course = u + a * v
-    amplitude = float(course @ (release.roll[near] - rest) / (course @ course))
-    std = noise / float(np.linalg.norm(course))
-    # The onset of the motion is known to about 1 % of a period.
-    return Peak(0, release.start, 0.06 / omega_n, rest + amplitude, abs(amplitude), std)
+    shift = ONSET * 2 * math.pi / omega_n
+    size = abs(float(release.roll[0]) - rest)
+    design = np.vstack([np.column_stack([u + a * v, -(omega_n**2) * v]) / noise, [0.0, 1 / (shift * size)]])
+    target = np.append((release.roll[near] - rest) / noise, 0.0)
+    covariance = np.asarray(np.linalg.inv(design.T @ design), dtype=np.float64)
+    amplitude = float(covariance[0] @ (design.T @ target))
+    return Peak(0, release.start, shift, rest + amplitude, abs(amplitude), math.sqrt(float(covariance[0, 0])))
 
 
 def _local_peak(release: Release, index: int, rest: float, omega_n: float, noise: float) -> Peak:
@@ -190,7 +205,9 @@ def _local_peak(release: Release, index: int, rest: float, omega_n: float, noise
         top = float(np.clip(top - slope / curve if curve else top, -1, 1))
     at = top ** np.arange(order + 1)
     by_time = np.arange(order + 1) * top ** np.maximum(np.arange(order + 1) - 1, 0)
-    value = float(c @ at)
+    # The extremum of a noisy curve lies outside the true one, by half the variance of its slope over its bend.
+    raised = 0.5 * (noise * float(np.linalg.norm(by_time @ inverse))) ** 2 / bend if bend else 0.0
+    value = float(c @ at) + (raised if abs(raised) < 0.1 * abs(float(c @ at) - rest) else 0.0)
     value_std = noise * float(np.linalg.norm(at @ inverse))
     time_std = noise * float(np.linalg.norm(by_time @ inverse)) / max(abs(bend), 1e-12) * width
     time = float(release.time[index]) + top * width

@@ -19,6 +19,8 @@ from sysid.errors import HuskyError
 from sysid.roll import Array, Release
 from sysid.turning_points import find_swing, legs_of
 
+BEST_SENSOR = 1e-6
+"""No sensor has less noise than this share of its swing; a log without any was computed."""
 HAND_LEAVES = 0.08
 """Share of the first amplitude after which a hand has surely left the deck."""
 
@@ -231,7 +233,8 @@ def _with_uncertainty(traces: Sequence[Trace], poles: Array, signal: Literal["ro
     residuals, jacobians = [part[1] for part in parts], [part[2] for part in parts]
     count = sum(len(residual) for residual in residuals)
     free = count - 2 - 3 * len(traces)
-    variance = sum(float(residual @ residual) for residual in residuals) / free
+    finest = BEST_SENSOR * max(float(np.ptp(trace.measured)) for trace in traces)
+    variance = max(sum(float(residual @ residual) for residual in residuals) / free, finest**2)
     bread = np.asarray(np.linalg.inv(sum((j.T @ j for j in jacobians), np.zeros((2, 2)))), dtype=np.float64)
     rho = _correlation(residuals)
     # Correlated residuals count for less (Bartlett, 1935): the variance of a mean grows by (1+ρ)/(1-ρ).

@@ -16,7 +16,7 @@ from sysid.decay_numbers import decay_numbers, numbers_from_decrement
 from sysid.decay_patterns import Pattern, find_patterns
 from sysid.decay_peaks import Peak, PeakLine, find_peaks, fit_peak_line
 from sysid.decay_peaks import log_decrement_two_peaks as log_decrement_two_peaks
-from sysid.decay_trace import TraceFit, decay_basis, fit_traces
+from sysid.decay_trace import BEST_SENSOR, TraceFit, decay_basis, fit_traces
 from sysid.errors import HuskyError
 from sysid.noise import NoiseFloor, ljung_box, noise_floor
 from sysid.quantity import Quantity
@@ -144,7 +144,8 @@ def _rest_angles(
     """Return the releases without drift, their rest angles and the noise of their roll [rad]."""
     if trace.signal == "roll":
         rests = [Quantity(f.level, f.level_std, "rad", "whole trace") for f in trace.releases]
-        return list(releases), rests, floor.std
+        finest = BEST_SENSOR * max(release.amplitude for release in releases)
+        return list(releases), rests, max(floor.std, finest)
     steady: list[Release] = []
     rests: list[Quantity] = []
     variance = 0.0

@@ -16,7 +16,7 @@ DEGREE = np.pi / 180
 
 def linear_decay(time, omega, zeta, start=1.0, rate=0.0):
     """Roll and rate of φ̈ + 2ζω φ̇ + ω² φ = 0 from the complex pair of poles (or two real ones)."""
-    root = np.sqrt(complex(zeta**2 - 1))
+    root = np.sqrt(complex((zeta + 1e-6 * (zeta == 1)) ** 2 - 1))  # no division by zero at ζ = 1
     one, two = -omega * (zeta + root), -omega * (zeta - root)
     b = (rate - one * start) / (two - one)
     a = start - b
