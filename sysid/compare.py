@@ -1,99 +1,114 @@
-"""Simulated against measured decay: how far off, where, and which torque the model lacks.
+"""Measured against simulated: how far off, where, and which torque the model lacks.
 
-The board's law is taken as recorded; only what no record can know is fitted: roll and rate at each
-release, because one noisy sample must not decide the comparison.
+Only roll and rate at each release are fitted here; the law is the board's as it stands.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
-from sysid.backbone import Backbone, backbone
 from sysid.board import Board
-from sysid.error_places import Place, error_places
-from sysid.errors import HuskyError
-from sysid.fit_mjcf import scales_of
-from sysid.fit_problem import Problem, Record, make_records
+from sysid.effects import effect
+from sysid.fit_mjcf import own_motion
+from sysid.fit_problem import Bias, Record, make_records
 from sysid.joint import JointLaw, simulate
-from sysid.least_squares import minimise
-from sysid.missing_torque import TorqueMap, missing_torque, torque_map
+from sysid.joint_torque import effect_torque
 from sysid.noise import NoiseFloor, noise_floor
 from sysid.roll import Array, Release
 
-TOLERANCE = 0.02
-"""Error beyond the noise, over the RMS of the measured roll about rest, that is accepted."""
+Axis = Literal["time", "amplitude", "velocity", "side", "phase"]
+
+DEFAULT_TOLERANCE = 0.02
+"""Error beyond the noise over the RMS roll at which a comparison still passes."""
+AT_THE_FLOOR = 1.05
+"""Error over noise floor up to which there is nothing to locate."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReleaseComparison:
-    """One release: what was measured and what the law makes of the same start."""
+class ComparedRelease:
+    """One release, measured and simulated."""
 
-    release: Release
+    log: str
+    number: int
     time: Array
-    """Since the release [s], shape (n,); up to the end of the motion, and somewhat of the rest after it."""
+    """Since the release [s], shape (n,)."""
     measured: Array
-    """Roll [rad], shape (n,)."""
+    """[rad], or [rad/s] where the rate was compared."""
     simulated: Array
-    """Roll [rad], shape (n,)."""
+    roll: Array
+    """Simulated roll [rad], whatever was compared."""
     rate: Array
-    """Simulated roll rate [rad/s], shape (n,)."""
-    torque: Array
-    """Torque that the law lacks along the motion [N*m], shape (n,)."""
-    rest: float
-    """The law's rest angle, with the sensor's zero [rad]."""
+    """Simulated rate [rad/s]."""
+    rmse: float
 
     @property
     def residual(self) -> Array:
-        """Measured less simulated [rad], shape (n,)."""
-        return self.measured - self.simulated
+        """Simulated minus measured."""
+        return self.simulated - self.measured
 
-    @property
-    def rmse(self) -> float:
-        """Root mean square residual [rad]."""
-        return float(np.sqrt(np.mean(self.residual**2)))
 
-    @property
-    def nrmse(self) -> float:
-        """RMSE over the RMS of the measured roll about rest."""
-        return self.rmse / float(np.sqrt(np.mean((self.measured - self.rest) ** 2)))
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a share of the error sits."""
+
+    axis: Axis
+    range: tuple[float, float]
+    """In the axis' unit: s, rad, rad/s; for side and phase -1 or +1."""
+    share: float
+    """Share of the squared error beyond the noise."""
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class MissingTorque:
+    """Restoring-force surface of what the model lacks (Masri and Caughey, 1979)."""
+
+    angle: Array
+    """Edges of the bins in tilt [rad], shape (a + 1,)."""
+    rate: Array
+    """Edges of the bins in rate [rad/s], shape (b + 1,)."""
+    torque: Array
+    """Mean missing torque [N*m], shape (a, b); NaN where there was no data."""
+    count: Array
+    """Samples in each bin, shape (a, b)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Backbone:
+    """Period and damping against amplitude, half swing by half swing."""
+
+    amplitude: Array
+    """[rad], shape (m,)."""
+    period: Array
+    """[s], shape (m,)."""
+    damping_ratio: Array
+    """[1], shape (m,)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
-    """All releases of some logs beside one board."""
+    """All that a comparison found."""
 
-    board: Board
+    board: str
     law: JointLaw
-    releases: tuple[ReleaseComparison, ...]
+    releases: tuple[ComparedRelease, ...]
+    rmse: float
+    nrmse: float
+    """RMSE over the RMS of the measurement about rest."""
+    excess: float
+    """The same with the noise taken out: what the model is to blame for."""
     noise: NoiseFloor
-    tolerance: float
-    places: tuple[Place, ...]
-    """Where the error beyond the noise sits; empty where there is none."""
-    torque: TorqueMap
-    """The torque that the law lacks, over angle and rate."""
+    where: tuple[Place, ...]
+    """Largest share first."""
+    summary: str
+    """In words."""
+    missing: MissingTorque | None
     measured_backbone: Backbone
     simulated_backbone: Backbone
-
-    @property
-    def rmse(self) -> float:
-        """Root mean square residual over all samples [rad]."""
-        return float(np.sqrt(np.mean(np.concatenate([r.residual for r in self.releases]) ** 2)))
-
-    @property
-    def measured_rms(self) -> float:
-        """RMS of the measured roll about rest over all samples [rad]."""
-        return float(np.sqrt(np.mean(np.concatenate([r.measured - r.rest for r in self.releases]) ** 2)))
-
-    @property
-    def nrmse(self) -> float:
-        """RMSE over the RMS of the measured roll about rest."""
-        return self.rmse / self.measured_rms
-
-    @property
-    def excess(self) -> float:
-        """The part of `nrmse` that is not sensor noise."""
-        return float(np.sqrt(max(self.rmse**2 - self.noise.std**2, 0.0))) / self.measured_rms
+    tolerance: float
+    is_rate: bool
 
     @property
     def passed(self) -> bool:
@@ -101,65 +116,242 @@ class Comparison:
         return self.excess <= self.tolerance
 
 
-def compare(releases: Sequence[Release], board: Board, *, tolerance: float = TOLERANCE) -> Comparison:
-    """Release the board's law as each measured release was, and compare.
+def compare(
+    releases: Sequence[Release],
+    board: Board,
+    *,
+    law: JointLaw | None = None,
+    bias: Bias = "shared",
+    use_rate: bool = False,
+    tolerance: float = DEFAULT_TOLERANCE,
+) -> Comparison:
+    """Simulate each release with a board's law and compare.
 
     Args:
-        releases: Free decays of the board.
-        board: Its record, effects included.
-        tolerance: Accepted error beyond the noise, over the RMS of the measured roll about rest.
+        releases: Measured decays.
+        board: The record.
+        law: Another law than the record's.
+        bias: One sensor zero for all (the record's rest angle holds), or one each.
+        use_rate: Compare the measured rate instead of the roll.
+        tolerance: For `passed`.
 
     Raises:
-        HuskyError: There is no release, or the law has no bounded motion.
+        HuskyError: The law's motion grows without bound.
     """
-    if not releases:
-        raise HuskyError("no release to compare. Let the deck go and record until it rests.")
-    noise = noise_floor(releases)
-    records = make_records(releases, noise.std, rate=False)
-    law = JointLaw.from_board(board)
-    compared = tuple(_compare(record, board, law) for record in records)
-    lacking = max(float(np.sqrt(np.mean(c.residual**2))) for c in compared) > 1.1 * noise.std
+    noise = noise_floor(releases, rate=use_rate)
+    records = make_records(releases, noise.std, rate=use_rate)
+    law = law or JointLaw.from_board(board)
+    residuals, starts = own_motion(law, records, bias=bias)
+    compared = tuple(
+        _compared(law, record, residual, start)
+        for record, residual, start in zip(records, residuals, starts, strict=True)
+    )
+    everything = np.concatenate(residuals)
+    rmse = float(np.sqrt(np.mean(everything**2)))
+    motion = np.concatenate([r.signal - (0.0 if use_rate else law.rest_angle) for r in records])
+    size = float(np.sqrt(np.mean(motion**2)))
+    excess = float(np.sqrt(max(rmse**2 - noise.std**2, 0.0))) / size
+    where = _where(compared, law, noise.std)
     return Comparison(
-        board=board,
+        board=board.name,
         law=law,
         releases=compared,
+        rmse=rmse,
+        nrmse=rmse / size,
+        excess=excess,
         noise=noise,
+        where=where,
+        summary=_summary(where, rmse, noise.std, is_rate=use_rate),
+        missing=None if use_rate else missing_torque(compared, law),
+        measured_backbone=_backbones(compared, law, [c.measured for c in compared], noise.std),
+        simulated_backbone=_backbones(compared, law, [c.simulated for c in compared], 0.0),
         tolerance=tolerance,
-        places=error_places(compared, noise.std) if lacking else (),
-        torque=torque_map(compared),
-        measured_backbone=backbone([(c.time, c.measured, c.rest) for c in compared], noise.std),
-        simulated_backbone=backbone([(c.time, c.simulated, c.rest) for c in compared], noise.std),
+        is_rate=use_rate,
     )
 
 
-def _compare(record: Record, board: Board, law: JointLaw) -> ReleaseComparison:
-    """Fit the start of one release and let the law run from there."""
-    names, vector = law.structure.parameters, law.vector
-    fixed = {name: float(value) for name, value in zip(names[1:], vector[1:], strict=True)}
-    # The zero of an integrated gyro is arbitrary: it is the log's, not the board's.
-    own_zero = record.release.origin == "gyro"
-    problem = Problem(
-        law.structure,
-        [record],
-        scales_of([record], board),
-        bias="own" if own_zero else "shared",
-        fixed=fixed,
-        free_states=False,
-        steps_per_period=120,
-    )
-    minimum = minimise(problem.normal, problem.start(fixed), *problem.bounds(), iterations=30)
-    unknowns = minimum.point * problem.sizes()
-    zero = float(unknowns[-1]) if own_zero else 0.0
-    path = simulate(
-        law, record.time, float(unknowns[0]), float(unknowns[1]), hold=max(record.release.hold, 0.0)
-    )
-    simulated = path.roll + zero
-    return ReleaseComparison(
-        release=record.release,
+def _compared(law: JointLaw, record: Record, residual: Array, start: tuple[float, float]) -> ComparedRelease:
+    path = simulate(law, record.time, *start, hold=max(record.release.hold, 0.0))
+    return ComparedRelease(
+        log=record.release.log,
+        number=record.release.number,
         time=record.time,
         measured=record.signal,
-        simulated=simulated,
+        simulated=record.signal + residual,
+        roll=path.roll,
         rate=path.rate,
-        torque=missing_torque(record.time, record.signal - simulated, law),
-        rest=law.rest_angle + zero,
+        rmse=float(np.sqrt(np.mean(residual**2))),
     )
+
+
+def _where(compared: Sequence[ComparedRelease], law: JointLaw, noise: float) -> tuple[Place, ...]:
+    """Divide the squared error beyond the noise along five axes and return the parts, largest first."""
+    error = np.concatenate([c.residual**2 - noise**2 for c in compared])
+    total = float(error.sum())
+    if total <= 0 or total < (AT_THE_FLOOR**2 - 1) * noise**2 * len(error):
+        return ()
+    tilt = np.concatenate([c.roll - law.rest_angle for c in compared])
+    rate = np.concatenate([c.rate for c in compared])
+    time = np.concatenate([c.time for c in compared])
+    swing = np.hypot(tilt, rate / law.frequency)
+    places: list[Place] = []
+    for axis, values, unit in (
+        ("time", time, 1.0),
+        ("amplitude", swing, 1.0),
+        ("velocity", np.abs(rate), 1.0),
+    ):
+        top = float(values.max()) * unit
+        for low, high in ((0.0, 0.25), (0.25, 0.5), (0.5, 1.0)):
+            inside = (values >= low * top) & (values < high * top if high < 1 else values <= top)
+            text = _range_text(axis, low * top, high * top, last=high == 1.0)
+            places.append(Place(axis, (low * top, high * top), float(error[inside].sum()) / total, text))
+    for sign, text in ((1.0, "with the right edge down"), (-1.0, "with the left edge down")):
+        places.append(Place("side", (sign, sign), float(error[tilt * sign > 0].sum()) / total, text))
+    for sign, text in ((1.0, "while slowing down"), (-1.0, "while speeding up")):
+        share = float(error[tilt * rate * sign > 0].sum()) / total
+        places.append(Place("phase", (sign, sign), share, text))
+    return tuple(sorted(places, key=lambda p: -p.share))
+
+
+def _range_text(axis: str, low: float, high: float, *, last: bool) -> str:
+    if axis == "time":
+        return (
+            f"after {low:.2g} s"
+            if last
+            else f"between {low:.2g} and {high:.2g} s"
+            if low
+            else f"before {high:.2g} s"
+        )
+    scale, unit, what = (
+        (float(np.degrees(1.0)), "°", "at amplitudes") if axis == "amplitude" else (1.0, " rad/s", "at rates")
+    )
+    low, high = scale * low, scale * high
+    if last:
+        return f"{what} above {low:.2g}{unit}"
+    return f"{what} between {low:.2g} and {high:.2g}{unit}" if low else f"{what} below {high:.2g}{unit}"
+
+
+_FRACTIONS = (
+    (0.95, "nearly all"), (0.85, "nine tenths"), (0.72, "three quarters"), (0.62, "two thirds"),
+    (0.45, "half"), (0.3, "a third"), (0.0, "part"),
+)  # fmt: skip
+
+
+def _summary(where: Sequence[Place], rmse: float, noise: float, *, is_rate: bool) -> str:
+    """Say where the error sits, e.g. 'two thirds of the error is at amplitudes below 3°, while slowing down'."""
+    if not where:
+        return f"The error is the sensor's noise ({rmse / noise:.2f} times the floor): there is nothing to locate."
+    del is_rate
+    best: dict[str, Place] = {}
+    for place in where:
+        best.setdefault(place.axis, place)
+    main = max((best["amplitude"], best["time"]), key=lambda p: p.share)
+    words = [main.text]
+    for axis in ("velocity", "phase", "side"):
+        if best[axis].share > 0.65:
+            words.append(best[axis].text)
+    if best["side"].share <= 0.65:
+        words.append("on both sides")
+    fraction = next(name for least, name in _FRACTIONS if main.share >= least)
+    return f"{fraction.capitalize()} of the error is {', '.join(words)}."
+
+
+def missing_torque(
+    compared: Sequence[ComparedRelease], law: JointLaw, *, bins: tuple[int, int] = (15, 15)
+) -> MissingTorque | None:
+    """Return the torque that measured and simulated motion differ by, averaged over tilt and rate.
+
+    The measured roll is differentiated by a local quartic over a sixth of a period. Both motions go through
+    the same filter and law, so that what the filter does to a correct model cancels.
+
+    Args:
+        compared: Releases.
+        law: The law that was simulated.
+        bins: Number of bins in tilt and rate.
+
+    Returns:
+        The surface, or None where the sampling is too slow to differentiate.
+    """
+    tilts: list[Array] = []
+    rates: list[Array] = []
+    torques: list[Array] = []
+    for release in compared:
+        measured = _derivatives(release.time, release.measured, law)
+        simulated = _derivatives(release.time, release.simulated, law)
+        if measured is None or simulated is None:
+            continue
+        demanded = _torque_left(law, release.time, measured) - _torque_left(law, release.time, simulated)
+        inner = slice(3, -3)
+        tilts.append(measured[0][inner] - law.rest_angle)
+        rates.append(measured[1][inner])
+        torques.append(demanded[inner])
+    if not tilts:
+        return None
+    tilt, rate, torque = (np.concatenate(part) for part in (tilts, rates, torques))
+    a = np.linspace(-1, 1, bins[0] + 1) * float(np.abs(tilt).max()) * 1.001
+    b = np.linspace(-1, 1, bins[1] + 1) * float(np.abs(rate).max()) * 1.001
+    count, _, _ = np.histogram2d(tilt, rate, bins=(a, b))
+    total, _, _ = np.histogram2d(tilt, rate, bins=(a, b), weights=torque)
+    with np.errstate(invalid="ignore"):
+        mean = np.where(count > 2, total / np.maximum(count, 1), np.nan)
+    return MissingTorque(a, b, mean, count)
+
+
+def _derivatives(time: Array, roll: Array, law: JointLaw) -> tuple[Array, Array, Array] | None:
+    """Return smoothed roll, rate and acceleration (Savitzky–Golay), or None if too few samples a swing."""
+    from scipy.signal import savgol_filter
+
+    step = float(np.median(np.diff(time)))
+    window = int(2 * np.pi / law.frequency / 6 / step) | 1
+    if window < 7 or window > len(roll) // 2:
+        return None
+    roll0, rate, acceleration = (
+        np.asarray(savgol_filter(roll, window, 4, deriv=order, delta=step)) for order in range(3)
+    )
+    return roll0, rate, acceleration
+
+
+def _torque_left(law: JointLaw, time: Array, motion: tuple[Array, Array, Array]) -> Array:
+    """Return I φ̈ less the law's torques without memory [N*m]."""
+    roll, rate, acceleration = motion
+    effects: Mapping[str, tuple[float, ...]] = dict(law.effects)
+    ratio = effects.get("inertia", (1.0,))[0]
+    left = ratio * law.inertia * acceleration + law.stiffness * (roll - law.rest_angle) + law.damping * rate
+    for name in effects:
+        if effect(name).role == "torque" and not effect(name).states:
+            left = left - effect_torque(law, name, time, roll, rate)
+    return left
+
+
+def _backbones(
+    compared: Sequence[ComparedRelease], law: JointLaw, signals: Sequence[Array], noise: float
+) -> Backbone:
+    parts = [
+        _backbone(release.time, signal - law.rest_angle, law, noise)
+        for release, signal in zip(compared, signals, strict=True)
+    ]
+    amplitude, period, damping = (np.concatenate([part[i] for part in parts]) for i in range(3))
+    order = np.argsort(amplitude)
+    return Backbone(amplitude[order], period[order], damping[order])
+
+
+def _backbone(time: Array, tilt: Array, law: JointLaw, noise: float) -> tuple[Array, Array, Array]:
+    """Return amplitude, period and damping ratio of each half swing between turning points."""
+    from scipy.signal import find_peaks
+
+    smooth = _derivatives(time, tilt, law)
+    if smooth is None:
+        return np.empty(0), np.empty(0), np.empty(0)
+    y = smooth[0]
+    least = max(6 * noise, 0.01 * float(np.abs(tilt).max()))
+    gap = max(1, int(0.3 * 2 * np.pi / law.frequency / float(np.median(np.diff(time)))))
+    peaks = np.sort(np.concatenate([find_peaks(sign * y, height=least, distance=gap)[0] for sign in (1, -1)]))
+    if len(peaks) < 2:
+        return np.empty(0), np.empty(0), np.empty(0)
+    size = np.abs(y[peaks])
+    shrink = np.log(size[:-1] / size[1:])
+    usable = (np.diff(np.sign(y[peaks])) != 0) & (shrink > 0)
+    amplitude = np.sqrt(size[:-1] * size[1:])[usable]
+    period = 2 * np.diff(time[peaks])[usable]
+    damping = (shrink / np.hypot(np.pi, shrink))[usable]
+    return amplitude, period, damping
