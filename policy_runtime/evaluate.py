@@ -184,7 +184,11 @@ class _Job:
     force: bool
 
 
-def _work(job: _Job) -> tuple[int, Rides, list[str], Array, list[Array]]:
+_Result = tuple[int, Rides, list[str], Array, list[Array]]
+"""Seed, rides, how each ended, headings reached, paths of the first."""
+
+
+def _work(job: _Job) -> _Result:
     """Ride some episodes of one seed in a process of its own."""
     world = make_world(job.board)
     policy = policy_named(job.policy, job.board, force=job.force)
@@ -238,30 +242,46 @@ def evaluate_policy(
         for seed in seeds
         for first in range(0, episodes, size)
     ]
+    results: list[_Result] = []
+    for result in _results(jobs, workers):
+        results.append(result)
+        if progress is not None:
+            progress(len(result[2]))
+    return summarise(results, name, board.name, episodes, seeds)
+
+
+def summarise(
+    results: list[_Result], policy: str, board: str, episodes: int, seeds: tuple[int, ...]
+) -> Evaluation:
+    """Put the results of all parts together.
+
+    Args:
+        results: Seed, rides, endings, headings and paths of each part.
+        policy: Name of the policy.
+        board: Name of the board.
+        episodes: Episodes of each seed.
+        seeds: All seeds.
+    """
     errors: dict[str, dict[int, list[Array]]] = {key: {seed: [] for seed in seeds} for key in METRICS}
     durations: dict[int, list[Array]] = {seed: [] for seed in seeds}
     endings: dict[str, int] = {}
-    headings, paths = [], []
-    for seed, rides, ended, turned, path in _results(jobs, workers):
+    for seed, rides, ended, _, _ in results:
         for key, values in episode_errors(rides).items():
             errors[key][seed].append(values)
         durations[seed].append(rides.alive.sum(axis=0) * CONTROL_PERIOD)
         for ending in ended:
             endings[ending] = endings.get(ending, 0) + 1
-        headings.append(turned)
-        paths += path
-        if progress is not None:
-            progress(len(ended))
+    paths = [path for *_, part in results for path in part]
     return Evaluation(
-        policy=name,
-        board=board.name,
+        policy=policy,
+        board=board,
         episodes=episodes,
         seeds=seeds,
         success=proportion(endings.get("time limit", 0), episodes * len(seeds)),
         errors={key: mean_over(_by_seed(errors[key]), unit) for key, unit in METRICS.items()},
         endings=dict(sorted(endings.items())),
         duration=mean_over(_by_seed(durations), "s"),
-        headings=np.concatenate(headings),
+        headings=np.concatenate([headings for *_, headings, _ in results]),
         paths=tuple(paths[:20]),
     )
 
@@ -270,7 +290,7 @@ def _by_seed(values: dict[int, list[Array]]) -> list[Array]:
     return [np.concatenate(arrays) for arrays in values.values()]
 
 
-def _results(jobs: list[_Job], workers: int) -> Iterator[Any]:
+def _results(jobs: list[_Job], workers: int) -> Iterator[_Result]:
     if workers == 1:
         yield from map(_work, jobs)
         return

@@ -337,7 +337,7 @@ def test_evaluate_prints_a_table_and_writes_json(capsys, tmp_path):
     result = json.loads((tmp_path / "e.json").read_text())
     assert result["E_succ"]["value"] == 0
     assert result["E_yaw"]["value"] is None
-    assert (tmp_path / "evaluate-zero.png").stat().st_size > 10_000
+    assert (tmp_path / "evaluate-zero-mujoco.png").stat().st_size > 10_000
 
 
 def test_export_command_says_what_it_wrote(capsys, tmp_path):
@@ -389,3 +389,43 @@ def test_a_policy_for_another_board_is_refused(capsys, tmp_path):
     make_onnx(tmp_path / "p.onnx", size=390, metadata=our_metadata(pink()))
     with pytest.raises(HuskyError, match="trained on board 'pink', not on 'black'"):
         call(capsys, "play", tmp_path / "p.onnx", "-b", "black")
+
+
+# The same protocol in the training's simulator
+
+
+@pytest.fixture
+def mjlab():
+    for module in ("torch", "mjlab", "warp"):
+        pytest.importorskip(module, reason="evaluating in parallel needs the training stack")
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")  # the training stack's own
+def test_parallel_evaluation_agrees_with_the_plain_one_on_what_falls(mjlab):
+    from policy_runtime.evaluate_parallel import evaluate_in_parallel
+
+    protocol = Protocol(duration=2.0, speed=(0.5, 0.5))
+    parallel = evaluate_in_parallel("zero", pink(), episodes=8, seeds=(0,), protocol=protocol, device="cpu")
+    plain = evaluate_policy("zero", pink(), episodes=8, seeds=(0,), protocol=protocol)
+    assert parallel.success.value == plain.success.value == 0
+    assert sum(parallel.endings.values()) == 8
+    assert parallel.duration.value == pytest.approx(plain.duration.value, rel=0.15)
+    assert parallel.errors["E_vel"].value == pytest.approx(plain.errors["E_vel"].value, rel=0.3)
+    assert parallel.errors["E_smth"].value == pytest.approx(plain.errors["E_smth"].value, rel=0.3)
+
+
+def test_parallel_evaluation_answers_many_observations_as_one_by_one(tmp_path):
+    pytest.importorskip("onnxruntime", reason="policies need onnxruntime (extra 'run')")
+    from policy_runtime.evaluate_parallel import BatchPolicy
+    from policy_runtime.policy import open_policy
+
+    make_onnx(tmp_path / "p.onnx", size=390, metadata=our_metadata(pink()))
+    observations = np.random.default_rng(0).normal(size=(7, 390)).astype(np.float32)
+    together = BatchPolicy(str(tmp_path / "p.onnx"), pink()).act(observations)
+    session = open_policy(tmp_path / "p.onnx").session
+    apart = [session.run(["actions"], {"obs": row[None]})[0][0] for row in observations]
+    np.testing.assert_allclose(together, apart, atol=1e-6)
+    make_onnx(tmp_path / "release.onnx", size=395, metadata=published_metadata())
+    with pytest.raises(HuskyError, match=r"takes 395 numbers, the task gives 390"):
+        BatchPolicy(str(tmp_path / "release.onnx"), pink())

@@ -2,8 +2,9 @@
 
 import math
 import os
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -20,21 +21,24 @@ def evaluate(
     seeds: int = 5,
     duration: float = 20.0,
     pushes: float = 0.0,
+    simulator: Literal["mujoco", "mjlab"] = "mujoco",
     workers: int | None = None,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     force: bool = False,
     common: Common = Common(),
 ) -> int:
-    """Measure a policy over many episodes in plain MuJoCo.
+    """Measure a policy over many episodes.
 
     Args:
-        policy: zero, stand or push (scripted), or an ONNX file.
+        policy: An ONNX file, or a scripted policy: zero, stand or push.
         board: The board to ride.
         episodes: Episodes of each seed; the paper has 1000.
         seeds: Number of seeds: 0, 1, 2, …
         duration: Length of an episode [s].
         pushes: Largest change of velocity by shoves, one every 5 to 10 s [m/s].
-        workers: Processes; as many as there are processors if not given.
+        simulator: Plain MuJoCo, with the servos at 500 Hz as on the robot; or mjlab, in which policies are
+            trained, all episodes of a seed side by side.
+        workers: Processes in plain MuJoCo; as many as there are processors if not given.
         output: Folder for the picture; reports/BOARD of the workspace if not given.
         force: Run where policy and board disagree, or the board has not passed `check`.
         common: Options of every command.
@@ -42,6 +46,7 @@ def evaluate(
     from rich.progress import Progress
 
     from policy_runtime.evaluate import Protocol, evaluate_policy
+    from policy_runtime.evaluate_parallel import evaluate_in_parallel
     from policy_runtime.metrics import METRICS
     from reports.ride_figure import paths_figure
 
@@ -54,26 +59,28 @@ def evaluate(
     processes = workers or len(os.sched_getaffinity(0))
     with Progress(console=printer.stderr, transient=True) as progress:
         task = progress.add_task("riding", total=episodes * seeds)
-        result = evaluate_policy(
+        measure = (
+            evaluate_in_parallel if simulator == "mjlab" else partial(evaluate_policy, workers=processes)
+        )
+        result = measure(
             policy,
             record,
             episodes=episodes,
             seeds=tuple(range(seeds)),
             protocol=Protocol(duration=duration, pushes=pushes),
-            workers=processes,
             force=force,
             progress=lambda done: progress.update(task, advance=done),
         )
     rows = [("E_succ", result.success), *((name, result.errors[name]) for name in METRICS)]
     rows.append(("episode length", result.duration))
-    title = f"{result.policy} on {result.board}: {episodes} episodes × {seeds} seeds"
+    title = f"{result.policy} on {result.board} in {simulator}: {episodes} episodes × {seeds} seeds"
     shown = [(name, str(value) if math.isfinite(value.value) else "–", value.method) for name, value in rows]
     printer.table(("quantity", "value ± 95 %", "how"), shown, title)
     endings = ", ".join(f"{ending} {count}" for ending, count in result.endings.items())
     printer.say(f"endings: {endings}")
     folder = output or common.space.outputs(record.name)
-    picture = folder / f"evaluate-{result.policy}.png"
+    picture = folder / f"evaluate-{result.policy}-{simulator}.png"
     paths_figure(result.paths, result.headings, title, picture)
     printer.say(f"picture: {picture}")
-    printer.result({**result.to_json(), "picture": str(picture)})
+    printer.result({**result.to_json(), "simulator": simulator, "picture": str(picture)})
     return 0
