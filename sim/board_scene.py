@@ -287,6 +287,8 @@ def reflected_inertia(board: Board) -> float:
 
 
 def _add_ground(spec: mujoco.MjSpec) -> None:
+    spec.stat.extent = 0.8  # what a viewer shows at first
+    spec.stat.center = [0.0, 0.0, 0.05]
     spec.worldbody.add_geom(
         name="ground",
         type=mujoco.mjtGeom.mjGEOM_PLANE,
@@ -298,6 +300,7 @@ def _add_ground(spec: mujoco.MjSpec) -> None:
         type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
         pos=[0.0, 0.0, 3.0],
         dir=[0.2, 0.3, -1.0],
+        castshadow=False,
     )
 
 
