@@ -1,100 +1,100 @@
-"""Measured beside simulated decay: overlay, residual, missing torque, backbone."""
+"""The picture of a comparison: decays, residuals, the missing torque, and the backbone."""
 
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from reports.decay_figure import STYLE
 from reports.palette import NOISE, REAL, SIM
+from reports.svg import thin
+from sysid.compare import Comparison
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from sysid.compare import Comparison
+MOST = 4
+"""Releases drawn; more would be too small to read."""
 
 
-def compare_figure(comparison: "Comparison") -> "Figure":
-    """Draw a comparison on one sheet."""
+def compare_figure(result: Comparison, title: str) -> "Figure":
+    """Draw the comparison.
+
+    Args:
+        result: What was compared.
+        title: Heading.
+    """
+    import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(10, 7.2), layout="constrained")
-    grid = figure.add_gridspec(3, 2, height_ratios=(2, 1, 2.2))
-    overlay = figure.add_subplot(grid[0, :])
-    residual = figure.add_subplot(grid[1, :], sharex=overlay)
-    draw_overlay(overlay, comparison)
-    draw_residual(residual, comparison)
-    draw_torque(figure.add_subplot(grid[2, 0]), comparison)
-    draw_backbone(figure.add_subplot(grid[2, 1]), comparison)
-    verdict = "within" if comparison.passed else "beyond"
-    figure.suptitle(
-        f"{comparison.board.name}: error {100 * comparison.excess:.2f} % beyond the noise, {verdict} the "
-        f"tolerance of {100 * comparison.tolerance:g} %",
-        x=0.01, ha="left", fontsize=11,
-    )  # fmt: skip
-    for axes in figure.axes[:2]:
-        axes.spines[["top", "right"]].set_visible(False)
+    shown = result.releases[:MOST]
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(9.6, 7.4), layout="constrained")
+        heading = figure.suptitle(f"{title}\n{result.summary}", fontsize=10)
+        heading.set(x=0.01, ha="left")
+        rows = figure.subfigures(2, 1, height_ratios=(1.25, 1))
+        upper = rows[0].subplots(
+            2, len(shown), sharex="col", sharey="row", squeeze=False, height_ratios=(2, 1)
+        )
+        for column, release in enumerate(shown):
+            _release(upper[:, column], result, column)
+            upper[0, column].set_title(f"release {release.number}: error {_size(result, release.rmse)}")
+        upper[0, 0].set_ylabel("rate [rad/s]" if result.is_rate else "roll [°]")
+        upper[1, 0].set_ylabel("sim - real")
+        upper[0, 0].legend(loc="best")
+        lower = rows[1].subplots(1, 3, width_ratios=(1.35, 1, 1))
+        _surface(lower[0], result)
+        _backbone(lower[1], result, "period", "period [s]")
+        _backbone(lower[2], result, "damping_ratio", "damping ratio")
     return figure
 
 
-def draw_overlay(axes: "Axes", comparison: "Comparison") -> "Axes":
-    """Draw all releases, aligned at their start: measured wide, simulated narrow on top."""
-    for i, c in enumerate(comparison.releases):
-        measured, simulated = np.degrees(c.measured - c.rest), np.degrees(c.simulated - c.rest)
-        axes.plot(c.time, measured, color=REAL, lw=3, alpha=0.7, label="measured" if i == 0 else None)
-        axes.plot(c.time, simulated, color=SIM, lw=1.1, label="simulated" if i == 0 else None)
-    axes.set_ylabel("roll about rest [°]")
-    axes.legend(frameon=False, loc="upper right", ncols=2)
-    axes.grid(alpha=0.25)
-    axes.margins(x=0.01)
-    axes.tick_params(labelbottom=False)
-    return axes
+def _scale(result: Comparison) -> float:
+    return 1.0 if result.is_rate else float(np.degrees(1.0))
 
 
-def draw_residual(axes: "Axes", comparison: "Comparison") -> "Axes":
-    """Draw measured less simulated, on the band of the sensor noise."""
-    band = 2 * np.degrees(comparison.noise.std)
-    axes.axhspan(-band, band, color=NOISE, alpha=0.3, lw=0, label="sensor noise ±2σ")
-    for c in comparison.releases:
-        axes.plot(c.time, np.degrees(c.residual), color=REAL, lw=0.8)
-    axes.axhline(0, color=SIM, lw=0.8)
-    axes.set_ylabel("residual [°]")
-    axes.set_xlabel("time since release [s]")
-    axes.legend(frameon=False, loc="upper right")
-    axes.grid(alpha=0.25)
-    return axes
+def _size(result: Comparison, value: float) -> str:
+    return f"{value:.3g} rad/s" if result.is_rate else f"{np.degrees(value):.3g}°"
 
 
-def draw_torque(axes: "Axes", comparison: "Comparison") -> "Axes":
-    """Draw the torque that the law lacks over angle and rate; blank where there was no data."""
-    chart = comparison.torque
-    most = float(np.nanmax(np.abs(chart.torque))) if np.isfinite(chart.torque).any() else 1.0
-    mesh = axes.pcolormesh(
-        np.degrees(chart.angle), chart.rate, chart.torque, cmap="PuOr", vmin=-most, vmax=most
+def _release(axes: "list[Axes]", result: Comparison, index: int) -> None:
+    release, scale = result.releases[index], _scale(result)
+    time, measured, simulated, residual = thin(
+        release.time, release.measured, release.simulated, release.residual
     )
-    bar = axes.figure.colorbar(mesh, ax=axes, pad=0.02)
-    bar.set_label("missing torque [N·m]")
-    axes.axhline(0, color="black", lw=0.5, alpha=0.5)
-    axes.axvline(0, color="black", lw=0.5, alpha=0.5)
-    axes.set_xlabel("tilt from rest [°]")
-    axes.set_ylabel("roll rate [rad/s]")
-    axes.set_title("what the model lacks (blank: no data)", loc="left", fontsize=10)
-    return axes
+    axes[0].plot(time, scale * measured, color=REAL, linewidth=2.6, label="real")
+    axes[0].plot(time, scale * simulated, color=SIM, linewidth=1.1, label="sim")
+    band = 2 * scale * result.noise.std
+    axes[1].axhspan(-band, band, color=NOISE, alpha=0.3, linewidth=0)
+    axes[1].plot(time, scale * residual, color=SIM, linewidth=0.7)
+    axes[1].set_xlabel("time since release [s]")
 
 
-def draw_backbone(axes: "Axes", comparison: "Comparison") -> "Axes":
-    """Draw the period of every half swing against its amplitude: level for a linear joint."""
-    for backbone, colour, marker, label in (
-        (comparison.measured_backbone, REAL, "o", "measured"),
-        (comparison.simulated_backbone, SIM, "x", "simulated"),
+def _surface(axes: "Axes", result: Comparison) -> None:
+    axes.set_title("torque that the model lacks")
+    axes.set_xlabel("tilt [°]")
+    axes.set_ylabel("rate [rad/s]")
+    missing = result.missing
+    if missing is None:
+        axes.text(0.5, 0.5, "too few samples a swing", ha="center", transform=axes.transAxes)
+        return
+    largest = float(np.nanquantile(np.abs(missing.torque), 0.98)) or 1.0
+    mesh = axes.pcolormesh(
+        np.degrees(missing.angle), missing.rate, missing.torque.T, cmap="PuOr", vmin=-largest, vmax=largest
+    )
+    axes.grid(visible=False)
+    axes.figure.colorbar(mesh, ax=axes, label="N·m (white frame: no data)")
+
+
+def _backbone(axes: "Axes", result: Comparison, what: str, label: str) -> None:
+    for backbone, colour, name, size in (
+        (result.measured_backbone, REAL, "real", 7),
+        (result.simulated_backbone, SIM, "sim", 3.5),
     ):
-        axes.plot(
-            np.degrees(backbone.amplitude), 1e3 * backbone.period, marker, color=colour, ms=5, label=label
-        )
-    axes.set_xlabel("amplitude of the half swing [°]")
-    axes.set_ylabel("period [ms]")
-    axes.set_xlim(left=0)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(alpha=0.25)
-    axes.legend(frameon=False)
-    axes.set_title("backbone", loc="left", fontsize=10)
-    return axes
+        amplitude = np.degrees(backbone.amplitude)
+        axes.plot(amplitude, getattr(backbone, what), "o", color=colour, label=name, markersize=size)
+    axes.set_title(f"{label.split(' [')[0]} against amplitude")
+    axes.set_xlabel("amplitude [°]")
+    axes.set_ylabel(label)
+    axes.margins(0.15)
+    axes.legend()

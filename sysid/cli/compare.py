@@ -1,17 +1,19 @@
-"""`husky-sysid compare`: the simulated decay beside the measured one."""
+"""`husky-sysid compare`: measured against simulated, and where they part."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 from cyclopts import Parameter
 
 from sysid.board import Board
 from sysid.cli.console import Common, Printer
+from sysid.cli.diagnose import signal_of
 from sysid.cli.log_options import LogArguments, load_releases
 from sysid.files import atomic_path, sha256, write_json
 
 if TYPE_CHECKING:
-    from sysid.compare import Comparison
+    from sysid.compare import Backbone, Comparison
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
@@ -25,16 +27,16 @@ def compare(
     arguments: LogArguments = _NO_ARGUMENTS,
     common: Common = _NO_COMMON,
 ) -> int:
-    """Compare the board's law with measured decays: how far off, and where.
+    """Compare the board's simulated decay with measured ones: how far off, and where.
 
     Each release is simulated from its own start; the error is told apart from the sensor's noise, and placed
-    in time, amplitude, velocity and side. Writes compare.json and compare.png into reports/BOARD of the
-    workspace.
+    in time, amplitude, velocity, side and phase. Writes compare.json and compare.png into reports/BOARD
+    of the workspace.
 
     Args:
-        logs: Logs of the board.
+        logs: Logs of one board.
         board: Name of the board.
-        tolerance: Accepted error beyond the noise, over the RMS of the measured roll.
+        tolerance: Error beyond the noise, over the RMS motion, at which the comparison passes.
         picture: Draw compare.png.
         arguments: How the logs are read.
         common: Options of every command.
@@ -44,89 +46,89 @@ def compare(
     printer = Printer(common)
     record = common.space.load_board(board)
     releases = load_releases(logs, arguments, printer)
-    comparison = compare_releases(releases, record, tolerance=tolerance)
-    _print(printer, comparison)
+    result = compare_releases(releases, record, tolerance=tolerance, **signal_of(releases))
+    content = to_json(result, record, logs)
     folder = common.space.outputs(board)
-    content = to_json(comparison, heldout=not _fitted_to(record, logs))
     write_json(folder / "compare.json", content)
     written = [folder / "compare.json"]
     if picture:
         from reports.compare_figure import compare_figure
 
+        names = ", ".join(log.name for log in logs)
         with atomic_path(folder / "compare.png") as temporary:
-            compare_figure(comparison).savefig(temporary, dpi=140)
+            compare_figure(result, f"{board}: simulated against {names}").savefig(temporary, dpi=140)
         written.append(folder / "compare.png")
+    _print(printer, result)
     printer.say("written: " + ", ".join(str(path) for path in written))
     printer.result(content)
     return 0
 
 
-def to_json(comparison: "Comparison", *, heldout: bool) -> dict[str, Any]:
-    """Return the result file.
+def _print(printer: Printer, result: "Comparison") -> None:
+    scale, unit = (1.0, " rad/s") if result.is_rate else (float(np.degrees(1.0)), "°")
+    printer.table(
+        ("release", "error", "error / noise"),
+        [
+            (
+                f"{Path(r.log).name} {r.number}",
+                f"{scale * r.rmse:.4g}{unit}",
+                f"{r.rmse / result.noise.std:.2f}",
+            )
+            for r in result.releases
+        ],
+    )
+    printer.say(
+        f"error {scale * result.rmse:.4g}{unit} = {result.nrmse:.2%} of the RMS motion; noise floor "
+        f"{scale * result.noise.std:.4g}{unit} ({result.noise.how})"
+    )
+    printer.say(result.summary)
+    mark = "✓ within" if result.passed else "✗ beyond"
+    printer.say(f"{mark} tolerance: {result.excess:.2%} beyond the noise, {result.tolerance:.2%} allowed")
+    if not result.passed:
+        printer.say("what is missing: husky-sysid diagnose")
 
-    Args:
-        comparison: What was compared.
-        heldout: Whether the board's law was fitted without these logs; else its error on them says
-            nothing of other logs, and `heldout_rmse_rad` is None.
-    """
+
+def to_json(result: "Comparison", board: Board, logs: tuple[Path, ...]) -> dict[str, Any]:
+    """Return the binding result of the command."""
+    fitted = {entry.get("sha256") for entry in board.fit.get("logs", [])}
+    unseen = bool(logs) and not any(sha256(log) in fitted for log in logs)
+    missing = result.missing
     return {
-        "board": comparison.board.name,
-        "logs": sorted({c.release.log for c in comparison.releases}),
-        "rmse_rad": comparison.rmse,
-        "nrmse": comparison.nrmse,
-        "nrmse_beyond_noise": comparison.excess,
-        "noise_floor_rad": comparison.noise.std,
-        "noise_floor_how": comparison.noise.how,
-        "heldout_rmse_rad": comparison.rmse if heldout else None,
+        "board": result.board,
+        "logs": [str(log) for log in logs],
+        "rmse_rad": result.rmse,
+        "nrmse": result.nrmse,
+        "nrmse_beyond_noise": result.excess,
+        "noise_floor_rad": result.noise.std,
+        "noise_floor_how": result.noise.how,
+        "heldout_rmse_rad": result.rmse if unseen else None,
+        "signal": "rate" if result.is_rate else "roll",
+        "releases": [{"log": r.log, "number": r.number, "rmse_rad": r.rmse} for r in result.releases],
         "where": [
-            {"axis": p.axis, "range": [p.low, p.high], "share_of_error": p.share, "text": p.text}
-            for p in comparison.places
+            {"axis": p.axis, "range": list(p.range), "share_of_error": p.share, "text": p.text}
+            for p in result.where
         ],
-        "releases": [
-            {
-                "log": c.release.log,
-                "number": c.release.number,
-                "t_start_s": c.release.start,
-                "rmse_rad": c.rmse,
-                "nrmse": c.nrmse,
-            }
-            for c in comparison.releases
-        ],
-        "passed": comparison.passed,
-        "tolerance": comparison.tolerance,
+        "summary": result.summary,
+        "missing_torque": None
+        if missing is None
+        else {
+            "angle_edges_rad": missing.angle.tolist(),
+            "rate_edges_rad_s": missing.rate.tolist(),
+            "torque_nm": [[v if np.isfinite(v) else None for v in row] for row in missing.torque.tolist()],
+            "samples": missing.count.tolist(),
+        },
+        "backbone": {
+            "measured": _backbone_json(result.measured_backbone),
+            "simulated": _backbone_json(result.simulated_backbone),
+        },
+        "passed": result.passed,
+        "tolerance": result.tolerance,
     }
 
 
-def _fitted_to(board: Board, logs: tuple[Path, ...]) -> bool:
-    known = {entry.get("sha256") for entry in board.fit.get("logs", [])}
-    return any(log.is_file() and sha256(log) in known for log in logs) if known else False
-
-
-def _print(printer: Printer, comparison: "Comparison") -> None:
-    printer.table(
-        ("log", "release", "from", "RMSE", "NRMSE"),
-        [
-            (
-                c.release.log,
-                str(c.release.number),
-                f"{c.release.side}, {c.release.amplitude:.3f} rad",
-                f"{1e3 * c.rmse:.2f} mrad",
-                f"{100 * c.nrmse:.2f} %",
-            )
-            for c in comparison.releases
-        ],
-    )
-    floor = comparison.noise
-    printer.say(f"noise floor {1e3 * floor.std:.2f} mrad, {floor.how}")
-    for place in comparison.places:
-        printer.say(f"  {place.text}")
-    if comparison.passed:
-        printer.say(
-            f"✓ simulated and measured agree: {100 * comparison.excess:.2f} % beyond the noise "
-            f"(tolerance {100 * comparison.tolerance:g} %)"
-        )
-    else:
-        printer.say(
-            f"✗ the simulated decay is {100 * comparison.excess:.1f} % off beyond the noise (tolerance "
-            f"{100 * comparison.tolerance:g} %). `husky-sysid diagnose` says which effect is missing."
-        )
+def _backbone_json(backbone: "Backbone") -> dict[str, list[float]]:
+    return {
+        "amplitude_rad": backbone.amplitude.tolist(),
+        "period_s": backbone.period.tolist(),
+        "damping_ratio": backbone.damping_ratio.tolist(),
+    }
