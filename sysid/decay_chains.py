@@ -92,8 +92,12 @@ def _shrinking_chains(swing: Swing, legs: list[Leg]) -> list[Chain]:
 def _continues(swing: Swing, one: Leg, other: Leg) -> bool:
     """Whether the next leg is a shorter one back, of about the same pace, and follows without a stay."""
     shorter = other.size < one.size + 6.0 * swing.noise
-    as_slow = other.duration > 0.5 * one.duration or other.size < 3.0 * swing.step
-    return shorter and as_slow and one.way * other.way < 0 and not one.to_stay
+    return shorter and _same_pace(swing, one.duration, other) and one.way * other.way < 0 and not one.to_stay
+
+
+def _same_pace(swing: Swing, pace: float, leg: Leg) -> bool:
+    """Whether a leg takes about as long as others; the time of a small one is not known."""
+    return 0.5 * pace < leg.duration < 2.5 * pace or leg.size < 3.0 * swing.step
 
 
 def _chain(swing: Swing, legs: list[Leg], begin: int, finish: int) -> Chain | None:
@@ -111,7 +115,8 @@ def _chain(swing: Swing, legs: list[Leg], begin: int, finish: int) -> Chain | No
     while finish < len(legs):
         leg = legs[finish]
         homeward = (rest - leg.origin) * leg.way > 0.3 * leg.size**2
-        swings_on = homeward and leg.size < chosen[-1].size + 6.0 * swing.noise
+        shorter = leg.size < chosen[-1].size + 6.0 * swing.noise
+        swings_on = homeward and shorter and _same_pace(swing, chosen[0].duration, leg)
         away = max(leg.size if homeward else 0.0, abs(leg.target - rest))
         if not swings_on and away > 2.0 * swing.step:
             break

@@ -169,7 +169,7 @@ def _let_go(swing: Swing, chain: Chain) -> tuple[float, float]:
         "valid",
     )
     still = np.abs(before - leg.origin) <= max(3.0 * swing.noise, STILL * chain.sizes[0])
-    last = int(np.flatnonzero(still)[-1])
+    last = int(np.flatnonzero(still)[-1]) if still.any() else leg.left
     moving = np.flatnonzero(~still[:last])
     since = int(moving[-1]) + 1 if len(moving) else 0
     if chain.start is not None:
