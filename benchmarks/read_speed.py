@@ -9,7 +9,6 @@ same process has after its imports.
 
 import argparse
 import json
-import resource
 import statistics
 import subprocess
 import sys
@@ -33,9 +32,7 @@ before, start = peak(), time.perf_counter()
 result = read(sys.argv[1])
 print(json.dumps(dict(seconds=time.perf_counter() - start, bytes=peak() - before)))
 """
-COLD_PANDAS = (
-    "import sys, numpy, pandas, scipy.optimize; pandas.read_csv(sys.argv[1])"
-)
+COLD_PANDAS = "import sys, numpy, pandas, scipy.optimize; pandas.read_csv(sys.argv[1])"
 COLD_OURS = "import sys, pathlib; from sysid.logs import read_roll; read_roll(pathlib.Path(sys.argv[1]))"
 
 
@@ -104,7 +101,9 @@ def processor() -> str:
         lines = Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace").splitlines()
     except OSError:
         return "an unnamed processor"
-    return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), "one core")
+    return next(
+        (line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), "one core"
+    )
 
 
 if __name__ == "__main__":

@@ -104,10 +104,10 @@ def repair_clock(stamps: Array, signal: Array, unit: str | None, name: str) -> C
     return clock
 
 
-def usual_step(steps: Array) -> float:
-    """Return the median of the steps, or of enough of them."""
-    first = max(0, (steps.size - SAMPLE) // 2)
-    return float(np.median(steps[first : first + SAMPLE]))
+def usual_step(time: Array) -> float:
+    """Return the median step of a clock, or of enough of its middle."""
+    first = max(0, (time.size - SAMPLE) // 2)
+    return float(np.median(np.diff(time[first : first + SAMPLE])))
 
 
 def drop_repeats(clock: Clock, signal: Array) -> None:
@@ -299,7 +299,7 @@ def _spread(time: Array) -> Array:
 
 
 def _report_gaps(clock: Clock, steps: Array) -> None:
-    limit = GAP * usual_step(steps)
+    limit = GAP * usual_step(clock.time)
     if steps.max() <= limit:
         return
     gaps = np.flatnonzero(steps > limit)

@@ -54,6 +54,8 @@ class CsvTable:
     skip: int
     """Lines before the first row of numbers."""
     comment: str | None
+    blanks: bool
+    """Whether blanks follow delimiters."""
     dates: frozenset[str]
     """Columns that hold dates or times of day instead of numbers."""
     notes: tuple[str, ...]
@@ -85,7 +87,7 @@ class CsvTable:
                     comment=self.comment,
                     encoding=self.encoding,
                     encoding_errors="replace",
-                    skipinitialspace=True,
+                    skipinitialspace=self.blanks,  # costs half as much again, so only where needed
                     skip_blank_lines=True,
                     na_values=["-"],
                     engine="c",
@@ -216,6 +218,7 @@ def open_csv(path: Path) -> CsvTable:
         width=cells,
         skip=skipped,
         comment=comment[0] if comment else None,
+        blanks=delimiter != " " and any(delimiter + " " in line for _, line in rows),
         dates=dates,
         notes=tuple(notes),
     )

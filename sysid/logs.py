@@ -77,7 +77,7 @@ def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
         roll = _checked(roll)
     except HuskyError as error:
         raise HuskyError(f"{path}: {error}") from None
-    rate = 1 / usual_step(np.diff(roll.time))
+    rate = 1 / usual_step(roll.time)
     sampling = f"{roll.time.size} samples in {roll.time[-1]:.4g} s at {rate:.4g} Hz"
     return replace(roll, notes=(*log.notes, *choice.notes, *clock.notes, sampling, *roll.notes))
 

@@ -32,7 +32,7 @@ def clock_error(roll, true):
 @pytest.mark.parametrize("epoch", [0.0, 1.7e9])
 @pytest.mark.parametrize("named", [True, False])
 def test_units_and_epoch_by_name_or_by_size(tmp_path, unit, size, epoch, named):
-    whole = [f"{int(round((epoch + t) * 1e9)) / (1e9 / size):.6f}" if size < 1e9 else
+    whole = [f"{round((epoch + t) * 1e9) / (1e9 / size):.6f}" if size < 1e9 else
              str(round((epoch + t) * 1e9)) for t in TRUE]  # fmt: skip
     path = write_csv(
         tmp_path / "log.csv", (f"time_{unit}" if named else "time", "roll_rad"), whole, noisy(TRUE)
@@ -126,7 +126,7 @@ def test_overflowing_counters_are_undone(tmp_path, bits):
 
 def test_random_stamps_are_no_clock(tmp_path):
     stamps = np.random.default_rng(0).permutation(TRUE)
-    with pytest.raises(HuskyError, match="it is no clock.*--time-column"):
+    with pytest.raises(HuskyError, match=r"it is no clock.*--time-column"):
         read(tmp_path, stamps, noisy(TRUE))
     with pytest.raises(HuskyError, match="never changes"):
         read(tmp_path, np.full(TRUE.size, 3.0), noisy(TRUE))

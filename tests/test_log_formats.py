@@ -140,10 +140,10 @@ def test_parquet_with_and_without_time_stamps(tmp_path):
         read_roll(tmp_path / "c.parquet")
 
 
-def sensor_files(mount=np.eye(3)):
+def sensor_files():
     rng = np.random.default_rng(3)
     time = np.arange(0, 6, 0.005)
-    gyro, accel = imu(time, *rocking(time), mount=mount)
+    gyro, accel = imu(time, *rocking(time))
     gyro = gyro + rng.normal(0, 2e-3, gyro.shape) + 0.01
     return time, gyro, accel + rng.normal(0, 0.02, accel.shape)
 

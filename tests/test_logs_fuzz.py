@@ -59,7 +59,9 @@ def damaged(draw):
     """A sound file after a few random injuries to bytes, lines and cells."""
     data = draw(st.sampled_from(SEEDS))
     for _ in range(draw(st.integers(1, 4))):
-        kind = draw(st.sampled_from(["cut", "byte", "insert", "drop", "repeat", "swap", "cell", "column", "encode"]))
+        kind = draw(
+            st.sampled_from(["cut", "byte", "insert", "drop", "repeat", "swap", "cell", "column", "encode"])
+        )
         place = draw(st.integers(0, max(0, len(data) - 1)))
         lines = data.split(b"\n")
         line = draw(st.integers(0, max(0, len(lines) - 1)))
@@ -76,7 +78,21 @@ def damaged(draw):
         elif kind == "swap":
             data = b"\n".join(lines[:line] + lines[line:][::-1])
         elif kind == "cell":
-            cells = ["nan", "inf", "-inf", "1e308", "-1e308", "", "0", "1e-320", "abc", "2026-03-01", "12:00", '"', "1,5"]
+            cells = [
+                "nan",
+                "inf",
+                "-inf",
+                "1e308",
+                "-1e308",
+                "",
+                "0",
+                "1e-320",
+                "abc",
+                "2026-03-01",
+                "12:00",
+                '"',
+                "1,5",
+            ]
             value = draw(st.sampled_from(cells)).encode()
             for separator in (b",", b";", b"\t", b" "):
                 if separator in lines[line]:
@@ -108,7 +124,7 @@ def test_random_bytes(tmp_path, data, ending, magic):
 
 
 @SETTINGS
-@given(text=st.text(alphabet=st.sampled_from("0123456789.,;:eE+-\t\n \"#%nairolt_sdeg"), max_size=600))
+@given(text=st.text(alphabet=st.sampled_from('0123456789.,;:eE+-\t\n "#%nairolt_sdeg'), max_size=600))
 def test_random_tables(tmp_path, text):
     path = tmp_path / "log.csv"
     path.write_text(text, encoding="utf-8")
@@ -145,7 +161,9 @@ def test_damaged_parquet(tmp_path, data):
     for _ in range(data.draw(st.integers(1, 5))):
         content[data.draw(st.integers(4, len(content) - 5))] = data.draw(st.integers(0, 255))
     path = tmp_path / "log.parquet"
-    path.write_bytes(bytes(content[: data.draw(st.integers(8, len(content)))]) if data.draw(st.booleans()) else content)
+    path.write_bytes(
+        bytes(content[: data.draw(st.integers(8, len(content)))]) if data.draw(st.booleans()) else content
+    )
     sound_or_refused(path)
 
 
@@ -163,5 +181,7 @@ def test_damaged_parquet(tmp_path, data):
 )
 def test_odd_clocks(tmp_path, stamps):
     path = tmp_path / "log.csv"
-    path.write_text(pd.DataFrame({"t_s": stamps, "roll_rad": rocking(TIME, release=0.2)[0]}).to_csv(index=False))
+    path.write_text(
+        pd.DataFrame({"t_s": stamps, "roll_rad": rocking(TIME, release=0.2)[0]}).to_csv(index=False)
+    )
     sound_or_refused(path)
