@@ -134,6 +134,7 @@ def swing(
     q, v = int(where.qposadr[0]), int(where.dofadr[0])
     data.qpos[q], data.qvel[v] = sign * angle, sign * rate
     steer_to_tilt(model, data, q, v)
+    _load_support(model, data, joint)
     if after_step is not None:
         after_step(model, data)
     steps = math.ceil(duration / model.opt.timestep) + 2
@@ -175,3 +176,15 @@ def steer_to_tilt(model: mujoco.MjModel, data: mujoco.MjData, q: int, v: int) ->
             angle = (data.qpos[q] - polynomial.coef[0]) / polynomial.coef[1]
             data.qpos[model.jnt_qposadr[second]] = angle
             data.qvel[model.jnt_dofadr[second]] = data.qvel[v] / polynomial.coef[1]
+
+
+def _load_support(model: mujoco.MjModel, data: mujoco.MjData, joint: str) -> None:
+    """Deflect the support of the effect 'second-mode' as the held deck does: its spring against the tilt's."""
+    name = f"{joint}_support_joint"
+    if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) < 0:
+        return
+    support, tendon = model.joint(name), model.tendon(f"{joint}_on_support")
+    spring = float(model.tendon_stiffness[tendon.id])
+    tilt = data.qpos[model.joint(joint).qposadr[0]] - float(model.tendon_lengthspring[tendon.id, 0])
+    share = spring / (spring + float(model.jnt_stiffness[support.id]))
+    data.qpos[support.qposadr[0]] = share * tilt

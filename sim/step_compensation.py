@@ -25,6 +25,8 @@ from sysid.roll import Array
 
 MEASUREMENT_EFFECTS = ("sensor-bias", "sensor-drift", "clock", "lowpass", "discretisation")
 """Effects of a log or of another simulator: they are no part of the joint."""
+SUPPORT = "second-mode"
+"""The effect with an inertia and a damper of its own, which the step changes too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -161,6 +163,8 @@ def fit_inertia_and_damping(
 ) -> Board:
     """Fit roll inertia and damping so that MuJoCo's decay is the law's; start rates are free.
 
+    Where the joint stands on a sprung support, the support's inertia and damping are fitted as well.
+
     Args:
         board: The record, in physical parameters.
         start: The record from which the search starts.
@@ -171,19 +175,24 @@ def fit_inertia_and_damping(
     from scipy.optimize import least_squares
 
     truth = _truth(board, amplitudes)
+    turned = 2 + 2 * sum(part.name == SUPPORT for part in start.effects)
 
     def misfit(knobs: Array) -> Array:
         model = build(_knobs(start, knobs))
         return np.concatenate(
             [
                 _residual(model, release, rate * release.speed, after_step)
-                for release, rate in zip(truth, knobs[2:], strict=True)
+                for release, rate in zip(truth, knobs[turned:], strict=True)
             ]
         )
 
     lag = -build(start).opt.timestep / 2
-    guess = [0.0, 0.0, *(lag * release.deceleration / release.speed for release in truth)]
-    bounds = ([-1.5, -1.5, *(-1.0 for _ in truth)], [1.5, 1.5, *(1.0 for _ in truth)])
+    guess = [
+        *(0.0 for _ in range(turned)),
+        *(lag * release.deceleration / release.speed for release in truth),
+    ]
+    reach = [*(1.5 for _ in range(turned)), *(1.0 for _ in truth)]
+    bounds = (-np.array(reach), reach)
     found = least_squares(misfit, guess, bounds=bounds, diff_step=1e-4, xtol=1e-7, ftol=1e-9, max_nfev=25)
     return _knobs(start, found.x)
 
@@ -311,6 +320,15 @@ def _static_error(board: Board, build: Callable[[Board], mujoco.MjModel], writte
 
 
 def _knobs(board: Board, knobs: Array) -> Board:
+    """Turn roll inertia and damping, and those of a support if the joint stands on one."""
+    for index, part in enumerate(board.effects):
+        if part.name != SUPPORT:
+            continue
+        parameters = dict(part.parameters)
+        for name, knob in zip(("inertia", "damping"), knobs[2:4], strict=True):
+            parameters[name] = replace(parameters[name], value=parameters[name].value * math.exp(knob))
+        turned = replace(part, parameters=parameters)
+        board = replace(board, effects=(*board.effects[:index], turned, *board.effects[index + 1 :]))
     return _with(board, board.inertia.value * math.exp(knobs[0]), board.damping * math.exp(knobs[1]))
 
 

@@ -10,7 +10,7 @@ import pytest
 from sim.free_decay_rig import rig_spec, swing
 from sim.step_compensation import closed_form, compensate_step, decay_error, release_amplitudes, uncompensated
 from sysid.board import Board, BoardEffect, load_board
-from sysid.effects import effect
+from sysid.effects import catalogue, effect
 from sysid.errors import HuskyError
 from sysid.quantity import Quantity
 from sysid.roll import Array
@@ -85,6 +85,9 @@ def test_typed_in_numbers_lose_damping():
         ("quadratic-damping", (0.05,)),
         ("gravity", (1.0,)),
         ("freeplay", (0.01,)),
+        ("viscoelastic", (5.0, 0.05)),
+        ("hysteresis", (8.0, 0.2)),
+        ("second-mode", (0.004, 60.0, 0.1)),
     ],
 )
 def test_richer_joints_are_compensated_numerically(board: Board, name: str, values: tuple[float, ...]):
@@ -94,8 +97,23 @@ def test_richer_joints_are_compensated_numerically(board: Board, name: str, valu
     assert abs(done.static_error) < 1e-6
 
 
-def test_the_rig_holds_the_law_in_physical_parameters(board: Board):
-    """At a fine RK4 step the bench is the continuous law, effects included."""
+IN_THE_JOINT = sorted(
+    name for name, part in catalogue().items() if part.role not in ("measurement", "record")
+)
+
+
+@pytest.mark.parametrize("name", IN_THE_JOINT)
+def test_mujoco_moves_by_the_law_of_every_effect(name: str):
+    """With a fine step the bench decays as the law says: each effect's MJCF is its torque law."""
+    board = load_board(shipped_data() / "boards" / "pink.toml")
+    rich = with_effect(board, name, *catalogue()[name].example)
+    model = rig_spec(rich, timestep=0.0002).compile()
+    assert decay_error(rich, model, release_amplitudes(rich)) < 0.0075
+    other = rig_spec(board, timestep=0.0002).compile()
+    assert decay_error(rich, other, release_amplitudes(rich)) > 0.015, "the example must show"
+
+
+def test_smooth_effects_are_exact_at_a_fine_runge_kutta_step(board: Board):
     for name, values in (("cubic-stiffness", (200.0,)), ("quadratic-damping", (0.05,)), ("inertia", (1.3,))):
         rich = with_effect(board, name, *values)
         model = rig_spec(rich, timestep=0.0005, integrator="RK4").compile()
