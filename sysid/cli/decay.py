@@ -168,10 +168,16 @@ def equation(result: "FreeDecay") -> str:
         if abs(rest) < 5e-4 or result.trace.signal == "rate"
         else f"(φ {'-' if rest > 0 else '+'} {abs(rest):.4f})"
     )
-    return (
-        f"{numbers.inertia.value:.3g}·φ̈ + {numbers.damping.value:.3g}·φ̇ + {numbers.stiffness.value:.4g}·{roll} = 0"
-        "   (SI, rad)"
-    )
+    terms = f"{_plain(numbers.inertia.value)}·φ̈ + {_plain(numbers.damping.value)}·φ̇"
+    return f"{terms} + {numbers.stiffness.value:.4g}·{roll} = 0   (SI, rad)"
+
+
+def _plain(value: float) -> str:
+    """Print three digits, below a hundredth as 8.70e-3."""
+    if abs(value) >= 0.01:
+        return f"{value:.3g}"
+    digits, _, power = f"{value:.2e}".partition("e")
+    return f"{digits}e{int(power)}"
 
 
 def _verdict(result: "FreeDecay") -> str:
