@@ -12,6 +12,7 @@ Spring and damper alone have a closed form; with further effects the same two kn
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -50,6 +51,19 @@ class Compensation:
     """Relative error of the static stiffness at the full tilt."""
     how: str
     """In words."""
+
+    def entry(self) -> dict[str, Any]:
+        """Return what was written and both errors, for the board record and for JSON."""
+        return {
+            "how": self.how,
+            "timestep": self.timestep,
+            "integrator": self.integrator,
+            "stiffness": self.board.stiffness,
+            "damping": self.board.damping,
+            "inertia": self.board.inertia.value,
+            "decay_nrmse": self.decay_error,
+            "static_stiffness_error": self.static_error,
+        }
 
     def lines(self) -> tuple[str, ...]:
         """Return what was done and both errors, for people and for the comments of a file."""

@@ -162,6 +162,21 @@ def test_check_writes_its_verdict_into_the_workspace(tmp_path: Path):
     assert load_board(shipped_data() / "boards" / "pink.toml").check == {}
 
 
+def test_fit_in_scene_finds_what_the_scene_must_hold(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    from sysid.cli.fit import fit
+
+    common = Common(json=str(tmp_path / "fit.json"), workspace=tmp_path)
+    assert fit(DECAYS / "pink.csv", board="pink", in_scene=True, common=common) == 0
+    board = Workspace(tmp_path).load_board("pink")
+    written = board.fit["in_scene"]
+    assert written["stiffness"] == pytest.approx(board.stiffness)
+    assert 0.85 < written["inertia"] / board.inertia.value < 0.92
+    assert written["decay_nrmse"] < 0.005
+    assert json.loads((tmp_path / "fit.json").read_text())["in_scene"] == written
+    assert "compensated in the scene" in capsys.readouterr().out
+    assert check(DECAYS / "pink.csv", board="pink", common=Common(json="-", workspace=tmp_path)) == 0
+
+
 def test_bad_scene_files_are_refused_in_words(tmp_path: Path):
     with pytest.raises(HuskyError, match=r"no joint .board_tilt.\..*board_tilt_joint"):
         scene_from_file(LYING, joint="board_tilt")

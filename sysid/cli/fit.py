@@ -1,5 +1,6 @@
 """`husky-sysid fit`: the tilt joint that decays like the board, saved in its record."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,6 +16,7 @@ from sysid.roll import Release
 
 if TYPE_CHECKING:
     from reports.ladder_figure import Rung
+    from sim.step_compensation import Compensation
     from sysid.fit_mjcf import FitOptions, JointFit
 
 _NO_ARGUMENTS = LogArguments()
@@ -27,6 +29,7 @@ def fit(
     effect: Annotated[tuple[str, ...], Parameter(name="--effect", negative="")] = (),
     plain: bool = False,
     robust: bool = False,
+    in_scene: Annotated[bool, Parameter(name="--in-scene", negative="")] = False,
     arguments: LogArguments = _NO_ARGUMENTS,
     common: Common = _NO_COMMON,
 ) -> int:
@@ -40,6 +43,8 @@ def fit(
         effect: Effect to add to those of the record; repeat it for several.
         plain: Drop the effects that the record has.
         robust: Let outliers of the sensor count less.
+        in_scene: Also find what must be written into the training scene (implicitfast at 5 ms, wheels on the
+            ground, equality coupling) so that the scene as a whole decays like the board.
         arguments: How the logs are read.
         common: Options of every command.
     """
@@ -60,11 +65,20 @@ def fit(
     heldout = heldout_rmse(result)
     new = recorded(record, result, logs, heldout=heldout)
     rungs = _ladder(releases, record, names, options, result, heldout)
+    scene: Compensation | None = None
+    if in_scene:
+        from sim.in_scene import compensate_in_scene
+
+        scene = compensate_in_scene(new)
+        new = replace(new, fit={**new.fit, "in_scene": scene.entry()})
     path = common.space.save_board(new)
     picture = _draw(common, new, rungs, result)
     _print(printer, record, new, result, rungs)
+    for line in scene.lines() if scene else ():
+        printer.say(line)
     printer.say(f"written: {path}, {picture}")
-    printer.result(_to_json(new, result, heldout, rungs))
+    content = _to_json(new, result, heldout, rungs)
+    printer.result({**content, "in_scene": scene.entry()} if scene else content)
     return 0
 
 
