@@ -100,8 +100,11 @@ def our_metadata(board):
     return policy_metadata(board, "0" * 64, "run")
 
 
-def make_onnx(path, *, size, metadata, seed=0, gain=0.02, actions=23):
-    """Write a policy of the published interface: normaliser, three ELU layers, 23 answers; random weights."""
+def make_onnx(path, *, size, metadata, seed=0, gain=0.02, actions=23, bias=0.0):
+    """Write a policy of the published interface: normaliser, three ELU layers, 23 answers; random weights.
+
+    Its answers stay within about `gain` of `bias`.
+    """
     onnx = pytest.importorskip("onnx")
     from onnx import TensorProto, helper, numpy_helper
 
@@ -115,7 +118,7 @@ def make_onnx(path, *, size, metadata, seed=0, gain=0.02, actions=23):
     for i, (inner, outer) in enumerate(pairwise(widths)):
         last = i == len(widths) - 2
         constants[f"w{i}"] = rng.normal(0, (gain if last else 1.0) / np.sqrt(inner), (inner, outer))
-        constants[f"b{i}"] = rng.normal(0, 0.01, outer)
+        constants[f"b{i}"] = rng.normal(0, 0.01, outer) + (bias if last else 0.0)
         nodes.append(helper.make_node("Gemm", [f"h{i}", f"w{i}", f"b{i}"], ["actions" if last else f"g{i}"]))
         if not last:
             nodes.append(helper.make_node("Elu", [f"g{i}"], [f"h{i + 1}"]))
