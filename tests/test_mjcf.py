@@ -71,6 +71,8 @@ def test_comments_say_where_numbers_come_from_and_both_errors(board: Board):
         "tan(truck) = tan(rake) sin(roll)", "in-scene",
     ):  # fmt: skip
         assert words in text
+    fitted = replace(board, fit={"logs": [{"path": "my.csv", "sha256": "0"}], "date": "2026-01-02"})
+    assert "Fitted to my.csv, 2026-01-02." in board_mjcf(fitted, "bench", timestep=0.001).xml
     hyphens = replace(board, source="a -- b --- c")
     ElementTree.fromstring(board_mjcf(hyphens, "bench", timestep=0.001).xml)
 
