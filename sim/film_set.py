@@ -103,6 +103,7 @@ def film_xml(board: Board, mark: Mark) -> str:
     return f"""
 <mujoco>
   <option gravity="0 0 0"/>
+  <default><geom contype="0" conaffinity="0"/></default>
   <visual>
     <quality shadowsize="1024" offsamples="4"/>
     <global offwidth="3840" offheight="2160"/>

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 FEWEST_PER_PERIOD = 8
 """Frames a period below which the fastest part of a swing is guessed rather than seen."""
+MOST_SEEN = 0.6
+"""Share of the frames in which what is followed must be seen."""
 STEADY = 0.5
 """Change of velocity from frame to frame, as a share of it, up to which it counts as known."""
 SHEAR_DOUBT = 0.1
@@ -52,16 +54,12 @@ def roll_from_video(path: Path, options: VideoOptions | None = None) -> Roll:
             it has fewer than 8 frames for each period of the oscillation.
     """
     from sysid.video.camera import lens_of
-    from sysid.video.choose import choose
     from sysid.video.frames import open_clip
-    from sysid.video.track import follow
 
     options = options or VideoOptions()
     clip = open_clip(path)
     lens = lens_of(clip, options.calibration)
-    chosen = choose(clip, options)
-    track = follow(clip, chosen.tracker, options.rate)
-    _refuse_lost(path, track, chosen)
+    chosen, track = _followed(clip, options)
     time, turning, readout_note = _angle(clip, track, lens, chosen, options)
     sign = -1.0 if options.front else 1.0
     signal = _Signal(time, sign * (turning.angle + chosen.zero(turning)), turning.std)
@@ -215,13 +213,22 @@ def _with_shake(turning: "Turning", track: "Track") -> "Turning":
     return replace(turning, std=np.hypot(turning.std, track.shake.std))
 
 
-def _refuse_lost(path: Path, track: "Track", chosen: "Chosen") -> None:
-    share = track.lost / len(track.time)
-    if share > 0.5:
-        raise HuskyError(
-            f"{path}: {chosen.what} is seen in only {len(track.time) - track.lost} of {len(track.time)} frames. "
-            "Keep the board in the picture, film in more light (less blur), or follow something else (--method)."
-        )
+def _followed(clip: "Clip", options: VideoOptions) -> "tuple[Chosen, Track]":
+    """Follow the first of the choices that is seen in most frames."""
+    from sysid.video.choose import choices
+    from sysid.video.track import follow
+
+    failed: list[str] = []
+    for chosen in choices(clip, options):
+        track = follow(clip, chosen.tracker, options.rate)
+        seen = len(track.time) - track.lost
+        if seen >= MOST_SEEN * len(track.time):
+            return chosen, track
+        failed.append(f"{chosen.what} is seen in only {seen} of {len(track.time)} frames")
+    raise HuskyError(
+        f"{clip.path}: {'; '.join(failed)}. Keep the board in the picture, film in more light (less blur), or "
+        "follow something else (--method)."
+    )
 
 
 def _fill(signal: _Signal, pace: float) -> tuple[_Signal, int, int]:

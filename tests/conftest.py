@@ -1,8 +1,14 @@
 """Fixtures shared by all tests."""
 
+import ctypes.util
+import os
 from pathlib import Path
 
 import pytest
+
+# MuJoCo chooses its way to OpenGL when it is imported; without a screen only EGL draws films.
+if not os.environ.get("DISPLAY") and ctypes.util.find_library("EGL"):
+    os.environ.setdefault("MUJOCO_GL", "egl")
 
 
 @pytest.fixture(scope="session")

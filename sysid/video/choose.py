@@ -1,6 +1,6 @@
 """What to follow in a film, and why."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,25 +56,30 @@ class Chosen:
     warnings: tuple[str, ...] = ()
 
 
-def choose(clip: Clip, options: VideoOptions) -> Chosen:
-    """Choose what to follow: what the user says, else the first that is there: marker, dots, texture, edge.
+def choices(clip: Clip, options: VideoOptions) -> Iterator[Chosen]:
+    """Yield what can be followed: what the user says, else whatever is there of marker, dots, texture, edge.
 
     Raises:
         HuskyError: Nothing that can be followed is found.
     """
     auto = options.method == "auto"
-    chosen = _marker(clip, auto) if auto or options.method == "marker" else None
-    if chosen is None and options.method != "marker":
+    found = False
+    if auto or options.method == "marker":
+        chosen = _marker(clip, auto)
+        if chosen is not None:
+            yield chosen
+            return
+    if options.method != "marker":
         look = survey(clip, options.roi)
         ways = {"dots": _dots, "features": _features, "edge": _edge}
         for way in ways.values() if auto else (ways[options.method],):
             chosen = way(look, options)
             if chosen is not None:
-                break
-    if chosen is None:
+                found = True
+                yield chosen
+    if not found:
         other = "." if auto else ", or choose another --method."
         raise HuskyError(f"{clip.path}: {NOT_FOUND[options.method]}{other}")
-    return chosen
 
 
 def _marker(clip: Clip, auto: bool) -> Chosen | None:

@@ -84,7 +84,7 @@ def _annotate(picture: Picture, points: Array, roll: Roll, number: int | None) -
     strip[:] = (strip * 0.35).astype(np.uint8)
     span = max(float(np.abs(roll.roll).max()), 1e-3)
     across = 8 + (width - 16) * roll.time / roll.time[-1]
-    down = height - 32 + 26 * roll.roll / span
+    down = height - 32 - 26 * roll.roll / span
     trace = np.round(16 * np.stack([across, down], axis=1)).astype(np.int32)
     cv2.polylines(picture, [trace], False, (200, 200, 200), 1, cv2.LINE_AA, shift=4)
     if number is None:
@@ -96,9 +96,10 @@ def _annotate(picture: Picture, points: Array, roll: Roll, number: int | None) -
 
 
 def _text(picture: Picture, text: str, colour: tuple[int, int, int]) -> None:
+    strip = picture[:40]
+    strip[:] = (strip * 0.35).astype(np.uint8)
     size = 0.5 + picture.shape[1] / 2400
-    for tint, width in (((0, 0, 0), 4), (colour, 1)):
-        cv2.putText(picture, text, (12, 30), cv2.FONT_HERSHEY_SIMPLEX, size, tint, width, cv2.LINE_AA)
+    cv2.putText(picture, text, (12, 28), cv2.FONT_HERSHEY_SIMPLEX, size, colour, 1, cv2.LINE_AA)
 
 
 def _write_sheet(pictures: list[Picture], path: Path) -> None:

@@ -106,11 +106,11 @@ def fit_turning(
     noise, blur, per_frame = _noise(state, mask, points, matrix, floor)
     information = _information(state, mask) / alike
     variance = (per_frame / matrix[0, 0]) ** 2 / information
-    variance = variance + _centre_variance(state, mask, noise / matrix[0, 0])
+    variance = variance + alike * _centre_variance(state, mask, noise / matrix[0, 0])
     direction_std = 0.0
     if direction is None:
-        variance = variance + _direction_variance(points, mask, matrix, state, yaw, pitch, covariance)
-        direction_std = float(np.sqrt(np.trace(covariance) / 2))
+        variance = variance + _direction_variance(points, mask, matrix, state, yaw, pitch, alike * covariance)
+        direction_std = float(np.sqrt(alike * np.trace(covariance) / 2))
     angle = np.where(keep, state.angle, np.nan)
     std = np.where(keep, np.sqrt(variance + smear(angle) ** 2), np.nan)
     shape = state.shape - state.shape.mean()

@@ -1,0 +1,124 @@
+"""The angle from points: exact without noise, honest with it."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sysid.video.dots import fit_pivot
+from sysid.video.shutter import at_common_time
+from sysid.video.turning import fit_turning, rectify
+
+MATRIX = np.array([[1000.0, 0, 640], [0, 1000, 360], [0, 0, 1]])
+SQUARE = np.array([[-0.04, -0.14], [0.04, -0.14], [0.04, -0.06], [-0.04, -0.06]])
+
+
+def swing(n=150):
+    time = np.arange(n) / 60
+    return 0.45 * np.exp(-1.5 * time) * np.cos(12 * time)
+
+
+def picture(angle, yaw, pitch, shape=SQUARE, depth=None, distance=1.2, shift=0.0):
+    """Points of a body that turns about an axis through (0, 0) at `distance`, seen by a tilted pinhole."""
+    depth = np.zeros(len(shape)) if depth is None else depth
+    turned = (shape[:, 0] + 1j * shape[:, 1]) * np.exp(1j * angle)[:, None] + shift
+    body = np.stack([turned.real, turned.imag, np.broadcast_to(distance + depth, turned.shape)], axis=-1)
+    ey, ep = np.sin(yaw), np.sin(pitch)
+    axis = np.array([ey, ep, np.sqrt(1 - ey**2 - ep**2)])
+    right = np.array([axis[2], 0, -axis[0]]) / np.hypot(axis[0], axis[2])
+    seen = body @ np.stack([right, np.cross(axis, right), axis])
+    return seen[..., :2] / seen[..., 2:] * 1000 + [640, 360]
+
+
+@settings(deadline=None, max_examples=15)
+@given(st.floats(-0.25, 0.25), st.floats(-0.25, 0.25))
+def test_exact_points_give_the_exact_angle_from_any_camera(yaw, pitch):
+    angle = swing()
+    turning = fit_turning(picture(angle, yaw, pitch), MATRIX, square=True)
+    error = turning.angle - angle
+    assert np.abs(error - np.median(error)).max() < 2e-3
+
+
+def test_a_camera_at_a_slant_matters_and_is_found():
+    angle = swing()
+    points = picture(angle, 0.25, 0.05)
+    naive = fit_turning(points, MATRIX, direction=(0.0, 0.0)).angle - angle
+    turning = fit_turning(points, MATRIX, square=True)
+    assert np.ptp(naive) > 5 * np.ptp(turning.angle - angle)
+    assert turning.yaw == pytest.approx(0.25, abs=0.02)
+
+
+def test_points_at_different_depths_still_turn_about_one_axis():
+    angle = swing()
+    depth = np.array([0.0, 0.02, 0.02, 0.0])
+    turning = fit_turning(picture(angle, 0.1, 0.1, depth=depth), MATRIX)
+    error = turning.angle - angle
+    assert np.abs(error - np.median(error)).max() < 4e-3
+
+
+def test_shifts_of_the_body_are_no_angle():
+    angle = swing()
+    shift = 0.01 * np.sin(np.arange(150))[:, None]
+    turning = fit_turning(picture(angle, 0.0, 0.0, shift=shift), MATRIX, square=True)
+    error = turning.angle - angle
+    assert np.abs(error - np.median(error)).max() < 1e-3
+
+
+@pytest.mark.parametrize("noise", [0.05, 0.3])
+def test_stated_deviations_are_true(noise):
+    angle = swing()
+    scores = []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        points = picture(angle, 0.1, 0.15)
+        turning = fit_turning(points + noise * rng.normal(size=points.shape), MATRIX, square=True)
+        error = turning.angle - angle
+        scores.append((error - np.median(error[-60:])) / turning.std)
+    scores = np.concatenate(scores)
+    assert 0.9 < np.mean(np.abs(scores) < 1.96) < 0.985
+    assert 0.8 < np.sqrt(np.mean(scores**2)) < 1.25
+
+
+def test_frames_with_wrong_points_are_left_out():
+    angle = swing()
+    points = picture(angle, 0.0, 0.1)
+    points = points + 0.05 * np.random.default_rng(0).normal(size=points.shape)
+    points[120, 0] += 30
+    turning = fit_turning(points, MATRIX, square=True)
+    assert turning.outliers == 1
+    assert np.isnan(turning.angle[120])
+
+
+def test_rectify_makes_circles_round():
+    angle = np.linspace(0, 2 * np.pi, 60)
+    z = rectify(picture(angle, 0.2, -0.1, shape=SQUARE[:1]), MATRIX, 0.2, -0.1)[:, 0]
+    radius = np.abs(z - z[:-1].mean())
+    assert np.ptp(radius) / radius.mean() < 1e-3
+
+
+def test_rolling_shutter_is_undone():
+    readout, fps = 0.015, 240
+    stamps = np.arange(200) / fps
+
+    def angle_at(time):
+        return 0.4 * np.cos(15 * time)
+
+    rows = picture(angle_at(stamps), 0, 0)
+    for _ in range(30):  # each point is where it is when its row is read
+        share = rows[..., 1] / 720
+        times = stamps[:, None] + readout * share
+        rows = np.stack([picture(angle_at(times[:, j]), 0, 0)[:, j] for j in range(4)], axis=1)
+    points, time = at_common_time(rows, stamps, rows[..., 1] / 720, readout)
+    turning = fit_turning(points, MATRIX, square=True, direction=(0.0, 0.0))
+    error = (turning.angle - angle_at(time))[2:-2]
+    assert np.abs(error - np.median(error)).max() < 2e-3
+    raw = fit_turning(rows, MATRIX, square=True, direction=(0.0, 0.0)).angle - angle_at(stamps)
+    assert np.ptp(raw) > 0.02
+
+
+@pytest.mark.parametrize("given_pivot", [True, False])
+def test_one_dot_about_a_pivot(given_pivot):
+    angle = swing()
+    points = picture(angle, 0, 0, shape=np.array([[0.0, 0.2]]))
+    turning = fit_pivot(points, MATRIX, pivot=(640.0, 360.0) if given_pivot else None)
+    assert np.abs(turning.angle - np.pi / 2 - angle).max() < 1e-6
