@@ -141,7 +141,7 @@ def _comments(
     fitted = board.fit.get("logs")
     if fitted:
         tilt.append(
-            f"Fitted to {', '.join(str(log) for log in fitted)}, {board.fit.get('date', 'date unknown')}."
+            f"Fitted to {', '.join(str(log['path']) for log in fitted)}, {board.fit.get('date', 'date unknown')}."
         )
     tilt += [
         f"Effect {part.name}: "
