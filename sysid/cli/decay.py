@@ -79,6 +79,8 @@ def decay(
 
 def decay_json(board: str, roll: "Roll", result: "FreeDecay") -> dict[str, Any]:
     """Return the result file: SI, radians, each quantity with its interval."""
+    from sysid.releases import log_phases
+
     return {
         "board": board,
         "log": roll.log,
@@ -98,6 +100,10 @@ def decay_json(board: str, roll: "Roll", result: "FreeDecay") -> dict[str, Any]:
                 ],
             }
             for release, peaks, rest in zip(result.releases, result.peaks, result.rest_angles, strict=True)
+        ],
+        "phases": [
+            {"t_start_s": phase.start, "t_end_s": phase.end, "kind": phase.kind}
+            for phase in log_phases(roll, result.releases)
         ],
         **result.numbers.to_json(),
         "methods": {
