@@ -68,6 +68,7 @@ def _release(axes: "list[Axes]", result: Comparison, index: int) -> None:
     axes[1].axhspan(-band, band, color=NOISE, alpha=0.3, linewidth=0)
     axes[1].plot(time, scale * residual, color=SIM, linewidth=0.7)
     axes[1].set_xlabel("time since release [s]")
+    axes[1].locator_params(axis="x", nbins=4)
 
 
 def _surface(axes: "Axes", result: Comparison) -> None:

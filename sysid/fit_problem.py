@@ -52,7 +52,7 @@ def make_records(releases: Sequence[Release], std: float, *, rate: bool) -> tupl
 
 
 def _end_of_motion(release: Release, signal: Array, std: float) -> int:
-    """Return how many samples to keep: the motion, and half as long again of the rest after it.
+    """Return how many samples to keep: the motion, and as long again of the rest after it.
 
     A long rest would outweigh the motion and teach nothing: a joint that sticks is still. The last tenth
     of a release that came to rest may hold the hand that comes for the next one, and is left out.
@@ -66,7 +66,7 @@ def _end_of_motion(release: Release, signal: Array, std: float) -> int:
     smooth = np.convolve(signal[:quiet] - level, np.ones(window) / window, mode="same")
     moving = np.flatnonzero(np.abs(smooth[: quiet - window]) > 5.0 * std / np.sqrt(window))
     last = int(moving[-1]) if len(moving) else quiet
-    return min(quiet, int(1.5 * last) + 16)
+    return min(quiet, 2 * last + 16)
 
 
 @dataclass(frozen=True, slots=True)

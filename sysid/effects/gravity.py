@@ -1,6 +1,7 @@
 """The weight of a deck whose centre of mass is not on the tilt axis."""
 
 from collections.abc import Mapping, Sequence
+from math import isnan
 from typing import TYPE_CHECKING
 
 from sysid.effects.base import Algebra, Effect, Motion, MujocoSupport, Parameter, Value, Values
@@ -39,7 +40,8 @@ def to_mjcf(
             f"gravity moment {parameters['moment']:.4g} N*m needs the mass {body.mass:.4g} kg {abs(drop):.3g} m "
             f"off the axis, more than the roll inertia {body.inertia[0]:.4g} kg*m^2 allows. Check the mass."
         )
-    body.ipos[2] -= drop
+    x, y, z = (0.0 if isnan(value) else float(value) for value in body.ipos)  # NaN: not set
+    body.ipos = [x, y, z - drop]
     body.inertia[0] = about_own
     return (f"gravity: centre of mass {drop:.6g} m below the axis, roll inertia about the axis unchanged",)
 
