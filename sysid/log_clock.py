@@ -213,7 +213,8 @@ def _even_out(clock: Clock, signal: Array, steps: Array) -> bool:
             clock.warnings.append("several rows share one time stamp: spread evenly up to the next stamp")
         return forced
     if not bursts:  # no sensor measures in bursts, but it may well measure unevenly
-        stamped, evened = _roughness(clock.time, signal), _roughness(even, signal)
+        with np.errstate(all="ignore"):  # stamps that nearly coincide; NaN then keeps them as they are
+            stamped, evened = _roughness(clock.time, signal), _roughness(even, signal)
         if not evened < 0.7 * stamped:
             if high - low > 0.2 * usual:
                 clock.notes.append(
@@ -268,7 +269,8 @@ def _even_times(time: Array) -> Array | None:
             place = int(group[np.argmax(jump[group] + 1e-9 * np.diff(time, prepend=time[0])[group])])
             index[place:] += max(1.0, np.round(jump[place] / period))
         period, start = (float(value) for value in np.polyfit(index, time, 1))
-    return start + period * index
+    even = start + period * index
+    return even if period > 0 and np.diff(even).min() > 0 else None
 
 
 def _roughness(time: Array, signal: Array) -> float:

@@ -85,7 +85,14 @@ def find_column(log: LogFile, wanted: str, columns: Sequence[Column], option: st
             return column
     if text.isdigit() and 1 <= int(text) <= len(log.names):
         name = log.names[int(text) - 1]
-        return next(column for column in columns if column.name == name)
+        text = name
+        for column in columns:
+            if column.name == name:
+                return column
+    if text in log.names:
+        raise HuskyError(
+            f"{log.path}: {option} '{wanted}' is the column of time. If it is not, name the time with --time-column."
+        )
     known = ", ".join(f"'{name}'" for name in log.names[:30])
     raise HuskyError(
         f"{log.path}: {option} '{wanted}': there is no such column.{did_you_mean(wanted, log.names)} "
@@ -154,13 +161,9 @@ def _named_signal(
     kind = unit_kind(parse_unit(options.unit)) if options.unit else "unknown"
     kind = kind if kind in ("angle", "rate") else column.kind
     if kind == "rate" or options.source == "gyro":
-        return Choice(
-            source="gyro",
-            columns=(column.name,),
-            unit=column.unit,
-            sign=sign,
-            notes=[f"rate from '{column.name}'"],
-        )
+        unit = column.unit if unit_kind(column.unit) == "rate" else None
+        notes = [f"rate from '{column.name}', integrated"]
+        return Choice(source="gyro", columns=(column.name,), unit=unit, sign=sign, notes=notes)
     if kind == "accel":
         raise HuskyError(
             f"{log.path}: '{column.name}' is an acceleration; roll needs an angle, a rotation rate, or all three "

@@ -1,6 +1,7 @@
 """MCAP recordings of ROS 2 (and of anything that writes JSON messages)."""
 
 import json
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ def open_mcap(path: Path) -> SensorTables:
         HuskyError: The reader is not installed, the file is damaged, or no message can be decoded.
     """
     try:
+        import zstandard
         from mcap.exceptions import McapError
         from mcap.reader import make_reader
         from mcap_ros2.decoder import DecoderFactory
@@ -48,7 +50,10 @@ def open_mcap(path: Path) -> SensorTables:
                 stamp = _stamp(content) or message.log_time * 1e-9
                 if fields:
                     rows.setdefault(channel.topic, []).append((stamp, fields))
-    except (McapError, ValueError, KeyError, EOFError, OSError, AssertionError, UnicodeError) as error:
+    except (
+        *(McapError, zstandard.ZstdError, struct.error, ValueError, LookupError, EOFError, OSError),
+        *(AssertionError, RuntimeError, TypeError, OverflowError, MemoryError),
+    ) as error:
         raise HuskyError(
             f"{path}: damaged MCAP file ({type(error).__name__}: {str(error)[:100]})."
         ) from error

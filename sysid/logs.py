@@ -91,7 +91,7 @@ def _clean(choice: Choice, data: dict[str, Array], options: LogOptions) -> tuple
         *((column, LARGEST) for column in signals),
         *(() if stamps is None else ((stamps, LARGEST_STAMP),)),
     ]
-    kept = _sound_rows(limits)
+    kept = _sound_rows(limits) if rows else None
     count = rows if kept is None else kept.size
     if count < MIN_SAMPLES:
         raise HuskyError(

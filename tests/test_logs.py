@@ -325,3 +325,11 @@ def test_a_gyro_without_rest_finds_its_offset_in_the_oscillation(real_logs: Path
     # Left and right swings about zero shrink together; a wrong offset would let the angle walk away.
     middle = 0.5 * (heights[2:] + heights[:-2])
     assert np.abs(heights[1:-1] / middle - 1).max() < 0.01
+
+
+def test_an_angle_may_be_declared_a_rate_and_the_time_is_not_the_signal(tmp_path):
+    path = write_csv(tmp_path / "log.csv", ("t_s", "roll_deg"), TIME, ROLL)
+    roll = read_roll(path, LogOptions(column="roll_deg", unit="rad/s"))
+    assert roll.origin == "gyro"
+    with pytest.raises(HuskyError, match="is the column of time"):
+        read_roll(path, LogOptions(column="1"))
