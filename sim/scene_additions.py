@@ -13,15 +13,15 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from sim.free_decay_rig import swing
+from sim.free_decay_rig import rig_spec, swing
 from sim.in_scene import HeldScene
-from sim.step_compensation import closed_form
+from sim.step_compensation import compensate_step
 from sysid.board import Board
 from sysid.errors import HuskyError
 
-LOAD = 0.15
+LOAD = 0.3
 """Static load, as a share of the spring's torque at the full tilt."""
-SMALL = 0.02
+SMALL = 0.05
 """Amplitude of the decay from which the poles are taken [rad]."""
 VISIBLE = 0.03
 """Departures from the record below this share are not worth a word."""
@@ -56,7 +56,7 @@ class SceneAdditions:
     """The whole scene's tilt joint, the one that the record asks for, and what each part adds."""
 
     wanted: TiltJoint
-    """The record's, with damping and inertia as this integrator and step need them."""
+    """That of the bench, compensated for this integrator and step, measured in the same way."""
     whole: TiltJoint
     parts: tuple[tuple[str, TiltJoint], ...]
     """What each part adds to the tilt joint, the others staying on; 'deck alone' is what is left."""
@@ -124,8 +124,9 @@ def scene_additions(board: Board, scene: HeldScene) -> SceneAdditions:
         HuskyError: The scene does not move, or blows up.
     """
     timestep, integrator = float(scene.model.opt.timestep), _integrator(scene.model)
-    needed = closed_form(board, timestep=timestep, integrator=integrator)
-    wanted = TiltJoint(board.stiffness, needed.damping, needed.inertia.value)
+    needed = compensate_step(board, timestep=timestep, integrator=integrator).board
+    bench = rig_spec(needed, timestep=timestep, integrator=integrator).compile()
+    wanted = measure(board, HeldScene(model=bench, name="bench"))
     whole = measure(board, scene)
     parts: list[tuple[str, TiltJoint]] = []
     for name, switch in _SWITCHES:

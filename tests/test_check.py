@@ -15,7 +15,7 @@ from sim.check import check_scene, smooth_power
 from sim.in_scene import compensate_in_scene, scene_from_file, training_scene
 from sim.scene_additions import measure, scene_additions
 from sim.step_compensation import compensate_step
-from sysid.board import Board, load_board
+from sysid.board import Board, BoardEffect, load_board
 from sysid.cli.check import check
 from sysid.cli.console import Common
 from sysid.errors import HuskyError, QualityGateError
@@ -88,8 +88,6 @@ def test_decays_beyond_the_scenes_range_are_compared_from_where_they_come_within
 
 
 def test_a_clock_that_runs_fast_belongs_to_the_log(board: Board):
-    from sysid.board import BoardEffect
-
     fast = replace(board, effects=(BoardEffect("clock", {"ratio": Quantity(1.1, 0.0, "1")}),))
     scene = training_scene(compensate_in_scene(board).board)
     assert check_scene(fast, scene, [measured(fast)]).nrmse < 0.005
@@ -125,6 +123,17 @@ def test_what_the_scene_adds_is_found_where_it_was_put(board: Board):
     assert any("servos +" in reason for reason in found.reasons(board, 0.2))
 
 
+def test_effects_of_the_record_are_not_blamed_on_the_scene(board: Board):
+    effects = (
+        BoardEffect("coulomb", {"torque": Quantity(0.1, 0.0, "N*m")}),
+        BoardEffect("gravity", {"moment": Quantity(1.0, 0.0, "N*m")}),
+    )
+    rich = replace(board, effects=effects)
+    scene = training_scene(compensate_in_scene(rich).board)
+    assert scene_additions(rich, scene).reasons(rich, 0.2) == ()
+    assert check_scene(rich, scene, [measured(rich)]).nrmse < 0.01
+
+
 def test_the_lying_scene_is_made_by_its_script():
     path = LYING.with_name("make_lying_scene.py")
     module = importlib.util.module_from_spec(spec := importlib.util.spec_from_file_location("lying", path))
@@ -141,6 +150,10 @@ def test_a_scene_that_lies_is_found_out(tmp_path: Path, capsys: pytest.CaptureFi
         "does not swing at all", "servos +45", "stop the deck at ±0.0577", "weighs 7.58 kg", "deck by itself"
     ):  # fmt: skip
         assert words in str(error.value)
+    shown = (LYING.parents[1] / "lying_scene.md").read_text(encoding="utf-8")
+    assert " ".join(str(error.value).split()) in " ".join(shown.split()), (
+        "the documentation quotes the verdict"
+    )
     out = json.loads((tmp_path / "out.json").read_text())
     assert out["passed"] is False
     assert out["nrmse"] > 0.2
