@@ -194,7 +194,7 @@ class _Stage:
         weights = _box_weights(instants, centres - half, centres + half)
         exposed = np.zeros((height, width, 3), np.float32)
         for weight, roll in zip(weights, motion.at(instants), strict=True):
-            exposed += weight[:, None, None].astype(np.float32) * self._render(renderer, roll, left, top)
+            exposed += weight[:, None, None].astype(np.float32) * self.render(renderer, roll, left, top)
         picture = self.still.copy()
         picture[top : top + height, left : left + width] = exposed
         return picture
@@ -207,7 +207,8 @@ class _Stage:
         self.data.mocap_pos[0] = (self.model.body("deck").pos[0] - 0.5, 0.0, height) if inside else HAND_AWAY
         return inside
 
-    def _render(self, renderer: mujoco.Renderer, roll: float, left: int, top: int) -> Exposed:
+    def render(self, renderer: mujoco.Renderer, roll: float, left: int, top: int) -> Exposed:
+        """Return the part of the picture that `renderer` covers from this corner on, at a roll [rad]."""
         self.data.qpos[0] = roll
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
@@ -242,7 +243,7 @@ def _stage(board: Board, mark: Mark, camera: Camera) -> Generator[_Stage]:
     try:
         stage = _Stage(model, data, camera, whole, part, (left, top), np.zeros(0, np.float32))
         data.mocap_pos[0] = HAND_AWAY
-        stage.still = stage._render(whole, 0.0, 0, 0)
+        stage.still = stage.render(whole, 0.0, 0, 0)
         yield stage
     finally:
         whole.close()

@@ -1,6 +1,7 @@
 """Edits two tables of an MP4 or MOV file in place: frame stamps, and the rotation flag of a phone held upright."""
 
 import struct
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +42,7 @@ def set_rotation(path: Path, degrees: int) -> None:
     path.write_bytes(data)
 
 
-def _replace(data: bytes, path: tuple[str, ...], change) -> bytes:  # noqa: ANN001
+def _replace(data: bytes, path: tuple[str, ...], change: Callable[[bytes], bytes | None]) -> bytes:
     """Return the boxes in `data` with the body of the box at `path` changed, or the box removed."""
     result = bytearray()
     position = 0
@@ -52,7 +53,7 @@ def _replace(data: bytes, path: tuple[str, ...], change) -> bytes:  # noqa: ANN0
             size = struct.unpack(">Q", data[position + 8 : position + 16])[0]
             header = 16
         box = data[position : position + size]
-        if kind == path[0].encode() and (len(path) > 1 or header == 8):
+        if path and kind == path[0].encode() and (len(path) > 1 or header == 8):
             body = _replace(box[header:], path[1:], change) if len(path) > 1 else change(box[header:])
             box = b"" if body is None else struct.pack(">I4s", len(body) + 8, kind) + body
         result += box

@@ -70,7 +70,7 @@ def rock(board: Board, duration: float, releases: tuple[tuple[float, float], ...
         for index in range(start, starts[number + 1] if number + 1 < len(starts) else len(time)):
             roll[index] = data.qpos[0]
             mujoco.mj_step(model, data)
-    return Motion(time, roll)
+    return Motion(np.asarray(time, np.float64), roll)
 
 
 def film_xml(board: Board, mark: Mark) -> str:

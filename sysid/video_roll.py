@@ -93,10 +93,12 @@ def roll_from_video(path: Path, options: VideoOptions | None = None) -> Roll:
 class _Signal:
     """Angle and deviation against time, NaN where the board was not seen."""
 
-    def __init__(self, time: Array, roll: Array, std: Array, index: Array | None = None) -> None:
+    def __init__(
+        self, time: Array, roll: Array, std: Array, index: npt.NDArray[np.intp] | None = None
+    ) -> None:
         """Hold arrays of shape (n,); `index` counts the tracked frames."""
         self.time, self.roll, self.std = time, roll, std
-        self.index = np.arange(len(time)) if index is None else index
+        self.index: npt.NDArray[np.intp] = np.arange(len(time)) if index is None else index
 
 
 def _angle(

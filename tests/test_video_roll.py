@@ -1,5 +1,6 @@
 """Roll from rendered films whose roll is known, and from files that are no films."""
 
+import json
 import struct
 import subprocess
 import sys
@@ -162,11 +163,31 @@ def test_clock_offset_between_film_and_imu(marker_film):
     assert np.mean(np.abs(difference) < 3 * np.hypot(film.std[inside], 0.002)) > 0.9
 
 
+def test_the_command_puts_a_film_on_the_clock_of_a_log(marker_film, tmp_path):
+    time = np.arange(0, 0.88, 0.005)
+    log = tmp_path / "imu.csv"
+    roll = marker_film.motion.at(time - 0.1 + marker_film.stamps[0])  # the log began 0.1 s before the film
+    pd.DataFrame({"time_s": time, "roll_rad": roll}).to_csv(log, index=False)
+    output, result = tmp_path / "roll.csv", tmp_path / "roll.json"
+    command = [sys.executable, "-m", "sysid.cli", "roll", marker_film.path, "--readout", "0", "--align", log]
+    run = subprocess.run(
+        [*map(str, command), "-o", str(output), "--json", str(result)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr
+    assert json.loads(result.read_text())["clock_offset"]["value"] == pytest.approx(0.1, abs=0.002)
+    table = pd.read_csv(output)
+    assert list(table.columns) == ["time_s", "roll_rad", "roll_std_rad"]
+    assert table["time_s"][0] == pytest.approx(0.1, abs=0.002)
+
+
 def test_clock_offset_refuses_different_motions(marker_film):
     film = roll_from_video(marker_film.path, VideoOptions(readout=0.0))
     time = np.arange(0, 2, 0.005)
     other = Roll(log="other", time=time, roll=0.1 * np.sin(97 * time), std=np.full(400, 1e-3), origin="imu")
-    with pytest.raises(HuskyError, match="do not show the same motion|nothing to align by"):
+    with pytest.raises(HuskyError, match=r"do not show the same motion|nothing to align by"):
         clock_offset(film, other)
 
 

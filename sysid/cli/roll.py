@@ -1,5 +1,6 @@
 """`husky-sysid roll`: the roll angle of any log or film, as a plain table."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -20,6 +21,7 @@ def roll(
     /,
     *,
     output: Annotated[Path, Parameter(name=("--output", "-o"))],
+    align: Annotated[Path | None, Parameter(name="--align")] = None,
     arguments: LogArguments = _NO_ARGUMENTS,
     common: Common = _NO_COMMON,
 ) -> int:
@@ -28,19 +30,27 @@ def roll(
     Args:
         log: CSV, Parquet, MCAP, phone export (zip or folder) or video.
         output: CSV file to write: time_s, roll_rad, roll_std_rad.
+        align: Another record of the same motion (film or log): times become those of its clock.
         arguments: How the log is read.
         common: Options of every command.
     """
     printer = Printer(common)
     signal = load_roll(log, arguments, printer)
-    inside = (signal.time >= (arguments.start or 0.0)) & (
+    offset = None
+    if align is not None:
+        from sysid.clock_offset import clock_offset
+
+        offset = clock_offset(load_roll(align, _NO_ARGUMENTS, printer), signal)
+        printer.note(f"{log}: {offset} added to its times, which are then those of {align}")
+        signal = replace(signal, time=signal.time + offset.value)
+    inside = (signal.time >= (-np.inf if arguments.start is None else arguments.start)) & (
         signal.time <= (arguments.stop if arguments.stop is not None else np.inf)
     )
     rows = int(np.count_nonzero(inside))
     if not rows:
         raise HuskyError(
-            f"{log}: nothing between --from {arguments.start} and --to {arguments.stop}; it runs from 0 to "
-            f"{signal.time[-1]:.4g} s."
+            f"{log}: nothing between --from {arguments.start} and --to {arguments.stop}; it runs from "
+            f"{signal.time[0]:.4g} to {signal.time[-1]:.4g} s."
         )
     import pandas as pd
 
@@ -57,6 +67,7 @@ def roll(
             "log": str(log),
             "output": str(output),
             "rows": rows,
+            "clock_offset": None if offset is None else offset.to_json(),
             "rate_hz": signal.sampling_rate,
             "origin": signal.origin,
             "notes": list(signal.notes),

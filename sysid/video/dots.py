@@ -116,7 +116,8 @@ class DotTracker:
         best = int(np.argmin(score))
         if not 0.4 < area[best] < 2.5:
             return None
-        region = cv2.dilate((labels == best + 1).astype(np.uint8), np.ones((7, 7), np.uint8))
+        core = (labels == best + 1).astype(np.uint8)
+        region = np.asarray(cv2.dilate(core, np.ones((7, 7), np.uint8)), np.uint8)
         if self._touches_border(region, part.shape, corner, picture.shape):
             return None
         soft = np.clip(weight, 0, 1) * region
@@ -193,7 +194,7 @@ def fit_pivot(
 
 def _chroma(part: Picture) -> Chroma:
     lab = cv2.cvtColor(part.astype(np.float32) / 255, cv2.COLOR_BGR2LAB)
-    return lab[..., 1:]
+    return np.asarray(lab[..., 1:], np.float32)
 
 
 def _dot_share(part: Picture, dot: Dot) -> Chroma:
@@ -214,7 +215,7 @@ def _dot_share(part: Picture, dot: Dot) -> Chroma:
 
 
 def _patches(part: Picture, corner: tuple[int, int], look: Survey) -> list[Dot]:
-    chroma = _chroma(cv2.GaussianBlur(part, (0, 0), 1.0))
+    chroma = _chroma(np.asarray(cv2.GaussianBlur(part, (0, 0), 1.0), np.uint8))
     strength = np.linalg.norm(chroma - np.median(chroma.reshape(-1, 2), axis=0), axis=-1)
     strong = strength[strength > LEAST_CHROMA]
     if len(strong) < SMALLEST:

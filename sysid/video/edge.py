@@ -1,6 +1,7 @@
 """The deck's own straight edge, where there is neither mark nor texture."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import cv2
 import numpy as np
@@ -25,7 +26,7 @@ def find_edge(look: Survey) -> Array | None:
     """Return both ends [px] of the longest edge that moves, shape (2, 2), the brighter side above it."""
     dark = grey(look.first.picture)
     part, corner = crop(dark, look.box)
-    segments = cv2.createLineSegmentDetector().detect(cv2.GaussianBlur(part, (0, 0), 1.0))[0]
+    segments: Any = cv2.createLineSegmentDetector().detect(cv2.GaussianBlur(part, (0, 0), 1.0))[0]
     best: tuple[float, Array] | None = None
     for segment in [] if segments is None else np.asarray(segments, np.float64).reshape(-1, 2, 2):
         ends = segment + corner

@@ -6,13 +6,18 @@ never changes, nothing drifts.
 """
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from sysid.roll import Array
 from sysid.video.frames import Frame, Picture, crop, grey
 from sysid.video.survey import Survey
+from sysid.video.turning import Complex
+
+Mask = npt.NDArray[np.bool_]
 
 MOST, FEWEST = 60, 10
 """Patches that are followed at most, and at least."""
@@ -36,7 +41,9 @@ def find_features(look: Survey) -> Array:
     edge = WINDOW // 2 + 3
     mask[:edge], mask[-edge:], mask[:, :edge], mask[:, -edge:] = 0, 0, 0, 0
     spacing = max(6.0, 0.5 * np.sqrt(max(int((mask > 0).sum()), 1) / MOST))
-    corners = cv2.goodFeaturesToTrack(cv2.GaussianBlur(dark, (0, 0), 0.8), 4 * MOST, 0.01, spacing, mask=mask)
+    corners: Any = cv2.goodFeaturesToTrack(
+        cv2.GaussianBlur(dark, (0, 0), 0.8), 4 * MOST, 0.01, spacing, mask=mask
+    )
     if corners is None:
         return np.zeros((0, 2))
     places = np.asarray(corners, np.float64).reshape(-1, 2)
@@ -53,7 +60,7 @@ class FeatureTracker:
     places: Array
     """Centres of the patches in it [px], shape (N, 2)."""
     box: tuple[int, int, int, int]
-    _pose: Array = field(default_factory=lambda: np.array([1 + 0j, 0j]))
+    _pose: Complex = field(default_factory=lambda: np.array([1 + 0j, 0j]))
     """The body's motion since the reference, x' = pose[0] x + pose[1] in complex pixels."""
     _rate: Array = field(default_factory=lambda: np.zeros(2))
     """Turning rate [rad/s], and nothing more: the shift follows from the middle's velocity."""
@@ -80,7 +87,7 @@ class FeatureTracker:
         interval = 0.0 if self._time is None else frame.time - self._time
         middle = complex(*self.places.mean(axis=0))
         now = self._pose[0] * middle + self._pose[1]
-        best: tuple[int, Array, Array] | None = None
+        best: tuple[int, Complex, Array] | None = None
         for guess in GUESSES:
             turn = self._pose[0] * np.exp(1j * (self._rate[0] * interval + guess))
             pose = np.array([turn, now + self._velocity * interval - turn * middle])
@@ -99,9 +106,10 @@ class FeatureTracker:
         self._pose, self._time = pose, frame.time
         return points
 
-    def _measure(self, picture: Picture, pose: Array) -> tuple[int, Array, Array] | None:
+    def _measure(self, picture: Picture, pose: Complex) -> tuple[int, Complex, Array] | None:
         """Find the patches near an expected pose, twice; return their number, the pose and the places."""
-        matches = None
+        good, seen = np.zeros(len(self.places), bool), np.zeros(len(self.places), complex)
+        near = good
         for _ in range(2):
             matches = self._match(picture, pose)
             if matches is None or matches[0].sum() < FEWEST // 2:
@@ -111,12 +119,11 @@ class FeatureTracker:
             pose, near = _rigid(home, seen, good)
             if near.sum() < FEWEST // 2:
                 return None
-        assert matches is not None
-        good, seen = matches
-        points = np.where(near[:, None], np.stack([seen.real, seen.imag], axis=1), np.nan)
+        places = np.stack([np.real(seen), np.imag(seen)], axis=1)
+        points = np.where(near[:, None], places, np.nan)
         return int(near.sum()), pose, points
 
-    def _match(self, picture: Picture, pose: Array) -> tuple[Array, Array] | None:
+    def _match(self, picture: Picture, pose: Complex) -> tuple[Mask, Complex] | None:
         """Turn the picture back by `pose` and measure where each patch is; in picture coordinates."""
         height, width = self._patch.shape
         a, b = pose
@@ -148,7 +155,7 @@ class FeatureTracker:
         return good, a * (found[:, 0] + 1j * found[:, 1]) + b
 
 
-def _rigid(home: Array, seen: Array, good: Array) -> tuple[Array, Array]:
+def _rigid(home: Complex, seen: Complex, good: Mask) -> tuple[Complex, Mask]:
     """Similarity that most patches agree on (random pairs, then least squares), and who they are."""
     rng = np.random.default_rng(0)
     index = np.flatnonzero(good)

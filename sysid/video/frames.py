@@ -1,7 +1,7 @@
 """Frames of a clip with the container's own time stamps, one at a time."""
 
 import os
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -128,7 +128,7 @@ def grey(picture: Picture) -> Picture:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[cv2.VideoCapture]:
+def _opened(path: Path) -> Generator[cv2.VideoCapture]:
     try:
         capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
     except cv2.error as error:
@@ -145,7 +145,7 @@ def _opened(path: Path) -> Iterator[cv2.VideoCapture]:
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
+def _quiet() -> Generator[None]:
     """Keep FFmpeg's and OpenCV's own complaints off the terminal: ours says what to do."""
     level = cv2.utils.logging.getLogLevel()
     before = os.environ.get("OPENCV_FFMPEG_LOGLEVEL")

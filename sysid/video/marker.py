@@ -1,6 +1,7 @@
 """An ArUco or AprilTag marker on the deck's end: found once, then followed edge by edge."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import cv2
 import numpy as np
@@ -165,7 +166,8 @@ def _detect(dark: Picture, kind: str, dictionary: int) -> list[Marker]:
     parameters.adaptiveThreshWinSizeMin, parameters.adaptiveThreshWinSizeMax = 5, 37
     parameters.adaptiveThreshWinSizeStep = 16
     detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(dictionary), parameters)
-    places, numbers, _ = detector.detectMarkers(dark)
+    found: Any = detector.detectMarkers(dark)  # the stubs say that there always are numbers
+    places, numbers, _ = found
     if numbers is None:
         return []
     return [

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from sysid.errors import HuskyError
 from sysid.files import atomic_path
@@ -21,7 +22,7 @@ SHEET = (4, 3)
 """Columns and rows of the contact sheet."""
 
 
-def draw_overlay(clip: Clip, track: Track, roll: Roll, rows: Array, path: Path) -> Path:
+def draw_overlay(clip: Clip, track: Track, roll: Roll, rows: npt.NDArray[np.intp], path: Path) -> Path:
     """Write the clip with points, angle and trace drawn in, and `<path>.png` with twelve frames of it.
 
     Args:

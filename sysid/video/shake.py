@@ -8,6 +8,7 @@ import numpy as np
 from sysid.errors import HuskyError
 from sysid.roll import Array
 from sysid.video.frames import Frame, Picture, crop, grey
+from sysid.video.turning import Complex
 
 GRID = (5, 4)
 """At most one patch of background in each cell of a grid this wide and high."""
@@ -19,20 +20,16 @@ FEWEST = 4
 CUT_LIKENESS = 0.5
 """Correlation of two neighbouring frames below which the scene has been cut."""
 
-LK = {
-    "winSize": (2 * HALF + 1, 2 * HALF + 1),
-    "maxLevel": 2,
-    "criteria": (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 15, 0.01),
-}
+PRECISION = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 15, 0.01)
 
 
 @dataclass(frozen=True, slots=True)
 class Shake:
     """Motion of the picture against the first frame: x' = turn · x + shift, in complex pixels."""
 
-    turn: Array
+    turn: Complex
     """Complex factor: the camera's rotation about its axis (and a little zoom), shape (n,); 1 where unknown."""
-    shift: Array
+    shift: Complex
     """Complex shift [px], shape (n,)."""
     std: Array
     """Standard deviation of the rotation [rad], shape (n,)."""
@@ -137,7 +134,8 @@ class Background:
         assert self._reference is not None
         moved, good, _ = cv2.calcOpticalFlowPyrLK(
             self._reference, self._mosaic(picture, centre), start[:, None], start[:, None].copy(),
-            flags=cv2.OPTFLOW_USE_INITIAL_FLOW, **LK,
+            winSize=(2 * HALF + 1, 2 * HALF + 1), maxLevel=2,
+            criteria=PRECISION, flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
         )  # fmt: skip
         step = (moved[:, 0] - start).astype(np.float64)
         good = (good.ravel() > 0) & inside & (np.abs(step).max(axis=1) < REACH)
@@ -156,11 +154,11 @@ class Background:
         return mosaic
 
 
-def _similarity(home: Array, seen: Array) -> tuple[complex, complex, float] | None:
+def _similarity(home: Complex, seen: Complex) -> tuple[complex, complex, float] | None:
     if len(home) < FEWEST:
         return None
     weight = np.ones(len(home))
-    turn, shift, scale = 1 + 0j, 0j, 0.0
+    turn, a, scale = 1 + 0j, 0j, 0.0
     shift = complex(np.median((seen - home).real), np.median((seen - home).imag))
     for _ in range(8):
         residual = np.abs(seen - turn * home - shift)

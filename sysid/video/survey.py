@@ -44,13 +44,15 @@ def survey(clip: Clip, roi: tuple[int, int, int, int] | None) -> Survey:
     keep = max(6, min(FRAMES, MEMORY // (clip.width * clip.height)))
     first: Frame | None = None
     start: Picture | None = None
-    low = high = np.zeros(0)
+    low = high = np.zeros(0, np.float32)
     pictures: list[Picture] = []
     for number, frame in enumerate(clip.frames(every)):
         dark = grey(frame.picture)
         if number % max(1, FRAMES // keep) == 0 and len(pictures) < keep:
             pictures.append(dark)
-        small = cv2.resize(frame.picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        small = np.asarray(
+            cv2.resize(frame.picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8
+        )
         if first is None or start is None:
             first, start = frame, np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), np.uint8)
             low = high = small.astype(np.float32)

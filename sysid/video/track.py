@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from sysid.errors import HuskyError
 from sysid.roll import Array
@@ -60,7 +61,7 @@ def follow(clip: Clip, tracker: Tracker, rate: float | None = None) -> Track:
     background = Background(tracker.box)
     stamps: list[float] = []
     indices: list[int] = []
-    rows: list[Array] = []
+    rows: list[npt.NDArray[np.float32]] = []
     repeated = 0
     nothing = np.full((tracker.points, 2), np.nan, np.float32)
     for frame in clip.frames():

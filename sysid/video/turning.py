@@ -166,14 +166,14 @@ def _solve(
         values = np.concatenate(parts)
         return np.concatenate([values.real, values.imag, (parameters - 1) / SQUARE_PRIOR])
 
-    parameters, state = np.ones(2), start
+    parameters, state, covariance = np.ones(2), start, np.eye(2)
     for _ in range(2):  # the weight of the priors depends on the noise, which depends on the direction
         noise = np.sqrt(np.mean(np.abs(state.residual[mask]) ** 2) / 2) + 0.5 * FLOOR / matrix[0, 0]
         fit = least_squares(
             residuals, parameters, diff_step=2e-3, loss="soft_l1", max_nfev=20, args=(float(noise),)
         )
         parameters, state = fit.x, state_at(fit.x - 1)
-    covariance = np.linalg.inv(fit.jac.T @ fit.jac)
+        covariance = np.linalg.inv(fit.jac.T @ fit.jac)
     return state, float(parameters[0] - 1), float(parameters[1] - 1), covariance
 
 
@@ -198,6 +198,7 @@ def _procrustes(z: Complex, mask: npt.NDArray[np.bool_]) -> _State:
     centre = np.zeros(z.shape[1], np.complex128)
     angle, shift = np.zeros(len(z)), np.zeros(len(z), np.complex128)
     ridge = 1 / CENTRE_PRIOR**2
+    rotation = np.exp(1j * angle)
     for _ in range(12):
         body = z - weight * centre
         mean_body = body.sum(axis=1) / count
