@@ -144,7 +144,9 @@ def _hand_has_left(release: Release) -> int:
     way = np.abs(release.roll - release.roll[0])
     enough = max(HAND_LEAVES * release.amplitude, 3.0 * float(np.median(release.std)))
     moved = np.flatnonzero(way > enough)
-    return int(moved[0]) if len(moved) and len(release.time) - moved[0] > 8 else 0
+    # Of many close samples the first beyond a threshold is the one that noise has pushed there: leave it out.
+    begin = int(moved[0]) + (moved[0] > 3) if len(moved) else 0
+    return begin if len(release.time) - begin > 8 else 0
 
 
 def _start(traces: Sequence[Trace], releases: Sequence[Release]) -> Array:
