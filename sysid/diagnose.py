@@ -146,6 +146,7 @@ def diagnose(
     warnings = check_releases(releases, board, period)
     searcher = Searcher(
         records=records, scales=scales, bias=bias, base=tuple(sorted(p.name for p in board.effects)),
+        fixed={"rest_angle": board.rest_angle} if bias == "own" or use_rate else {},
         workers=workers, progress=progress,
     )  # fmt: skip
     singles = searcher.singles()

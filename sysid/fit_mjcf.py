@@ -99,7 +99,7 @@ def check_effects(names: Sequence[str]) -> None:
     """
     for name in names:
         part = effect(name)
-        if part.role == "record":
+        if part.role == "record" or name == "clock":
             raise HuskyError(
                 f"'{name}' cannot be fitted to a free decay: only k/I, d/I and torque/I show in it, so another "
                 f"stiffness and damping do the same. {part.experiment}"
@@ -140,7 +140,7 @@ def fit_joint(
     fixed = dict(options.fixed)
     if any(effect(name).role == "shift" or name == "sensor-bias" for name in effects):
         fixed.setdefault("rest_angle", board.rest_angle)
-    if options.use_rate:
+    if options.use_rate or options.bias == "own":
         fixed.setdefault("rest_angle", board.rest_angle)
     fine = options.steps_per_period * (3 if any(name in _KINKED for name in effects) else 1)
     problem, minimum, evaluations = search(

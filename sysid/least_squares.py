@@ -66,9 +66,7 @@ def minimise(
     evaluations, factor = 1, damping
     status: Status = "out of iterations"
     for _ in range(iterations):
-        blocked = ((point <= low) & (here.gradient > 0)) | ((point >= high) & (here.gradient < 0))
-        step = _step(here, ~blocked, factor)
-        trial = np.clip(point + step, low, high)
+        trial = np.clip(point + _step(here, point, low, high, factor), low, high)
         moved = trial - point
         predicted = -float(here.gradient @ moved + 0.5 * moved @ here.hessian @ moved)
         if predicted <= tolerance * here.cost:
@@ -97,19 +95,34 @@ def minimise(
     return Minimum(point, here, status, evaluations, (point <= low + span) | (point >= high - span))
 
 
-def _step(here: Normal, free: npt.NDArray[np.bool_], factor: float) -> Array:
-    """Return the damped Gauss–Newton step in the free variables; the others stay."""
-    step = np.zeros_like(here.gradient)
-    if not free.any():
-        return step
-    hessian = here.hessian[np.ix_(free, free)]
+def _step(here: Normal, point: Array, low: Array, high: Array, factor: float) -> Array:
+    """Return the damped Gauss–Newton step that stays in the box.
+
+    Variables whose step would leave the box go to their bound, and the others are solved for again.
+    """
+    step = np.zeros_like(point)
+    held = ((point <= low) & (here.gradient > 0)) | ((point >= high) & (here.gradient < 0))
+    for _ in range(len(point)):
+        free = ~held
+        if not free.any():
+            break
+        gradient = here.gradient[free] + here.hessian[np.ix_(free, held)] @ step[held]
+        step[free] = _solve(here.hessian[np.ix_(free, free)], gradient, factor)
+        outside = free & ((point + step < low) | (point + step > high))
+        if not outside.any():
+            break
+        step[outside] = np.clip(point + step, low, high)[outside] - point[outside]
+        held = held | outside
+    return step
+
+
+def _solve(hessian: Array, gradient: Array, factor: float) -> Array:
     diagonal = np.diag(hessian)
     floor = max(float(diagonal.max()), 1e-300) * 1e-12
     damped = hessian + np.diag(factor * np.maximum(diagonal, floor))
     scale = 1.0 / np.sqrt(np.maximum(np.diag(damped), 1e-300))
     scaled = damped * np.outer(scale, scale)
     try:
-        step[free] = -scale * np.linalg.solve(scaled, scale * here.gradient[free])
+        return -scale * np.linalg.solve(scaled, scale * gradient)
     except np.linalg.LinAlgError:
-        step[free] = -scale * (np.linalg.pinv(scaled) @ (scale * here.gradient[free]))
-    return step
+        return -scale * (np.linalg.pinv(scaled) @ (scale * gradient))

@@ -94,6 +94,8 @@ class Searcher:
     bias: Bias
     base: tuple[str, ...] = ()
     """Effects that the board's record has already: every model has them."""
+    fixed: Mapping[str, float] = field(default_factory=dict[str, float])
+    """Parameters held in every model."""
     workers: int = 2
     progress: Progress | None = None
 
@@ -117,7 +119,7 @@ class Searcher:
         """Search one model from the catalogue's own starts."""
         problem, minimum, _ = search(
             structure_of(effects), self.records, self.scales, bias=self.bias, steps_per_period=steps,
-            fixed=defaults(effects), average=self.average,
+            fixed={**defaults(effects), **self.fixed}, average=self.average,
         )  # fmt: skip
         return Model(effects=tuple(sorted(effects)), problem=problem, minimum=minimum)
 
@@ -126,7 +128,7 @@ class Searcher:
         effects = tuple(sorted({*one.effects, *other.effects}))
         problem = Problem(
             structure_of(effects), self.records, self.scales, bias=self.bias, steps_per_period=COARSE,
-            fixed=defaults(effects), average=self.average,
+            fixed={**defaults(effects), **self.fixed}, average=self.average,
             free_states=one.problem.free_states or other.problem.free_states,
         )  # fmt: skip
         own = {**self._small(effects)}

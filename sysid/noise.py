@@ -69,8 +69,8 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
             tail = signal[int(0.65 * len(signal)) : int(0.9 * len(signal))]
             t = np.linspace(-1, 1, len(tail))
             wander = tail - np.polyval(np.polyfit(t, tail, 1), t)
-            early, late = np.std(wander[: len(tail) // 2]), np.std(wander[len(tail) // 2 :])
-            if early < 1.3 * late:  # else it still swings
+            power = np.abs(np.fft.rfft(wander)) ** 2
+            if power.max(initial=0.0) < 0.25 * power.sum():  # else one frequency rules: it still swings
                 still += float(np.sum(wander**2))
                 resting += len(tail)
     std = float(np.sqrt(squares / count))

@@ -30,7 +30,7 @@ EFFECT = Effect(
     ),
     law="v⁺ = (v - h k x/I) / (1 + h d/I), x⁺ = x + h v⁺",
     source="MuJoCo documentation, Computation: implicitfast",
-    does="A heavily damped decay loses damping (8.6 % of ζ at 5 ms on a stiff board); a light one hardly any.",
+    does="A heavily damped decay loses damping (8 % of ζ at 5 ms on a stiff board); a light one hardly any.",
     look_alikes=("stiffness and damping of the record",),
     experiment="Halve the simulator's step: the difference halves too.",
     mujoco=MujocoSupport(means="option timestep, integrator implicitfast", since="3.0", warp=True),

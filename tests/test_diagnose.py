@@ -1,0 +1,133 @@
+"""The verdict: it names what is hidden, says nothing where nothing is, and does not guess."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+
+import hidden_effects as suite
+
+from sysid.board import load_board
+from sysid.diagnose import diagnose
+from sysid.errors import HuskyError
+from sysid.joint import JointLaw, simulate
+from sysid.roll import Release
+from sysid.workspace import shipped_data
+
+BY_NAME = {truth.name: truth for truth in suite.TRUTHS}
+QUICK = (
+    "none, heavy",
+    "coulomb 0.15, heavy",
+    "cubic-stiffness 300, heavy",
+    "offset -0.01, heavy",
+    "inertia 0.8, heavy",
+)
+SLOW = (
+    "none",
+    "coulomb 0.03",
+    "quadratic-damping and cubic-stiffness",
+    "freeplay 0.02",
+    "cogging",
+    "hysteresis 6,0.15",
+)
+
+
+def verdict_of(name, seed, tmp_path):
+    truth = BY_NAME[name]
+    return truth, diagnose(suite.make(truth, seed, tmp_path), suite.board_of(truth))
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_hidden_effect_is_named(name, tmp_path):
+    truth, result = verdict_of(name, 40, tmp_path)
+    assert suite.right(truth, result), result.verdict
+    assert result.verdict.error_after <= 1.15 * result.noise.std
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SLOW)
+def test_hidden_effect_is_named_on_a_light_board(name, tmp_path):
+    truth, result = verdict_of(name, 41, tmp_path)
+    assert suite.right(truth, result), result.verdict
+
+
+def test_a_suite_that_expects_something_else_would_fail(tmp_path):
+    """The judge of the suite is not blind."""
+    _, result = verdict_of("coulomb 0.15, heavy", 40, tmp_path)
+    for other in ("none", "cubic-stiffness 300, heavy", "cogging"):
+        assert not suite.right(BY_NAME[other], result)
+
+
+def test_what_the_record_has_is_not_missing_any_more(tmp_path):
+    from sysid.board import BoardEffect
+    from sysid.quantity import Quantity
+
+    truth = BY_NAME["coulomb 0.15, heavy"]
+    board = suite.board_of(truth)
+    known = BoardEffect("coulomb", {"torque": Quantity(0.15, 0.01, "N*m")})
+    richer = type(board)(**{**{f: getattr(board, f) for f in board.__slots__}, "effects": (known,)})
+    result = diagnose(suite.make(truth, 40, tmp_path), richer)
+    assert result.verdict.status == "none-missing", result.verdict
+    assert all("coulomb" not in candidate.effects for candidate in result.candidates)
+
+
+def release(roll, time, **changes):
+    fields = {"log": "x", "number": 1, "origin": "angle", "rest": 0.0, "hold": 1.0, "end": "log"}
+    return Release(time=time, roll=roll, std=np.full(len(time), 1e-3), **{**fields, **changes})
+
+
+def made(law, seconds, angle=0.15, noise=1e-3, seed=0):
+    time = np.arange(0.0, seconds, 2e-3)
+    return release(
+        simulate(law, time, angle).roll + noise * np.random.default_rng(seed).standard_normal(len(time)), time
+    )
+
+
+LAW = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.05)
+
+
+@pytest.fixture(scope="module")
+def pink():
+    return load_board(shipped_data() / "boards" / "pink.toml")
+
+
+def test_too_short_for_a_verdict_is_said(pink):
+    with pytest.raises(HuskyError, match="too short for a verdict"):
+        diagnose([made(LAW, 0.06)], pink)
+
+
+def test_degrees_taken_for_radians_are_said(pink):
+    base = made(LAW, 1.0)
+    with pytest.raises(HuskyError, match="--unit deg"):
+        diagnose([release(np.degrees(base.roll), base.time)], pink)
+
+
+@pytest.mark.slow
+def test_a_board_that_changed_between_releases_is_said(pink):
+    soft, hard = LAW, JointLaw(inertia=8.7e-3, stiffness=16.5, damping=0.05)
+    releases = [made(law, 1.0, seed=i) for i, law in enumerate((soft, hard, soft))]
+    verdict = diagnose(releases, pink).verdict
+    assert verdict.status == "unexplained"
+    assert "contradict each other" in verdict.explanation
+
+
+def test_command_line_gives_the_binding_json(tmp_path):
+    log = shipped_data() / "decays" / "pink_hidden.csv"
+    done = subprocess.run(
+        [sys.executable, "-m", "sysid.cli", "diagnose", str(log), "--board", "pink", "--json", "-",
+         "--workspace", str(tmp_path)], capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    content = json.loads(done.stdout)
+    assert content["verdict"]["status"] == "missing"
+    assert content["verdict"]["effects"] == ["coulomb"]
+    assert 0 < content["verdict"]["confidence"] < 1
+    assert content["verdict"]["error_after_rad"] < 1.15 * content["noise_floor_rad"]
+    assert content["verdict"]["error_before_rad"] > 1.2 * content["noise_floor_rad"]
+    coulomb = next(c for c in content["candidates"] if c["effects"] == ["coulomb"])
+    assert coulomb["parameters"]["coulomb.torque"]["value"] == pytest.approx(0.15, rel=0.25)
+    assert set(content["baseline"]) == {"rmse_rad", "heldout_rmse_rad"}

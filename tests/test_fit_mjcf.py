@@ -1,0 +1,217 @@
+"""The least-squares engine: truth recovered, intervals that cover, honest refusals."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sysid.board import Board, load_board
+from sysid.effects.base import Scales
+from sysid.errors import HuskyError
+from sysid.fit_mjcf import FitOptions, fit_joint, heldout_rmse, scales_of, starting_points
+from sysid.fit_problem import Problem, make_records
+from sysid.joint import JointLaw, simulate
+from sysid.joint_flow import structure_of
+from sysid.least_squares import Normal, minimise
+from sysid.noise import band_excess, correlation_length, difference_std, ljung_box, noise_floor
+from sysid.quantity import Quantity
+from sysid.roll import Release
+from sysid.workspace import shipped_data
+
+NOISE = np.radians(0.1)
+
+
+@pytest.fixture(scope="module")
+def pink() -> Board:
+    return load_board(shipped_data() / "boards" / "pink.toml")
+
+
+def releases_of(
+    law: JointLaw, seed: int, *, noise=NOISE, rate=500.0, duration=1.2, angles=(0.19, -0.15, 0.11)
+):
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, duration, 1 / rate)
+    result = []
+    for number, angle in enumerate(angles, start=1):
+        roll = simulate(law, time, angle, 0.0).roll
+        rests = np.abs(roll[-len(time) // 5 :] - roll[-1]).max() < 0.3 * noise
+        result.append(
+            Release(
+                log="made.csv", number=number, time=time + 3.0 * number,
+                roll=roll + noise * rng.standard_normal(len(time)), std=np.full(len(time), noise), origin="angle",
+                rest=law.rest_angle, hold=1.0, end="rest" if rests else "log",
+            )
+        )  # fmt: skip
+    return result
+
+
+LIGHT = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.04)
+HEAVY = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.402, rest_angle=0.01)
+
+
+@pytest.mark.parametrize(
+    ("effect", "values"),
+    [
+        ("coulomb", (0.08,)), ("cubic-stiffness", (150.0,)), ("quadratic-damping", (0.03,)), ("freeplay", (0.015,)),
+        ("asymmetric-stiffness", (20.0,)), ("hysteresis", (8.0, 0.15)), ("viscoelastic", (4.0, 0.05)),
+    ],
+)  # fmt: skip
+def test_truth_is_recovered(pink, effect, values):
+    fit = fit_joint(releases_of(LIGHT.with_effect(effect, *values), 1), pink, [effect])
+    found = dict(fit.law.effects)[effect]
+    assert found == pytest.approx(values, rel=0.05)
+    assert fit.law.stiffness == pytest.approx(LIGHT.stiffness, rel=0.02)
+    assert fit.rmse == pytest.approx(fit.noise.std, rel=0.04)
+    for name, truth in zip((q for q in fit.quantities if "." in q), values, strict=True):
+        assert abs(fit.quantities[name].value - truth) < 4.5 * fit.quantities[name].std
+
+
+def test_start_far_away_gives_the_same_answer(pink):
+    far = pink.with_tilt(
+        stiffness=Quantity(60.0, 1.0, "N*m/rad"), damping=Quantity(0.005, 0.001, "N*m*s/rad")
+    )
+    releases = releases_of(LIGHT.with_effect("coulomb", 0.08), 2)
+    one, two = (fit_joint(releases, board, ["coulomb"]) for board in (pink, far))
+    assert one.law.vector == pytest.approx(two.law.vector, rel=1e-4, abs=1e-6)
+
+
+def test_inertia_of_the_record_scales_every_torque(pink):
+    releases = releases_of(HEAVY, 3)
+    double = Board(
+        **{**{f: getattr(pink, f) for f in pink.__slots__}, "inertia": Quantity(2 * 8.7e-3, 1e-3, "kg*m^2")}
+    )
+    one, two = fit_joint(releases, pink), fit_joint(releases, double)
+    assert two.law.stiffness == pytest.approx(2 * one.law.stiffness, rel=1e-5)
+    share = two.quantities["stiffness"].std / two.law.stiffness
+    assert share > 0.99 * 1e-3 / (2 * 8.7e-3)  # the inertia's own deviation is in it
+
+
+@pytest.mark.parametrize("name", ["inertia", "clock", "discretisation"])
+def test_what_a_decay_cannot_identify_is_refused(pink, name):
+    with pytest.raises(HuskyError, match="only k/I, d/I and torque/I"):
+        fit_joint(releases_of(HEAVY, 1), pink, [name])
+
+
+def test_two_shifts_cannot_be_told_apart(pink):
+    with pytest.raises(HuskyError, match="cannot be told apart"):
+        fit_joint(releases_of(HEAVY, 1), pink, ["offset", "preload"])
+
+
+@settings(max_examples=12, deadline=None)
+@given(st.sampled_from(["coulomb", "cubic-stiffness", "viscoelastic", "second-mode", "lowpass", "gravity"]))
+def test_sensitivities_are_exact(name):
+    """The Jacobian against central differences of the residuals."""
+    releases = releases_of(LIGHT, 4, duration=0.4)
+    scales = Scales(inertia=8.7e-3, stiffness=14.7, damping=0.04, amplitude=0.2)
+    records = make_records(releases, NOISE, rate=False)
+    problem = Problem(structure_of([name]), records, scales)
+    at = problem.start({**starting_points(problem.structure, scales)[0], "rest_angle": 0.003})
+    jacobian = problem.linearise(at)[0][1]
+    for column in range(len(problem.names)):
+        step = np.zeros_like(at)
+        step[column] = 1e-6
+        ahead, behind = (problem.residuals(at + s * step)[0] for s in (1, -1))
+        slope = (ahead - behind) / (2e-6 * problem.sizes()[column])
+        assert np.abs(slope - jacobian[:, column]).max() < 2e-3 * np.abs(jacobian[:, column]).max() + 1e-9
+
+
+def test_outliers_count_less_with_the_robust_loss(pink):
+    releases = releases_of(HEAVY, 5)
+    rng = np.random.default_rng(0)
+    for release in releases:
+        release.roll[rng.integers(0, len(release.roll), 12)] += 0.2
+    plain = fit_joint(releases, pink)
+    robust = fit_joint(releases, pink, options=FitOptions(robust=True))
+    off = [abs(f.law.stiffness / 14.684 - 1) + abs(f.law.damping / 0.402 - 1) for f in (plain, robust)]
+    assert off[1] < 0.5 * off[0]
+    assert off[1] < 0.1
+
+
+def test_own_bias_takes_up_sensor_zeros(pink):
+    releases = releases_of(HEAVY, 6)
+    for shift, release in zip((0.02, -0.03, 0.01), releases, strict=True):
+        release.roll[:] += shift
+    fit = fit_joint(releases, pink, options=FitOptions(bias="own"))
+    assert fit.rmse == pytest.approx(fit.noise.std, rel=0.08)
+    assert "rest_angle" not in fit.quantities  # it is not to be told from the zeros
+    assert abs(fit.law.stiffness - 14.684) < 4 * fit.quantities["stiffness"].std
+
+
+def test_held_out_error_shows_a_wrong_model(pink):
+    releases = releases_of(LIGHT.with_effect("coulomb", 0.1), 7)
+    right, wrong = (fit_joint(releases, pink, names) for names in (["coulomb"], []))
+    assert heldout_rmse(right) < 1.15 * right.noise.std
+    assert heldout_rmse(wrong) > 2 * heldout_rmse(right)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("effects", [(), ("coulomb",)])
+def test_intervals_cover_the_truth(pink, effects):
+    """95 % intervals of k, d (and friction) hold the truth in about 95 of 100 logs."""
+    law = HEAVY.with_effect("coulomb", 0.1) if effects else HEAVY
+    truth = {"stiffness": 14.684, "damping": 0.402, "coulomb.torque": 0.1}
+    inside = dict.fromkeys((*["stiffness", "damping"], *(["coulomb.torque"] if effects else [])), 0)
+    count = 150
+    for seed in range(count):
+        fit = fit_joint(releases_of(law, 100 + seed), pink, effects)
+        for name in inside:
+            low, high = fit.quantities[name].ci95
+            inside[name] += low <= truth[name] <= high
+    for name in inside:  # 95 ± 5: three standard deviations of 150 draws
+        assert 0.895 * count <= inside[name], (name, inside[name])
+
+
+def test_levenberg_marquardt_on_rosenbrock_with_bounds():
+    def normal(x):
+        r = np.array([10 * (x[1] - x[0] ** 2), 1 - x[0]])
+        j = np.array([[-20 * x[0], 10.0], [-1.0, 0.0]])
+        return Normal(0.5 * float(r @ r), j.T @ r, j.T @ j)
+
+    free = minimise(normal, np.array([-1.2, 1.0]), np.full(2, -5.0), np.full(2, 5.0), iterations=200)
+    assert free.point == pytest.approx([1.0, 1.0], abs=1e-3)
+    assert not free.at_bound.any()
+    held = minimise(normal, np.array([-1.2, 1.0]), np.full(2, -5.0), np.array([0.5, 5.0]), iterations=200)
+    assert held.point == pytest.approx([0.5, 0.25], abs=1e-3)
+    assert held.at_bound.tolist() == [True, False]
+
+
+@pytest.mark.parametrize("rate", [200.0, 1000.0])
+@pytest.mark.parametrize("degrees", [0.04, 0.2])
+def test_noise_floor_of_a_moving_board(rate, degrees):
+    releases = releases_of(LIGHT, 8, noise=np.radians(degrees), rate=rate, duration=2.0)
+    assert noise_floor(releases).std == pytest.approx(np.radians(degrees), rel=0.06)
+
+
+def test_noise_floor_of_a_quantised_and_of_a_smoothing_sensor():
+    releases = releases_of(HEAVY, 9, noise=1e-9)
+    for release in releases:
+        release.roll[:] = np.round(release.roll / 0.002) * 0.002
+    assert noise_floor(releases).std == pytest.approx(0.002 / np.sqrt(12), rel=0.05)
+    smooth = releases_of(HEAVY, 10)
+    for release in smooth:
+        release.roll[:] = np.convolve(release.roll, np.ones(9) / 9, mode="same")
+    assert noise_floor(smooth).std > 2 * difference_std(smooth[0].roll)
+
+
+def test_whiteness_tests_tell_noise_from_a_swing():
+    rng = np.random.default_rng(11)
+    white = [rng.standard_normal(1000) for _ in range(3)]
+    time = np.arange(1000) / 1000
+    swing = [w + 0.4 * np.sin(2 * np.pi * 6 * time) for w in white]
+    assert band_excess(white, [1e-3] * 3, 20.0)[1] > 0.01
+    assert band_excess(swing, [1e-3] * 3, 20.0)[1] < 1e-6
+    assert correlation_length(white) < 1.5 < correlation_length(swing)
+    statistic, degrees = ljung_box(white)
+    assert statistic < degrees + 5 * np.sqrt(2 * degrees)
+    assert ljung_box(swing)[0] > 4 * degrees
+
+
+def test_scales_come_from_the_data_where_the_record_is_far_off(pink):
+    far = pink.with_tilt(stiffness=Quantity(200.0, 1.0, "N*m/rad"))
+    scales = scales_of(make_records(releases_of(LIGHT, 12), NOISE, rate=False), far)
+    assert scales.stiffness == pytest.approx(14.684, rel=0.02)
+
+
+def test_nothing_to_fit_is_said(pink):
+    with pytest.raises(HuskyError, match="no release to fit"):
+        fit_joint([], pink)
