@@ -7,14 +7,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sim.board_scene import (
-    TILT_JOINT,
-    add_effects,
-    deck_inertia,
-    inertia_ratio,
-    integrator_value,
-    roll_inertia,
-)
+from sim.board_bodies import TILT_JOINT, deck_inertia, inertia_ratio
+from sim.board_scene import add_effects, integrator_value, roll_inertia
 from sysid.board import Board
 from sysid.errors import HuskyError
 from sysid.roll import Array

@@ -12,7 +12,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from sim.board_scene import FREE_JOINT, TILT_JOINT, Coupling, board_spec, set_trucks
+from sim.board_bodies import FREE_JOINT, TILT_JOINT, Coupling
+from sim.board_scene import board_spec, integrator_name, set_trucks
 from sim.free_decay_rig import AfterStep
 from sim.step_compensation import Compensation, closed_form, fit_inertia_and_damping, judge
 from sysid.board import Board
@@ -93,9 +94,10 @@ def scene_from_file(path: Path, *, joint: str = TILT_JOINT, timestep: float | No
         spec.option.timestep = timestep
     hold(spec, joint)
     model = spec.compile()
-    integrator = str(mujoco.mjtIntegrator(model.opt.integrator).name).removeprefix("mjINT_").lower()
     return HeldScene(
-        model=model, joint=joint, name=f"{path.name}, {integrator} at {1e3 * model.opt.timestep:g} ms"
+        model=model,
+        joint=joint,
+        name=f"{path.name}, {integrator_name(model)} at {1e3 * model.opt.timestep:g} ms",
     )
 
 

@@ -7,7 +7,8 @@ from typing import Literal
 
 import mujoco
 
-from sim.board_scene import STEERED_SHARE, Coupling, board_spec, coupling_polynomial, reflected_inertia
+from sim.board_bodies import STEERED_SHARE, Coupling, reflected_inertia
+from sim.board_scene import board_spec, coupling_polynomial
 from sim.free_decay_rig import rig_spec
 from sim.in_scene import compensate_in_scene
 from sim.step_compensation import Compensation, compensate_step, uncompensated

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
+from sim.board_scene import integrator_name
 from sim.free_decay_rig import rig_spec, swing
 from sim.in_scene import HeldScene
 from sim.step_compensation import compensate_step
@@ -123,7 +124,7 @@ def scene_additions(board: Board, scene: HeldScene) -> SceneAdditions:
     Raises:
         HuskyError: The scene does not move, or blows up.
     """
-    timestep, integrator = float(scene.model.opt.timestep), _integrator(scene.model)
+    timestep, integrator = float(scene.model.opt.timestep), integrator_name(scene.model)
     needed = compensate_step(board, timestep=timestep, integrator=integrator).board
     bench = rig_spec(needed, timestep=timestep, integrator=integrator).compile()
     wanted = measure(board, HeldScene(model=bench, name="bench"))
@@ -167,7 +168,7 @@ def measure(board: Board, scene: HeldScene) -> TiltJoint:
     (trace, determinant), *_ = np.linalg.lstsq(
         np.stack([roll[1:-1], -roll[:-2]], axis=1), roll[2:], rcond=None
     )
-    if _integrator(scene.model) == "RK4":
+    if integrator_name(scene.model) == "RK4":
         z = np.roots([1.0, -trace, determinant]).astype(complex)
         s = np.log(z) / h
         inertia = stiffness / float((s[0] * s[1]).real)
@@ -239,8 +240,3 @@ def _reach(scene: HeldScene) -> float:
             limit = float(np.min(np.abs(model.jnt_range[truck])))
             reach = min(reach, limit * slope if pair[0] == tilt else limit / slope)
     return reach
-
-
-def _integrator(model: mujoco.MjModel) -> str:
-    name = str(mujoco.mjtIntegrator(model.opt.integrator).name).removeprefix("mjINT_")
-    return {"EULER": "Euler", "RK4": "RK4"}.get(name, name.lower())

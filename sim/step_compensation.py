@@ -17,7 +17,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from sim.board_scene import TILT_JOINT, inertia_ratio
+from sim.board_bodies import TILT_JOINT, inertia_ratio
+from sim.board_scene import integrator_name
 from sim.free_decay_rig import AfterStep, rig_spec, swing
 from sysid.board import Board
 from sysid.errors import HuskyError
@@ -225,7 +226,7 @@ def judge(
     return Compensation(
         board=written,
         timestep=float(model.opt.timestep),
-        integrator=_integrator_name(model),
+        integrator=integrator_name(model),
         inertia_ratio=written.inertia.value / board.inertia.value,
         damping_ratio=written.damping / board.damping if board.damping else 1.0,
         decay_error=decay_error(board, model, amplitudes, after_step=after_step),
@@ -352,8 +353,3 @@ def _with(board: Board, inertia: float, damping: float) -> Board:
         inertia=replace(board.inertia, value=inertia),
         tilt={**board.tilt, "damping": replace(board.tilt["damping"], value=damping)},
     )
-
-
-def _integrator_name(model: mujoco.MjModel) -> str:
-    name = str(mujoco.mjtIntegrator(model.opt.integrator).name).removeprefix("mjINT_")
-    return {"EULER": "Euler", "RK4": "RK4"}.get(name, name.lower())

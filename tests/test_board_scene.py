@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from sim import board_scene
-from sim.board_scene import board_spec, coupling_polynomial, reflected_inertia, roll_inertia, set_trucks
+from sim.board_bodies import FREE_JOINT, TRUCK_JOINTS, reflected_inertia
+from sim.board_scene import board_spec, coupling_polynomial, roll_inertia, set_trucks
 from sysid.board import Board, load_board
 from sysid.errors import HuskyError
 from sysid.quantity import Quantity
@@ -67,7 +68,7 @@ def test_the_coupling_polynomial_is_the_papers_law(tilt_range: float):
 def test_the_trucks_follow_a_loaded_deck_to_its_full_range(board: Board, coupling: str):
     """The limits agree: trucks neither stop the deck early nor leak, with a rider's torque on it."""
     spec = board_spec(board, coupling=coupling)
-    spec.delete(spec.joint(board_scene.FREE_JOINT))
+    spec.delete(spec.joint(FREE_JOINT))
     model = spec.compile()
     data = mujoco.MjData(model)
     rake = board.geometry["rake"].value
@@ -79,7 +80,7 @@ def test_the_trucks_follow_a_loaded_deck_to_its_full_range(board: Board, couplin
     roll = data.joint("board_tilt_joint").qpos[0]
     assert roll == pytest.approx(0.198, rel=0.005)
     expected = math.atan(math.tan(rake) * math.sin(roll))
-    for name in board_scene.TRUCK_JOINTS:
+    for name in TRUCK_JOINTS:
         assert data.joint(name).qpos[0] == pytest.approx(expected, abs=3e-4)
 
 
