@@ -19,6 +19,8 @@ from sysid.rotations import cross_matrices, integrate_rate
 
 STANDARD_GRAVITY = 9.80665
 BLOCK_SECONDS = 0.05
+ARM_SHARE = 0.03
+"""A lever arm counts where it explains this share of what the accelerometer feels beside gravity."""
 ROUNDS = 3
 STATES = 18
 GAIN_WALK = 0.003
@@ -271,7 +273,7 @@ def _fit_lever_arm(time: Array, rate: Array, accel: Array, up: Array) -> Array |
     right = np.einsum("nij,ni->j", matrices, left)
     arm = np.linalg.lstsq(normal, right, rcond=1e-3)[0]
     explained = float(right @ arm) / float(np.sum(left**2))
-    return arm if explained > 0.2 and float(np.linalg.norm(arm)) < 2.0 else None
+    return arm if explained > ARM_SHARE and float(np.linalg.norm(arm)) < 2.0 else None
 
 
 def _local_mean(values: Array, period: float) -> Array:
