@@ -144,31 +144,18 @@ class _Run:
         self._slept = 0.0
 
     def go(self, duration: float) -> RunResult:
-        runtime = self._runtime
         state = self._robot.read()
         stopped = self._guard.check(state)
-        if stopped is None:
-            runtime.policy.reset(state)
-            self._log("start", f"policy '{runtime.policy.name}'")
-        start = time.perf_counter()
-        while stopped is None and self._ticks * CONTROL_PERIOD < duration - 1e-9:
-            begin = time.perf_counter()
-            tick = self._decide()
-            decided = time.perf_counter()
-            if not isinstance(tick, Tick):
-                stopped = tick
-                break
-            if runtime.on_tick is not None:
-                runtime.on_tick(tick)
-            recorded = time.perf_counter()
-            for servo in range(SERVO_STEPS):
-                self._robot.step()
-                if runtime.real_time:
-                    self._wait(start + self._ticks * CONTROL_PERIOD + (servo + 1) * PD_PERIOD)
-            late = begin - start - self._ticks * CONTROL_PERIOD if runtime.real_time else 0.0
-            spent = time.perf_counter() - recorded + decided - begin - self._slept
-            self._times.append((decided - begin, spent, late))
-            self._ticks += 1
+        try:
+            if stopped is None:
+                self._runtime.policy.reset(state)
+                self._log("start", f"policy '{self._runtime.policy.name}'")
+                stopped = self._loop(duration)
+        except KeyboardInterrupt:
+            stopped = "interrupted"
+        except BaseException as error:
+            self._finish(f"failed: {error!r}")  # whatever went wrong, the robot must not go on by itself
+            raise
         self._finish(stopped)
         times = np.array(self._times).reshape(-1, 3)
         return RunResult(
@@ -177,6 +164,29 @@ class _Run:
             events=tuple(self._events),
             timing=Timing(decide=times[:, 0], tick=times[:, 1], late=times[:, 2]),
         )
+
+    def _loop(self, duration: float) -> str | None:
+        """Decide and step until the end; return why it must stop, or None."""
+        runtime, start = self._runtime, time.perf_counter()
+        while self._ticks * CONTROL_PERIOD < duration - 1e-9:
+            begin = time.perf_counter()
+            tick = self._decide()
+            decided = time.perf_counter()
+            if not isinstance(tick, Tick):
+                return tick
+            if runtime.on_tick is not None:
+                runtime.on_tick(tick)
+            recorded = time.perf_counter()
+            due = start + self._ticks * CONTROL_PERIOD
+            for servo in range(SERVO_STEPS):
+                self._robot.step()
+                if runtime.real_time:
+                    self._wait(due + (servo + 1) * PD_PERIOD)
+            late = max(0.0, begin - due) if runtime.real_time else 0.0
+            spent = time.perf_counter() - recorded + decided - begin - self._slept
+            self._times.append((decided - begin, spent, late))
+            self._ticks += 1
+        return None
 
     def _decide(self) -> Tick | str | None:
         """Read, check, ask, send; return what happened, or why to stop, or None where the commands ended."""

@@ -2,6 +2,8 @@
 # (MuJoCo ships no type stubs.)
 """MuJoCo's own viewer beside a simulated robot."""
 
+import os
+import sys
 from collections.abc import Generator
 from contextlib import contextmanager
 from typing import Any
@@ -48,6 +50,9 @@ def viewed(robot: SimulatedRobot, wanted: bool) -> Generator[Robot]:
         return
     import mujoco.viewer
 
+    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        # MuJoCo would end the whole program.
+        raise HuskyError("the MuJoCo viewer needs a display, and there is none here. Run without --viewer.")
     try:
         viewer = mujoco.viewer.launch_passive(robot.model, robot.data)
     except Exception as error:

@@ -383,6 +383,14 @@ def test_wrong_use_is_refused_in_words(capsys, arguments, message):
         call(capsys, *arguments)
 
 
+def test_viewer_without_a_display_is_refused_in_words(capsys, monkeypatch, tmp_path):
+    world_or_skip()
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    with pytest.raises(HuskyError, match="needs a display"):
+        call(capsys, "play", "zero", "-b", "pink", "--viewer", "-o", tmp_path)
+
+
 def test_a_policy_for_another_board_is_refused(capsys, tmp_path):
     world_or_skip()
     pytest.importorskip("onnxruntime", reason="policies need onnxruntime (extra 'run')")
@@ -429,3 +437,25 @@ def test_parallel_evaluation_answers_many_observations_as_one_by_one(tmp_path):
     make_onnx(tmp_path / "release.onnx", size=395, metadata=published_metadata())
     with pytest.raises(HuskyError, match=r"takes 395 numbers, the task gives 390"):
         BatchPolicy(str(tmp_path / "release.onnx"), pink())
+
+
+def test_ending_a_run_from_outside_brakes_and_is_logged(tmp_path):
+    import signal
+    import subprocess
+    import sys
+    import time
+
+    world_or_skip()
+    command = [
+        *(sys.executable, "-m", "sysid.cli", "run", "stand", "-b", "pink", "--start", "steer", "--gantry"),
+        *("--duration", "60", "-o", str(tmp_path)),
+    ]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    for line in process.stderr:
+        if "start: policy" in line:
+            break
+    time.sleep(0.3)
+    process.send_signal(signal.SIGTERM)
+    process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert json.loads((tmp_path / "run-stand.json").read_text())["stopped"] == "interrupted"

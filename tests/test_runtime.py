@@ -125,6 +125,34 @@ def test_a_policy_that_answers_nan_is_not_obeyed():
     assert all(np.all(np.isfinite(command.position)) for command in robot.sent)
 
 
+class Raises(HoldStill):
+    def __init__(self, error):
+        super().__init__()
+        self.error = error
+
+    def act(self, state, command, step):
+        if step == 5:
+            raise self.error
+        return super().act(state, command, step)
+
+
+def test_ctrl_c_brakes():
+    result, robot = run(policy=Raises(KeyboardInterrupt()), duration=5.0)
+    assert result.stopped == "interrupted"
+    assert result.ticks == 5
+    assert np.all(robot.sent[-1].stiffness == 0)
+    assert robot.steps == 50 + 750
+
+
+def test_a_bug_in_a_policy_brakes_before_it_surfaces():
+    robot, events = Puppet(), []
+    with pytest.raises(ZeroDivisionError):
+        run(robot, policy=Raises(ZeroDivisionError("bug")), duration=5.0, on_event=events.append)
+    assert np.all(robot.sent[-1].stiffness == 0)
+    assert robot.steps == 50 + 750
+    assert "bug" in events[-1].text
+
+
 def test_a_robot_that_is_not_well_at_the_start_never_moves():
     robot = Puppet()
     robot.change = FAULTS["tilt"]

@@ -1,5 +1,6 @@
 """`husky-sysid run`: a policy in real time, in MuJoCo or on the robot."""
 
+import signal
 from collections.abc import Generator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -35,8 +36,8 @@ def run(
 ) -> int:
     """Run a policy in real time: 50 decisions a second over servos at 500 Hz.
 
-    Ends when the time is over, at 'q', or when a check stops the robot: stale or non-finite state, too much
-    tilt, joint or torque limit, lost link. A stop brakes all joints and is written to the log.
+    Ends when the time is over, at 'q' or Ctrl-C, or when a check stops the robot: stale or non-finite state,
+    too much tilt, joint or torque limit, lost link. However it ends, all joints brake, and the log says why.
 
     Args:
         policy: zero, stand or push (scripted), an ONNX file, or an exported folder.
@@ -103,7 +104,7 @@ def _drive(
 
     simulated = ride.world.robot
     recorder = Recorder(simulated) if record else None
-    with _driven(simulated, robot, interface, domain, viewer) as driven:
+    with _ended_from_outside(), _driven(simulated, robot, interface, domain, viewer) as driven:
         runtime = Runtime(
             robot=driven,
             policy=ride.policy,
@@ -114,6 +115,16 @@ def _drive(
             on_event=lambda event: printer.note(f"{event.time:8.2f} s  {event.kind}: {event.text}"),
         )
         return runtime.run(options.duration), recorder
+
+
+@contextmanager
+def _ended_from_outside() -> "Generator[None]":
+    """Treat the signal that ends programs as Ctrl-C, so that the robot brakes first."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 @contextmanager
