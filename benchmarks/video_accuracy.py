@@ -107,8 +107,10 @@ def row(folder, board, motion, name, camera, method):
     except HuskyError as error:
         return (name, method, "refused", str(error)[-60:], "", "", "", "")
     error, coverage = against(roll, motion, stamps[0] + camera.readout / 2)
-    k, d = numbers(roll, board)
-    true_k, true_d = numbers(truth(motion), board)
+    try:
+        (k, d), (true_k, true_d) = numbers(roll, board), numbers(truth(motion), board)
+    except HuskyError:  # no free decay is recognised in the film
+        k = d = true_k = true_d = np.nan
     return (
         name, method, str(len(roll.time)), f"{np.degrees(np.sqrt(np.mean(error**2))):.3f}",
         f"{np.degrees(np.abs(error).max()):.2f}", f"{100 * coverage:.0f} %",

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 FEWEST_PER_PERIOD = 8
 """Frames a period below which the fastest part of a swing is guessed rather than seen."""
+LEAST_SWING = np.radians(1.0)
+"""A record that swings by less is suspect [rad]."""
 MOST_SEEN = 0.6
 """Share of the frames in which what is followed must be seen."""
 STEADY = 0.5
@@ -69,6 +71,10 @@ def roll_from_video(path: Path, options: VideoOptions | None = None) -> Roll:
     notes.append(readout_note)
     if filled:
         notes.append(f"{filled} lost frames filled in from their neighbours")
+    if np.ptp(signal.roll) < max(6 * float(np.median(signal.std)), LEAST_SWING):
+        faults.append(
+            f"what is followed turns by {np.degrees(np.ptp(signal.roll)):.2g}° in all: is it the board? Look at --overlay"
+        )
     if dropped:
         faults.append(
             f"{dropped} of {len(track.time)} frames show too little of the board and are left out; "

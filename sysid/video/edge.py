@@ -18,6 +18,8 @@ STEEPEST = np.radians(50)
 """An edge steeper than this is not across the deck."""
 TURNS = np.radians(np.arange(-20, 20.5, 1.0))
 """Turns from the expected one that are searched."""
+SHAKEN = 5
+"""Shift of the picture up to which a still edge is known again [px]."""
 CORRELATION = 6.0
 """Length along an edge over which errors are alike: compression works in blocks of 8 or 16 pixels."""
 
@@ -42,12 +44,8 @@ def find_edge(look: Survey) -> Array | None:
         contrast = _step(dark, ends[None])[0]
         if contrast < 0:
             ends = ends[::-1]
-        changed = np.mean(
-            [
-                abs(contrast) - abs(_step(other, ends[None])[0]) > 0.4 * abs(contrast)
-                for other in look.pictures
-            ]
-        )
+        here = [_still_there(other, ends) for other in look.pictures]
+        changed = float(np.mean([abs(contrast) - there > 0.4 * abs(contrast) for there in here]))
         if moving < 0.35 or changed < 0.35:
             continue
         score = length * min(abs(contrast), 60.0) * changed**2
@@ -196,6 +194,14 @@ def _step(picture: Picture, ends: Array) -> Array:
     """Brightness above less below each line of `ends` (m, 2, 2) [grey levels], shape (m,)."""
     sides = _sides(picture, ends)
     return sides[:, 0] - sides[:, 1]
+
+
+def _still_there(picture: Picture, ends: Array) -> float:
+    """Largest contrast along the same line in another picture, within what a shaking camera moves it."""
+    along = ends[1] - ends[0]
+    normal = np.array([along[1], -along[0]]) / np.linalg.norm(along)
+    shifts = np.arange(-SHAKEN, SHAKEN + 0.5)
+    return float(np.abs(_step(picture, ends + shifts[:, None, None] * normal)).max())
 
 
 def _sides(picture: Picture, ends: Array, gap: float = 2.0) -> Array:
