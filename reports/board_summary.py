@@ -1,0 +1,102 @@
+"""A board and its comparison in Markdown, for a recording."""
+
+from pathlib import Path
+
+import numpy as np
+
+from reports.evidence import Evidence
+from sysid.board import Board
+from sysid.effects import effect
+from sysid.free_decay import FreeDecay
+from sysid.quantity import Quantity
+
+
+def board_summary(evidence: Evidence) -> str:
+    """Return verdict, law, parameters, errors and logs."""
+    board, result = evidence.board, evidence.comparison
+    mark = "✓ within" if result.passed else "✗ beyond"
+    lines = [
+        f"# {board.name}",
+        board.description,
+        "",
+        f"**{mark} tolerance**: error beyond the noise {result.excess:.2%} of the motion, {result.tolerance:.2%} "
+        "allowed",
+        "",
+        result.summary,
+        "",
+        f"`{law_text(board)}`",
+        "",
+        "| quantity | value ± 95 % |",
+        "|---|---|",
+        *(f"| {name} | {quantity} |" for name, quantity in parameters(board).items()),
+        "",
+        "| release | error | error / noise |",
+        "|---|---|---|",
+    ]
+    for release in result.releases:
+        error = f"{release.rmse:.3g} rad/s" if result.is_rate else f"{np.degrees(release.rmse):.3g}°"
+        lines.append(
+            f"| {Path(release.log).name} {release.number} | {error} | {release.rmse / result.noise.std:.2f} |"
+        )
+    if len(evidence.ladder) > 1:
+        lines += ["", "| model, fitted | error / noise |", "|---|---|"]
+        lines += [f"| {rung.label} | {rung.rmse / result.noise.std:.3f} |" for rung in evidence.ladder]
+    if any(file.truth for file in evidence.files):
+        lines += ["", "Logs are **synthetic**: made with a known truth; nothing was measured."]
+    lines += ["", *(f"- ⚠ {warning}" for warning in evidence.warnings)]
+    return "\n".join(lines) + "\n"
+
+
+def decay_summary(log: str, board: str, decay: FreeDecay) -> str:
+    """Return the numbers and warnings of a free decay."""
+    lines = [f"# {board}: free decay", f"`{log}`", "", "| quantity | value ± 95 % |", "|---|---|"]
+    lines += [f"| {name.replace('_', ' ')} | {quantity} |" for name, quantity in decay.numbers.items()]
+    lines += ["", *(f"- ⚠ {warning}" for warning in decay.warnings)]
+    return "\n".join(lines) + "\n"
+
+
+def parameters(board: Board) -> dict[str, Quantity]:
+    """Return inertia, stiffness, damping, rest angle and all effects' parameters."""
+    own = {"roll inertia": board.inertia}
+    own |= {name.replace("_", " "): board.tilt[name] for name in ("stiffness", "damping", "rest_angle")}
+    for part in board.effects:
+        own |= {f"{part.name}: {name.replace('_', ' ')}": value for name, value in part.parameters.items()}
+    return own
+
+
+def law_text(board: Board) -> str:
+    """Return the identified law, as it would be written on a board."""
+    tilt = (
+        "φ"
+        if abs(board.rest_angle) < 5e-4
+        else f"(φ {'-' if board.rest_angle > 0 else '+'} {abs(board.rest_angle):.4f})"
+    )
+    terms = [f"{board.inertia.value:.3g} φ̈ + {board.damping:.3g} φ̇ + {board.stiffness:.4g} {tilt}"]
+    names: list[str] = []
+    for part in board.effects:
+        values = [q.value for q in part.parameters.values()]
+        term = _TERMS.get(part.name)
+        if term is None:
+            names.append(part.name)
+            continue
+        text = term.format(*(f"{abs(value):.3g}" for value in values))
+        terms.append(f"{'-' if values[0] < 0 else '+'} {text}")
+    closing = "0" if not names else " + ".join(f"τ({name})" for name in names)
+    return f"{' '.join(terms)} = {closing}"
+
+
+_TERMS = {
+    "coulomb": "{0} sgn φ̇",
+    "stribeck": "({0} + ({1} - {0}) exp(-(φ̇/{2})²)) sgn φ̇",
+    "quadratic-damping": "{0} φ̇|φ̇|",
+    "cubic-damping": "{0} φ̇³",
+    "cubic-stiffness": "{0} φ³",
+    "asymmetric-stiffness": "{0} φ²",
+    "gravity": "{0} sin φ",
+}
+"""Terms on the left-hand side, by effect."""
+
+
+def effect_lines(board: Board) -> list[tuple[str, str, str]]:
+    """Return for each effect of a board its name, its law and what it does."""
+    return [(part.name, effect(part.name).law, effect(part.name).does) for part in board.effects]

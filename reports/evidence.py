@@ -1,0 +1,194 @@
+"""What is known of a board when it is shown: its record, its logs, the comparison and the ladder of models."""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sysid.board import Board
+from sysid.compare import Comparison, compare
+from sysid.errors import HuskyError
+from sysid.files import sha256
+from sysid.fit_mjcf import FitOptions, JointFit, fit_joint, heldout_rmse
+from sysid.joint import JointLaw
+from sysid.look_alikes import LookAlikes, Start, look_alikes
+from sysid.releases import Phase, log_phases
+from sysid.roll import Array, Release, Roll
+from sysid.workspace import Workspace
+
+PLAIN = "spring and damper"
+
+
+@dataclass(frozen=True, slots=True)
+class LogFile:
+    """A log that the record names, or that was given."""
+
+    path: str
+    """As it was named."""
+    found: Path | None
+    """Where it is now; None if it is gone."""
+    digest: str
+    """SHA-256 of what is there now, else the recorded one."""
+    state: str
+    """In words: as fitted, changed, gone, or not part of the fit."""
+    truth: dict[str, Any] | None = None
+    """What a synthetic log was made from, if it says so beside it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rung:
+    """One model of the ladder, fitted to the logs."""
+
+    label: str
+    law: JointLaw
+    rmse: float
+    heldout: float
+    simulated: tuple[Array, ...]
+    """Of each release [rad or rad/s], on the times of the comparison."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evidence:
+    """A board and what logs say about it."""
+
+    board: Board
+    files: tuple[LogFile, ...]
+    rolls: tuple[Roll, ...]
+    releases: tuple[Release, ...]
+    phases: tuple[tuple[Phase, ...], ...]
+    """Of each roll."""
+    comparison: Comparison
+    ladder: tuple[Rung, ...]
+    """From spring and damper up to all effects of the board."""
+    fit: JointFit | None
+    """The last rung in full; None where the board's law cannot be fitted to these logs."""
+    look_alikes: LookAlikes | None
+    warnings: tuple[str, ...]
+
+    def releases_of(self, roll: Roll) -> list[Release]:
+        """Return the releases of one log."""
+        return [release for release in self.releases if release.log == roll.log]
+
+
+def find_logs(board: Board, given: Sequence[Path], space: Workspace) -> list[LogFile]:
+    """Return the logs to look at: those given, or else those that the record was fitted to.
+
+    A recorded path counts from the current folder, or else from the workspace.
+    """
+    entries = list(board.fit.get("logs", []))
+    if given:
+        known = {str(entry.get("sha256")) for entry in entries}
+        files: list[LogFile] = []
+        for path in given:
+            if not path.exists():
+                raise HuskyError(f"{path}: there is no such file.")
+            digest = _digest(path)
+            state = "as fitted" if digest in known else "not part of the recorded fit"
+            files.append(LogFile(str(path), path, digest, state, _truth(path)))
+        return files
+    return [_recorded(str(entry.get("path", "")), str(entry.get("sha256", "")), space) for entry in entries]
+
+
+def _recorded(name: str, digest: str, space: Workspace) -> LogFile:
+    for path in (Path(name), space.root / name):
+        if name and path.exists():
+            now = _digest(path)
+            if now == digest:
+                return LogFile(name, path, now, "as fitted", _truth(path))
+            return LogFile(name, None, now, "changed since the fit: not used")
+    return LogFile(name, None, digest, "gone: only the record speaks of it")
+
+
+def _digest(path: Path) -> str:
+    return sha256(path) if path.is_file() else ""
+
+
+def _truth(path: Path) -> dict[str, Any] | None:
+    """Return what lies beside a synthetic log about its truth."""
+    beside = path.with_suffix(".truth.json")
+    try:
+        content: Any = json.loads(beside.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return content if isinstance(content, dict) and content.get("synthetic") is True else None
+
+
+def gather(
+    board: Board,
+    rolls: Sequence[Roll],
+    releases: Sequence[Release],
+    options: FitOptions,
+    *,
+    files: Sequence[LogFile] = (),
+    tolerance: float = 0.02,
+    heldout: bool = True,
+    progress: Callable[[str, float], None] | None = None,
+) -> Evidence:
+    """Compare a board with releases, and fit the ladder of models up to its law.
+
+    Args:
+        board: The record.
+        rolls: Whole logs.
+        releases: The free decays in them.
+        options: How to fit: the signal and its zero.
+        files: The logs on disk.
+        tolerance: For the comparison.
+        heldout: False leaves out held-out errors (NaN then) and look-alikes, which a recording does not show.
+        progress: Called with what is being done and the share that is done.
+
+    Raises:
+        HuskyError: The board's law cannot be compared with these releases.
+    """
+    warnings = [warning for roll in rolls for warning in roll.warnings]
+    report = progress or (lambda what, share: None)  # pyright: ignore[reportUnknownLambdaType]
+    report("comparing", 0.0)
+    compared = compare(releases, board, bias=options.bias, use_rate=options.use_rate, tolerance=tolerance)
+    names = [part.name for part in board.effects]
+    rungs: list[Rung] = []
+    fit: JointFit | None = None
+    for count in range(len(names) + 1):
+        label = f"+ {names[count - 1]}" if count else PLAIN
+        report(label, 0.1 + 0.7 * count / (len(names) + 1))
+        try:
+            fit = fit_joint(releases, board, names[:count], options)
+        except HuskyError as error:
+            warnings.append(f"the ladder stops before '{label}': {error}")
+            fit = None
+            break
+        simulated = tuple(
+            record.signal + residual for record, residual in zip(fit.records, fit.residuals, strict=True)
+        )
+        rungs.append(
+            Rung(label, fit.law, fit.rmse, heldout_rmse(fit) if heldout else float("nan"), simulated)
+        )
+    if fit is not None:
+        warnings += fit.warnings
+    report("look-alikes", 0.85)
+    alike = _look_alikes(compared, releases, fit) if heldout else None
+    report("done", 1.0)
+    return Evidence(
+        board=board,
+        files=tuple(files),
+        rolls=tuple(rolls),
+        releases=tuple(releases),
+        phases=tuple(tuple(log_phases(roll, [r for r in releases if r.log == roll.log])) for roll in rolls),
+        comparison=compared,
+        ladder=tuple(rungs),
+        fit=fit,
+        look_alikes=alike,
+        warnings=tuple(dict.fromkeys(warnings)),
+    )
+
+
+def _look_alikes(
+    compared: Comparison, releases: Sequence[Release], fit: JointFit | None
+) -> LookAlikes | None:
+    if compared.is_rate:
+        return None
+    law = compared.law if fit is None else fit.law
+    starts = [
+        Start(part.time, float(part.roll[0]), float(part.rate[0]), release.hold)
+        for part, release in zip(compared.releases, releases, strict=True)
+    ]
+    return look_alikes(law, starts, compared.noise.std)

@@ -1,0 +1,86 @@
+"""`husky-sysid report`: everything known of a board in one HTML file."""
+
+import json
+import shlex
+import sys
+from datetime import date
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from sysid.cli.console import Common, Printer
+from sysid.cli.diagnose import progress_bar, signal_of
+from sysid.cli.log_options import LogArguments
+from sysid.cli.view import no_logs, read_logs
+from sysid.errors import HuskyError
+from sysid.files import write_atomically
+
+_NO_ARGUMENTS = LogArguments()
+_NO_COMMON = Common()
+
+
+def report(
+    *logs: Path,
+    board: Annotated[str, Parameter(name=("--board", "-b"))],
+    output: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None,
+    tolerance: float = 0.02,
+    arguments: LogArguments = _NO_ARGUMENTS,
+    common: Common = _NO_COMMON,
+) -> int:
+    """Write one HTML file with everything known of a board.
+
+    The file needs no network. It shows the logs that the record was fitted to, found again by their
+    recorded path, or those given.
+
+    Args:
+        logs: Logs of the board; those that its record was fitted to, if left out.
+        board: Name of the board.
+        output: File to write; reports/BOARD/report.html of the workspace if left out.
+        tolerance: Error beyond the noise, over the RMS motion, at which the comparison passes.
+        arguments: How the logs are read.
+        common: Options of every command.
+    """
+    from reports.board_report import Provenance, board_report
+    from reports.evidence import find_logs, gather
+    from sysid.fit_mjcf import FitOptions
+
+    printer = Printer(common)
+    space = common.space
+    record = space.load_board(board)
+    files = find_logs(record, logs, space)
+    if not files:
+        raise HuskyError(no_logs(record))
+    for file in files:
+        if file.found is None:
+            printer.warn(f"{file.path}: {file.state}")
+    evidence = None
+    rolls, releases, _ = read_logs(files, arguments, printer)
+    if rolls:
+        with progress_bar(printer) as progress:
+            evidence = gather(
+                record, rolls, releases, FitOptions(**signal_of(releases)), files=files, tolerance=tolerance,
+                progress=progress,
+            )  # fmt: skip
+    provenance = Provenance(
+        command=shlex.join(["husky-sysid", *sys.argv[1:]]),
+        made=date.today().isoformat(),
+        record=str(space.board_path(board)),
+    )
+    diagnosis = _diagnosis(space.outputs(board) / "diagnose.json", {file.digest for file in files})
+    page = board_report(record, evidence, files, provenance, diagnosis)
+    path = output or space.outputs(board) / "report.html"
+    write_atomically(path, page)
+    printer.say(f"written: {path} ({len(page.encode()) / 1e6:.2f} MB)")
+    printer.result({"board": board, "report": str(path), "logs": [file.path for file in files if file.found]})
+    return 0
+
+
+def _diagnosis(path: Path, digests: set[str]) -> dict[str, Any] | None:
+    """Return the saved diagnosis of these logs, if there is one."""
+    del digests
+    try:
+        content: Any = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return content if isinstance(content, dict) and "verdict" in content else None

@@ -1,0 +1,162 @@
+"""`husky-sysid view`: a board beside its logs, in Rerun."""
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from sysid.board import Board
+from sysid.cli.console import Common, Printer
+from sysid.cli.diagnose import progress_bar, signal_of
+from sysid.cli.log_options import LogArguments, load_roll
+from sysid.errors import HuskyError
+from sysid.roll import Release, Roll
+
+if TYPE_CHECKING:
+    from reports.evidence import Evidence, LogFile
+
+_NO_ARGUMENTS = LogArguments()
+_NO_COMMON = Common()
+
+
+def view(
+    *logs: Path,
+    board: Annotated[str, Parameter(name=("--board", "-b"))],
+    output: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None,
+    arguments: LogArguments = _NO_ARGUMENTS,
+    common: Common = _NO_COMMON,
+) -> int:
+    """Show logs and model of a board in Rerun.
+
+    Writes reports/BOARD/view.rrd of the workspace and opens it; with --output it is only written.
+
+    Args:
+        logs: Logs of the board; those that its record was fitted to, if left out.
+        board: Name of the board.
+        output: Write the recording here, and open nothing.
+        arguments: How the logs are read.
+        common: Options of every command.
+    """
+    from reports.evidence import find_logs
+
+    printer = Printer(common)
+    record = common.space.load_board(board)
+    files = find_logs(record, logs, common.space)
+    for file in files:
+        if file.found is None:
+            printer.warn(f"{file.path}: {file.state}")
+    if not any(file.found for file in files):
+        raise HuskyError(no_logs(record))
+    path = output or common.space.outputs(board) / "view.rrd"
+    evidence = write_recording(path, record, files, arguments, printer)
+    printer.say(f"written: {path}")
+    printer.result({"board": board, "recording": str(path), "rmse_rad": evidence.comparison.rmse})
+    if output is None:
+        # Its own process, so that the window stays when this command has ended.
+        subprocess.Popen(
+            [sys.executable, "-m", "rerun", str(path)],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+    return 0
+
+
+def no_logs(board: Board) -> str:
+    """Return why there is nothing to look at, and what to do."""
+    if not board.fit.get("logs"):
+        return (
+            f"board '{board.name}' was never fitted, so its record names no log. Fit it (husky-sysid fit LOG... "
+            f"--board {board.name}), or name logs here."
+        )
+    names = ", ".join(str(entry.get("path")) for entry in board.fit["logs"])
+    return f"none of the logs that board '{board.name}' was fitted to is there any more ({names}). Name logs here."
+
+
+def read_logs(
+    files: "list[LogFile]", arguments: LogArguments, printer: Printer, *, films: bool = False
+) -> tuple[list[Roll], list[Release], dict[str, tuple[bytes, ...]]]:
+    """Read all logs that are there.
+
+    Args:
+        files: The logs.
+        arguments: How they are read.
+        printer: For notes and warnings.
+        films: Keep the pictures of films.
+
+    Returns:
+        The rolls, the releases in all of them, and the pictures of each film by the roll's log.
+
+    Raises:
+        HuskyError: A log cannot be read, or holds no free decay.
+    """
+    from sysid.releases import find_releases
+
+    rolls: list[Roll] = []
+    releases: list[Release] = []
+    pictures: dict[str, tuple[bytes, ...]] = {}
+    for file in files:
+        if file.found is None:
+            continue
+        if films and _is_film(file.found):
+            from reports.film_frames import read_film
+
+            roll, pictures[str(file.found)] = read_film(file.found, arguments.options)
+        else:
+            roll = load_roll(file.found, arguments, printer)
+        rolls.append(roll)
+        releases += find_releases(
+            roll, start=arguments.start, stop=arguments.stop, releases=arguments.release
+        )
+    return rolls, releases, pictures
+
+
+def _is_film(path: Path) -> bool:
+    from sysid.logs import VIDEO_SUFFIXES
+
+    return path.suffix.lower() in VIDEO_SUFFIXES
+
+
+def write_recording(
+    path: Path,
+    board: Board,
+    files: "list[LogFile]",
+    arguments: LogArguments,
+    printer: Printer,
+    *,
+    tolerance: float = 0.02,
+) -> "Evidence":
+    """Compare a board with logs and write the recording of it.
+
+    Args:
+        path: The .rrd file to write.
+        board: The record.
+        files: The logs; those that are gone are passed over.
+        arguments: How they are read.
+        printer: For notes, warnings and progress.
+        tolerance: For the comparison.
+
+    Raises:
+        HuskyError: A log cannot be read, rerun-sdk is not installed, or the path cannot be written.
+    """
+    from reports.board_summary import board_summary
+    from reports.decay_recording import comparison_recording
+    from reports.evidence import gather
+    from reports.film_frames import film_frames
+    from sysid.fit_mjcf import FitOptions
+
+    rolls, releases, pictures = read_logs(files, arguments, printer, films=True)
+    with progress_bar(printer) as progress:
+        evidence = gather(
+            board, rolls, releases, FitOptions(**signal_of(releases)), files=files, tolerance=tolerance,
+            heldout=False, progress=progress,
+        )  # fmt: skip
+    films = [
+        film_frames(roll, pictures[roll.log], evidence.releases_of(roll)[0].start)
+        for roll in rolls
+        if pictures.get(roll.log)
+    ]
+    comparison_recording(path, evidence, board_summary(evidence), films)
+    return evidence
