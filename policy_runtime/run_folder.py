@@ -13,19 +13,24 @@
 
 import dataclasses
 import json
+import platform
 import tomllib
 import types
 import typing
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, TypeVar
 
 import tomlkit
 
+from policy_runtime.motions import motion_paths
 from sim.skate.options import SkateOptions
+from sysid.board import load_board
 from sysid.errors import HuskyError, did_you_mean
-from sysid.files import write_atomically
+from sysid.files import sha256, write_atomically, write_json
 
 T = TypeVar("T")
 
@@ -118,6 +123,30 @@ class RunFolder:
         """
         write_atomically(self.config, tomlkit.dumps(_plain(dataclasses.asdict(config))))
 
+    def begin(self, config: RunConfig, record: Path) -> None:
+        """Write what a run needs before it starts: options, record, and where they came from.
+
+        Args:
+            config: All options.
+            record: The board's record file; it is copied.
+
+        Raises:
+            HuskyError: The folder cannot be written to.
+        """
+        self.write_config(config)
+        write_atomically(self.board, record.read_bytes())
+        motions = {path.name: sha256(path) for path in motion_paths()}
+        origin = {
+            "board_sha256": sha256(record),
+            "board_passed": load_board(record).passed,
+            "motions_sha256": motions,
+            "seed": config.learn.seed,
+            "started": datetime.now(UTC).isoformat(timespec="seconds"),
+            "platform": platform.platform(),
+            "versions": _versions(),
+        }
+        write_json(self.origin, origin)
+
     def read_config(self) -> RunConfig:
         """Read the options back.
 
@@ -142,6 +171,31 @@ class RunFolder:
             except json.JSONDecodeError:
                 break
         return rows
+
+
+def newest_run(outputs: Path, *, free: bool = False) -> Path:
+    """Return the newest run's folder below a board's outputs, or the `free` one after it.
+
+    Raises:
+        HuskyError: There is no run yet.
+    """
+    numbers = [int(path.name.removeprefix("train-")) for path in outputs.glob("train-*") if path.is_dir()]
+    if free:
+        return outputs / f"train-{max(numbers, default=0) + 1}"
+    if not numbers:
+        raise HuskyError(f"{outputs}: no training run there. Make one with `husky-sysid train`.")
+    return outputs / f"train-{max(numbers)}"
+
+
+def _versions() -> dict[str, str]:
+    """Return the versions of what decides a run's outcome; absent packages are left out."""
+    found: dict[str, str] = {}
+    for name in ("husky-sysid", "mjlab", "mujoco", "mujoco-warp", "warp-lang", "rsl-rl-lib", "torch", "numpy"):
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
 
 
 def _iteration(path: Path) -> int:

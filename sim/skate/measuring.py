@@ -81,6 +81,23 @@ class OffBoard:
         self._unloaded[slice(None) if env_ids is None else env_ids] = False
 
 
+class WrongStance:
+    """Ends episodes whose left foot has been in the wrong place for too long; see `terminations`."""
+
+    def __init__(self, cfg: Any, env: "ManagerBasedRlEnv") -> None:
+        """Start counting at nothing."""
+        self._steps = torch.zeros(env.num_envs, dtype=torch.long, device=env.device)
+
+    def __call__(self, env: "ManagerBasedRlEnv", patience: int) -> torch.Tensor:
+        """Return where it has been more than `patience` steps, (n,)."""
+        self._steps = terminations.wrong_stance(measure(env), self._steps)
+        return self._steps > patience
+
+    def reset(self, env_ids: Any = None) -> None:
+        """Forget the steps before."""
+        self._steps[slice(None) if env_ids is None else env_ids] = 0
+
+
 def _read(env: "ManagerBasedRlEnv") -> SkateState:
     command = skate_command(env)
     reading = command.reading

@@ -10,8 +10,8 @@ from sim.skate.start import Start
 from sim.skate.terrain import Terrain
 from sim.skate.tilt_guidance import Kinematics
 
-Pushing = Literal["amp", "gait"]
-"""How pushing is taught: by the style of reference motions, or by a clock of foot contacts."""
+Pushing = Literal["amp", "gait", "none"]
+"""How pushing is taught: by the style of reference motions, by a clock of foot contacts, or not at all."""
 Guidance = Literal["path", "translation", "none"]
 """What guides mounting and dismounting: positions and orientations of the key bodies, positions only, nothing."""
 
@@ -22,6 +22,9 @@ class SkateOptions:
 
     pushing: Pushing = "amp"
     transition: Guidance = "path"
+    stance_patience: int = 20
+    """Policy steps with the left foot off the deck while steering, or on it while pushing, after which an
+    episode ends; 0 for never."""
     tilt_guidance: bool = True
     kinematics: Kinematics = "two-truck"
     turn_time: float = 1.2

@@ -59,13 +59,18 @@ def feet_on_board(state: SkateState) -> Any:
     return 2 * _number(both) - _number(state.foot_on_ground[..., 0])
 
 
+def left_foot_on_deck(state: SkateState) -> Any:
+    """1 while the left foot stands on the deck: half of the way to `feet_on_board`."""
+    return _number(state.foot_on_deck[..., 0])
+
+
 def steering_pose(state: SkateState, pose: tuple[float, ...], tolerance: float = 0.2) -> Any:
     """The joints hold the steering pose: mean square deviation against `tolerance` [rad^2]."""
     error = state.joint_position - constant(pose, state.joint_position)
     return _kernel((error**2).mean(axis=-1), tolerance)
 
 
-def feet_on_markers(state: SkateState, tolerance: float = 0.1) -> Any:
+def feet_on_markers(state: SkateState, tolerance: float = 0.2) -> Any:
     """The left foot stands on the rear marker, the right one on the front marker; `tolerance` [m]."""
     return _kernel(state.foot_marker_distance.mean(axis=-1), tolerance)
 

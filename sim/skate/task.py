@@ -65,7 +65,7 @@ def skate_env_cfg(
         actions={"joint_pos": action},
         commands={"skate": command},
         rewards=reward_terms(options, command),
-        terminations=_terminations(),
+        terminations=_terminations(options),
         events=_events(board, options, scene, seed),
     )
 
@@ -113,7 +113,8 @@ def reward_terms(options: SkateOptions, command: "SkateCommandCfg") -> "dict[str
         "push/flat_push": term(rewards.flat_push, "push", 0.5),
         "steer/feet_on_board": term(rewards.feet_on_board, "steer", 3.0),
         "steer/pose": term(rewards.steering_pose, "steer", 1.5, pose=steer_pose),
-        "steer/feet_on_markers": term(rewards.feet_on_markers, "steer", 1.0),
+        "steer/left_foot": term(rewards.left_foot_on_deck, "steer", 2.0),
+        "steer/feet_on_markers": term(rewards.feet_on_markers, "steer", 2.0),
         "steer/heading": term(rewards.board_heading, "steer", 5.0),
         "coast/board_velocity": term(rewards.board_velocity, "not-push", 1.0),
         "always/wheels": term(rewards.wheels_on_ground, "always", 0.5),
@@ -156,19 +157,24 @@ def _observations(options: SkateOptions) -> "dict[str, ObservationGroupCfg]":
     }
 
 
-def _terminations() -> "dict[str, TerminationTermCfg]":
+def _terminations(options: SkateOptions) -> "dict[str, TerminationTermCfg]":
     from mjlab.envs import mdp
     from mjlab.managers.termination_manager import TerminationTermCfg
 
     from sim.skate import measuring
 
-    return {
+    ends = {
         "time_out": TerminationTermCfg(func=mdp.time_out, time_out=True),
         "fallen": TerminationTermCfg(func=measuring.fallen),
         "off_board": TerminationTermCfg(func=measuring.OffBoard),
         "body_contact": TerminationTermCfg(func=measuring.body_contact),
         "not_finite": TerminationTermCfg(func=measuring.not_finite),
     }
+    if options.stance_patience > 0:
+        ends["wrong_stance"] = TerminationTermCfg(
+            func=measuring.WrongStance, params={"patience": options.stance_patience}
+        )
+    return ends
 
 
 def _events(

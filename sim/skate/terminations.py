@@ -24,3 +24,18 @@ def off_board(state: SkateState, unloaded_before: Any) -> Any:
 def body_contact(state: SkateState) -> Any:
     """Something of the robot but its feet touches ground or board, bool (n,)."""
     return state.other_contacts > 0
+
+
+def wrong_stance(state: SkateState, steps_before: Any) -> Any:
+    """Return for how many steps the left foot has not been where the cycle wants it, integers (n,).
+
+    While steering it belongs on the deck, while pushing off it. Riding on one leg all the time is stable
+    and earns most of the reward; so does staying on the board and wriggling it forward. A learner that
+    has found either does not look for more; ending such episodes after a while leaves it no choice.
+
+    Args:
+        state: The present state.
+        steps_before: The count one step earlier, integers (n,).
+    """
+    left = state.foot_on_deck[..., 0]
+    return (steps_before + 1) * ((state.steering & ~left) | (state.pushing & left))

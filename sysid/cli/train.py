@@ -1,0 +1,206 @@
+"""`husky-sysid train`: a policy for a board."""
+
+import math
+import subprocess
+import sys
+from dataclasses import dataclass, field, replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+
+from policy_runtime.run_folder import LearnOptions, RunConfig, RunFolder, newest_run
+from sim.skate.options import SkateOptions
+from sim.skate.start import Start
+from sysid.board import Board
+from sysid.cli.console import Common, Printer
+from sysid.errors import HuskyError, QualityGateError
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Variant:
+    """Options of the task: the paper's variants, and ours."""
+
+    pushing: Literal["amp", "gait", "none"] = "amp"
+    """How pushing is taught: by the style of reference motions, by a clock of foot contacts, or not at all."""
+    transition: Literal["path", "translation", "none"] = "path"
+    """What guides mounting and dismounting: key bodies' paths, their positions only, or nothing."""
+    tilt_guidance: bool = True
+    """Whether the tilt is guided."""
+    kinematics: Literal["two-truck", "single-truck"] = "two-truck"
+    """Turning of the board; single-truck is the paper's formula."""
+    coupling: Literal["equality", "direct", "none"] = "equality"
+    """How tilt steers the trucks; 'none' lets the board go straight."""
+    start: Literal["mixed", "standing"] = "mixed"
+    """Where episodes begin: standing, pushing and steering, or always standing as in the paper."""
+    terrain: Literal["flat", "slopes", "steps"] = "flat"
+    """The ground."""
+    pushes: float = 0.5
+    """Largest change of velocity by external pushes [m/s]."""
+    pose_offset: float = 0.0
+    """Perturbation of the canonical poses: added to every joint [rad]."""
+    mount_steps: int = 30
+    """Length of mounting in policy steps of 20 ms."""
+    bezier_order: int = 2
+    """Order of the transition's path."""
+    lift: float = 0.2
+    """Lift of the path's inner control points [m]."""
+
+    def options(self) -> SkateOptions:
+        """Return the task's options."""
+        return SkateOptions(
+            pushing=self.pushing,
+            transition=self.transition,
+            tilt_guidance=self.tilt_guidance,
+            kinematics=self.kinematics,
+            coupling="equality" if self.coupling == "none" else self.coupling,
+            steered=self.coupling != "none",
+            start=Start() if self.start == "mixed" else Start(standing=1.0, pushing=0.0, steering=0.0),
+            terrain=self.terrain,
+            pushes=self.pushes,
+            pose_offset=self.pose_offset,
+            mount_steps=self.mount_steps,
+            bezier_order=self.bezier_order,
+            lift=self.lift,
+        )
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Learner:
+    """Options of the learner."""
+
+    environments: int = 4096
+    """Worlds on each GPU."""
+    iterations: int = 3000
+    """Iterations in all."""
+    seed: int = 1
+    """Seed of everything random."""
+    learning_rate: float = 1e-3
+    """Where the adaptive learning rate starts."""
+    save_every: int = 100
+    """Iterations between checkpoints."""
+    style_weight: float = 5.0
+    """Weight of the style reward per second."""
+
+    def options(self) -> LearnOptions:
+        """Return the learner's options."""
+        return replace(
+            LearnOptions(),
+            environments=self.environments,
+            iterations=self.iterations,
+            seed=self.seed,
+            learning_rate=self.learning_rate,
+            save_every=self.save_every,
+            style_weight=self.style_weight,
+        )
+
+
+@dataclass(frozen=True)
+class _Defaults:
+    """Empty options, since a call in a signature is made once at import."""
+
+    variant: Variant = field(default_factory=Variant)
+    learner: Learner = field(default_factory=Learner)
+    common: Common = field(default_factory=Common)
+
+
+_DEFAULTS = _Defaults()
+
+
+def train(
+    *,
+    board: str,
+    variant: Variant = _DEFAULTS.variant,
+    learner: Learner = _DEFAULTS.learner,
+    gpus: Literal[0, 1, 2, 4, 8] = 1,
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    resume: Path | None = None,
+    minutes: float = math.inf,
+    force: bool = False,
+    common: Common = _DEFAULTS.common,
+) -> int:
+    """Train a policy for a board.
+
+    Everything lands in one folder: the resolved options, the record, hashes and versions, curves,
+    checkpoints and the policy as ONNX. A killed run goes on with --resume.
+
+    Args:
+        board: Name of the board.
+        variant: Options of the task.
+        learner: Options of the learner.
+        gpus: Number of GPUs, each a process; 0 trains on the CPU, to try things out.
+        output: Folder of the run; the default is reports/BOARD/train-N.
+        resume: Folder of a run to go on with from its newest checkpoint, with its own options.
+        minutes: Stop, with a checkpoint, after so much time.
+        force: Train even though the board has not passed `check`.
+        common: Options of every command.
+    """
+    printer = Printer(common)
+    record = common.space.load_board(board)
+    _gate(record, force, printer)
+    _require_mjlab()
+    folder = RunFolder(resume) if resume is not None else _new_run(record, output, common, printer)
+    if resume is None:
+        config = RunConfig(task=variant.options(), learn=learner.options())
+        folder.begin(config, common.space.board_path(board))
+    _run(folder, gpus, minutes, printer)
+    rows = folder.read_curves()
+    if not rows:
+        raise HuskyError(f"{folder.path}: the run ended before its first iteration; see the messages above.")
+    from policy_runtime.curves import draw_curves
+
+    picture = draw_curves(rows, folder.path / "curves.png", folder.path.name)
+    last = rows[-1]
+    printer.say(f"{last['iteration']:.0f} iterations, {last['samples']:,.0f} steps of the world")
+    printer.say(f"survival {last['survival']:.2f}, speed error {last['speed_error']:.3f} m/s")
+    printer.say(f"policy   {folder.policy}")
+    printer.say(f"curves   {picture}")
+    printer.result({"run": str(folder.path), "policy": str(folder.policy), "last": last})
+    return 0
+
+
+def _gate(record: Board, force: bool, printer: Printer) -> None:
+    if record.passed:
+        return
+    if not force:
+        raise QualityGateError(
+            f"board '{record.name}' has not passed `husky-sysid check`: what is trained on it may not fit the real "
+            "board. Check it first, or train anyway with --force."
+        )
+    printer.warn(f"board '{record.name}' has not passed its check; training anyway")
+
+
+def _require_mjlab() -> None:
+    missing = [name for name in ("torch", "mjlab", "rsl_rl") if find_spec(name) is None]
+    if missing:
+        raise HuskyError(
+            f"training needs {', '.join(missing)}, which is not installed. Run `pip install 'husky-sysid[train]'`."
+        )
+
+
+def _new_run(record: Board, output: Path | None, common: Common, printer: Printer) -> RunFolder:
+    path = newest_run(common.space.outputs(record.name), free=True) if output is None else output
+    if (path / "config.toml").exists():
+        raise HuskyError(f"{path}: holds a run already. Go on with it by --resume {path}, or choose another.")
+    printer.note(f"run folder {path}")
+    return RunFolder(path)
+
+
+def _run(folder: RunFolder, gpus: int, minutes: float, printer: Printer) -> None:
+    """Train in processes of their own, so that a crash of one says so and leaves the files whole."""
+    command = [sys.executable, "-m"]
+    if gpus > 1:
+        command += ["torch.distributed.run", "--standalone", f"--nproc-per-node={gpus}", "-m"]
+    command += ["policy_runtime.train", str(folder.path), "--device", "cuda" if gpus else "cpu"]
+    if math.isfinite(minutes):
+        command += ["--minutes", str(minutes)]
+    code = subprocess.run(command, check=False, stdout=sys.stderr).returncode
+    if code != 0:
+        raise HuskyError(
+            f"{folder.path}: training stopped with code {code}; its messages are above. "
+            f"Go on from the newest checkpoint with --resume {folder.path}."
+        )
+    printer.note("training is done")
