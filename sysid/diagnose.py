@@ -151,10 +151,13 @@ def diagnose(
     )  # fmt: skip
     singles = searcher.singles()
     ranked = sorted(singles[1:], key=lambda m: m.chi2)
-    settled = any(whiteness(m, period) > 0.05 for m in (singles[0], *ranked[:3]))
+    refined = searcher.polished(ranked[0])  # a coarse grid blurs stops and sliders
+    settled = any(whiteness(m, period) > 0.05 for m in (singles[0], refined, *ranked[:3]))
     pairs = searcher.pairs(singles, ranked[:3] if settled else None)
     models = [*singles, *pairs]
-    if not any(whiteness(m, period) > WHITE for m in sorted(models, key=lambda m: m.chi2)[:4]):
+    if not settled and not any(
+        whiteness(m, period) > WHITE for m in sorted(models, key=lambda m: m.chi2)[:4]
+    ):
         best_pairs = sorted(pairs, key=lambda m: m.chi2)[:1]
         models += searcher.neighbours(best_pairs, singles)
     final = _finalists(searcher, models, singles[0])

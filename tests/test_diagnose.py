@@ -20,14 +20,11 @@ from sysid.roll import Release
 from sysid.workspace import shipped_data
 
 BY_NAME = {truth.name: truth for truth in suite.TRUTHS}
-QUICK = (
-    "none, heavy",
-    "coulomb 0.15, heavy",
+QUICK = ("none, heavy", "coulomb 0.15, heavy")
+SLOW = (
     "cubic-stiffness 300, heavy",
     "offset -0.01, heavy",
     "inertia 0.8, heavy",
-)
-SLOW = (
     "none",
     "coulomb 0.03",
     "quadratic-damping and cubic-stiffness",
@@ -56,6 +53,7 @@ def test_hidden_effect_is_named_on_a_light_board(name, tmp_path):
     assert suite.right(truth, result), result.verdict
 
 
+@pytest.mark.slow
 def test_a_suite_that_expects_something_else_would_fail(tmp_path):
     """The judge of the suite is not blind."""
     _, result = verdict_of("coulomb 0.15, heavy", 40, tmp_path)
@@ -63,6 +61,7 @@ def test_a_suite_that_expects_something_else_would_fail(tmp_path):
         assert not suite.right(BY_NAME[other], result)
 
 
+@pytest.mark.slow
 def test_what_the_record_has_is_not_missing_any_more(tmp_path):
     from sysid.board import BoardEffect
     from sysid.quantity import Quantity

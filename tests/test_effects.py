@@ -159,3 +159,15 @@ def test_gravity_that_the_inertia_cannot_hold_is_refused():
     law = BASE.with_effect("gravity", 8.0)
     with pytest.raises(HuskyError, match="more than the roll inertia"):
         rig(law)
+
+
+def test_the_page_of_effects_is_what_the_catalogue_says():
+    """docs/effects.md is generated; after a change run docs/make_effect_pictures.py."""
+    import runpy
+    from pathlib import Path
+
+    docs = Path(__file__).parents[1] / "docs"
+    page = runpy.run_path(str(docs / "make_effect_pictures.py"))["page"]()
+    assert (docs / "effects.md").read_text(encoding="utf-8") == page
+    for name in NAMES:
+        assert (docs / "effects" / f"{name}.png").is_file()

@@ -1,0 +1,113 @@
+"""Draw what each effect does to a decay, and write docs/effects.md from the catalogue.
+
+python docs/make_effect_pictures.py
+"""
+
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+
+from reports.decay_figure import STYLE
+from reports.palette import REAL, SIM
+from sysid.effects import catalogue
+from sysid.effects.base import Effect
+from sysid.joint import JointLaw, simulate
+
+DOCS = Path(__file__).parent
+PLAIN = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.06)
+"""The pink board with a sixth of its damping, so that several swings show."""
+STIFF = JointLaw(inertia=7.15e-3, stiffness=34.85, damping=0.54)
+"""The black board as it is: a simulator's step shows on a strong damper only."""
+ROLES = {
+    "torque": "The joint's torque",
+    "support": "What the joint stands on",
+    "shift": "The rest angle",
+    "record": "The record's numbers, or the simulator",
+    "measurement": "The sensor",
+}
+
+
+def picture(effect: Effect) -> Figure:
+    """Draw the decay with the effect (real, orange) and without (sim, blue)."""
+    base = STIFF if effect.name == "discretisation" else PLAIN
+    time = np.linspace(0.0, 0.25 if base is STIFF else 1.0, 800)
+    real = simulate(base.with_effect(effect.name, *effect.example), time, 0.17)
+    sim = simulate(base, time, 0.17)
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(6.4, 2.5), layout="constrained")
+        axes = figure.add_subplot()
+        axes.plot(time, np.degrees(real.roll), color=REAL, linewidth=2.4, label=f"with {effect.name}")
+        axes.plot(time, np.degrees(sim.roll), color=SIM, linewidth=1.2, label="without")
+        axes.set_xlabel("time since release [s]")
+        axes.set_ylabel("roll [°]")
+        values = ", ".join(
+            f"{p.name} {v:g} {p.unit.replace('*', '·').removesuffix('1')}".strip()
+            for p, v in zip(effect.parameters, effect.example, strict=True)
+        )
+        axes.set_title(f"{effect.title}: {values}")
+        axes.legend(loc="upper right")
+    return figure
+
+
+def section(effect: Effect) -> str:
+    """Return the effect's part of the page."""
+    units = ", ".join(f"`{p.name}` [{p.unit}]" for p in effect.parameters)
+    support = effect.mujoco
+    if support.since:
+        runs = f"MuJoCo {support.since} and newer" + (", MuJoCo Warp too" if support.warp else "")
+        mujoco = f"{support.means} ({runs})"
+        mujoco += f"; on 3.11 the nearest is: {support.substitute}" if support.substitute else ""
+    else:
+        mujoco = support.means
+    return "\n".join(
+        (
+            f"### `{effect.name}`: {effect.title}",
+            "",
+            f"![{effect.does}](effects/{effect.name}.png)",
+            "",
+            effect.does,
+            "",
+            f"- **Law:** {effect.law}",
+            f"- **Parameters:** {units}",
+            f"- **Source:** {effect.source}",
+            f"- **In MuJoCo:** {mujoco}",
+            f"- **Looks like:** {', '.join(effect.look_alikes)}",
+            f"- **Tell it apart:** {effect.experiment}",
+            "",
+        )
+    )
+
+
+def page() -> str:
+    """Return docs/effects.md."""
+    lines = [
+        "# The effect catalogue",
+        "",
+        "Written by `docs/make_effect_pictures.py` from `sysid/effects/`, one file an effect; do not edit.",
+        "",
+        "x = roll - rest angle, v its rate, and I φ̈ = -k x - d v + Σ τ. Orange is the board with the effect, blue",
+        "the model without it.",
+        "",
+        "A new effect is one file in `sysid/effects/` that ends in `EFFECT = Effect(...)`, and one test. The",
+        "command line, the fit, the diagnosis and this page then know it.",
+        "",
+    ]
+    for role, heading in ROLES.items():
+        lines += [f"## {heading}", ""]
+        lines += [section(effect) for effect in catalogue().values() if effect.role == role]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def main() -> None:
+    """Write all pictures and the page."""
+    folder = DOCS / "effects"
+    folder.mkdir(exist_ok=True)
+    for effect in catalogue().values():
+        picture(effect).savefig(folder / f"{effect.name}.png", dpi=90, metadata={"Software": None})
+    (DOCS / "effects.md").write_text(page(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
