@@ -28,7 +28,13 @@ def linear_decay(time, omega, zeta, start=1.0, rate=0.0):
 def integrated_decay(time, law: Callable, start=1.0, rate=0.0):
     """Roll and rate of φ̈ = law(φ, φ̇), to 1e-10."""
     result = solve_ivp(
-        lambda _, y: (y[1], law(y[0], y[1])), (0, time[-1]), (start, rate), "DOP853", time, rtol=1e-9, atol=1e-11
+        lambda _, y: (y[1], law(y[0], y[1])),
+        (0, time[-1]),
+        (start, rate),
+        "DOP853",
+        time,
+        rtol=1e-9,
+        atol=1e-11,
     )
     return result.y[0], result.y[1]
 
@@ -85,7 +91,9 @@ def make_roll(recipe: Recipe, origin="angle") -> Roll:
         if recipe.catch_after is not None:
             caught = since > recipe.catch_after
             first = int(np.argmax(caught))
-            position[caught] = position[first] + 0.3 * amplitude * lift(since[caught] - recipe.catch_after, 0.3)
+            position[caught] = position[first] + 0.3 * amplitude * lift(
+                since[caught] - recipe.catch_after, 0.3
+            )
             away = since > recipe.catch_after + 0.5
             position[away] *= 1 - lift(since[away] - recipe.catch_after - 0.5, 0.4)
         roll[free], rate[free] = position, speed
