@@ -149,6 +149,27 @@ def test_inertia_brings_its_uncertainty_into_k_and_d_only():
         one, other = getattr(sharp.numbers, name), getattr(blunt.numbers, name)
         assert other.value == one.value
         assert other.std == pytest.approx(math.hypot(one.std, 0.1 * one.value), rel=1e-9)
+        assert other.ci95[1] - other.value == pytest.approx(1.96 * other.std, rel=0.01)
+
+
+def test_estimate_and_covariance_are_those_of_ordinary_least_squares():
+    """scipy's optimiser on all five parameters at once, with the poles' closed form of the test itself."""
+    from scipy.optimize import least_squares
+
+    release = clean_release(41.0, 0.3, noise=2e-3, seed=5)
+    decay = free_decay([release], INERTIA)
+    fitted = decay.trace.releases[0]
+    time = fitted.trace.time - fitted.trace.time[0]
+
+    def residual(p):
+        return fitted.trace.measured - p[4] - linear_decay(time, p[0], p[1], p[2], p[3])[0]
+
+    best = least_squares(residual, (40.0, 0.28, 0.18, -1.0, 0.0), x_scale=(40, 0.3, 0.2, 5, 0.01), xtol=1e-12)
+    variance = 2 * best.cost / (len(time) - 5)
+    covariance = np.linalg.inv(best.jac.T @ best.jac) * variance
+    assert (decay.trace.omega_n, decay.trace.damping_ratio) == pytest.approx(best.x[:2], rel=1e-6)
+    np.testing.assert_allclose(decay.trace.covariance, covariance[:2, :2], rtol=1e-3)
+    assert decay.trace.releases[0].level_std == pytest.approx(math.sqrt(covariance[4, 4]), rel=0.5)
 
 
 def test_a_gyro_is_fitted_as_a_rate_with_its_bias():
