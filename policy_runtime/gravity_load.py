@@ -28,7 +28,7 @@ class GravityLoad:
             HuskyError: mjlab is not installed.
         """
         self.model = g1_spec(visuals=False).compile()
-        self._data = mujoco.MjData(self.model)
+        self.data = mujoco.MjData(self.model)
 
     def torques(
         self, joints: Array, quaternion: Array, standing: tuple[bool, bool], thrust: float = 0.0
@@ -41,7 +41,7 @@ class GravityLoad:
             standing: Whether left and right foot bear weight.
             thrust: Force along x with which the ground pushes the left foot [N], where it stands.
         """
-        model, data = self.model, self._data
+        model, data = self.model, self.data
         data.qpos[:3] = 0.0
         data.qpos[3:7], data.qpos[7:] = quaternion, joints
         data.qvel[:] = 0.0
@@ -51,7 +51,7 @@ class GravityLoad:
         soles = [data.xpos[foot] + data.xmat[foot].reshape(3, 3) @ SOLE_CENTRE for foot in feet]
         weight = np.array([0.0, 0.0, float(model.body_subtreemass[1]) * 9.81])
         jacobian = np.zeros((3, model.nv))
-        for foot, point, share in _shares(feet, soles, data.subtree_com[1]):
+        for foot, point, share in shares(feet, soles, data.subtree_com[1]):
             mujoco.mj_jac(model, data, jacobian, None, point, foot)
             torque -= jacobian.T @ (share * weight)
             if standing[0] and foot == feet[0]:
@@ -67,8 +67,17 @@ class GravityLoad:
         return joints + torque / robot.stiffness
 
 
-def _shares(feet: list[int], soles: list[Array], com: Array) -> list[tuple[int, Array, float]]:
-    """Return foot, point of its pressure and share of the weight, together under the centre of mass."""
+def shares(feet: list[int], soles: list[Array], com: Array) -> list[tuple[int, Array, float]]:
+    """Share the weight between feet so that its centre of pressure lies under the centre of mass.
+
+    Args:
+        feet: Bodies of the feet that bear weight, none to two.
+        soles: Middle of each sole [m], each of shape (3,).
+        com: Centre of mass [m], shape (3,).
+
+    Returns:
+        For each foot: its body, the point of its pressure [m], its share of the weight.
+    """
     if len(feet) == 1:
         return [(feet[0], np.array([com[0], com[1], soles[0][2]]), 1.0)]
     if not feet:

@@ -1,6 +1,7 @@
 """Worlds, scripts, evaluation, export, and the commands around them."""
 
 import json
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -8,9 +9,9 @@ import pytest
 from riding import HoldStill, make_onnx, our_metadata, pink, published_metadata, world_or_skip
 
 from policy_runtime.commands import Command, Constant
-from policy_runtime.evaluate import Protocol, evaluate_policy, run_episode
+from policy_runtime.evaluate import Protocol, _Episode, evaluate_policy, run_episode
 from policy_runtime.export import export_folder, load_folder
-from policy_runtime.gravity_load import GravityLoad
+from policy_runtime.gravity_load import GravityLoad, shares
 from policy_runtime.metrics import episode_errors
 from policy_runtime.recording import Recorder
 from policy_runtime.robots.simulated import Gantry
@@ -130,6 +131,30 @@ def test_asked_for_targets_come_to_rest_in_the_pose(name):
         np.testing.assert_allclose((com[2] - foot[2])[:6], 0.0, atol=1e-9)  # nothing tips it over
 
 
+def test_two_feet_share_the_weight_under_the_centre_of_mass():
+    if world_or_skip():
+        load = GravityLoad()
+    pose = load_poses()["steer"]
+    torque = load.torques(pose.joints, pose.quaternion, (True, True))
+    model, data = load.model, load.data
+    forces = shares(
+        [10, 11], [np.array([-0.2, 0.0, 0.0]), np.array([0.2, 0.05, 0.0])], np.array([0.1, 0.03, 0.7])
+    )
+    assert sum(share for *_, share in forces) == pytest.approx(1.0)
+    np.testing.assert_allclose(sum(share * point for _, point, share in forces)[:2], [0.1, 0.03])
+    # Weight and soles' forces leave nothing over that would move the pelvis.
+    mujoco.mj_inverse(model, data)
+    feet = [model.body(f"{side}_ankle_roll_link").id for side in ("left", "right")]
+    soles = [data.xpos[foot] + data.xmat[foot].reshape(3, 3) @ [0.04, 0.0, -0.035] for foot in feet]
+    total = data.qfrc_bias.copy()
+    jacobian = np.zeros((3, model.nv))
+    for foot, point, share in shares(feet, soles, data.subtree_com[1]):
+        mujoco.mj_jac(model, data, jacobian, None, point, foot)
+        total -= jacobian[2] * share * model.body_subtreemass[1] * 9.81
+    np.testing.assert_allclose(total[:6], 0.0, atol=1e-6)
+    np.testing.assert_allclose(total[6:], torque, atol=1e-6)
+
+
 def test_direct_coupling_sets_the_trucks():
     world = world_or_skip(coupling="direct")
     world.reset()
@@ -148,6 +173,41 @@ def test_episode_ends_when_the_robot_falls_and_is_repeatable():
     np.testing.assert_array_equal(first.qpos, again.qpos)
     other, _ = run_episode(world, scripted("zero"), Protocol(), np.random.default_rng([1, 3]))
     assert first.command[0, 0] != other.command[0, 0]
+
+
+def endings(truths):
+    """Return after which tick an episode ends and how, for a series of what the simulator says."""
+
+    class World:
+        class robot:
+            pass
+
+    class Recorded:
+        def __len__(self):
+            return 1
+
+    episode = _Episode(World, Recorded(), Protocol(), np.random.default_rng(0))
+    for i, truth in enumerate(truths):
+        World.robot.truth = staticmethod(lambda truth=truth: truth)
+        if episode.at(i * 0.02) is None:
+            return i, episode.ending
+    return None, episode.ending
+
+
+def truth(deck=(True, True), upright=1.0, other=0):
+    return SimpleNamespace(foot_on_deck=np.array(deck), upright=upright, other_contacts=other)
+
+
+def test_what_ends_an_episode():
+    off = truth(deck=(False, False))
+    assert endings([truth()] * 50) == (None, "time limit")
+    assert endings([off] * 3 + [truth()] * 20) == (None, "time limit")  # it has only just been set down
+    assert endings([truth()] * 20 + [off] + [truth()] * 20) == (None, "time limit")  # a hop
+    assert endings([truth()] * 20 + [off, off]) == (21, "off the board")
+    assert endings([truth()] * 20 + [truth(deck=(False, True))] * 9) == (None, "time limit")
+    assert endings([truth()] * 20 + [truth(upright=0.3)]) == (20, "fallen")  # 72.5 degrees
+    assert endings([truth()] * 20 + [truth(upright=0.4)] * 5) == (None, "time limit")
+    assert endings([truth()] * 20 + [truth(other=1)]) == (20, "body contact")
 
 
 def test_turns_are_drawn_anew_in_every_cycle():
