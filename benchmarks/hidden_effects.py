@@ -3,7 +3,7 @@
 Truths of the catalogue are made by `sysid.synth` (event-driven DOP853, hand and sensor included), those outside
 the catalogue by a DOP853 integration here. Neither shares code with the fit.
 
-    python benchmarks/hidden_effects.py --seeds 3 --write docs/diagnosis.md
+    python benchmarks/hidden_effects.py --seeds 1 --write docs/diagnosis.md
 """
 
 import argparse
@@ -186,12 +186,52 @@ def run(case: tuple[int, int]) -> dict[str, object]:
     }  # fmt: skip
 
 
+def table(rows: Sequence[dict[str, object]]) -> str:
+    """Return the confusion matrix and the targets as Markdown."""
+
+    def text(row: dict[str, object]) -> str:
+        if row["status"] != "missing":
+            return str(row["status"])
+        said = [row["effects"], *row["alike"]]  # type: ignore[misc]
+        return " / ".join(" + ".join(group) for group in said)
+
+    lines = ["| hidden | verdicts | right | error / noise before | after |", "|---|---|---|---|---|"]
+    for name in dict.fromkeys(str(row["truth"]) for row in rows):
+        mine = [row for row in rows if row["truth"] == name]
+        answers: dict[str, int] = {}
+        for row in mine:
+            answers[text(row)] = answers.get(text(row), 0) + 1
+        said = "; ".join(f"{count} x {answer}" for answer, count in answers.items())
+        hits = sum(bool(row["right"]) for row in mine)
+        before, after = (np.mean([float(row[key]) for row in mine]) for key in ("before", "after"))  # type: ignore[arg-type]
+        lines.append(f"| {name} | {said} | {hits} of {len(mine)} | {before:.2f} | {after:.3f} |")
+    groups = {
+        "right effect, or a set of look-alikes with it": [r for r in rows if r["inside"]],
+        "no alarm where nothing is hidden": [r for r in rows if r["none"]],
+        "'unexplained' outside the catalogue": [r for r in rows if not r["inside"] and not r["none"]],
+    }
+    summary = [
+        f"- {name}: {sum(bool(r['right']) for r in group)} of {len(group)}"
+        for name, group in groups.items()
+        if group
+    ]
+    return "\n".join((*summary, "", *lines))
+
+
+def write(path: Path, rows: Sequence[dict[str, object]]) -> None:
+    """Put the table between the marks of a document."""
+    text = path.read_text(encoding="utf-8")
+    begin, end = text.index("<!-- suite -->") + len("<!-- suite -->"), text.index("<!-- end -->")
+    path.write_text(f"{text[:begin]}\n{table(rows)}\n{text[end:]}", encoding="utf-8")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--only", default="")
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--write", type=Path)
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args()
     cases = [
@@ -212,6 +252,8 @@ def main() -> None:
             print(what, sum(bool(r["right"]) for r in chosen), "of", len(chosen))
     outside = [r for r in rows if not r["inside"] and not r["none"]]
     print("outside", sum(bool(r["right"]) for r in outside), "of", len(outside))
+    if options.write:
+        write(options.write, rows)
     if options.json:
         options.json.write_text(json.dumps(rows, indent=1) + "\n")
 

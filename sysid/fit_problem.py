@@ -46,9 +46,24 @@ def make_records(releases: Sequence[Release], std: float, *, rate: bool) -> tupl
     for release in releases:
         measured = release.rate if rate and release.rate is not None else release.roll
         end = _end_of_motion(release, measured, std)
-        time = release.time[:end] - release.time[0]
-        records.append(Record(release=release, time=time, signal=measured[:end], is_rate=rate, std=std))
+        begin = _onset(release)
+        time = release.time[begin:end] - release.time[begin]
+        records.append(Record(release=release, time=time, signal=measured[begin:end], is_rate=rate, std=std))
     return tuple(records)
+
+
+LETTING_GO = 0.004
+"""For how long a hand still drags while it lets go [s]."""
+
+
+def _onset(release: Release) -> int:
+    """Return the first sample without a hand on the deck; roll and rate there are fitted anyway.
+
+    A finger that slides off rounds the start just as a filter in the sensor would.
+    """
+    if release.hold <= 0:
+        return 0
+    return int(np.searchsorted(release.time - release.time[0], LETTING_GO))
 
 
 def _end_of_motion(release: Release, signal: Array, std: float) -> int:

@@ -49,7 +49,12 @@ EFFECT = Effect(
             neutral=1.0,
         ),
         Parameter(
-            name="stiffness", unit="N*m/rad", size=lambda s: s.stiffness, low=0.5, high=60.0, starts=(2.0,)
+            name="stiffness",
+            unit="N*m/rad",
+            size=lambda s: s.stiffness,
+            low=0.5,
+            high=60.0,
+            starts=(2.0, 8.0),
         ),
         Parameter(
             name="damping",
