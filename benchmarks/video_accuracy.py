@@ -72,11 +72,17 @@ def main():
         if arguments.cases in name and method in (arguments.only or MARKS):
             rows.append(row(arguments.films, board, motion, name, camera, method))
             print("| " + " | ".join(rows[-1]) + " |", flush=True)
+            if not arguments.only and not arguments.cases:  # a table of what is done, whenever it is stopped
+                write(rows, "")
+    if not arguments.only and not arguments.cases:
+        write(rows, speed(arguments.films, board))
+
+
+def write(rows, ending):
     head = ("film", "method", "frames", "RMSE [°]", "largest [°]", "95 % covers", "k off [%]", "d off [%]")
     lines = ["| " + " | ".join(cells) + " |" for cells in (head, ["---"] * len(head), *rows)]
-    if not arguments.only and not arguments.cases:
-        output = Path(__file__).parent / "results" / "video_accuracy.md"
-        output.write_text(HEAD + "\n".join(lines) + "\n\n" + speed(arguments.films, board))
+    output = Path(__file__).parent / "results" / "video_accuracy.md"
+    output.write_text(HEAD + "\n".join(lines) + "\n" + (f"\n{ending}" if ending else ""))
 
 
 HEAD = f"""# Roll from rendered films

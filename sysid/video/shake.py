@@ -10,9 +10,9 @@ from sysid.roll import Array
 from sysid.video.frames import Frame, Picture, crop, grey
 from sysid.video.turning import Complex
 
-GRID = (4, 3)
+GRID = (5, 4)
 """At most one patch of background in each cell of a grid this wide and high."""
-HALF = 14
+HALF = 20
 """Half a patch [px]."""
 REACH = 24
 """How far a patch may move between two frames, against what the last frame suggests [px]."""
