@@ -1,5 +1,6 @@
 """What the commands that ride a board share: which policy, which world, what to write."""
 
+import math
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,6 +41,7 @@ class RideOptions:
     start_speed: float = 0.0
     """Speed at the start [m/s]."""
     terrain: Literal["flat", "slopes", "steps"] = "flat"
+    """The ground: level, descents of 5 to 10 degrees, or ledges of 3 to 6 cm to roll down."""
     coupling: Literal["equality", "direct"] = "equality"
     """How the deck's tilt steers the trucks."""
     gantry: bool = False
@@ -85,6 +87,7 @@ def prepare(policy: str, options: RideOptions, printer: Printer, *, visuals: boo
     from policy_runtime.robots.simulated import Gantry
     from policy_runtime.world import make_world
 
+    commands = command_source(options)
     gantry = Gantry() if options.gantry else None
     if (Path(policy) / MANIFEST).is_file() or Path(policy).is_dir():
         bundle = load_folder(Path(policy))
@@ -116,7 +119,7 @@ def prepare(policy: str, options: RideOptions, printer: Printer, *, visuals: boo
             f"board '{board.name}' has not passed `check`: its tilt joint may not move like the real one."
         )
     world.reset(speed=options.start_speed)
-    return Ride(board, rider, world, command_source(options))
+    return Ride(board, rider, world, commands)
 
 
 def policy_notes(policy: "Policy") -> tuple[str, ...]:
@@ -130,14 +133,21 @@ def command_source(options: RideOptions) -> "CommandSource":
     """Return the commands that the options ask for.
 
     Raises:
-        HuskyError: The file of commands is not valid.
+        HuskyError: The file of commands is not valid, or a number is out of the trained range.
     """
-    import math
+    from policy_runtime.commands import SPEED_RANGE, TURN_RANGE, Command, Constant, load_script
 
-    from policy_runtime.commands import Command, Constant, load_script
-
+    if not options.duration > 0:
+        raise HuskyError(f"--duration {options.duration:g}: must be longer than 0 s.")
     if options.commands is not None:
         return load_script(options.commands)
+    limit = math.degrees(TURN_RANGE[1])
+    if not SPEED_RANGE[0] <= options.speed <= SPEED_RANGE[1]:
+        raise HuskyError(
+            f"--speed {options.speed:g}: policies are trained for {SPEED_RANGE[0]:g} to {SPEED_RANGE[1]:g} m/s."
+        )
+    if not abs(options.turn_deg) <= limit:
+        raise HuskyError(f"--turn-deg {options.turn_deg:g}: policies are trained for ±{limit:g}°.")
     return Constant(Command(options.speed, math.radians(options.turn_deg)))
 
 
