@@ -1,13 +1,14 @@
 """The figures of a board's page: decays, where they part, torque, backbone, ladder, look-alikes, correlation."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from reports.evidence import Evidence, Rung
 from reports.palette import NOISE, REAL, SIM
-from reports.svg import MOST_POINTS, thin
+from reports.svg import thin
 from sysid.compare import Comparison
 from sysid.effects import effect
 from sysid.joint import JointLaw
@@ -63,7 +64,7 @@ def where_figure(result: Comparison) -> "Figure":
     axes.barh(rows, [100 * p.share for p in places], color=SIM, height=0.7)
     axes.set_yticks(rows, [p.text for p in places])
     axes.invert_yaxis()
-    for row, (before, after) in enumerate(zip(places[:-1], places[1:], strict=True)):
+    for row, (before, after) in enumerate(pairwise(places)):
         if before.axis != after.axis:
             axes.axhline(row + 0.5, color=NOISE, lw=0.8)
     axes.axvline(0, color=NOISE, lw=0.8)
@@ -113,9 +114,9 @@ def missing_torque_figure(result: Comparison, size: tuple[float, float] | None =
     surface, spring, damper = figure.subplots(1, 3, width_ratios=(1.25, 1, 1))
     _map(surface, result)
     angle, rate = _middles(missing.angle), _middles(missing.rate)
-    _cut(spring, result, angle, np.zeros_like(angle), np.abs(rate) <= 0.3 * rate[-1], axis=1)
+    _cut(spring, result, angle, np.zeros_like(angle), axis=1)
     spring.set(xlabel="tilt [°]", ylabel="restoring torque [N·m]")
-    _cut(damper, result, np.zeros_like(rate), rate, np.abs(angle) <= 0.3 * angle[-1], axis=0)
+    _cut(damper, result, np.zeros_like(rate), rate, axis=0)
     damper.set(xlabel="rate [rad/s]", ylabel="damping torque [N·m]")
     return figure
 
@@ -133,18 +134,18 @@ def _map(axes: "Axes", result: Comparison) -> None:
     )  # fmt: skip
     axes.grid(visible=False)
     axes.set(xlabel="tilt [°]", ylabel="rate [rad/s]")
-    bar = axes.figure.colorbar(cells, ax=axes, label="missing torque [N·m]")
+    axes.set_title("missing torque [N·m]", loc="left", fontsize=9)
+    bar = axes.figure.colorbar(cells, ax=axes)
     bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue]
 
 
-def _cut(axes: "Axes", result: Comparison, tilt: Array, rate: Array, near: Array, axis: int) -> None:
-    """Draw the law along one axis, and what the measurement demands there: the law and what it lacks."""
+def _cut(axes: "Axes", result: Comparison, tilt: Array, rate: Array, axis: int) -> None:
+    """Draw the law along one axis, and what the measurement demands there: the law and the mean of what it lacks."""
     missing = result.missing
     assert missing is not None
     x = np.degrees(tilt) if axis == 1 else rate
     torque = -law_torque(result.law, tilt, rate)
     weight = np.where(np.isfinite(missing.torque), missing.count, 0.0)
-    weight = weight * (near[None, :] if axis == 1 else near[:, None])
     total, count = np.nansum(weight * np.nan_to_num(missing.torque), axis=axis), weight.sum(axis=axis)
     seen = count > 0
     axes.plot(
@@ -180,8 +181,16 @@ def ladder_figure(rungs: Sequence[Rung], result: Comparison) -> "Figure":
             x + shift, values, 0.34, color=colour, label="fitted" if name == "rmse" else "predicted, left out"
         )
         for place, value in zip(x, values, strict=True):
-            axes.annotate(f"{value:.3g}", (place + shift, value), ha="center", va="bottom", fontsize=8)
-    axes.axhline(scale * result.noise.std, color=NOISE, ls="--", lw=1.2, label="noise floor")
+            axes.annotate(
+                f"{value:.3g}",
+                (place + shift, value),
+                (0, 3),
+                textcoords="offset points",
+                ha="center",
+                va="bottom",
+                fontsize=8,
+            )
+    axes.axhline(scale * result.noise.std, color=NOISE, ls="--", lw=1.2, label="noise floor", zorder=0.5)
     axes.set_xticks(x, [rung.label for rung in rungs])
     axes.set_xlim(-0.6, len(rungs) - 0.4)
     axes.set_ylabel(f"RMS error [{unit}]")
@@ -211,10 +220,10 @@ def _matrix(values: Array, names: Sequence[str], colours: str, low: float, heigh
     for i, j in np.ndindex(values.shape):
         strong = abs(values[i, j]) > 0.6
         text = f"{values[i, j]:.2f}".replace("-0.00", "0.00")
-        # Ink that stays: the cell's colour does not follow the page.
+        ink = "light-ink" if strong else "dark-ink"
         axes.text(
             j + 0.5, i + 0.5, text, ha="center", va="center", fontsize=7.5,
-            color="#ffffff" if strong else "#101010", gid="fixed",
+            color="#ffffff" if strong else "#101010", gid=f"{ink}{i}-{j}",
         )  # fmt: skip
     ticks = np.arange(len(names)) + 0.5
     axes.set_xticks(ticks, names, rotation=40, ha="right", rotation_mode="anchor")
@@ -245,12 +254,6 @@ def log_figure(evidence: Evidence, number: int) -> "Figure":
     axes.margins(y=0.2)
     axes.legend(loc="upper right", ncols=3, fontsize=8)
     return figure
-
-
-def drawn_points(evidence: Evidence) -> int:
-    """Return how many points the release figures draw at most, for judging the size of a page."""
-    curves = 2 * (len(evidence.ladder) + 1)
-    return curves * MOST_POINTS * len(evidence.releases)
 
 
 def _figure(height: float, width: float = WIDTH) -> "Figure":

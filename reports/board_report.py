@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from reports import board_figures
-from reports.board_summary import effect_lines, law_text, parameters
+from reports.board_summary import effect_lines, law_text, parameters, pretty
 from reports.evidence import Evidence, LogFile
 from reports.page import (
     Page,
     choices,
     figure,
     law,
+    note,
     paragraph,
     preformatted,
     table,
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
 
 MOST_RELEASES = 8
 """Releases drawn; the table has all of them."""
+HOPELESS = 30.0
+"""Multiple of an effect's clear strength beyond which no board has it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +76,7 @@ def board_report(
             page.section("Measured against simulated", *_releases(evidence))
             page.section("Where it fails", *_where(evidence))
         page.section("Ladder of errors", *_ladder(board, evidence))
-        page.section("Effects that look alike", *_look_alikes(evidence, diagnosis))
+        page.section("Effects that look alike", *_look_alikes(board, evidence, diagnosis))
         if evidence is not None:
             page.section("Backbone", *_backbone(evidence))
             page.section("Restoring force", *_restoring_force(evidence))
@@ -90,7 +93,7 @@ def _verdict(board: Board, evidence: Evidence | None, files: "Sequence[LogFile]"
     warnings = [f"{file.path}: {file.state}" for file in files if file.found is None]
     if any(file.truth for file in files):
         parts.append(
-            paragraph(
+            note(
                 "These logs are synthetic: made from a known truth to show and to test the tool. "
                 "Nothing on this page was measured on a real board."
             )
@@ -104,7 +107,7 @@ def _verdict(board: Board, evidence: Evidence | None, files: "Sequence[LogFile]"
                 good=result.passed,
             )
         )
-        warnings += evidence.warnings
+        warnings += map(pretty, evidence.warnings)
     else:
         parts.append(
             verdict(
@@ -127,12 +130,12 @@ def _parameters(board: Board, files: "Sequence[LogFile]") -> str:
     columns = ["quantity", "value ± 95 %", *(["truth of the synthetic log"] if truth else [])]
     rows: list[list[str]] = []
     for name, quantity in parameters(board).items():
-        row = [name, str(quantity)]
+        row = [name, pretty(str(quantity))]
         if truth:
             row.append(truth.get(name, "-"))
         rows.append(row)
     for name, value in board.published.items():
-        row = [f"{name}, as published", str(value)]
+        row = [f"{name}, as published", pretty(str(value))]
         rows.append([*row, ""] if truth else row)
     return table(columns, rows)
 
@@ -150,11 +153,11 @@ def _truth_values(truth: Mapping[str, Any]) -> dict[str, str]:
     values: dict[str, str] = {}
     for name, entry in truth.get("parameters", {}).items():
         label = "roll inertia" if name == "inertia" else name.replace("_", " ")
-        values[label] = str(Quantity(float(entry["value"]), 0.0, str(entry["unit"])))
+        values[label] = pretty(str(Quantity(float(entry["value"]), 0.0, str(entry["unit"]))))
     for part in truth.get("effects", []):
         for name, entry in part.get("parameters", {}).items():
             label = f"{part['name']}: {name.replace('_', ' ')}"
-            values[label] = str(Quantity(float(entry["value"]), 0.0, str(entry["unit"])))
+            values[label] = pretty(str(Quantity(float(entry["value"]), 0.0, str(entry["unit"]))))
     return values
 
 
@@ -258,12 +261,12 @@ def _error(value: object, *, rate: bool) -> str:
     return f"{value:.3g} rad/s" if rate else f"{np.degrees(value):.3g}°"
 
 
-def _look_alikes(evidence: Evidence | None, diagnosis: Mapping[str, Any] | None) -> list[str]:
-    parts = _diagnosis(diagnosis)
+def _look_alikes(board: Board, evidence: Evidence | None, diagnosis: Mapping[str, Any] | None) -> list[str]:
+    own = {part.name for part in board.effects}
+    parts = _diagnosis(diagnosis, own)
     alike = None if evidence is None else evidence.look_alikes
     if evidence is None or alike is None:
         return parts or [paragraph("Not computed: it takes logs of the roll.")]
-    own = {part.name for part in evidence.board.effects}
     rows: list[tuple[str, ...]] = []
     for i, name in enumerate(alike.names):
         rows.append(
@@ -292,10 +295,13 @@ def _weakest(alike: LookAlikes, index: int) -> str:
     share = SEEN / float(alike.visibility[index])
     if name in ("angle", "inertia"):  # an end stop or a support does not grow with its first parameter
         return "clear" if share < 1 else "does not show"
-    return f"{name.replace('_', ' ')} {abs(value) * share:.2g} {unit}"
+    if share > HOPELESS:
+        return "does not show"
+    weakest = abs(value) * share
+    return pretty(f"{name.replace('_', ' ')} {weakest:.{2 if weakest < 100 else 3}g} {unit}")
 
 
-def _diagnosis(diagnosis: Mapping[str, Any] | None) -> list[str]:
+def _diagnosis(diagnosis: Mapping[str, Any] | None, own: set[str]) -> list[str]:
     if diagnosis is None:
         return []
     found = diagnosis["verdict"]
@@ -306,13 +312,15 @@ def _diagnosis(diagnosis: Mapping[str, Any] | None) -> list[str]:
         "unexplained": "Diagnosis: something is missing that no effect of the catalogue explains",
     }[found["status"]]
     logs = ", ".join(Path(log).name for log in diagnosis.get("logs", []))
+    added = bool(found["effects"]) and own.issuperset(found["effects"])
+    status += ", since added to the law" if added else ""
     parts = [
         verdict(
             f"{status} (confidence {found['confidence']:.0%}, from {logs}). {found['explanation']}",
-            good=found["status"] == "none-missing",
+            good=added or found["status"] == "none-missing",
         )
     ]
-    if found.get("next_experiment"):
+    if found.get("next_experiment") and not added:
         parts.append(paragraph(f"Next experiment: {found['next_experiment']}"))
     return parts
 
@@ -335,8 +343,10 @@ def _restoring_force(evidence: Evidence) -> list[str]:
         ]
     caption = (
         "Left: the torque by which measured and simulated motion differ; blank where there was no data. Middle and "
-        "right: the law (line) and what the measurement demands (points), at small rate and at small tilt."
+        "right: spring and damper of the law (line), and with what it lacks on average at that tilt or rate (points)."
     )
+    if not result.where:
+        caption += " The error is the sensor's noise, so is what is shown as missing."
     parts = [_figure(board_figures.missing_torque_figure(result), "force", caption)]
     hidden = [name for name, _ in result.law.effects if effect(name).states]
     if hidden:

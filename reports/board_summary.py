@@ -28,7 +28,7 @@ def board_summary(evidence: Evidence) -> str:
         "",
         "| quantity | value ± 95 % |",
         "|---|---|",
-        *(f"| {name} | {quantity} |" for name, quantity in parameters(board).items()),
+        *(f"| {name} | {pretty(str(quantity))} |" for name, quantity in parameters(board).items()),
         "",
         "| release | error | error / noise |",
         "|---|---|---|",
@@ -47,10 +47,18 @@ def board_summary(evidence: Evidence) -> str:
     return "\n".join(lines) + "\n"
 
 
-def decay_summary(log: str, board: str, decay: FreeDecay) -> str:
+def decay_summary(board: str, decay: FreeDecay) -> str:
     """Return the numbers and warnings of a free decay."""
-    lines = [f"# {board}: free decay", f"`{log}`", "", "| quantity | value ± 95 % |", "|---|---|"]
-    lines += [f"| {name.replace('_', ' ')} | {quantity} |" for name, quantity in decay.numbers.items()]
+    lines = [
+        f"# {board}: free decay",
+        f"`{decay.releases[0].log}`",
+        "",
+        "| quantity | value ± 95 % |",
+        "|---|---|",
+    ]
+    lines += [
+        f"| {name.replace('_', ' ')} | {pretty(str(quantity))} |" for name, quantity in decay.numbers.items()
+    ]
     lines += ["", *(f"- ⚠ {warning}" for warning in decay.warnings)]
     return "\n".join(lines) + "\n"
 
@@ -95,6 +103,11 @@ _TERMS = {
     "gravity": "{0} sin φ",
 }
 """Terms on the left-hand side, by effect."""
+
+
+def pretty(text: str) -> str:
+    """Return a text with the powers of its units set high."""
+    return text.replace("^2", "²").replace("^3", "³")
 
 
 def effect_lines(board: Board) -> list[tuple[str, str, str]]:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from reports.evidence import Evidence
 from reports.palette import NOISE, REAL, SIM
@@ -42,6 +43,9 @@ MOST_BOARDS = 6
 POSES = 50.0
 """Poses a second of the slow tail; while the deck moves, all samples are kept [Hz]."""
 ENVELOPE = "#777777"
+MILLI = 1e3
+SLOWLY = 0.1
+"""Speed of play at which a swing can be followed."""
 
 
 def decay_recording(path: Path, roll: Roll, decay: FreeDecay, summary: str) -> None:
@@ -61,10 +65,12 @@ def decay_recording(path: Path, roll: Roll, decay: FreeDecay, summary: str) -> N
     phases = log_phases(roll, decay.releases)
     signal = decay.trace.signal
     tabs: list[rrb.View | rrb.Container] = []
+    last = 0.0
     for release, fitted in zip(decay.releases, decay.trace.releases, strict=True):
         root = f"release{release.number}"
         since = fitted.trace.time - release.start
         span = _window(since, fitted.modelled - fitted.level)
+        last = max(last, span[1])
         error = float(np.abs(fitted.residual).max())
         tabs.append(
             _release_tab(root, f"release {release.number}", signal, span, fitted.trace.measured, error)
@@ -72,6 +78,7 @@ def decay_recording(path: Path, roll: Roll, decay: FreeDecay, summary: str) -> N
     blueprint = _blueprint(
         rrb.Tabs(*tabs, name="releases"),
         rrb.Vertical(*_log_views("log", roll), rrb.TextDocumentView(origin="summary", name="summary")),
+        last,
     )
     with recording(path, _identity("decay", roll.log), blueprint) as stream:
         _log_whole_log(stream, "log", roll, phases, decay.releases[0].start)
@@ -134,8 +141,10 @@ def comparison_recording(
     kind = "rate" if result.is_rate else "roll"
     many = len({release.log for release in result.releases}) > 1
     tabs: list[rrb.View | rrb.Container] = []
+    last = 0.0
     for i, release in enumerate(result.releases):
         span = _window(release.time, release.simulated)
+        last = max(last, span[1])
         name = f"{Path(release.log).stem} {release.number}" if many else f"release {release.number}"
         error = float(np.abs(release.residual).max())
         tabs.append(_release_tab(f"release{i + 1}", name, kind, span, release.measured, error))
@@ -150,7 +159,7 @@ def comparison_recording(
         origin="world", name="simulated (solid), measured (ghost)", eye_controls=_eye(evidence)
     )
     blueprint = _blueprint(
-        rrb.Tabs(*tabs, name="releases"), rrb.Vertical(scene, rrb.Tabs(*right), row_shares=[1, 1])
+        rrb.Tabs(*tabs, name="releases"), rrb.Vertical(scene, rrb.Tabs(*right), row_shares=[1, 1]), last
     )
     with recording(
         path, _identity(evidence.board.name, *(roll.log for roll in evidence.rolls)), blueprint
@@ -201,11 +210,11 @@ def _log_release(
     )
 
 
-def _turning_points(release: ComparedRelease, result: Comparison) -> Array:
+def _turning_points(release: ComparedRelease, result: Comparison) -> npt.NDArray[np.int64]:
     """Return the samples nearest to where the simulated roll turns, as long as it stands clear of the noise."""
     turns = np.flatnonzero(np.diff(np.sign(release.rate)) != 0)
     clear = np.abs(release.roll[turns] - result.law.rest_angle) > 3 * result.noise.std
-    return np.concatenate([[0], turns[clear & (turns > 2)]]).astype(int)
+    return np.concatenate([[0], turns[clear & (turns > 2)]]).astype(np.int64)
 
 
 def _log_band(
@@ -216,12 +225,12 @@ def _log_band(
     noise: float,
     name: str = "sim - real",
 ) -> None:
-    """Log a residual over the band of ±2σ of the sensor's noise."""
-    log_series(stream, f"{root}/residual/error", time, residual, name=name, colour=SIM, width=1.0)
+    """Log a residual over the band of ±2σ of the sensor's noise, in thousandths: Rerun's axis labels are short."""
+    log_series(stream, f"{root}/residual/error", time, MILLI * residual, name=name, colour=SIM, width=1.0)
     ends = np.array([time[0], time[-1]])
     for sign, side in ((2, "upper"), (-2, "lower")):
         log_series(
-            stream, f"{root}/residual/noise_{side}", ends, np.full(2, sign * noise),
+            stream, f"{root}/residual/noise_{side}", ends, np.full(2, sign * MILLI * noise),
             name=f"noise {sign:+d}σ", colour=NOISE, width=1.2,
         )  # fmt: skip
 
@@ -247,6 +256,9 @@ def _log_boards(stream: "rr.RecordingStream", evidence: Evidence) -> None:
     rest = np.array(model.qpos0)
     rest[2] = board.geometry["truck_height"].value + board.geometry["wheel_radius"].value
     stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    before = min(
+        [-1.0, *(float(roll.time[0] - evidence.releases_of(roll)[0].start) for roll in evidence.rolls)]
+    )
     for i, release in enumerate(result.releases[:MOST_BOARDS]):
         kept = _moving(release)
         measured = release.roll if result.is_rate else release.measured
@@ -261,18 +273,20 @@ def _log_boards(stream: "rr.RecordingStream", evidence: Evidence) -> None:
             for address in trucks:
                 positions[:, address] = steer
             log_model(stream, root, model, tint=tint if alpha < 1 else None, alpha=alpha)
-            log_poses(stream, root, model, release.time[kept], positions)
+            # Before its release the deck is held where it starts.
+            time = np.r_[before, release.time[kept]]
+            log_poses(stream, root, model, time, np.vstack([positions[:1], positions]))
         label = [0.0, -_spacing(board) * i, 0.28]
         name = f"{Path(release.log).stem} {release.number}"
         stream.log(f"world/name{i + 1}", rr.Points3D([label], labels=[name], radii=[0.0]), static=True)
 
 
-def _moving(release: ComparedRelease) -> Array:
+def _moving(release: ComparedRelease) -> npt.NDArray[np.int64]:
     """Return the samples whose poses are logged: all while the deck moves, few of the rest."""
     step = float(np.median(np.diff(release.time)))
     end = int(np.searchsorted(release.time, _window(release.time, release.simulated)[1]))
     stride = max(1, round(1 / POSES / step))
-    return np.unique(np.r_[0:end, end : len(release.time) : stride]).astype(int)
+    return np.unique(np.r_[0:end, end : len(release.time) : stride]).astype(np.int64)
 
 
 def _log_missing(stream: "rr.RecordingStream", result: Comparison) -> None:
@@ -318,9 +332,9 @@ def _release_tab(
         ),
         rrb.TimeSeriesView(
             origin=f"{root}/residual",
-            name=f"residual [{unit}]",
+            name=f"residual [m{unit}]",
             axis_x=_axis(span),
-            axis_y=rrb.ScalarAxis(range=(-1.15 * error, 1.15 * error)),
+            axis_y=rrb.ScalarAxis(range=(-1.15 * MILLI * error, 1.15 * MILLI * error)),
             plot_legend=rrb.Corner2D.RightTop,
         ),
         row_shares=[3, 1],
@@ -340,12 +354,23 @@ def _log_views(root: str, roll: Roll) -> "list[rrb.View]":
     ]
 
 
-def _blueprint(left: "rrb.Tabs", right: "rrb.Container") -> "rrb.Blueprint":
+def _blueprint(left: "rrb.Tabs", right: "rrb.Container", end: float) -> "rrb.Blueprint":
+    """Return the layout; it opens playing the releases up to a time [s], slowly and again and again."""
+    import rerun as rr
     import rerun.blueprint as rrb
 
     return rrb.Blueprint(
         rrb.Horizontal(left, right, column_shares=[3, 2]),
-        rrb.TimePanel(timeline=TIMELINE, state="collapsed"),
+        rrb.TimePanel(
+            timeline=TIMELINE,
+            state="collapsed",
+            time_selection=rrb.components.AbsoluteTimeRange(
+                min=rr.TimeInt(seconds=0.0), max=rr.TimeInt(seconds=end)
+            ),
+            loop_mode="selection",
+            playback_speed=SLOWLY,
+            play_state="playing",
+        ),
         rrb.SelectionPanel(state="collapsed"),
         rrb.BlueprintPanel(state="collapsed"),
     )
@@ -369,8 +394,8 @@ def _eye(evidence: Evidence) -> "rrb.EyeControls3D":
 
     count = min(len(evidence.comparison.releases), MOST_BOARDS)
     middle = -_spacing(evidence.board) * (count - 1) / 2
-    back = 0.75 + 0.5 * _spacing(evidence.board) * count
-    return rrb.EyeControls3D(position=(-back, middle, 0.45), look_target=(0.0, middle, 0.08))
+    back = 0.7 + 0.22 * _spacing(evidence.board) * count
+    return rrb.EyeControls3D(position=(-back, middle, 0.3), look_target=(0.0, middle, 0.08))
 
 
 def _spacing(board: Board) -> float:
@@ -382,7 +407,7 @@ def _window(time: Array, motion: Array) -> tuple[float, float]:
     rest = float(np.median(motion[len(motion) * 3 // 4 :]))
     moving = np.flatnonzero(np.abs(motion - rest) > 0.01 * float(np.abs(motion - rest).max()))
     end = float(time[moving[-1]]) if len(moving) else float(time[-1])
-    return float(time[0]) - 0.03 * end, min(1.25 * end, float(time[-1]))
+    return float(time[0]) - 0.03 * end, min(1.6 * end, float(time[-1]))
 
 
 def _identity(name: str, *logs: str) -> str:

@@ -43,6 +43,11 @@ def paragraph(text: str) -> str:
     return f"<p>{escape(text)}</p>"
 
 
+def note(text: str) -> str:
+    """Return a remark that nobody should miss."""
+    return f'<p class="note">{escape(text)}</p>'
+
+
 def law(equation: str) -> str:
     """Return an equation set apart."""
     return f'<p class="law">{escape(equation)}</p>'
@@ -66,10 +71,15 @@ def warning_list(warnings: Sequence[str]) -> str:
 
 
 def table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table of plain texts."""
+    """Return a table of plain texts; long hexadecimal ones may be broken anywhere."""
     head = "".join(f"<th>{escape(column)}</th>" for column in columns)
-    body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
+    body = "".join("<tr>" + "".join(map(_cell, row)) + "</tr>" for row in rows)
     return f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def _cell(text: str) -> str:
+    digest = len(text) == 64 and all(letter in "0123456789abcdef" for letter in text)
+    return f'<td class="digest">{text}</td>' if digest else f"<td>{escape(text)}</td>"
 
 
 def figure(svg: str, caption: str) -> str:

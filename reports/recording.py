@@ -28,6 +28,19 @@ TIMELINE = "t"
 """Seconds; for a decay, since the first release."""
 
 
+def need_rerun() -> None:
+    """Check that recordings can be written, before long work.
+
+    Raises:
+        HuskyError: rerun-sdk is not installed.
+    """
+    try:
+        import rerun
+    except ImportError as error:
+        raise HuskyError("Rerun recordings need the package rerun-sdk: pip install rerun-sdk") from error
+    del rerun
+
+
 @contextmanager
 def recording(path: Path, recording_id: str, blueprint: "rrb.Blueprint") -> "Generator[rr.RecordingStream]":
     """Open a recording that carries its own blueprint, and put it in place when the block succeeds.
@@ -35,10 +48,9 @@ def recording(path: Path, recording_id: str, blueprint: "rrb.Blueprint") -> "Gen
     Raises:
         HuskyError: rerun-sdk is not installed, or the path cannot be written.
     """
-    try:
-        import rerun as rr
-    except ImportError as error:
-        raise HuskyError("Rerun recordings need the package rerun-sdk: pip install rerun-sdk") from error
+    need_rerun()
+    import rerun as rr
+
     was_strict = rr.strict_mode()
     rr.set_strict_mode(True)
     try:

@@ -25,6 +25,10 @@ MOST_POINTS = 1200
 """Points kept of one curve: about one a pixel; the numbers beside it use all of them."""
 
 
+PIXELS_PER_INCH = 104
+"""Width on the page of an inch of a figure [CSS px]."""
+
+
 @contextmanager
 def page_style() -> "Generator[None]":
     """Draw figures for a page: real text, no background, stable identifiers."""
@@ -88,16 +92,21 @@ def figure_to_svg(figure: "Figure", identifier: str, title: str) -> str:
     text = re.sub(r'(xlink:href="|url\()#', rf"\1#{identifier}-", text)
     # Black is matplotlib's "ink"; on a page the ink depends on light and dark.
     text = re.sub(r"(fill|stroke): ?#000000", r"\1: currentColor", text)
-    text = re.sub(r'<svg [^>]*?(viewBox="[^"]+")[^>]*>', _open_tag(identifier, title, r"\1"), text, count=1)
+    # Figures narrower than the page stay narrow: type is of one size on all of the page.
+    width = PIXELS_PER_INCH * figure.get_figwidth()
+    text = re.sub(
+        r'<svg [^>]*?(viewBox="[^"]+")[^>]*>', _open_tag(identifier, title, width, r"\1"), text, count=1
+    )
     hover = json.dumps(_hover_data(figure), separators=(",", ":"), allow_nan=False)
     return text.replace("</svg>", f'<script type="application/json" class="hover">{hover}</script></svg>')
 
 
-def _open_tag(identifier: str, title: str, view_box: str) -> str:
+def _open_tag(identifier: str, title: str, width: float, view_box: str) -> str:
     escaped = title.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" '
-        f'id="{identifier}" class="figure" {view_box} role="img" aria-label="{escaped}">'
+        f'id="{identifier}" class="figure" {view_box} style="max-width: {width:.0f}px" '
+        f'role="img" aria-label="{escaped}">'
     )
 
 

@@ -9,7 +9,8 @@ from cyclopts import Parameter
 from sysid.board import Board
 from sysid.cli.console import Common, Printer
 from sysid.cli.diagnose import signal_of
-from sysid.cli.log_options import LogArguments, load_releases
+from sysid.cli.log_options import LogArguments
+from sysid.cli.view import read_logs, write_recording
 from sysid.files import atomic_path, sha256, write_json
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ def compare(
     board: Annotated[str, Parameter(name=("--board", "-b"))],
     tolerance: float = 0.02,
     picture: bool = True,
+    rerun: Annotated[Path | None, Parameter(name="--rerun")] = None,
     arguments: LogArguments = _NO_ARGUMENTS,
     common: Common = _NO_COMMON,
 ) -> int:
@@ -38,14 +40,18 @@ def compare(
         board: Name of the board.
         tolerance: Error beyond the noise, over the RMS motion, at which the comparison passes.
         picture: Draw compare.png.
+        rerun: Write a Rerun recording (.rrd) here.
         arguments: How the logs are read.
         common: Options of every command.
     """
+    from reports.evidence import find_logs
     from sysid.compare import compare as compare_releases
 
     printer = Printer(common)
     record = common.space.load_board(board)
-    releases = load_releases(logs, arguments, printer)
+    files = find_logs(record, logs, common.space) if logs else []
+    material = read_logs(files, arguments, printer, films=rerun is not None)
+    releases = list(material.releases)
     result = compare_releases(releases, record, tolerance=tolerance, **signal_of(releases))
     content = to_json(result, record, logs)
     folder = common.space.outputs(board)
@@ -58,6 +64,9 @@ def compare(
         with atomic_path(folder / "compare.png") as temporary:
             compare_figure(result, f"{board}: simulated against {names}").savefig(temporary, dpi=140)
         written.append(folder / "compare.png")
+    if rerun is not None:
+        write_recording(rerun, record, files, material, printer, tolerance=tolerance)
+        written.append(rerun)
     _print(printer, result)
     printer.say("written: " + ", ".join(str(path) for path in written))
     printer.result(content)

@@ -35,6 +35,7 @@ def decay(
     *,
     board: Annotated[str, Parameter(name=("--board", "-b"))],
     picture: bool = True,
+    rerun: Annotated[Path | None, Parameter(name="--rerun")] = None,
     arguments: LogArguments = _NO_ARGUMENTS,
     common: Common = _NO_COMMON,
 ) -> int:
@@ -48,6 +49,7 @@ def decay(
         log: CSV, Parquet, MCAP, phone export (zip or folder) or video.
         board: Board that was recorded; its record gives the roll inertia.
         picture: Draw decay.png.
+        rerun: Write a Rerun recording (.rrd) here.
         arguments: How the log is read.
         common: Options of every command.
     """
@@ -72,6 +74,12 @@ def decay(
         with atomic_path(folder / "decay.png") as temporary:
             decay_figure(roll, result, f"{board}: free decay in {log.name}").savefig(temporary, dpi=140)
         written.append(folder / "decay.png")
+    if rerun is not None:
+        from reports.board_summary import decay_summary
+        from reports.decay_recording import decay_recording
+
+        decay_recording(rerun, roll, result, decay_summary(board, result))
+        written.append(rerun)
     printer.say("written: " + ", ".join(str(path) for path in written))
     printer.result(content)
     return 0

@@ -10,6 +10,7 @@ import numpy as np
 from sysid.board import Board
 from sysid.cli.console import Common, Printer
 from sysid.cli.log_options import LogArguments, load_releases
+from sysid.files import write_json
 from sysid.roll import Release
 
 if TYPE_CHECKING:
@@ -30,6 +31,8 @@ def diagnose(
 ) -> int:
     """Rank the physical effects that the model is missing, or say that nothing is.
 
+    Writes diagnose.json into reports/BOARD of the workspace, where the report finds it.
+
     Args:
         logs: Logs of one board, with several releases in all.
         board: Name of the board.
@@ -48,7 +51,11 @@ def diagnose(
     for warning in result.warnings:
         printer.warn(warning)
     _print(printer, result, record, len(releases))
-    printer.result(to_json(result, record, [str(log) for log in logs]))
+    content = to_json(result, record, [str(log) for log in logs])
+    path = common.space.outputs(board) / "diagnose.json"
+    write_json(path, content)
+    printer.say(f"written: {path}")
+    printer.result(content)
     return 0
 
 

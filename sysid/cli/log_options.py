@@ -114,10 +114,15 @@ def load_roll(log: Path, arguments: LogArguments, printer: Printer) -> Roll:
         HuskyError: The log cannot be read as roll.
     """
     roll = read_roll(log, arguments.options)
+    say_notes(log, roll, printer)
+    return roll
+
+
+def say_notes(log: Path, roll: Roll, printer: Printer) -> None:
+    """Say on stderr what was inferred while reading a log, and what is wrong with it."""
     printer.note(f"{log}: " + "; ".join(roll.notes))
     for warning in roll.warnings:
         printer.warn(f"{log}: {warning}")
-    return roll
 
 
 def load_releases(logs: Sequence[Path], arguments: LogArguments, printer: Printer) -> list[Release]:

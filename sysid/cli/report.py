@@ -54,20 +54,21 @@ def report(
     for file in files:
         if file.found is None:
             printer.warn(f"{file.path}: {file.state}")
+    material = read_logs(files, arguments, printer)
     evidence = None
-    rolls, releases, _ = read_logs(files, arguments, printer)
-    if rolls:
+    if material.rolls:
         with progress_bar(printer) as progress:
             evidence = gather(
-                record, rolls, releases, FitOptions(**signal_of(releases)), files=files, tolerance=tolerance,
-                progress=progress,
+                record, material.rolls, material.releases,
+                FitOptions(**signal_of(list(material.releases))),
+                files=files, tolerance=tolerance, progress=progress,
             )  # fmt: skip
     provenance = Provenance(
         command=shlex.join(["husky-sysid", *sys.argv[1:]]),
         made=date.today().isoformat(),
         record=str(space.board_path(board)),
     )
-    diagnosis = _diagnosis(space.outputs(board) / "diagnose.json", {file.digest for file in files})
+    diagnosis = _diagnosis(space.outputs(board) / "diagnose.json")
     page = board_report(record, evidence, files, provenance, diagnosis)
     path = output or space.outputs(board) / "report.html"
     write_atomically(path, page)
@@ -76,9 +77,8 @@ def report(
     return 0
 
 
-def _diagnosis(path: Path, digests: set[str]) -> dict[str, Any] | None:
-    """Return the saved diagnosis of these logs, if there is one."""
-    del digests
+def _diagnosis(path: Path) -> dict[str, Any] | None:
+    """Return the board's last diagnosis, if there is one; the page says which logs it is of."""
     try:
         content: Any = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -2,6 +2,8 @@
 
 import subprocess
 import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,7 +12,7 @@ from cyclopts import Parameter
 from sysid.board import Board
 from sysid.cli.console import Common, Printer
 from sysid.cli.diagnose import progress_bar, signal_of
-from sysid.cli.log_options import LogArguments, load_roll
+from sysid.cli.log_options import LogArguments, load_roll, say_notes
 from sysid.errors import HuskyError
 from sysid.roll import Release, Roll
 
@@ -50,7 +52,8 @@ def view(
     if not any(file.found for file in files):
         raise HuskyError(no_logs(record))
     path = output or common.space.outputs(board) / "view.rrd"
-    evidence = write_recording(path, record, files, arguments, printer)
+    material = read_logs(files, arguments, printer, films=True)
+    evidence = write_recording(path, record, files, material, printer)
     printer.say(f"written: {path}")
     printer.result({"board": board, "recording": str(path), "rmse_rad": evidence.comparison.rmse})
     if output is None:
@@ -75,9 +78,19 @@ def no_logs(board: Board) -> str:
     return f"none of the logs that board '{board.name}' was fitted to is there any more ({names}). Name logs here."
 
 
+@dataclass(frozen=True, slots=True)
+class Material:
+    """What logs hold."""
+
+    rolls: tuple[Roll, ...]
+    releases: tuple[Release, ...]
+    pictures: Mapping[str, tuple[bytes, ...]]
+    """JPEG frames of each film, by the roll's log."""
+
+
 def read_logs(
-    files: "list[LogFile]", arguments: LogArguments, printer: Printer, *, films: bool = False
-) -> tuple[list[Roll], list[Release], dict[str, tuple[bytes, ...]]]:
+    files: "Sequence[LogFile]", arguments: LogArguments, printer: Printer, *, films: bool = False
+) -> Material:
     """Read all logs that are there.
 
     Args:
@@ -86,14 +99,13 @@ def read_logs(
         printer: For notes and warnings.
         films: Keep the pictures of films.
 
-    Returns:
-        The rolls, the releases in all of them, and the pictures of each film by the roll's log.
-
     Raises:
-        HuskyError: A log cannot be read, or holds no free decay.
+        HuskyError: No log was given, one cannot be read, or holds no free decay.
     """
     from sysid.releases import find_releases
 
+    if not files:
+        raise HuskyError("no log was given.")
     rolls: list[Roll] = []
     releases: list[Release] = []
     pictures: dict[str, tuple[bytes, ...]] = {}
@@ -104,13 +116,14 @@ def read_logs(
             from reports.film_frames import read_film
 
             roll, pictures[str(file.found)] = read_film(file.found, arguments.options)
+            say_notes(file.found, roll, printer)
         else:
             roll = load_roll(file.found, arguments, printer)
         rolls.append(roll)
         releases += find_releases(
             roll, start=arguments.start, stop=arguments.stop, releases=arguments.release
         )
-    return rolls, releases, pictures
+    return Material(tuple(rolls), tuple(releases), pictures)
 
 
 def _is_film(path: Path) -> bool:
@@ -122,8 +135,8 @@ def _is_film(path: Path) -> bool:
 def write_recording(
     path: Path,
     board: Board,
-    files: "list[LogFile]",
-    arguments: LogArguments,
+    files: "Sequence[LogFile]",
+    material: Material,
     printer: Printer,
     *,
     tolerance: float = 0.02,
@@ -133,30 +146,32 @@ def write_recording(
     Args:
         path: The .rrd file to write.
         board: The record.
-        files: The logs; those that are gone are passed over.
-        arguments: How they are read.
-        printer: For notes, warnings and progress.
+        files: The logs, for their names and digests.
+        material: What is in them.
+        printer: For progress.
         tolerance: For the comparison.
 
     Raises:
-        HuskyError: A log cannot be read, rerun-sdk is not installed, or the path cannot be written.
+        HuskyError: rerun-sdk is not installed, or the path cannot be written.
     """
     from reports.board_summary import board_summary
     from reports.decay_recording import comparison_recording
     from reports.evidence import gather
     from reports.film_frames import film_frames
+    from reports.recording import need_rerun
     from sysid.fit_mjcf import FitOptions
 
-    rolls, releases, pictures = read_logs(files, arguments, printer, films=True)
+    need_rerun()
+    options = FitOptions(**signal_of(list(material.releases)))
     with progress_bar(printer) as progress:
         evidence = gather(
-            board, rolls, releases, FitOptions(**signal_of(releases)), files=files, tolerance=tolerance,
+            board, material.rolls, material.releases, options, files=files, tolerance=tolerance,
             heldout=False, progress=progress,
         )  # fmt: skip
     films = [
-        film_frames(roll, pictures[roll.log], evidence.releases_of(roll)[0].start)
-        for roll in rolls
-        if pictures.get(roll.log)
+        film_frames(roll, material.pictures[roll.log], evidence.releases_of(roll)[0].start)
+        for roll in material.rolls
+        if material.pictures.get(roll.log)
     ]
     comparison_recording(path, evidence, board_summary(evidence), films)
     return evidence
