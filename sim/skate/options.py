@@ -34,6 +34,8 @@ class SkateOptions:
     deck still swings by 0.1."""
     smoothness: float = 0.05
     """Weight of the squared first and second differences of the actions; the paper has 0.1."""
+    speed_tolerance: float = 0.25
+    """Tolerance of the reward for the board's speed while pushing [m^2/s^2]."""
     coupling: Coupling = "equality"
     steered: bool = True
     """Whether tilting steers at all; without it the board goes straight."""

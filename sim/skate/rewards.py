@@ -32,7 +32,7 @@ def board_velocity(state: SkateState, tolerance: float = 0.25) -> Any:
     return _kernel(forward**2 + velocity[..., 1] ** 2 + velocity[..., 2] ** 2, tolerance)
 
 
-def facing_forward(state: SkateState, tolerance: float = 0.25) -> Any:
+def facing_forward(state: SkateState, tolerance: float = 0.5) -> Any:
     """The robot faces where the board points; `tolerance` [rad]."""
     return _kernel(namespace(state.tilt).abs(wrap_angle(state.robot_heading - state.board_heading)), tolerance)
 
@@ -60,7 +60,7 @@ def feet_on_board(state: SkateState) -> Any:
 
 
 def left_foot_on_deck(state: SkateState) -> Any:
-    """1 while the left foot stands on the deck: half of the way to `feet_on_board`."""
+    """1 while the left foot stands on the deck: right while steering, wrong while pushing."""
     return _number(state.foot_on_deck[..., 0])
 
 

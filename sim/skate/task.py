@@ -107,8 +107,9 @@ def reward_terms(options: SkateOptions, command: "SkateCommandCfg") -> "dict[str
 
     steer_pose, stand = command.steer_pose.joints, tuple(default_pose().tolist())
     terms = {
-        "push/board_velocity": term(rewards.board_velocity, "push", 3.0),
-        "push/facing_forward": term(rewards.facing_forward, "push", 1.0),
+        "push/board_velocity": term(rewards.board_velocity, "push", 3.0, tolerance=options.speed_tolerance),
+        "push/facing_forward": term(rewards.facing_forward, "push", 2.0),
+        "push/left_foot": term(rewards.left_foot_on_deck, "push", -2.0),
         "push/air_time": term(rewards.air_time, "push", 3.0),
         "push/flat_push": term(rewards.flat_push, "push", 0.5),
         "steer/feet_on_board": term(rewards.feet_on_board, "steer", 3.0),

@@ -3,6 +3,7 @@
 import math
 from typing import Any
 
+from sim.skate.arrays import namespace
 from sim.skate.state import SkateState
 
 
@@ -32,10 +33,13 @@ def wrong_stance(state: SkateState, steps_before: Any) -> Any:
     While steering it belongs on the deck, while pushing off it. Riding on one leg all the time is stable
     and earns most of the reward; so does staying on the board and wriggling it forward. A learner that
     has found either does not look for more; ending such episodes after a while leaves it no choice.
+    Every step in the right stance takes one step off the count, so that hopping does not clear it.
 
     Args:
         state: The present state.
         steps_before: The count one step earlier, integers (n,).
     """
     left = state.foot_on_deck[..., 0]
-    return (steps_before + 1) * ((state.steering & ~left) | (state.pushing & left))
+    wrong = (state.steering & ~left) | (state.pushing & left)
+    counted = state.steering | state.pushing
+    return namespace(steps_before).clip(steps_before + 2 * wrong - 1, 0, None) * counted
