@@ -1,6 +1,6 @@
 """The picture of a comparison: decays, residuals, the missing torque, and the backbone."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -32,17 +32,16 @@ def compare_figure(result: Comparison, title: str) -> "Figure":
         figure = Figure(figsize=(9.6, 7.4), layout="constrained")
         heading = figure.suptitle(f"{title}\n{result.summary}", fontsize=10)
         heading.set(x=0.01, ha="left")
-        rows = figure.subfigures(2, 1, height_ratios=(1.25, 1))
-        upper = rows[0].subplots(
-            2, len(shown), sharex="col", sharey="row", squeeze=False, height_ratios=(2, 1)
-        )
+        halves: Any = figure.subfigures(2, 1, height_ratios=(1.25, 1))
+        top, bottom = halves
+        upper = top.subplots(2, len(shown), sharex="col", sharey="row", squeeze=False, height_ratios=(2, 1))
         for column, release in enumerate(shown):
             _release(upper[:, column], result, column)
             upper[0, column].set_title(f"release {release.number}: error {_size(result, release.rmse)}")
         upper[0, 0].set_ylabel("rate [rad/s]" if result.is_rate else "roll [°]")
         upper[1, 0].set_ylabel("sim - real")
         upper[0, 0].legend(loc="best")
-        lower = rows[1].subplots(1, 3, width_ratios=(1.35, 1, 1))
+        lower = bottom.subplots(1, 3, width_ratios=(1.35, 1, 1))
         _surface(lower[0], result)
         _backbone(lower[1], result, "period", "period [s]")
         _backbone(lower[2], result, "damping_ratio", "damping ratio")

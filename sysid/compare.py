@@ -195,12 +195,9 @@ def _where(compared: Sequence[ComparedRelease], law: JointLaw, noise: float) -> 
     time = np.concatenate([c.time for c in compared])
     swing = np.hypot(tilt, rate / law.frequency)
     places: list[Place] = []
-    for axis, values, unit in (
-        ("time", time, 1.0),
-        ("amplitude", swing, 1.0),
-        ("velocity", np.abs(rate), 1.0),
-    ):
-        top = float(values.max()) * unit
+    axes: tuple[tuple[Axis, Array], ...] = (("time", time), ("amplitude", swing), ("velocity", np.abs(rate)))
+    for axis, values in axes:
+        top = float(values.max())
         for low, high in ((0.0, 0.25), (0.25, 0.5), (0.5, 1.0)):
             inside = (values >= low * top) & (values < high * top if high < 1 else values <= top)
             text = _range_text(axis, low * top, high * top, last=high == 1.0)

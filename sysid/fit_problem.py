@@ -70,10 +70,11 @@ def _end_of_motion(release: Release, signal: Array, std: float) -> int:
     """Return how many samples to keep: the motion, and as long again of the rest after it.
 
     A long rest would outweigh the motion and teach nothing: a joint that sticks is still. The last tenth
-    of a release that came to rest may hold the hand that comes for the next one, and is left out.
+    of a release that came to rest, or was caught, may hold the hand that comes for the next one, and is left
+    out.
     """
     n = len(signal)
-    if release.end != "rest":
+    if release.end == "log":
         return n
     quiet = max(16, int(0.9 * n))
     level = float(np.median(signal[int(0.7 * quiet) : quiet]))

@@ -182,7 +182,7 @@ class Searcher:
         """Run jobs on all workers; CasADi computes outside Python's lock."""
         results: list[Model] = []
         with ThreadPoolExecutor(self.workers) as pool:
-            for count, model in enumerate(pool.map(lambda job: job(), jobs), start=1):
+            for count, model in enumerate(pool.map(_run, jobs), start=1):
                 results.append(model)
                 if self.progress is not None:
                     self.progress(what, begin + (end - begin) * count / len(jobs))
@@ -252,3 +252,7 @@ class Searcher:
         training = replace_records(problem, [first])
         fitted = minimise(training.normal, model.minimum.point, *training.bounds(), iterations=25)
         return problem.residuals(fitted.point)[0][half:]
+
+
+def _run(job: Callable[[], Model]) -> Model:
+    return job()

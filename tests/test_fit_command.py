@@ -1,0 +1,51 @@
+"""`fit` changes the record once, wholly, and only when it is sure."""
+
+import contextlib
+import io
+import json
+
+import pytest
+
+from sysid.board import load_board
+from sysid.cli.console import Common
+from sysid.cli.fit import fit
+from sysid.errors import HuskyError
+from sysid.files import sha256
+from sysid.workspace import shipped_data
+
+LOG = shipped_data() / "decays" / "pink_hidden.csv"
+
+
+def run(folder, *effects, **options):
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        return fit(LOG, board="pink", effect=effects, common=Common(workspace=folder, **options))
+
+
+def test_record_gets_values_provenance_and_a_line_of_history(tmp_path):
+    assert run(tmp_path, "coulomb", json=str(tmp_path / "fit.json")) == 0
+    board = load_board(tmp_path / "data" / "boards" / "pink.toml")
+    (coulomb,) = board.effects
+    torque = coulomb.parameters["torque"]
+    assert abs(torque.value - 0.15) < 3 * torque.std
+    assert board.fit["logs"][0]["sha256"] == sha256(LOG)
+    assert board.fit["rmse"] < 1.1 * board.fit["noise_floor"]
+    assert board.check == {}
+    (line,) = board.history
+    assert line["effects"] == ["coulomb"]
+    assert line["rmse_before"] > 2 * line["rmse"]
+    content = json.loads((tmp_path / "fit.json").read_text())
+    errors = [rung["rmse_rad"] for rung in content["ladder"]]
+    assert len(errors) == 2
+    assert errors[1] < 0.8 * errors[0]
+    assert (tmp_path / "reports" / "pink" / "ladder.png").is_file()
+    assert "coulomb" not in (shipped_data() / "boards" / "pink.toml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("effect", "reason"),
+    [("inertia", "only k/I"), ("end-stop", "unchanged"), ("frobnicate", "unknown effect")],
+)
+def test_a_refused_fit_leaves_no_trace(tmp_path, effect, reason):
+    with pytest.raises(HuskyError, match=reason):
+        run(tmp_path, effect)
+    assert not (tmp_path / "data").exists()
