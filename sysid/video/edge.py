@@ -1,5 +1,6 @@
 """The deck's own straight edge, where there is neither mark nor texture."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,6 +19,8 @@ STEEPEST = np.radians(50)
 """An edge steeper than this is not across the deck."""
 TURNS = np.radians(np.arange(-20, 20.5, 1.0))
 """Turns from the expected one that are searched."""
+GAP = 2.0
+"""Distance from a line at which brightness is read on its two sides [px]."""
 SHAKEN = 5
 """Shift of the picture up to which a still edge is known again [px]."""
 CORRELATION = 6.0
@@ -201,22 +204,24 @@ def _still_there(picture: Picture, ends: Array) -> float:
     along = ends[1] - ends[0]
     normal = np.array([along[1], -along[0]]) / np.linalg.norm(along)
     shifts = np.arange(-SHAKEN, SHAKEN + 0.5)
-    return float(np.abs(_step(picture, ends + shifts[:, None, None] * normal)).max())
+    # Here the mean: a median jumps where the line crosses another edge in its middle.
+    sides = _sides(picture, ends + shifts[:, None, None] * normal, middle=np.mean)
+    return float(np.abs(sides[:, 0] - sides[:, 1]).max())
 
 
-def _sides(picture: Picture, ends: Array, gap: float = 2.0) -> Array:
+def _sides(picture: Picture, ends: Array, middle: Callable[..., Array] = np.median) -> Array:
     """Brightness on both sides of each line of `ends` (m, 2, 2) [grey levels], shape (m, 2)."""
     along = ends[:, 1] - ends[:, 0]
     normal = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
     share = np.linspace(0.08, 0.92, 36)[None, :, None]
     line = ends[:, None, 0] + share * along[:, None]
-    places = [(line + side * gap * normal[:, None]).astype(np.float32) for side in (1, -1)]
+    places = [(line + side * GAP * normal[:, None]).astype(np.float32) for side in (1, -1)]
     seen = [
         cv2.remap(picture, place[..., 0], place[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         for place in places
     ]
     # The median along the line, so that something in front of a part of it does no harm.
-    return np.stack([np.median(side.astype(np.float64), axis=1) for side in seen], axis=1)
+    return np.stack([middle(side.astype(np.float64), axis=1) for side in seen], axis=1)
 
 
 def _rotation(turn: float) -> Array:
