@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LADDER = ("#CC79A7", "#56B4E9", "#009E73", "#D55E00", "#8C6BB1")
+HELD_OUT = "#CC79A7"
 WIDTH = 9.2
 """Width of a figure over the whole page [inch]."""
 LEVELS = 21
@@ -175,7 +176,7 @@ def ladder_figure(rungs: Sequence[Rung], result: Comparison) -> "Figure":
     figure = _figure(2.9, width=min(WIDTH, 3.2 + 1.5 * len(rungs)))
     axes = figure.subplots()
     x = np.arange(len(rungs))
-    for shift, name, colour in ((-0.18, "rmse", SIM), (0.18, "heldout", "#56B4E9")):
+    for shift, name, colour in ((-0.18, "rmse", SIM), (0.18, "heldout", HELD_OUT)):
         values = [scale * getattr(rung, name) for rung in rungs]
         axes.bar(
             x + shift, values, 0.34, color=colour, label="fitted" if name == "rmse" else "predicted, left out"

@@ -228,7 +228,7 @@ def _ladder(board: Board, evidence: Evidence | None) -> list[str]:
     parts: list[str] = []
     if evidence is not None and evidence.ladder:
         caption = (
-            "Each model fitted to these logs; the lighter bar is its error on releases it was not fitted to."
+            "Each model fitted to these logs; the second bar is its error on releases it was not fitted to."
         )
         parts.append(
             _figure(board_figures.ladder_figure(evidence.ladder, evidence.comparison), "ladder", caption)

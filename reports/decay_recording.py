@@ -4,6 +4,7 @@ One time line for all: seconds since the release. Each release is a tab of its o
 side by side in 3-D; the whole log with its phases is aligned at its first release.
 """
 
+import hashlib
 import io
 from collections.abc import Sequence
 from pathlib import Path
@@ -26,9 +27,10 @@ from reports.recording import (
 )
 from sysid.board import Board
 from sysid.compare import ComparedRelease, Comparison
+from sysid.decay_peaks import find_peaks
 from sysid.free_decay import FreeDecay
 from sysid.releases import Phase, log_phases
-from sysid.roll import Array, Roll
+from sysid.roll import Array, Release, Roll
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -43,6 +45,7 @@ MOST_BOARDS = 6
 POSES = 50.0
 """Poses a second of the slow tail; while the deck moves, all samples are kept [Hz]."""
 ENVELOPE = "#777777"
+PHASES = {"rest": "#555555", "held": REAL, "free": SIM, "caught": "#CC79A7"}
 MILLI = 1e3
 SLOWLY = 0.1
 """Speed of play at which a swing can be followed."""
@@ -72,15 +75,14 @@ def decay_recording(path: Path, roll: Roll, decay: FreeDecay, summary: str) -> N
         span = _window(since, fitted.modelled - fitted.level)
         last = max(last, span[1])
         error = float(np.abs(fitted.residual).max())
-        tabs.append(
-            _release_tab(root, f"release {release.number}", signal, span, fitted.trace.measured, error)
-        )
+        whole = _signal(release, signal)
+        tabs.append(_release_tab(root, f"release {release.number}", signal, span, whole, error))
     blueprint = _blueprint(
         rrb.Tabs(*tabs, name="releases"),
         rrb.Vertical(*_log_views("log", roll), rrb.TextDocumentView(origin="summary", name="summary")),
         last,
     )
-    with recording(path, _identity("decay", roll.log), blueprint) as stream:
+    with recording(path, _identity(summary, "decay", roll.log), blueprint) as stream:
         _log_whole_log(stream, "log", roll, phases, decay.releases[0].start)
         first = decay.releases[0].start
         rate = decay.trace.omega_n * decay.trace.damping_ratio
@@ -89,7 +91,7 @@ def decay_recording(path: Path, roll: Roll, decay: FreeDecay, summary: str) -> N
         ):
             root, since = f"release{release.number}", fitted.trace.time - release.start
             log_series(
-                stream, f"{root}/signal/measured", since, fitted.trace.measured,
+                stream, f"{root}/signal/measured", release.time - release.start, _signal(release, signal),
                 name="real", colour=REAL, width=3.5,
             )  # fmt: skip
             log_series(
@@ -162,7 +164,7 @@ def comparison_recording(
         rrb.Tabs(*tabs, name="releases"), rrb.Vertical(scene, rrb.Tabs(*right), row_shares=[1, 1]), last
     )
     with recording(
-        path, _identity(evidence.board.name, *(roll.log for roll in evidence.rolls)), blueprint
+        path, _identity(summary, evidence.board.name, *(roll.log for roll in evidence.rolls)), blueprint
     ) as stream:
         for i, (roll, phases) in enumerate(zip(evidence.rolls, evidence.phases, strict=True)):
             releases = evidence.releases_of(roll)
@@ -199,22 +201,22 @@ def _log_release(
     _log_band(stream, root, release.time, release.residual, result.noise.std)
     if result.is_rate:
         return
-    peaks = _turning_points(release, result)
-    log_points(
-        stream,
-        f"{root}/signal/peaks",
-        release.time[peaks],
-        release.measured[peaks],
-        name="peaks",
-        colour=REAL,
-    )
+    peaks = _peaks(evidence.releases[number], result)
+    if peaks:
+        times, values = np.array(peaks).T
+        log_points(stream, f"{root}/signal/peaks", times, values, name="peaks", colour=REAL)
 
 
-def _turning_points(release: ComparedRelease, result: Comparison) -> npt.NDArray[np.int64]:
-    """Return the samples nearest to where the simulated roll turns, as long as it stands clear of the noise."""
-    turns = np.flatnonzero(np.diff(np.sign(release.rate)) != 0)
-    clear = np.abs(release.roll[turns] - result.law.rest_angle) > 3 * result.noise.std
-    return np.concatenate([[0], turns[clear & (turns > 2)]]).astype(np.int64)
+def _peaks(release: Release, result: Comparison) -> list[tuple[float, float]]:
+    """Return time since the release [s] and roll [rad] of the measured turning points."""
+    law = result.law
+    decay = law.damping / (2 * law.inertia)
+    if decay >= law.frequency:
+        return []
+    damped = float(np.sqrt(law.frequency**2 - decay**2))
+    rest = law.rest_angle if release.origin == "angle" else release.rest
+    found = find_peaks(release, rest, law.frequency, damped, result.noise.std)
+    return [(peak.time - release.start, peak.roll) for peak in found]
 
 
 def _log_band(
@@ -239,7 +241,7 @@ def _log_whole_log(
     stream: "rr.RecordingStream", root: str, roll: Roll, phases: Sequence[Phase], first: float
 ) -> None:
     log_series(stream, f"{root}/roll/measured", roll.time - first, roll.roll, name="roll", colour=REAL)
-    log_states(stream, f"{root}/phase", [(phase.start - first, phase.kind) for phase in phases])
+    log_states(stream, f"{root}/phase", [(phase.start - first, phase.kind) for phase in phases], PHASES)
 
 
 def _log_boards(stream: "rr.RecordingStream", evidence: Evidence) -> None:
@@ -394,7 +396,7 @@ def _eye(evidence: Evidence) -> "rrb.EyeControls3D":
 
     count = min(len(evidence.comparison.releases), MOST_BOARDS)
     middle = -_spacing(evidence.board) * (count - 1) / 2
-    back = 0.7 + 0.22 * _spacing(evidence.board) * count
+    back = 0.62 + 0.42 * _spacing(evidence.board) * count
     return rrb.EyeControls3D(position=(-back, middle, 0.3), look_target=(0.0, middle, 0.08))
 
 
@@ -407,11 +409,17 @@ def _window(time: Array, motion: Array) -> tuple[float, float]:
     rest = float(np.median(motion[len(motion) * 3 // 4 :]))
     moving = np.flatnonzero(np.abs(motion - rest) > 0.01 * float(np.abs(motion - rest).max()))
     end = float(time[moving[-1]]) if len(moving) else float(time[-1])
-    return float(time[0]) - 0.03 * end, min(1.6 * end, float(time[-1]))
+    return -0.03 * end, min(1.6 * end, float(time[-1]))
 
 
-def _identity(name: str, *logs: str) -> str:
-    return " ".join([name, *(Path(log).stem for log in logs)])
+def _signal(release: Release, kind: str) -> Array:
+    return release.roll if kind == "roll" or release.rate is None else release.rate
+
+
+def _identity(summary: str, name: str, *logs: str) -> str:
+    """Return a name for a recording that is another one when its numbers are."""
+    digest = hashlib.sha256(summary.encode()).hexdigest()[:8]
+    return " ".join([name, *(Path(log).stem for log in logs), digest])
 
 
 def _board_properties(evidence: Evidence) -> dict[str, object]:

@@ -4,6 +4,7 @@ Rerun logs mistakes as warnings and goes on; here every call is strict. A record
 temporary file and takes its place only when it is whole.
 """
 
+import re
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,7 +24,8 @@ if TYPE_CHECKING:
     import rerun.blueprint as rrb
 
 APPLICATION = "husky-sysid"
-"""Recordings of one application share its blueprint; board and log go into the recording's id."""
+"""First word of every application id. A viewer keeps the layout that it first saw of an application for
+all its later files, so each recording is an application of its own."""
 TIMELINE = "t"
 """Seconds; for a decay, since the first release."""
 
@@ -56,14 +58,20 @@ def recording(path: Path, recording_id: str, blueprint: "rrb.Blueprint") -> "Gen
     try:
         with (
             atomic_path(path) as temporary,
-            rr.RecordingStream(APPLICATION, recording_id=recording_id) as stream,
+            rr.RecordingStream(_application(recording_id), recording_id=recording_id) as stream,
         ):
-            stream.save(temporary, default_blueprint=blueprint)
+            stream.save(temporary)
+            stream.send_blueprint(blueprint, make_active=True, make_default=True)
             yield stream
             stream.flush()
             stream.disconnect()
     finally:
         rr.set_strict_mode(was_strict)
+
+
+def _application(recording_id: str) -> str:
+    """Return an application id in the letters that Rerun allows for one."""
+    return re.sub(r"[^A-Za-z0-9_\- ]", "-", f"{APPLICATION} {recording_id}")
 
 
 def log_series(
@@ -119,10 +127,18 @@ def log_points(
     )
 
 
-def log_states(stream: "rr.RecordingStream", entity: str, states: Sequence[tuple[float, str]]) -> None:
-    """Log a lane of states: each holds from its time [s] until the next."""
+def log_states(
+    stream: "rr.RecordingStream",
+    entity: str,
+    states: Sequence[tuple[float, str]],
+    colours: Mapping[str, str] | None = None,
+) -> None:
+    """Log a lane of states: each holds from its time [s] until the next; '#RRGGBB' by state if given."""
     import rerun as rr
 
+    if colours:
+        style = rr.StateConfiguration(values=list(colours), colors=[rgb(c) for c in colours.values()])
+        stream.log(entity, style, static=True)
     for time, state in states:
         stream.set_time(TIMELINE, duration=time)
         stream.log(entity, rr.StateChange(state=state))

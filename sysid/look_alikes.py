@@ -94,16 +94,9 @@ def look_alikes(law: JointLaw, starts: Sequence[Start], noise: float) -> LookAli
         if part.role not in ("torque", "support"):
             continue
         values = own[name] if name in own else _clear(part, scales)
-        gentle = GENTLE if len(values) == 1 and part.friction is None and name not in _KINKED else 1.0
-        if name in own:
-            changed = replace(law, effects=tuple(item for item in law.effects if item[0] != name))
-            changed = changed if gentle == 1.0 else changed.with_effect(name, (1 - gentle) * values[0])
-        else:
-            changed = law.with_effect(name, *(gentle * value for value in values))
-        motion = _motions(changed, starts)
-        if motion is None:
+        signature = _signature(law, part, values, starts, base)
+        if signature is None:
             continue
-        signature = (motion - base) / gentle
         signature = signature - mimic @ (mimic.T @ signature)
         if np.linalg.norm(signature) <= 1e-9 * amplitude:
             continue
@@ -115,6 +108,22 @@ def look_alikes(law: JointLaw, starts: Sequence[Start], noise: float) -> LookAli
     lengths = np.array([float(np.linalg.norm(signature)) for signature in signatures])
     unit = np.array(signatures) / lengths[:, None]
     return LookAlikes(tuple(names), tuple(strengths), lengths / noise, np.abs(unit @ unit.T))
+
+
+def _signature(
+    law: JointLaw, part: Effect, values: tuple[float, ...], starts: Sequence[Start], base: Array
+) -> Array | None:
+    """Return what an effect changes in the roll of all releases [rad]; None if it makes them run away."""
+    own = dict(law.effects)
+    if len(values) == 1 and part.friction is None and part.name not in _KINKED:
+        # A smooth effect: its derivative, by a central difference.
+        at, step = own.get(part.name, (0.0,))[0], GENTLE * values[0]
+        up, down = (_motions(law.with_effect(part.name, at + sign * step), starts) for sign in (1, -1))
+        change = _half_difference(up, down)
+        return None if change is None else change / GENTLE
+    without = replace(law, effects=tuple(item for item in law.effects if item[0] != part.name))
+    moved = _motions(without if part.name in own else law.with_effect(part.name, *values), starts)
+    return None if moved is None else moved - base
 
 
 def _chosen(starts: Sequence[Start]) -> list[Start]:

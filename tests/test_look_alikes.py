@@ -1,67 +1,67 @@
-"""Truths that no free decay tells apart: the same roll, sample for sample."""
+"""Signatures: what these releases can show, and what looks the same in them."""
 
 import numpy as np
 import pytest
 
 from sysid.joint import JointLaw, simulate
-from sysid.record_check import stepped_logs
-from sysid.workspace import Workspace
+from sysid.look_alikes import GENTLE, Start, look_alikes
 
-LAW = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.2)
-TIME = np.linspace(0.0, 1.0, 400)
-
-
-def same(one, other, tolerance):
-    assert np.abs(one.roll - other.roll).max() < tolerance
+LAW = JointLaw(inertia=8.7e-3, stiffness=14.7, damping=0.1)
+TIME = np.arange(0, 1.2, 0.004)
+STARTS = [Start(TIME, angle, 0.0, 1.0) for angle in (0.2, -0.15, 0.08)]
+NOISE = 1e-3
 
 
-def test_offset_preload_and_sensor_bias_move_a_linear_decay_alike():
-    shift = 0.02
-    offset = simulate(LAW.with_effect("offset", shift), TIME, 0.15 + shift)
-    preload = simulate(LAW.with_effect("preload", shift * LAW.stiffness), TIME, 0.15 + shift)
-    bias = simulate(LAW.with_effect("sensor-bias", shift), TIME, 0.15)
-    same(offset, preload, 1e-9)
-    same(offset, bias, 1e-9)
+@pytest.fixture(scope="module")
+def found():
+    return look_alikes(LAW, STARTS, NOISE)
 
 
-@pytest.mark.parametrize("ratio", [0.7, 1.4])
-def test_another_inertia_is_another_spring_and_damper(ratio):
-    other = JointLaw(inertia=8.7e-3, stiffness=14.684 / ratio, damping=0.2 / ratio)
-    same(simulate(LAW.with_effect("inertia", ratio), TIME, 0.15), simulate(other, TIME, 0.15), 1e-6)
+def test_what_is_known_to_look_alike_does(found):
+    def cosine(a, b):
+        return found.cosine[found.names.index(a), found.names.index(b)]
+
+    assert cosine("gravity", "cubic-stiffness") > 0.95  # sin φ ≈ φ - φ³/6
+    assert cosine("cubic-damping", "quadratic-damping") > 0.9
+    assert cosine("cubic-stiffness", "coulomb") < 0.6
+    assert cosine("asymmetric-stiffness", "coulomb") < 0.6
+    assert "cubic-stiffness" in found.alike("gravity")
+    np.testing.assert_allclose(np.diag(found.cosine), 1.0)
 
 
-def test_a_fast_clock_is_a_softer_board():
-    other = JointLaw(inertia=8.7e-3, stiffness=14.684 / 1.1**2, damping=0.2 / 1.1)
-    same(simulate(LAW.with_effect("clock", 1.1), TIME, 0.15), simulate(other, TIME, 0.15), 1e-7)
+def test_visibility_goes_with_the_noise(found):
+    noisier = look_alikes(LAW, STARTS, 2 * NOISE)
+    np.testing.assert_allclose(noisier.visibility, found.visibility / 2)
 
 
-def test_gravity_is_a_stiffer_spring_for_small_tilts():
-    other = JointLaw(inertia=8.7e-3, stiffness=14.684 + 1.0, damping=0.2)
-    same(simulate(LAW.with_effect("gravity", 1.0), TIME, 0.15), simulate(other, TIME, 0.15), 2e-4)
+def test_visibility_is_what_a_least_squares_fit_leaves(found):
+    """A signature is what remains of an effect after fitting everything that the linear joint can do."""
+    from scipy.optimize import least_squares
+
+    index = found.names.index("cubic-stiffness")
+    strength = found.strength[index]["coefficient"] * 0.02
+    changed = LAW.with_effect("cubic-stiffness", strength)
+    target = np.concatenate([simulate(changed, s.time, s.angle, s.rate).roll for s in STARTS])
+
+    def residual(x):
+        law = JointLaw(inertia=8.7e-3, stiffness=14.7 * x[0], damping=0.1 * x[1], rest_angle=0.01 * x[2])
+        own = x[3:].reshape(-1, 2)
+        path = [
+            simulate(law, s.time, s.angle + 0.01 * a, v).roll for s, (a, v) in zip(STARTS, own, strict=True)
+        ]
+        return np.concatenate(path) - target
+
+    left = least_squares(residual, np.r_[1.0, 1.0, np.zeros(7)], diff_step=1e-5).fun
+    assert np.linalg.norm(left) / NOISE == pytest.approx(0.02 * found.visibility[index], rel=0.05)
 
 
-def test_a_step_is_another_spring_and_damper_at_the_samples():
-    pink = Workspace(__import__("pathlib").Path("/nonexistent")).load_board("pink")
-    law, h = JointLaw.from_board(pink), 0.004
-    grid = np.arange(0.0, 0.4, h)
-    stepped = simulate(law.with_effect("discretisation", h), grid, 0.15)
-    k, d = np.exp(stepped_logs(pink, h))
-    # The semi-implicit rate is half a step late: the same poles, another start.
-    other = JointLaw(inertia=law.inertia, stiffness=law.stiffness * k, damping=law.damping * d)
-    basis = np.column_stack([simulate(other, grid, 0.1).roll, simulate(other, grid, 0.0, 1.0).roll])
-    left = stepped.roll - basis @ np.linalg.lstsq(basis, stepped.roll, rcond=None)[0]
-    assert np.abs(left).max() < 1e-6
+def test_effects_of_the_law_are_taken_out(found):
+    law = LAW.with_effect("coulomb", 0.05)
+    own = look_alikes(law, STARTS, NOISE)
+    assert own.strength[own.names.index("coulomb")] == {"torque": 0.05}
+    assert GENTLE < 1
 
 
-def test_what_differs_is_not_called_the_same():
-    """The comparison is not blind: a cubic spring cannot be undone by k and d."""
-    cubic = simulate(LAW.with_effect("cubic-stiffness", 150.0), TIME, 0.15).roll
-    best = min(
-        float(
-            np.abs(
-                simulate(JointLaw(inertia=8.7e-3, stiffness=k, damping=0.2), TIME, 0.15).roll - cubic
-            ).max()
-        )
-        for k in np.linspace(14.0, 19.0, 60)
-    )
-    assert best > 1e-3
+def test_a_law_that_runs_away_has_no_signatures():
+    law = LAW.with_effect("cubic-stiffness", -2000.0)
+    assert look_alikes(law, STARTS, NOISE) is None

@@ -66,7 +66,7 @@ def report(
     provenance = Provenance(
         command=shlex.join(["husky-sysid", *sys.argv[1:]]),
         made=date.today().isoformat(),
-        record=str(space.board_path(board)),
+        record=_shown(space.board_path(board), space.root),
     )
     diagnosis = _diagnosis(space.outputs(board) / "diagnose.json")
     page = board_report(record, evidence, files, provenance, diagnosis)
@@ -75,6 +75,13 @@ def report(
     printer.say(f"written: {path} ({len(page.encode()) / 1e6:.2f} MB)")
     printer.result({"board": board, "report": str(path), "logs": [file.path for file in files if file.found]})
     return 0
+
+
+def _shown(record: Path, root: Path) -> str:
+    """Return a board record's path as seen from the workspace."""
+    if record.is_relative_to(root):
+        return str(record.relative_to(root))
+    return f"{record.name}, as shipped with the tool"
 
 
 def _diagnosis(path: Path) -> dict[str, Any] | None:

@@ -1,0 +1,72 @@
+"""Make the finished reports beside this file, as a user would: `python -m reports.make_reports`.
+
+The boards are fitted to the synthetic logs of data/decays in a workspace of their own, diagnosed,
+checked and reported; nothing was measured. Chromium and a Vulkan driver, where there are any, draw the
+pictures for the front page.
+"""
+
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from reports.screenshots import headless_viewer, page_picture, recording_picture
+from sysid.errors import HuskyError
+
+HERE = Path(__file__).resolve().parent
+DECAYS = HERE.parent / "data" / "decays"
+STORIES = {
+    "pink": (
+        "fit data/decays/pink_hidden.csv --board pink",
+        "diagnose data/decays/pink_hidden.csv --board pink",
+        "fit data/decays/pink_hidden.csv --board pink --effect coulomb",
+        "check data/decays/pink_hidden.csv --board pink",
+    ),
+    "black": (
+        "fit data/decays/black.csv --board black",
+        "diagnose data/decays/black.csv --board black",
+        "check data/decays/black.csv --board black",
+    ),
+}
+"""What is done to each board before its report: one with an effect to find, one with nothing to find."""
+
+
+def make_reports() -> None:
+    """Write reports/BOARD/report.html and its pictures for each story."""
+    with tempfile.TemporaryDirectory() as folder:
+        workspace = Path(folder)
+        shutil.copytree(DECAYS, workspace / "data" / "decays")
+        for board, commands in STORIES.items():
+            for command in (*commands, f"report --board {board}", f"view --board {board} -o {board}.rrd"):
+                _run(command, workspace)
+            target = HERE / board
+            target.mkdir(exist_ok=True)
+            shutil.copy(workspace / "reports" / board / "report.html", target / "report.html")
+            _pictures(board, workspace, target)
+
+
+def _run(command: str, workspace: Path) -> None:
+    sys.stderr.write(f"husky-sysid {command}\n")
+    done = subprocess.run(
+        [sys.executable, "-m", "sysid.cli", *command.split()],
+        cwd=workspace,
+        stdout=subprocess.DEVNULL,
+        check=False,
+    )
+    if done.returncode not in (0, 3):  # 3: the gate said no, and the report says why
+        raise HuskyError(f"husky-sysid {command} ended with exit code {done.returncode}")
+
+
+def _pictures(board: str, workspace: Path, target: Path) -> None:
+    try:
+        page_picture(target / "report.html", target / "report.png")
+        with headless_viewer() as viewer:
+            png = recording_picture(viewer, workspace / f"{board}.rrd", 0.05)
+        (target / "recording.png").write_bytes(png)
+    except HuskyError as error:
+        sys.stderr.write(f"no picture: {error}\n")
+
+
+if __name__ == "__main__":
+    make_reports()

@@ -1,0 +1,105 @@
+"""Pictures of recordings and pages: a viewer and a browser without a window, asked for what they show."""
+
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from sysid.errors import HuskyError
+
+if TYPE_CHECKING:
+    from collections.abc import Generator
+
+    from rerun.experimental import ViewerClient
+
+PATIENCE = 60.0
+"""For a viewer to start [s]."""
+
+
+@contextmanager
+def headless_viewer(size: tuple[int, int] = (1500, 850)) -> "Generator[ViewerClient]":
+    """Run a Rerun viewer without a window, on this machine only.
+
+    Args:
+        size: Of the window [px].
+
+    Raises:
+        HuskyError: It does not start; most often there is no Vulkan driver.
+    """
+    from rerun.experimental import ViewerClient
+
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = int(free.getsockname()[1])
+    program = shutil.which("rerun", path=str(Path(sys.executable).parent)) or "rerun"
+    process = subprocess.Popen(
+        [program, "--headless", "--bind", "127.0.0.1", "--port", str(port), "--window-size", f"{size[0]}x{size[1]}"],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    try:
+        yield _connected(ViewerClient, process, port)
+    finally:
+        process.terminate()
+        process.wait(20)
+
+
+def _connected(client: "type[ViewerClient]", process: "subprocess.Popen[bytes]", port: int) -> "ViewerClient":
+    deadline = time.monotonic() + PATIENCE
+    while time.monotonic() < deadline and process.poll() is None:
+        try:
+            viewer = client.connect(f"rerun+http://127.0.0.1:{port}/proxy")
+            viewer.get_state()
+        except (RuntimeError, ConnectionError, TimeoutError, OSError):
+            time.sleep(0.3)
+        else:
+            return viewer
+    raise HuskyError("the Rerun viewer does not start without a window; it needs a Vulkan driver.")
+
+
+def recording_picture(viewer: "ViewerClient", recording: Path, time_s: float) -> bytes:
+    """Return what a viewer shows of a recording, as PNG.
+
+    Args:
+        viewer: From `headless_viewer`.
+        recording: The .rrd file.
+        time_s: Where to put the time cursor [s].
+    """
+    viewer.open(str(recording.resolve()))
+    time.sleep(2.0)  # opening answers before everything is laid out
+    viewer.set_time("t", duration=time_s, play_state="paused")
+    time.sleep(2.0)
+    return viewer.take_screenshot()
+
+
+def page_picture(page: Path, picture: Path, size: tuple[int, int] = (1000, 1400)) -> None:
+    """Draw the top of a page as a browser shows it, with the network off.
+
+    Args:
+        page: HTML file.
+        picture: PNG file to write.
+        size: Of the window [px].
+
+    Raises:
+        HuskyError: There is no Chromium, or it fails.
+    """
+    browser = shutil.which("chromium") or shutil.which("google-chrome")
+    if browser is None:
+        raise HuskyError("a picture of a page needs Chromium.")
+    with tempfile.TemporaryDirectory() as profile:
+        flags = [
+            "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-background-networking",
+            "--disable-component-update", "--disable-sync", "--no-first-run", "--hide-scrollbars",
+            "--host-resolver-rules=MAP * ~NOTFOUND", f"--user-data-dir={profile}",
+            f"--window-size={size[0]},{size[1]}", f"--screenshot={picture.resolve()}",
+        ]  # fmt: skip
+        done = subprocess.run(
+            [browser, *flags, page.resolve().as_uri()], capture_output=True, check=False, timeout=120
+        )
+    if done.returncode != 0 or not picture.is_file():
+        raise HuskyError(f"Chromium drew no picture of {page}.")
