@@ -73,7 +73,11 @@ def main():
             else:
                 cfg = skate_env_cfg(board, SkateOptions(), environments=environments, seed=1)
                 cfg.sim.mujoco = dataclasses.replace(cfg.sim.mujoco, jacobian=arguments.jacobian)
-            result = {"task": task, "jacobian": arguments.jacobian, **measure(cfg, arguments.device, arguments.steps)}
+            result = {
+                "task": task,
+                "jacobian": arguments.jacobian,
+                **measure(cfg, arguments.device, arguments.steps),
+            }
             print(json.dumps(result), flush=True)
 
 
