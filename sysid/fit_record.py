@@ -88,7 +88,9 @@ def recorded(
         effects=effects,
         fit={
             "logs": [{"path": str(log), "sha256": sha256(log)} for log in logs],
-            "law": "continuous",
+            # The law is continuous; this is the step at which the fit integrated it.
+            "integrator": "RK4",
+            "timestep": fit.problem.step,
             "signal": "rate" if fit.records[0].is_rate else "roll",
             "releases": len(fit.records),
             "rmse": fit.rmse,

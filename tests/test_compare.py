@@ -94,7 +94,7 @@ def test_command_line_writes_json_and_picture(tmp_path):
 
     log = shipped_data() / "decays" / "pink_hidden.csv"
     with contextlib.redirect_stdout(io.StringIO()):
-        assert command(log, board="pink", common=Common(workspace=tmp_path)) == 0
+        assert command([log], board="pink", common=Common(workspace=tmp_path)) == 0
     content = json.loads((tmp_path / "reports" / "pink" / "compare.json").read_text())
     assert content["passed"] is False
     assert content["rmse_rad"] > 2 * content["noise_floor_rad"]

@@ -18,7 +18,7 @@ LOG = shipped_data() / "decays" / "pink_hidden.csv"
 
 def run(folder, *effects, **options):
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-        return fit(LOG, board="pink", effect=effects, common=Common(workspace=folder, **options))
+        return fit([LOG], board="pink", effect=effects, common=Common(workspace=folder, **options))
 
 
 def test_record_gets_values_provenance_and_a_line_of_history(tmp_path):

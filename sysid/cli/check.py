@@ -23,7 +23,9 @@ _NO_COMMON = Common()
 
 
 def check(
-    *logs: Path,
+    logs: list[Path],
+    /,
+    *,
     board: Annotated[str, Parameter(name="--board")],
     tolerance: Annotated[float, Parameter(name="--tolerance")] = 0.02,
     scene_file: Annotated[Path | None, Parameter(name="--scene-file")] = None,

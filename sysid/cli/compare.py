@@ -1,5 +1,6 @@
 """`husky-sysid compare`: measured against simulated, and where they part."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,7 +22,9 @@ _NO_COMMON = Common()
 
 
 def compare(
-    *logs: Path,
+    logs: list[Path],
+    /,
+    *,
     board: Annotated[str, Parameter(name=("--board", "-b"))],
     tolerance: float = 0.02,
     picture: bool = True,
@@ -46,12 +49,15 @@ def compare(
     """
     from reports.evidence import find_logs
     from sysid.compare import compare as compare_releases
+    from sysid.plausible import amplitude_warnings
 
     printer = Printer(common)
     record = common.space.load_board(board)
     files = find_logs(record, logs, common.space) if logs else []
     material = read_logs(files, arguments, printer, films=rerun is not None)
     releases = list(material.releases)
+    for warning in amplitude_warnings(releases, record):
+        printer.warn(warning)
     result = compare_releases(releases, record, tolerance=tolerance, **signal_of(releases))
     content = to_json(result, record, logs)
     folder = common.space.outputs(board)
@@ -97,10 +103,14 @@ def _print(printer: Printer, result: "Comparison") -> None:
         printer.say("what is missing: husky-sysid diagnose")
 
 
-def to_json(result: "Comparison", board: Board, logs: tuple[Path, ...]) -> dict[str, Any]:
-    """Return the binding result of the command."""
+def to_json(result: "Comparison", board: Board, logs: Sequence[Path]) -> dict[str, Any]:
+    """Return the binding result of the command.
+
+    The held-out error of logs that the board was fitted to is the one that the fit measured by leaving
+    releases out; on any other logs every error is held out.
+    """
     fitted = {entry.get("sha256") for entry in board.fit.get("logs", [])}
-    unseen = bool(logs) and not any(sha256(log) in fitted for log in logs)
+    seen = any(sha256(log) in fitted for log in logs)
     missing = result.missing
     return {
         "board": result.board,
@@ -110,7 +120,7 @@ def to_json(result: "Comparison", board: Board, logs: tuple[Path, ...]) -> dict[
         "nrmse_beyond_noise": result.excess,
         "noise_floor_rad": result.noise.std,
         "noise_floor_how": result.noise.how,
-        "heldout_rmse_rad": result.rmse if unseen else None,
+        "heldout_rmse_rad": board.fit.get("heldout_rmse") if seen else result.rmse,
         "signal": "rate" if result.is_rate else "roll",
         "releases": [{"log": r.log, "number": r.number, "rmse_rad": r.rmse} for r in result.releases],
         "where": [

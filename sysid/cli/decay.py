@@ -54,6 +54,7 @@ def decay(
         common: Options of every command.
     """
     from sysid.free_decay import free_decay
+    from sysid.plausible import amplitude_warnings
     from sysid.releases import find_releases
 
     printer = Printer(common)
@@ -61,7 +62,7 @@ def decay(
     roll = load_roll(log, arguments, printer)
     releases = find_releases(roll, start=arguments.start, stop=arguments.stop, releases=arguments.release)
     result = free_decay(releases, record.inertia)
-    for warning in result.warnings:
+    for warning in (*amplitude_warnings(releases, record), *result.warnings):
         printer.warn(warning)
     _print(printer, board, roll, result)
     content = decay_json(board, roll, result)

@@ -24,7 +24,9 @@ _NO_COMMON = Common()
 
 
 def fit(
-    *logs: Path,
+    logs: list[Path],
+    /,
+    *,
     board: Annotated[str, Parameter(name=("--board", "-b"))],
     effect: Annotated[tuple[str, ...], Parameter(name="--effect", negative="")] = (),
     plain: bool = False,
@@ -50,6 +52,7 @@ def fit(
     """
     from sysid.fit_mjcf import FitOptions, check_effects, fit_joint, heldout_rmse
     from sysid.fit_record import recorded, refuse_bad
+    from sysid.plausible import amplitude_warnings
 
     printer = Printer(common)
     record = common.space.load_board(board)
@@ -58,8 +61,9 @@ def fit(
     names = tuple(dict.fromkeys((*kept, *effect)))
     releases = load_releases(logs, arguments, printer)
     options = FitOptions(robust=robust, **signal_of(releases))
+    odd = amplitude_warnings(releases, record)
     result = fit_joint(releases, record, names, options)
-    for warning in result.warnings:
+    for warning in (*odd, *result.warnings):
         printer.warn(warning)
     refuse_bad(result)
     heldout = heldout_rmse(result)
