@@ -16,6 +16,7 @@ from sysid.board import load_board
 from sysid.diagnose import diagnose
 from sysid.errors import HuskyError
 from sysid.joint import JointLaw, simulate
+from sysid.quantity import Quantity
 from sysid.roll import Release
 from sysid.workspace import shipped_data
 
@@ -64,7 +65,6 @@ def test_a_suite_that_expects_something_else_would_fail(tmp_path):
 @pytest.mark.slow
 def test_what_the_record_has_is_not_missing_any_more(tmp_path):
     from sysid.board import BoardEffect
-    from sysid.quantity import Quantity
 
     truth = BY_NAME["coulomb 0.15, heavy"]
     board = suite.board_of(truth)
@@ -73,6 +73,34 @@ def test_what_the_record_has_is_not_missing_any_more(tmp_path):
     result = diagnose(suite.make(truth, 40, tmp_path), richer)
     assert result.verdict.status == "none-missing", result.verdict
     assert all("coulomb" not in candidate.effects for candidate in result.candidates)
+
+
+def test_what_json_cannot_hold_becomes_null(pink):
+    """A model that runs away has an infinite error; the file says null."""
+    from types import SimpleNamespace
+
+    from sysid.cli.diagnose import to_json
+    from sysid.diagnose import Candidate, Verdict
+
+    lost = Candidate(
+        effects=("freeplay",), rmse=np.inf, heldout_rmse=-np.inf, score=np.nan,
+        parameters={"stiffness": Quantity(np.inf, np.nan, "N*m/rad", "x")},
+    )  # fmt: skip
+    verdict = Verdict(
+        status="none-missing", effects=(), confidence=0.9, indistinguishable_from=((),), error_before=np.inf,
+        error_after=1e-3, next_experiment="", explanation="",
+    )  # fmt: skip
+    result = SimpleNamespace(
+        noise=SimpleNamespace(std=1e-3), baseline=lost, candidates=(lost,), verdict=verdict,
+        shares={"freeplay": np.nan}, warnings=(),
+    )  # fmt: skip
+    content = json.loads(json.dumps(to_json(result, pink, ["a.csv"]), allow_nan=False))
+    first = content["candidates"][0]
+    assert first["rmse_rad"] is first["heldout_rmse_rad"] is first["score"] is None
+    assert first["parameters"]["stiffness"]["value"] is None
+    assert content["verdict"]["error_before_rad"] is None
+    assert content["verdict"]["error_after_rad"] == 1e-3
+    assert content["verdict"]["share_of_peak_torque"]["freeplay"] is None
 
 
 def release(roll, time, **changes):

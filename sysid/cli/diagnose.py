@@ -1,5 +1,6 @@
 """`husky-sysid diagnose`: what the model is missing, or that nothing is, or that nothing known explains it."""
 
+import math
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
@@ -119,7 +120,7 @@ def _row(candidate: "Candidate", floor: float) -> tuple[str, ...]:
 def to_json(result: "Diagnosis", board: Board, logs: list[str]) -> dict[str, Any]:
     """Return the binding result of the command."""
     verdict = result.verdict
-    return {
+    content: dict[str, Any] = {
         "board": board.name,
         "logs": logs,
         "noise_floor_rad": result.noise.std,
@@ -147,3 +148,13 @@ def to_json(result: "Diagnosis", board: Board, logs: list[str]) -> dict[str, Any
         },
         "warnings": list(result.warnings),
     }
+    return finite(content)
+
+
+def finite(value: Any) -> Any:
+    """Return a value with null for every number that JSON cannot hold: a runaway model's error is infinite."""
+    if isinstance(value, dict):
+        return {key: finite(item) for key, item in value.items()}  # pyright: ignore[reportUnknownVariableType]
+    if isinstance(value, list | tuple):
+        return [finite(item) for item in value]  # pyright: ignore[reportUnknownVariableType]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
