@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from reports import board_figures
-from reports.board_summary import effect_lines, law_text, parameters, pretty
+from reports.board_summary import effect_lines, law_text, parameters, pretty, three
 from reports.evidence import Evidence, LogFile
 from reports.page import (
     Page,
@@ -121,7 +121,7 @@ def _verdict(board: Board, evidence: Evidence | None, files: "Sequence[LogFile]"
         )
     elif not board.passed:
         warnings.append("the training scene does not decay like the board (see the check below)")
-    parts.append(warning_list(warnings))
+    parts.append(warning_list(warnings) if warnings else paragraph("No warnings."))
     return parts
 
 
@@ -188,7 +188,7 @@ def _releases(evidence: Evidence) -> list[str]:
     for i, release in enumerate(result.releases[:MOST_RELEASES]):
         name = f"{Path(release.log).name} {release.number}" if several else f"release {release.number}"
         caption = (
-            f"{Path(release.log).name}, release {release.number}: error {scale * release.rmse:.3g}{unit}, "
+            f"{Path(release.log).name}, release {release.number}: error {three(scale * release.rmse)}{unit}, "
             f"{release.rmse / result.noise.std:.2f} times the noise. Grey: ±2σ of the sensor's noise."
         )
         drawn.append((name, _figure(board_figures.release_figure(evidence, i), f"release{i + 1}", caption)))
@@ -196,8 +196,8 @@ def _releases(evidence: Evidence) -> list[str]:
         (
             f"{Path(part.log).name} {part.number}",
             release.side,
-            f"{np.degrees(release.amplitude):.3g}°",
-            f"{scale * part.rmse:.3g}{unit}",
+            f"{three(np.degrees(release.amplitude))}°",
+            f"{three(scale * part.rmse)}{unit}",
             f"{part.rmse / result.noise.std:.2f}",
         )
         for part, release in zip(result.releases, evidence.releases, strict=True)
@@ -258,7 +258,7 @@ def _ladder(board: Board, evidence: Evidence | None) -> list[str]:
 def _error(value: object, *, rate: bool) -> str:
     if not isinstance(value, int | float):
         return "-"
-    return f"{value:.3g} rad/s" if rate else f"{np.degrees(value):.3g}°"
+    return f"{three(value)} rad/s" if rate else f"{three(np.degrees(value))}°"
 
 
 def _look_alikes(board: Board, evidence: Evidence | None, diagnosis: Mapping[str, Any] | None) -> list[str]:

@@ -34,7 +34,7 @@ def board_summary(evidence: Evidence) -> str:
         "|---|---|---|",
     ]
     for release in result.releases:
-        error = f"{release.rmse:.3g} rad/s" if result.is_rate else f"{np.degrees(release.rmse):.3g}°"
+        error = f"{three(release.rmse)} rad/s" if result.is_rate else f"{three(np.degrees(release.rmse))}°"
         lines.append(
             f"| {Path(release.log).name} {release.number} | {error} | {release.rmse / result.noise.std:.2f} |"
         )
@@ -108,6 +108,11 @@ _TERMS = {
 def pretty(text: str) -> str:
     """Return a text with the powers of its units set high."""
     return text.replace("^2", "²").replace("^3", "³")
+
+
+def three(value: float) -> str:
+    """Return a number with three digits, also where the last is a zero."""
+    return f"{value:#.3g}".rstrip(".")
 
 
 def effect_lines(board: Board) -> list[tuple[str, str, str]]:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from reports.recording import TIMELINE
 from sysid.logs import VIDEO_SUFFIXES, LogOptions, read_roll
@@ -34,6 +35,11 @@ class FilmFrames:
     pictures: tuple[bytes, ...]
     """JPEG."""
 
+    def aligned(self, first: float) -> "FilmFrames":
+        """Return the frames with time since the first release [s], and not more than `MOST_FRAMES` of them."""
+        stride = max(1, -(-len(self.pictures) // MOST_FRAMES))
+        return FilmFrames(self.time[::stride] - first, self.pictures[::stride])
+
     def log(self, stream: "rr.RecordingStream", entity: str) -> None:
         """Log the film under an entity."""
         import rerun as rr
@@ -51,7 +57,7 @@ def is_film(path: Path) -> bool:
     return path.suffix.lower() in VIDEO_SUFFIXES
 
 
-def read_film(path: Path, options: LogOptions) -> tuple[Roll, tuple[bytes, ...]]:
+def read_film(path: Path, options: LogOptions) -> tuple[Roll, FilmFrames]:
     """Read the roll of a film together with its pictures, as `sysid.video.overlay` draws them.
 
     Args:
@@ -59,39 +65,28 @@ def read_film(path: Path, options: LogOptions) -> tuple[Roll, tuple[bytes, ...]]
         options: How it is read; an overlay asked for there is written too.
 
     Returns:
-        The roll, and one picture a sample of it.
+        The roll, and the pictures on the roll's clock.
 
     Raises:
         HuskyError: The film cannot be read as roll.
     """
-    import cv2
-
     video = options.video or VideoOptions()
+    times: list[float] = []
+    pictures: list[bytes] = []
+
+    def keep(time: float, picture: npt.NDArray[np.uint8]) -> None:
+        times.append(time)
+        pictures.append(_encoded(picture))
+
     with tempfile.TemporaryDirectory() as folder:
         overlay = video.overlay or Path(folder) / "overlay.avi"
-        roll = read_roll(path, replace(options, video=replace(video, overlay=overlay)))
-        pictures: list[bytes] = []
-        clip = cv2.VideoCapture(str(overlay))
-        while True:
-            seen, picture = clip.read()
-            if not seen:
-                break
-            scale = min(1.0, WIDTH / picture.shape[1])
-            small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-            pictures.append(cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1].tobytes())
-        clip.release()
-    return roll, tuple(pictures)
+        roll = read_roll(path, replace(options, video=replace(video, overlay=overlay, on_frame=keep)))
+    return roll, FilmFrames(np.array(times), tuple(pictures))
 
 
-def film_frames(roll: Roll, pictures: tuple[bytes, ...], first: float) -> FilmFrames:
-    """Put a film on the time line of a recording.
+def _encoded(picture: npt.NDArray[np.uint8]) -> bytes:
+    import cv2
 
-    Args:
-        roll: The roll made from it.
-        pictures: One a followed frame.
-        first: Time of the first release on the roll's clock [s].
-    """
-    # Frames in which nothing was seen have a picture but no sample; between samples time runs evenly.
-    time = np.interp(np.linspace(0, 1, len(pictures)), np.linspace(0, 1, len(roll.time)), roll.time)
-    stride = -(-len(pictures) // MOST_FRAMES)
-    return FilmFrames(time[::stride] - first, pictures[::stride])
+    scale = min(1.0, WIDTH / picture.shape[1])
+    small = cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    return cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1].tobytes()

@@ -62,7 +62,7 @@ def _pictures(board: str, workspace: Path, target: Path) -> None:
     try:
         page_picture(target / "report.html", target / "report.png")
         with headless_viewer() as viewer:
-            png = recording_picture(viewer, workspace / f"{board}.rrd", 0.05)
+            png = recording_picture(viewer, workspace / f"{board}.rrd", 0.02)
         (target / "recording.png").write_bytes(png)
     except HuskyError as error:
         sys.stderr.write(f"no picture: {error}\n")

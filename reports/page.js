@@ -26,7 +26,7 @@ for (const figure of document.querySelectorAll("figure")) {
       });
       const swatch = document.createElement("span");
       swatch.className = "swatch";
-      swatch.style.background = colour;
+      swatch.style.background = colour.toUpperCase() === "#0072B2" ? "var(--sim)" : colour;
       label.append(input, swatch, name);
       box.append(label);
     }

@@ -92,7 +92,7 @@ def roll_from_video(path: Path, options: VideoOptions | None = None) -> Roll:
     if options.overlay is not None:
         from sysid.video.overlay import draw_overlay
 
-        draw_overlay(clip, track, roll, signal.index, options.overlay)
+        draw_overlay(clip, track, roll, signal.index, options.overlay, options.on_frame)
     return roll
 
 

@@ -18,6 +18,7 @@ from sysid.roll import Release, Roll
 
 if TYPE_CHECKING:
     from reports.evidence import Evidence, LogFile
+    from reports.film_frames import FilmFrames
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
@@ -84,8 +85,8 @@ class Material:
 
     rolls: tuple[Roll, ...]
     releases: tuple[Release, ...]
-    pictures: Mapping[str, tuple[bytes, ...]]
-    """JPEG frames of each film, by the roll's log."""
+    films: "Mapping[str, FilmFrames]"
+    """Pictures of each film, by the roll's log."""
 
 
 def read_logs(
@@ -108,14 +109,15 @@ def read_logs(
         raise HuskyError("no log was given.")
     rolls: list[Roll] = []
     releases: list[Release] = []
-    pictures: dict[str, tuple[bytes, ...]] = {}
+    pictures: dict[str, FilmFrames] = {}
     for file in files:
         if file.found is None:
             continue
         if films and _is_film(file.found):
             from reports.film_frames import read_film
 
-            roll, pictures[str(file.found)] = read_film(file.found, arguments.options)
+            roll, frames = read_film(file.found, arguments.options)
+            pictures[roll.log] = frames
             say_notes(file.found, roll, printer)
         else:
             roll = load_roll(file.found, arguments, printer)
@@ -157,7 +159,6 @@ def write_recording(
     from reports.board_summary import board_summary
     from reports.decay_recording import comparison_recording
     from reports.evidence import gather
-    from reports.film_frames import film_frames
     from reports.recording import need_rerun
     from sysid.fit_mjcf import FitOptions
 
@@ -169,9 +170,9 @@ def write_recording(
             heldout=False, progress=progress,
         )  # fmt: skip
     films = [
-        film_frames(roll, material.pictures[roll.log], evidence.releases_of(roll)[0].start)
+        material.films[roll.log].aligned(evidence.releases_of(roll)[0].start)
         for roll in material.rolls
-        if material.pictures.get(roll.log)
+        if roll.log in material.films
     ]
     comparison_recording(path, evidence, board_summary(evidence), films)
     return evidence

@@ -1,8 +1,12 @@
 """What the user says about a film instead of leaving it to inference."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
 
 Method = Literal["auto", "marker", "dots", "edge", "features"]
 
@@ -29,3 +33,5 @@ class VideoOptions:
     """True frame rate [Hz], instead of the container's stamps (slow-motion films lie)."""
     overlay: Path | None = None
     """Film to write in which what was followed is drawn; a contact sheet (.png) lands beside it."""
+    on_frame: Callable[[float, npt.NDArray[np.uint8]], None] | None = None
+    """Called with the time on the roll's clock [s] and the picture of each frame of the overlay."""

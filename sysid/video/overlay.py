@@ -1,5 +1,6 @@
 """An annotated clip and a contact sheet, so that a person sees what was followed."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -22,7 +23,14 @@ SHEET = (4, 3)
 """Columns and rows of the contact sheet."""
 
 
-def draw_overlay(clip: Clip, track: Track, roll: Roll, rows: npt.NDArray[np.intp], path: Path) -> Path:
+def draw_overlay(
+    clip: Clip,
+    track: Track,
+    roll: Roll,
+    rows: npt.NDArray[np.intp],
+    path: Path,
+    on_frame: Callable[[float, Picture], None] | None = None,
+) -> Path:
     """Write the clip with points, angle and trace drawn in, and `<path>.png` with twelve frames of it.
 
     Args:
@@ -31,6 +39,7 @@ def draw_overlay(clip: Clip, track: Track, roll: Roll, rows: npt.NDArray[np.intp
         roll: The roll made from it.
         rows: Row of `track` that each sample of `roll` is from, shape (m,).
         path: The clip to write (.mp4, .mov, .mkv or .avi).
+        on_frame: Called with the time of each frame on the roll's clock [s], and the frame as drawn.
 
     Returns:
         The contact sheet's path.
@@ -47,6 +56,7 @@ def draw_overlay(clip: Clip, track: Track, roll: Roll, rows: npt.NDArray[np.intp
     frames = {int(index): row for row, index in enumerate(track.index)}
     chosen = {int(index) for index in np.linspace(0, len(track.index) - 1, SHEET[0] * SHEET[1]).round()}
     sheet: list[Picture] = []
+    shift = float(np.median(roll.time - track.time[rows]))
     with atomic_path(path) as temporary:
         writer = cv2.VideoWriter(str(temporary), cv2.VideoWriter.fourcc(*codec), roll.sampling_rate, size)
         if not writer.isOpened():
@@ -59,6 +69,8 @@ def draw_overlay(clip: Clip, track: Track, roll: Roll, rows: npt.NDArray[np.intp
                 picture = np.asarray(cv2.resize(frame.picture, size, interpolation=cv2.INTER_AREA), np.uint8)
                 _annotate(picture, track.points[row] * scale, roll, sample.get(row))
                 writer.write(picture)
+                if on_frame is not None:
+                    on_frame(float(track.time[row]) + shift, picture)
                 if row in chosen:
                     sheet.append(
                         np.asarray(
