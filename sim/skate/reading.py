@@ -34,7 +34,7 @@ class Reading:
         self._sim = env.sim
         model = env.sim.mj_model
         tensor = lambda values: torch.tensor(values, device=env.device, dtype=torch.long)  # noqa: E731
-        joint = lambda name: model.joint(name)  # noqa: E731
+        joint = model.joint
         self.robot_q = joint("robot/floating_base_joint").qposadr[0]
         self.robot_v = joint("robot/floating_base_joint").dofadr[0]
         self.board_q = joint("board/board_free_joint").qposadr[0]

@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 
 from sim.board_scene import Coupling, board_spec, integrator_value
+from sim.in_scene import compensate_in_scene
 from sim.skate import g1
 from sim.skate.terrain import Terrain, add_terrain
 from sysid.board import Board
@@ -69,9 +70,21 @@ def skate_spec(board: Board, options: SceneOptions | None = None, *, visuals: bo
     robot = g1.g1_spec(visuals=visuals)
     g1.add_servos(robot)
     # A child's options are not taken over by attach; only the names and what they carry are.
-    for child, prefix in ((robot, ROBOT), (_board_child(board, options), BOARD)):
+    written = as_written(board, options)
+    for child, prefix in ((robot, ROBOT), (_board_child(written, options), BOARD)):
         spec.attach(child, prefix=prefix, frame=spec.worldbody.add_frame())
     return spec
+
+
+def as_written(board: Board, options: SceneOptions) -> Board:
+    """Return the board as this scene must hold it, so that it decays like its record.
+
+    `check` vouches for the record in a scene with this compensation; a policy must see the same board.
+
+    Raises:
+        HuskyError: The board cannot be built, or the step is too long for it.
+    """
+    return compensate_in_scene(board, timestep=options.timestep, coupling=options.coupling).board
 
 
 def standing_state(model: mujoco.MjModel, joints: Array | None = None, *, offset: float = 0.10) -> Array:
@@ -127,6 +140,7 @@ def mjlab_scene(board: Board, options: SceneOptions, environments: int) -> "Scen
 
     from sim.skate.contacts import contact_sensors
 
+    written = as_written(board, options)
     actuators = tuple(
         BuiltinPositionActuatorCfg(
             target_names_expr=tuple(names),
@@ -147,7 +161,7 @@ def mjlab_scene(board: Board, options: SceneOptions, environments: int) -> "Scen
     )
     wheels_down = board.geometry["wheel_radius"].value + board.geometry["truck_height"].value
     skateboard = EntityCfg(
-        spec_fn=lambda: _board_child(board, options),
+        spec_fn=lambda: _board_child(written, options),
         init_state=EntityCfg.InitialStateCfg(pos=(0.0, 0.0, wheels_down)),
     )
     return SceneCfg(

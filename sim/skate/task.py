@@ -12,7 +12,14 @@ from sim.skate.g1 import JOINTS, default_pose, motor_of
 from sim.skate.options import SkateOptions
 from sim.skate.poses import load_poses
 from sim.skate.posterior import draw_boards, tilt_draws
-from sim.skate.scene import DECIMATION, SceneOptions, mjlab_scene, mjlab_simulation, standing_height
+from sim.skate.scene import (
+    DECIMATION,
+    SceneOptions,
+    as_written,
+    mjlab_scene,
+    mjlab_simulation,
+    standing_height,
+)
 from sim.skate.tilt_guidance import TiltGuidance
 from sim.skate.transitions import TransitionPath
 from sysid.board import Board
@@ -149,7 +156,9 @@ def _observations(options: SkateOptions) -> "dict[str, ObservationGroupCfg]":
     noise = UniformNoiseCfg(n_min=tuple(-n for n in NOISE), n_max=NOISE) if options.noise else None
     frame = ObservationTermCfg(func=observations.ActorFrame, noise=noise, scale=SCALE)
     return {
-        "actor": ObservationGroupCfg({"frame": frame}, enable_corruption=options.noise, history_length=FRAMES),
+        "actor": ObservationGroupCfg(
+            {"frame": frame}, enable_corruption=options.noise, history_length=FRAMES
+        ),
         "critic": ObservationGroupCfg({"privileged": ObservationTermCfg(func=observations.CriticVector)}),
         "style": ObservationGroupCfg(
             {"joints": ObservationTermCfg(func=observations.joint_angles)}, history_length=STYLE_FRAMES
@@ -178,9 +187,7 @@ def _terminations(options: SkateOptions) -> "dict[str, TerminationTermCfg]":
     return ends
 
 
-def _events(
-    board: Board, options: SkateOptions, scene: SceneOptions, seed: int
-) -> "dict[str, EventTermCfg]":
+def _events(board: Board, options: SkateOptions, scene: SceneOptions, seed: int) -> "dict[str, EventTermCfg]":
     from mjlab.envs.mdp import dr
     from mjlab.managers.event_manager import EventTermCfg
     from mjlab.managers.scene_entity_config import SceneEntityCfg
@@ -225,7 +232,8 @@ def _events(
     }
     if options.boards > 0:
         rng = np.random.default_rng(seed)
-        draws = tilt_draws(draw_boards(board, options.boards, options.spread, rng), scene.timestep)
+        written = as_written(board, scene)
+        draws = tilt_draws(draw_boards(written, options.boards, options.spread, rng), scene.timestep)
         events["tilt_joint"] = startup(randomisation.draw_tilt_joint, draws=draws)
     if options.pushes > 0:
         events["push"] = EventTermCfg(
