@@ -83,44 +83,47 @@ def decay_recording(path: Path, roll: Roll, decay: FreeDecay, summary: str) -> N
         last,
     )
     with recording(path, _identity(summary, "decay", roll.log), blueprint) as stream:
-        _log_whole_log(stream, "log", roll, phases, decay.releases[0].start)
         first = decay.releases[0].start
-        rate = decay.trace.omega_n * decay.trace.damping_ratio
-        for release, fitted, peaks, rest in zip(
-            decay.releases, decay.trace.releases, decay.peaks, decay.rest_angles, strict=True
-        ):
-            root, since = f"release{release.number}", fitted.trace.time - release.start
-            log_series(
-                stream, f"{root}/signal/measured", release.time - release.start, _signal(release, signal),
-                name="real", colour=REAL, width=3.5,
-            )  # fmt: skip
-            log_series(
-                stream, f"{root}/signal/linear", since, fitted.modelled,
-                name="linear decay", colour=SIM, width=1.4,
-            )  # fmt: skip
-            _log_band(stream, root, since, fitted.residual, decay.floor.std, "real - linear decay")
-            swing = np.abs(fitted.modelled - fitted.level) * np.exp(rate * (since - since[0]))
-            reach = float(swing[since - since[0] < 4 / max(rate, 1e-9)].max())
-            envelope = reach * np.exp(-rate * (since - since[0]))
-            for sign, name in ((1, "above"), (-1, "below")):
-                log_series(
-                    stream, f"{root}/signal/envelope_{name}", since, fitted.level + sign * envelope,
-                    name=f"envelope {name}", colour=ENVELOPE, width=0.8,
-                )  # fmt: skip
-            if not peaks:
-                continue
-            times = np.array([peak.time for peak in peaks])
-            values = np.array([peak.roll for peak in peaks])
-            log_points(
-                stream, f"log/roll/peaks{release.number}", times - first, values, name="peaks", colour=SIM
-            )
-            if signal == "roll":
-                log_points(
-                    stream, f"{root}/signal/peaks", times - release.start, values, name="peaks", colour=SIM
-                )
-                log_properties(stream, {f"rest_angle_{release.number}": rest.value})
+        _log_whole_log(stream, "log", roll, phases, first)
+        for i, (release, peaks) in enumerate(zip(decay.releases, decay.peaks, strict=True)):
+            _log_fitted(stream, f"release{release.number}", decay, i)
+            if peaks:
+                times = np.array([peak.time for peak in peaks])
+                values = np.array([peak.roll for peak in peaks])
+                where = f"log/roll/peaks{release.number}"
+                log_points(stream, where, times - first, values, name="peaks", colour=SIM)
         _log_summary(stream, summary)
-        log_properties(stream, {"log": roll.log, **_values(decay.numbers.to_json())})
+        rests = [rest.value for rest in decay.rest_angles]
+        log_properties(stream, {"log": roll.log, "rest_angles": rests, **_values(decay.numbers.to_json())})
+
+
+def _log_fitted(stream: "rr.RecordingStream", root: str, decay: FreeDecay, number: int) -> None:
+    """Log one release with the linear decay fitted to it, its envelope, residual and peaks."""
+    release, fitted = decay.releases[number], decay.trace.releases[number]
+    peaks = decay.peaks[number]
+    measured = _signal(release, decay.trace.signal)
+    log_series(
+        stream, f"{root}/signal/measured", release.time - release.start, measured,
+        name="real", colour=REAL, width=3.5,
+    )  # fmt: skip
+    since = fitted.trace.time - release.start
+    log_series(
+        stream, f"{root}/signal/linear", since, fitted.modelled, name="linear decay", colour=SIM, width=1.4
+    )
+    _log_band(stream, root, since, fitted.residual, decay.floor.std, "real - linear decay")
+    rate = decay.trace.omega_n * decay.trace.damping_ratio
+    swing = np.abs(fitted.modelled - fitted.level) * np.exp(rate * (since - since[0]))
+    reach = float(swing[since - since[0] < 4 / max(rate, 1e-9)].max())
+    envelope = reach * np.exp(-rate * (since - since[0]))
+    for sign, name in ((1, "above"), (-1, "below")):
+        log_series(
+            stream, f"{root}/signal/envelope_{name}", since, fitted.level + sign * envelope,
+            name=f"envelope {name}", colour=ENVELOPE, width=0.8,
+        )  # fmt: skip
+    if peaks and decay.trace.signal == "roll":
+        times = np.array([peak.time - release.start for peak in peaks])
+        values = np.array([peak.roll for peak in peaks])
+        log_points(stream, f"{root}/signal/peaks", times, values, name="peaks", colour=SIM)
 
 
 def comparison_recording(
