@@ -44,7 +44,11 @@ def draw_curves(rows: Sequence[dict[str, float]], path: Path, title: str) -> Pat
     for axis in axes[-1]:
         axis.set_xlabel("steps of the world [million]")
     minutes = sum(row["collect_s"] + row["learn_s"] for row in rows) / 60
-    figure.suptitle(f"{title}: {len(rows)} iterations, {samples[-1]:.0f} million steps, {minutes:.0f} min", x=0.01, ha="left")
+    figure.suptitle(
+        f"{title}: {len(rows)} iterations, {samples[-1]:.0f} million steps, {minutes:.0f} min",
+        x=0.01,
+        ha="left",
+    )
     with atomic_path(path) as temporary:
         figure.savefig(temporary, dpi=130)
     return path

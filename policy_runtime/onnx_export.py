@@ -32,6 +32,7 @@ def policy_metadata(board: Board, board_hash: str, run: str) -> dict[str, str]:
         "board_passed": str(board.passed).lower(),
         "board_stiffness": f"{board.stiffness:.6g}",
         "board_damping": f"{board.damping:.6g}",
+        "board_inertia": f"{board.inertia.value:.6g}",
     }
 
 

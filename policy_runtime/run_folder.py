@@ -190,7 +190,16 @@ def newest_run(outputs: Path, *, free: bool = False) -> Path:
 def _versions() -> dict[str, str]:
     """Return the versions of what decides a run's outcome; absent packages are left out."""
     found: dict[str, str] = {}
-    for name in ("husky-sysid", "mjlab", "mujoco", "mujoco-warp", "warp-lang", "rsl-rl-lib", "torch", "numpy"):
+    for name in (
+        "husky-sysid",
+        "mjlab",
+        "mujoco",
+        "mujoco-warp",
+        "warp-lang",
+        "rsl-rl-lib",
+        "torch",
+        "numpy",
+    ):
         try:
             found[name] = version(name)
         except PackageNotFoundError:

@@ -72,6 +72,7 @@ def train(
     iterations: int | None = None,
     minutes: float = math.inf,
     report: Report | None = None,
+    keep_all: bool = False,
 ) -> int:
     """Train from the folder's newest checkpoint, or from the start, and return the iterations done in all.
 
@@ -81,6 +82,7 @@ def train(
         iterations: Iterations in all; the configuration's if None.
         minutes: Stop, with a checkpoint, after so much time.
         report: Called by the leading process with every iteration's numbers.
+        keep_all: Save what every process holds at the end, to compare them.
 
     Raises:
         HuskyError: The folder is not a run, or the numbers have stopped being finite.
@@ -97,9 +99,12 @@ def train(
         algorithm.broadcast_parameters()
     total = config.learn.iterations if iterations is None else iterations
     done = _learn(folder, config.learn, env, algorithm, process, (start, total), deadline, report)
+    if keep_all:
+        torch.save(algorithm.save(), folder.path / "checkpoints" / f"process_{process.rank}.pt")
     env.close()
     if process.count > 1:
         torch.distributed.barrier()
+        torch.distributed.destroy_process_group()
     return done
 
 
@@ -244,7 +249,7 @@ def _learn(
             "learn_s": ended - collected,
             "steps_per_s": learn.steps * learn.environments * process.count / (ended - began),
             "learning_rate": algorithm.learning_rate,
-            "action_std": float(algorithm.get_policy().output_std.mean()),
+            "action_std": float(algorithm.get_policy().output_std.detach().mean()),
         }
         stop = _agreed(ended > deadline, process) or iteration >= span[1]
         if process.leads:
@@ -317,6 +322,7 @@ def main() -> None:
     parser.add_argument("--device", default="cuda", choices=("cpu", "cuda"))
     parser.add_argument("--iterations", type=int)
     parser.add_argument("--minutes", type=float, default=math.inf)
+    parser.add_argument("--keep-all", action="store_true", help="save what every process holds at the end")
     arguments = parser.parse_args()
     try:
         train(
@@ -324,6 +330,7 @@ def main() -> None:
             device=arguments.device,
             iterations=arguments.iterations,
             minutes=arguments.minutes,
+            keep_all=arguments.keep_all,
             report=lambda numbers: print(one_line(numbers), file=sys.stderr),  # noqa: T201
         )
     except HuskyError as error:

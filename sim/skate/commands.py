@@ -207,5 +207,3 @@ def canonical_pose(joints: np.ndarray, position: np.ndarray, quaternion: np.ndar
         key_positions=tuple(tuple(map(float, data.body(name).xpos)) for name in KEY_BODIES),
         key_quaternions=tuple(tuple(map(float, data.body(name).xquat)) for name in KEY_BODIES),
     )
-
-

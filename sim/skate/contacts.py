@@ -38,8 +38,12 @@ def contact_sensors() -> "tuple[ContactSensorCfg, ...]":
     return (
         ContactSensorCfg(name=FEET_GROUND, primary=feet, secondary=ground, fields=both, reduce="netforce"),
         ContactSensorCfg(name=FEET_DECK, primary=feet, secondary=deck, fields=both, reduce="netforce"),
-        ContactSensorCfg(name=ROBOT_GROUND, primary=robot, secondary=ground, fields=("found",), reduce="netforce"),
-        ContactSensorCfg(name=ROBOT_BOARD, primary=robot, secondary=board, fields=("found",), reduce="netforce"),
+        ContactSensorCfg(
+            name=ROBOT_GROUND, primary=robot, secondary=ground, fields=("found",), reduce="netforce"
+        ),
+        ContactSensorCfg(
+            name=ROBOT_BOARD, primary=robot, secondary=board, fields=("found",), reduce="netforce"
+        ),
         ContactSensorCfg(name=SELF, primary=robot, secondary=robot, fields=("found",), reduce="netforce"),
         ContactSensorCfg(
             name=WHEELS_GROUND, primary=wheels, secondary=ground, fields=("force",), reduce="netforce"

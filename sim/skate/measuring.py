@@ -30,7 +30,9 @@ def measure(env: "ManagerBasedRlEnv") -> SkateState:
     return kept[1]
 
 
-def reward(env: "ManagerBasedRlEnv", term: Callable[..., Any], when: Stretch, **arguments: Any) -> torch.Tensor:
+def reward(
+    env: "ManagerBasedRlEnv", term: Callable[..., Any], when: Stretch, **arguments: Any
+) -> torch.Tensor:
     """Return a reward term's values in the stretch in which it counts, zero elsewhere, (n,)."""
     state = measure(env)
     value = term(state, **arguments)

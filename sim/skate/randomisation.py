@@ -120,5 +120,3 @@ def push(env: "ManagerBasedRlEnv", env_ids: torch.Tensor | None, speed: float) -
     column = skate_command(env).reading.robot_v
     kick = speed * (2 * torch.rand(len(ids), 2, device=env.device) - 1)
     env.sim.data.qvel[ids, column : column + 2] += kick
-
-

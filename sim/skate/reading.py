@@ -168,7 +168,9 @@ class Reading:
 
     def wheels_loaded(self) -> torch.Tensor:
         """Whether each wheel presses on the ground, bool (n, 4)."""
-        return self._env.scene[contacts.WHEELS_GROUND].data.force.norm(dim=-1) > contacts.WHEEL_FORCE_THRESHOLD
+        return (
+            self._env.scene[contacts.WHEELS_GROUND].data.force.norm(dim=-1) > contacts.WHEEL_FORCE_THRESHOLD
+        )
 
     def other_contacts(self) -> torch.Tensor:
         """Contacts of ground or board with anything of the robot but its feet, (n,)."""

@@ -34,7 +34,9 @@ def board_velocity(state: SkateState, tolerance: float = 0.25) -> Any:
 
 def facing_forward(state: SkateState, tolerance: float = 0.5) -> Any:
     """The robot faces where the board points; `tolerance` [rad]."""
-    return _kernel(namespace(state.tilt).abs(wrap_angle(state.robot_heading - state.board_heading)), tolerance)
+    return _kernel(
+        namespace(state.tilt).abs(wrap_angle(state.robot_heading - state.board_heading)), tolerance
+    )
 
 
 def air_time(state: SkateState, shortest: float = 0.1, longest: float = 0.5) -> Any:
@@ -77,7 +79,9 @@ def feet_on_markers(state: SkateState, tolerance: float = 0.2) -> Any:
 
 def board_heading(state: SkateState, tolerance: float = 0.2) -> Any:
     """The board points where it was told to; `tolerance` [rad]."""
-    return _kernel(namespace(state.tilt).abs(wrap_angle(state.board_heading - state.target_heading)), tolerance)
+    return _kernel(
+        namespace(state.tilt).abs(wrap_angle(state.board_heading - state.target_heading)), tolerance
+    )
 
 
 def tilt_guide(state: SkateState, tolerance: float = 0.02) -> Any:

@@ -17,7 +17,11 @@ KEY_BODIES = (
     "pelvis",
     *(f"{side}_{link}_link" for side in ("left", "right") for link in ("hip_roll", "knee", "ankle_roll")),
     "torso_link",
-    *(f"{side}_{link}_link" for side in ("left", "right") for link in ("shoulder_roll", "elbow", "wrist_yaw")),
+    *(
+        f"{side}_{link}_link"
+        for side in ("left", "right")
+        for link in ("shoulder_roll", "elbow", "wrist_yaw")
+    ),
 )
 """The 14 bodies that are guided, in the order of all arrays about them."""
 
@@ -30,9 +34,7 @@ def bezier(points: Sequence[Any], fraction: Any) -> Any:
         fraction: Parameter in [0, 1], broadcast against shape (...).
     """
     order = len(points) - 1
-    weights = [
-        math.comb(order, i) * (1 - fraction) ** (order - i) * fraction**i for i in range(order + 1)
-    ]
+    weights = [math.comb(order, i) * (1 - fraction) ** (order - i) * fraction**i for i in range(order + 1)]
     return sum(weight[..., None] * point for weight, point in zip(weights, points, strict=True))
 
 

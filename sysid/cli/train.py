@@ -3,7 +3,7 @@
 import math
 import subprocess
 import sys
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Literal
@@ -98,29 +98,17 @@ class Learner:
         )
 
 
-@dataclass(frozen=True)
-class _Defaults:
-    """Empty options, since a call in a signature is made once at import."""
-
-    variant: Variant = field(default_factory=Variant)
-    learner: Learner = field(default_factory=Learner)
-    common: Common = field(default_factory=Common)
-
-
-_DEFAULTS = _Defaults()
-
-
 def train(
     *,
     board: str,
-    variant: Variant = _DEFAULTS.variant,
-    learner: Learner = _DEFAULTS.learner,
+    variant: Variant = Variant(),
+    learner: Learner = Learner(),
     gpus: Literal[0, 1, 2, 4, 8] = 1,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     resume: Path | None = None,
     minutes: float = math.inf,
     force: bool = False,
-    common: Common = _DEFAULTS.common,
+    common: Common = Common(),
 ) -> int:
     """Train a policy for a board.
 

@@ -1,0 +1,208 @@
+"""The run folder, boards from the posterior, the style extension, and a short training on the CPU."""
+
+import json
+import math
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from policy_runtime.run_folder import LearnOptions, RunConfig, RunFolder, newest_run
+from sim.skate.options import SkateOptions
+from sim.skate.posterior import Spread, draw_boards, tilt_draws
+from sim.skate.start import Start
+from sysid.board import BoardEffect, load_board
+from sysid.cli import build_app
+from sysid.errors import HuskyError, QualityGateError
+from sysid.quantity import Quantity
+from sysid.workspace import shipped_data
+
+PINK = shipped_data() / "boards" / "pink.toml"
+
+
+def run(folder, *arguments, processes=1):
+    command = [sys.executable, "-m"]
+    if processes > 1:
+        command += ["torch.distributed.run", "--standalone", f"--nproc-per-node={processes}", "-m"]
+    command += ["policy_runtime.train", str(folder), "--device", "cpu", *arguments]
+    environment = os.environ | {"OMP_NUM_THREADS": "1", "MUJOCO_GL": "disable", "MJLAB_WARP_QUIET": "1"}
+    subprocess.run(command, check=True, env=environment, cwd=Path(__file__).parents[1])
+
+
+@pytest.fixture
+def started(tmp_path):
+    folder = RunFolder(tmp_path / "run")
+    config = RunConfig(
+        task=SkateOptions(boards=2), learn=LearnOptions(environments=16, iterations=3, save_every=2)
+    )
+    folder.begin(config, PINK)
+    return folder
+
+
+def test_options_survive_the_file_infinity_included(tmp_path):
+    task = SkateOptions(
+        turn_time=math.inf, start=Start(standing=1.0, pushing=0.0, steering=0.0), terrain="steps"
+    )
+    config = RunConfig(task=task, learn=LearnOptions(hidden=(64, 32), seed=7))
+    folder = RunFolder(tmp_path)
+    folder.write_config(config)
+    assert folder.read_config() == config
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            'terrain = "flat"',
+            'terrain = "stairs"',
+            r"terrain is 'stairs'; expected one of flat, slopes, steps",
+        ),
+        ("seed = 1", "sead = 1", r"unknown option 'sead'.*Did you mean 'seed'"),
+        ("standing = 0.4", "standing = 0.9", r"shares of starts add up to 1.5"),
+        ("environments = 16", 'environments = "many"', r"environments is 'many'; expected int"),
+    ],
+)
+def test_a_bad_option_is_named(started, old, new, message):
+    text = started.config.read_text()
+    assert old in text
+    started.config.write_text(text.replace(old, new))
+    with pytest.raises(HuskyError, match=message):
+        started.read_config()
+
+
+def test_a_folder_without_a_run_is_said_in_words(tmp_path):
+    with pytest.raises(HuskyError, match="no training run there"):
+        RunFolder(tmp_path).read_config()
+
+
+def test_a_line_cut_short_by_a_kill_is_left_out(started):
+    started.curves.write_text('{"iteration": 1}\n{"iteration": 2}\n{"itera')
+    assert [row["iteration"] for row in started.read_curves()] == [1, 2]
+
+
+def test_a_run_says_what_it_was_made_from(started):
+    origin = json.loads(started.origin.read_text())
+    assert len(origin["board_sha256"]) == 64
+    assert len(origin["motions_sha256"]) >= 4
+    assert origin["versions"]["mujoco"]
+
+
+def test_runs_are_numbered(tmp_path):
+    with pytest.raises(HuskyError, match="no training run"):
+        newest_run(tmp_path)
+    assert newest_run(tmp_path, free=True).name == "train-1"
+    (tmp_path / "train-3").mkdir()
+    assert newest_run(tmp_path).name == "train-3"
+    assert newest_run(tmp_path, free=True).name == "train-4"
+
+
+def test_boards_are_drawn_about_the_record_and_reach_the_simulator():
+    board = replace(
+        load_board(PINK),
+        effects=(BoardEffect("cubic-stiffness", {"coefficient": Quantity(50.0, 5.0, "N*m/rad^3")}),),
+    )
+    spread = Spread()
+    boards = draw_boards(board, 200, spread, np.random.default_rng(1))
+    draws = tilt_draws(boards[:20], 0.005)
+    np.testing.assert_allclose(draws.stiffness, [b.stiffness for b in boards[:20]])
+    steered = np.array([b.inertia.value for b in boards[:20]]) - draws.deck_inertia[:, 0]
+    assert np.ptp(steered) < 1e-12  # the rest of the roll inertia is what steers, the same in all
+    assert 0 <= steered[0] < 0.1 * board.inertia.value
+    np.testing.assert_allclose(
+        draws.stiffness_polynomial[:, 1], [b.effects[0].parameters["coefficient"].value for b in boards[:20]]
+    )
+    stiffness = np.array([b.stiffness for b in boards])
+    assert stiffness.mean() == pytest.approx(board.stiffness, rel=0.02)
+    assert stiffness.std() == pytest.approx(spread.relative * board.stiffness, rel=0.2)
+    assert np.abs(stiffness / board.stiffness - 1).max() <= spread.truncate * spread.relative + 1e-9
+
+
+def test_a_board_that_has_not_passed_is_refused(tmp_path):
+    text = PINK.read_text()
+    (tmp_path / "data" / "boards").mkdir(parents=True)
+    (tmp_path / "data" / "boards" / "new.toml").write_text(
+        text.split("[check]")[0].replace('name = "pink"', 'name = "new"')
+    )
+    with pytest.raises(QualityGateError, match=r"'new' has not passed .*--force") as refusal:
+        build_app()(
+            ["train", "--board", "new", "--workspace", str(tmp_path)],
+            exit_on_error=False,
+            result_action="return_value",
+        )
+    assert refusal.value.exit_code == 3
+    assert not (tmp_path / "reports").exists()
+
+
+def test_style_is_one_for_reference_and_zero_far_off():
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("rsl_rl")
+    from policy_runtime.amp import style_value
+
+    np.testing.assert_allclose(style_value(torch.tensor([1.0, -1.0, 3.0, 5.0, 0.0])), [1, 0, 0, 0, 0.75])
+
+
+def test_the_running_normaliser_is_the_statistics_of_all_it_saw():
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("rsl_rl")
+    from policy_runtime.amp import RunningNormaliser
+
+    data = torch.tensor(np.random.default_rng(0).normal(3.0, 2.0, size=(300, 2)), dtype=torch.float)
+    normaliser = RunningNormaliser(2)
+    for part in data.split([50, 150, 100]):
+        normaliser.update(part)
+    np.testing.assert_allclose(normaliser.mean, data.mean(0), rtol=1e-4)
+    np.testing.assert_allclose(normaliser.variance, data.var(0, unbiased=False), rtol=1e-4)
+
+
+def test_the_discriminator_learns_to_tell_two_styles_apart():
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("rsl_rl")
+    from policy_runtime.amp import Discriminator
+
+    torch.manual_seed(0)
+    reference, policy = torch.randn(512, 6) + 1.0, torch.randn(512, 6) - 1.0
+    net = Discriminator(6, (32, 32))
+    net.normaliser.update(torch.cat((reference, policy)))
+    optimiser = torch.optim.Adam(net.parameters(), lr=3e-3)
+    for _ in range(150):
+        optimiser.zero_grad()
+        net.loss(reference, policy, penalty=0.5).backward()
+        optimiser.step()
+    assert net(reference).mean() > 0.5
+    assert net(policy).mean() < -0.5
+
+
+@pytest.mark.slow
+def test_training_runs_resumes_and_exports_a_policy_that_answers(started):
+    pytest.importorskip("mjlab")
+    ort = pytest.importorskip("onnxruntime")
+    run(started.path)
+    assert [path.name for path in started.checkpoints()] == ["model_2.pt", "model_3.pt"]
+    before = started.policy.read_bytes()
+    run(started.path, "--iterations", "4")
+    rows = started.read_curves()
+    assert [row["iteration"] for row in rows] == [1, 2, 3, 4]
+    assert all(math.isfinite(value) for row in rows for value in row.values())
+    assert started.policy.read_bytes() != before
+    session = ort.InferenceSession(str(started.policy), providers=["CPUExecutionProvider"])
+    answer = session.run(["actions"], {"obs": np.zeros((1, 390), dtype=np.float32)})[0]
+    assert answer.shape == (1, 23)
+    assert session.get_modelmeta().custom_metadata_map["board"] == "pink"
+
+
+@pytest.mark.slow
+def test_two_processes_hold_the_same_weights_normalisers_and_discriminator(started, tmp_path):
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("mjlab")
+    run(started.path, "--keep-all", processes=2)
+    first, second = (
+        torch.load(started.path / "checkpoints" / f"process_{rank}.pt", weights_only=True) for rank in (0, 1)
+    )
+    for part in ("actor_state_dict", "critic_state_dict", "discriminator"):
+        assert first[part].keys() == second[part].keys()
+        for name, value in first[part].items():
+            torch.testing.assert_close(value, second[part][name], rtol=0, atol=1e-6, msg=f"{part} {name}")
