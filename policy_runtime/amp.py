@@ -43,6 +43,9 @@ class RunningNormaliser(nn.Module):
     def __init__(self, size: int) -> None:
         """Start at mean 0 and variance 1 with no weight."""
         super().__init__()
+        self.mean: torch.Tensor
+        self.variance: torch.Tensor
+        self.count: torch.Tensor
         self.register_buffer("mean", torch.zeros(size))
         self.register_buffer("variance", torch.ones(size))
         self.register_buffer("count", torch.zeros(()))
@@ -144,7 +147,7 @@ class AmpPPO(PPO):
         # Every process must take part in every averaging, so an empty one learns from nothing at all.
         if len(pushing) == 0:
             pushing = windows[:1]
-        total = torch.zeros((), device=self.device)
+        total = torch.zeros(3, device=self.device)
         for _ in range(self.amp.updates):
             policy = pushing[torch.randint(len(pushing), (self.amp.batch,), device=self.device)]
             real = self.reference[torch.randint(len(self.reference), (self.amp.batch,), device=self.device)]
@@ -154,14 +157,11 @@ class AmpPPO(PPO):
             loss.backward()
             average_gradients(self.discriminator)
             self.amp_optimiser.step()
-            total += loss.detach()
-        with torch.no_grad():
-            scores = self.discriminator(policy).mean(), self.discriminator(real).mean()
-        return {
-            "discriminator": float(total) / self.amp.updates,
-            "policy_score": float(scores[0]),
-            "reference_score": float(scores[1]),
-        }
+            with torch.no_grad():
+                scores = self.discriminator(policy).mean(), self.discriminator(real).mean()
+            total += torch.stack((loss.detach(), *scores))
+        names = ("discriminator", "policy_score", "reference_score")
+        return dict(zip(names, (total / self.amp.updates).tolist(), strict=True))
 
     def save(self) -> dict[str, Any]:
         """Return everything that a resumed run needs."""

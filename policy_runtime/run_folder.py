@@ -250,6 +250,7 @@ def _value(hint: Any, value: Any, where: str) -> Any:
         return value
     if hint is float and isinstance(value, int) and not isinstance(value, bool):
         return float(value)
-    if not isinstance(value, hint):
-        raise HuskyError(f"{where} is {value!r}; expected {hint.__name__}.")
+    kind: Any = hint
+    if not isinstance(value, kind):
+        raise HuskyError(f"{where} is {value!r}; expected {kind.__name__}.")
     return value

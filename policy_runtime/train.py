@@ -13,7 +13,7 @@ import os
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -124,7 +124,8 @@ def build(folder: RunFolder, config: RunConfig, process: Process) -> tuple["RslR
         load_board(folder.board), config.task, environments=config.learn.environments, seed=seed
     )
     env = RslRlVecEnvWrapper(ManagerBasedRlEnv(env_cfg, device=process.device))
-    return env, build_learner(env, config.learn, process)
+    style = config.learn.style_weight if config.task.pushing == "amp" else 0.0
+    return env, build_learner(env, replace(config.learn, style_weight=style), process)
 
 
 def build_learner(env: Any, learn: LearnOptions, process: Process) -> "AmpPPO":

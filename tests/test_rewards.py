@@ -17,6 +17,7 @@ def state():
     no, zero, one = np.array([False]), np.zeros(1), np.ones(1)
     return SkateState(
         pushing=no, transition=no, steering=no, still=no,
+        time_in_push=zero,
         commanded_speed=zero, target_heading=zero, tilt_reference=zero,
         board_velocity=np.zeros((1, 3)), board_heading=zero, robot_heading=zero, tilt=zero,
         upright=one, pelvis_height=one,
@@ -61,6 +62,15 @@ def test_flat_push_needs_ground_and_a_flat_sole(state):
     pitched = replace(down, left_sole_heights=np.array([[0.03, -0.03, 0.0, 0.0]]))  # variance 6e-4
     assert rewards.flat_push(pitched)[0] == 0
     assert rewards.flat_push(pitched, tolerance=7e-4)[0] == 1
+
+
+@pytest.mark.parametrize(
+    ("seconds", "down", "value"),
+    [(0.1, True, 1), (0.1, False, 0), (0.5, True, 0), (0.5, False, 1), (1.0, True, 1)],
+)
+def test_gait_clock_wants_the_foot_down_for_a_third_of_each_period(state, seconds, down, value):
+    state = replace(state, time_in_push=np.array([seconds]), foot_on_ground=np.array([[down, False]]))
+    assert rewards.gait_clock(state, period=0.9, stance=0.35)[0] == value
 
 
 def test_feet_on_board_counts_both_feet_in_the_zone_less_the_foot_on_the_ground(state):

@@ -1,3 +1,4 @@
+# pyright: reportMissingImports=false
 """One spelling for NumPy arrays (runtime, evaluation, tests) and torch tensors (training).
 
 PyTorch accepts NumPy's argument name `axis`, so a function that takes its namespace from its first

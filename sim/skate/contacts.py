@@ -1,4 +1,4 @@
-# pyright: reportMissingImports=false
+# pyright: reportMissingImports=false, reportUnknownParameterType=false
 """What touches what, in mjlab: the contact sensors of the skating scene.
 
 Few and broad, because each costs time in every physics step: what else of the robot touches ground or

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import torch
 
 from sim.skate import contacts, rotation, terminations
+from sim.skate.clock import CONTROL_PERIOD
 from sim.skate.observations import skate_command
 from sim.skate.reading import ZONE
 from sim.skate.state import SkateState
@@ -116,6 +117,7 @@ def _read(env: "ManagerBasedRlEnv") -> SkateState:
         transition=command.transition,
         steering=command.steering,
         still=command.still,
+        time_in_push=(command.step % command.clock.period) * CONTROL_PERIOD,
         commanded_speed=command.command[:, 0],
         target_heading=command.target_heading,
         tilt_reference=command.tilt_reference(),

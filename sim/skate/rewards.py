@@ -52,6 +52,15 @@ def flat_push(state: SkateState, tolerance: float = 5e-4) -> Any:
     return _number((variance < tolerance) & state.foot_on_ground[..., 0])
 
 
+def gait_clock(state: SkateState, period: float = 0.9, stance: float = 0.35) -> Any:
+    """The pushing foot is on the ground in the first part of each period [s] and off it in the rest.
+
+    The paper's variant of pushing by a gait clock instead of by style; `stance` is the share on the ground.
+    """
+    wanted = state.time_in_push % period < stance * period
+    return _number(wanted == state.foot_on_ground[..., 0])
+
+
 # Steering
 
 

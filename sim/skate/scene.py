@@ -40,6 +40,8 @@ class SceneOptions:
 
     coupling: Coupling = "equality"
     """How tilt steers the trucks."""
+    steered: bool = True
+    """Whether tilt steers at all; without it the trucks are held straight."""
     terrain: Terrain = "flat"
     timestep: float = TIMESTEP
     """[s]."""
@@ -194,6 +196,9 @@ def mjlab_simulation(options: SceneOptions) -> "SimulationCfg":
 
 def _board_child(board: Board, options: SceneOptions) -> mujoco.MjSpec:
     spec = board_spec(board, coupling=options.coupling, ground=False, timestep=options.timestep)
+    if not options.steered:
+        for constraint in spec.equalities:
+            constraint.data[:5] = 0.0
     fresh = mujoco.MjSpec().option  # the scene's options count; a child's would only draw a warning
     spec.option.timestep, spec.option.integrator = fresh.timestep, fresh.integrator
     return spec

@@ -20,6 +20,9 @@ class SkateState:
     still: Any
     """Told to stand still, bool (n,)."""
 
+    time_in_push: Any
+    """Time since the pushing stretch began [s], (n,)."""
+
     commanded_speed: Any
     """[m/s], (n,)."""
     target_heading: Any

@@ -54,8 +54,11 @@ def skate_env_cfg(
     from mjlab.envs import ManagerBasedRlEnvCfg
     from mjlab.envs.mdp.actions import JointPositionActionCfg
 
-    scene = SceneOptions(coupling=options.coupling, terrain=options.terrain)
+    from sim.skate.trucks import TruckSetterCfg
+
+    scene = SceneOptions(coupling=options.coupling, steered=options.steered, terrain=options.terrain)
     command = skate_command_cfg(board, options)
+    rake = board.geometry["rake"].value
     action = JointPositionActionCfg(
         entity_name="robot",
         actuator_names=(".*",),
@@ -69,7 +72,12 @@ def skate_env_cfg(
         episode_length_s=options.episode,
         seed=seed,
         observations=_observations(options),
-        actions={"joint_pos": action},
+        actions={"joint_pos": action}
+        if options.coupling == "equality"
+        else {
+            "joint_pos": action,
+            "trucks": TruckSetterCfg(entity_name="board", rake=rake if options.steered else 0.0),
+        },
         commands={"skate": command},
         rewards=reward_terms(options, command),
         terminations=_terminations(options),
@@ -137,6 +145,8 @@ def reward_terms(options: SkateOptions, command: "SkateCommandCfg") -> "dict[str
         "always/joint_torque": term(rewards.joint_torque, "always", -1e-6),
         "always/self_contact": term(rewards.self_contact, "always", -10.0),
     }
+    if options.pushing == "gait":
+        terms["push/gait_clock"] = term(rewards.gait_clock, "push", 3.0)
     if options.tilt_guidance:
         terms["steer/tilt_guide"] = term(rewards.tilt_guide, "steer", 4.0, tolerance=options.tilt_tolerance)
     if options.transition != "none":
