@@ -87,6 +87,11 @@ TRUTHS: list[Truth] = [
     Truth("bumper on one side", {}, outside=lambda t, x, v: -25 * max(x - 0.06, 0.0), noises=(0.04, 0.1)),
     Truth("spring that loosens", {}, outside=lambda t, x, v: 1.5 * x * (1 - np.exp(-t / 0.5)), noises=(0.04, 0.1)),
     Truth("friction like the root of the rate", {}, outside=lambda t, x, v: -0.09 * np.sign(v) * np.sqrt(abs(v)), noises=(0.04, 0.1)),
+    Truth("damping by the tilt", {}, outside=lambda t, x, v: -0.6 * abs(x) * v, noises=(0.04, 0.1)),
+    Truth("damping by the tilt squared", {}, outside=lambda t, x, v: -5.0 * x * x * v, noises=(0.04, 0.1)),
+    Truth("stiffness of the fifth power", {}, outside=lambda t, x, v: -3000.0 * x**5, noises=(0.04, 0.1)),
+    Truth("periodic torque", {}, outside=lambda t, x, v: 0.06 * np.sin(2 * np.pi * 3 * t), noises=(0.04, 0.1)),
+    Truth("two stops", {}, outside=lambda t, x, v: -60 * (max(x - 0.12, 0.0) + min(x + 0.06, 0.0)), noises=(0.04, 0.1)),
 ]  # fmt: skip
 LOOK_ALIKES = (
     {"offset", "preload", "sensor-bias"},

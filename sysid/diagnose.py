@@ -7,7 +7,7 @@ counts, and the simplest model within one standard error of the best prediction 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -39,6 +39,10 @@ EXPLAINED = 0.8
 """Share of the squared held-out error that effects must take away to be named without reaching the noise."""
 NEAR = 3.0
 """Where no residual is white, one more effect must cut the squared held-out error by this factor."""
+FAR = 60.0
+"""Difference of score while screening from which a model is out of the running."""
+POOR = 1.3
+"""Held-out error over noise floor from which a model that fits is not trusted as such."""
 MATERIAL = 0.0075
 """Error of the model over the RMS of the motion below which nothing is missing that matters."""
 
@@ -160,12 +164,16 @@ def diagnose(
     ):
         best_pairs = sorted(pairs, key=lambda m: m.chi2)[:1]
         models += searcher.neighbours(best_pairs, singles)
+    large = [m for m in models if len(m.effects) > len(searcher.base) + 1]
+    models = searcher.reduced(sorted(large, key=lambda m: m.chi2)[:4], models)
     final = _finalists(searcher, models, singles[0])
     base = next(m for m in final if m.effects == searcher.base)
     scores = _scores(final, models, len(searcher.names()))
     final.sort(key=lambda m: scores[m.effects])
+    noise = _noise_of(final[0], noise, period)
     case = _Case(board, base, final, scores, noise, period)
     verdict, best, shares = _judge(case)
+    warnings += _fast_starts(best)
     if progress is not None:
         progress("done", 1.0)
     done = {m.effects for m in final}
@@ -217,6 +225,35 @@ def check_releases(releases: Sequence[Release], board: Board, period: float) -> 
     return warnings
 
 
+def _noise_of(model: Model, floor: NoiseFloor, period: float) -> NoiseFloor:
+    """Take the noise from a white residual, above the band of the joint: more of the samples count there.
+
+    Only where differences agree; a sensor that smooths or has steps keeps its own estimate.
+    """
+    if not floor.how.startswith("from high-order differences") or whiteness(model, period) <= WHITE:
+        return floor
+    power, bins = 0.0, 0
+    for residual, record in zip(model.residuals, model.problem.records, strict=True):
+        step = float(np.median(np.diff(record.time)))
+        above = np.fft.rfftfreq(len(residual), step) > BAND / period
+        power += float(np.sum((np.abs(np.fft.rfft(residual)) ** 2 / len(residual))[above]))
+        bins += int(above.sum())
+    std = float(np.sqrt(power / max(bins, 1)))
+    if bins < 50 or abs(std / floor.std - 1) > 4.0 / np.sqrt(model.samples):
+        return floor
+    return NoiseFloor(std, "from what the best model leaves above the band of the joint; differences agree")
+
+
+def _fast_starts(model: Model) -> list[str]:
+    """Say so if releases from a hold start faster than any release from rest could."""
+    if model.problem.start_penalty(model.minimum.point) < 16.0:
+        return []
+    return [
+        "the deck leaves the hand faster than the model allows: it was pushed, or something acts in the first "
+        "milliseconds only, such as an end stop that the deck was held against. Release from smaller angles too"
+    ]
+
+
 def _finalists(searcher: Searcher, models: Sequence[Model], base: Model) -> list[Model]:
     """Refine and predict the models that may win: the best of every size, and the linear joint."""
     by_cost = sorted(models, key=lambda m: m.chi2)
@@ -225,7 +262,12 @@ def _finalists(searcher: Searcher, models: Sequence[Model], base: Model) -> list
         extra = [m for m in by_cost if len(m.effects) - len(base.effects) == count]
         picked.update({m.effects: m for m in extra[:most]})
     scores = _scores(models, models, len(searcher.names()))
-    picked.update({m.effects: m for m in sorted(models, key=lambda m: scores[m.effects])[:5]})
+    ranked = sorted(models, key=lambda m: scores[m.effects])
+    picked.update({m.effects: m for m in ranked[:5]})
+    if whiteness(by_cost[0], 2 * np.pi / searcher.scales.frequency) > WHITE:
+        # The best is at the noise: what is this much less likely need not be refined to be told from it.
+        kept = {base.effects, *(m.effects for m in ranked[:2])}
+        picked = {k: m for k, m in picked.items() if k in kept or scores[k] < scores[ranked[0].effects] + FAR}
     jobs = [lambda m=m: searcher.predicted(searcher.polished(m)) for m in picked.values()]
     return searcher.each("predicting what was held out", jobs, 0.85, 0.99)
 
@@ -256,24 +298,40 @@ def _scores(
 
 
 def _judge(case: _Case) -> tuple[Verdict, Model, dict[str, float]]:
-    winner = case.models[0]
-    if case.is_white(winner):
-        return _judge_white(case, winner)
+    if case.is_white(case.models[0]):
+        return _judge_white(case, case.models[0])
     return _judge_prediction(case)
 
 
 def _judge_white(case: _Case, winner: Model) -> tuple[Verdict, Model, dict[str, float]]:
     """The noise is all that is left: likelihood decides."""
     rivals = [
-        m for m in case.models[1:]
-        if case.scores[m.effects] < TIE and not set(m.effects) > set(winner.effects) and case.is_white(m)
+        m for m in case.models
+        if m is not winner and case.scores[m.effects] < TIE and not set(m.effects) > set(winner.effects) and case.is_white(m)
     ]  # fmt: skip
     weights = [np.exp(-0.5 * case.scores[m.effects]) for m in case.models]
-    confidence = float(1.0 / sum(weights))
+    confidence = float(weights[case.models.index(winner)] / sum(weights))
     named = case.missing(winner)
+    loss = winner.heldout_rmse / max(case.noise.std, 1e-300)
+    if named and loss > POOR:
+        # What fits but does not predict is not known, however likely it is among these models.
+        confidence *= float(POOR / loss)
+        alike_white = [m for m in case.models if m not in (winner, case.base) and case.is_white(m)]
+        rivals += [
+            m for m in alike_white
+            if m not in rivals and m.heldout_rmse < winner.heldout_rmse / POOR and len(case.missing(m)) <= 2
+            and case.scores[m.effects] < 4 * TIE
+        ]  # fmt: skip
     alike = [case.missing(m) for m in rivals if m is not case.base]
     doubtful = any(m is case.base for m in rivals)
-    return _with_record(case, winner, named, alike, confidence, doubtful=doubtful)
+    verdict, best, shares = _with_record(case, winner, named, alike, confidence, doubtful=doubtful)
+    if named and loss > POOR:
+        note = (
+            f" Not sure: held-out releases are predicted with {loss:.1f} times the noise only, because the others do "
+            "not fix the parameters. Record more releases, to both sides."
+        )
+        verdict = replace(verdict, explanation=verdict.explanation + note)
+    return verdict, best, shares
 
 
 def _judge_prediction(case: _Case) -> tuple[Verdict, Model, dict[str, float]]:

@@ -47,19 +47,22 @@ def make_records(releases: Sequence[Release], std: float, *, rate: bool) -> tupl
         measured = release.rate if rate and release.rate is not None else release.roll
         end = _end_of_motion(release, measured, std)
         begin = _onset(release)
-        time = release.time[begin:end] - release.time[begin]
+        time = release.time[begin:end] - release.time[0]
         records.append(Record(release=release, time=time, signal=measured[begin:end], is_rate=rate, std=std))
     return tuple(records)
 
 
 LETTING_GO = 0.004
 """For how long a hand still drags while it lets go [s]."""
+UNSURE_START = 0.002
+"""How well the instant of a release from a hold is known [s]."""
 
 
 def _onset(release: Release) -> int:
-    """Return the first sample without a hand on the deck; roll and rate there are fitted anyway.
+    """Return the first sample without a hand on the deck.
 
-    A finger that slides off rounds the start just as a filter in the sensor would.
+    A finger that slides off rounds the start just as a filter in the sensor would. The motion still begins at
+    the release, where rubber and sliders are as the hold left them; roll and rate there are fitted.
     """
     if release.hold <= 0:
         return 0
@@ -277,7 +280,32 @@ class Problem:
             cost += 0.5 * float(r @ r)
             gradient[where] += j.T @ r
             hessian[np.ix_(where, where)] += j.T @ j
+            where_rate = shared + index * own + 1
+            inward, slope = self._inward(index, unknowns)
+            cost += 0.5 * inward**2
+            gradient[where_rate] += slope * inward
+            hessian[where_rate, where_rate] += slope**2
         return Normal(cost, gradient, hessian)
+
+    def _inward(self, index: int, unknowns: Array) -> tuple[float, float]:
+        """Return how much faster than from rest a record starts, in deviations, and its slope with the rate.
+
+        A deck that was held still starts at rate zero. A hand may drag and make it late, so only a start
+        towards the rest angle that is too fast counts, beyond what `UNSURE_START` of its acceleration makes.
+        Without this a stop that acts in the first milliseconds only would be taken for a push.
+        """
+        release = self.records[index].release
+        if release.hold <= 0:
+            return 0.0, 0.0
+        sampling = float(np.median(np.diff(release.time[:32])))
+        spread = max(UNSURE_START, 0.5 * sampling) * self.scales.frequency**2 * release.amplitude
+        at = len(self.names) + index * self.own + 1
+        slope = -float(np.sign(release.roll[0] - release.rest)) * self.sizes()[at] / max(spread, 1e-300)
+        return (slope * unknowns[at], slope) if slope * unknowns[at] > 0 else (0.0, 0.0)
+
+    def start_penalty(self, unknowns: Array) -> float:
+        """Return the sum of squares that `normal` charges for starts that are too fast."""
+        return sum(self._inward(index, unknowns)[0] ** 2 for index in range(len(self.records)))
 
 
 def _averaging(count: int, width: int) -> Any:

@@ -65,7 +65,8 @@ class Model:
     @property
     def rmse(self) -> float:
         """Root mean square residual."""
-        return float(np.sqrt(self.chi2 / self.samples)) * self.problem.records[0].std
+        squares = self.chi2 - self.problem.start_penalty(self.minimum.point)
+        return float(np.sqrt(squares / self.samples)) * self.problem.records[0].std
 
     @property
     def heldout_rmse(self) -> float:
@@ -216,7 +217,43 @@ class Searcher:
             and not any(pair <= {*model.effects, *single.effects} for pair in _NESTED)
         }
         jobs = [lambda a=a, b=b: self.joined(a, b) for a, b in wanted.values()]
-        return self.each("neighbours of the best", jobs, 0.75, 0.85)
+        return self.each("neighbours of the best", jobs, 0.75, 0.8)
+
+    def reduced(self, models: Sequence[Model], found: Sequence[Model]) -> list[Model]:
+        """Re-fit every model with one effect less than one of `models`, started from what that one found.
+
+        A slider or a stop searched alone may end in a false valley that its pair has left.
+
+        Returns:
+            `found`, with those replaced or added that came out better.
+        """
+        wanted = [
+            (model, tuple(n for n in model.effects if n != name))
+            for model in models
+            for name in model.effects
+            if name not in self.base
+        ]
+        jobs = [lambda m=m, n=n: self._without(m, n) for m, n in wanted if len(n) > len(self.base)]
+        best = {m.effects: m for m in found}
+        for model in self.each("taking effects away again", jobs, 0.8, 0.85):
+            known = best.get(model.effects)
+            if known is None or model.chi2 < known.chi2:
+                best[model.effects] = model
+        return list(best.values())
+
+    def _without(self, model: Model, effects: tuple[str, ...]) -> Model:
+        """Fit some of a model's effects, each start and each parameter where the model had it."""
+        larger = model.problem
+        problem = Problem(
+            structure_of(effects), self.records, self.scales, bias=self.bias, steps_per_period=COARSE,
+            fixed={**defaults(effects), **self.fixed}, average=self.average, free_states=larger.free_states,
+        )  # fmt: skip
+        start = problem.start(model.parameters)
+        for index in range(len(self.records)):
+            mine, its = len(problem.names) + index * problem.own, len(larger.names) + index * larger.own
+            start[mine : mine + 2] = model.minimum.point[its : its + 2]
+        minimum = minimise(problem.normal, start, *problem.bounds(), iterations=20, tolerance=1e-5)
+        return Model(effects=effects, problem=problem, minimum=minimum)
 
     def predicted(self, model: Model) -> Model:
         """Return the model with its held-out residuals."""

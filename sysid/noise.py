@@ -2,14 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import comb
 
 import numpy as np
 
 from sysid.roll import Array, Release
 
-_ORDERS = (2, 4, 6, 8)
+_ORDERS = (4, 6, 8, 10)
 """Even difference orders; a higher one removes more of the motion but is a little noisier."""
+_CONFIRMED = 1.02
+"""Ratio up to which two orders agree; their common noise cancels in it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,9 +28,9 @@ def difference_std(signal: Array) -> float:
     """Return the noise of a sampled smooth motion from its high-order differences.
 
     Differences of order m suppress a motion of frequency f by (2 sin πf/f_s)^m and keep white noise,
-    whose m-th difference has variance C(2m, m) σ². The order is raised until the estimate stops
-    falling by more than its own uncertainty. Kinks of the motion are few, so a robust spread
-    (median absolute deviation) of the differences is taken.
+    whose m-th difference has variance C(2m, m) σ². Taken is the lowest order that the next one confirms:
+    the smallest of all orders would be too low by chance, and the first that hardly falls too high.
+    Kinks of the motion are few, so where they rule, a robust spread (median absolute deviation) is taken.
 
     Args:
         signal: Evenly sampled, shape (n,), n > 16.
@@ -36,20 +39,20 @@ def difference_std(signal: Array) -> float:
         Standard deviation in the signal's unit. It holds for noise that is independent from sample to
         sample; a smoothing sensor has more noise than this shows.
     """
-    best = np.inf
-    for order in _ORDERS:
-        differences = np.diff(signal, order)
-        if len(differences) < 8:
-            break
-        spread = float(np.sqrt(np.mean(differences**2)))
-        robust = 1.4826 * float(np.median(np.abs(differences - np.median(differences))))
-        if robust > 0 and spread > 1.3 * robust:  # a few kinks or outliers, not the noise
-            spread = robust
-        estimate = spread / np.sqrt(comb(2 * order, order))
-        if estimate >= best * (1 - 1.0 / np.sqrt(len(differences))):
-            break
-        best = estimate
-    return float(best)
+    estimates = [_order_std(signal, order) for order in _ORDERS if len(signal) - order >= 8]
+    for estimate, following in pairwise(estimates):
+        if estimate <= _CONFIRMED * following:
+            return estimate
+    return estimates[-1] if estimates else float("inf")
+
+
+def _order_std(signal: Array, order: int) -> float:
+    differences = np.diff(signal, order)
+    spread = float(np.sqrt(np.mean(differences**2)))
+    robust = 1.4826 * float(np.median(np.abs(differences - np.median(differences))))
+    if robust > 0 and spread > 1.3 * robust:  # a few kinks or outliers, not the noise
+        spread = robust
+    return spread / float(np.sqrt(comb(2 * order, order)))
 
 
 def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloor:
