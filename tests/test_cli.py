@@ -46,13 +46,16 @@ def test_every_command_explains_itself(name):
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_command_modules_import_nothing_heavy(name):
-    assert heavy_modules_after(f"import sysid.cli.{name}") <= {"numpy"}
+    # The options of `train` are the task's own, and name MuJoCo's types.
+    allowed = {"numpy", "mujoco"} if name == "train" else {"numpy"}
+    assert heavy_modules_after(f"import sysid.cli.{name}") <= allowed
 
 
 def test_every_command_file_is_listed():
     package = importlib.import_module("sysid.cli")
     files = {path.stem for path in Path(package.__path__[0]).glob("*.py")}
-    assert files - {"__init__", "__main__", "console", "log_options"} == set(COMMANDS)
+    shared = {"__init__", "__main__", "console", "log_options", "ride_options"}
+    assert files - shared == set(COMMANDS)
 
 
 def test_unknown_command_is_a_usage_error_with_a_suggestion():
