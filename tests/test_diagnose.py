@@ -123,6 +123,95 @@ def pink():
     return load_board(shipped_data() / "boards" / "pink.toml")
 
 
+def synthetic(name, seed, effects, folder, *, noise_deg=0.05, **options):
+    """Releases of a shipped board with a hidden effect, by the hand of the synthesiser."""
+    from sysid.logs import read_roll
+    from sysid.releases import find_releases
+    from sysid.synth import SynthOptions, synthesise
+    from sysid.synth_sensors import Sensor
+
+    board = load_board(shipped_data() / "boards" / f"{name}.toml")
+    how = SynthOptions(
+        angles=(0.175, -0.154, 0.132), seed=seed, sensor=Sensor(noise=np.radians(noise_deg)), **options
+    )
+    synthesise(board, effects, how).save(folder / "log.csv")
+    return find_releases(read_roll(folder / "log.csv")), board
+
+
+@pytest.mark.parametrize(
+    ("name", "seed", "effects"),
+    [
+        (
+            "pink",
+            801,
+            {"hysteresis": (4.0, 0.12)},
+        ),  # starts as the hold left it, 4 ms before the first sample
+        ("pink", 803, {"viscoelastic": (5.0, 0.08)}),
+        ("black", 802, {"end-stop": (0.1, 300.0, 0.5)}),  # acts in the first milliseconds only
+    ],
+)
+@pytest.mark.slow
+def test_what_acts_at_the_start_is_named_alone(name, seed, effects, tmp_path):
+    verdict = diagnose(*synthetic(name, seed, effects, tmp_path)).verdict
+    assert verdict.status == "missing"
+    assert set(verdict.effects) == set(effects), verdict
+
+
+@pytest.fixture(scope="module")
+def slider(tmp_path_factory):
+    """Releases of a slider, with the search that a diagnosis makes of them."""
+    from sysid.fit_mjcf import scales_of
+    from sysid.fit_problem import make_records
+    from sysid.model_search import Searcher
+    from sysid.noise import noise_floor
+
+    releases, board = synthetic("pink", 801, {"hysteresis": (4.0, 0.12)}, tmp_path_factory.mktemp("slider"))
+    records = make_records(releases, noise_floor(releases).std, rate=False)
+    return Searcher(records=records, scales=scales_of(records, board), bias="shared")
+
+
+def test_an_effect_stuck_alone_is_found_again_from_its_pair(slider):
+    """A single model in a false valley is replaced by what is left of the pair without the other effect."""
+    from dataclasses import replace
+
+    from sysid.least_squares import minimise
+
+    good = slider.alone(("hysteresis",))
+    problem = good.problem
+    start = problem.start(
+        {
+            **good.parameters,
+            "stiffness": slider.scales.stiffness,
+            "hysteresis.stiffness": 0.0,
+            "hysteresis.torque": 1.0,
+        }
+    )
+    stuck = replace(good, minimum=minimise(problem.normal, start, *problem.bounds(), iterations=1))
+    pair = slider.joined(good, slider.alone(("cubic-stiffness",)))
+    assert stuck.chi2 > 1.5 * good.chi2
+    found = {m.effects: m for m in slider.reduced([pair], [stuck])}
+    assert found[("hysteresis",)].chi2 < 1.1 * good.chi2
+    assert ("cubic-stiffness",) in found
+
+
+def test_a_start_faster_than_from_rest_is_charged(slider):
+    model = slider.alone(())
+    problem = model.problem
+    at_rest = problem.start({**model.parameters})
+    own = len(problem.names)
+    for index in range(3):
+        at_rest[own + 2 * index + 1] = 0.0
+    assert problem.start_penalty(at_rest) == 0.0
+    side = np.sign(slider.records[0].release.roll[0])
+    pushed, dragged = at_rest.copy(), at_rest.copy()
+    pushed[own + 1], dragged[own + 1] = -0.5 * side, 0.5 * side
+    assert problem.start_penalty(pushed) > 10.0
+    assert problem.start_penalty(dragged) == 0.0
+    low, high = (problem.normal(pushed + e * np.eye(len(pushed))[own + 1]).cost for e in (-1e-5, 1e-5))
+    slope = problem.normal(pushed).gradient[own + 1]
+    assert slope == pytest.approx((high - low) / 2e-5, rel=1e-3)
+
+
 def test_too_short_for_a_verdict_is_said(pink):
     with pytest.raises(HuskyError, match="too short for a verdict"):
         diagnose([made(LAW, 0.06)], pink)

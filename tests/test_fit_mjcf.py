@@ -182,6 +182,17 @@ def test_noise_floor_of_a_moving_board(rate, degrees):
     assert noise_floor(releases).std == pytest.approx(np.radians(degrees), rel=0.06)
 
 
+@pytest.mark.parametrize("rate", [200.0, 400.0, 500.0, 1000.0])
+@pytest.mark.parametrize("law", [LIGHT, HEAVY])
+def test_noise_floor_is_not_biased(law, rate):
+    """Over many logs, neither the motion nor the choice of the order shows in it."""
+    noise = np.radians(0.05)
+    found = [noise_floor(releases_of(law, s, noise=noise, rate=rate, duration=0.5)).std for s in range(40)]
+    mean, error = float(np.mean(found)) / noise, float(np.std(found)) / noise / np.sqrt(40)
+    assert abs(mean - 1) < 0.012 + 3 * error
+    assert error < 0.016
+
+
 def test_noise_floor_of_a_quantised_and_of_a_smoothing_sensor():
     releases = releases_of(HEAVY, 9, noise=1e-9)
     for release in releases:
