@@ -10,6 +10,7 @@ import numpy as np
 
 from reports import board_figures
 from reports.board_summary import effect_lines, law_text, parameters, pretty, three
+from reports.bode_figure import bode_figure
 from reports.evidence import Evidence, LogFile
 from reports.page import (
     Page,
@@ -81,6 +82,7 @@ def board_report(
             page.section("Backbone", *_backbone(evidence))
             page.section("Restoring force", *_restoring_force(evidence))
             page.section("Correlation of parameters", *_correlation(evidence))
+        page.section("Frequency response", _frequency_response(board))
         page.section("Check in the training scene", *_check(board))
         if evidence is not None:
             page.section("The logs", *_logs(evidence))
@@ -365,6 +367,15 @@ def _correlation(evidence: Evidence) -> list[str]:
             board_figures.correlation_figure(names, np.nan_to_num(fit.correlation)), "correlation", caption
         )
     ]
+
+
+def _frequency_response(board: Board) -> str:
+    return _figure(
+        bode_figure(board, board_figures.WIDTH),
+        "bode",
+        "How far the deck tilts under a torque, and how late: spring, damper and inertia, with the 95 % band of their "
+        "uncertainty. Other effects are left out.",
+    )
 
 
 def _check(board: Board) -> list[str]:
