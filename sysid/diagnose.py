@@ -39,7 +39,7 @@ EXPLAINED = 0.8
 """Share of the squared held-out error that effects must take away to be named without reaching the noise."""
 NEAR = 3.0
 """Where no residual is white, one more effect must cut the squared held-out error by this factor."""
-FAR = 60.0
+FAR = 30.0
 """Difference of score while screening from which a model is out of the running."""
 POOR = 1.3
 """Held-out error over noise floor from which a model that fits is not trusted as such."""
@@ -156,8 +156,11 @@ def diagnose(
     singles = searcher.singles()
     ranked = sorted(singles[1:], key=lambda m: m.chi2)
     refined = searcher.polished(ranked[0])  # a coarse grid blurs stops and sliders
-    settled = any(whiteness(m, period) > 0.05 for m in (singles[0], refined, *ranked[:3]))
-    pairs = searcher.pairs(singles, ranked[:3] if settled else None)
+    chances = [whiteness(m, period) for m in (singles[0], refined, *ranked[:3])]
+    settled = max(chances) > 0.05
+    # The whiter the best model, the less another effect can add to it.
+    partners = 1 if chances[0] > 0.2 else 2 if max(chances) > 0.2 else 3
+    pairs = searcher.pairs(singles, ranked[:partners] if settled else None)
     models = [*singles, *pairs]
     if not settled and not any(
         whiteness(m, period) > WHITE for m in sorted(models, key=lambda m: m.chi2)[:4]

@@ -20,6 +20,8 @@ from sysid.roll import Array
 
 COARSE, FINE = 24, 60
 """Integration steps per period while screening and in the end."""
+POLISHED = 1e-5
+"""Relative fall of the cost that ends a final fit: a hundredth of a standard deviation."""
 WIDE = 0.6
 """Tilt from which the sine of gravity bends enough to tell it from a stiffness [rad]."""
 _NESTED = ({"coulomb", "stribeck"}, {"sensor-drift", "lowpass"})
@@ -142,10 +144,13 @@ class Searcher:
         trials: list[Minimum] = []
         for start in starts:
             point = problem.start(start)
-            trials.append(minimise(problem.normal, point, *problem.bounds(), iterations=4, tolerance=1e-4))
+            trials.append(minimise(problem.normal, point, *problem.bounds(), iterations=4, tolerance=1e-3))
         trials.sort(key=lambda trial: trial.normal.cost)
+        small = max(
+            1e-5, 0.2 / problem.samples
+        )  # at the noise: a tenth of what one parameter gains by chance
         best = [
-            minimise(problem.normal, trial.point, *problem.bounds(), iterations=14, tolerance=1e-5)
+            minimise(problem.normal, trial.point, *problem.bounds(), iterations=14, tolerance=small)
             for trial in trials[: 2 if trials[1].normal.cost < 1.3 * trials[0].normal.cost else 1]
         ]
         return Model(effects=effects, problem=problem, minimum=min(best, key=lambda m: m.normal.cost))
@@ -161,7 +166,9 @@ class Searcher:
             model.problem.structure, self.records, self.scales, bias=self.bias, fixed=model.problem.fixed,
             steps_per_period=FINE * (3 if kinked else 1), free_states=model.problem.free_states,
         )  # fmt: skip
-        minimum = minimise(fine.normal, model.minimum.point, *fine.bounds(), iterations=30)
+        minimum = minimise(
+            fine.normal, model.minimum.point, *fine.bounds(), iterations=30, tolerance=POLISHED
+        )
         result = Model(effects=model.effects, problem=fine, minimum=minimum)
         states = len(fine.structure.memories)
         if not states or fine.free_states:
@@ -174,7 +181,7 @@ class Searcher:
         start[: len(fine.names)] = minimum.point[: len(fine.names)]
         other = Model(
             effects=model.effects, problem=freed,
-            minimum=minimise(freed.normal, start, *freed.bounds(), iterations=30),
+            minimum=minimise(freed.normal, start, *freed.bounds(), iterations=30, tolerance=POLISHED),
         )  # fmt: skip
         gain = (result.chi2 - other.chi2) / max(other.chi2 / freed.samples, 1e-300)
         return other if gain > 12.0 * states * len(self.records) else result
