@@ -201,7 +201,7 @@ def average_gradients(module: nn.Module) -> None:
         gradient.copy_(part.view_as(gradient))
 
 
-@torch.no_grad()
+@torch.inference_mode()  # rsl_rl updates them in inference mode, after which no other may write them
 def average_normaliser(normaliser: Any) -> None:
     """Give rsl_rl's observation normaliser the statistics of all processes pooled.
 

@@ -7,6 +7,7 @@
 | origin.json | hashes of record and motions, versions, host, seed, start, whether the board had passed |
 | curves.jsonl | one line an iteration, see `policy_runtime.progress` |
 | curves.png | the same as a picture |
+| events.out.tfevents… | the same for TensorBoard, where that is installed |
 | checkpoints/model_N.pt | networks, normalisers, optimisers after iteration N |
 | policy.onnx | the last checkpoint's policy with its metadata |
 """
@@ -123,16 +124,21 @@ class RunFolder:
         """
         write_atomically(self.config, tomlkit.dumps(_plain(dataclasses.asdict(config))))
 
-    def begin(self, config: RunConfig, record: Path) -> None:
+    def begin(self, config: RunConfig, record: Path, start_from: Path | None = None) -> None:
         """Write what a run needs before it starts: options, record, and where they came from.
 
         Args:
             config: All options.
             record: The board's record file; it is copied.
+            start_from: A checkpoint of another run to begin with; it is copied.
 
         Raises:
-            HuskyError: The folder cannot be written to.
+            HuskyError: The folder cannot be written to, or the checkpoint cannot be read.
         """
+        if start_from is not None:
+            if not start_from.is_file() or not start_from.stem.removeprefix("model_").isdigit():
+                raise HuskyError(f"{start_from}: no checkpoint; expected a file model_N.pt of another run.")
+            write_atomically(self.checkpoint(_iteration(start_from)), start_from.read_bytes())
         self.write_config(config)
         write_atomically(self.board, record.read_bytes())
         motions = {path.name: sha256(path) for path in motion_paths()}
@@ -140,6 +146,9 @@ class RunFolder:
             "board_sha256": sha256(record),
             "board_passed": load_board(record).passed,
             "motions_sha256": motions,
+            "start_from": None
+            if start_from is None
+            else {"path": str(start_from), "sha256": sha256(start_from)},
             "seed": config.learn.seed,
             "started": datetime.now(UTC).isoformat(timespec="seconds"),
             "platform": platform.platform(),

@@ -14,6 +14,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -230,6 +231,7 @@ def _learn(
     from policy_runtime.progress import Progress
 
     progress = Progress(env.unwrapped)
+    board = _tensorboard(folder) if process.leads else None
     iteration = span[0]
     lengths = torch.randint_like(env.episode_length_buf, int(env.max_episode_length))
     env.episode_length_buf = lengths  # else all worlds would time out together
@@ -256,6 +258,9 @@ def _learn(
         if process.leads:
             with folder.curves.open("a", encoding="utf-8") as file:
                 file.write(json.dumps(numbers) + "\n")
+            if board is not None:
+                for name, value in numbers.items():
+                    board.add_scalar(name, value, iteration)
             if report is not None:
                 report(numbers)
             if stop or iteration % learn.save_every == 0:
@@ -264,6 +269,15 @@ def _learn(
         if stop:
             break
     return iteration
+
+
+def _tensorboard(folder: RunFolder) -> Any:
+    """Return a TensorBoard writer into the run's folder, or None where TensorBoard is not installed."""
+    if find_spec("tensorboard") is None:
+        return None
+    from torch.utils.tensorboard.writer import SummaryWriter
+
+    return SummaryWriter(str(folder.path))
 
 
 def collect(env: Any, algorithm: "AmpPPO", obs: Any, steps: int, progress: Any) -> Any:

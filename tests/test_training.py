@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -89,6 +90,18 @@ def test_a_run_says_what_it_was_made_from(started):
     assert len(origin["board_sha256"]) == 64
     assert len(origin["motions_sha256"]) >= 4
     assert origin["versions"]["mujoco"]
+
+
+def test_a_run_can_begin_with_another_ones_checkpoint(tmp_path):
+    checkpoint = tmp_path / "model_7.pt"
+    checkpoint.write_bytes(b"weights")
+    folder = RunFolder(tmp_path / "next")
+    folder.begin(RunConfig(), PINK, checkpoint)
+    assert folder.checkpoints() == [folder.checkpoint(7)]
+    assert folder.checkpoint(7).read_bytes() == b"weights"
+    assert len(json.loads(folder.origin.read_text())["start_from"]["sha256"]) == 64
+    with pytest.raises(HuskyError, match=r"no checkpoint; expected a file model_N\.pt"):
+        RunFolder(tmp_path / "other").begin(RunConfig(), PINK, tmp_path / "policy.onnx")
 
 
 def test_runs_are_numbered(tmp_path):
@@ -188,6 +201,8 @@ def test_training_runs_resumes_and_exports_a_policy_that_answers(started):
     assert [row["iteration"] for row in rows] == [1, 2, 3, 4]
     assert all(math.isfinite(value) for row in rows for value in row.values())
     assert started.policy.read_bytes() != before
+    if find_spec("tensorboard"):
+        assert list(started.path.glob("events.out.tfevents*"))
     session = ort.InferenceSession(str(started.policy), providers=["CPUExecutionProvider"])
     answer = session.run(["actions"], {"obs": np.zeros((1, 390), dtype=np.float32)})[0]
     assert answer.shape == (1, 23)

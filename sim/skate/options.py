@@ -1,4 +1,4 @@
-"""What can be chosen about the task; the defaults are what the shipped policies are trained with."""
+"""What can be chosen about the task; docs/training.md says what the shipped policies were trained with, stage by stage."""
 
 import math
 from dataclasses import dataclass, field

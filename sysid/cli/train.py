@@ -47,6 +47,10 @@ class Variant:
     """Order of the transition's path."""
     lift: float = 0.2
     """Lift of the path's inner control points [m]."""
+    smoothness: float = 0.05
+    """Weight of the squared first and second differences of the actions."""
+    speed_tolerance: float = 0.25
+    """Tolerance of the reward for the speed while pushing [m^2/s^2]."""
 
     def options(self) -> SkateOptions:
         """Return the task's options."""
@@ -64,6 +68,8 @@ class Variant:
             mount_steps=self.mount_steps,
             bezier_order=self.bezier_order,
             lift=self.lift,
+            smoothness=self.smoothness,
+            speed_tolerance=self.speed_tolerance,
         )
 
 
@@ -80,6 +86,10 @@ class Learner:
     """Seed of everything random."""
     learning_rate: float = 1e-3
     """Where the adaptive learning rate starts."""
+    entropy: float = 0.005
+    """Weight of the actions' entropy."""
+    desired_kl: float = 0.015
+    """Change of the policy that the learning rate aims at, an iteration."""
     save_every: int = 100
     """Iterations between checkpoints."""
     style_weight: float = 5.0
@@ -93,6 +103,8 @@ class Learner:
             iterations=self.iterations,
             seed=self.seed,
             learning_rate=self.learning_rate,
+            entropy=self.entropy,
+            desired_kl=self.desired_kl,
             save_every=self.save_every,
             style_weight=self.style_weight,
         )
@@ -106,6 +118,7 @@ def train(
     gpus: Literal[0, 1, 2, 4, 8] = 1,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     resume: Path | None = None,
+    start_from: Annotated[Path | None, Parameter(name="--from")] = None,
     minutes: float = math.inf,
     force: bool = False,
     common: Common = Common(),
@@ -122,6 +135,7 @@ def train(
         gpus: Number of GPUs, each a process; 0 trains on the CPU, to try things out.
         output: Folder of the run; the default is reports/BOARD/train-N.
         resume: Folder of a run to go on with from its newest checkpoint, with its own options.
+        start_from: A checkpoint of another run to begin with, for other options or another board.
         minutes: Stop, with a checkpoint, after so much time.
         force: Train even though the board has not passed `check`.
         common: Options of every command.
@@ -133,7 +147,7 @@ def train(
     folder = RunFolder(resume) if resume is not None else _new_run(record, output, common, printer)
     if resume is None:
         config = RunConfig(task=variant.options(), learn=learner.options())
-        folder.begin(config, common.space.board_path(board))
+        folder.begin(config, common.space.board_path(board), start_from)
     _run(folder, gpus, minutes, printer)
     rows = folder.read_curves()
     if not rows:
