@@ -171,9 +171,12 @@ class AmpPPO(PPO):
         }
 
     def load(self, loaded_dict: dict[str, Any], load_cfg: dict[str, Any] | None, strict: bool) -> bool:
-        """Restore what `save` returned."""
+        """Restore what `save` returned; the optimisers start afresh where only weights were kept."""
         self.discriminator.load_state_dict(loaded_dict["discriminator"], strict=strict)
-        self.amp_optimiser.load_state_dict(loaded_dict["amp_optimiser"])
+        if "amp_optimiser" in loaded_dict:
+            self.amp_optimiser.load_state_dict(loaded_dict["amp_optimiser"])
+        else:
+            load_cfg = {"actor": True, "critic": True, "iteration": True}
         return super().load(loaded_dict, load_cfg, strict)
 
     def broadcast_parameters(self) -> None:

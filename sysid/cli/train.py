@@ -144,6 +144,7 @@ def train(
     record = common.space.load_board(board)
     _gate(record, force, printer)
     _require_mjlab()
+    _require_gpus(int(gpus))
     folder = RunFolder(resume) if resume is not None else _new_run(record, output, common, printer)
     if resume is None:
         config = RunConfig(task=variant.options(), learn=learner.options())
@@ -173,6 +174,16 @@ def _gate(record: Board, force: bool, printer: Printer) -> None:
             "board. Check it first, or train anyway with --force."
         )
     printer.warn(f"board '{record.name}' has not passed its check; training anyway")
+
+
+def _require_gpus(count: int) -> None:
+    import torch
+
+    found = torch.cuda.device_count()
+    if count > found:
+        raise HuskyError(
+            f"--gpus {count}: PyTorch sees {found} GPUs here. Train on fewer, or slowly on the processor with --gpus 0."
+        )
 
 
 def _require_mjlab() -> None:
