@@ -1,6 +1,6 @@
 """Make the pictures of the README: run the commands it shows and keep what they draw.
 
-    python docs/make_pictures.py
+python docs/make_pictures.py
 """
 
 import shutil

@@ -10,6 +10,7 @@ from pathlib import Path
 from policy_runtime.commands import Command, Constant
 from policy_runtime.motion_check import motion_facts
 from policy_runtime.motions import load_motions
+from policy_runtime.policy import OnnxPolicy, Policy, open_policy
 from policy_runtime.recording import Recorder
 from policy_runtime.robots.simulated import Gantry
 from policy_runtime.runtime import Runtime
@@ -19,29 +20,43 @@ from reports.motion_figure import motion_figure
 from reports.ride_figure import ride_figure
 from reports.ride_film import film_strip
 from sim.skate.g1 import g1_spec
-from sysid.workspace import Workspace
+from sysid.workspace import Workspace, shipped_data
 
 PICTURES = Path(__file__).parent / "pictures"
 
 
-def main() -> None:
-    """Draw a scripted ride and the reference motions."""
-    world = make_world(Workspace(Path()).load_board("pink"), start="push", gantry=Gantry(), visuals=True)
+def draw_ride(
+    name: str, title: str, policy: Policy, *, gantry: Gantry | None, start: str, filmed: float
+) -> None:
+    """Ride one cycle on pink, and draw it as curves and as a strip of its first seconds."""
+    world = make_world(Workspace(Path()).load_board("pink"), start=start, gantry=gantry, visuals=True)
     world.reset()
     recorder = Recorder(world.robot)
     Runtime(
         robot=world.robot,
-        policy=scripted_push(),
+        policy=policy,
         commands=Constant(Command(0.8, 0.0)),
         limits=joint_limits(world.robot.model),
         on_tick=recorder.add,
         stop_time=0.0,
     ).run(6.0)
     ride = recorder.recording()
-    ride_figure(ride, "scripted push on pink, held by a gantry", PICTURES / "ride-push.png")
-    moments = ride.time < 2.4
+    ride_figure(ride, title, PICTURES / f"{name}.png")
+    shown = ride.time < filmed
     film_strip(
-        world.robot.model, ride.qpos[moments], ride.time[moments], PICTURES / "ride-push-film.png", columns=6
+        world.robot.model, ride.qpos[shown], ride.time[shown], PICTURES / f"{name}-film.png", columns=6
+    )
+
+
+def main() -> None:
+    """Draw a scripted ride, a learned one, and the reference motions."""
+    draw_ride(
+        "ride-push", "scripted push on pink, held by a gantry", scripted_push(),
+        gantry=Gantry(), start="push", filmed=2.4,
+    )  # fmt: skip
+    learned = open_policy(shipped_data() / "policies" / "pink.onnx", force=True)
+    draw_ride(
+        "ride-learned", "learned policy on pink", OnnxPolicy(learned), gantry=None, start="stand", filmed=6.0
     )
     clips = load_motions()
     model = g1_spec(visuals=False).compile()
