@@ -1,4 +1,5 @@
-# pyright: reportMissingImports=false, reportUnknownParameterType=false
+# pyright: reportMissingImports=false, reportUnknownParameterType=false, reportPrivateUsage=false
+# (mjlab keeps the reward of each term of a step in a private table.)
 """What a training run reports every iteration: sums kept on the device, read once.
 
 | name | meaning |

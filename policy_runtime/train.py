@@ -172,6 +172,7 @@ def build_learner(env: Any, learn: LearnOptions, process: Process) -> "AmpPPO":
     }
     with contextlib.redirect_stdout(sys.stderr):
         learner = AmpPPO.construct_algorithm(env.get_observations(), env, settings, process.device)
+    assert isinstance(learner, AmpPPO)  # rsl_rl builds the class that the settings name
     learner.train_mode()
     return learner
 
@@ -304,7 +305,10 @@ def check_finite(algorithm: "AmpPPO", numbers: dict[str, float], iteration: int)
     bad = [name for name, value in numbers.items() if not math.isfinite(value)]
     if not bad:
         return
-    groups = {**algorithm.storage.observations.items(), "reward": algorithm.storage.rewards}
+    groups: dict[str, Any] = {
+        **dict(algorithm.storage.observations.items()),
+        "reward": algorithm.storage.rewards,
+    }
     for name, values in groups.items():
         where = torch.nonzero(~torch.isfinite(values))
         if len(where):

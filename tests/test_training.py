@@ -8,6 +8,7 @@ import sys
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -221,3 +222,23 @@ def test_two_processes_hold_the_same_weights_normalisers_and_discriminator(start
         assert first[part].keys() == second[part].keys()
         for name, value in first[part].items():
             torch.testing.assert_close(value, second[part][name], rtol=0, atol=1e-6, msg=f"{part} {name}")
+
+
+def test_what_is_not_a_number_is_named_with_its_world():
+    torch = pytest.importorskip("torch")
+    tensordict = pytest.importorskip("tensordict")
+    from policy_runtime.train import check_finite
+
+    actor = torch.zeros(24, 8, 5)
+    actor[3, 6, 2] = math.nan
+    storage = SimpleNamespace(
+        observations=tensordict.TensorDict({"actor": actor}, batch_size=[24, 8]),
+        rewards=torch.zeros(24, 8, 1),
+    )
+    algorithm = SimpleNamespace(storage=storage)
+    check_finite(algorithm, {"value": 1.0}, 7)
+    with pytest.raises(HuskyError, match=r"iteration 7: actor, number 2, of world 6 .* step 3"):
+        check_finite(algorithm, {"value": math.nan}, 7)
+    storage.observations["actor"].zero_()
+    with pytest.raises(HuskyError, match="value is not finite although"):
+        check_finite(algorithm, {"value": math.nan}, 7)

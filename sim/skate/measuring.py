@@ -1,4 +1,4 @@
-# pyright: reportMissingImports=false, reportUnknownParameterType=false
+# pyright: reportMissingImports=false, reportUnknownParameterType=false, reportAttributeAccessIssue=false
 """Brings reward and termination functions into mjlab: the state is read once a step, for all of them."""
 
 from collections.abc import Callable

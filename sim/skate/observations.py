@@ -22,7 +22,7 @@ The critic's vector, in order (privileged, without noise, one frame):
 | 1 | transition's way gone |
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import torch
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 def skate_command(env: "ManagerBasedRlEnv") -> SkateCommand:
     """Return the task's command term."""
-    return env.command_manager.get_term("skate")
+    return cast("SkateCommand", env.command_manager.get_term("skate"))
 
 
 class ActorFrame:
