@@ -19,6 +19,7 @@ from sysid.fit_mjcf import parameter_quantities, scales_of, strength
 from sysid.fit_problem import Bias, make_records
 from sysid.model_search import Model, Progress, Searcher
 from sysid.noise import NoiseFloor, band_excess, correlation_length, noise_floor
+from sysid.plausible import amplitude_warnings
 from sysid.quantity import Quantity
 from sysid.record_check import record_deviation
 from sysid.roll import Release
@@ -199,20 +200,7 @@ def check_releases(releases: Sequence[Release], board: Board, period: float) -> 
     Raises:
         HuskyError: Angles that cannot be radians of a board, or releases shorter than a swing.
     """
-    warnings: list[str] = []
-    largest = max(r.amplitude for r in releases)
-    limit = board.tilt["range"].value
-    if largest > np.pi:
-        raise HuskyError(
-            f"the deck was released from {largest:.4g} rad, more than half a turn; the joint allows "
-            f"±{limit:.3g} rad. If the log is in degrees, say --unit deg."
-        )
-    if largest > 1.5 * limit:
-        warnings.append(
-            f"released from {largest:.3g} rad although the record's joint range is ±{limit:.3g} rad"
-        )
-    if largest < 0.02 * limit:
-        warnings.append(f"released from {np.degrees(largest):.2g}° only; is the unit right (--unit)?")
+    warnings = amplitude_warnings(releases, board)
     longest = max(float(r.time[-1] - r.time[0]) for r in releases)
     samples = max(len(r.time) for r in releases)
     if longest < 0.6 * period or samples < 24:

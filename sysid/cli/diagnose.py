@@ -24,7 +24,9 @@ _SHOWN = 8
 
 
 def diagnose(
-    *logs: Path,
+    logs: list[Path],
+    /,
+    *,
     board: str,
     workers: int = 2,
     arguments: LogArguments = _NO_ARGUMENTS,
