@@ -11,11 +11,11 @@ import numpy as np
 
 from sysid.board import Board
 from sysid.effects import effect
-from sysid.fit_mjcf import own_motion
 from sysid.fit_problem import Bias, Record, make_records
 from sysid.joint import JointLaw, simulate
 from sysid.joint_torque import effect_torque
 from sysid.noise import NoiseFloor, noise_floor
+from sysid.own_motion import own_motion
 from sysid.roll import Array, Release
 
 Axis = Literal["time", "amplitude", "velocity", "side", "phase"]

@@ -15,8 +15,10 @@ import numpy as np
 from sysid.board import Board
 from sysid.effects import effect
 from sysid.errors import HuskyError
-from sysid.fit_mjcf import parameter_quantities, scales_of, strength
+from sysid.fit_mjcf import strength
 from sysid.fit_problem import Bias, make_records
+from sysid.fit_search import scales_of
+from sysid.fit_uncertainty import parameter_quantities
 from sysid.model_search import Model, Progress, Searcher
 from sysid.noise import NoiseFloor, band_excess, correlation_length, noise_floor
 from sysid.plausible import amplitude_warnings
@@ -391,7 +393,7 @@ def _unexplained(case: _Case, winner: Model, explained: float) -> tuple[Verdict,
 
 def _contradiction(case: _Case) -> str:
     """Say so if every release fits the linear joint alone, each with its own stiffness."""
-    from sysid.fit_mjcf import fit_each
+    from sysid.fit_search import fit_each
 
     rows = fit_each(case.base.problem, case.base.minimum)
     if len(rows) < 2:

@@ -12,8 +12,8 @@ import numpy as np
 
 from sysid.effects import catalogue
 from sysid.effects.base import Scales
-from sysid.fit_mjcf import replace_records, search
 from sysid.fit_problem import Bias, Problem, Record
+from sysid.fit_search import replace_records, search
 from sysid.joint_flow import structure_of
 from sysid.least_squares import Minimum, minimise
 from sysid.roll import Array

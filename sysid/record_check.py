@@ -10,7 +10,7 @@ import numpy as np
 
 from sysid.board import Board
 from sysid.effects import effect
-from sysid.fit_mjcf import parameter_covariance
+from sysid.fit_uncertainty import parameter_covariance
 from sysid.model_search import Model
 
 SURE = 4.0

@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 from sysid.board import Board, load_board
 from sysid.effects.base import Scales
 from sysid.errors import HuskyError
-from sysid.fit_mjcf import FitOptions, fit_joint, heldout_rmse, scales_of, starting_points
+from sysid.fit_mjcf import FitOptions, fit_joint, heldout_rmse
 from sysid.fit_problem import Problem, make_records
+from sysid.fit_search import scales_of, starting_points
 from sysid.joint import JointLaw, simulate
 from sysid.joint_flow import structure_of
 from sysid.least_squares import Normal, minimise

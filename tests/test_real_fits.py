@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from sysid.board import load_board
-from sysid.fit_mjcf import fit_joint, own_motion
+from sysid.fit_mjcf import fit_joint
 from sysid.fit_problem import make_records
 from sysid.logs import LogOptions, read_roll
 from sysid.noise import noise_floor
+from sysid.own_motion import own_motion
 from sysid.quantity import Quantity
 from sysid.releases import find_releases
 from sysid.workspace import shipped_data

@@ -1,0 +1,127 @@
+"""What a fit knows of its own parameters: covariance, intervals, and what the data leave open, in words."""
+
+import itertools
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from sysid.board import Board
+from sysid.fit_problem import Problem
+from sysid.joint_flow import Structure
+from sysid.least_squares import Minimum
+from sysid.noise import autocorrelation
+from sysid.quantity import Quantity
+from sysid.roll import Array
+
+UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "rest_angle": "rad"}
+
+
+def total_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
+    """Return the covariance of the free parameters with the inertia's uncertainty in it, shape (free, free)."""
+    units = {**UNITS, **_effect_units(problem.structure)}
+    parameters = problem.parameters(minimum.point)
+    by_inertia = np.array(
+        [
+            parameters[n] / board.inertia.value if units[n][:3] in ("N*m", "kg*") else 0.0
+            for n in problem.names
+        ]
+    )
+    own = parameter_covariance(problem, minimum, problem.residuals(minimum.point))
+    return own + np.outer(by_inertia, by_inertia) * board.inertia.std**2
+
+
+def parameter_quantities(
+    problem: Problem,
+    minimum: Minimum,
+    board: Board,
+    covariance: Array | None = None,
+    *,
+    certain: bool = True,
+) -> dict[str, Quantity]:
+    """Return the free parameters as quantities; `certain=False` leaves the deviations unknown and is quick."""
+    units = {**UNITS, **_effect_units(problem.structure)}
+    parameters = problem.parameters(minimum.point)
+    if certain and covariance is None:
+        covariance = total_covariance(problem, minimum, board)
+    deviation = (
+        np.full(len(problem.names), np.nan)
+        if covariance is None
+        else np.sqrt(np.maximum(np.diag(covariance), 0))
+    )
+    return {
+        name: Quantity(parameters[name], float(std), units[name], "least squares of the decay")
+        for name, std in zip(problem.names, deviation, strict=True)
+    }
+
+
+def _effect_units(structure: Structure) -> dict[str, str]:
+    return {f"{part.name}.{p.name}": p.unit for part in structure.parts for p in part.parameters}
+
+
+def parameter_covariance(problem: Problem, minimum: Minimum, residuals: Sequence[Array]) -> Array:
+    """Return the covariance of the free parameters, with residuals that may be correlated.
+
+    The sandwich H⁻¹ (Jᵀ R J) H⁻¹, where R is the covariance of the residuals as their own autocorrelation
+    shows it up to the first lag that is within its noise; for white residuals R = σ² 1.
+
+    Returns:
+        Covariance, shape (free, free), in the parameters' units.
+    """
+    shared, own, sizes = len(problem.names), problem.own, problem.sizes()
+    n = problem.samples
+    dof = max(1, n - len(sizes))
+    variance = sum(float(r @ r) for r in residuals) / dof
+    rho = autocorrelation(residuals, min(400, max(len(r) for r in residuals) // 4))
+    small = np.flatnonzero(np.abs(rho[1:]) < 2.5 / np.sqrt(n))
+    lags = int(small[0]) if len(small) else len(rho) - 1
+    meat = np.zeros((len(sizes), len(sizes)))
+    bread = np.zeros_like(meat)
+    for index, (_, jacobian) in enumerate(problem.linearise(minimum.point)):
+        where = np.r_[0:shared, shared + index * own : shared + (index + 1) * own]
+        j = jacobian * sizes[where]
+        square = j.T @ j
+        bread[np.ix_(where, where)] += square
+        middle = square.copy()
+        for lag in range(1, lags + 1):
+            cross = j[:-lag].T @ j[lag:]
+            middle += rho[lag] * (1 - lag / (lags + 1)) * (cross + cross.T)
+        meat[np.ix_(where, where)] += middle
+    free = ~minimum.at_bound
+    inverse = np.zeros_like(bread)
+    inverse[np.ix_(free, free)] = _inverse(bread[np.ix_(free, free)])
+    covariance = variance * inverse @ meat @ inverse
+    return covariance[:shared, :shared] * np.outer(sizes[:shared], sizes[:shared])
+
+
+def _inverse(matrix: Array) -> Array:
+    diagonal = np.diag(matrix)
+    scale = 1.0 / np.sqrt(np.maximum(diagonal, 1e-24 * max(float(diagonal.max(initial=0.0)), 1e-200)))
+    values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
+    # A direction that the data leave open keeps a huge variance instead of none.
+    floored = np.maximum(values, 1e-13 * max(float(values[-1]), 1e-300))
+    return (vectors / floored) @ vectors.T * np.outer(scale, scale)
+
+
+def doubts(
+    problem: Problem, minimum: Minimum, quantities: Mapping[str, Quantity], covariance: Array
+) -> list[str]:
+    """Say what the data do not fix."""
+    lines: list[str] = []
+    for name, bound in zip(problem.names, minimum.at_bound, strict=False):
+        if bound:
+            lines.append(f"{name} = {quantities[name].value:.4g} {quantities[name].unit} is at its bound")
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    correlation = covariance / np.outer(deviation, deviation)
+    names = list(problem.names)
+    for i, j in itertools.combinations(range(len(names)), 2):
+        if abs(correlation[i, j]) > 0.995:
+            lines.append(
+                f"{names[i]} and {names[j]} cannot be told apart by these releases (correlation "
+                f"{correlation[i, j]:+.4f}): only their combination is fixed"
+            )
+    for name, quantity in quantities.items():
+        if name in ("stiffness", "damping", "rest_angle") or not np.isfinite(quantity.std):
+            continue
+        if quantity.std > abs(quantity.value) and quantity.value != 0:
+            lines.append(f"{name} is not different from zero within its uncertainty ({quantity})")
+    return lines
