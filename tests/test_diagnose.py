@@ -11,6 +11,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 
 import hidden_effects as suite
+import hidden_truths as truths
 
 from sysid.board import load_board
 from sysid.diagnose import diagnose
@@ -20,7 +21,7 @@ from sysid.quantity import Quantity
 from sysid.roll import Release
 from sysid.workspace import shipped_data
 
-BY_NAME = {truth.name: truth for truth in suite.TRUTHS}
+BY_NAME = {truth.name: truth for truth in truths.TRUTHS}
 QUICK = ("none, heavy", "coulomb 0.15, heavy")
 SLOW = (
     "cubic-stiffness 300, heavy",
@@ -37,7 +38,7 @@ SLOW = (
 
 def verdict_of(name, seed, tmp_path):
     truth = BY_NAME[name]
-    return truth, diagnose(suite.make(truth, seed, tmp_path), suite.board_of(truth))
+    return truth, diagnose(truths.make(truth, seed, tmp_path), truths.board_of(truth))
 
 
 @pytest.mark.parametrize("name", QUICK)
@@ -67,10 +68,10 @@ def test_what_the_record_has_is_not_missing_any_more(tmp_path):
     from sysid.board import BoardEffect
 
     truth = BY_NAME["coulomb 0.15, heavy"]
-    board = suite.board_of(truth)
+    board = truths.board_of(truth)
     known = BoardEffect("coulomb", {"torque": Quantity(0.15, 0.01, "N*m")})
     richer = type(board)(**{**{f: getattr(board, f) for f in board.__slots__}, "effects": (known,)})
-    result = diagnose(suite.make(truth, 40, tmp_path), richer)
+    result = diagnose(truths.make(truth, 40, tmp_path), richer)
     assert result.verdict.status == "none-missing", result.verdict
     assert all("coulomb" not in candidate.effects for candidate in result.candidates)
 
@@ -160,8 +161,8 @@ def test_what_acts_at_the_start_is_named_alone(name, seed, effects, tmp_path):
 @pytest.fixture(scope="module")
 def slider(tmp_path_factory):
     """Releases of a slider, with the search that a diagnosis makes of them."""
-    from sysid.fit_mjcf import scales_of
     from sysid.fit_problem import make_records
+    from sysid.fit_search import scales_of
     from sysid.model_search import Searcher
     from sysid.noise import noise_floor
 
