@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,8 +10,8 @@ from sysid.board import Board
 from sysid.fit_problem import Problem
 from sysid.joint_flow import Structure
 from sysid.least_squares import Minimum
-from sysid.noise import autocorrelation
 from sysid.quantity import Quantity
+from sysid.residual_noise import ResidualNoise, residual_noise
 from sysid.roll import Array
 
 UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "rest_angle": "rad"}
@@ -61,36 +62,60 @@ def _effect_units(structure: Structure) -> dict[str, str]:
 def parameter_covariance(problem: Problem, minimum: Minimum, residuals: Sequence[Array]) -> Array:
     """Return the covariance of the free parameters, with residuals that may be correlated.
 
-    The sandwich H⁻¹ (Jᵀ R J) H⁻¹, where R is the covariance of the residuals as their own autocorrelation
-    shows it up to the first lag that is within its noise; for white residuals R = σ² 1.
+    The sandwich H⁻¹ (Jᵀ R J) H⁻¹, where R is the covariance of the noise behind the residuals
+    (`sysid.residual_noise`); for white noise R = σ² 1. Under a robust loss the influence of each residual is
+    bounded, in both layers.
 
     Returns:
         Covariance, shape (free, free), in the parameters' units.
     """
+    sensitivity = sensitivity_of(problem, minimum)
+    noise = noise_behind(problem, minimum, residuals, sensitivity)
+    meat = sum((j.T @ noise.applied(j) for j in sensitivity.rows), np.zeros_like(sensitivity.inverse))
+    shared, sizes = len(problem.names), problem.sizes()
+    covariance = sensitivity.inverse @ meat @ sensitivity.inverse
+    return covariance[:shared, :shared] * np.outer(sizes[:shared], sizes[:shared])
+
+
+@dataclass(frozen=True, slots=True)
+class Sensitivity:
+    """How the residuals move with all unknowns, in units of their sizes."""
+
+    rows: tuple[Array, ...]
+    """Of each record, shape (n, unknowns); zero in columns of other records and of unknowns at a bound."""
+    inverse: Array
+    """(JᵀJ)⁻¹, shape (unknowns, unknowns), zero for unknowns at a bound."""
+
+
+def sensitivity_of(problem: Problem, minimum: Minimum) -> Sensitivity:
+    """Return the Jacobian at a minimum and the inverse of its square."""
     shared, own, sizes = len(problem.names), problem.own, problem.sizes()
-    n = problem.samples
-    dof = max(1, n - len(sizes))
-    variance = sum(float(r @ r) for r in residuals) / dof
-    rho = autocorrelation(residuals, min(400, max(len(r) for r in residuals) // 4))
-    small = np.flatnonzero(np.abs(rho[1:]) < 2.5 / np.sqrt(n))
-    lags = int(small[0]) if len(small) else len(rho) - 1
-    meat = np.zeros((len(sizes), len(sizes)))
-    bread = np.zeros_like(meat)
+    free = ~minimum.at_bound
+    rows: list[Array] = []
+    square = np.zeros((len(sizes), len(sizes)))
     for index, (_, jacobian) in enumerate(problem.linearise(minimum.point)):
         where = np.r_[0:shared, shared + index * own : shared + (index + 1) * own]
-        j = jacobian * sizes[where]
-        square = j.T @ j
-        bread[np.ix_(where, where)] += square
-        middle = square.copy()
-        for lag in range(1, lags + 1):
-            cross = j[:-lag].T @ j[lag:]
-            middle += rho[lag] * (1 - lag / (lags + 1)) * (cross + cross.T)
-        meat[np.ix_(where, where)] += middle
-    free = ~minimum.at_bound
-    inverse = np.zeros_like(bread)
-    inverse[np.ix_(free, free)] = _inverse(bread[np.ix_(free, free)])
-    covariance = variance * inverse @ meat @ inverse
-    return covariance[:shared, :shared] * np.outer(sizes[:shared], sizes[:shared])
+        row = np.zeros((len(jacobian), len(sizes)))
+        row[:, where] = jacobian * sizes[where]
+        row[:, ~free] = 0.0
+        counted = row if problem.weights is None else row[problem.weights[index] >= 1]
+        square += counted.T @ counted
+        rows.append(row)
+    inverse = np.zeros_like(square)
+    inverse[np.ix_(free, free)] = _inverse(square[np.ix_(free, free)])
+    return Sensitivity(tuple(rows), inverse)
+
+
+def noise_behind(
+    problem: Problem, minimum: Minimum, residuals: Sequence[Array], sensitivity: Sensitivity | None = None
+) -> ResidualNoise:
+    """Return the noise behind the residuals of a minimum."""
+    sensitivity = sensitivity or sensitivity_of(problem, minimum)
+    values, vectors = np.linalg.eigh(sensitivity.inverse)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    if problem.weights is not None:
+        residuals = [r * w for r, w in zip(residuals, problem.weights, strict=True)]
+    return residual_noise(residuals, [row @ root for row in sensitivity.rows])
 
 
 def _inverse(matrix: Array) -> Array:

@@ -1,0 +1,130 @@
+"""How the residuals of a fit scatter: their size and their memory, as an autoregression.
+
+Neighbouring residuals of a real log resemble each other, because a sensor smooths or a model is not
+quite right. Treated as independent they promise intervals that are too narrow. And a fit takes the noise
+out of its residuals in just those directions in which it can move, so they look smaller and less
+correlated than the noise is; that is made good here.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.roll import Array
+
+_LONGEST = 60
+"""Highest order of the autoregression that is tried."""
+_ROUNDS = 8
+"""Corrections for what the fit took, at most; each is a share of the one before."""
+
+
+@dataclass(frozen=True, slots=True)
+class ResidualNoise:
+    """Stationary noise e with e_t = Σ a_i e_{t-i} + w_t and w white."""
+
+    innovation: float
+    """Variance of w, in the square of the signal's unit."""
+    coefficients: Array
+    """a_1, a_2, …; empty for white noise."""
+
+    def spectrum(self, size: int) -> Array:
+        """Return the power at the frequencies of a real FFT of that size, shape (size // 2 + 1,)."""
+        shape = np.abs(np.fft.rfft(np.concatenate([[1.0], -self.coefficients]), size)) ** 2
+        return self.innovation / np.maximum(shape, 1e-12)
+
+    @property
+    def std(self) -> float:
+        """Standard deviation of one residual."""
+        if len(self.coefficients) == 0:
+            return float(np.sqrt(self.innovation))
+        return float(np.sqrt(np.mean(self._even(16384))))
+
+    @property
+    def memory(self) -> float:
+        """Over how many samples residuals are correlated: 1 + 2 Σ ρ, which is 1 for white noise."""
+        even = self._even(16384)
+        return float(even[0] / np.mean(even))
+
+    def _even(self, size: int) -> Array:
+        half = self.spectrum(size)
+        return np.concatenate([half, half[-2:0:-1]])
+
+    def applied(self, columns: Array) -> Array:
+        """Return the noise's covariance times columns, shape (n, q) like them."""
+        if len(self.coefficients) == 0:
+            return self.innovation * columns
+        size = _fft_size(2 * len(columns))
+        power = self.spectrum(size)[:, None]
+        return np.fft.irfft(power * np.fft.rfft(columns, size, axis=0), size, axis=0)[: len(columns)]
+
+    def drawn(self, count: int, rng: np.random.Generator) -> Array:
+        """Return a stretch of such noise, shape (count,)."""
+        from scipy.signal import lfilter
+
+        lead = 20 * len(self.coefficients) + 200
+        white = np.sqrt(self.innovation) * rng.standard_normal(count + lead)
+        return np.asarray(lfilter([1.0], np.concatenate([[1.0], -self.coefficients]), white))[lead:]
+
+
+def residual_noise(residuals: Sequence[Array], directions: Sequence[Array] | None = None) -> ResidualNoise:
+    """Estimate the noise behind the residuals of a fit.
+
+    The order of the autoregression is the one with the lowest BIC (VARHAC; den Haan and Levin 1998). The
+    residuals of a linear fit are (1 - U Uᵀ) e, so their covariances fall short of the noise's by a term that
+    follows from U and from the noise itself; it is added back, a few times over.
+
+    Args:
+        residuals: Of each record, evenly sampled.
+        directions: Rows of each record of a matrix U with orthonormal columns that spans all directions
+            in which the fit can move, shape (n, p) each; None to take residuals for noise.
+    """
+    n = sum(len(r) for r in residuals)
+    longest = min(_LONGEST, max(1, min(len(r) for r in residuals) // 8))
+    seen = sum((_covariances(r[:, None], r[:, None], longest) for r in residuals), np.zeros(longest + 1)) / n
+    noise = autoregression(seen, n)
+    for _ in range(_ROUNDS if directions and noise.innovation > 0 else 0):
+        moved = [noise.applied(u) for u in directions or ()]
+        inner = sum((u.T @ v for u, v in zip(directions or (), moved, strict=True)), np.zeros(()))
+        taken = np.zeros(longest + 1)
+        for u, v in zip(directions or (), moved, strict=True):
+            # 2 sym(U Uᵀ R) - U (Uᵀ R U) Uᵀ, summed along its diagonals.
+            rest = 2 * v - u @ inner
+            taken += 0.5 * (_covariances(u, rest, longest) + _covariances(rest, u, longest))
+        before, noise = noise, autoregression(seen + taken / n, n)
+        if abs(noise.std / max(before.std, 1e-300) - 1) < 1e-3:
+            break
+    return noise
+
+
+def autoregression(covariances: Array, count: int) -> ResidualNoise:
+    """Return the autoregression of the lowest BIC for covariances at lags 0, 1, … of `count` samples.
+
+    Levinson–Durbin; it stops where covariances belong to no stationary noise.
+    """
+    variance = float(covariances[0])
+    if not variance > 0:
+        return ResidualNoise(max(variance, 0.0), np.zeros(0))
+    coefficients = np.zeros(0)
+    best = count * np.log(variance), variance, coefficients
+    for order in range(1, len(covariances)):
+        reflection = (covariances[order] - coefficients @ covariances[order - 1 : 0 : -1]) / variance
+        if not abs(reflection) < 1:
+            break
+        coefficients = np.append(coefficients - reflection * coefficients[::-1], reflection)
+        variance *= 1 - reflection**2
+        score = count * np.log(variance) + order * np.log(count)
+        if score < best[0]:
+            best = score, variance, coefficients
+    return ResidualNoise(float(best[1]), best[2])
+
+
+def _covariances(left: Array, right: Array, lags: int) -> Array:
+    """Return Σ_t left[t] · right[t + lag] for lags 0 to `lags`; rows are samples."""
+    size = _fft_size(len(left) + lags + 1)
+    product = np.sum(np.conj(np.fft.rfft(left, size, axis=0)) * np.fft.rfft(right, size, axis=0), axis=1)
+    return np.fft.irfft(product, size)[: lags + 1]
+
+
+def _fft_size(count: int) -> int:
+    return 1 << (count - 1).bit_length()
