@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from policy_runtime.evaluate import Evaluation, Protocol, summarise
-from policy_runtime.metrics import Rides, reachable_headings
+from policy_runtime.evaluate import Protocol
+from policy_runtime.evaluation import PATHS, TIME_LIMIT, Evaluation, Part, part_of, summarise
+from policy_runtime.metrics import Rides
 from policy_runtime.policy import open_policy
 from sim.skate.actor_observation import OBSERVATION_SIZE
 from sim.skate.clock import CONTROL_PERIOD
@@ -54,10 +55,12 @@ class BatchPolicy:
                 not installed.
         """
         self.name = Path(policy).stem
+        self.turn_feedback = False
         self._session: Any = None
         if policy == "zero":
             return
         file = open_policy(Path(policy), board, force=force)
+        self.turn_feedback = file.turn_feedback
         if file.size != OBSERVATION_SIZE:
             raise HuskyError(
                 f"{policy}: takes {file.size} numbers, the task gives {OBSERVATION_SIZE}. Evaluate it in plain MuJoCo."
@@ -113,13 +116,13 @@ def evaluate_in_parallel(
     """
     protocol = protocol or Protocol()
     batch = BatchPolicy(policy, board, force=force)
-    results = []
+    parts: list[Part] = []
     for seed in seeds:
         rides, endings, paths = _ride(batch, board, episodes, seed, protocol, device)
-        results.append((seed, rides, endings, reachable_headings(rides), paths))
+        parts.append(part_of(seed, rides, endings, paths))
         if progress is not None:
             progress(episodes)
-    return summarise(results, batch.name, board.name, episodes, seeds)
+    return summarise(parts, batch.name, board.name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +131,9 @@ class _Worlds:
     torch: Any
 
 
-def _worlds(board: Board, count: int, seed: int, protocol: Protocol, device: str | None) -> _Worlds:
+def _worlds(
+    board: Board, count: int, seed: int, protocol: Protocol, device: str | None, *, turn_feedback: bool
+) -> _Worlds:
     try:
         import torch
         from mjlab.envs import ManagerBasedRlEnv
@@ -149,6 +154,10 @@ def _worlds(board: Board, count: int, seed: int, protocol: Protocol, device: str
         pushes=protocol.pushes,
         noise=False,
         episode=protocol.duration,
+        turn_feedback=turn_feedback,
+        # What ends an episode to teach something is no failure of a rider.
+        stance_patience=0,
+        idle_patience=0.0,
     )
     torch.manual_seed(seed)
     device = device or ("cuda:0" if torch.cuda.is_available() else "cpu")
@@ -164,12 +173,12 @@ def _ride(
     from sim.skate.measuring import measure
     from sim.skate.observations import skate_command
 
-    worlds = _worlds(board, count, seed, protocol, device)
+    worlds = _worlds(board, count, seed, protocol, device, turn_feedback=policy.turn_feedback)
     env, torch = worlds.env, worlds.torch
     rows: dict[str, list[Array]] = {name: [] for name in (*COLUMNS, "speed", "alive")}
     where: list[Array] = []
     running, succeeded = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
-    endings = ["time limit"] * count
+    endings = [TIME_LIMIT] * count
     try:
         observations, _ = env.reset()
         with torch.inference_mode():
@@ -195,7 +204,7 @@ def _ride(
     columns: dict[str, Any] = {name: np.array(values) for name, values in rows.items()}
     rides = Rides(**columns, succeeded=succeeded)
     lengths = rides.alive.sum(axis=0)
-    paths = [np.array(where)[: lengths[n], n] for n in range(min(count, 20))]
+    paths = [np.array(where)[: lengths[n], n] for n in range(min(count, PATHS))]
     return rides, endings, paths
 
 
@@ -206,6 +215,6 @@ def _judge(env: Any, running: Array, succeeded: Array, endings: list[str]) -> No
     for n in np.flatnonzero(over):
         for term in terminations.active_terms:
             if bool(terminations.get_term(term)[n]):
-                endings[n] = "time limit" if term == "time_out" else term.replace("_", " ")
-        succeeded[n] = endings[n] == "time limit"
+                endings[n] = TIME_LIMIT if term == "time_out" else term.replace("_", " ")
+        succeeded[n] = endings[n] == TIME_LIMIT
     running &= ~over

@@ -11,7 +11,7 @@ from sysid.board import Board
 from sysid.files import atomic_path
 
 
-def policy_metadata(board: Board, board_hash: str, run: str) -> dict[str, str]:
+def policy_metadata(board: Board, board_hash: str, run: str, *, turn_feedback: bool = True) -> dict[str, str]:
     """Return the metadata that a runtime checks against robot and board; lists are comma-separated."""
     numbers = servos()
     join = lambda values: ",".join(f"{value:.6g}" for value in values)  # noqa: E731
@@ -26,6 +26,7 @@ def policy_metadata(board: Board, board_hash: str, run: str) -> dict[str, str]:
         "observation_names": ",".join(name for name, *_ in PARTS),
         "observation_scale": join(SCALE),
         "observation_layout": "frame-major",
+        "observation_turn": "still-to-turn" if turn_feedback else "as-told",
         "observation_history": str(FRAMES),
         "board": board.name,
         "board_sha256": board_hash,

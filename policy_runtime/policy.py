@@ -17,6 +17,7 @@ from sim.skate.actor_observation import (
     projected_gravity,
     raw_frame,
     scale_frame,
+    still_to_turn,
 )
 from sim.skate.clock import Clock
 from sim.skate.g1 import JOINTS, default_pose, servos
@@ -56,7 +57,7 @@ def action_for(target: Array) -> Array:
 
 
 class PaperObservation:
-    """The observation that our policies are trained with: see `sim.skate.actor_observation`."""
+    """The observation of the paper: the turn as it was told. See `sim.skate.actor_observation`."""
 
     size = OBSERVATION_SIZE
 
@@ -84,6 +85,29 @@ class PaperObservation:
             np.array([self._clock.phase(step)]),
         )
         return scale_frame(frame)
+
+
+class FeedbackObservation(PaperObservation):
+    """The observation that our policies are trained with: how far it still has to turn, by its own yaw."""
+
+    def __init__(self) -> None:
+        """Start without a history."""
+        super().__init__()
+        self._yaw_then: float | None = None
+
+    def reset(self) -> None:
+        """Forget the frames seen, and the yaw from which the turn counts."""
+        super().reset()
+        self._yaw_then = None
+
+    def frame(self, state: RobotState, command: Command, last_action: Array, step: int) -> Array:
+        """Return the newest frame, scaled, shape (78,)."""
+        yaw = float(rotation.yaw(state.quaternion))
+        clock = self._clock
+        if self._yaw_then is None or step % clock.period == clock.push + clock.mount:
+            self._yaw_then = yaw
+        turn = float(still_to_turn(command.turn, yaw, self._yaw_then))
+        return super().frame(state, Command(command.speed, turn), last_action, step)
 
 
 class ReleaseObservation(PaperObservation):
@@ -127,6 +151,11 @@ class PolicyFile:
     metadata: dict[str, str]
     notes: tuple[str, ...]
     """What could not be checked, for people."""
+
+    @property
+    def turn_feedback(self) -> bool:
+        """Whether it wants to see how far it still has to turn, instead of the turn as it was told."""
+        return self.metadata.get("observation_turn") == "still-to-turn"
 
 
 def open_policy(path: Path, board: Board | None = None, *, force: bool = False) -> PolicyFile:
@@ -287,6 +316,12 @@ def _board_numbers(board: Board) -> dict[str, float]:
     }
 
 
+def _observation(file: PolicyFile) -> PaperObservation:
+    if file.size == RELEASE_SIZE:
+        return ReleaseObservation()
+    return FeedbackObservation() if file.turn_feedback else PaperObservation()
+
+
 class OnnxPolicy:
     """Runs an opened policy."""
 
@@ -294,7 +329,7 @@ class OnnxPolicy:
         """Take the file; `reset` begins an episode."""
         self.name = file.path.stem
         self.file = file
-        self._observation = ReleaseObservation() if file.size == RELEASE_SIZE else PaperObservation()
+        self._observation = _observation(file)
         self._default, self._scale = default_pose(), servos().action_scale
         self.action = np.zeros(len(JOINTS))
 

@@ -11,6 +11,8 @@
 | tilt_error, tilt | mean |γ - γ_ref| and |γ| while steering [rad] |
 | both_feet | share of the steering steps with both feet on the deck |
 | foot_down | share of the pushing steps with the pushing foot on the ground |
+| wrong_push | share of the pushing steps with the right foot off the deck or the left one on it |
+| wrong_steer | share of the steering steps with a foot off the deck or on the ground |
 | reward/… | mean weighted reward of each term per second |
 | end/… | episodes ended by each cause per minute of simulated riding |
 """
@@ -44,6 +46,7 @@ class Progress:
         steering, pushing = state.steering.float(), state.pushing.float()
         speed = (state.board_velocity[:, 0] - state.commanded_speed).abs()
         heading = wrap_angle(state.board_heading - state.target_heading).abs()
+        left, right = state.foot_on_deck[:, 0], state.foot_on_deck[:, 1]
         sums = {
             "steering": steering.sum(),
             "pushing": pushing.sum(),
@@ -53,6 +56,8 @@ class Progress:
             "tilt": (state.tilt.abs() * steering).sum(),
             "both_feet": (state.foot_on_deck.all(dim=-1) * steering).sum(),
             "foot_down": (state.foot_on_ground[:, 0] * pushing).sum(),
+            "wrong_push": ((left | ~right) * pushing).sum(),
+            "wrong_steer": ((~(left & right) | state.foot_on_ground.any(dim=-1)) * steering).sum(),
             "style": style,
             "reward": env.reward_manager._step_reward.mean(dim=0),
             "end": torch.stack([env.termination_manager.get_term(name).sum() for name in self._ends]).float(),
@@ -91,6 +96,8 @@ class Progress:
             ("tilt", "steering"),
             ("both_feet", "steering"),
             ("foot_down", "pushing"),
+            ("wrong_push", "pushing"),
+            ("wrong_steer", "steering"),
         ):
             result[name] = get(name) / max(get(stretch), 1.0)
         terms = (values["reward"] / steps).tolist()

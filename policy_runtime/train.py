@@ -99,7 +99,7 @@ def train(
     if process.count > 1:
         algorithm.broadcast_parameters()
     total = config.learn.iterations if iterations is None else iterations
-    done = _learn(folder, config.learn, env, algorithm, process, (start, total), deadline, report)
+    done = _learn(folder, config, env, algorithm, process, (start, total), deadline, report)
     if keep_all:
         torch.save(algorithm.save(), folder.path / "checkpoints" / f"process_{process.rank}.pt")
     env.close()
@@ -208,17 +208,22 @@ def save(folder: RunFolder, env: Any, algorithm: "AmpPPO", iteration: int) -> No
         torch.save(content, temporary)
 
 
-def export(folder: RunFolder, algorithm: "AmpPPO") -> None:
+def export(folder: RunFolder, config: RunConfig, algorithm: "AmpPPO") -> None:
     """Write the policy as it is now."""
     from policy_runtime.onnx_export import export_policy, policy_metadata
 
-    metadata = policy_metadata(load_board(folder.board), sha256(folder.board), folder.path.name)
+    metadata = policy_metadata(
+        load_board(folder.board),
+        sha256(folder.board),
+        folder.path.name,
+        turn_feedback=config.task.turn_feedback,
+    )
     export_policy(algorithm.get_policy(), folder.policy, metadata)
 
 
 def _learn(
     folder: RunFolder,
-    learn: LearnOptions,
+    config: RunConfig,
     env: Any,
     algorithm: "AmpPPO",
     process: Process,
@@ -231,7 +236,7 @@ def _learn(
 
     from policy_runtime.progress import Progress
 
-    progress = Progress(env.unwrapped)
+    progress, learn = Progress(env.unwrapped), config.learn
     board = _tensorboard(folder) if process.leads else None
     iteration = span[0]
     lengths = torch.randint_like(env.episode_length_buf, int(env.max_episode_length))
@@ -266,7 +271,7 @@ def _learn(
                 report(numbers)
             if stop or iteration % learn.save_every == 0:
                 save(folder, env, algorithm, iteration)
-                export(folder, algorithm)
+                export(folder, config, algorithm)
         if stop:
             break
     return iteration
@@ -363,7 +368,7 @@ def one_line(numbers: dict[str, float]) -> str:
         f"{numbers['iteration']:.0f}: {numbers['steps_per_s']:,.0f} steps/s  reward {numbers['reward']:.2f}  "
         f"survival {numbers['survival']:.2f}  falls/min {numbers['falls_per_minute']:.2f}  "
         f"speed error {numbers['speed_error']:.3f} m/s  heading error {numbers['heading_error']:.3f} rad  "
-        f"both feet {numbers['both_feet']:.2f}  style {numbers['style']:.2f}  std {numbers['action_std']:.2f}"
+        f"wrong feet {numbers['wrong_push']:.3f} {numbers['wrong_steer']:.3f}  style {numbers['style']:.2f}  std {numbers['action_std']:.2f}"
     )
 
 

@@ -5,9 +5,17 @@ import pytest
 from riding import answer_of, make_onnx, our_metadata, pink, published_metadata
 
 from policy_runtime.commands import Command
-from policy_runtime.policy import OnnxPolicy, PaperObservation, ReleaseObservation, action_for, open_policy
+from policy_runtime.policy import (
+    FeedbackObservation,
+    OnnxPolicy,
+    PaperObservation,
+    ReleaseObservation,
+    action_for,
+    open_policy,
+)
 from policy_runtime.robots import RobotState
 from sim.skate.g1 import JOINTS, default_pose, servos
+from sim.skate.rotation import from_yaw
 from sysid.errors import HuskyError, QualityGateError
 
 
@@ -91,7 +99,23 @@ def test_release_observation_is_term_by_term_oldest_first_with_heading(ride):
     np.testing.assert_allclose(observation, expected, atol=1e-9)
 
 
-@pytest.mark.parametrize("kind", [PaperObservation, ReleaseObservation])
+def test_feedback_takes_what_the_pelvis_has_yawed_off_the_turn():
+    rng = np.random.default_rng(3)
+    state = state_of(rng)
+    yawed = lambda angle: dataclasses.replace(state, quaternion=from_yaw(angle))  # noqa: E731
+    builder, action = FeedbackObservation(), np.zeros(23)
+    seen = [
+        builder.frame(yawed(angle), Command(1.0, turn), action, step)[1]
+        for angle, turn, step in [(3.0, 0.5, 120), (3.2, 0.5, 121), (-3.0, -0.4, 150), (3.2, -0.4, 151)]
+    ]
+    # From 3.0 to 3.2 a turn of 0.5 has 0.3 left; at step 150 steering begins and the yaw counts anew,
+    # across the jump at ±π: from -3.0 to 3.2 is -0.083.
+    np.testing.assert_allclose(seen, [0.5, 0.3, -0.4, -0.4 + 2 * np.pi - 6.2], atol=1e-9)
+    builder.reset()
+    assert builder.frame(yawed(1.0), Command(1.0, 0.2), action, 7)[1] == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize("kind", [PaperObservation, FeedbackObservation, ReleaseObservation])
 def test_first_frame_fills_the_history_after_a_reset(ride, kind):
     builder = kind()
     rows = list(zip(*ride, strict=True))
@@ -136,7 +160,7 @@ def test_policy_of_either_interface_answers_as_computed_by_hand(tmp_path, runtim
     policy = OnnxPolicy(open_policy(tmp_path / "policy.onnx", pink()))
     states, commands, _, steps = ride
     policy.reset(states[0])
-    builder = ReleaseObservation() if size == 395 else PaperObservation()
+    builder = ReleaseObservation() if size == 395 else FeedbackObservation()
     action = np.zeros(23) if size == 395 else action_for(states[0].joint_position)
     for state, command, step in zip(states, commands, steps, strict=True):
         target = policy.act(state, command, step)

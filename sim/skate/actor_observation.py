@@ -2,7 +2,7 @@
 
 | numbers | content | scale | noise in training (uniform, before scaling) |
 |---|---|---|---|
-| 0–1 | command: speed [m/s], heading relative to that at the command [rad] | 2, 1 | |
+| 0–1 | command: speed [m/s], how far still to turn [rad] | 2, 1 | |
 | 2–4 | angular velocity of the pelvis, its own frame [rad/s] | 0.25 | ±0.2 |
 | 5–7 | direction of gravity in the pelvis frame [1] | 1 | ±0.05 |
 | 8–30 | joint positions less the default pose [rad] | 1 | ±0.01 |
@@ -14,13 +14,17 @@ The five frames follow each other oldest first (`frame-major`): 390 numbers. Aft
 the first frame. The HUSKY release feeds 79 numbers, with the absolute heading as third, and groups the
 history by term; a policy replayed with the heading held at zero turns as well, so it is left out, as in
 the paper.
+
+How far still to turn is the commanded turn less what the pelvis has yawed since steering began, which the
+robot's IMU tells. The paper feeds the turn as it was told: with a tenth of a second of history the policy
+then cannot know how much of it is done.
 """
 
 from typing import Any
 
 import numpy as np
 
-from sim.skate.arrays import constant, namespace
+from sim.skate.arrays import constant, namespace, wrap_angle
 
 FRAMES = 5
 """Frames that the policy sees: this one and the four before."""
@@ -43,6 +47,11 @@ SCALE = tuple(scale for _, _, scales, _ in PARTS for scale in scales)
 NOISE = tuple(noise for _, size, _, noise in PARTS for _ in range(size))
 
 
+def still_to_turn(turn: Any, yaw: Any, yaw_then: Any) -> Any:
+    """Return the commanded turn less the yaw of the pelvis since it was told, within ±π [rad], shape (...,)."""
+    return wrap_angle(turn - (yaw - yaw_then))
+
+
 def raw_frame(
     command: Any,
     angular_velocity: Any,
@@ -55,7 +64,7 @@ def raw_frame(
     """Return one frame before noise and scaling, shape (..., 78).
 
     Args:
-        command: Speed [m/s] and relative heading [rad], shape (..., 2).
+        command: Speed [m/s] and turn [rad], shape (..., 2).
         angular_velocity: Of the pelvis in its own frame [rad/s], shape (..., 3).
         gravity: Unit vector down in the pelvis frame, shape (..., 3).
         joint_offset: Joint positions less the default pose [rad], shape (..., 23).

@@ -9,6 +9,7 @@ import torch
 from mjlab.managers.command_manager import CommandTerm, CommandTermCfg
 
 from sim.skate import rotation
+from sim.skate.actor_observation import still_to_turn
 from sim.skate.arrays import wrap_angle
 from sim.skate.clock import CONTROL_PERIOD, STILL_SPEED, Clock
 from sim.skate.reading import Reading
@@ -44,6 +45,8 @@ class SkateCommandCfg(CommandTermCfg):
     clock: Clock = field(default_factory=Clock)
     path: TransitionPath = field(default_factory=TransitionPath)
     guidance: TiltGuidance
+    turn_feedback: bool = True
+    """Whether the actor sees how far it still has to turn, instead of the turn as it was told."""
     push_pose: CanonicalPose
     """Where dismounting ends."""
     steer_pose: CanonicalPose
@@ -71,6 +74,8 @@ class SkateCommand(CommandTerm):
         """Steps since the cycle began, (n,)."""
         self.target_heading = torch.zeros(n, device=device)
         self._command = torch.zeros(n, 2, device=device)
+        self._yaw_then = torch.zeros(n, device=device)
+        """Yaw of the pelvis when the turn was told [rad], (n,)."""
         ends = (cfg.push_pose, cfg.steer_pose)
         self._end_positions = torch.tensor([pose.key_positions for pose in ends], device=device)
         self._end_quaternions = torch.tensor([pose.key_quaternions for pose in ends], device=device)
@@ -93,6 +98,14 @@ class SkateCommand(CommandTerm):
     def command(self) -> torch.Tensor:
         """Commanded speed [m/s] and relative heading [rad], (n, 2)."""
         return self._command
+
+    def seen(self) -> torch.Tensor:
+        """Return what the actor sees of the command, (n, 2)."""
+        if not self.cfg.turn_feedback:
+            return self._command
+        yaw = rotation.yaw(self.reading.robot_quaternion())
+        turn = still_to_turn(self._command[:, 1], yaw, self._yaw_then)
+        return torch.stack((self._command[:, 0], turn), dim=-1)
 
     @property
     def still(self) -> torch.Tensor:
@@ -146,6 +159,7 @@ class SkateCommand(CommandTerm):
         turn = torch.empty(len(env_ids), device=self.device).uniform_(*self.cfg.turn)
         self._command[env_ids, 1] = turn
         self.target_heading[env_ids] = wrap_angle(self.reading.board_heading()[env_ids] + turn)
+        self._yaw_then[env_ids] = rotation.yaw(self.reading.robot_quaternion()[env_ids])
 
     def _update_command(self, env_ids: torch.Tensor | None) -> None:
         self.key_bodies = self.reading.key_bodies_on_board()
@@ -171,6 +185,7 @@ class SkateCommand(CommandTerm):
         target = wrap_angle(self.reading.board_heading() + turn)
         self._command[:, 1] = torch.where(begins, turn, self._command[:, 1])
         self.target_heading = torch.where(begins, target, self.target_heading)
+        self._yaw_then = torch.where(begins, rotation.yaw(self.reading.robot_quaternion()), self._yaw_then)
 
     def _update_path(self) -> None:
         fraction = self.clock.transition_fraction(self.step)

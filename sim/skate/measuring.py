@@ -65,6 +65,11 @@ def not_finite(env: "ManagerBasedRlEnv") -> torch.Tensor:
     return ~(torch.isfinite(data.qpos).all(dim=-1) & torch.isfinite(data.qvel).all(dim=-1))
 
 
+def idle_foot(env: "ManagerBasedRlEnv", patience: float) -> torch.Tensor:
+    """Return `terminations.idle_foot`, (n,)."""
+    return terminations.idle_foot(measure(env), patience)
+
+
 class OffBoard:
     """`terminations.off_board` with its memory of one step."""
 

@@ -52,7 +52,7 @@ class ActorFrame:
         command = skate_command(env)
         reading = command.reading
         return raw_frame(
-            command.command,
+            command.seen(),
             reading.gyro(),
             projected_gravity(reading.robot_quaternion()),
             reading.joint_position() - self._default,

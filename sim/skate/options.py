@@ -40,6 +40,11 @@ class SkateOptions:
     steered: bool = True
     """Whether tilting steers at all; without it the board goes straight."""
     terrain: Terrain = "flat"
+    turn_feedback: bool = True
+    """Whether the actor sees how far it still has to turn, as its own yaw tells; else the turn as it was told,
+    as in the paper, and it steers blindly."""
+    idle_patience: float = 1.2
+    """Time in pushing without the left foot on the ground after which an episode ends [s]; 0 for never."""
     speed: tuple[float, float] = (0.0, 1.5)
     """Range of the commanded speed [m/s]."""
     turn: float = math.pi / 4

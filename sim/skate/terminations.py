@@ -27,6 +27,18 @@ def body_contact(state: SkateState) -> Any:
     return state.other_contacts > 0
 
 
+def idle_foot(state: SkateState, patience: float) -> Any:
+    """The pushing foot has not touched the ground for longer than `patience` [s] of pushing, bool (n,).
+
+    Rolling on one leg with the other held over the ground is stable and keeps most of the speed of the
+    first pushes, so a learner that has found it stops pushing.
+    """
+    idle = namespace(state.left_air_time).where(
+        state.left_air_time < state.time_in_push, state.left_air_time, state.time_in_push
+    )
+    return state.pushing & (idle > patience)
+
+
 def wrong_stance(state: SkateState, steps_before: Any) -> Any:
     """Return for how many steps the left foot has not been where the cycle wants it, integers (n,).
 

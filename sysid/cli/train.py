@@ -29,6 +29,8 @@ class Variant:
     """What guides mounting and dismounting: key bodies' paths, their positions only, or nothing."""
     tilt_guidance: bool = True
     """Whether the tilt is guided."""
+    turn_feedback: bool = True
+    """Whether the actor sees how far it still has to turn; else the turn as it was told, as in the paper."""
     kinematics: Literal["two-truck", "single-truck"] = "two-truck"
     """Turning of the board; single-truck is the paper's formula."""
     coupling: Literal["equality", "direct", "none"] = "equality"
@@ -58,6 +60,7 @@ class Variant:
             pushing=self.pushing,
             transition=self.transition,
             tilt_guidance=self.tilt_guidance,
+            turn_feedback=self.turn_feedback,
             kinematics=self.kinematics,
             coupling="equality" if self.coupling == "none" else self.coupling,
             steered=self.coupling != "none",
