@@ -11,21 +11,19 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from policy_runtime.commands import Command
-from policy_runtime.metrics import METRICS, Rides, episode_errors, reachable_headings
+from policy_runtime.evaluation import PATHS, TIME_LIMIT, Evaluation, Part, part_of, summarise
+from policy_runtime.metrics import Rides
 from policy_runtime.policy import OnnxPolicy, Policy, open_policy
 from policy_runtime.recording import Recorder, Recording
 from policy_runtime.runtime import Runtime
 from policy_runtime.scripted import SCRIPTS, scripted
-from policy_runtime.statistics import mean_over, proportion
 from policy_runtime.world import World, joint_limits, make_world
 from sim.skate.clock import CONTROL_PERIOD, Clock
 from sysid.board import Board
-from sysid.quantity import Quantity
 from sysid.roll import Array
 
 FALLEN = math.radians(70)
@@ -48,45 +46,6 @@ class Protocol:
     """Largest change of velocity by shoves, one every 5 to 10 s [m/s]."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Evaluation:
-    """What many episodes said."""
-
-    policy: str
-    board: str
-    episodes: int
-    """Episodes of each seed."""
-    seeds: tuple[int, ...]
-    success: Quantity
-    errors: dict[str, Quantity]
-    """Every metric of `METRICS`."""
-    endings: dict[str, int]
-    """How many episodes ended in which way."""
-    duration: Quantity
-    """Time until the end of an episode [s]."""
-    headings: Array
-    """See `metrics.reachable_headings`."""
-    paths: tuple[Array, ...]
-    """Paths of the board in the first episodes: x, y, heading, each (t, 3)."""
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the evaluation for machines."""
-        return {
-            "policy": self.policy,
-            "board": self.board,
-            "episodes": self.episodes,
-            "seeds": list(self.seeds),
-            "E_succ": self.success.to_json(),
-            **{name: quantity.to_json() for name, quantity in self.errors.items()},
-            "duration": self.duration.to_json(),
-            "endings": self.endings,
-            "headings": [
-                {"asked_rad": asked, "achieved_rad": done, "speed": speed}
-                for asked, done, speed in self.headings.tolist()
-            ],
-        }
-
-
 @dataclass
 class _Episode:
     """One episode's commands, and the judgement of when it is over: a command source for the runtime."""
@@ -95,7 +54,7 @@ class _Episode:
     recorder: Recorder
     protocol: Protocol
     rng: np.random.Generator
-    ending: str = "time limit"
+    ending: str = TIME_LIMIT
     _speed: float = field(init=False)
     _turn: float = field(init=False)
     _unloaded: bool = False
@@ -184,11 +143,7 @@ class _Job:
     force: bool
 
 
-_Result = tuple[int, Rides, list[str], Array, list[Array]]
-"""Seed, rides, how each ended, headings reached, paths of the first."""
-
-
-def _work(job: _Job) -> _Result:
+def _work(job: _Job) -> Part:
     """Ride some episodes of one seed in a process of its own."""
     world = make_world(job.board)
     policy = policy_named(job.policy, job.board, force=job.force)
@@ -199,13 +154,12 @@ def _work(job: _Job) -> _Result:
         recording, ending = run_episode(
             world, policy, job.protocol, np.random.default_rng([job.seed, episode])
         )
-        rides.append(recording.rides(succeeded=ending == "time limit"))
+        rides.append(recording.rides(succeeded=ending == TIME_LIMIT))
         endings.append(ending)
-        if episode < 20:
+        if episode < PATHS:
             where = recording.column("board_position")[:, :2]
             paths.append(np.column_stack([where, recording.column("board_heading")]))
-    joined = Rides.join(rides)
-    return job.seed, joined, endings, reachable_headings(joined), paths
+    return part_of(job.seed, Rides.join(rides), endings, paths)
 
 
 def evaluate_policy(
@@ -242,55 +196,15 @@ def evaluate_policy(
         for seed in seeds
         for first in range(0, episodes, size)
     ]
-    results: list[_Result] = []
-    for result in _results(jobs, workers):
-        results.append(result)
+    parts: list[Part] = []
+    for part in _results(jobs, workers):
+        parts.append(part)
         if progress is not None:
-            progress(len(result[2]))
-    return summarise(results, name, board.name, episodes, seeds)
+            progress(len(part.endings))
+    return summarise(parts, name, board.name)
 
 
-def summarise(
-    results: list[_Result], policy: str, board: str, episodes: int, seeds: tuple[int, ...]
-) -> Evaluation:
-    """Put the results of all parts together.
-
-    Args:
-        results: Seed, rides, endings, headings and paths of each part.
-        policy: Name of the policy.
-        board: Name of the board.
-        episodes: Episodes of each seed.
-        seeds: All seeds.
-    """
-    errors: dict[str, dict[int, list[Array]]] = {key: {seed: [] for seed in seeds} for key in METRICS}
-    durations: dict[int, list[Array]] = {seed: [] for seed in seeds}
-    endings: dict[str, int] = {}
-    for seed, rides, ended, _, _ in results:
-        for key, values in episode_errors(rides).items():
-            errors[key][seed].append(values)
-        durations[seed].append(rides.alive.sum(axis=0) * CONTROL_PERIOD)
-        for ending in ended:
-            endings[ending] = endings.get(ending, 0) + 1
-    paths = [path for *_, part in results for path in part]
-    return Evaluation(
-        policy=policy,
-        board=board,
-        episodes=episodes,
-        seeds=seeds,
-        success=proportion(endings.get("time limit", 0), episodes * len(seeds)),
-        errors={key: mean_over(_by_seed(errors[key]), unit) for key, unit in METRICS.items()},
-        endings=dict(sorted(endings.items())),
-        duration=mean_over(_by_seed(durations), "s"),
-        headings=np.concatenate([headings for *_, headings, _ in results]),
-        paths=tuple(paths[:20]),
-    )
-
-
-def _by_seed(values: dict[int, list[Array]]) -> list[Array]:
-    return [np.concatenate(arrays) for arrays in values.values()]
-
-
-def _results(jobs: list[_Job], workers: int) -> Iterator[_Result]:
+def _results(jobs: list[_Job], workers: int) -> Iterator[Part]:
     if workers == 1:
         yield from map(_work, jobs)
         return

@@ -111,8 +111,7 @@ def episode_errors(rides: Rides) -> dict[str, Array]:
     yaw_error = np.abs(wrap_angle(rides.target_heading - rides.heading))
     change = np.diff(rides.joints, axis=0)
     pairs = rides.alive[1:] & rides.alive[:-1]
-    wrong_push = ~rides.foot_on_deck[..., 1] | rides.foot_on_deck[..., 0]
-    wrong_steer = ~rides.foot_on_deck.all(axis=-1) | rides.foot_on_ground.any(axis=-1)
+    wrong_push, wrong_steer = wrong_in_pushing(rides), wrong_in_steering(rides)
     wrong = np.where(rides.pushing, wrong_push, wrong_steer)
     return {
         "E_vel": _mean(speed_error, push),
@@ -126,6 +125,16 @@ def episode_errors(rides: Rides) -> dict[str, Array]:
         "E_contact_push": _mean(wrong_push.astype(float), push),
         "E_contact_steer": _mean(wrong_steer.astype(float), steer),
     }
+
+
+def wrong_in_pushing(rides: Rides) -> Flags:
+    """Return where the right foot is off the deck or the left foot on it, (t, n)."""
+    return ~rides.foot_on_deck[..., 1] | rides.foot_on_deck[..., 0]
+
+
+def wrong_in_steering(rides: Rides) -> Flags:
+    """Return where a foot is off the deck or on the ground, (t, n)."""
+    return ~rides.foot_on_deck.all(axis=-1) | rides.foot_on_ground.any(axis=-1)
 
 
 def _mean(values: Array, where: Flags) -> Array:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from policy_runtime.robots import RobotState
-from sim.skate.actor_observation import projected_gravity
 from sim.skate.g1 import JOINTS, servos
 from sysid.roll import Array
 
@@ -45,6 +44,7 @@ class Guard:
         """
         self._limits, self._period = limits, period
         self._effort = servos().effort
+        self._loaded = limits.torque_share * self._effort
         self._last_time = -math.inf
         self._stale = 0.0
         self._at_limit = np.zeros(len(JOINTS))
@@ -55,27 +55,28 @@ class Guard:
         if state.age > limits.link_timeout:
             return f"lost link: no message from the robot for {state.age * 1e3:.0f} ms"
         for name in ("quaternion", "angular_velocity", "joint_position", "joint_velocity", "joint_torque"):
-            if not np.all(np.isfinite(getattr(state, name))):
+            if not _finite(getattr(state, name)):
                 return f"not finite: {name.replace('_', ' ')} is {getattr(state, name)}"
         self._stale = self._stale + self._period if state.time <= self._last_time else 0.0
         self._last_time = max(self._last_time, state.time)
         if self._stale > limits.stale_timeout:
             return f"stale observation: the robot has repeated the same state for {self._stale * 1e3:.0f} ms"
-        inclination = math.acos(float(np.clip(-projected_gravity(state.quaternion)[2], -1, 1)))
+        _, x, y, _ = state.quaternion.tolist()
+        inclination = math.acos(min(1.0, max(-1.0, 1 - 2 * (x * x + y * y))))
         if inclination > limits.tilt:
             return f"tilt: the pelvis leans {math.degrees(inclination):.0f}°, limit {math.degrees(limits.tilt):.0f}°"
         return self._check_joints(state) or self._check_torques(state)
 
     def check_target(self, target: Array) -> str | None:
         """Return why a policy's answer must not be sent, or None."""
-        if not np.all(np.isfinite(target)):
+        if not _finite(target):
             return "not finite: the policy's answer holds NaN or infinity"
         return None
 
     def _check_joints(self, state: RobotState) -> str | None:
         limits = self._limits
         beyond = np.maximum(limits.joint_low - state.joint_position, state.joint_position - limits.joint_high)
-        worst = int(np.argmax(beyond))
+        worst = int(beyond.argmax())
         if beyond[worst] > limits.joint_margin:
             return (
                 f"joint limit: {JOINTS[worst]} at {state.joint_position[worst]:.3f} rad is beyond its range"
@@ -83,12 +84,16 @@ class Guard:
         return None
 
     def _check_torques(self, state: RobotState) -> str | None:
-        at_limit = np.abs(state.joint_torque) >= self._limits.torque_share * self._effort
-        self._at_limit = np.where(at_limit, self._at_limit + self._period, 0.0)
-        worst = int(np.argmax(self._at_limit))
+        self._at_limit = (self._at_limit + self._period) * (np.abs(state.joint_torque) >= self._loaded)
+        worst = int(self._at_limit.argmax())
         if self._at_limit[worst] > self._limits.torque_time:
             return (
                 f"torque limit: {JOINTS[worst]} has been at its {self._effort[worst]:.0f} N·m "
                 f"for {self._at_limit[worst]:.1f} s"
             )
         return None
+
+
+def _finite(numbers: Array) -> bool:
+    """Return whether all numbers are finite; the square of the length, mostly enough to tell, is quick."""
+    return math.isfinite(numbers.dot(numbers)) or bool(np.isfinite(numbers).all())

@@ -120,6 +120,7 @@ class SimulatedRobot:
             qpos: Configuration of the whole scene, shape (nq,).
             speed: Of board, wheels and robot along x [m/s].
         """
+        self._truth: Truth | None = None
         mujoco.mj_resetData(self.model, self.data)
         self.data.qpos[:] = qpos
         self.data.qvel[[self.base_v, self.board_v]] = speed
@@ -154,6 +155,7 @@ class SimulatedRobot:
 
     def step(self) -> None:
         """Advance the simulation by one period of the servos."""
+        self._truth = None
         if self._gantry is not None:
             self._hold(self._gantry)
         if self._rake is None:
@@ -191,10 +193,16 @@ class SimulatedRobot:
 
     def push(self, velocity: Array) -> None:
         """Change the robot's velocity at once, as a shove would [m/s], shape (2,)."""
+        self._truth = None
         self.data.qvel[self.base_v : self.base_v + 2] += velocity
 
     def truth(self) -> Truth:
         """Return what only a simulator knows of the present moment."""
+        if self._truth is None:
+            self._truth = self._look()
+        return self._truth
+
+    def _look(self) -> Truth:
         model, data, ids = self.model, self.data, self.ids
         feet_ground, feet_deck, wheels, other = ids.contacts(model, data)
         q, v = self.board_q, self.board_v
@@ -253,12 +261,11 @@ class _Ids:
         """Return force of feet on the ground (2,), on the deck (2,), wheels (4,) [N], and other contacts."""
         ground, deck, wheels, other = np.zeros(2), np.zeros(2), np.zeros(4), 0
         force = np.zeros(6)
-        pairs = self.kind[data.contact.geom] if data.ncon else np.zeros((0, 2), dtype=int)
-        for i, pair in enumerate(pairs):
-            first, second = int(pair.min()), int(pair.max())
-            robot = second == 9 and 2 <= first <= 8
-            other += robot
-            if robot or first == 9 or second == 9:
+        for i, (first, second) in enumerate(self.kind[data.contact.geom].tolist()):
+            if first > second:
+                first, second = second, first
+            if second == 9:
+                other += 2 <= first <= 8
                 continue
             mujoco.mj_contactForce(model, data, i, force)
             if first < 2 and second == 8:

@@ -23,6 +23,7 @@ def evaluate(
     pushes: float = 0.0,
     simulator: Literal["mujoco", "mjlab"] = "mujoco",
     workers: int | None = None,
+    breakdown: bool = False,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     force: bool = False,
     common: Common = Common(),
@@ -39,6 +40,8 @@ def evaluate(
         simulator: Plain MuJoCo, with the servos at 500 Hz as on the robot; or mjlab, in which policies are
             trained, all episodes of a seed side by side.
         workers: Processes in plain MuJoCo; as many as there are processors if not given.
+        breakdown: Show where the errors come from: by stretch, command, time within a stretch, and foot. The
+            JSON has it in any case.
         output: Folder for the picture; reports/BOARD of the workspace if not given.
         force: Run where policy and board disagree, or the board has not passed `check`.
         common: Options of every command.
@@ -78,6 +81,10 @@ def evaluate(
     printer.table(("quantity", "value ± 95 %", "how"), shown, title)
     endings = ", ".join(f"{ending} {count}" for ending, count in result.endings.items())
     printer.say(f"endings: {endings}")
+    if breakdown:
+        for table in result.tables:
+            head, *body = table.texts()
+            printer.table(head, body, table.title)
     folder = output or common.space.outputs(record.name)
     picture = folder / f"evaluate-{result.policy}-{simulator}.png"
     paths_figure(result.paths, result.headings, title, picture)
