@@ -129,12 +129,12 @@ def episode_errors(rides: Rides) -> dict[str, Array]:
 
 def wrong_in_pushing(rides: Rides) -> Flags:
     """Return where the right foot is off the deck or the left foot on it, (t, n)."""
-    return ~rides.foot_on_deck[..., 1] | rides.foot_on_deck[..., 0]
+    return np.logical_or(~rides.foot_on_deck[..., 1], rides.foot_on_deck[..., 0])
 
 
 def wrong_in_steering(rides: Rides) -> Flags:
     """Return where a foot is off the deck or on the ground, (t, n)."""
-    return ~rides.foot_on_deck.all(axis=-1) | rides.foot_on_ground.any(axis=-1)
+    return np.logical_or(~rides.foot_on_deck.all(axis=-1), rides.foot_on_ground.any(axis=-1))
 
 
 def _mean(values: Array, where: Flags) -> Array:
