@@ -19,16 +19,17 @@ UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "rest_angle": "rad"}
 
 def total_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
     """Return the covariance of the free parameters with the inertia's uncertainty in it, shape (free, free)."""
-    units = {**UNITS, **_effect_units(problem.structure)}
     parameters = problem.parameters(minimum.point)
     by_inertia = np.array(
-        [
-            parameters[n] / board.inertia.value if units[n][:3] in ("N*m", "kg*") else 0.0
-            for n in problem.names
-        ]
+        [parameters[n] / board.inertia.value if torque_like(problem, n) else 0.0 for n in problem.names]
     )
     own = parameter_covariance(problem, minimum, problem.residuals(minimum.point))
     return own + np.outer(by_inertia, by_inertia) * board.inertia.std**2
+
+
+def torque_like(problem: Problem, name: str) -> bool:
+    """Whether a parameter scales with the roll inertia: a decay fixes only its ratio to it."""
+    return {**UNITS, **_effect_units(problem.structure)}[name][:3] in ("N*m", "kg*")
 
 
 def parameter_quantities(

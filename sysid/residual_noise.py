@@ -46,6 +46,10 @@ class ResidualNoise:
         even = self._even(16384)
         return float(even[0] / np.mean(even))
 
+    def covariances(self, size: int) -> Array:
+        """Return the autocovariance at lags 0 to size / 2, shape (size // 2 + 1,)."""
+        return np.fft.irfft(self.spectrum(size), size)[: size // 2 + 1]
+
     def _even(self, size: int) -> Array:
         half = self.spectrum(size)
         return np.concatenate([half, half[-2:0:-1]])

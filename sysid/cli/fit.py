@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from sysid.board import Board
 from sysid.cli.console import Common, Printer
 from sysid.cli.diagnose import signal_of
+from sysid.cli.fit_intervals import show_intervals
 from sysid.cli.log_options import LogArguments, load_releases
 from sysid.files import atomic_path
 from sysid.roll import Release
@@ -32,6 +33,8 @@ def fit(
     plain: bool = False,
     robust: bool = False,
     in_scene: Annotated[bool, Parameter(name="--in-scene", negative="")] = False,
+    profile: Annotated[bool, Parameter(name="--profile", negative="")] = False,
+    bootstrap: int = 0,
     arguments: LogArguments = _NO_ARGUMENTS,
     common: Common = _NO_COMMON,
 ) -> int:
@@ -47,6 +50,9 @@ def fit(
         robust: Let outliers of the sensor count less.
         in_scene: Also find what must be written into the training scene (implicitfast at 5 ms, wheels on the
             ground, equality coupling) so that the scene as a whole decays like the board.
+        profile: Also walk along each parameter while the others follow: intervals that need not be symmetric.
+        bootstrap: Also fit so many logs drawn from the residuals, block by block, as a check of the
+            intervals; 400 is a good number.
         arguments: How the logs are read.
         common: Options of every command.
     """
@@ -78,10 +84,11 @@ def fit(
     path = common.space.save_board(new)
     picture = _draw(common, new, rungs, result)
     _print(printer, record, new, result, rungs)
+    intervals = show_intervals(result, record, common, printer, profile=profile, draws=bootstrap)
     for line in scene.lines() if scene else ():
         printer.say(line)
     printer.say(f"written: {path}, {picture}")
-    content = _to_json(new, result, heldout, rungs)
+    content = {**_to_json(new, result, heldout, rungs), **intervals}
     printer.result({**content, "in_scene": scene.entry()} if scene else content)
     return 0
 
