@@ -13,7 +13,7 @@ from sysid.board import Board
 from sysid.effects import effect
 from sysid.errors import HuskyError
 from sysid.fit_problem import Bias, Problem, Record, make_records
-from sysid.fit_search import scales_of, search
+from sysid.fit_search import KINKED, scales_of, search
 from sysid.fit_uncertainty import doubts, parameter_quantities, total_covariance
 from sysid.joint import JointLaw
 from sysid.joint_flow import structure_of
@@ -21,8 +21,6 @@ from sysid.least_squares import Minimum, minimise
 from sysid.noise import NoiseFloor, noise_floor
 from sysid.quantity import Quantity
 from sysid.roll import Array, Release
-
-_KINKED = ("end-stop", "freeplay", "hysteresis")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,7 +139,7 @@ def fit_joint(
         fixed.setdefault("rest_angle", board.rest_angle)
     if options.use_rate or options.bias == "own":
         fixed.setdefault("rest_angle", board.rest_angle)
-    fine = options.steps_per_period * (3 if any(name in _KINKED for name in effects) else 1)
+    fine = options.steps_per_period * (3 if KINKED & set(effects) else 1)
     problem, minimum, evaluations = search(
         structure, records, scales, bias=options.bias, fixed=fixed, steps_per_period=fine
     )

@@ -14,6 +14,13 @@ from sysid.joint_flow import Structure
 from sysid.least_squares import Minimum, minimise
 from sysid.roll import Array
 
+KINKED = frozenset({"end-stop", "freeplay", "hysteresis"})
+"""Effects whose torque bends where no turning point is: they need finer steps, and shorter first looks."""
+_LONG = (1.25, 4.0)
+_SHORT = (0.6, 1.25, 2.5, 4.0)
+"""How many periods of each release are looked at before the whole: a stop that is met at each swing decides
+when the next one begins, and whoever looks at all of them at once sees false valleys only."""
+
 
 def scales_of(records: Sequence[Record], board: Board) -> Scales:
     """Return the sizes of the problem from a linear fit, started from the data and from the board."""
@@ -117,12 +124,13 @@ def search(
     rest = _rest(records)
     free_states = bool(structure.memories) and any(record.release.hold <= 0 for record in records)
     starts = starting_points(structure, scales) if starts is None else starts
-    coarse_steps = min(24, steps_per_period)
+    kinked = bool(KINKED & set(structure.effects))
+    coarse_steps = min(60 if kinked else 24, steps_per_period)
     coarse = Problem(
         structure, records, scales, bias=bias, fixed=fixed, free_states=free_states,
         steps_per_period=coarse_steps, average=average,
     )  # fmt: skip
-    horizons = [1.25, 4.0] if structure.effects else []
+    horizons = [] if not structure.effects else _SHORT if kinked else _LONG
     early = [
         replace_records(coarse, [_first_swings(record, scales, periods) for record in records])
         for periods in horizons
@@ -139,15 +147,16 @@ def search(
         evaluations += second.evaluations
         found.append((second.normal.cost, second.point))
     found.sort(key=lambda item: item[0])
-    shaken = _shaken(coarse, found[0])
-    found.insert(0, shaken)
+    found[0] = _shaken(coarse, found[0])
     fine = Problem(
         structure, records, scales, bias=bias, fixed=fixed, free_states=free_states,
         steps_per_period=steps_per_period,
     )  # fmt: skip
     best: Minimum | None = None
-    for cost, point in found[:2]:
-        if best is not None and cost > 1.2 * found[0][0]:
+    # On the coarse grid a kink falls between two points, so its costs rank neighbours only roughly.
+    tried, near = (4, 3.0) if kinked else (2, 1.2)
+    for cost, point in found[:tried]:
+        if best is not None and cost > near * found[0][0]:
             break
         minimum = minimise(fine.normal, point, *fine.bounds(), iterations=60)
         evaluations += minimum.evaluations

@@ -150,4 +150,39 @@ def doubts(
             continue
         if quantity.std > abs(quantity.value) and quantity.value != 0:
             lines.append(f"{name} is not different from zero within its uncertainty ({quantity})")
+    lines += [
+        line for part in problem.structure.effects if (line := _combination(part, quantities, covariance))
+    ]
     return lines
+
+
+def _combination(effect: str, quantities: Mapping[str, Quantity], covariance: Array) -> str:
+    """Say which combination of an effect's parameters the data fix, where they fix none of them well.
+
+    In logarithms a product of powers is a direction, and the best known one is the covariance's narrowest.
+    """
+    names = list(quantities)
+    own = [
+        i for i, (name, q) in enumerate(quantities.items())
+        if name.startswith(f"{effect}.") and q.value != 0 and 0 < q.std < np.inf
+    ]  # fmt: skip
+    values = np.array([quantities[names[i]].value for i in own])
+    if len(own) < 2:
+        return ""
+    spread = covariance[np.ix_(own, own)] / np.outer(values, values)
+    shares = np.sqrt(np.diag(spread))
+    variances, directions = np.linalg.eigh(spread)
+    best = float(np.sqrt(max(variances[0], 0.0)))
+    if shares.max() < 0.3 or np.count_nonzero(shares > 0.04) < 2 or best > 0.25 * float(shares.max()):
+        return ""
+    powers = directions[:, 0] / directions[np.argmax(np.abs(directions[:, 0])), 0]
+    best /= float(np.abs(directions[:, 0]).max())
+    if np.count_nonzero(np.abs(powers) > 0.05) < 2:
+        return ""
+    product = " · ".join(
+        names[i].split(".")[1] + ("" if abs(power - 1) < 0.005 else f"^{power:.2f}")
+        for i, power in zip(own, powers, strict=True)
+        if abs(power) > 0.05
+    )
+    each = ", ".join(f"{names[i].split('.')[1]} ± {196 * s:.0f} %" for i, s in zip(own, shares, strict=True))
+    return f"of {effect} these releases fix {product} to ± {196 * best:.1f} %, but not each of them ({each})"
