@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from sysid.board import Board
+from sysid.crew import Crew
 from sysid.effects import effect
 from sysid.errors import HuskyError
 from sysid.fit_mjcf import strength
@@ -130,7 +131,7 @@ def diagnose(
     *,
     bias: Bias = "shared",
     use_rate: bool = False,
-    workers: int = 2,
+    workers: int = 1,
     progress: Progress | None = None,
 ) -> Diagnosis:
     """Fit the catalogue to releases and judge what the board's record is missing.
@@ -140,7 +141,7 @@ def diagnose(
         board: The record; its effects are in every model.
         bias: One sensor zero for all releases, or one each.
         use_rate: Fit the measured rate instead of the roll.
-        workers: Threads.
+        workers: Processes; with more than one, a script must guard its main part.
         progress: Called as the search goes on.
 
     Raises:
@@ -151,28 +152,13 @@ def diagnose(
     scales = scales_of(records, board)
     period = 2 * np.pi / scales.frequency
     warnings = check_releases(releases, board, period)
-    searcher = Searcher(
-        records=records, scales=scales, bias=bias, base=tuple(sorted(p.name for p in board.effects)),
-        fixed={"rest_angle": board.rest_angle} if bias == "own" or use_rate else {},
-        workers=workers, progress=progress,
-    )  # fmt: skip
-    singles = searcher.singles()
-    ranked = sorted(singles[1:], key=lambda m: m.chi2)
-    refined = searcher.polished(ranked[0])  # a coarse grid blurs stops and sliders
-    chances = [whiteness(m, period) for m in (singles[0], refined, *ranked[:3])]
-    settled = max(chances) > 0.05
-    # The whiter the best model, the less another effect can add to it.
-    partners = 1 if chances[0] > 0.2 else 2 if max(chances) > 0.2 else 3
-    pairs = searcher.pairs(singles, ranked[:partners] if settled else None)
-    models = [*singles, *pairs]
-    if not settled and not any(
-        whiteness(m, period) > WHITE for m in sorted(models, key=lambda m: m.chi2)[:4]
-    ):
-        best_pairs = sorted(pairs, key=lambda m: m.chi2)[:1]
-        models += searcher.neighbours(best_pairs, singles)
-    large = [m for m in models if len(m.effects) > len(searcher.base) + 1]
-    models = searcher.reduced(sorted(large, key=lambda m: m.chi2)[:4], models)
-    final = _finalists(searcher, models, singles[0])
+    with Crew(workers) as crew:
+        searcher = Searcher(
+            records=records, scales=scales, bias=bias, base=tuple(sorted(p.name for p in board.effects)),
+            fixed={"rest_angle": board.rest_angle} if bias == "own" or use_rate else {},
+            crew=crew, progress=progress,
+        )  # fmt: skip
+        models, final = _search(searcher, period)
     base = next(m for m in final if m.effects == searcher.base)
     scores = _scores(final, models, len(searcher.names()))
     final.sort(key=lambda m: scores[m.effects])
@@ -194,6 +180,27 @@ def diagnose(
         best=best,
         base=base,
     )
+
+
+def _search(searcher: Searcher, period: float) -> tuple[list[Model], list[Model]]:
+    """Return all models that were fitted, and those of them that may win, refined and predicted."""
+    singles = searcher.singles()
+    ranked = sorted(singles[1:], key=lambda m: m.chi2)
+    refined = searcher.polished(ranked[0])  # a coarse grid blurs stops and sliders
+    chances = [whiteness(m, period) for m in (singles[0], refined, *ranked[:3])]
+    settled = max(chances) > 0.05
+    # The whiter the best model, the less another effect can add to it.
+    partners = 1 if chances[0] > 0.2 else 2 if max(chances) > 0.2 else 3
+    pairs = searcher.pairs(singles, ranked[:partners] if settled else None)
+    models = [*singles, *pairs]
+    if not settled and not any(
+        whiteness(m, period) > WHITE for m in sorted(models, key=lambda m: m.chi2)[:4]
+    ):
+        best_pairs = sorted(pairs, key=lambda m: m.chi2)[:1]
+        models += searcher.neighbours(best_pairs, singles)
+    large = [m for m in models if len(m.effects) > len(searcher.base) + 1]
+    models = searcher.reduced(sorted(large, key=lambda m: m.chi2)[:4], models)
+    return models, _finalists(searcher, models, singles[0])
 
 
 def check_releases(releases: Sequence[Release], board: Board, period: float) -> list[str]:
@@ -261,8 +268,8 @@ def _finalists(searcher: Searcher, models: Sequence[Model], base: Model) -> list
         # The best is at the noise: what is this much less likely need not be refined to be told from it.
         kept = {base.effects, *(m.effects for m in ranked[:2])}
         picked = {k: m for k, m in picked.items() if k in kept or scores[k] < scores[ranked[0].effects] + FAR}
-    jobs = [lambda m=m: searcher.predicted(searcher.polished(m)) for m in picked.values()]
-    return searcher.each("predicting what was held out", jobs, 0.85, 0.99)
+    jobs = [(model,) for model in picked.values()]
+    return searcher.each("predicting what was held out", Searcher.finalist, jobs, 0.85, 0.99)
 
 
 def _scores(

@@ -6,15 +6,17 @@ on request its own sensor bias. Unknowns are scaled by their sizes, so that one 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 
 from sysid.effects.base import Scales
 from sysid.hermite import hermite_matrix
-from sysid.joint_flow import Flow, Structure, build_flow, steps_for, unroll
+from sysid.joint_flow import Structure, build_flow, steps_for
 from sysid.least_squares import Normal
 from sysid.roll import Array, Release
+from sysid.shooting import Shooting
 
 Bias = Literal["shared", "own"]
 """Sensor zero: one for all releases (it is then part of the rest angle), or one for each."""
@@ -92,17 +94,18 @@ def _end_of_motion(release: Release, signal: Array, std: float) -> int:
 class _Path:
     """What turns one record into residuals."""
 
-    record: Record
-    steps: int
-    at: Any
-    """Sparse matrix from grid values and slopes to the samples, shape (n, 2 steps)."""
+    shooting: Shooting
     signal: Array
     time: Array
     std: float
     """Signal, time and noise of the samples, or of means of neighbours; shape (n,)."""
+    spread: float
+    """Deviation that a start faster than from rest may have [rad/s]; 0 where it may have any."""
+    inward: float
+    """Sign of a rate towards the rest angle."""
 
 
-@dataclass(slots=True)
+@dataclass
 class Problem:
     """Least squares of one structure on some records.
 
@@ -122,28 +125,39 @@ class Problem:
     """Neighbouring samples whose means are fitted instead of each: nearly as good, and quicker."""
     weights: Sequence[Array] | None = None
     """Of each sample of each record, for robust losses; None for all ones."""
-    _flow: Flow = field(init=False)
-    _paths: list[_Path] = field(init=False)
-    step: float = field(init=False)
-    """Integration step [s]."""
 
-    def __post_init__(self) -> None:
-        """Lay the grid and build the CasADi functions."""
-        self._flow = build_flow(self.structure, free_states=self.free_states, sensitivities=True)
-        self.step = 2 * np.pi / self.scales.frequency / self.steps_per_period
-        self._paths = []
+    @property
+    def step(self) -> float:
+        """Integration step [s]."""
+        return 2 * np.pi / self.scales.frequency / self.steps_per_period
+
+    @cached_property
+    def _paths(self) -> list[_Path]:
+        """Grids, functions and buffers: made when first needed, and left behind when a problem is pickled."""
+        flow = build_flow(self.structure, free_states=self.free_states, sensitivities=True)
+        paths: list[_Path] = []
         for record in self.records:
             steps = steps_for(float(record.time[-1]), self.step)
             at = hermite_matrix(record.time, self.step, steps, slope=record.is_rate)
             mean = _averaging(len(record.time), self.average)
-            self._paths.append(
+            release = record.release
+            sampling = float(np.median(np.diff(release.time[:32])))
+            spread = max(UNSURE_START, 0.5 * sampling) * self.scales.frequency**2 * release.amplitude
+            paths.append(
                 _Path(
-                    record, steps, mean @ at, mean @ record.signal, mean @ record.time,
-                    record.std / float(np.sqrt(self.average)),
+                    Shooting(flow, steps, mean @ at, max(release.hold, 0.0)),
+                    mean @ record.signal, mean @ record.time, record.std / float(np.sqrt(self.average)),
+                    max(spread, 1e-300) if release.hold > 0 else 0.0, -float(np.sign(release.roll[0] - release.rest)),
                 )
             )  # fmt: skip
+        return paths
 
-    @property
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what is made again from the rest."""
+        made = ("_paths", "names", "_sizes", "_columns")
+        return {key: value for key, value in self.__dict__.items() if key not in made}
+
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """The structure's parameters that are free."""
         return tuple(n for n in self.structure.parameters[1:] if n not in self.fixed)
@@ -151,15 +165,31 @@ class Problem:
     @property
     def own(self) -> int:
         """How many unknowns each record has of its own."""
-        return self._flow.unknowns + (self.bias == "own")
+        return self._motion + (self.bias == "own")
+
+    @property
+    def _motion(self) -> int:
+        """How many of them are roll, rate and internal states."""
+        return 2 + (len(self.structure.memories) if self.free_states else 0)
+
+    @cached_property
+    def _columns(self) -> list[int]:
+        """Columns of a reading that are wanted: the reading, the free parameters, the record's own motion."""
+        every = self.structure.parameters[1:]
+        free = [1 + i for i, n in enumerate(every) if n not in self.fixed]
+        return [0, *free, *range(1 + len(every), 1 + len(every) + self._motion)]
 
     @property
     def samples(self) -> int:
         """Number of residuals."""
-        return sum(len(path.signal) for path in self._paths)
+        return sum(len(record.time) // self.average for record in self.records)
 
     def sizes(self) -> Array:
         """Return the size of each unknown, shape (p,)."""
+        return self._sizes
+
+    @cached_property
+    def _sizes(self) -> Array:
         s = self.scales
         known = {"stiffness": s.stiffness, "damping": s.stiffness / s.frequency, "rest_angle": s.amplitude}
         for part in self.structure.parts:
@@ -217,25 +247,16 @@ class Problem:
 
         The Jacobian's columns are the free parameters and then the record's own unknowns.
         """
-        sizes = self.sizes()
-        values = unknowns * sizes
-        shared, own = len(self.names), self.own
+        values = unknowns * self.sizes()
+        shared, own, motion = len(self.names), self.own, self._motion
         parameters = self.parameters(unknowns)
         vector = self.vector_of(parameters)
-        free = [i for i, n in enumerate(self.structure.parameters[1:]) if n not in self.fixed]
-        count = len(self.structure.parameters) - 1
-        columns = free + list(range(count, count + self._flow.unknowns))
         result: list[tuple[Array, Array]] = []
         for index, path in enumerate(self._paths):
             mine = values[shared + index * own : shared + (index + 1) * own]
-            start = self._flow.begin(vector, mine[: self._flow.unknowns], max(path.record.release.hold, 0.0))
-            seen = np.asarray(unroll(self._flow, path.steps)(start, np.append(vector, self.step)))
-            table = np.empty((2 * path.steps, 1 + len(columns)))
-            table[0::2, 0], table[1::2, 0] = seen[0], seen[1]
-            table[0::2, 1:] = seen[2::2][columns].T
-            table[1::2, 1:] = seen[3::2][columns].T
-            with np.errstate(all="ignore"):
-                at = path.at @ table
+            at = path.shooting.read(vector, mine[:motion], self.step)
+            if len(self._columns) < at.shape[1]:
+                at = at[:, self._columns]
             result.append(self._observed(path, at, mine, parameters))
         return result
 
@@ -244,10 +265,10 @@ class Problem:
     ) -> tuple[Array, Array]:
         """Subtract the measurement and add what the sensor adds of its own."""
         residual, jacobian = at[:, 0] - path.signal, at[:, 1:]
-        one = np.ones_like(path.time)
+        is_rate = self.records[0].is_rate
         columns = {
-            "sensor-bias.angle": 0 * one if path.record.is_rate else one,
-            "sensor-drift.rate": one if path.record.is_rate else path.time,
+            "sensor-bias.angle": 0.0 if is_rate else 1.0,
+            "sensor-drift.rate": 1.0 if is_rate else path.time,
         }
         for name, column in columns.items():
             if name in values:
@@ -294,13 +315,11 @@ class Problem:
         towards the rest angle that is too fast counts, beyond what `UNSURE_START` of its acceleration makes.
         Without this a stop that acts in the first milliseconds only would be taken for a push.
         """
-        release = self.records[index].release
-        if release.hold <= 0:
+        path = self._paths[index]
+        if path.spread == 0:
             return 0.0, 0.0
-        sampling = float(np.median(np.diff(release.time[:32])))
-        spread = max(UNSURE_START, 0.5 * sampling) * self.scales.frequency**2 * release.amplitude
         at = len(self.names) + index * self.own + 1
-        slope = -float(np.sign(release.roll[0] - release.rest)) * self.sizes()[at] / max(spread, 1e-300)
+        slope = path.inward * float(self.sizes()[at]) / path.spread
         return (slope * unknowns[at], slope) if slope * unknowns[at] > 0 else (0.0, 0.0)
 
     def start_penalty(self, unknowns: Array) -> float:

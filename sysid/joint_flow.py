@@ -200,26 +200,32 @@ class Mechanics:
         torque = joint + deck
         return self._ca.if_else(self._ca.fabs(torque) > self.friction(0.0), self._ca.sign(torque), 0.0)
 
-    def turning_step(self, y: Any, h: Any) -> Any:
-        """Return the state after a step that is cut where the rate passes through zero."""
+    def sliding_step(self, y: Any, h: Any) -> tuple[Any, Any, Any]:
+        """Return (state after a step without a turn, slope of the rate at its start, whether it turned)."""
         ca = self._ca
         rate = self.motion(y).rate
         slide = ca.if_else(ca.fabs(rate) > _STILL, ca.sign(rate), self.direction(y))
         whole, start = self.rk4(y, h, slide)
-        after = self.motion(whole).rate
-        turns = ca.logic_and(slide * after < 0, ca.fabs(rate) > _STILL)
+        turns = ca.logic_and(slide * self.motion(whole).rate < 0, ca.fabs(rate) > _STILL)
+        return whole, start[1] if self.support is None else start[1] - start[self.support[1].start + 1], turns
+
+    def cut_step(self, y: Any, h: Any) -> Any:
+        """Return the state after a step that is cut where the rate passes through zero."""
+        ca = self._ca
+        whole, slope, _ = self.sliding_step(y, h)
+        rate, after = self.motion(y).rate, self.motion(whole).rate
+        slide = ca.sign(rate)
         # Root of the parabola through the rates at both ends with the starting acceleration, as a share of h.
-        slope = h * (start[1] if self.support is None else start[1] - start[self.support[1].start + 1])
+        slope = h * slope
         bend = after - rate - slope
         root = ca.sqrt(ca.fmax(slope**2 - 4 * bend * rate, 1e-300))
         below = -slope * slide + root
         share = ca.fmin(ca.fmax(2 * rate * slide / ca.if_else(below > 1e-30, below, 1.0), 0.0), 1.0)
-        share = ca.if_else(turns, share, 1.0)
         top, _ = self.rk4(y, share * h, slide)
         stopped = top[1] - self.motion(top).rate
         top = ca.vertcat(top[0], stopped, *_items(top, slice(2, top.shape[0])))
         rest, _ = self.rk4(top, (1 - share) * h, self.direction(top))
-        return ca.if_else(turns, rest, whole)
+        return rest
 
 
 def _items(vector: Any, where: slice) -> list[Any]:
@@ -273,22 +279,40 @@ def build_flow(structure: Structure, *, free_states: bool, sensitivities: bool) 
     begin = ca.Function("begin", [parameters, unknowns, hold], [ca.vertcat(first, ca.vec(ca.densify(seed)))])
 
     y = ca.SX.sym("y", 2 + states)
-    following = mechanics.turning_step(y, h) if structure.turns else mechanics.rk4(y, h, None)[0]
-    out = _output(structure, mechanics, y)
     columns = wanted.shape[0] if sensitivities else 0
     carried = ca.SX.sym("carried", 2 + states, columns)
-    if sensitivities:
-        own = ca.SX(2, unknowns.shape[0])
-        by_parameter = ca.horzcat(ca.jacobian(following, parameters[1:]), ca.SX(2 + states, own.shape[1]))
-        moved = ca.jacobian(following, y) @ carried + by_parameter
-        seen = ca.jacobian(out, y) @ carried + ca.horzcat(ca.jacobian(out, parameters[1:]), own)
-    else:
-        moved, seen = carried, ca.SX(2, 0)
     accumulated, given = ca.vertcat(y, ca.vec(carried)), ca.vertcat(parameters, h)
-    results = ca.cse(
-        [ca.vertcat(following, ca.vec(moved)), ca.densify(ca.vertcat(ca.vec(out), ca.vec(seen)))]
+    own = ca.SX(2, unknowns.shape[0])
+
+    def with_sensitivities(following: Any) -> Any:
+        if not sensitivities:
+            return ca.vertcat(following, ca.vec(carried))
+        by_parameter = ca.horzcat(ca.jacobian(following, parameters[1:]), ca.SX(2 + states, own.shape[1]))
+        return ca.vertcat(following, ca.vec(ca.jacobian(following, y) @ carried + by_parameter))
+
+    out = _output(structure, mechanics, y)
+    seen = ca.SX(2, 0)
+    if sensitivities:
+        seen = ca.jacobian(out, y) @ carried + ca.horzcat(ca.jacobian(out, parameters[1:]), own)
+    output = ca.densify(ca.vec(ca.horzcat(out, seen).T))
+    if not structure.turns:
+        following = with_sensitivities(mechanics.rk4(y, h, None)[0])
+        step = ca.Function("step", [accumulated, given], ca.cse([following, output]))
+        return Flow(structure, free_states, sensitivities, begin, step)
+
+    # A cut costs three steps and is rare, so it is computed only where the joint does turn.
+    whole, _, turns = mechanics.sliding_step(y, h)
+    slid = ca.SX.sym("slid", accumulated.shape[0])
+    slide = ca.Function("slide", [accumulated, given], ca.cse([with_sensitivities(whole), output, turns]))
+    cut = with_sensitivities(mechanics.cut_step(y, h))
+    turn = ca.Function.if_else(
+        "turn",
+        ca.Function("cut", [accumulated, given, slid], ca.cse([cut])),
+        ca.Function("keep", [accumulated, given, slid], [slid]),
     )
-    step = ca.Function("step", [accumulated, given], results)
+    state, numbers = ca.MX.sym("state", accumulated.shape[0]), ca.MX.sym("numbers", given.shape[0])
+    moved, read, turned = slide(state, numbers)
+    step = ca.Function("step", [state, numbers], [turn(turned, state, numbers, moved), read])
     return Flow(structure, free_states, sensitivities, begin, step)
 
 
@@ -328,7 +352,10 @@ def _output(structure: Structure, mechanics: Mechanics, y: Any) -> Any:
 
 @cache
 def unroll(flow: Flow, steps: int) -> Any:
-    """Return (start, parameters and step) → outputs at the start of each of `steps` steps, shape (·, steps)."""
+    """Return (start, parameters and step) → outputs at the start of each of `steps` steps, shape (·, steps).
+
+    An output is what the sensor sees and its derivatives, then its rate and the same.
+    """
     import casadi
 
     ca: Any = casadi

@@ -39,7 +39,7 @@ def diagnose(
     Args:
         logs: Logs of one board, with several releases in all.
         board: Name of the board.
-        workers: Threads that search.
+        workers: Processes that search.
         arguments: How the logs are read.
         common: Options of every command.
     """

@@ -1,0 +1,65 @@
+"""Several processes that work on a list of jobs, in order.
+
+Threads would not do: CasADi computes inside Python's lock.
+"""
+
+import multiprocessing
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from types import TracebackType
+from typing import Self, TypeVar
+
+from sysid.errors import HuskyError
+
+T = TypeVar("T")
+
+
+class Crew:
+    """Runs jobs in processes of their own, or here where there is one worker only.
+
+    A job is a function and its arguments; with more than one worker both must be such that pickle takes
+    them, and a script that calls this must guard its main part (`if __name__ == "__main__"`).
+    """
+
+    def __init__(self, workers: int) -> None:
+        """Start nothing yet.
+
+        Args:
+            workers: Processes; 1 for none.
+        """
+        self._workers = workers
+        self._pool: ProcessPoolExecutor | None = None
+
+    def __enter__(self) -> Self:
+        """Start the processes; they load while the first jobs are made."""
+        if self._workers > 1:
+            context = multiprocessing.get_context("spawn")
+            self._pool = ProcessPoolExecutor(self._workers, mp_context=context)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Stop the processes; on an error, without waiting for jobs that have not begun."""
+        if self._pool is not None:
+            self._pool.shutdown(wait=kind is None, cancel_futures=True)
+
+    def each(self, function: Callable[..., T], arguments: Sequence[tuple[object, ...]]) -> Iterator[T]:
+        """Yield the results of a function for each tuple of arguments, in order.
+
+        Raises:
+            HuskyError: A process died.
+        """
+        if self._pool is None:
+            yield from (function(*one) for one in arguments)
+            return
+        futures = [self._pool.submit(function, *one) for one in arguments]
+        try:
+            for future in futures:
+                yield future.result()
+        except BrokenProcessPool as error:
+            raise HuskyError(
+                f"one of {self._workers} processes that search died (out of memory, or a script without "
+                "'if __name__ == \"__main__\"'). Try one worker (--workers 1)."
+            ) from error
