@@ -3,7 +3,8 @@
 Truths are made by `sysid.synth` (event-driven DOP853, hand included) at 10 kHz and sampled at 500 Hz from a
 random instant on, so releases fall between samples. The tool then finds the releases and fits them.
 
-    python benchmarks/interval_coverage.py --seeds 1000 --workers 12
+    python benchmarks/interval_coverage.py --seeds 1000 --profile --workers 12
+    python benchmarks/interval_coverage.py --seeds 200 --draws 200 --only coulomb --workers 12
 """
 
 import argparse
@@ -14,6 +15,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -101,44 +103,63 @@ def truths(row: Row) -> dict[str, float]:
     return values
 
 
-def one(case: tuple[int, int]) -> dict[str, object]:
-    """Fit one log; return value, deviation and interval of each parameter."""
+def one(case: tuple[int, int, bool, int]) -> dict[str, Any]:
+    """Fit one log; return value, deviation and whether each interval holds the truth, by parameter."""
+    from sysid.block_bootstrap import bootstrap
     from sysid.fit_mjcf import fit_joint
+    from sysid.profile_likelihood import profiles
     from sysid.releases import find_releases
 
-    row, seed = ROWS[case[0]], case[1]
-    found: dict[str, object] = {"row": case[0], "seed": seed}
+    row, seed, profile, draws = ROWS[case[0]], *case[1:]
+    found: dict[str, Any] = {"row": case[0], "seed": seed}
     try:
-        fit = fit_joint(find_releases(recorded(row, seed)), true_board(row), [name for name, _ in row.effects])
+        fit = fit_joint(
+            find_releases(recorded(row, seed)), true_board(row), [name for name, _ in row.effects]
+        )
     except HuskyError as error:
         return {**found, "refused": str(error)}
     found["rmse"] = fit.rmse / NOISE
     found["releases"] = len(fit.records)
+    shapes = {p.name: p.interval for p in profiles(fit, true_board(row))} if profile else {}
+    drawn = bootstrap(fit, true_board(row), draws, seed=seed).intervals if draws else {}
     for name, truth in truths(row).items():
         q = fit.quantities[name]
-        found[name] = [q.value, q.std, q.ci95[0] <= truth <= q.ci95[1]]
+        ends = [q.ci95, shapes.get(name), drawn.get(name)]
+        found[name] = [q.value, q.std, *(e and bool(e[0] <= truth <= e[1]) for e in ends)]
     return found
 
 
-def table(results: Sequence[dict[str, object]]) -> str:
+KINDS = ("Jacobian", "profile", "bootstrap")
+
+
+def table(results: Sequence[dict[str, Any]]) -> str:
     """Return the coverage of each parameter, with the binomial error of one standard deviation."""
+    shown = [k for k in range(3) if any(r["stiffness"][2 + k] is not None for r in results if "rmse" in r)]
+    heads = [f"{KINDS[k]} covers %" for k in shown]
     lines = [
-        "| board | effect | noise | logs | parameter | covered % | spread / stated deviation | bias / spread |",
-        "|---|---|---|---|---|---|---|---|",
+        f"| board | effect | noise | logs | parameter | {' | '.join(heads)} | spread / stated | bias / spread |",
+        "|" + "---|" * (7 + len(heads)),
     ]
     for index, row in enumerate(ROWS):
         mine = [r for r in results if r["row"] == index and "refused" not in r]
         refused = sum(r["row"] == index and "refused" in r for r in results)
         for name, truth in truths(row).items() if len(mine) > 1 else ():
-            value, std, inside = np.array([r[name] for r in mine], dtype=float).T
-            share, spread = float(inside.mean()), float(value.std())
-            error = float(np.sqrt(max(share * (1 - share), 1 / len(mine)) / len(mine)))
+            value, std = np.array([r[name][:2] for r in mine], dtype=float).T
+            spread = (
+                float(np.diff(np.quantile(value, [0.1587, 0.8413]))[0]) / 2
+            )  # one odd log must not rule it
+            cells = [_share([bool(r[name][2 + k]) for r in mine]) for k in shown]
             logs = f"{len(mine)}" + (f" ({refused} refused)" if refused else "")
             lines.append(
-                f"| {row.label} | {logs} | {name} | {100 * share:.1f} ± {100 * error:.1f} | "
-                f"{spread / float(np.sqrt(np.mean(std**2))):.3f} | {(value.mean() - truth) / spread:+.3f} |"
+                f"| {row.label} | {logs} | {name} | {' | '.join(cells)} | {spread / float(np.median(std)):.3f} | "
+                f"{(float(np.median(value)) - truth) / spread:+.3f} |"
             )
     return "\n".join(lines)
+
+
+def _share(inside: Sequence[bool]) -> str:
+    n, share = len(inside), float(np.mean(inside))
+    return f"{100 * share:.1f} ± {100 * float(np.sqrt(max(share * (1 - share), 1 / n) / n)):.1f}"
 
 
 def main() -> None:
@@ -147,6 +168,8 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=1000)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--only", default="")
+    parser.add_argument("--profile", action="store_true")
+    parser.add_argument("--draws", type=int, default=0)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--json", type=Path)
     parser.add_argument("--out", type=Path, default=OUT)
@@ -154,20 +177,26 @@ def main() -> None:
     os.environ["OMP_NUM_THREADS"] = "1"
     # Seed by seed over all rows, so that what an interrupted run leaves is whole.
     chosen = [i for i, row in enumerate(ROWS) if options.only in row.label]
-    cases = [(i, s) for s in range(options.first, options.first + options.seeds) for i in chosen]
-    results: list[dict[str, object]] = []
+    cases = [
+        (i, s, options.profile, options.draws)
+        for s in range(options.first, options.first + options.seeds)
+        for i in chosen
+    ]
+    results: list[dict[str, Any]] = []
     with ProcessPoolExecutor(options.workers) as pool:
         for result in pool.map(one, cases, chunksize=len(chosen)):
             results.append(result)
-            if len(results) % 2000 == 0 or len(results) == len(cases):
+            if len(results) % 500 == 0 or len(results) == len(cases):
                 if options.json:
                     options.json.write_text(json.dumps(results) + "\n")
                 text = (
                     "# How often the 95 % intervals hold the truth\n\n"
                     f"Three releases at {RATE} Hz, noise 0.1°, found and fitted as `husky-sysid fit` does; "
                     f"{options.seeds} logs a row; made by `benchmarks/interval_coverage.py`.\n"
-                    "Covered: ± one binomial standard deviation. 'Spread / stated deviation' is 1 where the tool knows "
-                    "its own scatter; 'bias / spread' is 0 without bias.\n\n" + table(results) + "\n"
+                    "Covered: ± one binomial standard deviation. 'Spread / stated' compares the scatter of the values "
+                    "with the deviation that the tool states (1 is right); 'bias / spread' is 0 without bias.\n\n"
+                    + table(results)
+                    + "\n"
                 )
                 options.out.parent.mkdir(parents=True, exist_ok=True)
                 options.out.write_text(text)
