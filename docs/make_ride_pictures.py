@@ -10,7 +10,8 @@ from pathlib import Path
 from policy_runtime.commands import Command, Constant
 from policy_runtime.motion_check import motion_facts
 from policy_runtime.motions import load_motions
-from policy_runtime.policy import OnnxPolicy, Policy, open_policy
+from policy_runtime.policy import OnnxPolicy, Policy
+from policy_runtime.policy_file import open_policy
 from policy_runtime.recording import Recorder
 from policy_runtime.robots.simulated import Gantry
 from policy_runtime.runtime import Runtime

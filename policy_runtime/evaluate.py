@@ -17,7 +17,8 @@ import numpy as np
 from policy_runtime.commands import Command
 from policy_runtime.evaluation import PATHS, TIME_LIMIT, Evaluation, Part, part_of, summarise
 from policy_runtime.metrics import Rides
-from policy_runtime.policy import OnnxPolicy, Policy, open_policy
+from policy_runtime.policy import OnnxPolicy, Policy
+from policy_runtime.policy_file import open_policy
 from policy_runtime.recording import Recorder, Recording
 from policy_runtime.runtime import Runtime
 from policy_runtime.scripted import SCRIPTS, scripted
@@ -182,7 +183,7 @@ def evaluate_policy(
         seeds: Seeds; an episode is drawn from its seed and its number, whatever the workers.
         protocol: What the episodes are like.
         workers: Processes to share the work.
-        force: See `policy.open_policy`.
+        force: See `policy_file.open_policy`.
         progress: Called with the number of episodes just done.
 
     Raises:

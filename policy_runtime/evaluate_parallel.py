@@ -18,7 +18,7 @@ import numpy as np
 from policy_runtime.evaluate import Protocol
 from policy_runtime.evaluation import PATHS, TIME_LIMIT, Evaluation, Part, part_of, summarise
 from policy_runtime.metrics import Rides
-from policy_runtime.policy import open_policy
+from policy_runtime.policy_file import open_policy
 from sim.skate.actor_observation import OBSERVATION_SIZE
 from sim.skate.clock import CONTROL_PERIOD
 from sim.skate.g1 import JOINTS
@@ -48,7 +48,7 @@ class BatchPolicy:
         Args:
             policy: Path of an ONNX file, or 'zero'.
             board: The record to ride.
-            force: See `policy.open_policy`.
+            force: See `policy_file.open_policy`.
 
         Raises:
             HuskyError: The policy does not fit, takes another observation than the task gives, or onnx is
@@ -108,7 +108,7 @@ def evaluate_in_parallel(
         seeds: Seeds of commands, starts and shoves.
         protocol: What the episodes are like.
         device: 'cuda:0' or 'cpu'; the first GPU if there is one.
-        force: See `policy.open_policy`.
+        force: See `policy_file.open_policy`.
         progress: Called with the number of episodes just done.
 
     Raises:

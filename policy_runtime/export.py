@@ -22,7 +22,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from policy_runtime.policy import open_policy
+from policy_runtime.policy_file import open_policy
 from policy_runtime.robots import PD_PERIOD
 from policy_runtime.robots.simulated import Gantry
 from policy_runtime.world import World, world_of
@@ -76,7 +76,7 @@ def export_folder(
         policy: ONNX policy to put in; checked against robot and board.
         coupling: How tilt steers the trucks.
         terrain: The ground.
-        force: See `policy.open_policy`.
+        force: See `policy_file.open_policy`.
 
     Raises:
         HuskyError: mjlab is not installed, the policy does not fit, or the folder holds something else.

@@ -5,7 +5,9 @@ finds ends the run in a damped stop: the servos hold nothing and only brake, unt
 down.
 """
 
+import gc
 import time
+from array import array
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -138,7 +140,7 @@ class _Run:
         self._guard = Guard(runtime.limits, CONTROL_PERIOD)
         self._servos = servos()
         self._events: list[Event] = []
-        self._times: list[tuple[float, float, float]] = []
+        self._times = array("d")
         self._ticks = self._step = 0
         self._turn = 0.0
         self._slept = 0.0
@@ -156,8 +158,10 @@ class _Run:
         except BaseException as error:
             self._finish(f"failed: {error!r}")  # whatever went wrong, the robot must not go on by itself
             raise
+        finally:
+            gc.unfreeze()
         self._finish(stopped)
-        times = np.array(self._times).reshape(-1, 3)
+        times = np.asarray(self._times).reshape(-1, 3)
         return RunResult(
             ticks=self._ticks,
             stopped=stopped,
@@ -167,7 +171,9 @@ class _Run:
 
     def _loop(self, duration: float) -> str | None:
         """Decide and step until the end; return why it must stop, or None."""
-        runtime, start = self._runtime, time.perf_counter()
+        runtime = self._runtime
+        gc.freeze()  # what is here by now stays: the collector shall not look through it in a tick's time
+        start = time.perf_counter()
         while self._ticks * CONTROL_PERIOD < duration - 1e-9:
             begin = time.perf_counter()
             tick = self._decide()
@@ -184,7 +190,7 @@ class _Run:
                     self._wait(due + (servo + 1) * PD_PERIOD)
             late = max(0.0, begin - due) if runtime.real_time else 0.0
             spent = time.perf_counter() - recorded + decided - begin - self._slept
-            self._times.append((decided - begin, spent, late))
+            self._times.extend((decided - begin, spent, late))
             self._ticks += 1
         return None
 

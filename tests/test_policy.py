@@ -5,14 +5,9 @@ import pytest
 from riding import answer_of, make_onnx, our_metadata, pink, published_metadata
 
 from policy_runtime.commands import Command
-from policy_runtime.policy import (
-    FeedbackObservation,
-    OnnxPolicy,
-    PaperObservation,
-    ReleaseObservation,
-    action_for,
-    open_policy,
-)
+from policy_runtime.observing import FeedbackObservation, PaperObservation, ReleaseObservation
+from policy_runtime.policy import OnnxPolicy, action_for
+from policy_runtime.policy_file import open_policy
 from policy_runtime.robots import RobotState
 from sim.skate.g1 import JOINTS, default_pose, servos
 from sim.skate.rotation import from_yaw
@@ -194,6 +189,8 @@ def changed(key, index, value):
         (lambda: changed("joint_stiffness", 3, "x"), "expected 23 numbers"),
         (lambda: our_metadata(pink()) | {"board": "black"}, "trained on board 'black', not on 'pink'"),
         (lambda: our_metadata(pink()) | {"board_stiffness": "34.8"}, "trained with board stiffness 34.8"),
+        (lambda: our_metadata(pink()) | {"board_inertia": "0.0084"}, "trained with board inertia 0.0084"),
+        (lambda: our_metadata(pink()) | {"board_damping": "low"}, "'low'; expected a number"),
     ],
 )
 def test_a_mismatch_refuses_in_words(tmp_path, runtime, metadata, message):
@@ -211,6 +208,13 @@ def test_a_board_that_no_longer_passes_is_the_gate_and_force_overrides(tmp_path,
         open_policy(tmp_path / "policy.onnx", failing)
     forced = open_policy(tmp_path / "policy.onnx", failing, force=True)
     assert any("forced" in note for note in forced.notes)
+
+
+def test_a_refit_within_the_spread_of_training_is_noted_and_rides(tmp_path, runtime):
+    metadata = our_metadata(pink()) | {"board_stiffness": f"{1.03 * pink().stiffness}"}
+    make_onnx(tmp_path / "policy.onnx", size=390, metadata=metadata)
+    notes = open_policy(tmp_path / "policy.onnx", pink()).notes
+    assert any("board stiffness 15.12" in note and "14.68" in note for note in notes)
 
 
 def test_wrong_files_are_refused_in_words(tmp_path, runtime):

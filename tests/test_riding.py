@@ -490,7 +490,7 @@ def test_parallel_evaluation_agrees_with_the_plain_one_on_what_falls(mjlab):
 def test_parallel_evaluation_answers_many_observations_as_one_by_one(tmp_path):
     pytest.importorskip("onnxruntime", reason="policies need onnxruntime (extra 'run')")
     from policy_runtime.evaluate_parallel import BatchPolicy
-    from policy_runtime.policy import open_policy
+    from policy_runtime.policy_file import open_policy
 
     make_onnx(tmp_path / "p.onnx", size=390, metadata=our_metadata(pink()))
     observations = np.random.default_rng(0).normal(size=(7, 390)).astype(np.float32)

@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from policy_runtime.robots import PD_PERIOD, JointCommand, RobotState
 from sim.board_scene import TILT_JOINT, TRUCK_JOINTS, WHEELS, set_trucks
-from sim.skate import rotation
 from sim.skate.arrays import wrap_angle
 from sim.skate.g1 import FOOT_BODIES, JOINTS
 from sim.skate.scene import BOARD, ROBOT
@@ -167,9 +166,10 @@ class SimulatedRobot:
 
     def _in_board_frame(self) -> tuple[Array, float]:
         """Return where the pelvis is over the board, forward and left [m], and how it is turned [rad]."""
-        pelvis, board = self.data.body(self.ids.pelvis), self.data.body(self.ids.board)
-        place = (pelvis.xpos - board.xpos) @ board.xmat.reshape(3, 3)[:, :2]
-        return place, float(rotation.yaw(pelvis.xquat) - rotation.yaw(board.xquat))
+        data, pelvis, board = self.data, self.ids.pelvis, self.ids.board
+        place = (data.xpos[pelvis] - data.xpos[board]) @ data.xmat[board].reshape(3, 3)[:, :2]
+        ahead, along = data.xmat[pelvis], data.xmat[board]  # column 0 is the forward axis
+        return place, math.atan2(ahead[3], ahead[0]) - math.atan2(along[3], along[0])
 
     def _hold(self, gantry: Gantry) -> None:
         data, pelvis, board = self.data, self.ids.pelvis, self.ids.board
@@ -178,8 +178,8 @@ class SimulatedRobot:
         plane = data.xmat[board].reshape(3, 3)[:, :2]
         relative = data.qvel[self.base_v : self.base_v + 3] - data.qvel[self.board_v : self.board_v + 3]
         pull = gantry.holding * (self._held[0] - place) - gantry.holding_damping * (relative @ plane)
-        towards = np.cross(frame[:, 2], [0.0, 0.0, 1.0])  # axis and sine of the lean
-        towards[2] = wrap_angle(self._held[1] - turned)
+        # Axis and sine of the lean, (frame's z) x (vertical), and how far to turn.
+        towards = np.array([frame[1, 2], -frame[0, 2], wrap_angle(self._held[1] - turned)])
         spin = frame @ data.qvel[self.base_v + 3 : self.base_v + 6]
         spin[2] -= data.qvel[self.board_v + 5]
         data.xfrc_applied[pelvis, :3] = plane @ pull
