@@ -142,7 +142,8 @@ class Problem:
             mean = _averaging(len(record.time), self.average)
             release = record.release
             sampling = float(np.median(np.diff(release.time[:32])))
-            spread = max(UNSURE_START, 0.5 * sampling) * self.scales.frequency**2 * release.amplitude
+            pull = max(self.scales.frequency**2 * release.amplitude, _first_pull(release))
+            spread = max(UNSURE_START, 0.5 * sampling) * pull
             paths.append(
                 _Path(
                     Shooting(flow, steps, mean @ at, max(release.hold, 0.0)),
@@ -325,6 +326,14 @@ class Problem:
     def start_penalty(self, unknowns: Array) -> float:
         """Return the sum of squares that `normal` charges for starts that are too fast."""
         return sum(self._inward(index, unknowns)[0] ** 2 for index in range(len(self.records)))
+
+
+def _first_pull(release: Release) -> float:
+    """Return the acceleration with which a release sets off [rad/s²]: a stop that it leans on pulls hardest."""
+    time = release.time - release.time[0]
+    first, last = np.searchsorted(time, (1.5 * LETTING_GO, 5 * LETTING_GO))
+    gone = np.abs(release.roll[first : last + 1] - release.roll[0]) - 3 * float(np.median(release.std))
+    return float(np.max(2 * gone / time[first : last + 1] ** 2, initial=0.0))
 
 
 def _averaging(count: int, width: int) -> Any:
