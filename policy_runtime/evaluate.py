@@ -25,6 +25,7 @@ from policy_runtime.scripted import SCRIPTS, scripted
 from policy_runtime.world import World, joint_limits, make_world
 from sim.skate.clock import CONTROL_PERIOD, Clock
 from sysid.board import Board
+from sysid.errors import HuskyError
 from sysid.roll import Array
 
 FALLEN = math.radians(70)
@@ -45,6 +46,9 @@ class Protocol:
     """Largest commanded turn to either side [rad]."""
     pushes: float = 0.0
     """Largest change of velocity by shoves, one every 5 to 10 s [m/s]."""
+    randomised: bool = False
+    """Every world another one, as in training: friction, centres of mass, boards, place of the pelvis (mjlab
+    only)."""
 
 
 @dataclass
@@ -187,9 +191,12 @@ def evaluate_policy(
         progress: Called with the number of episodes just done.
 
     Raises:
-        HuskyError: The policy cannot be opened or does not fit, or the world cannot be built.
+        HuskyError: The policy cannot be opened or does not fit, the world cannot be built, or worlds drawn
+            as in training are asked for.
     """
     protocol = protocol or Protocol()
+    if protocol.randomised:
+        raise HuskyError("worlds drawn as in training are mjlab's. Add --simulator mjlab.")
     name = policy_named(policy, board, force=force).name
     size = max(1, min(10, math.ceil(episodes * len(seeds) / (4 * workers))))
     jobs = [

@@ -149,8 +149,10 @@ def _worlds(
     options = SkateOptions(
         speed=protocol.speed,
         turn=protocol.turn,
-        start=Start(standing=1.0, pushing=0.0, steering=0.0),
-        boards=0,
+        start=Start(
+            standing=1.0, pushing=0.0, steering=0.0, position_noise=0.02 if protocol.randomised else 0.0
+        ),
+        boards=64 if protocol.randomised else 0,
         pushes=protocol.pushes,
         noise=False,
         episode=protocol.duration,
@@ -161,8 +163,11 @@ def _worlds(
     )
     torch.manual_seed(seed)
     device = device or ("cuda:0" if torch.cuda.is_available() else "cpu")
+    cfg = skate_env_cfg(board, options, environments=count, seed=seed)
+    if not protocol.randomised:
+        cfg.events = {name: event for name, event in cfg.events.items() if event.mode != "startup"}
     with redirect_stdout(sys.stderr):  # mjlab prints its managers
-        env = ManagerBasedRlEnv(skate_env_cfg(board, options, environments=count, seed=seed), device=device)
+        env = ManagerBasedRlEnv(cfg, device=device)
     return _Worlds(env, torch)
 
 

@@ -436,6 +436,7 @@ def test_motions_lists_plots_and_plays(capsys, tmp_path):
         (("play", "zero", "-b", "pink", "--commands", "none.csv"), "none.csv: cannot be read"),
         (("evaluate", "zero", "-b", "pink", "--episodes", "0"), "at least 1"),
         (("evaluate", "zero", "-b", "pink", "--duration", "-1"), "longer than 0"),
+        (("evaluate", "zero", "-b", "pink", "--randomised"), "Add --simulator mjlab"),
         (("motions", "none.npy"), "no such motion"),
     ],
 )

@@ -22,6 +22,7 @@ def evaluate(
     duration: float = 20.0,
     pushes: float = 0.0,
     simulator: Literal["mujoco", "mjlab"] = "mujoco",
+    randomised: bool = False,
     workers: int | None = None,
     breakdown: bool = False,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
@@ -39,6 +40,7 @@ def evaluate(
         pushes: Largest change of velocity by shoves, one every 5 to 10 s [m/s].
         simulator: Plain MuJoCo, with the servos at 500 Hz as on the robot; or mjlab, in which policies are
             trained, all episodes of a seed side by side.
+        randomised: Draw every world as in training: friction, centres of mass, boards (mjlab only).
         workers: Processes in plain MuJoCo; as many as there are processors if not given.
         breakdown: Show where the errors come from: by stretch, command, time within a stretch, and foot. The
             JSON has it in any case.
@@ -70,7 +72,7 @@ def evaluate(
             record,
             episodes=episodes,
             seeds=tuple(range(seeds)),
-            protocol=Protocol(duration=duration, pushes=pushes),
+            protocol=Protocol(duration=duration, pushes=pushes, randomised=randomised),
             force=force,
             progress=lambda done: progress.update(task, advance=done),
         )
@@ -89,5 +91,7 @@ def evaluate(
     picture = folder / f"evaluate-{result.policy}-{simulator}.png"
     paths_figure(result.paths, result.headings, title, picture)
     printer.say(f"picture: {picture}")
-    printer.result({**result.to_json(), "simulator": simulator, "picture": str(picture)})
+    printer.result(
+        {**result.to_json(), "simulator": simulator, "randomised": randomised, "picture": str(picture)}
+    )
     return 0
