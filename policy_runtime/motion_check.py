@@ -86,7 +86,7 @@ def motion_facts(motion: Motion, model: mujoco.MjModel) -> MotionFacts:
     return MotionFacts(
         frames=len(motion.joints),
         duration=motion.duration,
-        speed=float(np.linalg.norm(motion.position[-1, :2] - motion.position[0, :2]) / motion.duration),
+        speed=motion.speed,
         period=_period(motion.joints[:, LEFT_LEG], motion.rate),
         planted=planted,
         slide=float(moved[1:-1][both].max(initial=0.0)),

@@ -52,6 +52,11 @@ class Motion:
         return (len(self.joints) - 1) / self.rate
 
     @property
+    def speed(self) -> float:
+        """Mean speed of the pelvis in the plane [m/s]."""
+        return float(np.linalg.norm(self.position[-1, :2] - self.position[0, :2]) / self.duration)
+
+    @property
     def qpos(self) -> Array:
         """The robot's MuJoCo configurations, shape (frames, 30)."""
         return np.hstack([self.position, self.quaternion, self.joints])

@@ -22,6 +22,7 @@ import numpy as np
 
 from policy_runtime.motions import load_motions, windows
 from policy_runtime.run_folder import LearnOptions, RunConfig, RunFolder
+from sim.skate.push_clips import PushClip
 from sysid.board import load_board
 from sysid.errors import HuskyError
 from sysid.files import atomic_path, sha256
@@ -122,11 +123,20 @@ def build(folder: RunFolder, config: RunConfig, process: Process) -> tuple["RslR
     seed = config.learn.seed + process.rank
     torch.manual_seed(seed)
     env_cfg = skate_env_cfg(
-        load_board(folder.board), config.task, environments=config.learn.environments, seed=seed
+        load_board(folder.board),
+        config.task,
+        environments=config.learn.environments,
+        seed=seed,
+        clips=push_clips() if config.task.pushing == "tracking" else (),
     )
     env = RslRlVecEnvWrapper(ManagerBasedRlEnv(env_cfg, device=process.device))
     style = config.learn.style_weight if config.task.pushing == "amp" else 0.0
     return env, build_learner(env, replace(config.learn, style_weight=style), process)
+
+
+def push_clips() -> tuple[PushClip, ...]:
+    """Return the reference motions of pushing as the task follows them."""
+    return tuple(PushClip(motion.name, motion.speed, motion.joints) for motion in load_motions())
 
 
 def build_learner(env: Any, learn: LearnOptions, process: Process) -> "AmpPPO":

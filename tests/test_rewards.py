@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from sim.skate import rewards, terminations
+from sim.skate.push_clips import PushClip, PushReference
 from sim.skate.state import SkateState
 
 
@@ -71,6 +72,38 @@ def test_flat_push_needs_ground_and_a_flat_sole(state):
 def test_gait_clock_wants_the_foot_down_for_a_third_of_each_period(state, seconds, down, value):
     state = replace(state, time_in_push=np.array([seconds]), foot_on_ground=np.array([[down, False]]))
     assert rewards.gait_clock(state, period=0.9, stance=0.35)[0] == value
+
+
+def test_push_tracking_is_deepmimics_kernel_of_the_joints(state):
+    state = replace(state, joint_position=first(23, 0.5))
+    assert rewards.push_tracking(state, np.zeros((1, 23)))[0] == pytest.approx(math.exp(-2 * 0.25), rel=0.01)
+    assert rewards.push_tracking(state, np.zeros((1, 23)), tolerance=0.1)[0] == pytest.approx(
+        math.exp(-0.25 / 23 / 0.1)
+    )
+    assert rewards.push_tracking(state, state.joint_position)[0] == 1
+
+
+def clip(name, speed, frames):
+    """Return a clip whose every angle says its frame, plus the speed."""
+    return PushClip(name, speed, np.arange(frames)[:, None] + np.full((1, 23), speed))
+
+
+@pytest.mark.parametrize("kind", ["numpy", "torch"])
+def test_the_clip_nearest_in_speed_is_followed_and_repeats(kind):
+    array = np.asarray
+    if kind == "torch":
+        torch = pytest.importorskip("torch")
+        array = lambda values: torch.tensor(values, dtype=torch.float)  # noqa: E731
+    clips = (clip("slow", 0.5, 40), clip("fast", 1.0, 30))
+    reference = PushReference(clips, array([0.0]))
+    # Single precision of k · 0.02 s must not fall into the frame before, whatever k is.
+    steps = np.arange(120)
+    for speed, nearest, length in ((0.1, 0.5, 40), (0.74, 0.5, 40), (0.76, 1.0, 30), (1.5, 1.0, 30)):
+        found = reference.joints(array(np.full(120, speed)), array(steps * 0.02))
+        assert found.shape == (120, 23)
+        np.testing.assert_allclose(found[:, 5], steps % length + nearest)
+    with pytest.raises(ValueError, match="at least one reference clip"):
+        PushReference((), array([0.0]))
 
 
 def test_feet_on_board_counts_both_feet_in_the_zone_less_the_foot_on_the_ground(state):
@@ -171,6 +204,26 @@ def test_off_board_takes_two_steps_without_a_foot(state):
 def test_body_contact(state):
     assert not terminations.body_contact(state)[0]
     assert terminations.body_contact(replace(state, other_contacts=np.array([1.0])))[0]
+
+
+@pytest.mark.parametrize(
+    ("pushing", "air", "since", "ends"),
+    [
+        (True, 1.3, 2.0, True),
+        (True, 1.2, 2.0, False),  # not longer than the patience
+        (True, 5.0, 1.1, False),  # it steered before: only pushing counts
+        (True, 0.3, 2.0, False),
+        (False, 9.0, 9.0, False),
+    ],
+)
+def test_idle_foot_counts_time_off_the_ground_within_the_pushing(state, pushing, air, since, ends):
+    state = replace(
+        state,
+        pushing=np.array([pushing]),
+        left_air_time=np.array([air]),
+        time_in_push=np.array([since]),
+    )
+    assert bool(terminations.idle_foot(state, patience=1.2)[0]) == ends
 
 
 def test_wrong_stance_counts_up_when_wrong_and_down_when_right(state):

@@ -1,14 +1,15 @@
 # pyright: reportMissingImports=false, reportUnknownParameterType=false, reportAttributeAccessIssue=false
 """Brings reward and termination functions into mjlab: the state is read once a step, for all of them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 import torch
 
-from sim.skate import contacts, rotation, terminations
+from sim.skate import contacts, rewards, rotation, terminations
 from sim.skate.clock import CONTROL_PERIOD
 from sim.skate.observations import skate_command
+from sim.skate.push_clips import PushClip, PushReference
 from sim.skate.reading import ZONE
 from sim.skate.state import SkateState
 
@@ -47,6 +48,20 @@ def reward(
         "still": state.still,
     }
     return value if when == "always" else value * active[when]
+
+
+class PushTracking:
+    """`rewards.push_tracking` of reference clips while pushing."""
+
+    def __init__(self, cfg: Any, env: "ManagerBasedRlEnv") -> None:
+        """Put the clips on the device."""
+        self._clips = PushReference(cfg.params["clips"], torch.zeros(1, device=env.device))
+
+    def __call__(self, env: "ManagerBasedRlEnv", clips: Sequence[PushClip]) -> torch.Tensor:
+        """Return the term's values, zero outside pushing, (n,)."""
+        state = measure(env)
+        reference = self._clips.joints(state.commanded_speed, state.time_in_push)
+        return rewards.push_tracking(state, reference) * state.pushing
 
 
 def fallen(env: "ManagerBasedRlEnv", **arguments: float) -> torch.Tensor:

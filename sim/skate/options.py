@@ -10,8 +10,9 @@ from sim.skate.start import Start
 from sim.skate.terrain import Terrain
 from sim.skate.tilt_guidance import Kinematics
 
-Pushing = Literal["amp", "gait", "none"]
-"""How pushing is taught: by the style of reference motions, by a clock of foot contacts, or not at all."""
+Pushing = Literal["amp", "tracking", "gait", "none"]
+"""How pushing is taught: by the style of reference motions, by tracking the one nearest in speed joint by joint, by a
+clock of foot contacts, or not at all."""
 Guidance = Literal["path", "translation", "none"]
 """What guides mounting and dismounting: positions and orientations of the key bodies, positions only, nothing."""
 

@@ -1,6 +1,7 @@
 # pyright: reportMissingImports=false, reportUnknownParameterType=false
 """The whole task as mjlab's configuration: scene, cycle, observations, rewards, terminations, events."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from sim.skate.g1 import JOINTS, default_pose, motor_of
 from sim.skate.options import SkateOptions
 from sim.skate.poses import load_poses
 from sim.skate.posterior import draw_boards, tilt_draws
+from sim.skate.push_clips import PushClip
 from sim.skate.scene import (
     DECIMATION,
     SceneOptions,
@@ -35,10 +37,17 @@ if TYPE_CHECKING:
 
 STYLE_FRAMES = 5
 """Joint frames that the style discriminator judges together."""
+TRACKING_WEIGHT = 5.0
+"""Weight of following a reference clip while pushing, per second."""
 
 
 def skate_env_cfg(
-    board: Board, options: SkateOptions, *, environments: int, seed: int
+    board: Board,
+    options: SkateOptions,
+    *,
+    environments: int,
+    seed: int,
+    clips: Sequence[PushClip] = (),
 ) -> "ManagerBasedRlEnvCfg":
     """Return the environment's configuration.
 
@@ -47,9 +56,11 @@ def skate_env_cfg(
         options: The variant of the task.
         environments: Number of parallel worlds.
         seed: Seed of everything random, the drawn boards included.
+        clips: What pushing by tracking follows.
 
     Raises:
         HuskyError: The board cannot be built, or the canonical poses are missing.
+        ValueError: Pushing by tracking without clips.
     """
     from mjlab.envs import ManagerBasedRlEnvCfg
     from mjlab.envs.mdp.actions import JointPositionActionCfg
@@ -79,7 +90,7 @@ def skate_env_cfg(
             "trucks": TruckSetterCfg(entity_name="board", rake=rake if options.steered else 0.0),
         },
         commands={"skate": command},
-        rewards=reward_terms(options, command),
+        rewards=reward_terms(options, command, clips),
         terminations=_terminations(options),
         events=_events(board, options, scene, seed),
     )
@@ -112,11 +123,13 @@ def skate_command_cfg(board: Board, options: SkateOptions) -> "SkateCommandCfg":
     )
 
 
-def reward_terms(options: SkateOptions, command: "SkateCommandCfg") -> "dict[str, RewardTermCfg]":
+def reward_terms(
+    options: SkateOptions, command: "SkateCommandCfg", clips: Sequence[PushClip] = ()
+) -> "dict[str, RewardTermCfg]":
     """Return the reward terms with their weights and the stretches in which they count."""
     from mjlab.managers.reward_manager import RewardTermCfg
 
-    from sim.skate.measuring import reward
+    from sim.skate.measuring import PushTracking, reward
 
     def term(function: Any, when: str, weight: float, **arguments: Any) -> RewardTermCfg:
         return RewardTermCfg(func=reward, weight=weight, params={"term": function, "when": when, **arguments})
@@ -151,6 +164,11 @@ def reward_terms(options: SkateOptions, command: "SkateCommandCfg") -> "dict[str
     }
     if options.pushing == "gait":
         terms["push/gait_clock"] = term(rewards.gait_clock, "push", 3.0)
+    if options.pushing == "tracking":
+        # As much as the style reward can pay, so that the two ways of teaching compete evenly.
+        terms["push/tracking"] = RewardTermCfg(
+            func=PushTracking, weight=TRACKING_WEIGHT, params={"clips": tuple(clips)}
+        )
     if options.tilt_guidance:
         terms["steer/tilt_guide"] = term(rewards.tilt_guide, "steer", 4.0, tolerance=options.tilt_tolerance)
     if options.transition != "none":

@@ -23,8 +23,9 @@ from sysid.errors import HuskyError, QualityGateError
 class Variant:
     """Options of the task: the paper's variants, and ours."""
 
-    pushing: Literal["amp", "gait", "none"] = "amp"
-    """How pushing is taught: by the style of reference motions, by a clock of foot contacts, or not at all."""
+    pushing: Literal["amp", "tracking", "gait", "none"] = "amp"
+    """How pushing is taught: by the style of reference motions, by tracking the one nearest in speed joint by joint,
+    by a clock of foot contacts, or not at all."""
     transition: Literal["path", "translation", "none"] = "path"
     """What guides mounting and dismounting: key bodies' paths, their positions only, or nothing."""
     tilt_guidance: bool = True
