@@ -206,7 +206,8 @@ def fit_inertia_and_damping(
         *(0.0 for _ in range(turned)),
         *(lag * release.deceleration / release.speed for release in truth),
     ]
-    reach = [*(1.5 for _ in range(turned)), *(1.0 for _ in truth)]
+    # A stop pushes harder than the spring, and half a step of its push can be more than the board's own speed.
+    reach = [*(1.5 for _ in range(turned)), *(max(1.0, 2 * abs(rate)) for rate in guess[turned:])]
     bounds = (-np.array(reach), reach)
     found = least_squares(misfit, guess, bounds=bounds, diff_step=1e-4, xtol=1e-7, ftol=1e-9, max_nfev=25)
     return _knobs(start, found.x)

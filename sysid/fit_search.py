@@ -147,7 +147,7 @@ def search(
         evaluations += second.evaluations
         found.append((second.normal.cost, second.point))
     found.sort(key=lambda item: item[0])
-    found[0] = _shaken(coarse, found[0])
+    found[0] = _shaken(coarse, _parted(coarse, found[0]))
     fine = Problem(
         structure, records, scales, bias=bias, fixed=fixed, free_states=free_states,
         steps_per_period=steps_per_period,
@@ -168,6 +168,11 @@ def search(
 
 _FRICTION = ("coulomb.torque", "stribeck.torque", "hysteresis.torque")
 _SHAKES = (0.6, 0.75, 0.87, 1.15, 1.35, 1.65)
+
+
+_PARTS = ((0.7, 1.3), (0.3, 1.3))
+_SPEEDS = (0.05, 0.2, 0.5)
+"""Sliding and static friction in units of the common one, and the Stribeck speed in units of its size."""
 
 
 def _shaken(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]:
@@ -197,6 +202,30 @@ def _shaken(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]
                 break
             found = best
     return found
+
+
+def _parted(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]:
+    """Part static from sliding friction again where a search let them fall together.
+
+    Below the sliding friction the static one has no effect, so a search that steps there never comes back.
+    """
+    if "stribeck.torque" not in problem.names or "stribeck.static_torque" not in problem.names:
+        return found
+    sliding, static, velocity = (
+        problem.names.index(f"stribeck.{name}") for name in ("torque", "static_torque", "velocity")
+    )
+    level = found[1][sliding]
+    if found[1][static] > level:
+        return found
+    low, high = problem.bounds()
+    best = found
+    for below, above in _PARTS:
+        for speed in _SPEEDS:
+            point = found[1].copy()
+            point[[sliding, static, velocity]] = below * level, above * level, speed
+            parted = minimise(problem.normal, point, low, high, iterations=15, tolerance=1e-5)
+            best = min(best, (parted.normal.cost, parted.point), key=lambda item: item[0])
+    return best
 
 
 def replace_records(problem: Problem, records: Sequence[Record]) -> Problem:
