@@ -3,7 +3,10 @@
 
 A discriminator tells windows of five joint frames of the reference motions from the policy's; what it
 takes for reference is rewarded (Peng et al. 2021, "AMP"; least-squares loss and gradient penalty). Only
-windows that lie within one episode and within the pushing stretch are shown to it and rewarded.
+windows that lie within one episode and within a stretch taught by style (`style_mask`) are shown to it and
+rewarded. Where that is more than pushing, the last numbers of a window say which stretch it is of, and the
+reference windows of a batch are of the same stretches as the policy's: how often a stretch occurs shall
+not tell them apart.
 
 With several processes the gradients and running statistics of the discriminator are averaged, and so are
 the statistics of the observation normalisers, which rsl_rl 5.4 leaves different in every process.
@@ -33,6 +36,8 @@ class AmpOptions:
     batch: int = 8192
     """Windows of each kind a step and process."""
     weight_decay: float = 1e-3
+    stretches: int = 0
+    """Last numbers of a window that say one-hot which stretch it is of; 0 where all are of one."""
     step_time: float = 0.02
     """Time of a policy step [s]."""
 
@@ -107,7 +112,8 @@ class AmpPPO(PPO):
 
         Args:
             args: For PPO.
-            reference: Windows of the reference motions, (m, 5 · 23) [rad], oldest frame first.
+            reference: Windows of the reference motions, (m, 5 · 23 + stretches) [rad], oldest frame first,
+                grouped by stretch.
             amp: Numbers of the style reward.
             kwargs: For PPO.
         """
@@ -150,7 +156,7 @@ class AmpPPO(PPO):
         total = torch.zeros(3, device=self.device)
         for _ in range(self.amp.updates):
             policy = pushing[torch.randint(len(pushing), (self.amp.batch,), device=self.device)]
-            real = self.reference[torch.randint(len(self.reference), (self.amp.batch,), device=self.device)]
+            real = self._like(policy)
             self.discriminator.normaliser.update(torch.cat((policy, real)))
             loss = self.discriminator.loss(real, policy, self.amp.gradient_penalty)
             self.amp_optimiser.zero_grad()
@@ -162,6 +168,17 @@ class AmpPPO(PPO):
             total += torch.stack((loss.detach(), *scores))
         names = ("discriminator", "policy_score", "reference_score")
         return dict(zip(names, (total / self.amp.updates).tolist(), strict=True))
+
+    def _like(self, policy: torch.Tensor) -> torch.Tensor:
+        """Return as many reference windows as those of the policy, of the same stretches."""
+        kinds = self.amp.stretches
+        if kinds == 0:
+            return self.reference[torch.randint(len(self.reference), (len(policy),), device=self.device)]
+        count = self.reference[:, -kinds:].sum(dim=0)  # the reference is grouped by stretch
+        first = count.cumsum(0) - count
+        which = policy[:, -kinds:].argmax(dim=-1)
+        chosen = first[which] + torch.floor(count[which] * torch.rand(len(policy), device=self.device))
+        return self.reference[chosen.long().clamp(max=len(self.reference) - 1)]
 
     def save(self) -> dict[str, Any]:
         """Return everything that a resumed run needs."""

@@ -28,6 +28,7 @@ from typing import Any, TypeVar
 import tomlkit
 
 from policy_runtime.motions import motion_paths
+from policy_runtime.style_reference import transition_folder
 from sim.skate.options import SkateOptions
 from sysid.board import load_board
 from sysid.errors import HuskyError, did_you_mean
@@ -141,7 +142,9 @@ class RunFolder:
             write_atomically(self.checkpoint(_iteration(start_from)), start_from.read_bytes())
         self.write_config(config)
         write_atomically(self.board, record.read_bytes())
-        motions = {path.name: sha256(path) for path in motion_paths()}
+        motions = {
+            path.name: sha256(path) for path in [*motion_paths(), *motion_paths([transition_folder()])]
+        }
         origin = {
             "board_sha256": sha256(record),
             "board_passed": load_board(record).passed,

@@ -13,15 +13,14 @@ import os
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from policy_runtime.motions import load_motions, windows
-from policy_runtime.run_folder import LearnOptions, RunConfig, RunFolder
+from policy_runtime.motions import load_motions
+from policy_runtime.run_folder import RunConfig, RunFolder
+from policy_runtime.style_reference import STRETCHES, style_reference
 from sim.skate.push_clips import PushClip
 from sysid.board import load_board
 from sysid.errors import HuskyError
@@ -130,8 +129,7 @@ def build(folder: RunFolder, config: RunConfig, process: Process) -> tuple["RslR
         clips=push_clips() if config.task.pushing == "tracking" else (),
     )
     env = RslRlVecEnvWrapper(ManagerBasedRlEnv(env_cfg, device=process.device))
-    style = config.learn.style_weight if config.task.pushing == "amp" else 0.0
-    return env, build_learner(env, replace(config.learn, style_weight=style), process)
+    return env, build_learner(env, config, process)
 
 
 def push_clips() -> tuple[PushClip, ...]:
@@ -139,13 +137,17 @@ def push_clips() -> tuple[PushClip, ...]:
     return tuple(PushClip(motion.name, motion.speed, motion.joints) for motion in load_motions())
 
 
-def build_learner(env: Any, learn: LearnOptions, process: Process) -> "AmpPPO":
+def build_learner(env: Any, config: RunConfig, process: Process) -> "AmpPPO":
     """Build PPO with the style extension for worlds."""
     import torch
 
     from policy_runtime.amp import AmpOptions, AmpPPO
 
-    reference = np.concatenate([windows(motion).reshape(-1, 5 * 23) for motion in load_motions()])
+    learn, task = config.learn, config.task
+    amp = AmpOptions(
+        weight=learn.style_weight if task.styled else 0.0,
+        stretches=len(STRETCHES) if task.transition == "style" else 0,
+    )
     model = {
         "class_name": "MLPModel",
         "hidden_dims": learn.hidden,
@@ -163,8 +165,8 @@ def build_learner(env: Any, learn: LearnOptions, process: Process) -> "AmpPPO":
         "critic": dict(model),
         "algorithm": {
             "class_name": AmpPPO,
-            "amp": AmpOptions(weight=learn.style_weight),
-            "reference": torch.tensor(reference, dtype=torch.float),
+            "amp": amp,
+            "reference": torch.tensor(style_reference(task), dtype=torch.float),
             "num_learning_epochs": learn.epochs,
             "num_mini_batches": learn.mini_batches,
             "clip_param": learn.clip,

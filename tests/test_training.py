@@ -190,6 +190,26 @@ def test_the_discriminator_learns_to_tell_two_styles_apart():
     assert net(policy).mean() < -0.5
 
 
+def test_reference_windows_of_a_batch_are_of_the_stretches_of_the_policys():
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("rsl_rl")
+    from policy_runtime.amp import AmpOptions, AmpPPO
+
+    torch.manual_seed(0)
+    # Of three kinds, grouped; the first number tells the windows apart.
+    kinds = torch.tensor([0, 0, 0, 0, 1, 1, 2])
+    reference = torch.cat((torch.arange(7.0)[:, None], torch.eye(3)[kinds]), dim=1)
+    learner = SimpleNamespace(amp=AmpOptions(stretches=3), reference=reference, device="cpu")
+    policy = torch.cat((torch.zeros(900, 1), torch.eye(3)[torch.arange(900) % 3]), dim=1)
+    chosen = AmpPPO._like(learner, policy)
+    torch.testing.assert_close(chosen[:, 1:], policy[:, 1:])
+    counts = torch.bincount(chosen[:, 0].long(), minlength=7)
+    assert counts[:4].sum() == counts[4:6].sum() == counts[6] == 300
+    assert counts.min() > 45  # all are used: 75 or 150 expected
+    learner.amp = AmpOptions()
+    assert torch.bincount(AmpPPO._like(learner, policy)[:, 0].long()).min() > 90  # 129 expected
+
+
 @pytest.mark.slow
 def test_training_runs_resumes_and_exports_a_policy_that_answers(started):
     pytest.importorskip("mjlab")

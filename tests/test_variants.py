@@ -71,3 +71,34 @@ def test_pushing_by_tracking_follows_the_clip_nearest_in_speed():
         assert reward.max() > 0.1
     with pytest.raises(ValueError, match="at least one reference clip"), worlds(pushing="tracking"):
         pass
+
+
+def test_transitions_by_style_have_windows_of_every_stretch_and_no_path():
+    import torch
+
+    from policy_runtime.style_reference import style_reference
+    from sim.skate.observations import skate_command
+
+    with worlds(transition="style", start=PUSHING, speed=(1.0, 1.0)) as env:
+        terms = env.reward_manager.active_terms
+        assert not {"transition/positions", "transition/orientations"} & set(terms)
+        command, clock = skate_command(env), skate_command(env).clock
+        frames = []
+        # Worlds 0 to 3: about to mount, mounting, dismounting, steering; told to stand in world 4.
+        command.step[:5] = torch.tensor([clock.push - 3, clock.push + 8, clock.period - 8, 200, 125])
+        command._command[4, 0] = 0.0
+        for _ in range(6):
+            obs = step(env)[0]
+            frames.append(command.reading.joint_position().clone())
+            phase = command.step % clock.period
+            window, mask = obs["style"], obs["style_mask"][:, 0]
+        assert window.shape == (WORLDS, style_reference(SkateOptions(transition="style")).shape[1])
+        alive = env.episode_length_buf >= 6
+        assert alive[:5].all()
+        for world in range(5):
+            torch.testing.assert_close(
+                window[world, :115], torch.cat([frame[world] for frame in frames[-5:]])
+            )
+        kinds = torch.stack((clock.pushing(phase), clock.mounting(phase), clock.dismounting(phase)), dim=1)
+        torch.testing.assert_close(window[:, 115:], kinds.float())
+        assert mask[:5].tolist() == [0, 1, 1, 0, 0]  # the first has been mounting for fewer than five frames

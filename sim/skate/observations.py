@@ -87,12 +87,28 @@ def joint_angles(env: "ManagerBasedRlEnv") -> torch.Tensor:
     return skate_command(env).reading.joint_position()
 
 
-def style_mask(env: "ManagerBasedRlEnv") -> torch.Tensor:
-    """Return 1 where the last five joint frames are of one episode and all of them of pushing, (n, 1)."""
+def stretch(env: "ManagerBasedRlEnv") -> torch.Tensor:
+    """Return one-hot whether the cycle is in pushing, mounting or dismounting, (n, 3)."""
+    clock, step = skate_command(env).clock, skate_command(env).step
+    return torch.stack((clock.pushing(step), clock.mounting(step), clock.dismounting(step)), dim=-1).float()
+
+
+def style_mask(env: "ManagerBasedRlEnv", pushing: bool = True, transitions: bool = False) -> torch.Tensor:
+    """Return 1 where the last five joint frames are of one episode and of one stretch taught by style, (n, 1).
+
+    Args:
+        env: The worlds.
+        pushing: Whether pushing is one.
+        transitions: Whether mounting and dismounting are.
+    """
     command = skate_command(env)
-    whole = env.episode_length_buf >= 4
-    within = command.clock.pushing(command.step - 4) & command.pushing
-    return (whole & within)[:, None].float()
+    clock, step = command.clock, command.step
+    within = clock.pushing(step - 4) & command.pushing & pushing
+    if transitions:
+        mounts = clock.mounting(step - 4) & clock.mounting(step)
+        dismounts = clock.dismounting(step - 4) & clock.dismounting(step)
+        within |= (mounts | dismounts) & ~command.still
+    return (within & (env.episode_length_buf >= 4))[:, None].float()
 
 
 def _guidance(command: SkateCommand) -> tuple[torch.Tensor, ...]:

@@ -13,8 +13,9 @@ from sim.skate.tilt_guidance import Kinematics
 Pushing = Literal["amp", "tracking", "gait", "none"]
 """How pushing is taught: by the style of reference motions, by tracking the one nearest in speed joint by joint, by a
 clock of foot contacts, or not at all."""
-Guidance = Literal["path", "translation", "none"]
-"""What guides mounting and dismounting: positions and orientations of the key bodies, positions only, nothing."""
+Guidance = Literal["path", "translation", "style", "none"]
+"""What guides mounting and dismounting: positions and orientations of the key bodies, positions only, the style of
+reference motions, nothing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,3 +69,8 @@ class SkateOptions:
     """Noise on the actor's observation."""
     episode: float = 20.0
     """Length of an episode [s]."""
+
+    @property
+    def styled(self) -> bool:
+        """Whether anything is taught by the style of reference motions."""
+        return self.pushing == "amp" or self.transition == "style"

@@ -171,8 +171,9 @@ def reward_terms(
         )
     if options.tilt_guidance:
         terms["steer/tilt_guide"] = term(rewards.tilt_guide, "steer", 4.0, tolerance=options.tilt_tolerance)
-    if options.transition != "none":
+    if options.transition in ("path", "translation"):
         terms["transition/positions"] = term(rewards.key_positions, "transition", 10.0)
+    if options.transition != "none":
         terms["transition/left_foot_down"] = term(rewards.left_foot_on_ground, "transition", -0.5)
     if options.transition == "path":
         terms["transition/orientations"] = term(rewards.key_orientations, "transition", 10.0)
@@ -187,15 +188,24 @@ def _observations(options: SkateOptions) -> "dict[str, ObservationGroupCfg]":
 
     noise = UniformNoiseCfg(n_min=tuple(-n for n in NOISE), n_max=NOISE) if options.noise else None
     frame = ObservationTermCfg(func=observations.ActorFrame, noise=noise, scale=SCALE)
+    in_transitions = options.transition == "style"
+    window = {"joints": ObservationTermCfg(func=observations.joint_angles, history_length=STYLE_FRAMES)}
+    if in_transitions:
+        window["stretch"] = ObservationTermCfg(func=observations.stretch)
     return {
         "actor": ObservationGroupCfg(
             {"frame": frame}, enable_corruption=options.noise, history_length=FRAMES
         ),
         "critic": ObservationGroupCfg({"privileged": ObservationTermCfg(func=observations.CriticVector)}),
-        "style": ObservationGroupCfg(
-            {"joints": ObservationTermCfg(func=observations.joint_angles)}, history_length=STYLE_FRAMES
+        "style": ObservationGroupCfg(window),
+        "style_mask": ObservationGroupCfg(
+            {
+                "mask": ObservationTermCfg(
+                    func=observations.style_mask,
+                    params={"pushing": options.pushing == "amp", "transitions": in_transitions},
+                )
+            }
         ),
-        "style_mask": ObservationGroupCfg({"mask": ObservationTermCfg(func=observations.style_mask)}),
     }
 
 

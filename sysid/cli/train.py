@@ -26,8 +26,9 @@ class Variant:
     pushing: Literal["amp", "tracking", "gait", "none"] = "amp"
     """How pushing is taught: by the style of reference motions, by tracking the one nearest in speed joint by joint,
     by a clock of foot contacts, or not at all."""
-    transition: Literal["path", "translation", "none"] = "path"
-    """What guides mounting and dismounting: key bodies' paths, their positions only, or nothing."""
+    transition: Literal["path", "translation", "style", "none"] = "path"
+    """What guides mounting and dismounting: key bodies' paths, their positions only, the style of reference
+    motions, or nothing."""
     tilt_guidance: bool = True
     """Whether the tilt is guided."""
     turn_feedback: bool = True
