@@ -161,10 +161,12 @@ def closed_form(board: Board, *, timestep: float, integrator: str = "implicitfas
 
 
 def release_amplitudes(board: Board) -> tuple[float, ...]:
-    """Return the angles about rest from which decays are compared [rad]: both sides, wide and narrow."""
+    """Return the angles about rest from which decays are compared [rad]: both sides, wide and narrow.
+
+    Wide is the tilt range: a step's error depends on the amplitude as soon as the joint is not linear, and
+    further the deck does not go.
+    """
     wide = board.tilt["range"].value
-    if "first_peak" in board.decay:
-        wide = max(wide, board.decay["first_peak"].value)
     return wide, -0.7 * wide, 0.4 * wide
 
 
