@@ -18,6 +18,7 @@ import numpy as np
 from hidden_truths import TRUTHS, VISIBLE, Truth, board_of, make, visibility
 
 from sysid.diagnose import Diagnosis, diagnose, whiteness
+from sysid.score_test import score_test
 
 
 def right(truth: Truth, result: Diagnosis, shows: float = float("inf")) -> bool:
@@ -64,6 +65,7 @@ def run(case: tuple[str, int]) -> Row:
         "effects": list(verdict.effects), "alike": [list(g) for g in verdict.indistinguishable_from],
         "confidence": verdict.confidence, "before": verdict.error_before / result.noise.std,
         "after": verdict.error_after / result.noise.std, "white": whiteness(result.best, period),
+        "left": score_test(result.best.problem, result.best.minimum.point).probability,
         "seconds": time.perf_counter() - begin, "noise": result.noise.std, "cpu": time.process_time() - cpu,
         "samples": sum(len(r.time) for r in releases),
         "top": [[list(c.effects), round(c.score, 1), round(c.rmse / result.noise.std, 4),

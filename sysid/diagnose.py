@@ -26,11 +26,14 @@ from sysid.plausible import amplitude_warnings
 from sysid.quantity import Quantity
 from sysid.record_check import record_deviation
 from sysid.roll import Release
+from sysid.score_test import score_test
 
 Status = Literal["none-missing", "missing", "unexplained"]
 
 WHITE = 1e-3
 """Probability below which a residual is not white."""
+LEFT = 1e-5
+"""Probability below which the residual holds a torque of tilt and rate."""
 BAND = 4.0
 """Upper end of the band in which the joint moves, in natural frequencies."""
 TIE = 8.0
@@ -111,7 +114,9 @@ class _Case:
         return tuple(name for name in model.effects if name not in self.base.effects)
 
     def is_white(self, model: Model) -> bool:
-        return whiteness(model, self.period) > WHITE
+        if whiteness(model, self.period) <= WHITE:
+            return False
+        return score_test(model.problem, model.minimum.point).probability > LEFT
 
     def excess(self, model: Model) -> float:
         """Held-out mean square error beyond the noise."""
@@ -298,8 +303,11 @@ def _scores(
 
 
 def _judge(case: _Case) -> tuple[Verdict, Model, dict[str, float]]:
-    if case.is_white(case.models[0]):
-        return _judge_white(case, case.models[0])
+    for model in case.models:
+        if case.scores[model.effects] >= 2 * TIE:
+            break
+        if case.is_white(model):
+            return _judge_white(case, model)
     return _judge_prediction(case)
 
 

@@ -96,9 +96,9 @@ class _Path:
 
     shooting: Shooting
     signal: Array
-    time: Array
+    clock: Array
     std: float
-    """Signal, time and noise of the samples, or of means of neighbours; shape (n,)."""
+    """Signal, time on the log's clock and noise of the samples, or of means of neighbours; shape (n,)."""
     spread: float
     """Deviation that a start faster than from rest may have [rad/s]; 0 where it may have any."""
     inward: float
@@ -147,7 +147,7 @@ class Problem:
             paths.append(
                 _Path(
                     Shooting(flow, steps, mean @ at, max(release.hold, 0.0)),
-                    mean @ record.signal, mean @ record.time, record.std / float(np.sqrt(self.average)),
+                    mean @ record.signal, mean @ (record.time + float(release.time[0])), record.std / float(np.sqrt(self.average)),
                     max(spread, 1e-300) if release.hold > 0 else 0.0, -float(np.sign(release.roll[0] - release.rest)),
                 )
             )  # fmt: skip
@@ -269,7 +269,7 @@ class Problem:
         is_rate = self.records[0].is_rate
         columns = {
             "sensor-bias.angle": 0.0 if is_rate else 1.0,
-            "sensor-drift.rate": 1.0 if is_rate else path.time,
+            "sensor-drift.rate": 1.0 if is_rate else path.clock,
         }
         for name, column in columns.items():
             if name in values:

@@ -59,11 +59,13 @@ class Structure:
     """Which effects a joint has: all that the shape of its equations depends on."""
 
     effects: tuple[str, ...] = ()
+    extra: tuple[Effect, ...] = ()
+    """Effects that are in no catalogue, such as the probes of a test."""
 
     @property
     def parts(self) -> tuple[Effect, ...]:
         """The effects themselves."""
-        return tuple(effect(name) for name in self.effects)
+        return (*(effect(name) for name in self.effects), *self.extra)
 
     @property
     def parameters(self) -> tuple[str, ...]:

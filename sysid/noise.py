@@ -70,8 +70,7 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
         count += len(signal)
         if release.end == "rest":
             tail = signal[int(0.65 * len(signal)) : int(0.9 * len(signal))]
-            t = np.linspace(-1, 1, len(tail))
-            wander = tail - np.polyval(np.polyfit(t, tail, 1), t)
+            wander = _without_swing(tail)
             power = np.abs(np.fft.rfft(wander)) ** 2
             if power.max(initial=0.0) < 0.25 * power.sum():  # else one frequency rules: it still swings
                 still += float(np.sum(wander**2))
@@ -88,6 +87,23 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
             f"from the spread at rest; the sensor smooths (sample to sample it moves by {std:.2g} {unit} only)",
         )
     return NoiseFloor(std, f"from high-order differences of {count} samples: what no smooth motion can do")
+
+
+def _without_swing(tail: Array) -> Array:
+    """Return a stretch at rest without its trend and without what is left of the swing that faded before.
+
+    The swing is a sine whose amplitude falls smoothly, at the frequency that has the most power.
+    """
+    t = np.linspace(-1, 1, len(tail))
+    wander = tail - np.polyval(np.polyfit(t, tail, 1), t)
+    size = 8 * len(tail)
+    peak = int(np.argmax(np.abs(np.fft.rfft(wander, size))))
+    phase = 2 * np.pi * peak / size * np.arange(len(tail))
+    sine = [shape * t**power for shape in (np.cos(phase), np.sin(phase)) for power in range(3)]
+    table = np.column_stack([np.ones_like(t), t, *sine])
+    rest = tail - table @ np.linalg.lstsq(table, tail, rcond=None)[0]
+    # White noise loses as many of its degrees of freedom as the table has columns.
+    return rest * np.sqrt(len(tail) / max(len(tail) - table.shape[1], 1))
 
 
 def _signal(release: Release, *, rate: bool) -> Array:

@@ -9,13 +9,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.board import Board
-from sysid.effects import effect
+from sysid.effects import catalogue, effect
+from sysid.fit_problem import Problem
 from sysid.fit_uncertainty import parameter_covariance
+from sysid.joint_flow import structure_of
+from sysid.least_squares import Normal, minimise
 from sysid.model_search import Model
+from sysid.quantity import Quantity
+from sysid.roll import Array
 
 SURE = 4.0
 """Standard deviations from which a deviation counts."""
 SHIFTS = ("offset", "preload", "sensor-bias")
+_SHIFTING = (*SHIFTS, "sensor-drift", "clock")
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +89,8 @@ def _linear(model: Model, board: Board, covariance: np.ndarray, names: list[str]
     spread = spread + np.diag([(q.std / q.value) ** 2 for q in record.values()])
     if float(logs @ np.linalg.solve(spread, logs)) < SURE**2 + 3.0:
         return Deviation()
-    matches = [name for name, miss in _explanations(logs, spread, board) if miss < 3.0]
+    misses = _explanations(logs, spread, board) + _faithful(model, board)
+    matches = [name for name, miss in sorted(misses, key=lambda item: item[1]) if miss < 3.0]
     change = (
         f"Against the record, k/I is {np.expm1(logs[0]):+.1%} and d/I is {np.expm1(logs[1]):+.1%}; a free decay "
         "cannot tell whether stiffness and damping changed or "
@@ -97,6 +104,59 @@ def _linear(model: Model, board: Board, covariance: np.ndarray, names: list[str]
         change + f"one cause makes both, {titles}.",
         effect(matches[0]).experiment,
     )
+
+
+def _faithful(model: Model, board: Board) -> list[tuple[str, float]]:
+    """Return effects of one parameter that fit with the record's own stiffness and damping, and how badly.
+
+    An effect that is too weak to show in the shape of the decay may still have moved the k and d that a fit
+    without it finds. The distance is that of inertia or clock: how much worse the fit with the effect is,
+    and how far it is from the record, in standard deviations.
+    """
+    problem, kinds = model.problem, ("torque", "measurement")
+    found: list[tuple[str, float]] = []
+    for name, part in catalogue().items():
+        if (
+            part.role not in kinds
+            or len(part.parameters) != 1
+            or name in (*model.effects, "gravity", *_SHIFTING)
+        ):
+            continue
+        richer = Problem(
+            structure_of((*model.effects, name)), problem.records, problem.scales, bias=problem.bias,
+            fixed=problem.fixed, free_states=problem.free_states, steps_per_period=problem.steps_per_period,
+        )  # fmt: skip
+        prior = [(richer.names.index(key), board.tilt[key]) for key in ("stiffness", "damping")]
+        sizes = richer.sizes()
+
+        def evaluate(
+            unknowns: Array,
+            richer: Problem = richer,
+            sizes: Array = sizes,
+            prior: list[tuple[int, Quantity]] = prior,
+        ) -> Normal:
+            normal = richer.normal(unknowns)
+            cost, gradient, hessian = normal.cost, normal.gradient.copy(), normal.hessian.copy()
+            for index, known in prior:
+                off = (unknowns[index] * sizes[index] - known.value) / known.std
+                cost += 0.5 * off**2
+                gradient[index] += off * sizes[index] / known.std
+                hessian[index, index] += (sizes[index] / known.std) ** 2
+            return Normal(cost, gradient, hessian)
+
+        parameter = part.parameters[0]
+        costs = [
+            minimise(
+                evaluate,
+                richer.start({**model.parameters, f"{name}.{parameter.name}": start * parameter.size(problem.scales)}),
+                *richer.bounds(),
+                iterations=25,
+                tolerance=1e-6,
+            ).normal.cost
+            for start in parameter.starts
+        ]  # fmt: skip
+        found.append((name, float(np.sqrt(max(2 * (min(costs) - model.minimum.normal.cost), 0.0)))))
+    return found
 
 
 def _explanations(logs: np.ndarray, spread: np.ndarray, board: Board) -> list[tuple[str, float]]:

@@ -30,7 +30,12 @@ EFFECT = Effect(
     role="measurement",
     parameters=(
         Parameter(
-            name="time_constant", unit="s", size=lambda s: 1.0 / s.frequency, low=0.0, high=3.0, starts=(0.1,)
+            name="time_constant",
+            unit="s",
+            size=lambda s: 1.0 / s.frequency,
+            low=0.0,
+            high=3.0,
+            starts=(0.1, 0.5),
         ),
     ),
     law="T ṁ = φ - m, and m is measured",

@@ -16,7 +16,7 @@ EFFECT = Effect(
             starts=(0.02,),
         ),
     ),
-    law="measured = φ + r (t - t_release)",
+    law="measured = φ + r t, t on the log's clock",
     source="integral of a constant gyro bias",
     does="The middle of the decay moves at a constant rate, also at rest.",
     look_alikes=("viscoelastic",),

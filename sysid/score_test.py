@@ -1,0 +1,146 @@
+"""Is there a torque left in the residual that the joint itself would have answered to?
+
+A residual may be white to the eye and still hold a torque that depends on tilt and rate: mimicked closely, it
+leaves a fraction of the noise, spread over the whole decay. So the residual is tested against what small
+torques of many shapes would do to this very motion (Rao's score test, 1948): each shape enters the equation of
+motion at zero strength, its sensitivity comes out of the integrator, what the fitted parameters can do as well
+is taken away, and the rest is regressed on.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sysid.effects.base import (
+    Algebra,
+    Effect,
+    Motion,
+    MujocoSupport,
+    Parameter,
+    Value,
+    Values,
+    belongs_to_log,
+)
+from sysid.fit_problem import Problem
+from sysid.joint_flow import Structure
+from sysid.roll import Array
+
+Shape = Callable[[Algebra, Value, Value], Value]
+SHAPES: dict[str, Shape] = {
+    "x²": lambda m, x, v: x * x,
+    "x³": lambda m, x, v: x**3,
+    "x⁵": lambda m, x, v: x**5,
+    "x|x|": lambda m, x, v: x * m.abs(x),
+    "|x|": lambda m, x, v: m.abs(x),
+    "v²": lambda m, x, v: v * v,
+    "v³": lambda m, x, v: v**3,
+    "v|v|": lambda m, x, v: v * m.abs(v),
+    "|v|": lambda m, x, v: m.abs(v),
+    "x v": lambda m, x, v: x * v,
+    "|x| v": lambda m, x, v: m.abs(x) * v,
+    "x² v": lambda m, x, v: x * x * v,
+}
+"""Torques of tilt and rate, each over its largest: odd and even, of the spring's and of the damper's kind."""
+
+
+@dataclass(frozen=True, slots=True)
+class ScoreTest:
+    """What the shapes explain together."""
+
+    statistic: float
+    """Fall of χ² that they would make."""
+    freedom: int
+    """How many of them are not done by the fitted parameters already."""
+    probability: float
+    """Of at least this by chance."""
+
+
+def score_test(problem: Problem, point: Array) -> ScoreTest:
+    """Test a fit for a torque of tilt and rate that it lacks.
+
+    Args:
+        problem: What was fitted; its residual must be white otherwise.
+        point: Where the fit ended, shape (p,).
+    """
+    from scipy.stats import f as fisher
+
+    scales = problem.scales
+    fixed = {**problem.fixed, "probe.amplitude": scales.amplitude, "probe.speed": scales.rate}
+    probed = Problem(
+        Structure(problem.structure.effects, (_PROBE,)), problem.records, scales, bias=problem.bias, fixed=fixed,
+        free_states=problem.free_states, steps_per_period=problem.steps_per_period,
+    )  # fmt: skip
+    shared = len(problem.names)
+    count = len(probed.names) - shared
+    unknowns = np.concatenate([point[:shared], np.zeros(count), point[shared:]])
+    sizes = probed.sizes()
+    rows, values = [], []
+    own = probed.own
+    for index, (residual, jacobian) in enumerate(probed.linearise(unknowns)):
+        std = problem.records[index].std
+        where = np.r_[0 : shared + count, shared + count + index * own : shared + count + (index + 1) * own]
+        block = np.zeros((len(residual), len(sizes)))
+        block[:, where] = jacobian * sizes[where] / std
+        rows.append(block)
+        values.append(residual / std)
+    table, residual = np.concatenate(rows), np.concatenate(values)
+    if not np.all(np.isfinite(table)):
+        return ScoreTest(0.0, 0, 1.0)
+    probes = np.arange(shared, shared + count)
+    fitted = np.delete(np.arange(len(sizes)), probes)
+    base = _basis(table[:, fitted], 1e-9)
+    residual = residual - base @ (base.T @ residual)
+    rest = table[:, probes] - base @ (base.T @ table[:, probes])
+    # A shape of which the fit leaves next to nothing says nothing but the error of linearisation.
+    kept = np.linalg.norm(rest, axis=0) > 1e-3 * np.linalg.norm(table[:, probes], axis=0)
+    left = _basis(rest[:, kept], 1e-4)
+    explained = float(np.sum((left.T @ residual) ** 2))
+    freedom = left.shape[1]
+    remaining = len(residual) - base.shape[1] - freedom
+    if freedom == 0 or remaining < 10:
+        return ScoreTest(0.0, 0, 1.0)
+    variance = (float(residual @ residual) - explained) / remaining
+    ratio = explained / freedom / max(variance, 1e-300)
+    return ScoreTest(explained, freedom, float(fisher.sf(ratio, freedom, remaining)))
+
+
+def _basis(table: Array, small: float) -> Array:
+    """Return an orthonormal basis of the columns, each taken at length one."""
+    lengths = np.linalg.norm(table, axis=0)
+    table = table[:, lengths > 0] / lengths[lengths > 0]
+    if table.shape[1] == 0:
+        return table
+    vectors, sizes, _ = np.linalg.svd(table, full_matrices=False)
+    return vectors[:, sizes > small * sizes[0]]
+
+
+def _torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Any:
+    del states
+    x, v = motion.tilt / parameters["amplitude"], motion.rate / parameters["speed"]
+    terms = [parameters[f"c{index}"] * shape(m, x, v) for index, shape in enumerate(SHAPES.values())]
+    return sum(terms[1:], terms[0])
+
+
+_PROBE = Effect(
+    name="probe",
+    title="small torques of many shapes",
+    parameters=(
+        Parameter(name="amplitude", unit="rad", size=lambda s: s.amplitude, low=0.0, high=2.0),
+        Parameter(name="speed", unit="rad/s", size=lambda s: s.rate, low=0.0, high=2.0),
+        *(
+            Parameter(name=f"c{i}", unit="N*m", size=lambda s: s.torque, low=-1.0, high=1.0)
+            for i in range(len(SHAPES))
+        ),
+    ),
+    law="Σ cᵢ bᵢ(x, v)",
+    source="Rao 1948",
+    does="",
+    look_alikes=(),
+    experiment="",
+    mujoco=MujocoSupport(means="", since="", warp=False),
+    to_mjcf=belongs_to_log,
+    example=(),
+    torque=_torque,
+)
