@@ -73,6 +73,12 @@ class JointFit:
         return f"{self.minimum.status} after {self.evaluations} evaluations"
 
     @property
+    def kinked(self) -> bool:
+        """Whether the cost has kinks, which an interval from the Jacobian does not see."""
+        structure = self.law.structure
+        return structure.turns or bool(KINKED & set(structure.effects))
+
+    @property
     def measured_rms(self) -> float:
         """RMS of the measured signal about rest, of all records together."""
         total, count = 0.0, 0

@@ -71,6 +71,10 @@ def fit(
     result = fit_joint(releases, record, names, options)
     for warning in (*odd, *result.warnings):
         printer.warn(warning)
+    if result.kinked and not profile:
+        printer.note(
+            "dry friction and stops put kinks into the cost, and the intervals take it for smooth; --profile looks"
+        )
     refuse_bad(result)
     heldout = heldout_rmse(result)
     new = recorded(record, result, logs, heldout=heldout)
