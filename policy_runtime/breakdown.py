@@ -92,6 +92,7 @@ class Table:
                 str(cells[0][1]),
             )
             for label, cells in self.rows.items()
+            if any(count for _, count in cells)
         ]
         return [("", *self.columns, "steps"), *body]
 
@@ -176,7 +177,7 @@ def _speed_row(rides: Rides, where: Flags) -> tuple[Cell, ...]:
 
 def _speed_by_stretch(rides: Rides, push: _Stretches) -> Table:
     rows = {label: _speed_row(rides, where) for label, where in push.stretches()}
-    return Table("speed by pushing stretch [m/s]", _SPEED, {"all": _speed_row(rides, push.inside), **rows})
+    return Table("speed by pushing stretch, m/s", _SPEED, {"all": _speed_row(rides, push.inside), **rows})
 
 
 def _speed_by_command(rides: Rides, push: _Stretches) -> Table:
@@ -184,7 +185,7 @@ def _speed_by_command(rides: Rides, push: _Stretches) -> Table:
     for label, of_class in _classes(rides.commanded_speed, SPEED_EDGES, "m/s"):
         rows[f"{label}, first"] = _speed_row(rides, (push.number == 0) & of_class)
         rows[f"{label}, later"] = _speed_row(rides, (push.number > 0) & of_class)
-    return Table("speed by command, in the first and in later pushing stretches [m/s]", _SPEED, rows)
+    return Table("speed by command, in the first and in later pushing stretches, m/s", _SPEED, rows)
 
 
 def _speed_by_time(rides: Rides, push: _Stretches, which: str, chosen: Flags) -> Table:
@@ -197,7 +198,7 @@ def _speed_by_time(rides: Rides, push: _Stretches, which: str, chosen: Flags) ->
         part: tuple(_cell(error, where & chosen & of_class) for _, of_class in classes)
         for part, where in push.parts()
     }
-    title = f"v-v_cmd by time in the {which} pushing stretch [m/s]"
+    title = f"v-v_cmd by time in the {which} pushing stretch, m/s"
     return Table(title, tuple(label for label, _ in classes), rows)
 
 
@@ -248,7 +249,7 @@ def _heading_by_stretch(rides: Rides, steer: _Stretches) -> Table:
         rows[label] = _heading_row(rides, where, turn)
     for label, of_class in _classes(rides.commanded_speed, SPEED_EDGES, "m/s"):
         rows[label] = _heading_row(rides, steer.inside & of_class, turn)
-    return Table("heading by steering stretch and by commanded speed [rad, m/s]", _HEADING, rows)
+    return Table("heading by steering stretch and by commanded speed, rad, m/s", _HEADING, rows)
 
 
 def _heading_by_command(rides: Rides, steer: _Stretches) -> Table:
@@ -259,7 +260,7 @@ def _heading_by_command(rides: Rides, steer: _Stretches) -> Table:
     for label, of_class in [*_classes(np.abs(turn), TURN_EDGES, "rad"), *sides]:
         rows[label] = _heading_row(rides, steer.inside & of_class, turn)
         rows[f"{label}, at the end"] = _heading_row(rides, last & of_class, turn)
-    return Table("heading by turn asked for [rad, m/s]", _HEADING, rows)
+    return Table("heading by turn asked for, rad, m/s", _HEADING, rows)
 
 
 def _heading_by_time(rides: Rides, steer: _Stretches) -> Table:
@@ -280,4 +281,4 @@ def _heading_by_time(rides: Rides, steer: _Stretches) -> Table:
     columns = tuple(
         f"{kind}{which}" for which in ("", ", turn > 0.4", ", turn < 0.4") for kind in ("|error|", "along")
     )
-    return Table("heading error by time in steering [rad]", columns, rows)
+    return Table("heading error by time in steering, rad", columns, rows)
