@@ -187,12 +187,18 @@ class AmpPPO(PPO):
             "amp_optimiser": self.amp_optimiser.state_dict(),
         }
 
+    def judges_alike(self, loaded_dict: dict[str, Any]) -> bool:
+        """Return whether the discriminator of what `save` returned takes windows of the same size."""
+        name = "normaliser.mean"
+        return loaded_dict["discriminator"][name].shape == self.discriminator.state_dict()[name].shape
+
     def load(self, loaded_dict: dict[str, Any], load_cfg: dict[str, Any] | None, strict: bool) -> bool:
-        """Restore what `save` returned; the optimisers start afresh where only weights were kept."""
-        self.discriminator.load_state_dict(loaded_dict["discriminator"], strict=strict)
+        """Restore what `save` returned; what is not in it starts afresh."""
+        if "discriminator" in loaded_dict:
+            self.discriminator.load_state_dict(loaded_dict["discriminator"], strict=strict)
         if "amp_optimiser" in loaded_dict:
             self.amp_optimiser.load_state_dict(loaded_dict["amp_optimiser"])
-        else:
+        if "optimizer_state_dict" not in loaded_dict:
             load_cfg = {"actor": True, "critic": True, "iteration": True}
         return super().load(loaded_dict, load_cfg, strict)
 

@@ -8,12 +8,13 @@
 | curves.jsonl | one line an iteration, see `policy_runtime.progress` |
 | curves.png | the same as a picture |
 | events.out.tfevents… | the same for TensorBoard, where that is installed |
-| checkpoints/model_N.pt | networks, normalisers, optimisers after iteration N |
+| checkpoints/model_N.pt | the learner after iteration N, see `policy_runtime.checkpoint` |
 | policy.onnx | the last checkpoint's policy with its metadata |
 """
 
 import dataclasses
 import json
+import os
 import platform
 import tomllib
 import types
@@ -173,15 +174,37 @@ class RunFolder:
             raise HuskyError(f"{self.config}: not a TOML file ({error}).") from error
         return _build(RunConfig, raw, str(self.config))
 
+    def started_from(self) -> Path | None:
+        """Return where `begin` put the checkpoint of another run, or None."""
+        if not self.origin.exists():
+            return None
+        start = json.loads(self.origin.read_text(encoding="utf-8")).get("start_from")
+        return None if start is None else self.checkpoint(_iteration(Path(start["path"])))
+
+    def add_to_curves(self, numbers: Mapping[str, float]) -> None:
+        """Add an iteration's report; one that a kill has cut short stays on a line of its own."""
+        with self.curves.open("ab+") as file:
+            if file.tell() > 0:
+                file.seek(-1, os.SEEK_END)
+                if file.read() != b"\n":
+                    file.write(b"\n")
+            file.write((json.dumps(numbers) + "\n").encode())
+
     def read_curves(self) -> list[dict[str, float]]:
-        """Return the iterations' reports; a last line cut short by a kill is left out."""
+        """Return the iterations' reports in order.
+
+        A line cut short by a kill is left out, and so are iterations that were lost by it and done again.
+        """
         lines = self.curves.read_text(encoding="utf-8").splitlines() if self.curves.exists() else []
         rows: list[dict[str, float]] = []
         for line in lines:
             try:
-                rows.append(json.loads(line))
+                row = json.loads(line)
             except json.JSONDecodeError:
-                break
+                continue
+            while rows and rows[-1]["iteration"] >= row["iteration"]:
+                rows.pop()
+            rows.append(row)
         return rows
 
 

@@ -7,7 +7,6 @@ under torchrun every process does its share. The command line writes the folder 
 
 import argparse
 import contextlib
-import json
 import math
 import os
 import sys
@@ -30,6 +29,7 @@ if TYPE_CHECKING:
     from mjlab.rl import RslRlVecEnvWrapper
 
     from policy_runtime.amp import AmpPPO
+    from policy_runtime.checkpoint import Done
 
 Report = Callable[[dict[str, float]], None]
 
@@ -95,18 +95,18 @@ def train(
     deadline = time.monotonic() + 60 * minutes
     with contextlib.redirect_stdout(sys.stderr):
         env, algorithm = build(folder, config, process)
-    start = restore(folder, env, algorithm, process)
+        start = restore(folder, config, env, algorithm, process)
     if process.count > 1:
         algorithm.broadcast_parameters()
     total = config.learn.iterations if iterations is None else iterations
-    done = _learn(folder, config, env, algorithm, process, (start, total), deadline, report)
+    done = _learn(folder, config, env, algorithm, process, start, total, deadline, report)
     if keep_all:
         torch.save(algorithm.save(), folder.path / "checkpoints" / f"process_{process.rank}.pt")
     env.close()
     if process.count > 1:
         torch.distributed.barrier()
         torch.distributed.destroy_process_group()
-    return done
+    return done.iterations
 
 
 def build(folder: RunFolder, config: RunConfig, process: Process) -> tuple["RslRlVecEnvWrapper", "AmpPPO"]:
@@ -189,34 +189,68 @@ def build_learner(env: Any, config: RunConfig, process: Process) -> "AmpPPO":
     return learner
 
 
-def restore(folder: RunFolder, env: Any, algorithm: "AmpPPO", process: Process) -> int:
-    """Load the newest checkpoint, if there is one, and return the number of iterations done."""
-    import torch
+def restore(
+    folder: RunFolder, config: RunConfig, env: "RslRlVecEnvWrapper", algorithm: "AmpPPO", process: Process
+) -> "Done":
+    """Load the newest checkpoint, if there is one, and return what has been done.
+
+    A run that goes on has the learner, the counters and the random numbers of its checkpoint, bit for bit;
+    its worlds begin new episodes. A run that begins with another one's checkpoint has its own seed.
+
+    Raises:
+        HuskyError: The checkpoint is broken, of another program, or of a learner of another size.
+    """
+    from policy_runtime.checkpoint import Done, read_checkpoint, set_random_state
 
     checkpoints = folder.checkpoints()
     if not checkpoints:
-        return 0
+        return Done()
+    path = checkpoints[-1]
+    kept = read_checkpoint(path, process.device)
+    say = (lambda text: print(f"{path}: {text}", file=sys.stderr)) if process.leads else (lambda _: None)  # noqa: T201
+    if not algorithm.judges_alike(kept):
+        say("its style is judged on other windows; the discriminator starts afresh")
+        kept = {key: value for key, value in kept.items() if key not in ("discriminator", "amp_optimiser")}
     try:
-        kept = torch.load(checkpoints[-1], map_location=process.device, weights_only=True)
         algorithm.load(kept, None, strict=True)
-    except (RuntimeError, KeyError, EOFError) as error:
-        raise HuskyError(
-            f"{checkpoints[-1]}: not a checkpoint of this run ({str(error).splitlines()[0]}). "
-            "Delete it to go on from the one before."
-        ) from error
+    except (RuntimeError, KeyError, ValueError) as error:
+        reason = str(error).strip().splitlines()[-1].strip()
+        raise HuskyError(f"{path}: does not fit this run's learner ({reason}).") from error
     env.unwrapped.common_step_counter = kept["step_counter"]
-    return kept["iteration"]
+    iterations, a_step = kept["iteration"], config.learn.steps * config.learn.environments * process.count
+    if "samples" not in kept:
+        say(f"holds no count of samples; taken as {iterations} iterations of {a_step:,}, as they are now")
+    states = kept.get("random")
+    if path != folder.started_from():
+        if states is None or len(states) != process.count:
+            say("holds no random state for so many processes; random numbers start from the seed")
+        else:
+            set_random_state(states[process.rank], process.device)
+            env.reset()  # else episodes would begin as they did when the run was new
+    return Done(iterations, kept.get("samples", iterations * a_step))
 
 
-def save(folder: RunFolder, env: Any, algorithm: "AmpPPO", iteration: int) -> None:
-    """Write a checkpoint in one step."""
+def save(
+    folder: RunFolder, env: Any, algorithm: "AmpPPO", done: "Done", states: list[dict[str, Any]]
+) -> None:
+    """Write a checkpoint in one step.
+
+    Args:
+        folder: The run's folder.
+        env: The worlds.
+        algorithm: The learner.
+        done: What has been done.
+        states: What `random_states` returns.
+    """
     import torch
 
     content = algorithm.save() | {
-        "iteration": iteration,
+        "iteration": done.iterations,
+        "samples": done.samples,
         "step_counter": env.unwrapped.common_step_counter,
+        "random": states,
     }
-    with atomic_path(folder.checkpoint(iteration)) as temporary:
+    with atomic_path(folder.checkpoint(done.iterations)) as temporary:
         torch.save(content, temporary)
 
 
@@ -239,54 +273,57 @@ def _learn(
     env: Any,
     algorithm: "AmpPPO",
     process: Process,
-    span: tuple[int, int],
+    done: "Done",
+    total: int,
     deadline: float,
     report: Report | None,
-) -> int:
-    """Iterate from span[0] to span[1] or until the deadline; return the iterations done."""
+) -> "Done":
+    """Iterate until so many iterations are done in all, or until the deadline; return what has been done."""
     import torch
 
+    from policy_runtime.checkpoint import Done, random_states
     from policy_runtime.progress import Progress
 
     progress, learn = Progress(env.unwrapped), config.learn
     board = _tensorboard(folder) if process.leads else None
-    iteration = span[0]
     lengths = torch.randint_like(env.episode_length_buf, int(env.max_episode_length))
     env.episode_length_buf = lengths  # else all worlds would time out together
     obs = env.get_observations()
-    while iteration < span[1]:
+    samples = learn.steps * learn.environments * process.count
+    while done.iterations < total:
         began = time.monotonic()
         obs = collect(env, algorithm, obs, learn.steps, progress)
         numbers = progress.read()  # waits for the device
         collected = time.monotonic()
         numbers |= algorithm.update()
-        check_finite(algorithm, numbers, iteration)
-        iteration += 1
+        check_finite(algorithm, numbers, done.iterations)
+        done = Done(done.iterations + 1, done.samples + samples)
         ended = time.monotonic()
         numbers |= {
-            "iteration": iteration,
-            "samples": iteration * learn.steps * learn.environments * process.count,
+            "iteration": done.iterations,
+            "samples": done.samples,
             "collect_s": collected - began,
             "learn_s": ended - collected,
-            "steps_per_s": learn.steps * learn.environments * process.count / (ended - began),
+            "steps_per_s": samples / (ended - began),
             "learning_rate": algorithm.learning_rate,
             "action_std": float(algorithm.get_policy().output_std.detach().mean()),
         }
-        stop = _agreed(ended > deadline, process) or iteration >= span[1]
+        stop = _agreed(ended > deadline, process) or done.iterations >= total
+        saves = stop or done.iterations % learn.save_every == 0
+        states = random_states(process.device) if saves else []
         if process.leads:
-            with folder.curves.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(numbers) + "\n")
+            folder.add_to_curves(numbers)
             if board is not None:
                 for name, value in numbers.items():
-                    board.add_scalar(name, value, iteration)
+                    board.add_scalar(name, value, done.iterations)
             if report is not None:
                 report(numbers)
-            if stop or iteration % learn.save_every == 0:
-                save(folder, env, algorithm, iteration)
+            if saves:
+                save(folder, env, algorithm, done, states)
                 export(folder, config, algorithm)
         if stop:
             break
-    return iteration
+    return done
 
 
 def _tensorboard(folder: RunFolder) -> Any:

@@ -3,8 +3,10 @@
 import json
 import math
 import os
+import shutil
 import subprocess
 import sys
+import warnings
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -84,6 +86,15 @@ def test_a_folder_without_a_run_is_said_in_words(tmp_path):
 def test_a_line_cut_short_by_a_kill_is_left_out(started):
     started.curves.write_text('{"iteration": 1}\n{"iteration": 2}\n{"itera')
     assert [row["iteration"] for row in started.read_curves()] == [1, 2]
+    started.add_to_curves({"iteration": 3})
+    started.add_to_curves({"iteration": 4})
+    assert [row["iteration"] for row in started.read_curves()] == [1, 2, 3, 4]
+
+
+def test_iterations_that_a_kill_has_lost_are_shown_once(started):
+    for iteration, reward in ((1, 1.0), (2, 2.0), (3, 3.0), (2, 4.0)):
+        started.add_to_curves({"iteration": iteration, "reward": reward})
+    assert [row["reward"] for row in started.read_curves()] == [1.0, 4.0]
 
 
 def test_a_run_says_what_it_was_made_from(started):
@@ -228,6 +239,169 @@ def test_training_runs_resumes_and_exports_a_policy_that_answers(started):
     answer = session.run(["actions"], {"obs": np.zeros((1, 390), dtype=np.float32)})[0]
     assert answer.shape == (1, 23)
     assert session.get_modelmeta().custom_metadata_map["board"] == "pink"
+
+
+def tensors(content, where=""):
+    """Yield everything in nested dictionaries and lists with its place."""
+    if isinstance(content, dict):
+        for key, value in content.items():
+            yield from tensors(value, f"{where}/{key}")
+    elif isinstance(content, list | tuple):
+        for i, value in enumerate(content):
+            yield from tensors(value, f"{where}/{i}")
+    else:
+        yield where, content
+
+
+def assert_same_bits(first, second):
+    torch = pytest.importorskip("torch")
+    first, second = dict(tensors(first)), dict(tensors(second))
+    assert first.keys() == second.keys()
+    for where, value in first.items():
+        if isinstance(value, torch.Tensor):
+            assert torch.equal(value, second[where]), where
+        else:
+            assert value == second[where], where
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    """Two iterations of eight worlds, with a checkpoint after each."""
+    for module in ("torch", "mjlab"):
+        pytest.importorskip(module, reason="needs the training stack")
+    from policy_runtime.train import train
+
+    folder = RunFolder(tmp_path_factory.mktemp("trained") / "run")
+    learn = LearnOptions(environments=8, steps=6, iterations=2, save_every=1, hidden=(32, 16))
+    folder.begin(RunConfig(task=SkateOptions(boards=2), learn=learn), PINK)
+    with warnings.catch_warnings(action="ignore"):  # the training stack's own
+        assert train(folder, device="cpu") == 2
+    return folder
+
+
+def copied(folder, tmp_path, name):
+    shutil.copytree(folder.path, tmp_path / name)
+    return RunFolder(tmp_path / name)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_a_run_goes_on_bit_for_bit(trained, tmp_path):
+    import torch
+
+    from policy_runtime.checkpoint import random_states, set_random_state
+    from policy_runtime.train import build, join_processes, restore, train
+
+    process, config = join_processes("cpu"), trained.read_config()
+    kept = torch.load(trained.checkpoint(2), weights_only=True)
+    env, learner = build(trained, config, process)
+    done = restore(trained, config, env, learner, process)
+    assert (done.iterations, done.samples) == (2, 2 * 8 * 6) == (kept["iteration"], kept["samples"])
+    assert env.unwrapped.common_step_counter == kept["step_counter"] == 12
+    learned = learner.save()
+    assert_same_bits({key: kept[key] for key in learned}, learned)
+    assert learner.learning_rate == kept["optimizer_state_dict"]["param_groups"][0]["lr"]
+    then, now = kept["random"][0], random_states("cpu")[0]
+    for library in ("numpy", "python"):
+        assert_same_bits(then[library], now[library])
+    drawn = torch.rand(3)
+    set_random_state(then, "cpu")
+    env.reset()  # the first thing that takes random numbers
+    assert torch.equal(drawn, torch.rand(3))
+    env.close()
+
+    # Two runs that go on from it do the same.
+    ends = []
+    for name in ("first", "second"):
+        folder = copied(trained, tmp_path, name)
+        assert folder.read_config() == config
+        assert train(folder, device="cpu", iterations=3) == 3
+        ends.append(torch.load(folder.checkpoint(3), weights_only=True))
+        assert [row["samples"] for row in folder.read_curves()] == [48, 96, 144]
+    assert_same_bits(*ends)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_samples_are_counted_on_with_other_numbers_of_worlds(trained, tmp_path, capfd):
+    import torch
+
+    from policy_runtime.train import train
+
+    def begun(name, source):
+        folder = RunFolder(tmp_path / name)
+        learn = LearnOptions(environments=4, steps=5, iterations=3, hidden=(32, 16))
+        folder.begin(RunConfig(task=SkateOptions(boards=2, transition="style"), learn=learn), PINK, source)
+        train(folder, device="cpu")
+        return folder
+
+    folder = begun("other", trained.checkpoint(2))
+    assert [row["samples"] for row in folder.read_curves()] == [96 + 4 * 5]
+    assert "the discriminator starts afresh" in capfd.readouterr().err
+    old = torch.load(trained.checkpoint(2), weights_only=True)
+    for key in ("random", "samples"):
+        del old[key]
+    (tmp_path / "old").mkdir()
+    torch.save(old, tmp_path / "old" / "model_2.pt")
+    folder = begun("older", tmp_path / "old" / "model_2.pt")
+    assert [row["samples"] for row in folder.read_curves()] == [2 * 4 * 5 + 4 * 5]
+    assert "no count of samples; taken as 2 iterations of 20" in capfd.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("option", "kind"),
+    [
+        *(
+            (option, kind)
+            for option in ("--resume", "--from")
+            for kind in ("cut", "text", "foreign", "object")
+        ),
+        ("--from", "missing"),
+    ],
+)
+def test_a_broken_checkpoint_is_said_in_one_line(trained, tmp_path, kind, option):
+    import torch
+
+    folder = copied(trained, tmp_path, "run")
+    path = folder.checkpoint(2)
+    content = path.read_bytes()
+    if kind == "cut":
+        path.write_bytes(content[: len(content) // 2])
+    elif kind == "text":
+        path.write_text("weights")
+    elif kind == "foreign":
+        torch.save({"model_state_dict": {}}, path)
+    elif kind == "object":
+        torch.save(SkateOptions(), path)
+    else:
+        path.unlink()
+    target = ["--resume", str(folder.path)] if option == "--resume" else ["--from", str(path)]
+    with pytest.raises(HuskyError) as refusal:
+        build_app()(
+            ["train", "--board", "pink", "--gpus", "0", "--force", "--workspace", str(tmp_path), *target],
+            exit_on_error=False,
+            result_action="return_value",
+        )
+    message = str(refusal.value)
+    assert "\n" not in message
+    assert message.startswith(f"{path}: ")
+    words = {"foreign": "'actor_state_dict' is not in it", "missing": "cannot be read"}
+    assert words.get(kind, "not a whole checkpoint") in message
+    assert not (tmp_path / "reports").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_a_learner_of_another_size_is_refused(trained, tmp_path):
+    from policy_runtime.train import train
+
+    folder = copied(trained, tmp_path, "run")
+    folder.config.write_text(folder.config.read_text().replace("[32, 16]", "[24, 16]"))
+    with pytest.raises(
+        HuskyError, match=r"model_2\.pt: does not fit this run's learner \(size mismatch for mlp"
+    ):
+        train(folder, device="cpu", iterations=3)
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from cyclopts import Parameter
 from policy_runtime.run_folder import LearnOptions, RunConfig, RunFolder, newest_run
 from sim.skate.options import SkateOptions
 from sim.skate.start import Start
-from sysid.board import Board
+from sysid.board import Board, load_board
 from sysid.cli.console import Common, Printer
 from sysid.errors import HuskyError, QualityGateError
 
@@ -146,11 +146,16 @@ def train(
         common: Options of every command.
     """
     printer = Printer(common)
+    if resume is not None and start_from is not None:
+        raise HuskyError("--resume goes on with a run, --from begins a new one; give one of them.")
     record = common.space.load_board(board)
     _gate(record, force, printer)
     _require_mjlab()
     _require_gpus(int(gpus))
     folder = RunFolder(resume) if resume is not None else _new_run(record, output, common, printer)
+    if resume is not None:
+        _require_same_board(folder, record)
+    _require_readable(folder.checkpoints()[-1:] if start_from is None else [start_from])
     if resume is None:
         config = RunConfig(task=variant.options(), learn=learner.options())
         folder.begin(config, common.space.board_path(board), start_from)
@@ -197,6 +202,24 @@ def _require_mjlab() -> None:
         raise HuskyError(
             f"training needs {', '.join(missing)}, which is not installed. Run `pip install 'husky-sysid[train]'`."
         )
+
+
+def _require_same_board(folder: RunFolder, record: Board) -> None:
+    folder.read_config()
+    name = load_board(folder.board).name
+    if name != record.name:
+        raise HuskyError(
+            f"{folder.path}: a run for board '{name}', not '{record.name}'. To go on with another board, begin a run "
+            f"with --from and a checkpoint of this one."
+        )
+
+
+def _require_readable(checkpoints: list[Path]) -> None:
+    """Read what the run shall go on from here, where what is wrong with it can be said in one line."""
+    from policy_runtime.checkpoint import read_checkpoint
+
+    for path in checkpoints:
+        read_checkpoint(path)
 
 
 def _new_run(record: Board, output: Path | None, common: Common, printer: Printer) -> RunFolder:
