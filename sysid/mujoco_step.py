@@ -31,6 +31,9 @@ Expression = Any
 Torque = Callable[[Expression, Expression], Expression]
 """A further smooth torque [N*m] of position [rad] and velocity [rad/s]."""
 
+Pair = tuple[float, float]
+Impedance = tuple[float, float, float, float, float]
+
 _MIN_IMPEDANCE, _MAX_IMPEDANCE = 0.0001, 0.9999
 _MIN_VALUE = 1e-15
 
@@ -52,11 +55,11 @@ class Hinge:
     frictionloss: Expression = 0.0
     """Dry friction [N*m]; with the float 0.0 there is no friction constraint."""
     solref_friction: tuple[float, float] = (0.02, 1.0)
-    solimp_friction: tuple[float, float, float, float, float] = (0.9, 0.95, 0.001, 0.5, 2.0)
+    solimp_friction: Impedance = (0.9, 0.95, 0.001, 0.5, 2.0)
     limits: tuple[Expression, Expression] | None = None
     """Lower and upper end of the range [rad]."""
     solref_limit: tuple[float, float] = (0.02, 1.0)
-    solimp_limit: tuple[float, float, float, float, float] = (0.9, 0.95, 0.001, 0.5, 2.0)
+    solimp_limit: Impedance = (0.9, 0.95, 0.001, 0.5, 2.0)
     torque: Torque | None = None
     """Anything else that is smooth, e.g. gravity. MuJoCo treats it explicitly."""
     eulerdamp: bool = True
@@ -83,10 +86,10 @@ def step(
         q: Position, as qpos [rad].
         v: Velocity, as qvel [rad/s].
         timestep: [s].
-        integrator: MuJoCo's integrator. 'discrete' is supported without friction loss and limits.
+        integrator: MuJoCo's integrator.
 
     Raises:
-        HuskyError: The integrator is unknown, or 'discrete' is asked for with a constraint.
+        HuskyError: The integrator is unknown.
     """
     if integrator == "RK4":
         return _runge_kutta(hinge, q, v, timestep)
@@ -226,45 +229,68 @@ def _stiffness_slope(hinge: Hinge, q: Expression) -> Expression:
     return a + (0.0 if _zero(b) else 2 * b * x) + (0.0 if _zero(c) else 3 * c * x**2)
 
 
-def _force(hinge: Hinge, q: Expression, v: Expression, timestep: Expression) -> Expression:
-    """Smooth torque and constraint forces: inertia times the acceleration that MuJoCo solves for [N*m].
+@dataclass(frozen=True, slots=True)
+class _Row:
+    """One constraint as the solver sees it."""
 
-    The solver minimises ½ M (a - a₀)² + s(a), where a₀ is the smooth acceleration and s is quadratic
-    around each row's reference acceleration with weight M d/(1-d), linear where friction slips, and
-    zero where a limit would pull.
+    weight: Expression
+    """How hard it holds to its reference [kg*m^2]."""
+    reference: Expression
+    """Acceleration that it wants [rad/s^2]."""
+    side: float = 1.0
+    """Of a limit: +1 at the lower end, -1 at the upper one."""
+    inside: Expression = 0.0
+    """Of a limit: distance to it, negative beyond it [rad]."""
+
+
+def _force(hinge: Hinge, q: Expression, v: Expression, timestep: Expression) -> Expression:
+    """Smooth torque and constraint forces: inertia times the acceleration that MuJoCo solves for [N*m]."""
+
+    def row(solref: Pair, solimp: Impedance, distance: Expression, side: float, *, spring: bool) -> _Row:
+        impedance = _impedance(solimp, distance)
+        pull, damper = _reference(solref, solimp, 2 * timestep)
+        reference = -damper * side * v - (pull * impedance * distance if spring else 0.0)
+        return _Row(hinge.mass * impedance / (1 - impedance), reference, side, distance)
+
+    friction, limits = _rows(hinge, q, row)
+    return hinge.mass * _solved(hinge, _smooth(hinge, q, v), hinge.mass, friction, limits)
+
+
+def _rows(hinge: Hinge, q: Expression, row: Callable[..., _Row]) -> tuple[_Row | None, list[_Row]]:
+    """Return the rows of friction loss and of both limits, as an integrator makes them."""
+    friction = None
+    if not _zero(hinge.frictionloss):
+        friction = row(hinge.solref_friction, hinge.solimp_friction, 0.0, 1.0, spring=False)
+    ends = [] if hinge.limits is None else [(1.0, q - hinge.limits[0]), (-1.0, hinge.limits[1] - q)]
+    return friction, [
+        row(hinge.solref_limit, hinge.solimp_limit, distance, side, spring=True) for side, distance in ends
+    ]
+
+
+def _solved(
+    hinge: Hinge, force: Expression, metric: Expression, friction: _Row | None, limits: list[_Row]
+) -> Expression:
+    """Return the acceleration that minimises ½ m (a - force/m)² + s(a) [rad/s^2].
+
+    s is quadratic around each row's reference, with the row's weight; linear where friction slips, and zero
+    where a limit would pull.
     """
-    mass = hinge.mass
-    free = _smooth(hinge, q, v)
-    result = _with_friction(hinge, free, mass, v, timestep)
-    if hinge.limits is None:
-        return result
-    lower, upper = hinge.limits
-    for side, distance in ((1.0, q - lower), (-1.0, upper - q)):
-        impedance = _impedance(hinge.solimp_limit, distance)
-        spring, damper = _reference(hinge.solref_limit, hinge.solimp_limit, timestep)
-        reference = -damper * side * v - spring * impedance * distance
-        weight = mass * impedance / (1 - impedance)
-        pushed = free + weight * side * reference
-        held = _with_friction(hinge, pushed, mass + weight, v, timestep) / (mass + weight) * mass
-        pushes = ca.logic_and(distance < 0, side * result / mass < reference)
+
+    def slid(force: Expression, mass: Expression) -> Expression:
+        if friction is None:
+            return force / mass
+        stick = friction.weight * (friction.reference * mass - force) / (mass + friction.weight)
+        return (force + ca.fmin(ca.fmax(stick, -hinge.frictionloss), hinge.frictionloss)) / mass
+
+    result = slid(force, metric)
+    for row in limits:
+        held = slid(force + row.weight * row.side * row.reference, metric + row.weight)
+        pushes = ca.logic_and(row.inside < 0, row.side * result < row.reference)
         result = ca.if_else(pushes, held, result)
     return result
 
 
-def _with_friction(
-    hinge: Hinge, force: Expression, mass: Expression, v: Expression, timestep: Expression
-) -> Expression:
-    """Add friction loss to a force on a mass: the force that stops it softly, within ± frictionloss."""
-    if _zero(hinge.frictionloss):
-        return force
-    impedance = min(max(hinge.solimp_friction[0], _MIN_IMPEDANCE), _MAX_IMPEDANCE)
-    _, damper = _reference(hinge.solref_friction, hinge.solimp_friction, timestep)
-    weight = hinge.mass * impedance / (1 - impedance)
-    stick = weight * (-damper * v * mass - force) / (mass + weight)
-    return force + ca.fmin(ca.fmax(stick, -hinge.frictionloss), hinge.frictionloss)
-
-
-def _impedance(solimp: tuple[float, float, float, float, float], distance: Expression) -> Expression:
+def _impedance(solimp: Impedance, distance: Expression) -> Expression:
     """MuJoCo's impedance d(r): from d₀ to d_width along a power curve."""
     start, end = (min(max(d, _MIN_IMPEDANCE), _MAX_IMPEDANCE) for d in solimp[:2])
     width, power = max(solimp[2], 0.0), max(solimp[4], 1.0)
@@ -277,14 +303,15 @@ def _impedance(solimp: tuple[float, float, float, float, float], distance: Expre
     return start + ca.if_else(x <= midpoint, below, above) * (end - start)
 
 
-def _reference(
-    solref: tuple[float, float], solimp: tuple[float, float, float, float, float], timestep: Expression
-) -> tuple[Expression, Expression]:
-    """Stiffness [1/s²] and damping [1/s] of a row's reference acceleration."""
+def _reference(solref: Pair, solimp: Impedance, shortest: Expression) -> tuple[Expression, Expression]:
+    """Stiffness [1/s²] and damping [1/s] of a row's reference acceleration.
+
+    `shortest` is the least time constant that the flag refsafe allows [s].
+    """
     end = min(max(solimp[1], _MIN_IMPEDANCE), _MAX_IMPEDANCE)
     if solref[0] <= 0:
         return -solref[0] / end**2, -solref[1] / end
-    constant = ca.fmax(solref[0], 2 * timestep)  # the flag refsafe
+    constant = ca.fmax(solref[0], shortest)
     return 1 / (end * constant * solref[1]) ** 2, 2 / (end * constant)
 
 
@@ -309,15 +336,32 @@ def _runge_kutta(
 def _discrete(
     hinge: Hinge, q: Expression, v: Expression, timestep: Expression
 ) -> tuple[Expression, Expression]:
-    """Return the step of MuJoCo's 'discrete': implicit in velocity and in the spring's position."""
-    if not _zero(hinge.frictionloss) or hinge.limits is not None:
-        raise HuskyError(
-            "the integrator 'discrete' folds friction loss and joint limits into its own metric, which is not "
-            "written out here. Choose implicitfast, implicit, Euler or RK4, or leave friction and limits out."
-        )
+    """Return the step of MuJoCo's 'discrete': implicit in velocity, in the spring's position, and in each row.
+
+    The solver works in the metric M + h D + h² K. A row pulls towards where its constraint will be after the
+    step, so its reference is that of the end of the step and its weight grows in the same proportion; a limit
+    may be so stiff that it is undone in one step, but no stiffer.
+    """
     slope = ca.fmax(_stiffness_slope(hinge, q), 0.0)
     metric = hinge.mass + timestep * ca.fmax(_damping_slope(hinge, v), 0.0) + timestep**2 * slope
-    velocity = v + timestep * (_smooth(hinge, q, v) - timestep * slope * v) / metric
+
+    def row(solref: Pair, solimp: Impedance, distance: Expression, side: float, *, spring: bool) -> _Row:
+        impedance = _impedance(solimp, distance)
+        end = min(max(solimp[1], _MIN_IMPEDANCE), _MAX_IMPEDANCE)
+        shortest = timestep / (solref[1] * end**0.5) if spring and solref[0] > 0 else 0.0
+        pull, damper = _reference(solref, solimp, shortest)
+        if spring and solref[0] > 0 and end == _MAX_IMPEDANCE:
+            # As hard as it gets: such a limit is undone in one step and has nothing left to damp.
+            damper = ca.if_else(solref[0] < shortest, 0.0, damper)
+        pull = pull * impedance if spring else 0.0
+        ahead = 1 + timestep * damper + timestep**2 * pull
+        weight = ca.fmin(impedance / (1 - impedance) * ahead, _MAX_IMPEDANCE / (1 - _MAX_IMPEDANCE))
+        reference = (-damper * side * v - pull * (distance + timestep * side * v)) / ahead
+        return _Row(metric * weight, reference, side, distance)
+
+    friction, limits = _rows(hinge, q, row)
+    free = _smooth(hinge, q, v) - timestep * slope * v
+    velocity = v + timestep * _solved(hinge, free, metric, friction, limits)
     return q + timestep * velocity, velocity
 
 
@@ -329,6 +373,6 @@ def _pair(values: Any) -> tuple[float, float]:
     return float(values[0]), float(values[1])
 
 
-def _impedance_parameters(values: Any) -> tuple[float, float, float, float, float]:
+def _impedance_parameters(values: Any) -> Impedance:
     first, second, third, fourth, fifth = (float(value) for value in values)
     return first, second, third, fourth, fifth

@@ -124,14 +124,34 @@ def test_smooth_joints_equal_mujoco_to_rounding(integrator: str, timestep: float
 
 
 @pytest.mark.parametrize("timestep", STEPS)
-@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("integrator", [*INTEGRATORS, "discrete"])
 @given(case=cases(), friction=st.booleans())
 @settings(max_examples=8, deadline=None, derandomize=True)
 def test_friction_and_limits_equal_mujoco(integrator: str, timestep: float, case: Case, friction: bool):
     """Through sticking, slipping and hits, for all forms of solref and solimp."""
+    if integrator == "discrete" and "mjINT_DISCRETE" not in mujoco.mjtIntegrator.__members__:
+        pytest.skip("this MuJoCo has no integrator 'discrete'")
     spec = case.spec(integrator, timestep, friction=friction, limit=True)
     assert largest_difference(spec, (case.start, case.rate), integrator) < 1e-7
     spec = case.spec(integrator, timestep, friction=True, limit=not friction)
+    assert largest_difference(spec, (case.start, case.rate), integrator) < 1e-7
+
+
+@pytest.mark.parametrize("integrator", ["implicitfast", "discrete"])
+@pytest.mark.parametrize(("solref", "solimp"), [
+    ((0.001, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0)), ((0.002, 0.3), (0.9, 0.9999, 0.01, 0.5, 2.0)),
+    ((-2e4, -50.0), (0.9, 0.95, 0.001, 0.5, 2.0)), ((0.001, 1.0), (0.9, 0.99, 0.01, 0.5, 2.0)), ((0.05, 2.0), (0.5, 0.5, 0.001, 0.5, 2.0)),
+])  # fmt: skip
+def test_rows_stiffer_than_the_step_allows_equal_mujoco(
+    integrator: str, solref: tuple[float, float], solimp: tuple[float, ...]
+):
+    if integrator == "discrete" and "mjINT_DISCRETE" not in mujoco.mjtIntegrator.__members__:
+        pytest.skip("this MuJoCo has no integrator 'discrete'")
+    case = Case(30, 0.1, 0.01, 0.1, 0.2, 1.0, 0.05, 0.01, 0.01, 0.02, 0, 0.1, 0, 0.18, 0.5)
+    spec = case.spec(integrator, 0.005, friction=True, limit=True)
+    joint = spec.joint("tilt")
+    joint.solref_limit = joint.solref_friction = solref
+    joint.solimp_limit = joint.solimp_friction = solimp
     assert largest_difference(spec, (case.start, case.rate), integrator) < 1e-7
 
 
@@ -188,8 +208,6 @@ def test_sensitivities_are_exact():
 
 def test_what_has_no_closed_form_is_refused_in_words():
     hinge = Hinge(inertia=0.01, stiffness=(10.0, 0.0, 0.0), frictionloss=0.1)
-    with pytest.raises(HuskyError, match="'discrete' folds friction"):
-        step(hinge, 0.1, 0.0, timestep=0.005, integrator="discrete")
     with pytest.raises(HuskyError, match="Did you mean 'implicitfast'"):
         step(hinge, 0.1, 0.0, timestep=0.005, integrator="implicit_fast")  # pyright: ignore[reportArgumentType]
     spec = mujoco.MjSpec()
