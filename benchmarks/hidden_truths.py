@@ -131,32 +131,43 @@ def make(truth: Truth, seed: int, folder: Path, *, quiet: bool = False) -> list[
     return find_releases(read_roll(path))
 
 
-def visibility(truth: Truth, releases: Sequence[Release], quiet: Sequence[Release]) -> float:
-    """Return how far the nearest linear joint is from a truth: χ² of its fit to the log without noise.
-
-    What is hidden adds that much to the χ² of a log with noise, on average. Whoever looks pays about
-    13 for naming one effect (extended BIC), so what shows by less than `VISIBLE` shows by chance.
-    """
-    from sysid.fit_problem import Problem, make_records
-    from sysid.fit_search import scales_of
-    from sysid.joint_flow import Structure
-    from sysid.least_squares import minimise
-
-    std = float(np.median(releases[0].std)) if truth.outside else _noise_of(releases)
-    records = make_records(quiet, std, rate=False)
-    scales = scales_of(records, board_of(truth))
-    problem = Problem(Structure(), records, scales)
-    start = problem.start({"stiffness": scales.stiffness, "damping": scales.damping, "rest_angle": 0.0})
-    return 2 * minimise(problem.normal, start, *problem.bounds()).normal.cost
-
-
+AGAINST_RECORD = {"offset", "preload", "sensor-bias", "inertia", "clock", "gravity", "discretisation"}
+"""Effects that leave a linear joint linear, and show against the board's record only."""
 VISIBLE = 50.0
+"""χ² below which a difference shows by chance: whoever looks pays about 13 for naming one effect (extended
+BIC), and what he finds scatters by twice the root of it."""
 
 
-def _noise_of(releases: Sequence[Release]) -> float:
-    from sysid.noise import noise_floor
+def visibility(truth: Truth, seed: int, std: float, effects: Sequence[str]) -> float:
+    """Return how far a model is from a truth: χ² of its best fit to the log without noise.
 
-    return noise_floor(releases).std
+    Args:
+        truth: What is hidden.
+        seed: Of the log.
+        std: Noise of the sensor [rad].
+        effects: Of the model; none means the linear joint, with the record's own stiffness and damping where
+            what is hidden shows against the record only.
+    """
+    from tempfile import TemporaryDirectory
+
+    from sysid.fit_problem import make_records
+    from sysid.fit_search import scales_of
+    from sysid.model_search import Searcher
+    from sysid.own_motion import own_motion
+
+    with TemporaryDirectory() as folder:
+        quiet = make(truth, seed, Path(folder), quiet=True)
+    board = board_of(truth)
+    records = make_records(quiet, std, rate=False)
+    if not effects and set(truth.effects) & AGAINST_RECORD:
+        from sysid.joint import JointLaw
+
+        return float(sum(np.sum((r / std) ** 2) for r in own_motion(JointLaw.from_board(board), records)[0]))
+    searcher = Searcher(records=records, scales=scales_of(records, board), bias="shared")
+    model = searcher.alone(tuple(effects[:1]))
+    for name in effects[1:]:
+        model = searcher.joined(model, searcher.alone((name,)))
+    return 2 * searcher.polished(model).minimum.normal.cost
 
 
 def _integrated(

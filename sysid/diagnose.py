@@ -20,24 +20,22 @@ from sysid.fit_mjcf import strength
 from sysid.fit_problem import Bias, make_records
 from sysid.fit_search import scales_of
 from sysid.fit_uncertainty import parameter_quantities
+from sysid.leftover import BAND, WHITE, Kind, kind_of, whiteness
 from sysid.model_search import Model, Progress, Searcher
-from sysid.noise import NoiseFloor, band_excess, correlation_length, noise_floor
+from sysid.noise import NoiseFloor, correlation_length, noise_floor
 from sysid.plausible import amplitude_warnings
 from sysid.quantity import Quantity
 from sysid.record_check import record_deviation
 from sysid.roll import Release
-from sysid.score_test import score_test
 
 Status = Literal["none-missing", "missing", "unexplained"]
 
-WHITE = 1e-3
-"""Probability below which a residual is not white."""
-LEFT = 1e-5
-"""Probability below which the residual holds a torque of tilt and rate."""
-BAND = 4.0
-"""Upper end of the band in which the joint moves, in natural frequencies."""
 TIE = 8.0
 """Difference of score below which two models are not told apart (odds of e⁴ at most)."""
+BEYOND_DOUBT = 6.0
+"""Score that the joint without it must be worse by for an effect to be named (odds of e³)."""
+MANY = 3
+"""Effects that together bend to almost any smooth law: they fit, and are not named for that."""
 PRECISE = 10.0
 """Residual over noise floor from which the sensor sees more than any model of a joint holds."""
 VISIBLE = 3.0
@@ -109,25 +107,21 @@ class _Case:
     scores: Mapping[tuple[str, ...], float]
     noise: NoiseFloor
     period: float
+    kinds: dict[tuple[str, ...], Kind] = field(default_factory=dict[tuple[str, ...], Kind])
+    """What each model leaves, as far as it was asked."""
 
     def missing(self, model: Model) -> tuple[str, ...]:
         return tuple(name for name in model.effects if name not in self.base.effects)
 
-    def is_white(self, model: Model) -> bool:
-        if whiteness(model, self.period) <= WHITE:
-            return False
-        return score_test(model.problem, model.minimum.point).probability > LEFT
+    def is_noise(self, model: Model) -> bool:
+        """Whether a model leaves nothing but noise."""
+        if model.effects not in self.kinds:
+            self.kinds[model.effects] = kind_of(model, self.period)
+        return self.kinds[model.effects] != "motion"
 
     def excess(self, model: Model) -> float:
         """Held-out mean square error beyond the noise."""
         return max(model.heldout_rmse**2 - self.noise.std**2, 0.0)
-
-
-def whiteness(model: Model, period: float) -> float:
-    """Return the probability that the residual of a model is white, by its power in the joint's band."""
-    average = model.problem.average
-    steps = [average * float(np.median(np.diff(r.time))) for r in model.problem.records]
-    return band_excess(model.residuals, steps, BAND / period)[1]
 
 
 def diagnose(
@@ -235,7 +229,20 @@ def _noise_of(model: Model, floor: NoiseFloor, period: float) -> NoiseFloor:
 
     Only where differences agree; a sensor that smooths or has steps keeps its own estimate.
     """
-    if not floor.how.startswith("from high-order differences") or whiteness(model, period) <= WHITE:
+    if not floor.how.startswith("from high-order differences"):
+        return floor
+    if kind_of(model, period) == "coloured":
+        length = (
+            1e3
+            * correlation_length(model.residuals)
+            * float(np.median(np.diff(model.problem.records[0].time)))
+        )
+        how = (
+            f"from what the best model leaves: coloured noise, correlated over {length:.2g} ms, as large when the "
+            "motion has faded as before"
+        )
+        return NoiseFloor(model.rmse, how)
+    if whiteness(model, period) <= WHITE:
         return floor
     power, bins = 0.0, 0
     for residual, record in zip(model.residuals, model.problem.records, strict=True):
@@ -244,7 +251,7 @@ def _noise_of(model: Model, floor: NoiseFloor, period: float) -> NoiseFloor:
         power += float(np.sum((np.abs(np.fft.rfft(residual)) ** 2 / len(residual))[above]))
         bins += int(above.sum())
     std = float(np.sqrt(power / max(bins, 1)))
-    if bins < 50 or abs(std / floor.std - 1) > 4.0 / np.sqrt(model.samples):
+    if bins < 20 or abs(std / floor.std - 1) > 4.0 / np.sqrt(model.samples):
         return floor
     return NoiseFloor(std, "from what the best model leaves above the band of the joint; differences agree")
 
@@ -303,19 +310,35 @@ def _scores(
 
 
 def _judge(case: _Case) -> tuple[Verdict, Model, dict[str, float]]:
+    winner = _winner(case)
+    return _judge_prediction(case) if winner is None else _judge_noise(case, winner)
+
+
+def _winner(case: _Case) -> Model | None:
+    """Return the simplest of the likeliest models that leave nothing but noise, if there is one.
+
+    Nothing is named beyond the joint as it is, and no effect beyond another, on odds that chance makes.
+    """
     for model in case.models:
-        if case.scores[model.effects] >= 2 * TIE:
-            break
-        if case.is_white(model):
-            return _judge_white(case, model)
-    return _judge_prediction(case)
+        score = case.scores[model.effects]
+        if score >= 2 * TIE:
+            return None
+        if not case.is_noise(model):
+            continue
+        smaller = [
+            m for m in case.models
+            if set(m.effects) < set(model.effects) and case.scores[m.effects] < score + BEYOND_DOUBT and case.is_noise(m)
+        ]  # fmt: skip
+        winner = min(smaller, key=lambda m: m.size, default=model)
+        return winner if len(case.missing(winner)) < MANY else None
+    return None
 
 
-def _judge_white(case: _Case, winner: Model) -> tuple[Verdict, Model, dict[str, float]]:
+def _judge_noise(case: _Case, winner: Model) -> tuple[Verdict, Model, dict[str, float]]:
     """The noise is all that is left: likelihood decides."""
     rivals = [
         m for m in case.models
-        if m is not winner and case.scores[m.effects] < TIE and not set(m.effects) > set(winner.effects) and case.is_white(m)
+        if m is not winner and case.scores[m.effects] < TIE and not set(m.effects) > set(winner.effects) and case.is_noise(m)
     ]  # fmt: skip
     weights = [np.exp(-0.5 * case.scores[m.effects]) for m in case.models]
     confidence = float(weights[case.models.index(winner)] / sum(weights))
@@ -324,7 +347,7 @@ def _judge_white(case: _Case, winner: Model) -> tuple[Verdict, Model, dict[str, 
     if named and loss > POOR:
         # What fits but does not predict is not known, however likely it is among these models.
         confidence *= float(POOR / loss)
-        alike_white = [m for m in case.models if m not in (winner, case.base) and case.is_white(m)]
+        alike_white = [m for m in case.models if m not in (winner, case.base) and case.is_noise(m)]
         rivals += [
             m for m in alike_white
             if m not in rivals and m.heldout_rmse < winner.heldout_rmse / POOR and len(case.missing(m)) <= 2
@@ -344,7 +367,9 @@ def _judge_white(case: _Case, winner: Model) -> tuple[Verdict, Model, dict[str, 
 
 def _judge_prediction(case: _Case) -> tuple[Verdict, Model, dict[str, float]]:
     """Something is left: the simplest of the best predictors, and only if it takes most of the error away."""
-    few = [m for m in case.models if len(case.missing(m)) <= 2]
+    few = [m for m in case.models if len(case.missing(m)) <= 2 and np.isfinite(m.heldout_rmse)]
+    if not few:
+        return _unexplained(case, case.base, 0.0)
     best = min(few, key=lambda m: m.heldout_rmse)
     near = [
         m for m in few
@@ -441,11 +466,11 @@ def _with_record(
     ratio = winner.rmse / case.noise.std
     if not effects:
         text = (
-            f"Nothing is missing: the residual is white and {ratio:.2f} times the noise floor. {deviation.text}"
+            f"Nothing is missing: the residual is noise and {ratio:.2f} times the noise floor. {deviation.text}"
         ).strip()
         return _verdict(case, winner, "none-missing", (), confidence, (), "", text), winner, {}
     text = (
-        f"{_list(effects)} {_is(effects)} missing: with {_it(effects)} the residual is white and {ratio:.2f} times "
+        f"{_list(effects)} {_is(effects)} missing: with {_it(effects)} the residual is noise and {ratio:.2f} times "
         f"the noise floor (before: {case.base.rmse / case.noise.std:.2f}). {_shares(shares)} {deviation.text}"
     ).strip()
     if doubtful:

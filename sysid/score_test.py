@@ -19,30 +19,35 @@ from sysid.effects.base import (
     Motion,
     MujocoSupport,
     Parameter,
+    State,
     Value,
     Values,
     belongs_to_log,
 )
 from sysid.fit_problem import Problem
 from sysid.joint_flow import Structure
+from sysid.residual_noise import ResidualNoise
 from sysid.roll import Array
 
-Shape = Callable[[Algebra, Value, Value], Value]
+Shape = Callable[[Algebra, Value, Value, Value], Value]
+"""Of the algebra, tilt and rate over their largest, and time over the longest release."""
 SHAPES: dict[str, Shape] = {
-    "x²": lambda m, x, v: x * x,
-    "x³": lambda m, x, v: x**3,
-    "x⁵": lambda m, x, v: x**5,
-    "x|x|": lambda m, x, v: x * m.abs(x),
-    "|x|": lambda m, x, v: m.abs(x),
-    "v²": lambda m, x, v: v * v,
-    "v³": lambda m, x, v: v**3,
-    "v|v|": lambda m, x, v: v * m.abs(v),
-    "|v|": lambda m, x, v: m.abs(v),
-    "x v": lambda m, x, v: x * v,
-    "|x| v": lambda m, x, v: m.abs(x) * v,
-    "x² v": lambda m, x, v: x * x * v,
+    "x²": lambda m, x, v, t: x * x,
+    "x³": lambda m, x, v, t: x**3,
+    "x⁵": lambda m, x, v, t: x**5,
+    "x|x|": lambda m, x, v, t: x * m.abs(x),
+    "|x|": lambda m, x, v, t: m.abs(x),
+    "v²": lambda m, x, v, t: v * v,
+    "v³": lambda m, x, v, t: v**3,
+    "v|v|": lambda m, x, v, t: v * m.abs(v),
+    "|v|": lambda m, x, v, t: m.abs(v),
+    "x v": lambda m, x, v, t: x * v,
+    "|x| v": lambda m, x, v, t: m.abs(x) * v,
+    "x² v": lambda m, x, v, t: x * x * v,
+    "t x": lambda m, x, v, t: t * x,
+    "t v": lambda m, x, v, t: t * v,
 }
-"""Torques of tilt and rate, each over its largest: odd and even, of the spring's and of the damper's kind."""
+"""Torques of tilt and rate, odd and even, of the spring's and of the damper's kind; and a board that changes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,34 +62,44 @@ class ScoreTest:
     """Of at least this by chance."""
 
 
-def score_test(problem: Problem, point: Array) -> ScoreTest:
+def score_test(problem: Problem, point: Array, noise: ResidualNoise | None = None) -> ScoreTest:
     """Test a fit for a torque of tilt and rate that it lacks.
 
     Args:
-        problem: What was fitted; its residual must be white otherwise.
+        problem: What was fitted.
         point: Where the fit ended, shape (p,).
+        noise: Of the sensor, where it is not white.
     """
     from scipy.stats import f as fisher
 
     scales = problem.scales
-    fixed = {**problem.fixed, "probe.amplitude": scales.amplitude, "probe.speed": scales.rate}
+    fixed = {
+        **problem.fixed,
+        "probe.amplitude": scales.amplitude,
+        "probe.speed": scales.rate,
+        "probe.duration": scales.duration,
+    }
     probed = Problem(
         Structure(problem.structure.effects, (_PROBE,)), problem.records, scales, bias=problem.bias, fixed=fixed,
         free_states=problem.free_states, steps_per_period=problem.steps_per_period,
     )  # fmt: skip
     shared = len(problem.names)
-    count = len(probed.names) - shared
-    unknowns = np.concatenate([point[:shared], np.zeros(count), point[shared:]])
+    count, own = len(probed.names) - shared, problem.own
+    extra = probed.own - own  # the probes' clock, where internal states are free
+    begins = np.reshape(point[shared:], (len(problem.records), own))
+    at = 2 + len(problem.structure.memories) if problem.free_states else own
+    begins = np.insert(begins, [at] * extra, 0.0, axis=1)
+    unknowns = np.concatenate([point[:shared], np.zeros(count), begins.ravel()])
     sizes = probed.sizes()
     rows, values = [], []
-    own = probed.own
     for index, (residual, jacobian) in enumerate(probed.linearise(unknowns)):
         std = problem.records[index].std
-        where = np.r_[0 : shared + count, shared + count + index * own : shared + count + (index + 1) * own]
+        first = shared + count + index * probed.own
+        where = np.r_[0 : shared + count, first : first + probed.own]
         block = np.zeros((len(residual), len(sizes)))
         block[:, where] = jacobian * sizes[where] / std
-        rows.append(block)
-        values.append(residual / std)
+        rows.append(_whitened(block, noise))
+        values.append(_whitened(residual / std, noise))
     table, residual = np.concatenate(rows), np.concatenate(values)
     if not np.all(np.isfinite(table)):
         return ScoreTest(0.0, 0, 1.0)
@@ -106,6 +121,16 @@ def score_test(problem: Problem, point: Array) -> ScoreTest:
     return ScoreTest(explained, freedom, float(fisher.sf(ratio, freedom, remaining)))
 
 
+def _whitened(columns: Array, noise: ResidualNoise | None) -> Array:
+    """Take from every sample what the noise before it foretells."""
+    if noise is None or len(noise.coefficients) == 0:
+        return columns
+    from scipy.signal import lfilter
+
+    filtered = lfilter(np.concatenate([[1.0], -noise.coefficients]), [1.0], columns, axis=0)
+    return np.asarray(filtered)[len(noise.coefficients) :]
+
+
 def _basis(table: Array, small: float) -> Array:
     """Return an orthonormal basis of the columns, each taken at length one."""
     lengths = np.linalg.norm(table, axis=0)
@@ -117,9 +142,9 @@ def _basis(table: Array, small: float) -> Array:
 
 
 def _torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Any:
-    del states
     x, v = motion.tilt / parameters["amplitude"], motion.rate / parameters["speed"]
-    terms = [parameters[f"c{index}"] * shape(m, x, v) for index, shape in enumerate(SHAPES.values())]
+    t = states[0] / parameters["duration"]
+    terms = [parameters[f"c{index}"] * shape(m, x, v, t) for index, shape in enumerate(SHAPES.values())]
     return sum(terms[1:], terms[0])
 
 
@@ -129,6 +154,7 @@ _PROBE = Effect(
     parameters=(
         Parameter(name="amplitude", unit="rad", size=lambda s: s.amplitude, low=0.0, high=2.0),
         Parameter(name="speed", unit="rad/s", size=lambda s: s.rate, low=0.0, high=2.0),
+        Parameter(name="duration", unit="s", size=lambda s: s.duration, low=0.0, high=2.0),
         *(
             Parameter(name=f"c{i}", unit="N*m", size=lambda s: s.torque, low=-1.0, high=1.0)
             for i in range(len(SHAPES))
@@ -143,4 +169,12 @@ _PROBE = Effect(
     to_mjcf=belongs_to_log,
     example=(),
     torque=_torque,
+    states=(
+        State(
+            name="time",
+            start=lambda m, tilt, hold, stiffness, parameters: 0.0 * tilt,
+            size=lambda s: s.duration,
+            rate=lambda m, motion, z, parameters: 1.0,
+        ),
+    ),
 )

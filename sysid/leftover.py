@@ -1,0 +1,81 @@
+"""What a model leaves of the measurement: the sensor's noise, or a motion that it does not know.
+
+Sensor noise knows nothing of the motion. It is as large when the deck hardly swings any more as it was at the
+release, it has no line in its spectrum, and no torque of tilt and rate makes it smaller.
+"""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from sysid.model_search import Model
+from sysid.noise import autocorrelation, band_excess
+from sysid.residual_noise import residual_noise
+from sysid.roll import Array
+from sysid.score_test import score_test
+
+WHITE = 1e-3
+"""Probability below which a residual is not white."""
+LEFT = 1e-5
+"""Probability below which the residual holds a torque of tilt and rate."""
+BAND = 4.0
+"""Upper end of the band in which the joint moves, in natural frequencies."""
+LINE = 0.3
+"""Share of a residual's power in one line of its spectrum from which it is no noise."""
+STEADY = 2.0
+"""Ratio of power, late over early in the releases, up to which noise is the same throughout."""
+
+Kind = Literal["white", "coloured", "motion"]
+
+
+def kind_of(model: Model, period: float) -> Kind:
+    """Return what a model leaves: white noise, coloured noise, or a motion that it does not know.
+
+    Args:
+        model: Fitted to single samples, not to averages.
+        period: Of the joint [s].
+    """
+    problem, point = model.problem, model.minimum.point
+    if whiteness(model, period) > WHITE:
+        return "white" if score_test(problem, point).probability > LEFT else "motion"
+    if not _is_steady(model):
+        return "motion"
+    noise = residual_noise(model.residuals)
+    return "coloured" if score_test(problem, point, noise).probability > LEFT else "motion"
+
+
+def whiteness(model: Model, period: float) -> float:
+    """Return the probability that the residual of a model is white, by its power in the joint's band."""
+    average = model.problem.average
+    steps = [average * float(np.median(np.diff(r.time))) for r in model.problem.records]
+    return band_excess(model.residuals, steps, BAND / period)[1]
+
+
+def _is_steady(model: Model) -> bool:
+    """Whether a residual is as large late in the releases as early, though the motion has faded."""
+    from scipy.stats import f as fisher
+
+    residuals = model.residuals
+    thirds = [np.array_split(r, 3) for r in residuals]
+    early, late = (float(np.mean(np.concatenate([t[i] for t in thirds]) ** 2)) for i in (0, 2))
+    rest = model.parameters.get("rest_angle", 0.0)
+    swings = [np.array_split(r.signal - (0.0 if r.is_rate else rest), 3) for r in model.problem.records]
+    before, after = (float(np.mean(np.concatenate([s[i] for s in swings]) ** 2)) for i in (0, 2))
+    if after > 0.25 * before or early == 0:
+        return False  # the motion has not faded: it and the noise cannot be told apart
+    rho = autocorrelation(residuals, min(2000, min(len(r) for r in residuals) // 4))[1:]
+    freedom = sum(len(t[0]) for t in thirds) / float(1 + 2 * np.sum(rho**2))
+    ratio = late / early
+    outer = min(float(fisher.sf(ratio, freedom, freedom)), float(fisher.cdf(ratio, freedom, freedom)))
+    if not 1 / STEADY < ratio < STEADY or freedom < 8 or outer < 1e-3:
+        return False
+    return _largest_line(residuals) < LINE
+
+
+def _largest_line(residuals: Sequence[Array]) -> float:
+    """Return the share of power in one line of the spectrum of all releases: noise peaks elsewhere in each."""
+    size = max(len(r) for r in residuals)
+    power = sum(np.abs(np.fft.rfft(r * np.hanning(len(r)), size)) ** 2 for r in residuals)
+    near = np.convolve(power, np.ones(3), mode="same")
+    return float(near.max() / max(np.sum(power), 1e-300))
