@@ -58,7 +58,7 @@ def render(model: mujoco.MjModel, qpos: Array) -> list[Array]:
             f"this machine cannot render ({error}). Try MUJOCO_GL=egl or MUJOCO_GL=osmesa."
         ) from error
     camera = mujoco.MjvCamera()
-    camera.distance, camera.azimuth, camera.elevation = 2.3, 140.0, -12.0
+    camera.distance, camera.azimuth, camera.elevation = 2.3, 220.0, -12.0
     images: list[Array] = []
     with renderer:
         for row in qpos:
