@@ -42,6 +42,8 @@ VISIBLE = 3.0
 """Residual over noise floor from which a small rest is a matter of taste, not of detection."""
 EXPLAINED = 0.8
 """Share of the squared held-out error that effects must take away to be named without reaching the noise."""
+CLOSE = 0.1
+"""Held-out error over the RMS of the motion up to which effects are named without reaching the noise."""
 NEAR = 3.0
 """Where no residual is white, one more effect must cut the squared held-out error by this factor."""
 FAR = 30.0
@@ -380,7 +382,8 @@ def _judge_prediction(case: _Case) -> tuple[Verdict, Model, dict[str, float]]:
     before, after = case.excess(case.base), case.excess(winner)
     explained = 1.0 - after / before if before > 0 else 0.0
     precise = winner.rmse > PRECISE * case.noise.std
-    rest = case.base.rmse / _motion_rms(case.base)
+    size = _motion_rms(case.base)
+    rest = case.base.rmse / size
     if rest < MATERIAL and case.base.rmse > VISIBLE * case.noise.std:
         text = (
             f"Nothing is missing that matters: the model follows the motion to {rest:.2%} of its RMS. "
@@ -389,7 +392,7 @@ def _judge_prediction(case: _Case) -> tuple[Verdict, Model, dict[str, float]]:
         verdict = _verdict(case, case.base, "none-missing", (), 0.8, (), "", text)
         return verdict, case.base, {}
     named = case.missing(winner)
-    if named and precise and explained >= EXPLAINED:
+    if named and precise and explained >= EXPLAINED and winner.heldout_rmse < CLOSE * size:
         return _partly(case, winner, near, explained)
     return _unexplained(case, winner, explained)
 

@@ -15,6 +15,7 @@ from sysid.effects.base import Scales
 from sysid.hermite import hermite_matrix
 from sysid.joint_flow import Structure, build_flow, steps_for
 from sysid.least_squares import Normal
+from sysid.noise import sensor_step
 from sysid.roll import Array, Release
 from sysid.shooting import Shooting
 
@@ -45,15 +46,22 @@ def make_records(releases: Sequence[Release], std: float, *, rate: bool) -> tupl
         rate: Fit the measured rate (the roll is only its integral) instead of the roll.
     """
     records: list[Record] = []
+    coarse = COARSE_STEPS * sensor_step(releases, rate=rate)
     for release in releases:
         measured = release.rate if rate and release.rate is not None else release.roll
         end = _end_of_motion(release, measured, std)
         begin = _onset(release)
+        if coarse > 0:
+            level = 0.0 if rate else release.rest
+            beyond = np.flatnonzero(np.abs(measured[:end] - level) > coarse)
+            end = max(min(end, begin + 32), int(beyond[-1]) + 1 if len(beyond) else 0)
         time = release.time[begin:end] - release.time[0]
         records.append(Record(release=release, time=time, signal=measured[begin:end], is_rate=rate, std=std))
     return tuple(records)
 
 
+COARSE_STEPS = 3.0
+"""Steps of a coarse sensor within which a swing is not fitted: what it rounds there is no noise any more."""
 LETTING_GO = 0.004
 """For how long a hand still drags while it lets go [s]."""
 UNSURE_START = 0.002

@@ -77,7 +77,7 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
                 resting += len(tail)
     std = float(np.sqrt(squares / count))
     unit = "rad/s" if rate else "rad"
-    level = _quantisation(releases, rate=rate)
+    level = sensor_step(releases, rate=rate)
     if level / np.sqrt(12) > std:
         return NoiseFloor(level / float(np.sqrt(12)), f"from the sensor's steps of {level:.3g} {unit}")
     spread = float(np.sqrt(still / resting)) if resting > 50 else 0.0
@@ -110,7 +110,7 @@ def _signal(release: Release, *, rate: bool) -> Array:
     return release.rate if rate and release.rate is not None else release.roll
 
 
-def _quantisation(releases: Sequence[Release], *, rate: bool) -> float:
+def sensor_step(releases: Sequence[Release], *, rate: bool) -> float:
     """Return the step of a sensor that has one (most neighbours are equal or one step apart), else 0."""
     jumps = np.concatenate([np.abs(np.diff(_signal(r, rate=rate))) for r in releases])
     moving = jumps[jumps > 1e-12]

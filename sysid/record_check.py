@@ -15,6 +15,7 @@ from sysid.fit_uncertainty import parameter_covariance
 from sysid.joint_flow import structure_of
 from sysid.least_squares import Normal, minimise
 from sysid.model_search import Model
+from sysid.noise import sensor_step
 from sysid.quantity import Quantity
 from sysid.roll import Array
 
@@ -63,7 +64,9 @@ def _shift(model: Model, board: Board, covariance: np.ndarray, names: list[str])
         return Deviation()
     index = names.index("rest_angle")
     moved = model.parameters["rest_angle"] - board.rest_angle
-    deviation = float(np.hypot(np.sqrt(covariance[index, index]), board.tilt["rest_angle"].std))
+    rounding = sensor_step([r.release for r in model.problem.records], rate=False) / np.sqrt(12)
+    known = board.tilt["rest_angle"].std
+    deviation = float(np.sqrt(covariance[index, index] + known**2 + rounding**2))
     if abs(moved) < SURE * deviation or abs(moved) < 0.1 * model.problem.records[0].std:
         return Deviation()
     torque = model.parameters["stiffness"] * moved

@@ -26,7 +26,7 @@ def check(
     logs: list[Path],
     /,
     *,
-    board: Annotated[str, Parameter(name="--board")],
+    board: Annotated[str, Parameter(name=("--board", "-b"))],
     tolerance: Annotated[float, Parameter(name="--tolerance")] = 0.02,
     scene_file: Annotated[Path | None, Parameter(name="--scene-file")] = None,
     joint: Annotated[str, Parameter(name="--joint")] = "board_tilt_joint",

@@ -4,9 +4,10 @@ import math
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from cyclopts import Parameter, validators
 
 from sysid.board import Board
 from sysid.cli.console import Common, Printer
@@ -27,8 +28,8 @@ def diagnose(
     logs: list[Path],
     /,
     *,
-    board: str,
-    workers: int = 2,
+    board: Annotated[str, Parameter(name=("--board", "-b"))],
+    workers: Annotated[int, Parameter(name="--workers", validator=validators.Number(gte=1))] = 2,
     arguments: LogArguments = _NO_ARGUMENTS,
     common: Common = _NO_COMMON,
 ) -> int:

@@ -14,7 +14,7 @@ _NO_COMMON = Common()
 
 def mjcf(
     *,
-    board: Annotated[str, Parameter(name="--board")],
+    board: Annotated[str, Parameter(name=("--board", "-b"))],
     output: Annotated[Path, Parameter(name=("--output", "-o"))],
     bench: Annotated[bool, Parameter(name="--bench", negative="")] = False,
     scene: Annotated[bool, Parameter(name="--scene", negative="")] = False,
