@@ -3,6 +3,9 @@
 import contextlib
 import io
 import json
+import signal
+import subprocess
+import sys
 
 import pytest
 
@@ -49,3 +52,49 @@ def test_a_refused_fit_leaves_no_trace(tmp_path, effect, reason):
     with pytest.raises(HuskyError, match=reason):
         run(tmp_path, effect)
     assert not (tmp_path / "data").exists()
+
+
+KILLED = """
+import os, signal, sys, tempfile
+from pathlib import Path
+import numpy, casadi
+left = [int(sys.argv[1])]
+def dying(call):
+    def wrapped(*args, **kwargs):
+        left[0] -= 1
+        if left[0] == 0:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return call(*args, **kwargs)
+    return wrapped
+for owner, name in ((tempfile, "mkstemp"), (Path, "write_bytes"), (Path, "chmod"), (Path, "replace")):
+    setattr(owner, name, dying(getattr(owner, name)))
+from sysid.cli.console import Common
+from sysid.cli.fit import fit
+fit([Path(sys.argv[2])], board="pink", effect=("coulomb",), common=Common(workspace=Path(sys.argv[3])))
+"""
+
+
+@pytest.mark.slow
+def test_a_fit_killed_at_any_write_leaves_a_whole_record(tmp_path):
+    """SIGKILL at the first call that touches the disk, the second, and so on, until it gets through."""
+    record = tmp_path / "data" / "boards" / "pink.toml"
+    record.parent.mkdir(parents=True)
+    old = (shipped_data() / "boards" / "pink.toml").read_text()
+    killed = kept = 0
+    for moment in range(1, 30):
+        record.write_text(old)
+        done = subprocess.run(
+            [sys.executable, "-c", KILLED, str(moment), str(LOG), str(tmp_path)],
+            capture_output=True,
+            check=False,
+        )
+        assert done.returncode in (0, -signal.SIGKILL), done.stderr.decode()
+        board = load_board(record)
+        kept += record.read_text() == old
+        assert record.read_text() == old or [part.name for part in board.effects] == ["coulomb"]
+        if done.returncode == 0:
+            break
+        killed += 1
+    assert done.returncode == 0
+    assert killed >= 6
+    assert 4 <= kept < killed, "killed before the rename the record is the old one, after it the new one"
