@@ -51,6 +51,10 @@ class Variant:
     """Order of the transition's path."""
     lift: float = 0.2
     """Lift of the path's inner control points [m]."""
+    stance_patience: int = 20
+    """Policy steps with the left foot in the wrong place that end an episode; 0 for never."""
+    idle_patience: float = 1.2
+    """Time of pushing without the left foot on the ground that ends an episode [s]; 0 for never."""
     smoothness: float = 0.05
     """Weight of the squared first and second differences of the actions."""
     speed_tolerance: float = 0.25
@@ -73,6 +77,8 @@ class Variant:
             mount_steps=self.mount_steps,
             bezier_order=self.bezier_order,
             lift=self.lift,
+            stance_patience=self.stance_patience,
+            idle_patience=self.idle_patience,
             smoothness=self.smoothness,
             speed_tolerance=self.speed_tolerance,
         )
