@@ -38,22 +38,27 @@ class Progress:
         self._ends = env.termination_manager.active_terms
         self._sums: dict[str, torch.Tensor] = {}
         self._steps = 0
+        self._broken = torch.zeros(env.num_envs, dtype=torch.bool, device=env.device)
 
     def add(self, style: torch.Tensor) -> None:
         """Take the environments' last step into account; call before the next one."""
         env = self._env
         state = measure(env)
-        steering, pushing = state.steering.float(), state.pushing.float()
+        broken = env.termination_manager.get_term("not_finite")
+        self._broken |= broken
+        steers, pushes = state.steering & ~broken, state.pushing & ~broken
+        steering, pushing = steers.float(), pushes.float()
         speed = (state.board_velocity[:, 0] - state.commanded_speed).abs()
         heading = wrap_angle(state.board_heading - state.target_heading).abs()
         left, right = state.foot_on_deck[:, 0], state.foot_on_deck[:, 1]
+        # Chosen, not multiplied: what has broken down counts nothing, and nothing times NaN is NaN.
         sums = {
             "steering": steering.sum(),
             "pushing": pushing.sum(),
-            "speed_error": (speed * pushing).sum(),
-            "heading_error": (heading * steering).sum(),
-            "tilt_error": ((state.tilt - state.tilt_reference).abs() * steering).sum(),
-            "tilt": (state.tilt.abs() * steering).sum(),
+            "speed_error": torch.where(pushes, speed, 0.0).sum(),
+            "heading_error": torch.where(steers, heading, 0.0).sum(),
+            "tilt_error": torch.where(steers, (state.tilt - state.tilt_reference).abs(), 0.0).sum(),
+            "tilt": torch.where(steers, state.tilt.abs(), 0.0).sum(),
             "both_feet": (state.foot_on_deck.all(dim=-1) * steering).sum(),
             "foot_down": (state.foot_on_ground[:, 0] * pushing).sum(),
             "wrong_push": ((left | ~right) * pushing).sum(),
@@ -66,6 +71,12 @@ class Progress:
             kept = self._sums.get(name)
             self._sums[name] = value.clone() if kept is None else kept + value
         self._steps += 1
+
+    def broken(self) -> list[int]:
+        """Return the worlds of this process whose simulation has broken down since the last call."""
+        worlds = torch.nonzero(self._broken).flatten().tolist()
+        self._broken.zero_()
+        return worlds
 
     def read(self) -> dict[str, float]:
         """Return the means since the last reading, pooled over processes, and start anew."""

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 from policy_runtime.motions import load_motions
 from policy_runtime.run_folder import RunConfig, RunFolder
 from policy_runtime.style_reference import STRETCHES, style_reference
+from sim.skate.actor_observation import part_of
 from sim.skate.push_clips import PushClip
 from sysid.board import load_board
 from sysid.errors import HuskyError
@@ -294,6 +295,9 @@ def _learn(
         began = time.monotonic()
         obs = collect(env, algorithm, obs, learn.steps, progress)
         numbers = progress.read()  # waits for the device
+        if numbers["end/not_finite"] > 0:
+            _say_broken(progress.broken(), process, done.iterations)
+        check_rewards(env.unwrapped, done.iterations)
         collected = time.monotonic()
         numbers |= algorithm.update()
         check_finite(algorithm, numbers, done.iterations)
@@ -348,6 +352,41 @@ def collect(env: Any, algorithm: "AmpPPO", obs: Any, steps: int, progress: Any) 
     return obs
 
 
+def _say_broken(worlds: list[int], process: Process, iteration: int) -> None:
+    """Name the worlds whose simulation has broken down; their episodes have been ended."""
+    if worlds:
+        shown = ", ".join(map(str, worlds[:5])) + (" and others" if len(worlds) > 5 else "")
+        print(  # noqa: T201
+            f"iteration {iteration}: position or velocity was not finite in world {shown} of process "
+            f"{process.rank}; the episode was ended there",
+            file=sys.stderr,
+        )
+
+
+def check_rewards(env: Any, iteration: int) -> None:
+    """Stop when a reward term is not finite in the present state: mjlab would count it as zero without a word.
+
+    Looked at once an iteration. Worlds whose simulation has just broken down are left out.
+
+    Raises:
+        HuskyError: With the term and the world.
+    """
+    import torch
+
+    manager = env.reward_manager
+    values = torch.stack(
+        [cfg.func(env, **cfg.params) for cfg in map(manager.get_term_cfg, manager.active_terms)]
+    )
+    fine = torch.isfinite(values) | env.termination_manager.get_term("not_finite")
+    where = torch.nonzero(~fine)
+    if len(where):
+        term, world = (int(i) for i in where[0])
+        raise HuskyError(
+            f"iteration {iteration}: reward '{manager.active_terms[term]}' is not finite in world {world} although its "
+            "positions and velocities are. Look for a division by zero in its function in sim/skate/rewards.py."
+        )
+
+
 def check_finite(algorithm: "AmpPPO", numbers: dict[str, float], iteration: int) -> None:
     """Stop when a loss is not a number any more, naming what first went wrong.
 
@@ -367,8 +406,9 @@ def check_finite(algorithm: "AmpPPO", numbers: dict[str, float], iteration: int)
         where = torch.nonzero(~torch.isfinite(values))
         if len(where):
             step, world, column = (int(i) for i in where[0])
+            part = f" ({part_of(column)})" if name == "actor" else ""
             raise HuskyError(
-                f"iteration {iteration}: {name}, number {column}, of world {world} is not finite at step {step}. "
+                f"iteration {iteration}: {name}, number {column}{part}, of world {world} is not finite at step {step}. "
                 "The simulation has become unstable there; go on from the last checkpoint with another seed."
             )
     raise HuskyError(

@@ -418,6 +418,26 @@ def test_two_processes_hold_the_same_weights_normalisers_and_discriminator(start
             torch.testing.assert_close(value, second[part][name], rtol=0, atol=1e-6, msg=f"{part} {name}")
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("gpus", [0, 2])
+def test_what_stops_a_worker_reaches_the_user(started, gpus, capfd, monkeypatch):
+    for module in ("torch", "mjlab"):
+        pytest.importorskip(module, reason="needs the training stack")
+    from sysid.cli import train as command
+    from sysid.cli.console import Common, Printer
+
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    started.config.write_text(started.config.read_text().replace('terrain = "flat"', 'terrain = "stairs"'))
+    with pytest.raises(HuskyError, match=r"training stopped with code 1;.*--resume") as failure:
+        command._run(started, gpus, math.inf, Printer(Common()))
+    assert failure.value.exit_code == 1
+    said = capfd.readouterr()
+    assert "error: " in said.err
+    assert "terrain is 'stairs'" in said.err
+    assert said.out == ""
+    assert started.read_curves() == []
+
+
 def test_what_is_not_a_number_is_named_with_its_world():
     torch = pytest.importorskip("torch")
     tensordict = pytest.importorskip("tensordict")
@@ -431,7 +451,9 @@ def test_what_is_not_a_number_is_named_with_its_world():
     )
     algorithm = SimpleNamespace(storage=storage)
     check_finite(algorithm, {"value": 1.0}, 7)
-    with pytest.raises(HuskyError, match=r"iteration 7: actor, number 2, of world 6 .* step 3"):
+    with pytest.raises(
+        HuskyError, match=r"iteration 7: actor, number 2 \(angular_velocity\), of world 6 .* step 3"
+    ):
         check_finite(algorithm, {"value": math.nan}, 7)
     storage.observations["actor"].zero_()
     with pytest.raises(HuskyError, match="value is not finite although"):

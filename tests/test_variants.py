@@ -188,6 +188,43 @@ def test_the_default_variant():
         assert idle.tolist() == [True] + [False] * 7
 
 
+def test_a_world_that_breaks_down_is_ended_named_and_not_counted(capfd):
+    import torch
+
+    from policy_runtime.progress import Progress
+    from policy_runtime.train import Process, _say_broken, check_rewards
+    from sim.skate.observations import skate_command
+    from sysid.errors import HuskyError
+
+    with worlds(start=PUSHING, speed=(0.5, 1.5)) as env:
+        progress = Progress(env)
+        env.sim.data.qvel[3, skate_command(env).reading.board_v] = math.nan
+        observations = step(env)[0]
+        progress.add(torch.zeros(()))
+        assert env.termination_manager.get_term("not_finite").tolist() == [world == 3 for world in range(8)]
+        for values in observations.values():
+            assert torch.isfinite(values).all()
+        check_rewards(env, 4)
+        numbers = progress.read()
+        assert all(math.isfinite(value) for value in numbers.values())
+        assert numbers["end/not_finite"] == pytest.approx(1 / (WORLDS * 0.02 / 60))
+        _say_broken(progress.broken(), Process(0, 1, "cpu"), 4)
+        assert (
+            "iteration 4: position or velocity was not finite in world 3 of process 0"
+            in capfd.readouterr().err
+        )
+        assert progress.broken() == []
+
+        step(env)
+        term = env.reward_manager.get_term_cfg("push/air_time")
+        right, wrong = term.func, torch.tensor([1.0] * 5 + [math.nan] + [1.0] * 2)
+        term.func = lambda env, **arguments: right(env, **arguments) * wrong
+        step(env)
+        assert torch.isfinite(env.reward_buf).all()  # mjlab says nothing
+        with pytest.raises(HuskyError, match=r"iteration 5: reward 'push/air_time' is not finite in world 5"):
+            check_rewards(env, 5)
+
+
 def test_everything_switched_off():
     import torch
 

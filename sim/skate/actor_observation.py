@@ -47,6 +47,16 @@ SCALE = tuple(scale for _, _, scales, _ in PARTS for scale in scales)
 NOISE = tuple(noise for _, size, _, noise in PARTS for _ in range(size))
 
 
+def part_of(number: int) -> str:
+    """Return the name of the part that a number of the observation belongs to."""
+    number %= FRAME_SIZE
+    for name, size, _, _ in PARTS:
+        if number < size:
+            return name
+        number -= size
+    raise AssertionError("PARTS add up to FRAME_SIZE")
+
+
 def still_to_turn(turn: Any, yaw: Any, yaw_then: Any) -> Any:
     """Return the commanded turn less the yaw of the pelvis since it was told, within ±π [rad], shape (...,)."""
     return wrap_angle(turn - (yaw - yaw_then))
