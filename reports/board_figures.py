@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from reports.evidence import Evidence, Rung
-from reports.palette import NOISE, REAL, SIM
+from reports.palette import HELD_OUT, NOISE, REAL, SIM
 from reports.svg import thin
 from sysid.compare import Comparison
 from sysid.effects import effect
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LADDER = ("#CC79A7", "#56B4E9", "#009E73", "#D55E00", "#8C6BB1")
-HELD_OUT = "#CC79A7"
 WIDTH = 9.2
 """Width of a figure over the whole page [inch]."""
 LEVELS = 21
