@@ -29,6 +29,8 @@ TIMESTEP = 0.005
 DECIMATION = 4
 ITERATIONS = 10
 LINE_SEARCH_ITERATIONS = 20
+EXTENT = 2.0
+"""Size of what a camera looks at [m]; from the lane's own, MuJoCo would cut the robot off as too near."""
 
 ROBOT, BOARD = "robot/", "board/"
 """Name prefixes."""
@@ -61,12 +63,18 @@ def skate_spec(board: Board, options: SceneOptions | None = None, *, visuals: bo
     options = options or SceneOptions()
     spec = mujoco.MjSpec()
     spec.modelname = f"skate_{board.name}"
+    spec.stat.extent = EXTENT
     spec.option.timestep = options.timestep
     spec.option.integrator = integrator_value("implicitfast")
     spec.option.iterations = ITERATIONS
     spec.option.ls_iterations = LINE_SEARCH_ITERATIONS
+    spec.visual.map.shadowclip = 8.0  # the edge of the shadow's map, where it speckles, is out of sight
     spec.worldbody.add_light(
-        name="sun", type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, pos=[0.0, 0.0, 3.0], dir=[0.2, 0.3, -1.0]
+        name="sun",
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACKCOM,  # goes along, so that the shadow does
+        pos=[0.0, 0.0, 3.0],
+        dir=[0.1, 0.15, -1.0],
     )
     add_terrain(spec, options.terrain)
     robot = g1.g1_spec(visuals=visuals)
@@ -173,7 +181,7 @@ def mjlab_scene(board: Board, options: SceneOptions, environments: int) -> "Scen
         entities={"robot": robot, "board": skateboard},
         sensors=contact_sensors(),
         spec_fn=_terrain_editor(options.terrain),
-        extent=2.0,
+        extent=EXTENT,
     )
 
 
