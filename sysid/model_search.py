@@ -27,6 +27,8 @@ POLISHED = 1e-5
 """Relative fall of the cost that ends a final fit: a hundredth of a standard deviation."""
 KEPT, FAR = 6, 60.0
 """A union is given up when this many others have reached less than it promises, by that much of χ²."""
+STARTS = 3
+"""Starts tried of an effect that joins another."""
 WIDE = 0.6
 """Tilt from which the sine of gravity bends enough to tell it from a stiffness [rad]."""
 _NESTED = ({"coulomb", "stribeck"}, {"sensor-drift", "lowpass"})
@@ -152,13 +154,9 @@ class Searcher:
             fixed={**defaults(effects), **self.fixed}, average=self.average,
             free_states=one.problem.free_states or other.problem.free_states,
         )  # fmt: skip
-        own = {**self._small(effects)}
-        starts = [
-            {**own, **other.parameters, **one.parameters},
-            {**own, **one.parameters, **other.parameters},
-            {**own, **one.parameters},
-            {**own, **other.parameters},
-        ]
+        starts = [{**other.parameters, **one.parameters}, {**one.parameters, **other.parameters}]
+        starts += [{**new, **one.parameters} for new in self._little(set(effects) - set(one.effects))]
+        starts += [{**new, **other.parameters} for new in self._little(set(effects) - set(other.effects))]
         bounds = problem.bounds()
         first = [minimise(problem.normal, problem.start(start), *bounds, iterations=1) for start in starts]
         first.sort(key=lambda trial: trial.normal.cost)
@@ -200,9 +198,17 @@ class Searcher:
             done += self.each(what, Searcher.finished, [(m,) for m in now], share, share)
         return [*done, *waiting]
 
-    def _small(self, effects: Iterable[str]) -> dict[str, float]:
-        parts = structure_of(tuple(effects)).parts
-        return {f"{e.name}.{p.name}": p.starts[0] * p.size(self.scales) for e in parts for p in e.parameters}
+    def _little(self, effects: Iterable[str]) -> list[dict[str, float]]:
+        """Return the catalogue's starts of effects that join a model, a few where there are several valleys."""
+        parameters = [(e, p) for e in structure_of(tuple(effects)).parts for p in e.parameters]
+        choices = itertools.product(*(p.starts for _, p in parameters))
+        return [
+            {
+                f"{e.name}.{p.name}": s * p.size(self.scales)
+                for (e, p), s in zip(parameters, choice, strict=True)
+            }
+            for choice in itertools.islice(choices, STARTS)
+        ]
 
     def polished(self, model: Model) -> Model:
         """Refine a model on the fine grid, and see whether free internal states at release fit better."""
@@ -274,9 +280,10 @@ class Searcher:
         return self.race("neighbours of the best", list(wanted.values()), 0.75, 0.8)
 
     def reduced(self, models: Sequence[Model], found: Sequence[Model]) -> list[Model]:
-        """Re-fit every model with one effect less than one of `models`, started from what that one found.
+        """Re-fit every model that is one of `models` with an effect less, or simplified, from what that one found.
 
-        A slider or a stop searched alone may end in a false valley that its pair has left.
+        A slider or a stop searched alone may end in a false valley that its pair has left. And a stop that
+        carries nearly all of the stiffness is a freeplay, which says the same with one number.
 
         Returns:
             `found`, with those replaced or added that came out better.
@@ -288,6 +295,10 @@ class Searcher:
             if name not in self.base
         ]
         jobs = [(m, n) for m, n in wanted if len(n) > len(self.base)]
+        for model in models:
+            stop = model.parameters.get("end-stop.stiffness", 0.0)
+            if stop > 2 * model.parameters["stiffness"] and "freeplay" not in model.effects:
+                jobs.append((model, tuple(sorted({*model.effects, "freeplay"} - {"end-stop"}))))
         best = {m.effects: m for m in found}
         for model in self.each("taking effects away again", Searcher.without, jobs, 0.8, 0.85):
             known = best.get(model.effects)
@@ -296,13 +307,16 @@ class Searcher:
         return list(best.values())
 
     def without(self, model: Model, effects: tuple[str, ...]) -> Model:
-        """Fit some of a model's effects, each start and each parameter where the model had it."""
-        larger = model.problem
+        """Fit some of a model's effects, or freeplay for its stop, each start and parameter where the model had it."""
+        larger, known = model.problem, dict(model.parameters)
+        if "freeplay" in effects and "freeplay" not in model.effects:
+            known["freeplay.half_width"] = known["end-stop.angle"]
+            known["stiffness"] += known["end-stop.stiffness"]
         problem = Problem(
             structure_of(effects), self.records, self.scales, bias=self.bias, steps_per_period=_coarse(effects),
             fixed={**defaults(effects), **self.fixed}, average=self.average, free_states=larger.free_states,
         )  # fmt: skip
-        start = problem.start(model.parameters)
+        start = problem.start(known)
         for index in range(len(self.records)):
             mine, its = len(problem.names) + index * problem.own, len(larger.names) + index * larger.own
             start[mine : mine + 2] = model.minimum.point[its : its + 2]
