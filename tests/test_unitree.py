@@ -13,6 +13,9 @@ from sysid.errors import HuskyError
 
 pytest.importorskip("cyclonedds", reason="the robot's interface needs cyclonedds (extra 'robot')")
 
+from cyclonedds.idl import IdlStruct
+from cyclonedds.idl._support import Endianness
+
 from policy_runtime.robots import unitree_messages as messages
 from policy_runtime.robots.loopback import SimulatedG1
 from policy_runtime.robots.unitree import POLICY_MOTORS, UnitreeG1
@@ -68,6 +71,32 @@ def test_messages_survive_the_wire_and_their_sums_too():
     state.tick = 12345
     state.crc = messages.state_crc(state)
     assert messages.state_crc(messages.LowState.deserialize(state.serialize())) == state.crc
+
+
+@pytest.mark.parametrize("version_2", [None, False, True])
+@pytest.mark.parametrize("kind", ["command", "state"])
+def test_what_travels_is_what_cyclonedds_itself_would_send(kind, version_2):
+    rng = np.random.default_rng(3)
+    message = getattr(messages, f"empty_{kind}")()
+    message.mode_machine, message.crc, message.reserve = 5, 0xDEADBEEF, [1, 2, 3, 2**32 - 1]
+    for motor in message.motor_cmd if kind == "command" else message.motor_state:
+        motor.mode, motor.q, motor.dq = (
+            int(rng.integers(256)),
+            *rng.normal(size=2).astype(np.float32).tolist(),
+        )
+    if kind == "state":
+        message.version, message.tick = [7, 8], 123456789
+        message.imu_state.quaternion = rng.normal(size=4).astype(np.float32).tolist()
+        message.imu_state.temperature = -40
+        message.motor_state[0].temperature, message.motor_state[34].reserve = [-3, 70], [9, 8, 7, 6]
+        message.wireless_remote = bytes(range(40))
+    theirs = IdlStruct.serialize(message, use_version_2=version_2)
+    assert message.serialize(use_version_2=version_2) == theirs
+    again = type(message).deserialize(theirs)
+    assert again == type(message).__idl__.deserialize(theirs, has_header=True)
+    assert again == message
+    big = IdlStruct.serialize(message, endianness=Endianness.Big, use_version_2=version_2)
+    assert type(message).deserialize(big) == message
 
 
 def test_names_and_slots_are_the_robots_own():
