@@ -19,7 +19,7 @@ from sysid.joint import JointLaw
 from sysid.joint_flow import structure_of
 from sysid.least_squares import Minimum, minimise
 from sysid.noise import NoiseFloor, noise_floor
-from sysid.quantity import Z95, Quantity
+from sysid.quantity import Quantity
 from sysid.roll import Array, Release
 
 
@@ -173,7 +173,8 @@ def heldout_rmse(fit: JointFit) -> float:
 def _plainest(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimum, int]:
     """Leave parameters that an effect can do without at their default where the data do not ask for more.
 
-    A stop may brake, but one that need not is told by two numbers, and MuJoCo can hold it.
+    A stop may brake, but one that need not is told by two numbers, and MuJoCo can hold it. The price of a
+    parameter is BIC's.
     """
     evaluations = 0
     for part in problem.structure.parts:
@@ -190,7 +191,7 @@ def _plainest(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimum, int
             without = minimise(simpler.normal, start, *simpler.bounds())
             evaluations += without.evaluations
             noise = 2 * minimum.normal.cost / max(1, problem.samples - len(minimum.point))
-            if 2 * (without.normal.cost - minimum.normal.cost) < Z95**2 * max(noise, 1.0):
+            if 2 * (without.normal.cost - minimum.normal.cost) < np.log(problem.samples) * max(noise, 1.0):
                 problem, minimum = simpler, without
     return problem, minimum, evaluations
 

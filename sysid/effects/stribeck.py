@@ -9,8 +9,12 @@ if TYPE_CHECKING:
     import mujoco
 
 BRISTLE_STIFFNESS = 5000.0
-BRISTLE_DAMPING = 1.0
-"""Of the LuGre model that stands in for a hard stick in MuJoCo [N*m/rad, N*m*s/rad]."""
+"""Of the LuGre model that stands in for a hard stick in MuJoCo, at most [N*m/rad]; its own damping is none."""
+_PER_STEP = 0.4
+_PER_STAGE = 0.03
+"""Bristle stiffness in units of inertia over step², for semi-implicit integrators and for the explicit RK4."""
+_VANISHING = 0.02
+"""Friction of the element at speed, as a share of its own at standstill: it may not be nothing."""
 
 
 def friction(m: Algebra, speed: Value, parameters: Values) -> Value:
@@ -26,21 +30,42 @@ def to_mjcf(
     import mujoco
 
     sliding, static, velocity = (parameters[name] for name in ("torque", "static_torque", "velocity"))
-    if not exact or not hasattr(getattr(mujoco, "mjtCtrlInput", None), "mjINPUT_NONE"):
+    static = max(static, sliding)
+    if static <= sliding or not exact or not hasattr(getattr(mujoco, "mjtCtrlInput", None), "mjINPUT_NONE"):
         from sysid.effects import coulomb
 
         coulomb.to_mjcf(spec, joint, {"torque": sliding})
         return (f"stribeck: frictionloss {sliding:.6g} N*m only (this MuJoCo has no passive LuGre element)",)
+    explicit = spec.option.integrator == mujoco.mjtIntegrator.mjINT_RK4
+    if not explicit:
+        # What the element need not hold, the constraint holds exactly; an explicit step bears only one of them.
+        from sysid.effects import coulomb
+
+        coulomb.to_mjcf(spec, joint, {"torque": sliding})
+        sliding, static = _VANISHING * (static - sliding), static - sliding
     motor = spec.add_actuator(
         name=f"{joint.name}_stribeck", target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT
     )
     motor.set_to_dcmotor(
         motorconst=[0.0, 0.0],
         resistance=1.0,
-        lugre=[BRISTLE_STIFFNESS, BRISTLE_DAMPING, sliding, static, velocity],
+        lugre=[bristle_stiffness(spec, joint), 0.0, sliding, static, velocity],
         ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_NONE),
     )
-    return (f"stribeck: LuGre element {sliding:.6g} / {static:.6g} N*m, {velocity:.6g} rad/s",)
+    beside = "" if explicit else f" beside frictionloss {parameters['torque']:.6g} N*m"
+    return (f"stribeck: LuGre element {sliding:.6g} / {static:.6g} N*m, {velocity:.6g} rad/s{beside}",)
+
+
+def bristle_stiffness(spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint") -> float:
+    """Return the stiffness of bristles as hard as the step can follow [N*m/rad].
+
+    Bristles are a spring on the joint's inertia: harder ones than these make long steps swing or run away.
+    """
+    import mujoco
+
+    step, inertia = float(spec.option.timestep), float(joint.parent.inertia[0])
+    explicit = spec.option.integrator == mujoco.mjtIntegrator.mjINT_RK4
+    return min(BRISTLE_STIFFNESS, (_PER_STAGE if explicit else _PER_STEP) * inertia / step**2)
 
 
 EFFECT = Effect(
