@@ -389,7 +389,7 @@ def test_the_real_robot_takes_only_boards_that_passed(capsys, tmp_path):
 def test_evaluate_prints_a_table_and_writes_json(capsys, tmp_path):
     world_or_skip()
     code, said = call(
-        capsys, "evaluate", "zero", "-b", "pink", "--episodes", 2, "--seeds", 1, "--workers", 1,
+        capsys, "evaluate", "zero", "-b", "pink", "--episodes", 2, "--seeds", 1, "--workers", 1, "--breakdown",
         "-o", tmp_path, "--json", tmp_path / "e.json",
     )  # fmt: skip
     assert code == 0
@@ -397,6 +397,9 @@ def test_evaluate_prints_a_table_and_writes_json(capsys, tmp_path):
     result = json.loads((tmp_path / "e.json").read_text())
     assert result["E_succ"]["value"] == 0
     assert result["E_yaw"]["value"] is None
+    assert "speed by pushing stretch, m/s" in said.out
+    first, *_ = result["breakdown"]
+    assert first["rows"]["stretch 1"]["v_cmd"] > 0.1
     assert (tmp_path / "evaluate-zero-mujoco.png").stat().st_size > 10_000
 
 
