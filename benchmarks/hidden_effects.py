@@ -161,13 +161,16 @@ def main() -> None:
         for truth in TRUTHS
         if options.only in truth.name
     ]
+    np.random.default_rng(0).shuffle(cases)  # a run that is stopped has then seen all kinds
     rows: list[Row] = []
     if options.rows and options.rows.exists():
         rows = [json.loads(line) for line in options.rows.read_text().splitlines()]
     done = {(row["truth"], row["seed"]) for row in rows}
     end = time.monotonic() + options.budget
     with multiprocessing.get_context("spawn").Pool(options.workers) as pool:
-        answers = pool.imap_unordered(run, [case for case in cases if case not in done])
+        answers = pool.imap_unordered(
+            run, [(str(name), int(seed)) for name, seed in cases if (name, int(seed)) not in done]
+        )
         while True:
             try:
                 row = answers.next(timeout=max(end - time.monotonic(), 0.01) if np.isfinite(end) else None)

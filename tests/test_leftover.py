@@ -1,0 +1,113 @@
+"""What a model leaves: noise of a sensor, white or coloured, or a motion that the model does not know."""
+
+import pickle
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+
+import hidden_truths as truths
+
+from sysid.diagnose import diagnose
+from sysid.fit_problem import make_records
+from sysid.fit_search import scales_of
+from sysid.leftover import LEFT, kind_of, whiteness
+from sysid.model_search import Searcher
+from sysid.noise import noise_floor, sensor_step
+from sysid.score_test import score_test
+
+BY_NAME = {truth.name: truth for truth in truths.TRUTHS}
+SEED = 60
+
+
+def fitted(name, effects, tmp_path, **changes):
+    """A model fitted to a log of the hidden-effect suite, and the period of its joint."""
+    truth = replace(BY_NAME[name], **{"rates": (500.0,), "noises": (0.04,), **changes})
+    releases = truths.make(truth, SEED, tmp_path)
+    records = make_records(releases, noise_floor(releases).std, rate=False)
+    searcher = Searcher(records=records, scales=scales_of(records, truths.board_of(truth)), bias="shared")
+    return searcher.polished(searcher.alone(effects)), 2 * np.pi / searcher.scales.frequency
+
+
+@pytest.mark.parametrize(
+    ("name", "effects", "kind"),
+    [
+        ("none", (), "white"),
+        ("quadratic-damping 0.03", ("quadratic-damping",), "white"),
+        ("coulomb 0.1", ("coulomb",), "white"),
+        ("none, noise of 5 ms", (), "coloured"),
+        ("coulomb 0.03", (), "motion"),
+        ("periodic torque", (), "motion"),
+    ],
+)
+def test_what_is_left_is_called_what_it_is(name, effects, kind, tmp_path):
+    assert kind_of(*fitted(name, effects, tmp_path)) == kind
+
+
+def test_a_torque_that_looks_like_noise_is_found_by_its_shape(tmp_path):
+    """Damping by the tilt, fitted as damping by the rate squared: its spectrum hardly shows the rest."""
+    model, period = fitted("damping by the tilt", ("quadratic-damping",), tmp_path, noises=(0.1,))
+    test = score_test(model.problem, model.minimum.point)
+    assert test.probability < LEFT
+    assert test.probability < 1e-3 * whiteness(model, period)
+    assert test.freedom >= 8
+
+
+def test_shapes_that_the_fit_has_already_are_not_counted(tmp_path):
+    """A fit with the cubic has its direction: the same test leaves it out and finds nothing."""
+    linear, _ = fitted("cubic-stiffness 60", (), tmp_path)
+    cubic, _ = fitted("cubic-stiffness 60", ("cubic-stiffness",), tmp_path)
+    before, after = (score_test(m.problem, m.minimum.point) for m in (linear, cubic))
+    assert before.probability < 1e-12
+    assert after.probability > 1e-4
+    assert after.freedom == before.freedom - 1
+
+
+def test_a_problem_goes_to_another_process_and_back(tmp_path):
+    model, _ = fitted("none, heavy", ("coulomb",), tmp_path)
+    copy = pickle.loads(pickle.dumps(model))
+    assert copy.problem.normal(model.minimum.point).cost == model.minimum.normal.cost
+
+
+def test_a_drift_goes_on_between_releases(tmp_path):
+    """A sensor that drifts does not start again at each release."""
+    model, _ = fitted("sensor-drift -0.02", ("sensor-drift",), tmp_path)
+    assert model.parameters["sensor-drift.rate"] == pytest.approx(-0.02, rel=0.02)
+    assert model.rmse < 1.02 * model.problem.records[0].std
+
+
+def test_the_last_of_a_swing_is_no_noise(tmp_path):
+    """The stretch at rest still swings a little; it must not raise the noise floor."""
+    releases = [replace(r, end="rest") for r in truths.make(replace(BY_NAME["none"], noises=(0.2,), rates=(1000.0,)), 31, tmp_path)]  # fmt: skip
+    assert noise_floor(releases).std == pytest.approx(np.radians(0.2), rel=0.03)
+
+
+def test_a_coarse_sensor_is_fitted_while_the_deck_moves_over_several_steps(tmp_path):
+    truth = replace(BY_NAME["none, coarse steps"], noises=(0.1,), rates=(500.0,))
+    releases = truths.make(truth, SEED, tmp_path)
+    step = sensor_step(releases, rate=False)
+    assert step == pytest.approx(np.radians(0.2))
+    for record in make_records(releases, noise_floor(releases).std, rate=False):
+        assert abs(record.signal[-1] - record.release.rest) > 2.5 * step
+        assert len(record.time) < len(record.release.time)
+
+
+@pytest.mark.slow
+def test_coloured_noise_and_coarse_steps_raise_no_alarm(tmp_path):
+    for name in ("none, noise of 30 ms", "none, coarse steps"):
+        truth = BY_NAME[name]
+        result = diagnose(truths.make(truth, 3, tmp_path), truths.board_of(truth))
+        assert result.verdict.status == "none-missing", (name, result.verdict)
+        assert result.verdict.error_after < 1.15 * result.noise.std
+
+
+@pytest.mark.slow
+def test_a_weak_filter_that_moves_the_stiffness_is_an_explanation(tmp_path):
+    """What does not show in the decay's shape may still have moved k and d against the record."""
+    truth = BY_NAME["lowpass 0.01, heavy"]
+    verdict = diagnose(truths.make(truth, 31, tmp_path), truths.board_of(truth)).verdict
+    assert {"lowpass"} in [set(verdict.effects), *map(set, verdict.indistinguishable_from)]
