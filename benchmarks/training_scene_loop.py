@@ -1,9 +1,11 @@
 """The whole loop on synthetic logs: log → fit → bench and scene as MJCF at 5 ms implicitfast → check.
 
 The truth is in continuous time (`sysid.synth`: event-driven DOP853, hand and noise included), four releases
-at 1 kHz. 'Bench' is the written file, released in stock MuJoCo, against the truth without noise; the rate at
-release is fitted, because a semi-implicit step sees velocity half a step before position. 'Scene' is `check`:
-the deck released in the training scene, wheels on the ground, against the noisy log.
+at 1 kHz with 0.1° of noise. 'Typed in' is MuJoCo at this step with the fitted numbers as they are, 'step' the same with
+the compensation that `mjcf` makes, both against the fitted law. 'Bench' is the written file, released in stock
+MuJoCo, against the truth without noise: it has the errors of fit and step. The rate at release is fitted, because a
+semi-implicit step sees velocity half a step before position. 'Scene' is `check`: the deck released in the training
+scene, wheels on the ground, against the noisy log, less the noise.
 
     python benchmarks/training_scene_loop.py
 """
@@ -86,7 +88,15 @@ def run(case: Case) -> dict[str, Any]:
             return json.loads((space / "answer.json").read_text())
 
         hidden = (f"{case.effect}={','.join(map(str, case.values))}",) if case.effect else ()
-        synth(board=case.board, output=log, effect=hidden, releases=4, seed=1, noise_deg=NOISE_DEG, common=Common(workspace=space))
+        synth(
+            board=case.board,
+            output=log,
+            effect=hidden,
+            releases=4,
+            seed=1,
+            noise_deg=NOISE_DEG,
+            common=Common(workspace=space),
+        )
         row: dict[str, Any] = {"case": case}
         try:
             fit([log], board=case.board, effect=(case.effect,) if case.effect else (), common=answers)
@@ -94,7 +104,7 @@ def run(case: Case) -> dict[str, Any]:
             mjcf(board=case.board, output=space / "bench.xml", bench=True, timestep=TIMESTEP, common=answers)
             row["bench"] = bench_error(case, space / "bench.xml")
             row["uncompensated"] = answer()["decay_nrmse_uncompensated"]
-            row["static"] = answer()["static_stiffness_error"]
+            row["step"] = answer()["decay_nrmse"]
             with contextlib.suppress(HuskyError):  # the gate's no is a result too
                 check([log], board=case.board, tolerance=0.01, common=answers)
             row["scene"] = answer()["nrmse"]
@@ -117,7 +127,7 @@ def line(row: dict[str, Any]) -> str:
     case: Case = row["case"]
     what = f"{case.effect} {', '.join(f'{v:g}' for v in case.values)}".strip() or "-"
     if "refused" in row:
-        return f"| {case.board} | {what} | refused: {row['refused']} | | | | | | |"
+        return f"| {case.board} | {what} | refused: {row['refused']} | | | | | | | |"
     found = row["fit"]["parameters"]
     truth = true_board(case)
     errors = [100 * (found[n]["value"] / truth.tilt[n].value - 1) for n in ("stiffness", "damping")]
@@ -127,7 +137,7 @@ def line(row: dict[str, Any]) -> str:
     met = "yes" if row["bench"] <= case.limit and row["scene"] <= 0.01 else "NO"
     return (
         f"| {case.board} | {what} | {errors[0]:+.2f} | {errors[1]:+.2f} | {shown} | "
-        f"{100 * row['uncompensated']:.2f} | {100 * row['bench']:.2f} | {100 * row['scene']:.2f} | {met} |"
+        f"{100 * row['uncompensated']:.2f} | {100 * row['step']:.2f} | {100 * row['bench']:.2f} | {100 * row['scene']:.2f} | {met} |"
     )
 
 
@@ -149,8 +159,8 @@ def main() -> None:
         f"{__doc__.split('    python')[0].split(chr(10), 2)[2].strip()}\n\n"
         f"Step {1e3 * TIMESTEP:g} ms, implicitfast, MuJoCo {mujoco.__version__}. NRMSE in %; wanted: bench at most 0.5 "
         "(1 with an effect), scene at most 1. Made by `benchmarks/training_scene_loop.py`.\n\n"
-        "| board | hidden | k error % | d error % | effect fitted | typed in | bench | scene | met |\n"
-        "|---|---|---|---|---|---|---|---|---|\n" + "\n".join(lines) + "\n"
+        "| board | hidden | k error % | d error % | effect fitted | typed in | step | bench | scene | met |\n"
+        "|---|---|---|---|---|---|---|---|---|---|\n" + "\n".join(lines) + "\n"
     )
     options.out.parent.mkdir(parents=True, exist_ok=True)
     options.out.write_text(text)

@@ -35,8 +35,10 @@ def refuse_bad(fit: JointFit) -> None:
         if not at_bound:
             continue
         vanished = "." in name and abs(value.value) < 1e-12
+        alone = sum(other.startswith(name.split(".")[0] + ".") for other in names) == 1
         cause = (
-            "these logs show no such effect" if vanished
+            "these logs show no such effect" if vanished and alone
+            else "these logs can do without it; a simpler effect says as much" if vanished
             else "the logs do not fix it, or the effect is the wrong one"
         )  # fmt: skip
         raise HuskyError(

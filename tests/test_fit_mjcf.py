@@ -152,24 +152,23 @@ def test_held_out_error_shows_a_wrong_model(pink):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("effects", "rho"), [((), 0.0), (("coulomb",), 0.0), ((), 0.8), (("coulomb",), 0.8)])
-def test_intervals_cover_the_truth(pink, effects, rho):
-    """95 % intervals of k, d and friction hold the truth in about 95 of 100 logs, however the noise remembers.
+@pytest.mark.parametrize("rho", [0.0, 0.8])
+def test_intervals_cover_the_truth(pink, rho):
+    """95 % intervals of k, d and friction hold the truth in 95 of 100 logs, however the noise remembers.
 
     `benchmarks/interval_coverage.py` has more boards, whole logs, and a thousand of each.
     """
-    law = HEAVY.with_effect("coulomb", 0.1) if effects else HEAVY
-    truth = {"stiffness": 14.684, "damping": 0.402, **({"coulomb.torque": 0.1} if effects else {})}
-    inside = dict.fromkeys(truth, 0)
+    law = HEAVY.with_effect("coulomb", 0.1)
+    truth = {"stiffness": 14.684, "damping": 0.402, "coulomb.torque": 0.1}
     known = replace(pink, inertia=replace(pink.inertia, std=0.0))
-    count = 400
-    for seed in range(count):
-        fit = fit_joint(releases_of(law, 100 + seed, rho=rho), known, effects)
-        for name in inside:
-            low, high = fit.quantities[name].ci95
-            inside[name] += low <= truth[name] <= high
-    for name in inside:  # 95 ± 3.3: three standard deviations of 400 draws
-        assert 0.917 * count <= inside[name] <= 0.983 * count, (name, inside[name])
+    fits = [fit_joint(releases_of(law, 100 + seed, rho=rho), known, ["coulomb"]) for seed in range(200)]
+    for name, value in truth.items():
+        found = [fit.quantities[name] for fit in fits]
+        inside = np.mean([q.ci95[0] <= value <= q.ci95[1] for q in found])
+        assert 0.905 <= inside <= 0.995, (name, inside)  # 95 ± 4.5: three standard deviations of 200 draws
+        # The deviations themselves are a sharper test than how often two of them are exceeded.
+        scores = np.sort([(q.value - value) / q.std for q in found])[5:-5]  # less a few that kinks throw far
+        assert 0.8 < np.std(scores) / 0.872 < 1.2, (name, np.std(scores))
 
 
 def test_levenberg_marquardt_on_rosenbrock_with_bounds():
