@@ -467,13 +467,14 @@ def _with_record(
     sets = [(*others, *deviation.effects) for others in alike]
     sets += [(*named, *other) for other in deviation.alike]
     ratio = winner.rmse / case.noise.std
+    left = "coloured noise" if case.kinds.get(winner.effects) == "coloured" else "white"
     if not effects:
         text = (
-            f"Nothing is missing: the residual is noise and {ratio:.2f} times the noise floor. {deviation.text}"
+            f"Nothing is missing: the residual is {left} and {ratio:.2f} times the noise floor. {deviation.text}"
         ).strip()
         return _verdict(case, winner, "none-missing", (), confidence, (), "", text), winner, {}
     text = (
-        f"{_list(effects)} {_is(effects)} missing: with {_it(effects)} the residual is noise and {ratio:.2f} times "
+        f"{_list(effects)} {_is(effects)} missing: with {_it(effects)} the residual is {left} and {ratio:.2f} times "
         f"the noise floor (before: {case.base.rmse / case.noise.std:.2f}). {_shares(shares)} {deviation.text}"
     ).strip()
     if doubtful:
