@@ -240,9 +240,9 @@ def measure(
         for seed in range(seeds + 1):
             roll = clean + NOISE * np.random.default_rng(seed).standard_normal(len(TIME))
             for name, fit in methods.items():  # by turns, so that a busy machine slows all
-                begin = time.perf_counter()
+                begin = time.process_time()
                 found = fit(start, roll)
-                passed = time.perf_counter() - begin
+                passed = time.process_time() - begin
                 if seed:
                     seconds[name].append(passed)
                     errors[name].append((found.stiffness / stiffness - 1, found.damping / damping - 1))
@@ -280,10 +280,10 @@ def main() -> None:
             "# One fit of stiffness and damping, beside its peers",
             "",
             f"One release of 2 s at 1000 Hz, noise 0.2°; MuJoCo {mujoco.__version__}, Python {platform.python_version()}, "
-            f"medians of {seeds} seeds, by turns; made by `benchmarks/fit_peers.py`.",
+            f"medians of {seeds} seeds of CPU time, by turns; made by `benchmarks/fit_peers.py`.",
             "Bias is the mean error against the truth, in brackets its spread over the seeds, in %.",
             "",
-            "| board | method | ms | ratio | k bias (sd) % | d bias (sd) % |",
+            "| board | method | CPU ms | ratio | k bias (sd) % | d bias (sd) % |",
             "|---|---|---|---|---|---|",
             *rows,
             "",

@@ -38,7 +38,7 @@ def interval_figure(
 
     shapes = {shape.name: shape for shape in profiles}
     names = list(shapes) or list(bootstrap.names if bootstrap else ())
-    columns = min(3, len(names))
+    columns = 2 if len(names) == 4 else min(3, len(names))
     rows = -(-len(names) // columns)
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(3.1 * columns + 0.4, 2.7 * rows + 0.6), layout="constrained")
