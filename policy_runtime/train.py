@@ -113,10 +113,10 @@ def train(
 def build(folder: RunFolder, config: RunConfig, process: Process) -> tuple["RslRlVecEnvWrapper", "AmpPPO"]:
     """Build the worlds and the learner of a run."""
     import torch
-    from mjlab.envs import ManagerBasedRlEnv
     from mjlab.rl import RslRlVecEnvWrapper
     from mjlab.utils.torch import configure_torch_backends
 
+    from policy_runtime.fused_rewards import SkateEnv
     from sim.skate.task import skate_env_cfg
 
     configure_torch_backends()
@@ -129,7 +129,7 @@ def build(folder: RunFolder, config: RunConfig, process: Process) -> tuple["RslR
         seed=seed,
         clips=push_clips() if config.task.pushing == "tracking" else (),
     )
-    env = RslRlVecEnvWrapper(ManagerBasedRlEnv(env_cfg, device=process.device))
+    env = RslRlVecEnvWrapper(SkateEnv(env_cfg, device=process.device))
     return env, build_learner(env, config, process)
 
 

@@ -21,7 +21,7 @@ def state():
         time_in_push=zero,
         commanded_speed=zero, target_heading=zero, tilt_reference=zero,
         board_velocity=np.zeros((1, 3)), board_heading=zero, robot_heading=zero, tilt=zero,
-        upright=one, pelvis_height=one,
+        upright=one,
         foot_on_ground=np.array([[False, False]]), foot_on_deck=np.array([[False, True]]),
         foot_in_zone=np.array([[False, True]]), foot_marker_distance=np.zeros((1, 2)),
         left_air_time=zero, left_sole_heights=np.zeros((1, 4)),

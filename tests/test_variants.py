@@ -26,14 +26,13 @@ def worlds(board=None, *, clips=(), **options):
     """Eight worlds of a variant of the task after their first reset."""
     for module in ("torch", "mjlab", "warp"):
         pytest.importorskip(module, reason="needs the training stack")
-    from mjlab.envs import ManagerBasedRlEnv
-
+    from policy_runtime.fused_rewards import SkateEnv
     from sim.skate.task import skate_env_cfg
 
     settings = SkateOptions(**({"boards": 0} | options))
     cfg = skate_env_cfg(board or pink(), settings, environments=WORLDS, seed=3, clips=clips)
     with contextlib.redirect_stdout(sys.stderr):
-        env = ManagerBasedRlEnv(cfg, device="cpu")
+        env = SkateEnv(cfg, device="cpu")
     try:
         env.reset()
         yield env
@@ -117,6 +116,7 @@ def write_yaw(env, world, yaw):
     column = skate_command(env).reading.robot_q + 3
     quaternion = torch.tensor([math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)])
     env.sim.data.qpos[world, column : column + 4] = quaternion
+    skate_command(env).refresh()
 
 
 def test_the_default_variant():
@@ -186,6 +186,45 @@ def test_the_default_variant():
         idle = env.termination_manager.get_term("idle_foot")
         assert not bool(measure(env).foot_on_ground[0, 0])
         assert idle.tolist() == [True] + [False] * 7
+
+
+def test_fused_rewards_are_mjlabs_to_the_last_bit(monkeypatch):
+    import torch
+    from mjlab.managers.reward_manager import RewardManager
+
+    generator = torch.Generator().manual_seed(1)
+    with worlds() as env:
+        ours, theirs = env.reward_manager, RewardManager(env.cfg.rewards, env)
+        assert ours.active_terms == theirs.active_terms
+        seen = {"steps": 0, "resets": 0}
+
+        def compute(dt, fused=ours.compute):
+            wanted, given = theirs.compute(dt), fused(dt)
+            assert torch.equal(given, wanted)
+            assert torch.equal(ours._step_reward, theirs._step_reward)
+            seen["steps"] += 1
+            return given
+
+        def reset(env_ids, fused=ours.reset):
+            wanted, given = theirs.reset(env_ids), fused(env_ids)
+            assert given.keys() == wanted.keys()
+            for name, value in wanted.items():
+                torch.testing.assert_close(given[name], value)
+            for name, sums in theirs._episode_sums.items():
+                assert torch.equal(ours._episode_sums[name], sums)
+            seen["resets"] += len(env_ids)
+            return given
+
+        env.reset()
+        ours.reset()
+        monkeypatch.setattr(ours, "compute", compute)
+        monkeypatch.setattr(ours, "reset", reset)
+        for _ in range(25):
+            env.step(0.5 * torch.randn(WORLDS, 23, generator=generator))
+        env.reset()
+        assert seen["steps"] == 25
+        assert seen["resets"] > WORLDS  # some have fallen on the way
+        assert not ours._sums.any()
 
 
 def test_a_world_that_breaks_down_is_ended_named_and_not_counted(capfd):

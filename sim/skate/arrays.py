@@ -5,6 +5,7 @@ PyTorch accepts NumPy's argument name `axis`, so a function that takes its names
 argument serves both, and what the robot runs is the very code that was trained with.
 """
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,21 @@ def wrap_angle(angle: Any) -> Any:
 
 
 def constant(values: Any, like: Any) -> Any:
-    """Return `values` as an array of the kind, precision and device of `like`."""
+    """Return `values` as an array of the kind, precision and device of `like`.
+
+    Tuples are put on a device once: a copy in every step would make the processor wait for it. Do not write
+    to what is returned.
+    """
     if namespace(like) is np:
         return np.asarray(values, dtype=np.asarray(like).dtype)
+    if isinstance(values, tuple):
+        return _tensor(values, like.dtype, like.device)
     return like.new_tensor(np.asarray(values).tolist())
+
+
+@lru_cache(maxsize=64)
+def _tensor(values: tuple[Any, ...], dtype: Any, device: Any) -> Any:
+    import torch
+
+    with torch.inference_mode(False):  # one made within could not be used in learning
+        return torch.tensor(values, dtype=dtype, device=device)

@@ -1,8 +1,9 @@
 # pyright: reportMissingImports=false, reportUntypedBaseClass=false, reportUnknownParameterType=false
 """What the robot is told to do, and where it is in its cycle: mjlab's command term of the task."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import torch
@@ -18,6 +19,8 @@ from sim.skate.transitions import KEY_BODIES, TransitionPath
 
 if TYPE_CHECKING:
     from mjlab.envs import ManagerBasedRlEnv
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,10 +92,24 @@ class SkateCommand(CommandTerm):
         self.key_quaternions = self._start_quaternions.clone()
         self.key_bodies = (self._start_positions, self._start_quaternions)
         """Where the key bodies are in the board frame: positions [m] (n, 14, 3), orientations (n, 14, 4)."""
+        self.fraction = torch.zeros(n, device=device)
+        """Way gone within the present transition, (n,); 0 or 1 outside one."""
         self.air_time = torch.zeros(n, device=device)
         """Time since the left foot last touched the ground [s], (n,)."""
         self.first_action = torch.zeros(n, 23, device=device)
         """What an episode counts as the action before its first: set by the reset, (n, 23)."""
+        self._now: dict[str, Any] = {}
+        """What has been computed of this instant."""
+
+    def refresh(self) -> None:
+        """Forget what has been computed: the simulation, the cycle or the command has moved on."""
+        self._now = {}
+
+    def _once(self, name: str, compute: Callable[[], T]) -> T:
+        """Return what `compute` gives, called at most once an instant."""
+        if name not in self._now:
+            self._now[name] = compute()
+        return self._now[name]
 
     @property
     def command(self) -> torch.Tensor:
@@ -103,41 +120,72 @@ class SkateCommand(CommandTerm):
         """Return what the actor sees of the command, (n, 2)."""
         if not self.cfg.turn_feedback:
             return self._command
-        yaw = rotation.yaw(self.reading.robot_quaternion())
-        turn = still_to_turn(self._command[:, 1], yaw, self._yaw_then)
+        turn = still_to_turn(self._command[:, 1], self.headings()[1], self._yaw_then)
         return torch.stack((self._command[:, 0], turn), dim=-1)
 
     @property
     def still(self) -> torch.Tensor:
         """Whether the robot is told to stand, bool (n,)."""
-        return self._command[:, 0] < STILL_SPEED
+        return self._once("still", lambda: self._command[:, 0] < STILL_SPEED)
+
+    @property
+    def stretches(self) -> tuple[torch.Tensor, ...]:
+        """Whether the cycle is in pushing, mounting, steering, dismounting, told to move or not, bool (n,) each."""
+        clock, step = self.clock, self.step
+        return self._once(
+            "stretches",
+            lambda: (
+                clock.pushing(step),
+                clock.mounting(step),
+                clock.steering(step),
+                clock.dismounting(step),
+            ),
+        )
 
     @property
     def pushing(self) -> torch.Tensor:
         """Whether the robot shall push, bool (n,)."""
-        return self.clock.pushing(self.step) & ~self.still
+        return self._once("pushing", lambda: self.stretches[0] & ~self.still)
 
     @property
     def steering(self) -> torch.Tensor:
         """Whether the robot shall steer, bool (n,)."""
-        return self.clock.steering(self.step) & ~self.still
+        return self._once("steering", lambda: self.stretches[2] & ~self.still)
 
     @property
     def transition(self) -> torch.Tensor:
         """Whether the robot mounts or dismounts, bool (n,)."""
-        return (self.clock.mounting(self.step) | self.clock.dismounting(self.step)) & ~self.still
+        return self._once("transition", lambda: (self.stretches[1] | self.stretches[3]) & ~self.still)
 
     @property
     def phase(self) -> torch.Tensor:
         """Φ in [0, 1), (n,)."""
         return self.clock.phase(self.step)
 
+    def headings(self) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return the headings of board and robot [rad], (n,) each."""
+        reading = self.reading
+        return self._once(
+            "headings", lambda: (reading.board_heading(), rotation.yaw(reading.robot_quaternion()))
+        )
+
+    def board_velocity(self) -> torch.Tensor:
+        """Return the velocity of the board in its own frame [m/s], (n, 3)."""
+        reading = self.reading
+        return self._once(
+            "board_velocity",
+            lambda: rotation.rotate_back(reading.board_quaternion(), reading.board_velocity()),
+        )
+
     def tilt_reference(self) -> torch.Tensor:
         """Tilt γ_ref that the guidance asks for [rad], (n,)."""
-        reading = self.reading
-        forward = rotation.rotate_back(reading.board_quaternion(), reading.board_velocity())[:, 0]
         time_left = self.clock.steering_time_left(self.step)
-        return self.cfg.guidance.reference(reading.board_heading(), self.target_heading, forward, time_left)
+        forward = self.board_velocity()[:, 0]
+        return self.cfg.guidance.reference(self.headings()[0], self.target_heading, forward, time_left)
+
+    def frame(self, compute: Callable[[], torch.Tensor]) -> torch.Tensor:
+        """Return the actor's raw frame, (n, 78): actor and critic see the same one."""
+        return self._once("frame", compute)
 
     def reset(self, env_ids: torch.Tensor | slice | None) -> dict[str, float]:
         """Draw new commands, and make the first action continue the pose that the reset chose."""
@@ -164,9 +212,12 @@ class SkateCommand(CommandTerm):
     def _update_command(self, env_ids: torch.Tensor | None) -> None:
         self.key_bodies = self.reading.key_bodies_on_board()
         if env_ids is None:
-            advances = (self._env.episode_length_buf > 0) & ~self.still
+            advances = (self._env.episode_length_buf > 0) & ~(self._command[:, 0] < STILL_SPEED)
             self.step += advances
+            self.refresh()
             self._enter_stretches(advances)
+        else:
+            self.refresh()
         self._update_path()
 
     def count_air_time(self, left_on_ground: torch.Tensor) -> torch.Tensor:
@@ -182,14 +233,15 @@ class SkateCommand(CommandTerm):
         self._start_quaternions = torch.where(leaves[:, None, None], quaternions, self._start_quaternions)
         begins = advances & (step == clock.push + clock.mount)
         turn = torch.empty(self.num_envs, device=self.device).uniform_(*self.cfg.turn)
-        target = wrap_angle(self.reading.board_heading() + turn)
+        board, robot = self.headings()
+        target = wrap_angle(board + turn)
         self._command[:, 1] = torch.where(begins, turn, self._command[:, 1])
         self.target_heading = torch.where(begins, target, self.target_heading)
-        self._yaw_then = torch.where(begins, rotation.yaw(self.reading.robot_quaternion()), self._yaw_then)
+        self._yaw_then = torch.where(begins, robot, self._yaw_then)
 
     def _update_path(self) -> None:
-        fraction = self.clock.transition_fraction(self.step)
-        mounting = self.clock.mounting(self.step)[:, None, None]
+        self.fraction = fraction = self.clock.transition_fraction(self.step)
+        mounting = self.stretches[1][:, None, None]
         ends = torch.where(mounting, self._end_positions[1], self._end_positions[0])
         turned = torch.where(mounting, self._end_quaternions[1], self._end_quaternions[0])
         path = self.cfg.path

@@ -25,20 +25,21 @@ _SETTLING_STEPS = 5
 
 def measure(env: "ManagerBasedRlEnv") -> SkateState:
     """Return the state of this control step; computed at the first call of the step and kept for the others."""
+    return _measured(env)[0]
+
+
+def _measured(env: "ManagerBasedRlEnv") -> tuple[SkateState, dict[Stretch, torch.Tensor]]:
+    """Return the state and the stretches that it lies in."""
     kept = getattr(env, "_skate_state", None)
     if kept is None or kept[0] != env.common_step_counter:
-        kept = (env.common_step_counter, _read(env))
+        state = _read(env)
+        kept = (env.common_step_counter, (state, _stretches(state)))
         env._skate_state = kept
     return kept[1]
 
 
-def reward(
-    env: "ManagerBasedRlEnv", term: Callable[..., Any], when: Stretch, **arguments: Any
-) -> torch.Tensor:
-    """Return a reward term's values in the stretch in which it counts, zero elsewhere, (n,)."""
-    state = measure(env)
-    value = term(state, **arguments)
-    active = {
+def _stretches(state: SkateState) -> dict[Stretch, torch.Tensor]:
+    return {
         "push": state.pushing,
         "steer": state.steering,
         "transition": state.transition,
@@ -47,6 +48,14 @@ def reward(
         "moving": ~state.still,
         "still": state.still,
     }
+
+
+def reward(
+    env: "ManagerBasedRlEnv", term: Callable[..., Any], when: Stretch, **arguments: Any
+) -> torch.Tensor:
+    """Return a reward term's values in the stretch in which it counts, zero elsewhere, (n,)."""
+    state, active = _measured(env)
+    value = term(state, **arguments)
     return value if when == "always" else value * active[when]
 
 
@@ -123,14 +132,15 @@ class WrongStance:
 
 def _read(env: "ManagerBasedRlEnv") -> SkateState:
     command = skate_command(env)
+    command.refresh()
     reading = command.reading
-    board, pelvis = reading.board_quaternion(), reading.robot_quaternion()
+    pelvis = reading.robot_quaternion()
+    board_heading, robot_heading = command.headings()
     joints = reading.joint_position()
     limits = env.scene["robot"].data.soft_joint_pos_limits
     offset = reading.marker_offset()
     positions, quaternions = reading.key_bodies_on_board()
     on_ground = reading.loaded(contacts.FEET_GROUND)
-    height = rotation.rotate_back(board, reading.robot_position() - reading.board_position())[:, 2]
     actions = env.action_manager
     return SkateState(
         pushing=command.pushing,
@@ -141,12 +151,11 @@ def _read(env: "ManagerBasedRlEnv") -> SkateState:
         commanded_speed=command.command[:, 0],
         target_heading=command.target_heading,
         tilt_reference=command.tilt_reference(),
-        board_velocity=rotation.rotate_back(board, reading.board_velocity()),
-        board_heading=rotation.yaw(board),
-        robot_heading=rotation.yaw(pelvis),
+        board_velocity=command.board_velocity(),
+        board_heading=board_heading,
+        robot_heading=robot_heading,
         tilt=reading.tilt(),
         upright=1 - 2 * (pelvis[:, 1] ** 2 + pelvis[:, 2] ** 2),
-        pelvis_height=height,
         foot_on_ground=on_ground,
         foot_on_deck=reading.loaded(contacts.FEET_DECK),
         foot_in_zone=(offset[..., 0].abs() < ZONE[0]) & (offset[..., 1].abs() < ZONE[1]),

@@ -50,6 +50,9 @@ class ActorFrame:
     def __call__(self, env: "ManagerBasedRlEnv") -> torch.Tensor:
         """Return the frame."""
         command = skate_command(env)
+        return command.frame(lambda: self._frame(env, command))
+
+    def _frame(self, env: "ManagerBasedRlEnv", command: SkateCommand) -> torch.Tensor:
         reading = command.reading
         return raw_frame(
             command.seen(),
@@ -89,8 +92,8 @@ def joint_angles(env: "ManagerBasedRlEnv") -> torch.Tensor:
 
 def stretch(env: "ManagerBasedRlEnv") -> torch.Tensor:
     """Return one-hot whether the cycle is in pushing, mounting or dismounting, (n, 3)."""
-    clock, step = skate_command(env).clock, skate_command(env).step
-    return torch.stack((clock.pushing(step), clock.mounting(step), clock.dismounting(step)), dim=-1).float()
+    pushing, mounting, _, dismounting = skate_command(env).stretches
+    return torch.stack((pushing, mounting, dismounting), dim=-1).float()
 
 
 def style_mask(env: "ManagerBasedRlEnv", pushing: bool = True, transitions: bool = False) -> torch.Tensor:
@@ -105,15 +108,16 @@ def style_mask(env: "ManagerBasedRlEnv", pushing: bool = True, transitions: bool
     clock, step = command.clock, command.step
     within = clock.pushing(step - 4) & command.pushing & pushing
     if transitions:
-        mounts = clock.mounting(step - 4) & clock.mounting(step)
-        dismounts = clock.dismounting(step - 4) & clock.dismounting(step)
+        _, mounting, _, dismounting = command.stretches
+        mounts = clock.mounting(step - 4) & mounting
+        dismounts = clock.dismounting(step - 4) & dismounting
         within |= (mounts | dismounts) & ~command.still
     return (within & (env.episode_length_buf >= 4))[:, None].float()
 
 
 def _guidance(command: SkateCommand) -> tuple[torch.Tensor, ...]:
     reading = command.reading
-    turn = command.target_heading - reading.board_heading()
+    turn = command.target_heading - command.headings()[0]
     return (
         reading.velocimeter(),
         torch.stack((torch.sin(turn), torch.cos(turn)), dim=-1),
@@ -132,7 +136,7 @@ def _board(command: SkateCommand) -> tuple[torch.Tensor, ...]:
         rotation.rotate_back(pelvis, reading.board_position() - reading.robot_position()),
         rotation.rotate(relative, axes[0]),
         rotation.rotate(relative, axes[2]),
-        rotation.rotate_back(board, reading.board_velocity()),
+        command.board_velocity(),
         reading.board_angular_velocity(),
         5 * reading.marker_offset().flatten(1),
     )
@@ -158,7 +162,5 @@ def _contacts(command: SkateCommand) -> tuple[torch.Tensor, ...]:
 
 
 def _stretches(command: SkateCommand) -> tuple[torch.Tensor, ...]:
-    clock, step = command.clock, command.step
-    one_hot = (clock.pushing(step), clock.mounting(step), clock.steering(step), clock.dismounting(step))
-    fraction = clock.transition_fraction(step) * command.transition
-    return torch.stack(one_hot, dim=-1).float(), fraction[:, None].float()
+    fraction = command.fraction * command.transition
+    return torch.stack(command.stretches, dim=-1).float(), fraction[:, None].float()

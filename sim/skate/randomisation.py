@@ -13,6 +13,7 @@
 | velocity of the pelvis | ±0.5 m/s, every 5 to 10 s | pushes |
 """
 
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -20,6 +21,7 @@ from mjlab.managers.event_manager import RecomputeLevel, requires_model_fields
 
 from sim.board_scene import TILT_JOINT, WHEELS
 from sim.skate import g1
+from sim.skate.arrays import constant
 from sim.skate.observations import skate_command
 from sim.skate.posterior import TiltDraws
 from sim.skate.start import Start
@@ -52,9 +54,14 @@ def begin(
     qpos[:, 7:] = qpos[:, 7:].clamp(limits[..., 0], limits[..., 1])
     _write(env, ids, qpos, speed)
     command.step[ids] = step
-    servo = g1.servos()
-    offset = qpos[:, 7:] - torch.tensor(g1.default_pose(), device=env.device, dtype=qpos.dtype)
-    command.first_action[ids] = offset / torch.tensor(servo.action_scale, device=env.device, dtype=qpos.dtype)
+    default, scale = _servo_numbers()
+    command.first_action[ids] = (qpos[:, 7:] - constant(default, qpos)) / constant(scale, qpos)
+
+
+@lru_cache
+def _servo_numbers() -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the default pose [rad] and the scale of the actions [rad], 23 each."""
+    return tuple(g1.default_pose().tolist()), tuple(g1.servos().action_scale.tolist())
 
 
 def _poses(
@@ -62,9 +69,11 @@ def _poses(
 ) -> torch.Tensor:
     """Return the robot's configurations in the world, (n, 30), the board being at the origin."""
     height = command.reading.axis_height
-    tensor = lambda values: torch.tensor(values, device=steers.device, dtype=torch.float)  # noqa: E731
-    standing = tensor([-0.03, 0.10, standing_height, 1, 0, 0, 0, *g1.default_pose()])
-    rolling = [tensor([*pose.pelvis, *pose.joints]) for pose in (cfg.push_pose, cfg.steer_pose)]
+    like = command.first_action
+    standing = constant((-0.03, 0.10, standing_height, 1, 0, 0, 0, *_servo_numbers()[0]), like)
+    rolling = [
+        constant((*pose.pelvis, *pose.joints), like).clone() for pose in (cfg.push_pose, cfg.steer_pose)
+    ]
     for pose in rolling:
         pose[2] += height
     qpos = torch.where(pushes[:, None], rolling[0], standing)
@@ -75,7 +84,7 @@ def _write(env: "ManagerBasedRlEnv", ids: torch.Tensor, robot: torch.Tensor, spe
     """Write positions and velocities of all joints: everything rolls along x at `speed`."""
     model, data, reading = env.sim.mj_model, env.sim.data, skate_command(env).reading
     n, device = len(ids), env.device
-    qpos = torch.tensor(model.qpos0, device=device, dtype=torch.float).repeat(n, 1)
+    qpos = constant(tuple(model.qpos0.tolist()), robot).repeat(n, 1)
     qvel = torch.zeros(n, model.nv, device=device)
     qpos[:, reading.robot_q : reading.robot_q + 7] = robot[:, :7]
     qpos[:, reading.joint_q] = robot[:, 7:]

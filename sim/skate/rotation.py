@@ -83,6 +83,7 @@ def slerp(start: Any, end: Any, fraction: Any) -> Any:
 
 def _cross(first: Any, second: Any) -> Any:
     """Return the cross product; torch broadcasts only arrays of equally many axes."""
-    ndim = max(first.ndim, second.ndim)
-    first, second = (vector[(None,) * (ndim - vector.ndim)] for vector in (first, second))
+    if first.ndim != second.ndim:
+        ndim = max(first.ndim, second.ndim)
+        first, second = (vector[(None,) * (ndim - vector.ndim)] for vector in (first, second))
     return namespace(first).linalg.cross(first, second)

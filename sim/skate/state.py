@@ -40,8 +40,6 @@ class SkateState:
     """γ = -roll [rad], left edge down positive, (n,)."""
     upright: Any
     """Cosine of the pelvis' inclination [1], (n,)."""
-    pelvis_height: Any
-    """Above the board's origin [m], (n,)."""
 
     foot_on_ground: Any
     """Left, right: loaded by the ground, bool (n, 2)."""
