@@ -36,7 +36,11 @@ def scales_of(records: Sequence[Record], board: Board) -> Scales:
             inertia=inertia, stiffness=inertia * square, damping=inertia * decay,
             amplitude=amplitude, duration=duration,
         )  # fmt: skip
-        problem = Problem(Structure(), records, rough, steps_per_period=30)
+        # Each release about a zero of its own: a sensor that drifts, or a deck that sticks, says nothing of k.
+        problem = Problem(
+            Structure(), records, rough, bias="shared" if records[0].is_rate else "own", steps_per_period=30,
+            fixed={} if records[0].is_rate else {"rest_angle": _rest(records)},
+        )  # fmt: skip
         start = problem.start(
             {"stiffness": rough.stiffness, "damping": rough.damping, "rest_angle": _rest(records)}
         )
