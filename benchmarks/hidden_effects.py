@@ -75,7 +75,7 @@ def run(case: tuple[str, int]) -> Row:
     seconds, used, hit = time.perf_counter() - begin, time.process_time() - cpu, right(truth, result)
     verdict, period = result.verdict, 2 * np.pi / result.base.problem.scales.frequency
     return {
-        **row, "right": hit, "hidden": not hit and beyond_sight(truth, seed, result) < VISIBLE, "status": verdict.status,
+        **row, "right": hit, "hidden": bool(not hit and beyond_sight(truth, seed, result) < VISIBLE), "status": verdict.status,
         "effects": list(verdict.effects), "alike": [list(g) for g in verdict.indistinguishable_from],
         "confidence": verdict.confidence, "before": verdict.error_before / result.noise.std,
         "after": verdict.error_after / result.noise.std, "white": whiteness(result.best, period),

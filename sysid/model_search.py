@@ -297,7 +297,7 @@ class Searcher:
         jobs = [(m, n) for m, n in wanted if len(n) > len(self.base)]
         for model in models:
             stop = model.parameters.get("end-stop.stiffness", 0.0)
-            if stop > 2 * model.parameters["stiffness"] and "freeplay" not in model.effects:
+            if stop > 2 * max(model.parameters["stiffness"], 0.0) and "freeplay" not in model.effects:
                 jobs.append((model, tuple(sorted({*model.effects, "freeplay"} - {"end-stop"}))))
         best = {m.effects: m for m in found}
         for model in self.each("taking effects away again", Searcher.without, jobs, 0.8, 0.85):
