@@ -17,9 +17,9 @@ from sysid.log_columns import Choice, angle_scale, choose_columns
 from sysid.log_formats import open_log
 from sysid.log_noise import estimate_noise, saturated
 from sysid.roll import Array, Roll
+from sysid.video.options import VIDEO_SUFFIXES as VIDEO_SUFFIXES
 from sysid.video.options import VideoOptions
 
-VIDEO_SUFFIXES = frozenset({".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v"})
 MIN_SAMPLES = 8
 LARGEST, LARGEST_STAMP = 1e12, 1e21
 """Beyond these a signal or a time stamp is damage, not a number; nanoseconds since 1970 are 1.8e18."""

@@ -5,8 +5,6 @@ straight edge, or its texture. From then on all is one: points in pictures, free
 shake and rolling shutter, and the angle of a body that turns about an axis seen at a slant.
 """
 
-import warnings
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,6 +21,7 @@ if TYPE_CHECKING:
     from sysid.video.frames import Clip
     from sysid.video.track import Track
     from sysid.video.turning import Turning
+    from sysid.video.unknowns import Unknowns
 
 FEWEST_PER_PERIOD = 8
 """Frames a period below which the fastest part of a swing is guessed rather than seen."""
@@ -30,14 +29,10 @@ LEAST_SWING = np.radians(1.0)
 """A record that swings by less is suspect [rad]."""
 MOST_SEEN = 0.6
 """Share of the frames in which what is followed must be seen."""
-STEADY = 0.5
-"""Change of velocity from frame to frame, as a share of it, up to which it counts as known."""
-SHEAR_DOUBT = 0.1
-"""Least deviation of a read-out time that is seen in the film, as a share of the frame interval."""
+SHUTTER_SEEN = 0.5
+"""A read-out counts as seen in the film if that leaves less than this share of its uncertainty."""
 LONGEST_GAP = 3
 """Lost frames in a row that are interpolated over."""
-READOUT_CEILING = 1 / 30
-"""No sensor takes longer for a frame [s]."""
 
 
 def roll_from_video(path: Path, options: VideoOptions | None = None) -> Roll:
@@ -61,14 +56,36 @@ def roll_from_video(path: Path, options: VideoOptions | None = None) -> Roll:
     options = options or VideoOptions()
     clip = open_clip(path)
     lens = lens_of(clip, options.calibration)
-    chosen, track = _followed(clip, options)
-    time, turning, readout_note = _angle(clip, track, lens, chosen, options)
+    chosen, track = follow_board(clip, lens, options)
+    roll, rows = roll_from_track(clip, lens, chosen, track, options)
+    if options.overlay is not None:
+        from sysid.video.overlay import draw_overlay
+
+        draw_overlay(clip, track, roll, rows, options.overlay, options.on_frame)
+    return roll
+
+
+def roll_from_track(
+    clip: "Clip", lens: "Lens", chosen: "Chosen", track: "Track", options: VideoOptions
+) -> "tuple[Roll, npt.NDArray[np.intp]]":
+    """Turn what was followed in a film into roll; return it and the row of `track` of each sample.
+
+    Raises:
+        HuskyError: There are fewer than 8 frames for each period of the oscillation.
+    """
+    from sysid.video.view import View
+
+    before = _unknowns(clip, track, lens, chosen, options)
+    view = View(track, lens.straighten, clip.row_share)
+    turning = chosen.solve(view, lens.matrix, before)
+    std = np.hypot(turning.std, track.shake.std) if track.shake.significant else turning.std
+    time = view.time(turning.unknowns.readout)
     sign = -1.0 if options.front else 1.0
-    signal = _Signal(time, sign * (turning.angle + chosen.zero(turning)), turning.std)
-    pace = _refuse_slow(path, signal)
+    signal = _Signal(time, sign * (turning.angle + chosen.zero(turning)), std)
+    pace = _refuse_slow(clip.path, signal)
     signal, filled, dropped = _fill(signal, pace)
     notes, faults = _words(clip, track, lens, chosen, turning, options)
-    notes.append(readout_note)
+    notes.append(_shutter_note(before, turning.unknowns))
     if filled:
         notes.append(f"{filled} lost frames filled in from their neighbours")
     if np.ptp(signal.roll) < max(6 * float(np.median(signal.std)), LEAST_SWING):
@@ -81,7 +98,7 @@ def roll_from_video(path: Path, options: VideoOptions | None = None) -> Roll:
             "keep hands and feet out of the picture"
         )
     roll = Roll(
-        log=str(path),
+        log=str(clip.path),
         time=signal.time - signal.time[0],
         roll=signal.roll,
         std=signal.std,
@@ -89,11 +106,7 @@ def roll_from_video(path: Path, options: VideoOptions | None = None) -> Roll:
         notes=tuple(notes),
         warnings=tuple(faults),
     )
-    if options.overlay is not None:
-        from sysid.video.overlay import draw_overlay
-
-        draw_overlay(clip, track, roll, signal.index, options.overlay, options.on_frame)
-    return roll
+    return roll, signal.index
 
 
 class _Signal:
@@ -107,128 +120,55 @@ class _Signal:
         self.index: npt.NDArray[np.intp] = np.arange(len(time)) if index is None else index
 
 
-def _angle(
+def _unknowns(
     clip: "Clip", track: "Track", lens: "Lens", chosen: "Chosen", options: VideoOptions
-) -> tuple[Array, "Turning", str]:
-    """Solve for the angle with the read-out time that is given, seen in the film, or bounded."""
+) -> "Unknowns":
+    """What is known of camera, lens and shutter before the film is looked at."""
     from sysid.video.camera import FOCAL_SPREAD
-    from sysid.video.shutter import at_common_time
+    from sysid.video.shutter import READOUT_CEILING
+    from sysid.video.unknowns import Unknowns
 
-    share = clip.row_share(track.points)
-    points = lens.straighten(track.points)
-    if track.shake.significant:
-        points = track.shake.undo(points)
-    interval = float(np.median(np.diff(track.time)))
-    ceiling = min(interval, READOUT_CEILING)
-
-    def at(readout: float, direction: tuple[float, float] | None) -> "tuple[Array, Turning]":
-        moved, time = at_common_time(points, track.time, share, readout)
-        return time, chosen.solve(moved, lens.matrix, direction)
-
-    def focal_doubt(readout: float, turning: "Turning") -> Array:
-        """What the focal length's uncertainty does to the angles, less what it does at rest."""
-        if lens.known:
-            return np.zeros(len(turning.angle))
-        longer = np.diag([np.exp(FOCAL_SPREAD), np.exp(FOCAL_SPREAD), 1.0]) @ lens.matrix
-        longer[:2, 2] = lens.matrix[:2, 2]
-        moved, _ = at_common_time(points, track.time, share, readout)
-        change = chosen.solve(moved, longer, options.camera_angle).angle - turning.angle
-        change = np.abs(change - np.nanmedian(change))
-        return np.where(np.isfinite(change), change, np.nanmax(change))
-
-    if options.readout is not None:
-        if not 0 <= options.readout <= 0.2:
-            raise HuskyError(
-                f"--readout {options.readout}: a read-out takes 0 to 0.2 s; typical is 0.01 to 0.02."
-            )
-        time, turning = at(options.readout, options.camera_angle)
-        turning = replace(turning, std=np.hypot(turning.std, focal_doubt(options.readout, turning)))
-        return time, _with_shake(turning, track), f"read-out {options.readout * 1e3:.3g} ms, as given"
-    _, middle = at(ceiling / 2, options.camera_angle)
-    fixed = (middle.yaw, middle.pitch)
-    tried = [at(readout, fixed) for readout in (0.0, ceiling / 2, ceiling)]
-    freedom = 2 * chosen.tracker.points - 3 if chosen.shows_shear else 0
-    misfit = [np.where(_steady(points), turning.misfit, np.nan) for _, turning in tried]
-    readout, deviation = _seen_readout(misfit, freedom, ceiling)
-    if deviation < 0.2 * ceiling:
-        note = (
-            f"read-out {readout * 1e3:.3g} ± {2 * deviation * 1e3:.1g} ms, from how moving points are sheared"
+    if options.readout is not None and not 0 <= options.readout <= 0.2:
+        raise HuskyError(
+            f"--readout {options.readout}: a read-out takes 0 to 0.2 s; typical is 0.01 to 0.02."
         )
-    else:
-        readout, deviation = ceiling / 2, ceiling / np.sqrt(12)
-        note = (
-            f"read-out not known: anything up to {ceiling * 1e3:.2g} ms is within the uncertainty (--readout)"
-        )
-    time, turning = at(readout, options.camera_angle)
-    (time_0, none), (time_1, whole) = tried[0], tried[2]
-    later = (time_1 - time_0) - np.mean(time_1 - time_0)
-    change = whole.angle - none.angle - _rate(time, turning.angle) * later
-    change = change - np.nanmedian(change)
-    # The correction uses velocities from neighbouring frames: it is as good as they are alike.
-    step = np.abs(np.diff(change, prepend=change[:1], append=change[-1:]))
-    roughness = 0.3 * np.fmax(step[1:], step[:-1]) * readout / ceiling
-    spread = np.hypot(np.abs(change) * deviation / ceiling, roughness)
-    spread = np.where(np.isfinite(spread), spread, np.nanmax(spread))
-    spread = np.hypot(spread, focal_doubt(readout, turning))
-    return time, _with_shake(replace(turning, std=np.hypot(turning.std, spread)), track), note
-
-
-def _steady(points: Array) -> npt.NDArray[np.bool_]:
-    """Frames whose velocity is known from their neighbours: not those in which a hand lets go."""
-    with np.errstate(invalid="ignore"), warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # a frame in which nothing is seen
-        middle = np.nanmean(points, axis=1)
-    speed = np.linalg.norm(middle[2:] - middle[:-2], axis=1) / 2
-    bend = np.linalg.norm(middle[2:] - 2 * middle[1:-1] + middle[:-2], axis=1)
-    return np.concatenate([[False], (bend < STEADY * speed + 0.2) & np.isfinite(bend), [False]])
-
-
-def _seen_readout(misfit: list[Array], freedom: int, ceiling: float) -> tuple[float, float]:
-    """Vertex and deviation of the parabola through the misfit at no, half and full read-out."""
-    if freedom <= 0:
-        return ceiling / 2, np.inf
-    square = np.stack(misfit)
-    good = np.isfinite(square).all(axis=0)
-    square = square[:, good]
-    least = square.min(axis=0)
-    square = square[:, least < 60 * np.median(least)]
-    total = square.sum(axis=1)
-    bend = 2 * (total[0] - 2 * total[1] + total[2]) / ceiling**2
-    if bend <= 0:
-        return ceiling / 2, np.inf
-    vertex = ceiling / 2 - (total[2] - total[0]) / (ceiling * bend)
-    left = max(
-        total.min() - bend / 2 * (np.array([0, ceiling / 2, ceiling])[total.argmin()] - vertex) ** 2,
-        0.2 * total.min(),
+    yaw, pitch = options.camera_angle or (0.0, 0.0)
+    ceiling = min(float(np.median(np.diff(track.time))), READOUT_CEILING)
+    std = np.array(
+        [
+            *((chosen.direction_doubt if options.camera_angle is None else 0.0,) * 2),
+            0.0 if lens.known else FOCAL_SPREAD,
+            ceiling / np.sqrt(12) if options.readout is None else 0.0,
+        ]
     )
-    noise = left / (freedom * max(square.shape[1], 1))
-    return float(np.clip(vertex, 0, ceiling)), float(
-        np.hypot(np.sqrt(2 * noise / bend), SHEAR_DOUBT * ceiling)
+    readout, limit = (ceiling / 2, ceiling) if options.readout is None else (options.readout, np.inf)
+    return Unknowns(np.array([yaw, pitch, 0.0, readout]), np.diag(std**2), limit)
+
+
+def _shutter_note(before: "Unknowns", after: "Unknowns") -> str:
+    """Say where the read-out time comes from."""
+    if not before.std[3]:
+        return f"read-out {after.readout * 1e3:.3g} ms, as given"
+    if after.std[3] < SHUTTER_SEEN * before.std[3]:
+        return f"read-out {after.readout * 1e3:.3g} ± {2 * after.std[3] * 1e3:.2g} ms, from how moving points are sheared"
+    return (
+        f"read-out not seen in the film: anything up to {before.readout_limit * 1e3:.2g} ms is within the "
+        "uncertainty (--readout)"
     )
 
 
-def _rate(time: Array, angle: Array) -> Array:
-    good = np.isfinite(angle)
-    rate = np.zeros(len(angle))
-    rate[good] = np.gradient(angle[good], time[good])
-    return rate
+def follow_board(clip: "Clip", lens: "Lens", options: VideoOptions) -> "tuple[Chosen, Track]":
+    """Follow the first of the choices that is seen in most frames.
 
-
-def _with_shake(turning: "Turning", track: "Track") -> "Turning":
-    """Subtract nothing (the points were freed of it), but add what is not known of the camera's rotation."""
-    if not track.shake.significant:
-        return turning
-    return replace(turning, std=np.hypot(turning.std, track.shake.std))
-
-
-def _followed(clip: "Clip", options: VideoOptions) -> "tuple[Chosen, Track]":
-    """Follow the first of the choices that is seen in most frames."""
+    Raises:
+        HuskyError: There is none.
+    """
     from sysid.video.choose import choices
     from sysid.video.track import follow
 
     failed: list[str] = []
     for chosen in choices(clip, options):
-        track = follow(clip, chosen.tracker, options.rate)
+        track = follow(clip, chosen.tracker, lens, options.rate)
         seen = len(track.time) - track.lost
         if seen >= MOST_SEEN * len(track.time):
             return chosen, track
@@ -299,11 +239,12 @@ def _words(
         lens.note,
         chosen.zero_note,
     ]
+    direction = turning.unknowns
     if options.camera_angle is None and chosen.finds_direction:
-        yaw, pitch = np.degrees([turning.yaw, turning.pitch])
+        yaw, pitch = np.degrees(direction.value[:2])
         notes.append(
             f"axis {yaw:+.1f}° to the right of and {pitch:+.1f}° below the line of sight "
-            f"(± {2 * np.degrees(turning.direction_std):.1f}°), from how the points move"
+            f"(± {2 * np.degrees(direction.std[:2].max()):.1f}°), from how the points move"
         )
     elif options.camera_angle is not None:
         notes.append("direction of the axis as given")
@@ -312,7 +253,7 @@ def _words(
     if not shake.found:
         faults.append("too little background to see whether the camera shakes; use a tripod")
     elif shake.significant:
-        notes.append(f"camera shake of {np.degrees(np.std(shake.rotation)):.2g}° taken out by the background")
+        notes.append(f"camera shake of {np.degrees(shake.size):.2g}° taken out by the background")
     if track.repeated:
         faults.append(f"{track.repeated} frames without a later time stamp than the one before are left out")
     if turning.outliers:

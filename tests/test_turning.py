@@ -6,9 +6,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sysid.video.dots import fit_pivot
-from sysid.video.shutter import at_common_time
-from sysid.video.turning import fit_turning, rectify
+from sysid.video.rectify import rectify
+from sysid.video.shake import still
+from sysid.video.track import Track
+from sysid.video.turning import Solid, fit_turning
+from sysid.video.unknowns import Unknowns
+from sysid.video.view import View
 
+SQUARE_BODY = Solid(square=True)
 MATRIX = np.array([[1000.0, 0, 640], [0, 1000, 360], [0, 0, 1]])
 SQUARE = np.array([[-0.04, -0.14], [0.04, -0.14], [0.04, -0.06], [-0.04, -0.06]])
 
@@ -30,11 +35,25 @@ def picture(angle, yaw, pitch, shape=SQUARE, depth=None, distance=1.2, shift=0.0
     return seen[..., :2] / seen[..., 2:] * 1000 + [640, 360]
 
 
+def view(points, fps=60.0, rows=720):
+    """Points as a straight lens shows them to a still camera."""
+    n = len(points)
+    track = Track(np.arange(n) / fps, points.astype(np.float32), still(n, 1000.0, 0j), np.arange(n), 0)
+    return View(track, lambda points: points, lambda points: points[..., 1] / rows)
+
+
+def known(yaw=np.nan, pitch=np.nan, focal=0.0, readout=0.0):
+    """Direction not known where it is NaN; the rest given."""
+    value = np.array([yaw, pitch, focal, readout])
+    std = np.where(np.isnan(value), np.radians(15), 0.0)
+    return Unknowns(np.nan_to_num(value), np.diag(std**2))
+
+
 @settings(deadline=None, max_examples=15)
 @given(st.floats(-0.25, 0.25), st.floats(-0.25, 0.25))
 def test_exact_points_give_the_exact_angle_from_any_camera(yaw, pitch):
     angle = swing()
-    turning = fit_turning(picture(angle, yaw, pitch), MATRIX, square=True)
+    turning = fit_turning(view(picture(angle, yaw, pitch)), MATRIX, known(), SQUARE_BODY)
     error = turning.angle - angle
     assert np.abs(error - np.median(error)).max() < 2e-3
 
@@ -42,16 +61,18 @@ def test_exact_points_give_the_exact_angle_from_any_camera(yaw, pitch):
 def test_a_camera_at_a_slant_matters_and_is_found():
     angle = swing()
     points = picture(angle, 0.25, 0.05)
-    naive = fit_turning(points, MATRIX, direction=(0.0, 0.0)).angle - angle
-    turning = fit_turning(points, MATRIX, square=True)
+    naive = fit_turning(view(points), MATRIX, known(0.0, 0.0)).angle - angle
+    turning = fit_turning(view(points), MATRIX, known(), SQUARE_BODY)
     assert np.ptp(naive) > 5 * np.ptp(turning.angle - angle)
-    assert turning.yaw == pytest.approx(0.25, abs=0.02)
+    assert turning.unknowns.value[0] == pytest.approx(0.25, abs=0.02)
 
 
 def test_points_at_different_depths_still_turn_about_one_axis():
     angle = swing()
     depth = np.array([0.0, 0.02, 0.02, 0.0])
-    turning = fit_turning(picture(angle, 0.1, 0.1, depth=depth), MATRIX)
+    turning = fit_turning(
+        view(picture(angle, 0.1, 0.1, depth=depth)), MATRIX, known(), Solid(centre_std=0.03)
+    )
     error = turning.angle - angle
     assert np.abs(error - np.median(error)).max() < 4e-3
 
@@ -59,7 +80,7 @@ def test_points_at_different_depths_still_turn_about_one_axis():
 def test_shifts_of_the_body_are_no_angle():
     angle = swing()
     shift = 0.01 * np.sin(np.arange(150))[:, None]
-    turning = fit_turning(picture(angle, 0.0, 0.0, shift=shift), MATRIX, square=True)
+    turning = fit_turning(view(picture(angle, 0.0, 0.0, shift=shift)), MATRIX, known(), SQUARE_BODY)
     error = turning.angle - angle
     assert np.abs(error - np.median(error)).max() < 1e-3
 
@@ -71,7 +92,8 @@ def test_stated_deviations_are_true(noise):
     for seed in range(6):
         rng = np.random.default_rng(seed)
         points = picture(angle, 0.1, 0.15)
-        turning = fit_turning(points + noise * rng.normal(size=points.shape), MATRIX, square=True)
+        noisy = points + noise * rng.normal(size=points.shape)
+        turning = fit_turning(view(noisy), MATRIX, known(), SQUARE_BODY)
         error = turning.angle - angle
         scores.append((error - np.median(error[-60:])) / turning.std)
     scores = np.concatenate(scores)
@@ -84,7 +106,7 @@ def test_frames_with_wrong_points_are_left_out():
     points = picture(angle, 0.0, 0.1)
     points = points + 0.05 * np.random.default_rng(0).normal(size=points.shape)
     points[120, 0] += 30
-    turning = fit_turning(points, MATRIX, square=True)
+    turning = fit_turning(view(points), MATRIX, known(), SQUARE_BODY)
     assert turning.outliers == 1
     assert np.isnan(turning.angle[120])
 
@@ -108,11 +130,11 @@ def test_rolling_shutter_is_undone():
         share = rows[..., 1] / 720
         times = stamps[:, None] + readout * share
         rows = np.stack([picture(angle_at(times[:, j]), 0, 0)[:, j] for j in range(4)], axis=1)
-    points, time = at_common_time(rows, stamps, rows[..., 1] / 720, readout)
-    turning = fit_turning(points, MATRIX, square=True, direction=(0.0, 0.0))
-    error = (turning.angle - angle_at(time))[2:-2]
+    sheared = view(rows, fps)
+    turning = fit_turning(sheared, MATRIX, known(0.0, 0.0, 0.0, readout), SQUARE_BODY)
+    error = (turning.angle - angle_at(sheared.time(readout)))[2:-2]
     assert np.abs(error - np.median(error)).max() < 2e-3
-    raw = fit_turning(rows, MATRIX, square=True, direction=(0.0, 0.0)).angle - angle_at(stamps)
+    raw = fit_turning(sheared, MATRIX, known(0.0, 0.0), SQUARE_BODY).angle - angle_at(stamps)
     assert np.ptp(raw) > 0.02
 
 
@@ -120,5 +142,24 @@ def test_rolling_shutter_is_undone():
 def test_one_dot_about_a_pivot(given_pivot):
     angle = swing()
     points = picture(angle, 0, 0, shape=np.array([[0.0, 0.2]]))
-    turning = fit_pivot(points, MATRIX, pivot=(640.0, 360.0) if given_pivot else None)
+    turning = fit_pivot(view(points), MATRIX, known(0.0, 0.0), pivot=(640.0, 360.0) if given_pivot else None)
     assert np.abs(turning.angle - np.pi / 2 - angle).max() < 1e-6
+
+
+def test_an_unknown_shutter_is_found():
+    readout, fps = 0.012, 120
+    stamps = np.arange(150) / fps
+
+    def angle_at(time):
+        return 0.4 * np.exp(-0.8 * time) * np.cos(25 * time)
+
+    rows = picture(angle_at(stamps), 0.05, 0.1)
+    for _ in range(30):
+        times = stamps[:, None] + readout * rows[..., 1] / 720
+        rows = np.stack([picture(angle_at(times[:, j]), 0.05, 0.1)[:, j] for j in range(4)], axis=1)
+    rows = rows + 0.05 * np.random.default_rng(0).normal(size=rows.shape)
+    std = np.array([0.25, 0.25, 0.2, 0.0024])
+    before = Unknowns(np.array([0.0, 0.0, 0.0, 1 / 240]), np.diag(std**2), 1 / 60)
+    after = fit_turning(view(rows, fps), MATRIX, before, SQUARE_BODY).unknowns
+    assert after.std[3] < 0.5 * std[3]
+    assert abs(after.readout - readout) < 3 * after.std[3] + 2e-4

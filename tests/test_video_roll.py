@@ -1,9 +1,12 @@
 """Roll from rendered films whose roll is known, and from files that are no films."""
 
 import json
+import shutil
 import struct
 import subprocess
 import sys
+import threading
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,9 +20,13 @@ from sim.film_container import set_rotation
 from sysid.clock_offset import clock_offset
 from sysid.errors import HuskyError
 from sysid.roll import Roll
+from sysid.video.background import Background
 from sysid.video.camera import Lens, lens_of, write_calibration
-from sysid.video.frames import open_clip
+from sysid.video.edge import _elsewhere
+from sysid.video.frames import Frame, open_clip
 from sysid.video.marker import find_marker, marker_svg
+from sysid.video.options import VIDEO_SUFFIXES
+from sysid.video.shake import fit_rotations, seen_places, whole_shake
 from sysid.video_roll import VideoOptions, roll_from_video
 
 LIMIT = {"marker": 0.15, "dots": 0.3, "edge": 0.3, "features": 0.5}
@@ -366,3 +373,79 @@ def test_a_calibration_of_another_camera_is_refused(marker_film, tmp_path):
     file.write_text("{}")
     with pytest.raises(HuskyError, match="not a calibration"):
         roll_from_video(marker_film.path, VideoOptions(calibration=file))
+
+
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="no ffmpeg to make films of other kinds with")
+@pytest.mark.parametrize("suffix", sorted(VIDEO_SUFFIXES))
+def test_every_kind_of_film_is_read(suffix, tmp_path):
+    path = tmp_path / f"clip{suffix}"
+    codec = {".webm": "libvpx", ".mpg": "mpeg2video", ".mpeg": "mpeg2video"}.get(suffix, "mpeg4")
+    source = ["-f", "lavfi", "-i", "testsrc=size=176x144:rate=25:duration=1", "-pix_fmt", "yuv420p"]
+    command = ["ffmpeg", "-y", "-loglevel", "error", *source, "-c:v", codec, str(path)]
+    made = subprocess.run(command, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)
+    if made.returncode != 0:
+        pytest.skip(f"this ffmpeg writes no {suffix}: {made.stderr.strip()[-80:]}")
+    frames = list(open_clip(path).frames())
+    assert len(frames) == 25
+    assert frames[-1].time - frames[0].time == pytest.approx(0.96, abs=0.001)
+
+
+def test_frames_decoded_ahead_are_the_same(marker_film):
+    clip = open_clip(marker_film.path)
+    plain = [(frame.index, frame.time, int(frame.picture.sum())) for frame in clip.frames()]
+    assert [(frame.index, frame.time, int(frame.picture.sum())) for frame in clip.ahead()] == plain
+    before = threading.active_count()
+    ahead = clip.ahead()
+    next(ahead)
+    ahead.close()  # whoever stops early leaves no thread behind
+    assert threading.active_count() <= before
+
+
+def test_shake_is_a_rotation_and_tells_the_lens():
+    rng = np.random.default_rng(0)
+    focal, centre = 900.0, 320 + 180j
+    home = rng.uniform(-300, 300, 14) + 1j * rng.uniform(-160, 160, 14)
+    turns = np.radians(0.4) * rng.normal(size=(200, 3))
+    motion = np.column_stack([focal * turns[:, :2], turns[:, 2], np.zeros(200)])
+    seen = seen_places(home, motion[:, None], focal)
+    seen = seen + 0.08 * (rng.normal(size=seen.shape) + 1j * rng.normal(size=seen.shape))
+    seen[:, 3] += 25  # something that moves on its own
+    seen[::3, 5] = np.nan
+    shake = whole_shake([fit_rotations(home, seen, 576.0)], 576.0, centre, known=False)
+    score = (shake.motion[:, 2] - turns[:, 2]) / shake.std
+    assert shake.significant
+    assert shake.focal == pytest.approx(focal, rel=0.05)
+    assert 0.85 < np.sqrt(np.mean(score**2)) < 1.2
+    points = rng.uniform(0, 300, (200, 5, 2))
+    there = (
+        seen_places(points[..., 0] + 1j * points[..., 1] - centre, shake.motion[:, None], shake.focal)
+        + centre
+    )
+    back = shake.undo(np.stack([there.real, there.imag], axis=-1), np.arange(200))
+    np.testing.assert_allclose(back, points, atol=1e-6)
+
+
+def test_another_line_than_the_edge_is_left_out():
+    angle = 0.4 * np.cos(np.linspace(0, 12, 90))
+    along = 60 * np.exp(1j * angle)
+    middle = 300 + 200j + 30j * np.exp(1j * angle)
+    middle[[20, 50]] += 12j
+    ends = np.stack([middle - along, middle + along], axis=1)
+    wrong = _elsewhere(np.stack([ends.real, ends.imag], axis=-1))
+    assert np.flatnonzero(wrong).tolist() == [20, 50]
+
+
+def test_memory_grows_by_little_more_than_the_points(marker_film, tmp_path):
+    """What is kept for each frame: points, roll, and a few numbers of shake, never pictures."""
+    picture = open_clip(marker_film.path).first().picture
+    peaks = []
+    for count in (100, 1100):
+        background = Background((200, 100, 440, 260), lens_of(open_clip(marker_film.path), None))
+        frame = Frame(0, 0.0, picture)
+        tracemalloc.start()
+        for _ in range(count):
+            background.update(frame)
+        background.result()
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert (peaks[1] - peaks[0]) / 1000 < 1000  # bytes a frame; a picture has 691200

@@ -9,7 +9,8 @@ import numpy as np
 
 from sysid.errors import HuskyError
 from sysid.roll import Array
-from sysid.video.frames import EXTENSIONS, Clip, Picture, grey, open_clip
+from sysid.video.frames import Clip, Picture, grey, open_clip
+from sysid.video.options import VIDEO_SUFFIXES
 
 USUAL_FOCAL = 0.9
 """Focal length of a phone's main camera in film mode, in long sides of the picture (58 degrees)."""
@@ -64,7 +65,7 @@ def lens_of(clip: Clip, calibration: Path | None) -> Lens:
         return Lens(
             matrix, np.zeros(5), False, "lens not calibrated: a phone's usual one, without distortion"
         )
-    if calibration.suffix.lower() in EXTENSIONS:
+    if calibration.suffix.lower() in VIDEO_SUFFIXES:
         matrix, distortion, size, note = _from_chessboard(calibration)
     else:
         matrix, distortion, size, note = _from_file(calibration)

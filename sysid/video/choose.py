@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -9,21 +10,28 @@ from sysid.errors import HuskyError
 from sysid.roll import Array
 from sysid.video.dots import DotTracker, find_dots, fit_pivot
 from sysid.video.edge import EdgeTracker, find_edge, fit_direction
-from sysid.video.features import FEWEST, FeatureTracker, find_features
+from sysid.video.features import FEWEST, FeatureTracker, count_alike, find_features
 from sysid.video.frames import Clip, grey
 from sysid.video.marker import MarkerTracker, find_marker
 from sysid.video.options import VideoOptions
 from sysid.video.survey import Survey, survey
 from sysid.video.track import Tracker
-from sysid.video.turning import Turning, fit_turning
+from sysid.video.turning import Solid, Turning, fit_turning
+from sysid.video.unknowns import Unknowns
+from sysid.video.view import View
 
-Solve = Callable[[Array, Array, tuple[float, float] | None], Turning]
-"""Points [px], camera matrix and direction of the axis, where known, to the angle."""
+Solve = Callable[[View, Array, Unknowns], Turning]
+"""Points, camera matrix and what is known of the camera beforehand to the angle."""
 
 MARKER_SEARCH = 20
 """Frames in which a marker is looked for."""
+SQUARE_DOUBT = np.radians(15.0)
+"""Standard deviation of the camera's direction before the film shows it: people stand about square [rad]."""
 EDGE_DOUBT = np.radians(5.0)
 """Standard deviation of the camera's direction where nothing in the film shows it [rad]."""
+DEEP = 0.03
+"""Standard deviation of the circles' centres where points may lie anywhere on the deck, in focal lengths: a
+tenth of a focal length aside, at depths that differ by a third."""
 DOT_FLOOR = 0.08
 """Least standard deviation of a dot's place [px]: films hold colour at half the resolution of brightness."""
 NOT_FOUND = {
@@ -51,9 +59,12 @@ class Chosen:
     zero_note: str
     finds_direction: bool = True
     """Whether the points show from where the camera looks."""
-    shows_shear: bool = False
-    """Whether the points show how a rolling shutter shears the moving body."""
     warnings: tuple[str, ...] = ()
+
+    @property
+    def direction_doubt(self) -> float:
+        """Standard deviation of yaw and pitch before the film is looked at [rad]."""
+        return SQUARE_DOUBT if self.finds_direction else EDGE_DOUBT
 
 
 def choices(clip: Clip, options: VideoOptions) -> Iterator[Chosen]:
@@ -90,15 +101,13 @@ def _marker(clip: Clip, auto: bool) -> Chosen | None:
             break
     else:
         return None
-    upper_left = np.exp(1j * np.pi / 4 * np.array([-3, -1, 1, 3]))
     return Chosen(
         tracker=MarkerTracker(marker),
         what=f"{marker.kind} marker {marker.number}",
         why=f"follows {marker.kind} marker {marker.number}" + (", as one is in the picture" if auto else ""),
-        solve=lambda points, matrix, direction: fit_turning(points, matrix, direction=direction, square=True),
-        zero=lambda turning: _level(turning, complex(np.vdot(upper_left, turning.shape)), 4),
+        solve=partial(fit_turning, solid=Solid(square=True)),
+        zero=_level_square,
         zero_note="roll zero is where the marker's edges are level in the picture",
-        shows_shear=True,
     )
 
 
@@ -111,10 +120,8 @@ def _dots(look: Survey, options: VideoOptions) -> Chosen | None:
             tracker=DotTracker(dots, look.box),
             what="the pair of dots",
             why=f"follows two coloured dots ({size}){auto}",
-            solve=lambda points, matrix, direction: fit_turning(
-                points, matrix, direction=direction, floor=DOT_FLOOR
-            ),
-            zero=lambda turning: _level(turning, complex(turning.shape[1] - turning.shape[0]), 2),
+            solve=partial(fit_turning, solid=Solid(floor=DOT_FLOOR)),
+            zero=_level_pair,
             zero_note="roll zero is where the line between the dots is level in the picture",
         )
     if not dots:
@@ -123,10 +130,8 @@ def _dots(look: Survey, options: VideoOptions) -> Chosen | None:
         tracker=DotTracker(dots, look.box),
         what="the dot",
         why=f"follows one coloured dot ({size}) about a {'fitted' if options.pivot is None else 'given'} pivot{auto}",
-        solve=lambda points, matrix, direction: fit_pivot(
-            points, matrix, direction=direction, pivot=options.pivot
-        ),
-        zero=lambda turning: _level(turning, 1 + 0j, 4),
+        solve=partial(fit_pivot, pivot=options.pivot),
+        zero=partial(_level, direction=1 + 0j, symmetry=4),
         zero_note="roll zero is where the dot is straight below, above or beside the pivot in the picture",
         finds_direction=False,
     )
@@ -141,8 +146,8 @@ def _features(look: Survey, options: VideoOptions) -> Chosen | None:
         tracker=FeatureTracker(grey(look.first.picture), places, look.box),
         what="the deck's texture",
         why=f"follows {len(places)} patches of texture that move{auto}",
-        solve=lambda points, matrix, direction: fit_turning(points, matrix, direction=direction, alike=16.0),
-        zero=lambda turning: -float(np.nanmedian(turning.angle[-max(5, len(turning.angle) // 10) :])),
+        solve=partial(_fit_texture, places=places),
+        zero=_rest_at_the_end,
         zero_note="roll zero is where the deck is at the end of the film (its last tenth): texture shows no horizontal",
     )
 
@@ -163,14 +168,30 @@ def _edge(look: Survey, options: VideoOptions) -> Chosen | None:
         tracker=tracker,
         what="the deck's edge",
         why=f"follows a straight edge {np.linalg.norm(ends[1] - ends[0]):.0f} px long{auto}",
-        solve=lambda points, matrix, direction: fit_direction(
-            points, matrix, np.array(tracker.deviations), direction=direction, doubt=EDGE_DOUBT
-        ),
-        zero=lambda turning: _level(turning, 1 + 0j, 2),
+        solve=partial(fit_direction, deviations=tracker.deviations),
+        zero=partial(_level, direction=1 + 0j, symmetry=2),
         zero_note="roll zero is where the edge is level in the picture",
         finds_direction=False,
         warnings=warnings,
     )
+
+
+def _fit_texture(view: View, matrix: Array, before: Unknowns, *, places: Array) -> Turning:
+    body = Solid(centre_std=DEEP, alike=count_alike(places), shows_lens=False)
+    return fit_turning(view, matrix, before, body)
+
+
+def _level_square(turning: Turning) -> float:
+    upper_left = np.exp(1j * np.pi / 4 * np.array([-3, -1, 1, 3]))
+    return _level(turning, complex(np.vdot(upper_left, turning.shape)), 4)
+
+
+def _level_pair(turning: Turning) -> float:
+    return _level(turning, complex(turning.shape[1] - turning.shape[0]), 2)
+
+
+def _rest_at_the_end(turning: Turning) -> float:
+    return -float(np.nanmedian(turning.angle[-max(5, len(turning.angle) // 10) :]))
 
 
 def _level(turning: Turning, direction: complex, symmetry: int) -> float:

@@ -8,8 +8,11 @@ import numpy.typing as npt
 
 from sysid.roll import Array
 from sysid.video.frames import Frame, Picture, crop
+from sysid.video.rectify import Complex, longer, rectify, smear, unwrap
 from sysid.video.survey import Survey
-from sysid.video.turning import Turning, rectify, smear, unwrap
+from sysid.video.turning import Turning
+from sysid.video.unknowns import Unknowns, spread_by
+from sysid.video.view import View
 
 Chroma = npt.NDArray[np.float32]
 
@@ -139,31 +142,58 @@ class DotTracker:
 
 
 def fit_pivot(
-    points: Array,
-    matrix: Array,
-    *,
-    direction: tuple[float, float] | None = None,
-    pivot: tuple[float, float] | None = None,
+    view: View, matrix: Array, before: Unknowns, *, pivot: tuple[float, float] | None = None
 ) -> Turning:
     """Angle of one dot about a pivot: given, or the centre of the circle that the dot runs on.
 
-    The circle is fitted by least squares of the distances (Gander, Golub and Strebel, 1994), with a
-    loss that ignores outliers.
+    One dot shows neither direction of the axis nor read-out: they stay as they are known beforehand.
 
     Args:
-        points: Picture coordinates of the dot [px], shape (n, 1, 2); NaN where not seen.
+        view: The points, one a frame.
         matrix: Camera matrix [px], shape (3, 3).
-        direction: Yaw and pitch of the axis [rad]; square to the picture if left out.
+        before: What is known of camera and lens.
         pivot: Pivot [px].
     """
+    dot = view.all_points(before.readout)[:, 0]
+    circle = _circle(dot, matrix, before.value, pivot)
+    angle = np.angle(circle.arm)
+
+    def angle_at(value: Array) -> Array:
+        return np.angle(_circle(view.all_points(value[3])[:, 0], matrix, value, pivot).arm)
+
+    # d angle / d centre, less what it is at rest, carries the pivot's uncertainty.
+    slope = np.stack([circle.arm.imag, -circle.arm.real], axis=1) / np.abs(circle.arm)[:, None] ** 2
+    slope = slope - np.nanmedian(slope, axis=0)
+    variance = (circle.noise / circle.radius) ** 2 + np.einsum("ni,ij,nj->n", slope, circle.covariance, slope)
+    unknown = spread_by(before, angle, angle_at, view.share, view.time(before.readout))
+    std = np.sqrt(variance + unknown + smear(angle) ** 2)
+    std = np.where(np.isfinite(angle), std, np.nan)
+    return Turning(unwrap(angle), std, before, circle.noise * matrix[0, 0], 0, np.array([1 + 0j]))
+
+
+@dataclass(frozen=True, slots=True)
+class _Circle:
+    """The circle that a dot runs on, in the rectified picture."""
+
+    arm: Complex
+    """From the pivot to the dot, shape (n,)."""
+    radius: float
+    covariance: Array
+    """Of the pivot, shape (2, 2)."""
+    noise: float
+    """Standard deviation of the dot's place."""
+
+
+def _circle(dot: Array, matrix: Array, value: Array, pivot: tuple[float, float] | None) -> _Circle:
+    """Least squares of the distances (Gander, Golub and Strebel, 1994), with a loss that ignores outliers."""
     from scipy.optimize import least_squares
 
-    yaw, pitch = direction or (0.0, 0.0)
-    z = rectify(points[:, 0], matrix, yaw, pitch)
+    camera = longer(matrix, value[2])
+    focal = camera[0, 0]
+    z = rectify(dot, camera, value[0], value[1])
     seen = np.isfinite(z)
-    focal = matrix[0, 0]
     if pivot is not None:
-        centre = complex(rectify(np.array(pivot, float), matrix, yaw, pitch))
+        centre = complex(rectify(np.array(pivot, float), camera, value[0], value[1]))
         radius, covariance = float(np.mean(np.abs(z[seen] - centre))), np.zeros((2, 2))
         residual = np.abs(z[seen] - centre) - radius
     else:
@@ -180,16 +210,7 @@ def fit_pivot(
         residual = distance(fit.x)
         covariance = np.linalg.inv(fit.jac.T @ fit.jac)[:2, :2] * np.mean(residual**2)
     noise = float(np.sqrt(np.mean(residual**2)) + 0.02 / focal)
-    arm = z - centre
-    angle = np.where(seen, np.angle(arm), np.nan)
-    # d angle / d centre, less what it is at rest, carries the pivot's uncertainty.
-    slope = np.stack([arm.imag, -arm.real], axis=1) / np.abs(arm)[:, None] ** 2
-    slope = slope - np.nanmedian(slope, axis=0)
-    variance = (noise / radius) ** 2 + np.einsum("ni,ij,nj->n", slope, covariance, slope)
-    misfit = np.full(len(z), np.nan)
-    misfit[seen] = (residual * focal) ** 2
-    std = np.sqrt(variance + smear(angle) ** 2)
-    return Turning(unwrap(angle), std, yaw, pitch, 0.0, noise * focal, 0.0, 0, misfit, np.array([1 + 0j]))
+    return _Circle(np.where(seen, z - centre, np.nan), radius, covariance, noise)
 
 
 def _chroma(part: Picture) -> Chroma:

@@ -1,17 +1,21 @@
 """The deck's own straight edge, where there is neither mark nor texture."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from sysid.roll import Array
 from sysid.video.frames import Frame, Picture, crop, grey
+from sysid.video.rectify import longer, rectify, smear, unwrap
 from sysid.video.straight_edge import find_edges
 from sysid.video.survey import Survey
-from sysid.video.turning import Turning, rectify, smear, unwrap
+from sysid.video.turning import Turning
+from sysid.video.unknowns import Unknowns, spread_by
+from sysid.video.view import View
 
 SHORTEST = 40
 """Shortest edge that is followed [px]."""
@@ -23,6 +27,8 @@ GAP = 2.0
 """Distance from a line at which brightness is read on its two sides [px]."""
 SHAKEN = 5
 """Shift of the picture up to which a still edge is known again [px]."""
+ELSEWHERE = 6.0
+"""Distance from where the axis puts it that makes a line another one, in standard deviations (and 1 px)."""
 CORRELATION = 6.0
 """Length along an edge over which errors are alike: compression works in blocks of 8 or 16 pixels."""
 
@@ -162,35 +168,56 @@ class EdgeTracker:
         return ends
 
 
-def fit_direction(
-    points: Array, matrix: Array, deviations: Array, *, direction: tuple[float, float] | None, doubt: float
-) -> Turning:
+def fit_direction(view: View, matrix: Array, before: Unknowns, *, deviations: Sequence[float]) -> Turning:
     """Direction of an edge as seen along the axis.
 
+    One line shows neither direction of the axis nor focal length nor read-out: they stay as they are
+    known beforehand.
+
     Args:
-        points: Both ends [px], shape (n, 2, 2); NaN where not seen.
+        view: Both ends of the edge.
         matrix: Camera matrix [px], shape (3, 3).
+        before: What is known of camera and lens.
         deviations: Standard deviation of each direction [rad], shape (n,).
-        direction: Yaw and pitch of the axis [rad]; square to the picture if left out.
-        doubt: Standard deviation of yaw and pitch [rad]: one line alone cannot show them.
     """
 
-    def angle_at(yaw: float, pitch: float) -> Array:
-        z = rectify(points, matrix, yaw, pitch)
+    def angle_at(value: Array) -> Array:
+        z = rectify(view.all_points(value[3]), longer(matrix, value[2]), value[0], value[1])
         return np.angle(z[:, 1] - z[:, 0])
 
-    yaw, pitch = direction or (0.0, 0.0)
-    angle = angle_at(yaw, pitch)
-    variance = deviations**2 + smear(angle) ** 2
-    if direction is None:
-        for step in ((doubt, 0.0), (0.0, doubt)):
-            change = np.angle(np.exp(1j * (angle_at(*step) - angle)))
-            variance = variance + (change - np.nanmedian(change)) ** 2
-    nothing = np.full(len(angle), np.nan)
-    noise = float(np.nanmedian(deviations))
+    wrong = _elsewhere(view.all_points(before.readout))
+    angle = np.where(wrong, np.nan, angle_at(before.value))
+    unknown = spread_by(before, angle, angle_at, view.share, view.time(before.readout))
+    std = np.sqrt(np.asarray(deviations) ** 2 + smear(angle) ** 2 + unknown)
+    std = np.where(np.isfinite(angle), std, np.nan)
     return Turning(
-        unwrap(angle), np.sqrt(variance), yaw, pitch, doubt, noise, 0.0, 0, nothing, np.array([1 + 0j])
+        unwrap(angle), std, before, float(np.nanmedian(deviations)), int(wrong.sum()), np.array([1 + 0j])
     )
+
+
+def _elsewhere(points: Array) -> npt.NDArray[np.bool_]:
+    """Frames in which another line was taken for the edge, which keeps its distance from the axis.
+
+    For lines n·x = c that turn about p at the distance h, c = n·p + h; p and h by reweighted least squares.
+    """
+    along = points[:, 1] - points[:, 0]
+    normal = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
+    place = np.sum(normal * points.mean(axis=1), axis=1)
+    seen = np.isfinite(place)
+    design = np.column_stack([normal, np.ones(len(normal))])[seen]
+    weight = np.ones(len(design))
+    off, limit = np.zeros(len(design)), np.inf
+    for _ in range(10):
+        root = np.sqrt(weight)[:, None]
+        # A hair of damping: a deck that hardly turns does not show its axis.
+        square = (design * root).T @ (design * root) + 1e-6 * np.eye(3)
+        off = place[seen] - design @ np.linalg.solve(square, (design * root**2).T @ place[seen])
+        spread = 1.4826 * float(np.median(np.abs(off))) + 0.1
+        limit = ELSEWHERE * spread + 1.0
+        weight = 1 / (1 + (off / (2 * spread)) ** 2) ** 2
+    wrong = np.zeros(len(place), bool)
+    wrong[seen] = np.abs(off) > limit
+    return wrong
 
 
 def _step(picture: Picture, ends: Array) -> Array:

@@ -5,6 +5,8 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from queue import Full, Queue
+from threading import Event, Thread
 
 import cv2
 import numpy as np
@@ -16,10 +18,10 @@ from sysid.roll import Array
 Picture = npt.NDArray[np.uint8]
 """A picture as OpenCV holds it: (height, width, 3) in the order blue, green, red, or (height, width) grey."""
 
-EXTENSIONS = frozenset({".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mpg", ".mpeg", ".3gp", ".mts"})
-"""What counts as a film by its name."""
 LARGEST = (4096, 2304)
 """Largest picture that is read [px]: 4K; 8K would take seconds a frame and tell no more."""
+AHEAD = 3
+"""Frames that are decoded ahead of the one that is worked on."""
 LOST_SHARE = 0.05
 """Share of the announced frames that may be missing before a file counts as cut off."""
 
@@ -75,6 +77,44 @@ class Clip:
                 f"{self.path}: the file announces {self.announced} frames and ends after {count}: it is cut off. "
                 "Copy it again from the camera."
             )
+
+    def ahead(self) -> Generator[Frame]:
+        """Like `frames`, decoding the next ones in a thread while one is worked on.
+
+        Raises:
+            HuskyError: As `frames` does.
+        """
+        ready: Queue[Frame | BaseException | None] = Queue(maxsize=AHEAD)
+        stop = Event()
+
+        def put(item: Frame | BaseException | None) -> bool:
+            while not stop.is_set():
+                try:
+                    ready.put(item, timeout=0.1)
+                except Full:
+                    continue
+                return True
+            return False
+
+        def decode() -> None:
+            try:
+                for frame in self.frames():
+                    if not put(frame):
+                        return
+                put(None)
+            except BaseException as error:  # noqa: BLE001  raised again by whoever waits for frames
+                put(error)
+
+        worker = Thread(target=decode, daemon=True)
+        worker.start()
+        try:
+            while (item := ready.get()) is not None:
+                if isinstance(item, BaseException):
+                    raise item
+                yield item
+        finally:
+            stop.set()
+            worker.join()
 
     def first(self) -> Frame:
         """Return the first frame."""

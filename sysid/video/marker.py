@@ -5,6 +5,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from sysid.roll import Array
 from sysid.video.frames import Frame, Picture, crop, grey
@@ -22,6 +23,8 @@ SMALLEST = 24
 """Shortest side of a marker that is followed [px]."""
 MATCH = 0.6
 """Least correlation of a marker's cells with what its number says."""
+CLOSE = 0.15
+"""Edges are measured once more where that moves the corners by more than this [px]."""
 FULL_SEARCH_EVERY = 5
 """A lost marker is looked for in the whole picture in every so many frames: that is slow."""
 
@@ -53,11 +56,15 @@ class MarkerTracker:
 
     marker: Marker
     cells: Array = field(init=False)
-    """Brightness of the marker's cells, border included, from -1 to 1."""
+    """Brightness of the marker's cells, border included, less its mean, in standard deviations."""
+    _middles: npt.NDArray[np.float32] = field(init=False)
+    """Where the cells' middles are, in cells."""
     _corners: Array | None = None
     _velocity: Array = field(default_factory=lambda: np.zeros((4, 2)))
     _time: float = 0.0
     _lost: int = 0
+    _miss: float = 3.0
+    """How far the corners were from where they were expected in the last frame [px]."""
     searches: int = 0
     """Number of searches through a whole picture: they are what costs time."""
 
@@ -65,7 +72,10 @@ class MarkerTracker:
         """Look up what the marker's cells should look like."""
         dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARIES[self.marker.kind])
         size = dictionary.markerSize + 2
-        self.cells = dictionary.generateImageMarker(self.marker.number, size).astype(float) / 127.5 - 1
+        cells = dictionary.generateImageMarker(self.marker.number, size).astype(np.float64)
+        self.cells = (cells - cells.mean()) / cells.std()
+        rows, columns = np.mgrid[0:size, 0:size] + 0.5
+        self._middles = np.stack([columns, rows], axis=-1).astype(np.float32).reshape(-1, 1, 2)
         self._corners = self.marker.corners
 
     @property
@@ -84,7 +94,7 @@ class MarkerTracker:
     def update(self, frame: Frame) -> Array | None:
         """Return the corners in this frame [px], shape (4, 2), or None where the marker is not seen."""
         interval = frame.time - self._time
-        found = None
+        found = predicted = None
         if self._corners is not None:
             predicted = self._corners + self._velocity * interval
             found = self._refine(frame.picture, predicted)
@@ -96,6 +106,7 @@ class MarkerTracker:
         if found is None:
             self._lost += 1
             return None
+        self._miss = 3.0 if predicted is None else float(np.abs(found - predicted).max())
         if self._corners is not None and self._lost == 0 and interval > 0:
             self._velocity = (found - self._corners) / interval
         else:
@@ -133,13 +144,16 @@ class MarkerTracker:
             return None
         dark = grey(part)
         place = rough - shift
-        for reach in (min(0.75 * cell, 12.0), min(0.6 * cell, 5.0)):
+        reach, moved, passes = min(0.75 * cell, 3.0 + 3.0 * self._miss, 12.0), np.inf, 0
+        while moved > CLOSE and passes < 3:
+            before, passes = place, passes + 1
             edges = find_edges(dark, np.stack([place, np.roll(place, -1, axis=0)], axis=1), reach)
             if edges.used.min() < 0.5 or edges.contrast.min() < 12 or edges.scatter.max() > 0.2 * cell:
                 return None
             place = corners(edges)
             if not np.isfinite(place).all() or np.abs(place - rough + shift).max() > 2 * cell:
                 return None
+            moved, reach = float(np.abs(place - before).max()), min(0.6 * cell, 5.0)
         if self._likeness(dark, place) < MATCH:
             return None
         return place + shift + corner
@@ -149,14 +163,9 @@ class MarkerTracker:
         count = len(self.cells)
         unit = np.array([[0, 0], [count, 0], [count, count], [0, count]], np.float32)
         homography = cv2.getPerspectiveTransform(unit, place.astype(np.float32))
-        rows, columns = np.mgrid[0:count, 0:count] + 0.5
-        centres = np.stack([columns, rows], axis=-1).astype(np.float32).reshape(-1, 1, 2)
-        pixels = cv2.perspectiveTransform(centres, homography)
-        seen = cv2.remap(dark, pixels[..., 0], pixels[..., 1], cv2.INTER_LINEAR).ravel().astype(float)
-        spread = seen.std() * self.cells.std()
-        return float(
-            np.mean((seen - seen.mean()) * (self.cells.ravel() - self.cells.mean())) / max(spread, 1e-9)
-        )
+        pixels = cv2.perspectiveTransform(self._middles, homography)
+        seen = cv2.remap(dark, pixels[..., 0], pixels[..., 1], cv2.INTER_LINEAR).ravel().astype(np.float64)
+        return float(seen @ self.cells.ravel() / (len(seen) * max(float(seen.std()), 1e-9)))
 
 
 def _detect(dark: Picture, kind: str, dictionary: int) -> list[Marker]:

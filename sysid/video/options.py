@@ -11,6 +11,12 @@ import numpy.typing as npt
 Method = Literal["auto", "marker", "dots", "edge", "features"]
 
 
+VIDEO_SUFFIXES = frozenset(
+    {".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mpg", ".mpeg", ".3gp", ".3g2", ".mts", ".m2ts"}
+)
+"""What counts as a film by its name."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VideoOptions:
     """How roll is read from a film."""

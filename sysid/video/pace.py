@@ -6,6 +6,8 @@ from sysid.roll import Array
 
 WINDOW = 40
 """Frames after the fastest one that are looked at: the deck is free there, a hand is slower."""
+RATIOS = np.array([0.003, 0.05, 0.15, 0.3, 0.45, 0.6, 0.75])
+"""Damping ratios that are tried."""
 
 
 def frames_per_period(time: Array, roll: Array, std: Array) -> float | None:
@@ -26,15 +28,13 @@ def frames_per_period(time: Array, roll: Array, std: Array) -> float | None:
         return None
     interval = float(np.median(np.diff(time)))
     count = (time[begin:stop] - time[begin]) / interval
-    frames = np.geomspace(2.1, 150, 90)
-    best: list[tuple[float, float]] = []
-    for period in frames:
-        for ratio in (0.003, 0.05, 0.15, 0.3, 0.45, 0.6, 0.75):
-            decay = ratio / np.sqrt(1 - ratio**2) * 2 * np.pi / period
-            wave = np.exp((1j * 2 * np.pi / period - decay) * count)
-            basis = np.stack([np.ones_like(count), wave.real, wave.imag], axis=1)
-            weights, *_ = np.linalg.lstsq(basis, roll[begin:stop], rcond=None)
-            best.append((float(np.mean((basis @ weights - roll[begin:stop]) ** 2)), period))
-    errors = np.array(best)
-    tolerance = 1.5 * errors[:, 0].min() + float(np.median(std)) ** 2 + (0.02 * np.std(roll[begin:stop])) ** 2
-    return float(errors[errors[:, 0] <= tolerance, 1].max())
+    period = np.repeat(np.geomspace(2.1, 150, 90), len(RATIOS))
+    ratio = np.tile(RATIOS, 90)
+    decay = ratio / np.sqrt(1 - ratio**2)
+    wave = np.exp((2 * np.pi / period * (1j - decay))[:, None] * count)
+    basis, _ = np.linalg.qr(np.stack([np.ones_like(wave.real), wave.real, wave.imag], axis=2))
+    swing = roll[begin:stop]
+    explained = (basis @ (basis.transpose(0, 2, 1) @ swing)[..., None])[..., 0]
+    error = np.mean((swing - explained) ** 2, axis=1)
+    tolerance = 1.5 * error.min() + float(np.median(std)) ** 2 + (0.02 * np.std(swing)) ** 2
+    return float(period[error <= tolerance].max())

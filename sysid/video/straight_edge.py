@@ -75,28 +75,32 @@ def _centroid(step: Array, offset: Array) -> tuple[Array, Array]:
 
 def _lines(ends: Array, normal: Array, share: Array, position: Array, contrast: Array) -> Edges:
     """Fit offset = a + b·share to every edge's profiles by reweighted least squares (Cauchy weights)."""
-    strong = np.median(contrast, axis=1)
+    strong = _middle(contrast)
     base = np.isfinite(position) & (contrast > 0.4 * strong[:, None])
     place = np.where(base, position, 0.0)
-    middle = np.median(place, axis=1, keepdims=True)  # nanmedian takes ten times as long
-    weight = base / (1 + ((place - middle) / 3.0) ** 2)
+    weight = base / (1 + ((place - _middle(place)[:, None]) / 3.0) ** 2)
+    centred = share - 0.5
+    powers = np.array([np.ones(len(share)), centred, centred**2]).T
     intercept = slope = np.zeros(len(ends))
     spread = np.full(len(ends), np.inf)
-    residual = place
+    square = place
     for _ in range(3):
-        total = np.maximum(weight.sum(axis=1), 1e-9)
-        mean_share = (weight * share).sum(axis=1) / total
-        mean_place = (weight * place).sum(axis=1) / total
-        centred = share - mean_share[:, None]
-        moment = np.maximum((weight * centred**2).sum(axis=1), 1e-9)
-        slope = (weight * centred * place).sum(axis=1) / moment
-        intercept = mean_place - slope * mean_share
-        residual = place - intercept[:, None] - slope[:, None] * share
-        spread = np.sqrt((weight * residual**2).sum(axis=1) / total) + 0.02
-        weight = base / (1 + (residual / (2.5 * spread[:, None])) ** 2)
-    moved = np.stack([intercept, intercept + slope], axis=1)[..., None] * normal[:, None]
-    supported = base & (np.abs(residual) < np.maximum(3 * spread[:, None], 0.5))
+        zeroth, first, second = (weight @ powers).T
+        mean, moment = ((weight * place) @ powers[:, :2]).T
+        determinant = np.maximum(zeroth * second - first**2, 1e-12)
+        intercept = (mean * second - moment * first) / determinant
+        slope = (moment * zeroth - mean * first) / determinant
+        square = (place - intercept[:, None] - slope[:, None] * centred) ** 2
+        spread = np.sqrt((weight * square).sum(axis=1) / np.maximum(zeroth, 1e-9)) + 0.02
+        weight = base / (1 + square / (6.25 * spread[:, None] ** 2))
+    moved = np.array([intercept - slope / 2, intercept + slope / 2]).T[..., None] * normal[:, None]
+    supported = base & (square < np.maximum(3 * spread[:, None], 0.5) ** 2)
     return Edges(ends + moved, strong, spread, supported.mean(axis=1))
+
+
+def _middle(values: Array) -> Array:
+    """Median along the second axis; numpy's own takes ten times as long for a few numbers."""
+    return np.sort(values, axis=1)[:, values.shape[1] // 2]
 
 
 def corners(edges: Edges) -> Array:

@@ -8,8 +8,10 @@ import numpy.typing as npt
 
 from sysid.errors import HuskyError
 from sysid.roll import Array
+from sysid.video.background import Background
+from sysid.video.camera import Lens
 from sysid.video.frames import Clip, Frame
-from sysid.video.shake import Background, Shake
+from sysid.video.shake import Shake
 
 Box = tuple[int, int, int, int]
 
@@ -38,10 +40,10 @@ class Track:
 
     time: Array
     """Stamps [s], shape (n,), strictly increasing, not shifted."""
-    points: Array
+    points: npt.NDArray[np.float32]
     """Points in the pictures [px], shape (n, N, 2); NaN where not seen."""
     shake: Shake
-    index: Array
+    index: npt.NDArray[np.intp]
     """Number of each frame in the clip, shape (n,)."""
     repeated: int
     """Frames left out because their stamp was not later than the one before."""
@@ -52,19 +54,19 @@ class Track:
         return int(np.isnan(self.points).all(axis=(1, 2)).sum())
 
 
-def follow(clip: Clip, tracker: Tracker, rate: float | None = None) -> Track:
+def follow(clip: Clip, tracker: Tracker, lens: Lens, rate: float | None = None) -> Track:
     """Run a tracker through a clip, frame by frame; nothing but the points is kept.
 
     Raises:
         HuskyError: The clip is damaged or cut, or has fewer than 8 frames.
     """
-    background = Background(tracker.box)
+    background = Background(tracker.box, lens)
     stamps: list[float] = []
     indices: list[int] = []
     rows: list[npt.NDArray[np.float32]] = []
     repeated = 0
     nothing = np.full((tracker.points, 2), np.nan, np.float32)
-    for frame in clip.frames():
+    for frame in clip.ahead():
         if rate is not None:
             frame = Frame(frame.index, frame.index / rate, frame.picture)
         if stamps and frame.time <= stamps[-1]:
@@ -82,6 +84,4 @@ def follow(clip: Clip, tracker: Tracker, rate: float | None = None) -> Track:
         raise HuskyError(
             f"{clip.path}: {len(stamps)} frames are too few for a decay. Film at least a second."
         )
-    return Track(
-        np.array(stamps), np.array(rows, np.float64), background.result(), np.array(indices, float), repeated
-    )
+    return Track(np.array(stamps), np.array(rows), background.result(), np.array(indices, np.intp), repeated)

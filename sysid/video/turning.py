@@ -1,35 +1,47 @@
-"""The angle of a body that turns about a fixed direction, from points on it seen by a tilted camera.
+"""The angle of a body that turns about an axis, from points in pictures.
 
-Turn the camera in thought until it looks along the axis: that is a homography of the picture, known
-up to the axis' direction (`yaw`, `pitch`). In the picture it then takes, every point of the body,
-whatever its depth, runs on a circle: with complex numbers for picture coordinates,
-
-    z_ij = τ_i + c_j + exp(i φ_i) q_j.
-
-φ_i is the roll in frame i, τ_i a shift of the whole body (a truck that gives way; never an angle), q_j
-the body's shape and c_j the centres of its points' circles, which differ if their depths do and the
-axis is not in the middle of the picture. The axis' direction is what makes the circles round.
+A camera that does not look along the axis sees circles as ellipses, and at more depth than one. The
+picture that it would take if it did look along it is a homography of its own, known up to the axis'
+direction and the focal length; in that picture points run on circles (`body`). Direction, focal
+length and read-out of the shutter are what makes the circles round, with what is known beforehand.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
 from sysid.roll import Array
+from sysid.video.body import Body, angle_slopes, common_problem, first_body, turn_of
+from sysid.video.rectify import Complex, enlargement, longer, rectify, smear, unrectify, unwrap
+from sysid.video.unknowns import ROUGH, STEPS, Unknowns, rate_of
+from sysid.video.view import Rows, View
 
-Complex = npt.NDArray[np.complex128]
-
-SQUARE_PRIOR = np.radians(15.0)
-"""Standard deviation of yaw and pitch before anything is seen: people stand about square [rad]."""
-CENTRE_PRIOR = 0.02
-"""Standard deviation of the circles' centres before anything is seen, in sizes of the body."""
 SQUARE_SQUEEZE = 0.015
 """Standard deviation of a marker's squareness: one that stands 10 degrees off looks 1.5 % narrower."""
+PLANE = 0.002
+"""Standard deviation of the circles' centres of points in one plane across the axis, in focal lengths: a
+tenth of a focal length aside, at depths that differ by 2 %."""
 BLUR_SHARE = 0.06
 """Distance from where they should be that is allowed to points in motion, in steps from frame to frame."""
 FLOOR = 0.02
 """Least standard deviation of a point's position [px]: pixels and lens have faults of their own."""
+STILL = 0.25
+"""Motion up to which a picture is still the same one, with the same errors [px]."""
+SAME = 4
+"""Frames of a still picture that are used at most."""
+MANY, ASTRAY = 8, 3.0
+"""Of so many points those are left out that are so many standard deviations off."""
+ROUNDS = 3
+"""Times that the noise is found anew."""
+MOST_STEPS = 25
+HELD = 1e9
+"""Weight that holds what is not to be found."""
+ENOUGH = 1e-2
+"""Steps end where they gain less than this of the sum of squares, which is in units of the noise."""
+MOST_ROWS = 300
+"""Frames that are used at most to find the unknowns; the angle is found in all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,293 +51,387 @@ class Turning:
     angle: Array
     """Angle about the axis, clockwise in the picture [rad], shape (n,), unwrapped; NaN where not seen."""
     std: Array
-    """Standard deviation of each angle [rad], shape (n,): noise, blur and the axis' direction; not a
-    common offset."""
-    yaw: float
-    """Direction of the axis, to the right of the optical axis [rad]."""
-    pitch: float
-    """Direction of the axis, downwards [rad]."""
-    direction_std: float
-    """Standard deviation of that direction [rad]: the root mean square of both."""
+    """Standard deviation of each angle [rad], shape (n,): noise, blur and what is unknown of the camera;
+    not a common offset."""
+    unknowns: Unknowns
+    """What was found of direction, lens and shutter."""
     noise: float
     """Standard deviation of a point's position at rest [px]."""
-    blur: float
-    """Growth of that deviation with speed [px per px/frame]."""
     outliers: int
     """Frames left out because their points do not fit a turning body."""
-    misfit: Array
-    """Sum of the squared distances of a frame's points from where they should be [px^2], shape (n,)."""
     shape: Complex
     """The body's points at angle zero, as a camera along the axis sees them, about their middle."""
 
 
 @dataclass(frozen=True, slots=True)
-class _State:
-    angle: Array
-    shift: Complex
-    shape: Complex
-    centre: Complex
-    residual: Complex
+class Solid:
+    """What is known beforehand of a body."""
+
+    square: bool = False
+    """Its points are the corners of a square that stands across the axis (to within 10 degrees), in order."""
+    centre_std: float = PLANE
+    """Standard deviation of the circles' centres, in focal lengths."""
+    alike: float = 1.0
+    """How many points share their errors, so that they count as one."""
+    floor: float = FLOOR
+    """Least standard deviation of a point's position [px]."""
+    shows_lens: bool = True
+    """Whether its points are known well enough to tell the focal length by; it stays in doubt otherwise."""
 
 
-def rectify(points: Array, matrix: Array, yaw: float, pitch: float) -> Complex:
-    """Return points (..., 2) [px] as a camera looking along the axis would see them, x + i y (y down)."""
-    ray = _rays(points, matrix) @ _look(yaw, pitch)
-    return ray[..., 0] / ray[..., 2] + 1j * (ray[..., 1] / ray[..., 2])
+@dataclass(frozen=True, slots=True)
+class _Some:
+    """The frames that tell the unknowns, and how much each does."""
+
+    rows: Rows
+    mask: npt.NDArray[np.bool_]
+    share: Array
+    """One over how many frames show the same still picture, shape (m,)."""
+    speed: Array
+    """Mean speed of the points [px/frame], shape (m,)."""
 
 
-def fit_turning(
-    points: Array,
-    matrix: Array,
-    *,
-    direction: tuple[float, float] | None = None,
-    square: bool = False,
-    alike: float = 1.0,
-    floor: float = FLOOR,
-) -> Turning:
+def fit_turning(view: View, matrix: Array, before: Unknowns, solid: Solid | None = None) -> Turning:
     """Estimate the angle of a rigid body in every frame.
 
     Args:
-        points: Picture coordinates of N points on the body [px], shape (n, N, 2); NaN where not seen.
+        view: The points.
         matrix: Camera matrix [px], shape (3, 3).
-        direction: Yaw and pitch of the axis [rad], where known; estimated otherwise.
-        square: The points are the corners of a square that stands across the axis (to within 10
-            degrees), in order around it.
-        alike: How many points share their errors, so that they count as one.
-        floor: Least standard deviation of a point's position [px].
+        before: Direction of the axis, focal length and read-out, as known beforehand.
+        solid: What is known of the body.
 
     Returns:
-        The angles. Zero is arbitrary here: the first point lies in direction 0 from the second.
+        The angles. Zero is arbitrary here: the attitude in one of the frames.
     """
-    seen = np.isfinite(points).all(axis=-1)
-    keep = seen.sum(axis=1) >= max(2, min(points.shape[1], 4) - 1)
-    state, yaw, pitch, covariance = _solve(points, seen & keep[:, None], matrix, direction, square)
-    keep, outliers = _without_outliers(state, seen & keep[:, None], keep, points, matrix)
-    mask = seen & keep[:, None]
-    state, yaw, pitch, covariance = _solve(points, mask, matrix, direction, square)
-    noise, blur, per_frame = _noise(state, mask, points, matrix, floor)
-    information = _information(state, mask) / alike
-    variance = (per_frame / matrix[0, 0]) ** 2 / information
-    variance = variance + alike * _centre_variance(state, mask, noise / matrix[0, 0])
-    direction_std = 0.0
-    if direction is None:
-        variance = variance + _direction_variance(points, mask, matrix, state, yaw, pitch, alike * covariance)
-        direction_std = float(np.sqrt(alike * np.trace(covariance) / 2))
-    angle = np.where(keep, state.angle, np.nan)
-    std = np.where(keep, np.sqrt(variance + smear(angle) ** 2), np.nan)
-    shape = state.shape - state.shape.mean()
-    misfit = np.where(keep, (np.abs(state.residual) ** 2).sum(axis=1) * matrix[0, 0] ** 2, np.nan)
-    return Turning(unwrap(angle), std, yaw, pitch, direction_std, noise, blur, outliers, misfit, shape)
+    solid = solid or Solid()
+    some = _telling(view)
+    found = _solve(view, some, matrix, before, solid)
+    n = len(view)
+    angle, misfit, size, speed = np.full(n, np.nan), np.full(n, np.nan), np.ones(n), np.zeros(n)
+    for rows in view.chunks():
+        seen, mask = _in_view(view, rows, matrix, found)
+        good = _enough(mask)
+        angle[rows] = np.where(good, seen.angle, np.nan)
+        square = (np.abs(seen.rest) ** 2).sum(axis=1) / np.maximum(mask.sum(axis=1), 1)
+        misfit[rows] = np.where(good, np.sqrt(square) * seen.scale, np.nan)
+        size[rows] = np.where(good, (np.abs(seen.turned) ** 2).sum(axis=1) * seen.scale**2, 1.0)
+        speed[rows] = _speed(view, rows)
+    wrong = misfit > 12 * (float(np.nanmedian(misfit)) + FLOOR) + BLUR_SHARE * speed
+    angle[wrong] = np.nan
+    variance = found.noise.variance(speed) * solid.alike / size
+    std = np.sqrt(variance + _common_variance(view, angle, matrix, found) + smear(angle) ** 2)
+    return Turning(
+        unwrap(angle),
+        np.where(np.isfinite(angle), std, np.nan),
+        found.unknowns,
+        float(np.sqrt(found.noise.rest)),
+        int(wrong.sum()),
+        found.body.shape,
+    )
 
 
-def _rays(points: Array, matrix: Array) -> Array:
-    homogeneous = np.concatenate([points, np.ones((*points.shape[:-1], 1))], axis=-1)
-    return homogeneous @ np.linalg.inv(matrix).T
+@dataclass(frozen=True, slots=True)
+class _Noise:
+    """Variance of a point's place [px²], at rest and growing with the square of its speed."""
+
+    rest: float
+    blur: float
+
+    def variance(self, speed: Array) -> Array:
+        return self.rest + self.blur * speed**2
 
 
-def _look(yaw: float, pitch: float) -> Array:
-    """Axes of the camera that looks along the axis, as columns, without a twist about it."""
-    turn = np.hypot(yaw, pitch)
-    if turn < 1e-12:
-        return np.eye(3)
-    # The axis is the optical axis turned to the right by yaw and down by pitch.
-    vector = np.array([-pitch, yaw, 0.0]) / turn
-    cross = np.array([[0, 0, vector[1]], [0, 0, -vector[0]], [-vector[1], vector[0], 0]])
-    return np.eye(3) + np.sin(turn) * cross + (1 - np.cos(turn)) * cross @ cross
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """What all frames have in common."""
+
+    unknowns: Unknowns
+    body: Body
+    noise: _Noise
+    covariance: Array
+    """Of Re c, Im c, Re q, Im q and the free unknowns, shape (4N + p, 4N + p)."""
 
 
-def _solve(
+def _common_variance(view: View, angle: Array, matrix: Array, found: _Found) -> Array:
+    """What common errors, of the body's circles and of the unknowns, do to the angles; less what at rest."""
+    readout = found.unknowns.readout
+    rate = rate_of(view.time(readout), angle) * (view.share - np.mean(view.share))
+
+    def slopes_of(rows: Rows) -> Array:
+        seen, mask = _in_view(view, rows, matrix, found)
+        slopes = angle_slopes(seen.angle, seen.turned, mask, seen.slopes)
+        if 3 in found.unknowns.free:  # a frame that is read later shows a later angle: that is no error
+            slopes[:, -1] -= rate[rows]
+        return slopes
+
+    at_rest = np.nanargmin(np.abs(angle - np.nanmedian(angle)))
+    rest = slopes_of(np.array([at_rest], np.intp))
+    variance, shutter = np.zeros(len(angle)), np.zeros(len(angle))
+    for rows in view.chunks():
+        slopes = slopes_of(rows) - rest
+        variance[rows] = np.einsum("ni,ij,nj->n", slopes, found.covariance, slopes, optimize=True)
+        shutter[rows] = slopes[:, -1]
+    if 3 not in found.unknowns.free:
+        return variance
+    # The shutter's correction takes velocities from neighbouring frames: it is as good as they are alike.
+    jump = np.abs(np.diff(shutter, prepend=shutter[:1], append=shutter[-1:]))
+    return variance + (ROUGH * np.fmax(jump[1:], jump[:-1]) * readout) ** 2
+
+
+def _in_view(view: View, rows: Rows, matrix: Array, found: _Found) -> "tuple[_Seen, npt.NDArray[np.bool_]]":
+    points = view.points(rows)
+    mask = _all_finite(points)
+    shear = view.shear(rows)
+    seen, _ = _seen(points, shear, mask, matrix, found.unknowns, found.body)
+    if mask.shape[1] >= MANY:
+        mask = _near(mask, seen.rest * seen.scale[:, None], found.noise.variance(_speed(view, rows)))
+        seen, _ = _seen(points, shear, mask, matrix, found.unknowns, found.body)
+    return seen, mask
+
+
+def _near(mask: npt.NDArray[np.bool_], rest: Complex, variance: Array) -> npt.NDArray[np.bool_]:
+    """Points that are about where the body has them: of many, some slip. All where most seem to."""
+    near = mask & (np.abs(rest) < ASTRAY * np.sqrt(2 * variance)[:, None])
+    most = near.sum(axis=1) >= np.maximum(0.5 * mask.sum(axis=1), MANY)
+    return np.asarray(np.where(most[:, None], near, mask), np.bool_)
+
+
+def _all_finite(points: Array) -> npt.NDArray[np.bool_]:
+    return np.asarray(np.isfinite(points).all(axis=-1), np.bool_)
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """Some frames as a camera along the axis sees them, with a body laid onto them."""
+
+    angle: Array
+    rest: Complex
+    """What does not fit [px, rectified], shape (m, N)."""
+    turned: Complex
+    slopes: Complex
+    """Derivatives of the places by the free unknowns, shape (p, m, N)."""
+    scale: Array
+    """Pixels of the picture in one of the rectified one, shape (m,)."""
+
+
+def _seen(
     points: Array,
+    shear: Array,
     mask: npt.NDArray[np.bool_],
     matrix: Array,
-    direction: tuple[float, float] | None,
-    square: bool,
-) -> tuple[_State, float, float, Array]:
-    """Fit direction and everything that follows from it; the covariance is in units of the noise."""
-    from scipy.optimize import least_squares
-
-    def state_at(parameters: Array) -> _State:
-        return _procrustes(rectify(points, matrix, parameters[0], parameters[1]), mask)
-
-    if direction is not None:
-        return state_at(np.array(direction)), *direction, np.zeros((2, 2))
-    # A few hundred frames, those turned furthest from the middle among them, tell the direction.
-    start = state_at(np.zeros(2))
-    rows = _telling_frames(start.angle, mask)
-    some, some_mask = points[rows], mask[rows]
-    size = np.sqrt(np.mean(np.abs(start.shape) ** 2))
-
-    def residuals(parameters: Array, noise: float) -> Array:
-        yaw, pitch = parameters - 1  # about one, because steps of derivatives are relative
-        state = _procrustes(rectify(some, matrix, yaw, pitch), some_mask)
-        parts = [state.residual[some_mask] / noise]
-        if square:
-            ideal = np.exp(1j * np.pi / 2 * np.arange(4))
-            first = np.vdot(ideal, state.shape) / 4
-            parts.append((state.shape - first * ideal) / (SQUARE_SQUEEZE * size))
-        values = np.concatenate(parts)
-        return np.concatenate([values.real, values.imag, (parameters - 1) / SQUARE_PRIOR])
-
-    parameters, state, covariance = np.ones(2), start, np.eye(2)
-    for _ in range(2):  # the weight of the priors depends on the noise, which depends on the direction
-        noise = np.sqrt(np.mean(np.abs(state.residual[mask]) ** 2) / 2) + 0.5 * FLOOR / matrix[0, 0]
-        fit = least_squares(
-            residuals, parameters, diff_step=2e-3, loss="soft_l1", max_nfev=20, args=(float(noise),)
-        )
-        parameters, state = fit.x, state_at(fit.x - 1)
-        covariance = np.linalg.inv(fit.jac.T @ fit.jac)
-    return state, float(parameters[0] - 1), float(parameters[1] - 1), covariance
+    unknowns: Unknowns,
+    body: Body | None,
+) -> tuple[_Seen, Body]:
+    yaw, pitch, logarithm, readout = unknowns.value
+    camera = longer(matrix, logarithm)
+    # In pixels, so that a longer lens alone changes nothing but the perspective.
+    z = camera[0, 0] * rectify(np.where(mask[..., None], points + readout * shear, 0), camera, yaw, pitch)
+    body = body or first_body(z, mask)
+    angle, rest, turned = turn_of(z, mask, body)
+    # Derivatives at the places without their noise: with it, noise would pass for a slant.
+    clean = z - rest
+    still = unrectify(clean / camera[0, 0], camera, yaw, pitch) - readout * shear
+    slopes: list[Complex] = []
+    for number in unknowns.free:
+        moved = unknowns.value.copy()
+        moved[number] += STEPS[number]
+        other = longer(matrix, moved[2])
+        there = other[0, 0] * rectify(still + moved[3] * shear, other, moved[0], moved[1])
+        slopes.append((there - clean) / STEPS[number])
+    middle = np.where(mask, clean, 0).sum(axis=1) / np.maximum(mask.sum(axis=1), 1)
+    scale = 1 / enlargement(middle / camera[0, 0], yaw, pitch)
+    return _Seen(angle, rest, turned, np.array(slopes).reshape(len(slopes), *z.shape), scale), body
 
 
-def _telling_frames(angle: Array, mask: npt.NDArray[np.bool_], count: int = 300) -> npt.NDArray[np.intp]:
-    usable = np.flatnonzero(mask.sum(axis=1) >= 2)
-    if len(usable) <= count:
-        return usable
-    away = np.abs(angle[usable] - np.median(angle[usable]))
-    far = usable[np.argsort(-away)[: 2 * count // 3]]
-    even = usable[np.linspace(0, len(usable) - 1, count // 3).astype(int)]
-    return np.unique(np.concatenate([far, even]))
+def _enough(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    return mask.sum(axis=1) >= max(2, min(mask.shape[1], 4) - 1)
 
 
-def _procrustes(z: Complex, mask: npt.NDArray[np.bool_]) -> _State:
-    """Alternate between angles and shape until they agree (generalised Procrustes, no scaling)."""
-    weight = mask.astype(np.float64)
-    count = np.maximum(weight.sum(axis=1), 1)
-    full = np.flatnonzero(mask.all(axis=1)) if mask.all(axis=1).any() else np.argsort(-weight.sum(axis=1))[:1]
-    z = np.where(mask, z, 0)
-    shape = z[full[0]] - z[full[0]][mask[full[0]]].mean()
-    shape = np.where(mask[full[0]], shape, 0)
-    centre = np.zeros(z.shape[1], np.complex128)
-    angle, shift = np.zeros(len(z)), np.zeros(len(z), np.complex128)
-    ridge = 1 / CENTRE_PRIOR**2
-    rotation = np.exp(1j * angle)
-    for _ in range(12):
-        body = z - weight * centre
-        mean_body = body.sum(axis=1) / count
-        mean_shape = (weight * shape).sum(axis=1) / count
-        turned = (weight * np.conj(shape - mean_shape[:, None]) * (body - mean_body[:, None])).sum(axis=1)
-        before, angle = angle, np.angle(turned)
-        rotation = np.exp(1j * angle)
-        shift = mean_body - rotation * mean_shape
-        shape, centre = _circles(z - weight * shift[:, None], rotation, weight, ridge)
-        if np.abs(np.exp(1j * (angle - before)) - 1).max() < 1e-7:
-            break
-    residual = weight * (z - shift[:, None] - centre - rotation[:, None] * shape)
-    return _State(angle, shift, shape, centre, residual)
+def _speed(view: View, rows: Rows) -> Array:
+    """Mean speed of the points [px/frame], the larger one of before and after each frame."""
+    here = np.clip(rows[:, None] + np.arange(-1, 2), 0, len(view) - 1)
+    with np.errstate(invalid="ignore"):
+        moved = np.linalg.norm(np.diff(view.track.points[here], axis=1), axis=-1)
+    count = np.isfinite(moved).sum(axis=2)
+    return (np.nansum(moved, axis=2) / np.maximum(count, 1)).max(axis=1)
 
 
-def _circles(z: Complex, rotation: Complex, weight: Array, ridge: float) -> tuple[Complex, Complex]:
-    """Least squares for every point's circle z_i = c + rotation_i q, with a weak pull of c to zero."""
-    n = np.maximum(weight.sum(axis=0), 1)
-    mean_rotation = (weight * rotation[:, None]).sum(axis=0) / n
-    shape = (weight * np.conj(rotation)[:, None] * z).sum(axis=0) / n
-    mean = z.sum(axis=0) / n
-    # Noise of about 1e-3 sizes a point and frame sets how soon the data outweigh the pull.
-    information = n * (1 - np.abs(mean_rotation) ** 2) / 1e-6
-    centre = (mean - mean_rotation * shape) / np.maximum(1 - np.abs(mean_rotation) ** 2, 1e-12)
-    centre = centre * information / (information + ridge)
-    centre = centre - centre.mean()
-    shape = shape - centre * np.conj(mean_rotation)
-    return shape, centre
-
-
-def _information(state: _State, mask: npt.NDArray[np.bool_]) -> Array:
-    count = np.maximum(mask.sum(axis=1), 1)
-    mean = (mask * state.shape).sum(axis=1) / count
-    return np.maximum((mask * np.abs(state.shape - mean[:, None]) ** 2).sum(axis=1), 1e-18)
-
-
-def _without_outliers(
-    state: _State, mask: npt.NDArray[np.bool_], keep: npt.NDArray[np.bool_], points: Array, matrix: Array
-) -> tuple[npt.NDArray[np.bool_], int]:
-    """Drop frames whose points fit far worse than those of frames at the same speed do."""
-    error = (
-        np.sqrt((np.abs(state.residual) ** 2).sum(axis=1) / np.maximum(mask.sum(axis=1), 1)) * matrix[0, 0]
+def _telling(view: View) -> _Some:
+    """Choose frames: few of those that show one and the same picture, many of those turned furthest."""
+    seen = np.zeros(len(view), bool)
+    run = np.zeros(len(view), int)
+    place = np.zeros((len(view), 2))
+    anchor, number = np.full(view.track.points.shape[1:], np.inf), 0
+    for row in range(len(view)):
+        points = view.track.points[row]
+        with np.errstate(invalid="ignore"):
+            away = np.abs(points - anchor)
+        known = np.isfinite(away)
+        if not known.any() or away[known].max() > STILL:
+            anchor, number = points, number + 1
+        run[row] = number
+        good = np.isfinite(points).all(axis=-1)
+        seen[row] = _enough(good[None])[0]
+        if seen[row]:
+            place[row] = points[good][-1] - points[good][0]
+    usable = np.flatnonzero(seen)
+    if len(usable) > 2:  # a frame without neighbours shows no velocity
+        usable = usable[(usable > 0) & (usable < len(view) - 1)]
+    _, first, count = np.unique(run[usable], return_index=True, return_counts=True)
+    kept = np.concatenate(
+        [
+            usable[begin + np.unique(np.linspace(0, many - 1, min(many, SAME)).astype(int))]
+            for begin, many in zip(first, count, strict=True)
+        ]
     )
-    typical = np.median(error[keep]) + 0.02
-    good = keep & (error < 12 * typical + BLUR_SHARE * _speed(points))
-    return good, int(keep.sum() - good.sum())
+    if len(kept) > MOST_ROWS:
+        direction = np.angle(place[kept] @ np.array([1, 1j]))
+        away = np.abs(np.angle(np.exp(1j * (direction - np.median(direction)))))
+        far = np.argsort(-away)[: 2 * MOST_ROWS // 3]
+        even = np.linspace(0, len(kept) - 1, MOST_ROWS // 3).astype(int)
+        kept = kept[np.unique(np.concatenate([far, even]))]
+    _, inverse, count = np.unique(run[kept], return_inverse=True, return_counts=True)
+    return _Some(kept, _all_finite(view.points(kept)), 1 / count[inverse], _speed(view, kept))
 
 
-def _noise(
-    state: _State, mask: npt.NDArray[np.bool_], points: Array, matrix: Array, floor: float
-) -> tuple[float, float, Array]:
-    """Noise at rest [px], its growth with speed, and each frame's noise [px], from what does not fit."""
-    seen = mask.sum(axis=1)
-    freedom = np.maximum(2 * seen - 3, 0)
-    used = freedom > 0
-    square = (np.abs(state.residual) ** 2).sum(axis=1) * matrix[0, 0] ** 2 / np.maximum(freedom, 1)
-    speed = _speed(points)
-    slow = used & (speed <= np.median(speed[used]))
-    rest = float(np.average(square[slow], weights=freedom[slow])) + floor**2
-    fast = used & (speed > 0.5)
+@dataclass(frozen=True, slots=True)
+class _Trial:
+    """Body and unknowns, and how well they fit."""
+
+    body: Body
+    unknowns: Unknowns
+    rest: Complex
+    """What does not fit, shape (m, N)."""
+    cost: float
+    normal: Array
+    pull: Array
+
+
+def _solve(view: View, some: _Some, matrix: Array, before: Unknowns, solid: Solid) -> _Found:
+    """Find body and unknowns by damped Gauss-Newton steps; three times, as the noise weighs the frames."""
+    points, shear = view.points(some.rows), view.shear(some.rows)
+    free = before.free
+    limit = np.array([0.15, 0.15, 0.4, np.inf])[free]
+    (_, body), now = _seen(points, shear, some.mask, matrix, before, None), before
+    noise, doubt = _Noise(0.05**2, 0.0), np.ones(len(points))
+    trial = None
+    lens = 4 * len(body.shape) + free.index(2) if 2 in free and not solid.shows_lens else None
+    for _ in range(ROUNDS):
+        weight = some.share * doubt / (noise.variance(some.speed) * solid.alike)
+
+        at = partial(_try, points, shear, some, matrix, before, solid, weight)
+        trial = at(body, now)
+        damping = 0.0
+        for _ in range(MOST_STEPS):
+            damped = trial.normal + damping * np.diag(np.diag(trial.normal))
+            if lens is not None:
+                damped[lens, lens] *= HELD
+            step = np.asarray(np.linalg.solve(damped, trial.pull), np.float64)
+            bold = np.abs(step[len(step) - len(free) :])
+            step *= min(1.0, float(np.min(limit / np.maximum(bold, 1e-12), initial=1.0)))
+            value = trial.unknowns.value.copy()
+            value[free] += step[len(step) - len(free) :]
+            other = at(trial.body.moved(step), now.at(value))
+            # The body once more for these unknowns: a slant shortens it by more than in proportion.
+            own = 4 * len(body.shape)
+            refit = np.asarray(np.linalg.solve(other.normal[:own, :own], other.pull[:own]), np.float64)
+            settled = at(other.body.moved(refit), other.unknowns)
+            other = settled if settled.cost < other.cost else other
+            gain = trial.cost - other.cost
+            if gain >= 0:
+                trial, damping = other, damping / 10
+            else:
+                damping = max(10 * damping, 1e-3)
+            if not abs(gain) >= ENOUGH:
+                break
+        body, now = trial.body, trial.unknowns
+        noise, doubt = _noise(trial.rest, some, len(free), solid)
+        if len(body.shape) >= MANY:
+            some = replace(some, mask=_near(some.mask, trial.rest, noise.variance(some.speed)))
+    assert trial is not None
+    covariance = _covariance(trial.normal, lens, before)
+    unknown = np.zeros((4, 4))
+    unknown[np.ix_(free, free)] = covariance[len(covariance) - len(free) :, len(covariance) - len(free) :]
+    return _Found(replace(now, covariance=unknown), body, noise, covariance)
+
+
+def _covariance(normal: Array, lens: int | None, before: Unknowns) -> Array:
+    """Of all that is common; a focal length that the points do not tell is as uncertain as it was before."""
+    if lens is None:
+        return np.asarray(np.linalg.inv(normal), np.float64)
+    others = np.delete(np.arange(len(normal)), lens)
+    inverse = np.linalg.inv(normal[np.ix_(others, others)])
+    follow = np.zeros(len(normal))
+    follow[others], follow[lens] = -inverse @ normal[others, lens], 1.0
+    covariance = np.outer(follow, follow) * before.covariance[2, 2]
+    covariance[np.ix_(others, others)] += inverse
+    return covariance
+
+
+def _try(
+    points: Array,
+    shear: Array,
+    some: _Some,
+    matrix: Array,
+    before: Unknowns,
+    solid: Solid,
+    weight: Array,
+    body: Body,
+    unknowns: Unknowns,
+) -> _Trial:
+    seen, _ = _seen(points, shear, some.mask, matrix, unknowns, body)
+    scaled = weight * seen.scale**2
+    normal, pull = common_problem(seen.rest, seen.angle, seen.turned, some.mask, scaled, seen.slopes)
+    cost = float(np.sum(scaled[:, None] * np.abs(seen.rest) ** 2))
+    cost += _add_priors(normal, pull, body, unknowns, before, solid, matrix[0, 0])
+    return _Trial(body, unknowns, seen.rest * seen.scale[:, None], cost, normal, pull)
+
+
+def _add_priors(
+    normal: Array, pull: Array, body: Body, now: Unknowns, before: Unknowns, solid: Solid, focal: float
+) -> float:
+    """Add what is known beforehand to the normal equations, in place; return its cost."""
+    size = len(body.shape)
+    length = np.sqrt(np.mean(np.abs(body.shape) ** 2))
+    diagonal = np.arange(2 * size)
+    tight = (solid.centre_std * focal) ** -2
+    normal[diagonal, diagonal] += tight
+    centre = np.concatenate([body.centre.real, body.centre.imag])
+    pull[diagonal] -= centre * tight
+    cost = float(centre @ centre) * tight
+    normal[diagonal + 2 * size, diagonal + 2 * size] += length**-2  # a hair: shift and turn are free
+    if solid.square:
+        ideal = np.exp(1j * np.pi / 2 * np.arange(size))
+        off = (np.eye(size) - np.outer(ideal, ideal.conj()) / size) / (SQUARE_SQUEEZE * length) ** 2
+        shape = slice(2 * size, 4 * size)
+        normal[shape, shape] += np.block([[off.real, -off.imag], [off.imag, off.real]])
+        wrong = off @ body.shape
+        pull[shape] -= np.concatenate([wrong.real, wrong.imag])
+        cost += float(np.vdot(body.shape, wrong).real)
+    if free := before.free:
+        prior = np.linalg.inv(before.covariance[np.ix_(free, free)])
+        moved = now.value[free] - before.value[free]
+        normal[4 * size :, 4 * size :] += prior
+        pull[4 * size :] -= prior @ moved
+        cost += float(moved @ prior @ moved)
+    return cost
+
+
+def _noise(rest: Complex, some: _Some, unknowns: int, solid: Solid) -> tuple[_Noise, Array]:
+    """Noise from what does not fit [px], and how much each frame is to be believed, from 0 to 1."""
+    freedom = np.maximum(2 * some.mask.sum(axis=1) - 3, 1)
+    square = (np.abs(rest) ** 2).sum(axis=1) / freedom
+    typical = float(np.median(square)) + FLOOR**2 + (BLUR_SHARE * some.speed) ** 2
+    doubt = 1 / (1 + square / (9 * typical))
+    weight = freedom * some.share
+    spent = min(0.7, (4 * some.mask.shape[1] - 5 + unknowns) / float(weight.sum()))
+    used = square < 25 * typical
+    slow = used & (some.speed <= np.median(some.speed[used]))
+    at_rest = float(np.average(square[slow], weights=weight[slow])) / (1 - spent) + solid.floor**2
+    fast = used & (some.speed > 0.5)
     blur = 0.0
     if fast.sum() >= 3:
-        weight = freedom[fast] * speed[fast] ** 2 / (rest + 1e-3 * speed[fast] ** 2) ** 2
-        blur = float(max(np.sum(weight * (square[fast] - rest)) / np.sum(weight * speed[fast] ** 2), 0.0))
-    return np.sqrt(rest), np.sqrt(blur), np.sqrt(rest + blur * speed**2)
-
-
-def _speed(points: Array) -> Array:
-    """Mean speed of the points [px/frame], shape (n,), from neighbouring frames."""
-    with np.errstate(invalid="ignore"):
-        moved = np.linalg.norm(np.diff(points, axis=0), axis=-1)
-    count = np.isfinite(moved).sum(axis=1)
-    step = np.where(count > 0, np.nansum(moved, axis=1) / np.maximum(count, 1), 0.0)
-    return np.maximum(np.append(step, 0.0), np.insert(step, 0, 0.0))
-
-
-def _centre_variance(state: _State, mask: npt.NDArray[np.bool_], noise: float) -> Array:
-    """What the uncertainty of the circles' centres does to the angles, less what it does at rest."""
-    rotation = np.exp(1j * state.angle[mask.any(axis=1)])
-    n = len(rotation)
-    information = n * (1 - np.abs(rotation.mean()) ** 2) + noise**2 / (
-        CENTRE_PRIOR**2 * np.mean(np.abs(state.shape) ** 2) + 1e-18
-    )
-    size = (np.abs(state.shape - state.shape.mean()) ** 2).sum()
-    rest = np.exp(1j * np.median(state.angle))
-    return (
-        noise**2 / max(information, 1e-12) * np.abs(np.exp(1j * state.angle) - rest) ** 2 / max(size, 1e-18)
-    )
-
-
-def _direction_variance(
-    points: Array,
-    mask: npt.NDArray[np.bool_],
-    matrix: Array,
-    state: _State,
-    yaw: float,
-    pitch: float,
-    covariance: Array,
-) -> Array:
-    """What the uncertainty of the axis' direction does to the angles, less what it does at rest."""
-    columns: list[Array] = []
-    for number in range(2):
-        step = 0.01
-        moved = np.array([yaw, pitch])
-        moved[number] += step
-        other = _procrustes(rectify(points, matrix, moved[0], moved[1]), mask)
-        change = np.angle(np.exp(1j * (other.angle - state.angle))) / step
-        columns.append(change - np.median(change[mask.any(axis=1)]))
-    jacobian = np.stack(columns, axis=1)
-    return np.einsum("ni,ij,nj->n", jacobian, covariance, jacobian)
-
-
-def smear(angle: Array) -> Array:
-    """What an unknown exposure does: a smeared body is seen at its mean, not at the middle of the exposure.
-
-    The mean over an exposure T is off by φ̈ T²/24; for T anywhere between 0 and the frame interval the
-    root mean square of that is the second difference of the angle over 54.
-    """
-    smear = np.zeros(len(angle))
-    with np.errstate(invalid="ignore"):
-        smear[1:-1] = np.abs(np.diff(np.exp(1j * angle), n=2)) / 54
-    return np.where(np.isfinite(smear), smear, 0.0)
-
-
-def unwrap(angle: Array) -> Array:
-    """Return the angles without jumps of whole turns, past the NaN of frames that show nothing."""
-    good = np.isfinite(angle)
-    result = angle.copy()
-    result[good] = np.unwrap(angle[good])
-    return result
+        speed = some.speed[fast]
+        share = weight[fast] * speed**2 / (at_rest + 1e-3 * speed**2) ** 2
+        blur = float(max(np.sum(share * (square[fast] - at_rest)) / np.sum(share * speed**2), 0.0))
+    return _Noise(at_rest, blur), doubt
