@@ -21,11 +21,15 @@ STANDING = Start(standing=1.0, pushing=0.0, steering=0.0)
 PUSHING = Start(standing=0.0, pushing=1.0, steering=0.0)
 
 
+@pytest.fixture(autouse=True, scope="module")
+def _training_stack():
+    for module in ("torch", "mjlab", "warp"):
+        pytest.importorskip(module, reason="needs the training stack")
+
+
 @contextlib.contextmanager
 def worlds(board=None, *, clips=(), **options):
     """Eight worlds of a variant of the task after their first reset."""
-    for module in ("torch", "mjlab", "warp"):
-        pytest.importorskip(module, reason="needs the training stack")
     from policy_runtime.fused_rewards import SkateEnv
     from sim.skate.task import skate_env_cfg
 
