@@ -142,3 +142,23 @@ def test_mujoco_warp_decays_the_same(board: Board, kind: str):
         assert warp_data.qpos.numpy()[0, tilt] == pytest.approx(data.qpos[tilt], abs=1e-5)
     if kind == "bench":
         assert swing(model, 0.1, 0.0, 0.5).roll[100] == pytest.approx(data.qpos[tilt], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("kind", "expected"),
+    [
+        ("bench", (0.03191392236868486, -0.020157432476494243, 0.002537127046792464, 2.783436167048193e-05)),
+        ("scene", (0.03332761689698728, -0.01939404881479037, 0.0018291725904868584, 8.313932657950853e-05)),
+    ],
+)
+def test_a_file_decays_the_same_in_every_mujoco(kind: str, expected: tuple[float, ...]):
+    """Files written under MuJoCo 4.0 (`husky-sysid mjcf --board black --substitutes`), rolls as stepped there."""
+    model = mujoco.MjModel.from_xml_path(str(Path(__file__).parent / "data" / f"black_{kind}.xml"))
+    data = mujoco.MjData(model)
+    tilt = model.joint("board_tilt_joint").qposadr[0]
+    data.qpos[tilt] = 0.15
+    rolls = []
+    for _ in range(40):
+        mujoco.mj_step(model, data)
+        rolls.append(data.qpos[tilt])
+    assert [rolls[step] for step in (4, 9, 19, 39)] == pytest.approx(expected, abs=1e-9)
