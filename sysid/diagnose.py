@@ -96,6 +96,8 @@ class Diagnosis:
     warnings: tuple[str, ...]
     best: Model = field(repr=False)
     base: Model = field(repr=False)
+    swing_frequency: float | None = None
+    """Where a rate was fitted, and errors are rates: the joint's natural frequency [rad/s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,6 +182,7 @@ def diagnose(
         warnings=tuple(warnings),
         best=best,
         base=base,
+        swing_frequency=scales.frequency if use_rate else None,
     )
 
 

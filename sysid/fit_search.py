@@ -22,28 +22,38 @@ _SHORT = (0.6, 1.25, 2.5, 4.0)
 when the next one begins, and whoever looks at all of them at once sees false valleys only."""
 
 
+_ASTRAY = 1.5
+"""Ratio of stiffnesses, with one rest angle for all releases and with one each, from which the former errs."""
+
+
 def scales_of(records: Sequence[Record], board: Board) -> Scales:
     """Return the sizes of the problem from a linear fit, started from the data and from the board."""
     amplitude = max(float(np.ptp(r.release.roll)) for r in records)
     amplitude = max(amplitude / 1.6, 1e-4)
     duration = max(float(r.time[-1]) for r in records)
-    inertia = board.inertia.value
-    guesses = [(board.stiffness / inertia, board.damping / inertia)]
+    rough = Scales(
+        inertia=board.inertia.value, stiffness=board.stiffness, damping=board.damping,
+        amplitude=amplitude, duration=duration,
+    )  # fmt: skip
+    together = _linear_scales(records, rough, "shared")
+    if records[0].is_rate or len(records) == 1:
+        return together
+    apart = _linear_scales(records, rough, "own")
+    # One rest angle for all is right, unless the sensor drifts so far that the stiffness has to pay for it.
+    return together if 1 / _ASTRAY < together.stiffness / apart.stiffness < _ASTRAY else apart
+
+
+def _linear_scales(records: Sequence[Record], known: Scales, bias: Bias) -> Scales:
+    """Return the sizes with the linear joint's stiffness and damping that fit best, from several starts."""
+    rest = _rest(records)
+    guesses = [(known.stiffness / known.inertia, known.damping / known.inertia)]
     guesses += [guess for record in records if (guess := linear_guess(record)) is not None]
     best: tuple[float, Scales] | None = None
     for square, decay in guesses:
-        rough = Scales(
-            inertia=inertia, stiffness=inertia * square, damping=inertia * decay,
-            amplitude=amplitude, duration=duration,
-        )  # fmt: skip
-        # Each release about a zero of its own: a sensor that drifts, or a deck that sticks, says nothing of k.
-        problem = Problem(
-            Structure(), records, rough, bias="shared" if records[0].is_rate else "own", steps_per_period=30,
-            fixed={} if records[0].is_rate else {"rest_angle": _rest(records)},
-        )  # fmt: skip
-        start = problem.start(
-            {"stiffness": rough.stiffness, "damping": rough.damping, "rest_angle": _rest(records)}
-        )
+        rough = replace(known, stiffness=known.inertia * square, damping=known.inertia * decay)
+        fixed = {"rest_angle": rest} if bias == "own" else {}
+        problem = Problem(Structure(), records, rough, bias=bias, fixed=fixed, steps_per_period=30)
+        start = problem.start({"stiffness": rough.stiffness, "damping": rough.damping, "rest_angle": rest})
         minimum = minimise(problem.normal, start, *problem.bounds(), iterations=25)
         found = problem.parameters(minimum.point)
         if found["stiffness"] <= 0:

@@ -93,7 +93,7 @@ def test_what_json_cannot_hold_becomes_null(pink):
     )  # fmt: skip
     result = SimpleNamespace(
         noise=SimpleNamespace(std=1e-3), baseline=lost, candidates=(lost,), verdict=verdict,
-        shares={"freeplay": np.nan}, warnings=(),
+        shares={"freeplay": np.nan}, warnings=(), swing_frequency=None,
     )  # fmt: skip
     content = json.loads(json.dumps(to_json(result, pink, ["a.csv"]), allow_nan=False))
     first = content["candidates"][0]

@@ -111,18 +111,21 @@ def to_json(result: "Comparison", board: Board, logs: Sequence[Path]) -> dict[st
     """
     fitted = {entry.get("sha256") for entry in board.fit.get("logs", [])}
     seen = any(sha256(log) in fitted for log in logs)
+    heldout = board.fit.get("heldout_rmse") if seen else result.rmse
+    # An error of a measured rate, as the amplitude of a swing at the joint's frequency that has that rate.
+    per = 1.0 / result.law.frequency if result.is_rate else 1.0
     missing = result.missing
     return {
         "board": result.board,
         "logs": [str(log) for log in logs],
-        "rmse_rad": result.rmse,
+        "rmse_rad": per * result.rmse,
         "nrmse": result.nrmse,
         "nrmse_beyond_noise": result.excess,
-        "noise_floor_rad": result.noise.std,
+        "noise_floor_rad": per * result.noise.std,
         "noise_floor_how": result.noise.how,
-        "heldout_rmse_rad": board.fit.get("heldout_rmse") if seen else result.rmse,
+        "heldout_rmse_rad": per * heldout if heldout is not None else None,
         "signal": "rate" if result.is_rate else "roll",
-        "releases": [{"log": r.log, "number": r.number, "rmse_rad": r.rmse} for r in result.releases],
+        "releases": [{"log": r.log, "number": r.number, "rmse_rad": per * r.rmse} for r in result.releases],
         "where": [
             {"axis": p.axis, "range": list(p.range), "share_of_error": p.share, "text": p.text}
             for p in result.where

@@ -90,8 +90,9 @@ def progress_bar(printer: Printer) -> Generator["Progress | None"]:
 
 def _print(printer: Printer, result: "Diagnosis", board: Board, releases: int) -> None:
     verdict, floor = result.verdict, result.noise
+    unit = "°" if result.swing_frequency is None else "°/s"
     printer.say(
-        f"{board.name} · {releases} release(s) · noise floor {np.degrees(floor.std):.3g}° ({floor.how})"
+        f"{board.name} · {releases} release(s) · noise floor {np.degrees(floor.std):.3g}{unit} ({floor.how})"
     )
     rows = [_row(c, floor.std) for c in result.candidates[:_SHOWN]]
     if not any(c.effects == () for c in result.candidates[:_SHOWN]):
@@ -123,16 +124,23 @@ def _row(candidate: "Candidate", floor: float) -> tuple[str, ...]:
 def to_json(result: "Diagnosis", board: Board, logs: list[str]) -> dict[str, Any]:
     """Return the binding result of the command."""
     verdict = result.verdict
+    # An error of a measured rate, as the amplitude of a swing at the joint's frequency that has that rate.
+    per = 1.0 if result.swing_frequency is None else 1.0 / result.swing_frequency
+    baseline, heldout = result.baseline, result.baseline.heldout_rmse
     content: dict[str, Any] = {
         "board": board.name,
         "logs": logs,
-        "noise_floor_rad": result.noise.std,
-        "baseline": {"rmse_rad": result.baseline.rmse, "heldout_rmse_rad": result.baseline.heldout_rmse},
+        "signal": "roll" if result.swing_frequency is None else "rate",
+        "noise_floor_rad": per * result.noise.std,
+        "baseline": {
+            "rmse_rad": per * baseline.rmse,
+            "heldout_rmse_rad": None if heldout is None else per * heldout,
+        },
         "candidates": [
             {
                 "effects": list(c.effects),
-                "rmse_rad": c.rmse,
-                "heldout_rmse_rad": c.heldout_rmse,
+                "rmse_rad": per * c.rmse,
+                "heldout_rmse_rad": None if c.heldout_rmse is None else per * c.heldout_rmse,
                 "score": c.score,
                 "parameters": {name: quantity.to_json() for name, quantity in c.parameters.items()},
             }
@@ -143,8 +151,8 @@ def to_json(result: "Diagnosis", board: Board, logs: list[str]) -> dict[str, Any
             "effects": list(verdict.effects),
             "confidence": verdict.confidence,
             "indistinguishable_from": [list(group) for group in verdict.indistinguishable_from],
-            "error_before_rad": verdict.error_before,
-            "error_after_rad": verdict.error_after,
+            "error_before_rad": per * verdict.error_before,
+            "error_after_rad": per * verdict.error_after,
             "next_experiment": verdict.next_experiment,
             "explanation": verdict.explanation,
             "share_of_peak_torque": dict(result.shares),
