@@ -137,7 +137,7 @@ def fit_joint(
     if not releases:
         raise HuskyError("no release to fit. Let the deck go and record until it rests.")
     noise = noise_floor(releases, rate=options.use_rate)
-    records = make_records(releases, noise.std, rate=options.use_rate)
+    records = make_records(releases, noise.std, rate=options.use_rate, settled=True)
     scales = scales_of(records, board)
     structure = structure_of(effects)
     fixed = dict(options.fixed)

@@ -37,13 +37,16 @@ class Record:
     """Noise of the signal, one number [rad or rad/s]."""
 
 
-def make_records(releases: Sequence[Release], std: float, *, rate: bool) -> tuple[Record, ...]:
+def make_records(
+    releases: Sequence[Release], std: float, *, rate: bool, settled: bool = False
+) -> tuple[Record, ...]:
     """Cut the tails at rest that say nothing new and return what is to be fitted.
 
     Args:
         releases: From one board.
         std: Noise floor of the signal [rad or rad/s].
         rate: Fit the measured rate (the roll is only its integral) instead of the roll.
+        settled: Keep what a coarse sensor shows of the rest: rounded, but where a deck sticks tells its friction.
     """
     records: list[Record] = []
     coarse = COARSE_STEPS * sensor_step(releases, rate=rate)
@@ -51,7 +54,7 @@ def make_records(releases: Sequence[Release], std: float, *, rate: bool) -> tupl
         measured = release.rate if rate and release.rate is not None else release.roll
         end = _end_of_motion(release, measured, std)
         begin = _onset(release)
-        if coarse > 0:
+        if coarse > 0 and not settled:
             level = 0.0 if rate else release.rest
             beyond = np.flatnonzero(np.abs(measured[:end] - level) > coarse)
             end = max(min(end, begin + 32), int(beyond[-1]) + 1 if len(beyond) else 0)
