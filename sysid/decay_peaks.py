@@ -163,7 +163,7 @@ def _shared_slope(x: Array, y: Array, std: Array, owner: Array) -> tuple[float, 
 
 
 def _release_peak(release: Release, rest: float, omega_n: float, omega_d: float, noise: float) -> Peak | None:
-    """Return peak 0: the roll at the release, where the rate is zero; None if the sensor is too slow.
+    """Return peak 0: the roll at the release, where the rate is zero; None if the samples cannot tell it.
 
     The first samples are taken together, on the course of a decay that starts from rest; its start is
     known to about 2 % of a period, so a small shift in time is fitted along with the amplitude.
@@ -178,7 +178,10 @@ def _release_peak(release: Release, rest: float, omega_n: float, omega_d: float,
     size = abs(float(release.roll[0]) - rest)
     design = np.vstack([np.column_stack([u + a * v, -(omega_n**2) * v]) / noise, [0.0, 1 / (shift * size)]])
     target = np.append((release.roll[near] - rest) / noise, 0.0)
-    covariance = np.asarray(np.linalg.inv(design.T @ design), dtype=np.float64)
+    try:
+        covariance = np.asarray(np.linalg.inv(design.T @ design), dtype=np.float64)
+    except np.linalg.LinAlgError:  # a release whose first sample is its rest: no shift can be told
+        return None
     amplitude = float(covariance[0] @ (design.T @ target))
     return Peak(0, release.start, shift, rest + amplitude, abs(amplitude), math.sqrt(float(covariance[0, 0])))
 
