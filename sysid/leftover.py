@@ -76,6 +76,6 @@ def _is_steady(model: Model) -> bool:
 def _largest_line(residuals: Sequence[Array]) -> float:
     """Return the share of power in one line of the spectrum of all releases: noise peaks elsewhere in each."""
     size = max(len(r) for r in residuals)
-    power = sum(np.abs(np.fft.rfft(r * np.hanning(len(r)), size)) ** 2 for r in residuals)
+    power = np.sum([np.abs(np.fft.rfft(r * np.hanning(len(r)), size)) ** 2 for r in residuals], axis=0)
     near = np.convolve(power, np.ones(3), mode="same")
     return float(near.max() / max(np.sum(power), 1e-300))
