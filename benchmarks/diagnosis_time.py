@@ -46,7 +46,7 @@ class Few(Searcher):
 def main() -> None:
     lines = [
         "# Time of a diagnosis", "",
-        f"Processor time of one process, Python {platform.python_version()}; made by `benchmarks/diagnosis_time.py`. "
+        f"Processor time of one process on a busy machine, Python {platform.python_version()}; made by `benchmarks/diagnosis_time.py`. "
         "Three releases of 2 s.", "", "| hidden | samples | s | verdict |", "|---|---|---|---|",
     ]  # fmt: skip
     diagnose(*log_of("none, heavy", 200.0))  # imports, and functions that all share

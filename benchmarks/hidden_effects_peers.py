@@ -33,7 +33,7 @@ SHOWN = (
 )  # fmt: skip
 TERMS = {
     "x": None, "v": None, "1": "offset", "x²": "asymmetric-stiffness", "x³": "cubic-stiffness",
-    "v|v|": "quadratic-damping", "v³": "cubic-damping", "sign v": "coulomb", "x|x|": "(x|x|)",
+    "v|v|": "quadratic-damping", "v³": "cubic-damping", "sign v": "coulomb", "x|x|": "x times its size",
 }  # fmt: skip
 """pysindy's library, and the effect of the catalogue that each term is."""
 THRESHOLD = 0.02
