@@ -43,7 +43,9 @@ def ladder_figure(rungs: Sequence[Rung], floor: float, title: str, unit: str = "
         figure = Figure(figsize=(max(4.6, 1.5 * len(rungs) + 2.2), 3.4), layout="constrained")
         axes = figure.add_subplot()
         axes.bar(x - 0.18, [scale * r.rmse for r in rungs], 0.34, color=SIM, label="fitted releases")
-        axes.bar(x + 0.18, [scale * r.heldout for r in rungs], 0.34, color=HELD_OUT, label="held-out releases")
+        axes.bar(
+            x + 0.18, [scale * r.heldout for r in rungs], 0.34, color=HELD_OUT, label="held-out releases"
+        )
         axes.axhline(scale * floor, color=NOISE, linestyle="--", linewidth=1.2, label="noise floor")
         for place, rung in zip(x, rungs, strict=True):
             for shift, value in ((-0.18, rung.rmse), (0.18, rung.heldout)):

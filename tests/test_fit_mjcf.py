@@ -165,7 +165,7 @@ def test_intervals_cover_the_truth(pink, rho):
     for name, value in truth.items():
         found = [fit.quantities[name] for fit in fits]
         inside = np.mean([q.ci95[0] <= value <= q.ci95[1] for q in found])
-        assert 0.9 <= inside, (name, inside)  # 95 - 5: not three standard deviations of 150 draws
+        assert inside >= 0.9, (name, inside)  # 95 - 5: not three standard deviations of 150 draws
         # The deviations themselves are a sharper test than how often two of them are exceeded.
         scores = np.sort([(q.value - value) / q.std for q in found])[4:-4]  # less a few that kinks throw far
         assert 0.8 < np.std(scores) / 0.866 < 1.2, (name, np.std(scores))
