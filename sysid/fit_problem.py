@@ -153,7 +153,9 @@ class Problem:
             mean = _averaging(len(record.time), self.average)
             release = record.release
             sampling = float(np.median(np.diff(release.time[:32])))
-            pull = max(self.scales.frequency**2 * release.amplitude, _first_pull(release))
+            pull = self.scales.frequency**2 * release.amplitude
+            if "end-stop" in self.structure.effects:  # without one, only the spring can have set it off
+                pull = max(pull, _first_pull(release))
             spread = max(UNSURE_START, 0.5 * sampling) * pull
             paths.append(
                 _Path(
