@@ -154,7 +154,7 @@ class Problem:
             release = record.release
             sampling = float(np.median(np.diff(release.time[:32])))
             pull = self.scales.frequency**2 * release.amplitude
-            if "end-stop" in self.structure.effects:  # without one, only the spring can have set it off
+            if any(part.leaned_on for part in self.structure.parts):  # else only the spring has set it off
                 pull = max(pull, _first_pull(release))
             spread = max(UNSURE_START, 0.5 * sampling) * pull
             paths.append(

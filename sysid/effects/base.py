@@ -275,6 +275,8 @@ class Effect:
     """`torque(m, motion, parameters, states)` [N*m], without dry friction."""
     friction: Callable[[Algebra, Value, Values], Value] | None = None
     """`friction(m, speed, parameters)` [N*m] ≥ 0: dry friction at |v|; at speed 0, what it takes to slide."""
+    leaned_on: bool = False
+    """Whether a hand can hold the board against it, so that a release sets off faster than the spring alone makes it."""
     states: tuple[State, ...] = field(default=())
 
     @property

@@ -76,4 +76,5 @@ EFFECT = Effect(
     to_mjcf=to_mjcf,
     example=(0.1, 60.0, 0.0),
     torque=torque,
+    leaned_on=True,
 )
