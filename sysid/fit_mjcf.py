@@ -13,7 +13,7 @@ from sysid.board import Board
 from sysid.effects import effect
 from sysid.errors import HuskyError
 from sysid.fit_problem import Bias, Problem, Record, make_records
-from sysid.fit_search import KINKED, scales_of, search
+from sysid.fit_search import scales_of, search
 from sysid.fit_uncertainty import doubts, parameter_quantities, total_covariance
 from sysid.joint import JointLaw
 from sysid.joint_flow import structure_of
@@ -76,7 +76,7 @@ class JointFit:
     def kinked(self) -> bool:
         """Whether the cost has kinks, which an interval from the Jacobian does not see."""
         structure = self.law.structure
-        return structure.turns or bool(KINKED & set(structure.effects))
+        return structure.turns or structure.kinked
 
     @property
     def measured_rms(self) -> float:
@@ -145,7 +145,7 @@ def fit_joint(
         fixed.setdefault("rest_angle", board.rest_angle)
     if options.use_rate or options.bias == "own":
         fixed.setdefault("rest_angle", board.rest_angle)
-    fine = options.steps_per_period * (3 if KINKED & set(effects) else 1)
+    fine = options.steps_per_period * (3 if structure.kinked else 1)
     problem, minimum, evaluations = search(
         structure, records, scales, bias=options.bias, fixed=fixed, steps_per_period=fine
     )

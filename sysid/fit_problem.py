@@ -110,6 +110,12 @@ class _Path:
     clock: Array
     std: float
     """Signal, time on the log's clock and noise of the samples, or of means of neighbours; shape (n,)."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Start:
+    """How fast one record may start."""
+
     spread: float
     """Deviation that a start faster than from rest may have [rad/s]; 0 where it may have any."""
     inward: float
@@ -152,23 +158,32 @@ class Problem:
             at = hermite_matrix(record.time, self.step, steps, slope=record.is_rate)
             mean = _averaging(len(record.time), self.average)
             release = record.release
+            paths.append(
+                _Path(
+                    Shooting(flow, steps, mean @ at, max(release.hold, 0.0)),
+                    mean @ record.signal, mean @ (record.time + float(release.time[0])), record.std / float(np.sqrt(self.average)),
+                )
+            )  # fmt: skip
+        return paths
+
+    @cached_property
+    def _starts(self) -> list[_Start]:
+        """Known from the releases alone, so that whoever asks for them need not build the joint's functions."""
+        starts: list[_Start] = []
+        for record in self.records:
+            release = record.release
             sampling = float(np.median(np.diff(release.time[:32])))
             pull = self.scales.frequency**2 * release.amplitude
             if any(part.leaned_on for part in self.structure.parts):  # else only the spring has set it off
                 pull = max(pull, _first_pull(release))
             spread = max(UNSURE_START, 0.5 * sampling) * pull
-            paths.append(
-                _Path(
-                    Shooting(flow, steps, mean @ at, max(release.hold, 0.0)),
-                    mean @ record.signal, mean @ (record.time + float(release.time[0])), record.std / float(np.sqrt(self.average)),
-                    max(spread, 1e-300) if release.hold > 0 else 0.0, -float(np.sign(release.roll[0] - release.rest)),
-                )
-            )  # fmt: skip
-        return paths
+            inward = -float(np.sign(release.roll[0] - release.rest))
+            starts.append(_Start(max(spread, 1e-300) if release.hold > 0 else 0.0, inward))
+        return starts
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what is made again from the rest."""
-        made = ("_paths", "names", "_sizes", "_columns")
+        made = ("_paths", "_starts", "names", "_sizes", "_columns")
         return {key: value for key, value in self.__dict__.items() if key not in made}
 
     @cached_property
@@ -329,11 +344,11 @@ class Problem:
         towards the rest angle that is too fast counts, beyond what `UNSURE_START` of its acceleration makes.
         Without this a stop that acts in the first milliseconds only would be taken for a push.
         """
-        path = self._paths[index]
-        if path.spread == 0:
+        begin = self._starts[index]
+        if begin.spread == 0:
             return 0.0, 0.0
         at = len(self.names) + index * self.own + 1
-        slope = path.inward * float(self.sizes()[at]) / path.spread
+        slope = begin.inward * float(self.sizes()[at]) / begin.spread
         return (slope * unknowns[at], slope) if slope * unknowns[at] > 0 else (0.0, 0.0)
 
     def start_penalty(self, unknowns: Array) -> float:

@@ -14,8 +14,6 @@ from sysid.joint_flow import Structure
 from sysid.least_squares import Minimum, minimise
 from sysid.roll import Array
 
-KINKED = frozenset({"end-stop", "freeplay", "hysteresis"})
-"""Effects whose torque bends where no turning point is: they need finer steps, and shorter first looks."""
 _LONG = (1.25, 4.0)
 _SHORT = (0.6, 1.25, 2.5, 4.0)
 """How many periods of each release are looked at before the whole: a stop that is met at each swing decides
@@ -138,7 +136,7 @@ def search(
     rest = _rest(records)
     free_states = bool(structure.memories) and any(record.release.hold <= 0 for record in records)
     starts = starting_points(structure, scales) if starts is None else starts
-    kinked = bool(KINKED & set(structure.effects))
+    kinked = structure.kinked
     coarse_steps = min(60 if kinked else 24, steps_per_period)
     coarse = Problem(
         structure, records, scales, bias=bias, fixed=fixed, free_states=free_states,

@@ -85,6 +85,16 @@ class Structure:
         return slides or any(state.slip is not None for state in self.states)
 
     @property
+    def kinked(self) -> bool:
+        """Whether a torque bends where no turning point is."""
+        return any(part.kinked for part in self.parts)
+
+    @property
+    def sharpness(self) -> float:
+        """How many times the integration steps of a smooth joint it needs."""
+        return max((part.sharpness for part in self.parts), default=1.0)
+
+    @property
     def memories(self) -> tuple[State, ...]:
         """Internal states of the joint itself, which may be unknown at release; a filter starts settled."""
         return tuple(state for part in self.parts if part.role != "measurement" for state in part.states)

@@ -49,6 +49,7 @@ def minimise(
     iterations: int = 60,
     tolerance: float = 1e-7,
     damping: float = 1e-3,
+    known: Normal | None = None,
 ) -> Minimum:
     """Minimise half the sum of squares over a box (Marquardt 1963; Moré 1978 for the scaling).
 
@@ -60,10 +61,11 @@ def minimise(
         iterations: Steps tried at most.
         tolerance: Relative fall of the cost, predicted and found, below which the search ends.
         damping: First Marquardt parameter.
+        known: Cost and normal equations at the start, where an earlier search has them.
     """
     point = np.clip(start, low, high)
-    here = evaluate(point)
-    evaluations, factor = 1, damping
+    here = evaluate(point) if known is None else known
+    evaluations, factor = int(known is None), damping
     status: Status = "out of iterations"
     for _ in range(iterations):
         trial = np.clip(point + _step(here, point, low, high, factor), low, high)

@@ -54,7 +54,7 @@ def whiteness(model: Model, period: float) -> float:
 
 def _is_steady(model: Model) -> bool:
     """Whether a residual is as large late in the releases as early, though the motion has faded."""
-    from scipy.stats import f as fisher
+    from scipy.special import fdtr, fdtrc
 
     residuals = model.residuals
     thirds = [np.array_split(r, 3) for r in residuals]
@@ -67,7 +67,7 @@ def _is_steady(model: Model) -> bool:
     rho = autocorrelation(residuals, min(2000, min(len(r) for r in residuals) // 4))[1:]
     freedom = sum(len(t[0]) for t in thirds) / float(1 + 2 * np.sum(rho**2))
     ratio = late / early
-    outer = min(float(fisher.sf(ratio, freedom, freedom)), float(fisher.cdf(ratio, freedom, freedom)))
+    outer = min(float(fdtrc(freedom, freedom, ratio)), float(fdtr(freedom, freedom, ratio)))
     if not 1 / STEADY < ratio < STEADY or freedom < 8 or outer < 1e-3:
         return False
     return _largest_line(residuals) < LINE

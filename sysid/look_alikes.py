@@ -27,7 +27,6 @@ ALIKE = 0.9
 GENTLE = 1e-3
 """Share of its strength at which a smooth effect of one parameter is tried: there its signature is
 proportional, and nothing is left of the change of stiffness that comes with it."""
-_KINKED = ("freeplay",)
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +114,7 @@ def _signature(
 ) -> Array | None:
     """Return what an effect changes in the roll of all releases [rad]; None if it makes them run away."""
     own = dict(law.effects)
-    if len(values) == 1 and part.friction is None and part.name not in _KINKED:
+    if len(values) == 1 and part.friction is None and not part.kinked:
         # A smooth effect: its derivative, by a central difference.
         at, step = own.get(part.name, (0.0,))[0], GENTLE * values[0]
         up, down = (_motions(law.with_effect(part.name, at + sign * step), starts) for sign in (1, -1))

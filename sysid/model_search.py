@@ -19,10 +19,8 @@ from sysid.least_squares import Minimum, minimise
 from sysid.roll import Array
 
 COARSE, FINE = 16, 32
-"""Integration steps per period while screening and in the end, where the law is smooth."""
-SHARP = {"second-mode": 1.5, "hysteresis": 1.5, "stribeck": 2.0, "end-stop": 4.0, "freeplay": 4.0}
-"""How many times that many a law with kinks, or with a mode of its own, needs in the end. At a sensor of
-0.04° and 1 kHz the integration then adds less than one to χ² (half of that while screening: less than ten)."""
+"""Integration steps per period while screening and in the end, where the law is smooth. A sharp law gets as many times
+more as it needs in the end, and half as many again at most while screening: less than ten of χ² then."""
 POLISHED = 1e-5
 """Relative fall of the cost that ends a final fit: a hundredth of a standard deviation."""
 KEPT, FAR = 6, 60.0
@@ -161,7 +159,7 @@ class Searcher:
         first = [minimise(problem.normal, problem.start(start), *bounds, iterations=1) for start in starts]
         first.sort(key=lambda trial: trial.normal.cost)
         trials = [
-            minimise(problem.normal, trial.point, *bounds, iterations=3, tolerance=1e-3)
+            minimise(problem.normal, trial.point, *bounds, iterations=3, tolerance=1e-3, known=trial.normal)
             for trial in first[:2]
         ]
         return Model(effects=effects, problem=problem, minimum=min(trials, key=lambda m: m.normal.cost))
@@ -171,8 +169,9 @@ class Searcher:
         # At the noise, the tolerance is a tenth of what one parameter gains by chance.
         small = max(1e-5, 0.2 / model.problem.samples)
         minimum = minimise(
-            model.problem.normal, model.minimum.point, *model.problem.bounds(), iterations=16, tolerance=small
-        )
+            model.problem.normal, model.minimum.point, *model.problem.bounds(), iterations=16, tolerance=small,
+            known=model.minimum.normal,
+        )  # fmt: skip
         return replace(model, minimum=minimum)
 
     def race(self, what: str, unions: Sequence[tuple[Model, Model]], begin: float, end: float) -> list[Model]:
@@ -363,16 +362,12 @@ class Searcher:
         return problem.residuals(fitted.point)[0][half:]
 
 
-def _coarse(effects: Iterable[str]) -> int:
-    return int(COARSE * min(1.5, _sharpness(effects)))
+def _coarse(effects: Sequence[str]) -> int:
+    return int(COARSE * min(1.5, structure_of(effects).sharpness))
 
 
-def _fine(effects: Iterable[str]) -> int:
-    return int(FINE * _sharpness(effects))
-
-
-def _sharpness(effects: Iterable[str]) -> float:
-    return max((SHARP.get(name, 1.0) for name in effects), default=1.0)
+def _fine(effects: Sequence[str]) -> int:
+    return int(FINE * structure_of(effects).sharpness)
 
 
 def _promise(model: Model) -> float:

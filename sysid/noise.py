@@ -170,7 +170,7 @@ def band_excess(residuals: Sequence[Array], steps: Sequence[float], frequency: f
     Returns:
         Ratio of the mean powers (1 for white noise) and the probability of at least this ratio by chance.
     """
-    from scipy.stats import f as fisher
+    from scipy.special import fdtrc
 
     low = high = 0.0
     in_low = in_high = 0
@@ -183,4 +183,4 @@ def band_excess(residuals: Sequence[Array], steps: Sequence[float], frequency: f
     if in_high < 4 or high == 0:
         return 1.0, 1.0
     ratio = (low / in_low) / (high / in_high)
-    return ratio, float(fisher.sf(ratio, 2 * in_low, 2 * in_high))
+    return ratio, float(fdtrc(2 * in_low, 2 * in_high, ratio))

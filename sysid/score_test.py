@@ -70,7 +70,7 @@ def score_test(problem: Problem, point: Array, noise: ResidualNoise | None = Non
         point: Where the fit ended, shape (p,).
         noise: Of the sensor, where it is not white.
     """
-    from scipy.stats import f as fisher
+    from scipy.special import fdtrc
 
     scales = problem.scales
     fixed = {
@@ -118,7 +118,7 @@ def score_test(problem: Problem, point: Array, noise: ResidualNoise | None = Non
         return ScoreTest(0.0, 0, 1.0)
     variance = (float(residual @ residual) - explained) / remaining
     ratio = explained / freedom / max(variance, 1e-300)
-    return ScoreTest(explained, freedom, float(fisher.sf(ratio, freedom, remaining)))
+    return ScoreTest(explained, freedom, float(fdtrc(freedom, remaining, ratio)))
 
 
 def _whitened(columns: Array, noise: ResidualNoise | None) -> Array:

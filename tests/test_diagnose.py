@@ -213,6 +213,35 @@ def test_a_start_faster_than_from_rest_is_charged(slider):
     assert slope == pytest.approx((high - low) / 2e-5, rel=1e-3)
 
 
+def test_what_a_start_is_charged_builds_no_integrator(slider):
+    """A hundred models are reported; building the functions of each would cost more than reporting it."""
+    from sysid.fit_problem import Problem
+    from sysid.joint_flow import structure_of
+
+    problem = Problem(structure_of(("stribeck", "end-stop")), slider.records, slider.scales)
+    problem.start_penalty(np.zeros(len(problem.sizes())))
+    assert "_paths" not in vars(problem)
+
+
+def test_a_search_goes_on_where_another_ended_without_looking_again(slider):
+    from sysid.least_squares import minimise
+
+    model = slider.alone(())
+    calls = []
+
+    def watched(point):
+        calls.append(point)
+        return model.problem.normal(point)
+
+    start, bounds = 1.02 * model.minimum.point, model.problem.bounds()
+    again = minimise(watched, start, *bounds)
+    seen = len(calls)
+    calls.clear()
+    known = minimise(watched, start, *bounds, known=model.problem.normal(np.clip(start, *bounds)))
+    np.testing.assert_array_equal(known.point, again.point)
+    assert len(calls) == seen - 1 == known.evaluations
+
+
 def test_too_short_for_a_verdict_is_said(pink):
     with pytest.raises(HuskyError, match="too short for a verdict"):
         diagnose([made(LAW, 0.06)], pink)

@@ -47,6 +47,40 @@ def test_texts_units_and_bounds(name):
         assert other in NAMES or " " in other
 
 
+@pytest.mark.parametrize("name", [n for n in NAMES if effect(n).role in ("torque", "support")])
+def test_steps_are_as_fine_as_the_law_is_sharp(name):
+    """With the steps of a final fit the integration changes χ² of 6000 samples at 0.04° by less than chance does."""
+    from sysid.hermite import hermite_matrix
+    from sysid.joint_flow import build_flow, steps_for, unroll
+    from sysid.model_search import FINE
+
+    law = BASE.with_effect(name, *effect(name).example)
+    time = np.arange(0.0, 2.0, 1e-3)
+
+    def roll(steps_per_period: float) -> np.ndarray:
+        flow = build_flow(law.structure, free_states=False, sensitivities=False)
+        h = 2 * np.pi / law.frequency / steps_per_period
+        steps = steps_for(float(time[-1]), h)
+        start = flow.begin(law.vector, [0.15, 0.0], 1.0)
+        return (
+            hermite_matrix(time, h, steps)
+            @ np.asarray(unroll(flow, steps)(start, np.append(law.vector, h))).T.ravel()
+        )
+
+    coarse, fine = (roll(FINE * factor * law.structure.sharpness) for factor in (1, 8))
+    assert 3 * np.sum((coarse - fine) ** 2) < (10 if law.structure.kinked else 1) * np.radians(0.04) ** 2
+
+
+def test_an_effect_says_itself_that_it_is_kinked():
+    """A joint is as sharp as its sharpest effect, and kinked if one is."""
+    from sysid.joint_flow import structure_of
+
+    assert not structure_of(("coulomb", "cubic-stiffness")).kinked
+    joint = structure_of(("coulomb", "freeplay"))
+    assert joint.kinked
+    assert joint.sharpness == effect("freeplay").sharpness > structure_of(()).sharpness == 1.0
+
+
 def test_parameters_come_in_order_and_defaults_fill_the_end():
     assert parameters_from("end-stop", (0.1, 50.0)) == {"angle": 0.1, "stiffness": 50.0, "damping": 0.0}
     with pytest.raises(HuskyError, match="half_width \\[rad\\]"):

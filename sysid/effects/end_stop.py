@@ -77,4 +77,6 @@ EFFECT = Effect(
     example=(0.1, 60.0, 0.0),
     torque=torque,
     leaned_on=True,
+    kinked=True,
+    sharpness=4.0,
 )

@@ -53,4 +53,6 @@ EFFECT = Effect(
     to_mjcf=to_mjcf,
     example=(0.02,),
     torque=torque,
+    kinked=True,
+    sharpness=4.0,
 )

@@ -85,4 +85,6 @@ EFFECT = Effect(
     example=(8.0, 0.2),
     torque=torque,
     states=(State(name="stretch", start=held, size=lambda s: 0.1 * s.amplitude, slip=slip),),
+    kinked=True,
+    sharpness=1.5,
 )

@@ -102,4 +102,5 @@ EFFECT = Effect(
         State(name="support", start=support_at_release, size=lambda s: 0.2 * s.amplitude),
         State(name="support_rate", start=still, size=lambda s: 0.2 * s.rate),
     ),
+    sharpness=1.5,
 )

@@ -106,4 +106,5 @@ EFFECT = Effect(
     to_mjcf=to_mjcf,
     example=(0.08, 0.25, 0.5),
     friction=friction,
+    sharpness=2.0,
 )
