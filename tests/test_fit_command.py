@@ -44,6 +44,32 @@ def test_record_gets_values_provenance_and_a_line_of_history(tmp_path):
     assert "coulomb" not in (shipped_data() / "boards" / "pink.toml").read_text()
 
 
+def test_errors_of_a_rate_are_given_as_angles(tmp_path):
+    """What ends in `_rad` is one: an error of the rate over the joint's frequency, as `compare` gives it."""
+    from sysid.joint import JointLaw
+    from sysid.synth import SynthOptions, synthesise
+
+    record = load_board(shipped_data() / "boards" / "pink.toml")
+    log = tmp_path / "gyro.csv"
+    synthesise(record, {}, SynthOptions(angles=(0.17, -0.15), duration=1.0, dialect="gyro")).save(log)
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        fit([log], board="pink", common=Common(workspace=tmp_path, json=str(tmp_path / "fit.json")))
+    content = json.loads((tmp_path / "fit.json").read_text())
+    board = load_board(tmp_path / "data" / "boards" / "pink.toml")
+    assert content["signal"] == "rate"
+    assert board.fit["unit"] == "rad/s"
+    frequency = JointLaw.from_board(board).frequency
+    (rung,) = content["ladder"]
+    for name, entry in (
+        ("rmse_rad", "rmse"),
+        ("heldout_rmse_rad", "heldout_rmse"),
+        ("noise_floor_rad", "noise_floor"),
+    ):
+        assert content[name] == pytest.approx(board.fit[entry] / frequency, rel=1e-6)
+    assert content["rmse_before_rad"] == pytest.approx(board.history[-1]["rmse_before"] / frequency, rel=1e-6)
+    assert (rung["rmse_rad"], rung["heldout_rmse_rad"]) == (content["rmse_rad"], content["heldout_rmse_rad"])
+
+
 @pytest.mark.parametrize(
     ("effect", "reason"),
     [("inertia", "only k/I"), ("end-stop", "unchanged"), ("frobnicate", "unknown effect")],

@@ -155,6 +155,9 @@ def _print(printer: Printer, old: Board, new: Board, result: "JointFit", rungs: 
 
 
 def _to_json(board: Board, result: "JointFit", heldout: float, rungs: "list[Rung]") -> dict[str, Any]:
+    is_rate = result.records[0].is_rate
+    # An error of a measured rate, as the amplitude of a swing at the joint's frequency that has that rate.
+    per = 1.0 / result.law.frequency if is_rate else 1.0
     return {
         "board": board.name,
         "effects": [name for name, _ in result.law.effects],
@@ -164,14 +167,18 @@ def _to_json(board: Board, result: "JointFit", heldout: float, rungs: "list[Rung
             "names": list(result.quantities),
             "matrix": np.nan_to_num(result.correlation).tolist(),
         },
-        "rmse_rad": result.rmse,
+        "rmse_rad": per * result.rmse,
         "nrmse": result.nrmse,
-        "heldout_rmse_rad": heldout,
-        "noise_floor_rad": result.noise.std,
-        "signal": "rate" if result.records[0].is_rate else "roll",
-        "rmse_before_rad": board.history[-1]["rmse_before"],
+        "heldout_rmse_rad": per * heldout,
+        "noise_floor_rad": per * result.noise.std,
+        "signal": "rate" if is_rate else "roll",
+        "rmse_before_rad": per * board.history[-1]["rmse_before"],
         "ladder": [
-            {"model": r.label.replace("\n", " "), "rmse_rad": r.rmse, "heldout_rmse_rad": r.heldout}
+            {
+                "model": r.label.replace("\n", " "),
+                "rmse_rad": per * r.rmse,
+                "heldout_rmse_rad": per * r.heldout,
+            }
             for r in rungs
         ],
         "status": result.status,
