@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from sysid.model_search import Model
-from sysid.noise import autocorrelation, band_excess
+from sysid.noise import NoiseFloor, autocorrelation, band_excess, correlation_length
 from sysid.residual_noise import residual_noise
 from sysid.roll import Array
 from sysid.score_test import score_test
@@ -79,3 +79,35 @@ def _largest_line(residuals: Sequence[Array]) -> float:
     power = np.sum([np.abs(np.fft.rfft(r * np.hanning(len(r)), size)) ** 2 for r in residuals], axis=0)
     near = np.convolve(power, np.ones(3), mode="same")
     return float(near.max() / max(np.sum(power), 1e-300))
+
+
+def noise_left(model: Model, floor: NoiseFloor, period: float) -> NoiseFloor:
+    """Take the noise from a white residual, above the band of the joint: more of the samples count there.
+
+    Only where differences agree; a sensor that smooths or has steps keeps its own estimate.
+    """
+    if not floor.how.startswith("from high-order differences"):
+        return floor
+    if kind_of(model, period) == "coloured":
+        length = (
+            1e3
+            * correlation_length(model.residuals)
+            * float(np.median(np.diff(model.problem.records[0].time)))
+        )
+        how = (
+            f"from what the best model leaves: coloured noise, correlated over {length:.2g} ms, as large when the "
+            "motion has faded as before"
+        )
+        return NoiseFloor(model.rmse, how)
+    if whiteness(model, period) <= WHITE:
+        return floor
+    power, bins = 0.0, 0
+    for residual, record in zip(model.residuals, model.problem.records, strict=True):
+        step = float(np.median(np.diff(record.time)))
+        above = np.fft.rfftfreq(len(residual), step) > BAND / period
+        power += float(np.sum((np.abs(np.fft.rfft(residual)) ** 2 / len(residual))[above]))
+        bins += int(above.sum())
+    std = float(np.sqrt(power / max(bins, 1)))
+    if bins < 20 or abs(std / floor.std - 1) > 4.0 / np.sqrt(model.samples):
+        return floor
+    return NoiseFloor(std, "from what the best model leaves above the band of the joint; differences agree")

@@ -81,7 +81,8 @@ def test_what_json_cannot_hold_becomes_null(pink):
     from types import SimpleNamespace
 
     from sysid.cli.diagnose import to_json
-    from sysid.diagnose import Candidate, Verdict
+    from sysid.diagnose import Candidate
+    from sysid.verdict import Verdict
 
     lost = Candidate(
         effects=("freeplay",), rmse=np.inf, heldout_rmse=-np.inf, score=np.nan,
