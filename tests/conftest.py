@@ -3,6 +3,7 @@
 import ctypes.util
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -18,3 +19,15 @@ def real_logs() -> Path:
     if not folder.is_dir():
         pytest.skip("real measurements are not part of the project (no ../shared/real_logs here)")
     return folder
+
+
+@pytest.fixture(scope="session")
+def model() -> Any:
+    """The G1 by itself, compiled; it comes with mjlab."""
+    from sim.skate import g1
+    from sysid.errors import HuskyError
+
+    try:
+        return g1.g1_spec(visuals=False).compile()
+    except HuskyError as error:
+        pytest.skip(str(error))

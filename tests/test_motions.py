@@ -29,14 +29,6 @@ RELEASE = {  # ranges over the two clips of the HUSKY release [rad]
 
 
 @pytest.fixture(scope="module")
-def model():
-    try:
-        return g1.g1_spec(visuals=False).compile()
-    except HuskyError as error:
-        pytest.skip(str(error))
-
-
-@pytest.fixture(scope="module")
 def facts(model):
     return {clip.name: motion_facts(clip, model) for clip in motions.load_motions()}
 

@@ -13,14 +13,6 @@ from sysid.workspace import shipped_data
 DECK_TOP, GROUND = 0.01, -0.10  # of both shipped boards, below and above the tilt axis [m]
 
 
-@pytest.fixture(scope="module")
-def model():
-    try:
-        return g1.g1_spec(visuals=False).compile()
-    except HuskyError as error:
-        pytest.skip(str(error))
-
-
 def placed(model, name):
     data = mujoco.MjData(model)
     data.qpos[:] = load_poses()[name].qpos()

@@ -13,17 +13,8 @@ from sim.skate import g1
 from sim.skate.clock import CONTROL_PERIOD, Clock
 from sim.skate.options import SkateOptions
 from sim.skate.poses import load_poses
-from sysid.errors import HuskyError
 
 CLIPS = {clip.name: clip for clip in load_motions([transition_folder()])}
-
-
-@pytest.fixture(scope="module")
-def model():
-    try:
-        return g1.g1_spec(visuals=False).compile()
-    except HuskyError as error:
-        pytest.skip(str(error))
 
 
 @pytest.fixture(scope="module")
