@@ -1,0 +1,43 @@
+"""Join the learning curves of stages, each begun with `--from` a checkpoint of the one before, to one table.
+
+    python data/policies/join_curves.py STAGE [STAGE ...] OUT.csv
+
+A stage is a run's folder or a table that this script wrote. Each takes over where its iterations begin.
+"""
+
+import csv
+import sys
+from pathlib import Path
+
+from policy_runtime.run_folder import RunFolder
+
+COLUMNS = (
+    "iteration", "samples", "survival", "falls_per_minute", "speed_error", "heading_error", "both_feet", "foot_down",
+    "reward", "style", "steps_per_s", "collect_s", "learn_s", "action_std",
+)  # fmt: skip
+
+
+def main() -> None:
+    """Read the stages and write the table."""
+    *stages, target = map(Path, sys.argv[1:])
+    rows: list[dict[str, float]] = []
+    for stage in stages:
+        new = _read(stage)
+        rows = [row for row in rows if row["iteration"] < new[0]["iteration"]] + new
+    with target.open("w", newline="", encoding="utf-8") as file:
+        table = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        table.writeheader()
+        for row in rows:
+            whole = {name: f"{row[name]:.0f}" for name in ("iteration", "samples")}
+            table.writerow({name: f"{row[name]:.6g}" for name in COLUMNS} | whole)
+
+
+def _read(path: Path) -> list[dict[str, float]]:
+    if path.is_dir():
+        return RunFolder(path).read_curves()
+    with path.open(encoding="utf-8") as file:
+        return [{name: float(row[name]) for name in COLUMNS} for row in csv.DictReader(file)]
+
+
+if __name__ == "__main__":
+    main()
