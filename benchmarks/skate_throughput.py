@@ -1,6 +1,6 @@
 """Environment steps per second: the skating task beside mjlab's stock G1 velocity task, in one run.
 
-    python benchmarks/skate_throughput.py --device cuda --environments 4096 16384
+    python benchmarks/skate_throughput.py --device cuda --environments 4096 16384 [--iterations 10 5]
 
 Random actions of the policy's first size, no learning; the second half of the steps is timed.
 """
@@ -17,6 +17,7 @@ import torch
 from mjlab.envs import ManagerBasedRlEnv
 
 from sim.skate.options import SkateOptions
+from sim.skate.scene import ITERATIONS
 from sim.skate.task import skate_env_cfg
 from sysid.workspace import Workspace
 
@@ -64,21 +65,23 @@ def main():
     parser.add_argument("--board", default="pink")
     parser.add_argument("--tasks", nargs="+", default=["stock", "skate"])
     parser.add_argument("--jacobian", default="auto", help="auto, dense or sparse, for the skating task")
+    parser.add_argument(
+        "--iterations", type=int, nargs="+", default=[ITERATIONS], help="of the solver, for the skating task"
+    )
     arguments = parser.parse_args()
     board = Workspace(Path()).load_board(arguments.board)
     for environments in arguments.environments:
         for task in arguments.tasks:
-            if task == "stock":
-                cfg = stock_cfg(environments)
-            else:
-                cfg = skate_env_cfg(board, SkateOptions(), environments=environments, seed=1)
-                cfg.sim.mujoco = dataclasses.replace(cfg.sim.mujoco, jacobian=arguments.jacobian)
-            result = {
-                "task": task,
-                "jacobian": arguments.jacobian,
-                **measure(cfg, arguments.device, arguments.steps),
-            }
-            print(json.dumps(result), flush=True)
+            for iterations in arguments.iterations if task == "skate" else [None]:
+                if iterations is None:
+                    cfg = stock_cfg(environments)
+                else:
+                    cfg = skate_env_cfg(board, SkateOptions(), environments=environments, seed=1)
+                    cfg.sim.mujoco = dataclasses.replace(
+                        cfg.sim.mujoco, jacobian=arguments.jacobian, iterations=iterations
+                    )
+                result = {"task": task, "jacobian": arguments.jacobian, "iterations": iterations}
+                print(json.dumps(result | measure(cfg, arguments.device, arguments.steps)), flush=True)
 
 
 if __name__ == "__main__":
