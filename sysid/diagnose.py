@@ -138,8 +138,9 @@ def _search(searcher: Searcher, period: float) -> tuple[list[Model], list[Model]
     ):
         best_pairs = sorted(pairs, key=lambda m: m.chi2)[:1]
         models += searcher.neighbours(best_pairs, singles)
-    large = [m for m in models if len(m.effects) > len(searcher.base) + 1]
-    models = searcher.reduced(sorted(large, key=lambda m: m.chi2)[:4], models)
+    by_cost = sorted(models, key=lambda m: m.chi2)
+    large = [m for m in by_cost if len(m.effects) > len(searcher.base) + 1]
+    models = searcher.reduced([*large[:4], *ranked[:2]], models)
     return models, _finalists(searcher, models, singles[0])
 
 
@@ -205,6 +206,9 @@ def _candidate(case: Case, model: Model) -> Candidate:
         heldout_rmse=model.heldout_rmse if model.heldout is not None else None,
         score=case.scores[model.effects],
         parameters=parameter_quantities(
-            model.problem, model.minimum, case.board, certain=model.heldout is not None
+            model.problem,
+            model.minimum,
+            case.board,
+            certain=model.heldout is not None and bool(np.isfinite(model.minimum.normal.cost)),
         ),
     )

@@ -177,8 +177,10 @@ class Problem:
             if any(part.leaned_on for part in self.structure.parts):  # else only the spring has set it off
                 pull = max(pull, _first_pull(release))
             spread = max(UNSURE_START, 0.5 * sampling) * pull
+            if any(state.late is not None for part in self.structure.parts for state in part.states):
+                spread = 0.0  # behind a filter the release is noticed late, nobody knows by how much
             inward = -float(np.sign(release.roll[0] - release.rest))
-            starts.append(_Start(max(spread, 1e-300) if release.hold > 0 else 0.0, inward))
+            starts.append(_Start(spread if release.hold > 0 else 0.0, inward))
         return starts
 
     def __getstate__(self) -> dict[str, Any]:

@@ -20,6 +20,8 @@ _SHORT = (0.6, 1.25, 2.5, 4.0)
 when the next one begins, and whoever looks at all of them at once sees false valleys only."""
 
 
+_VISCOUS = (0.6, 0.2)
+"""Shares of the loss left to the damper from which a joint with dry friction is searched."""
 _ASTRAY = 1.5
 """Ratio of stiffnesses, with one rest angle for all releases and with one each, from which the former errs."""
 
@@ -106,9 +108,10 @@ def starting_points(structure: Structure, scales: Scales, *, most: int = 12) -> 
         if "second-mode.stiffness" in point:
             point["stiffness"] *= 1.0 / (1.0 - linear["stiffness"] / point["second-mode.stiffness"])
         point["stiffness"] -= min(point.get("gravity.moment", 0.0), 0.98 * linear["stiffness"])
-        if "coulomb.torque" in point or "stribeck.torque" in point:
-            point["damping"] *= 0.6
         points.append(point)
+    if structure.turns:
+        # The linear fit gave the damper all of the loss; dry friction takes its share of that, more or less.
+        points = [{**point, "damping": share * point["damping"]} for share in _VISCOUS for point in points]
     return points
 
 

@@ -339,7 +339,11 @@ def _first_state(mechanics: Mechanics, unknowns: Any, hold: Any, *, free_states:
     for part, values, _ in mechanics.slots:
         for state in part.states:
             if part.role == "measurement":
-                internal.append(unknowns[0])
+                pull = -mechanics.stiffness * tilt / mechanics.inertia
+                internal.append(
+                    unknowns[0] if state.late is None
+                    else state.late(mechanics.m, unknowns[0], unknowns[1], pull, values)
+                )  # fmt: skip
             elif free_states:
                 internal.append(next(free))
             else:

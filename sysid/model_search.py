@@ -27,6 +27,8 @@ KEPT, FAR = 6, 60.0
 """A union is given up when this many others have reached less than it promises, by that much of χ²."""
 STARTS = 3
 """Starts tried of an effect that joins another."""
+FRICTIONLESS = 0.4
+"""Share of a model's damping that is left to it where dry friction joins."""
 WIDE = 0.6
 """Tilt from which the sine of gravity bends enough to tell it from a stiffness [rad]."""
 _NESTED = ({"coulomb", "stribeck"}, {"sensor-drift", "lowpass"})
@@ -153,8 +155,12 @@ class Searcher:
             free_states=one.problem.free_states or other.problem.free_states,
         )  # fmt: skip
         starts = [{**other.parameters, **one.parameters}, {**one.parameters, **other.parameters}]
-        starts += [{**new, **one.parameters} for new in self._little(set(effects) - set(one.effects))]
-        starts += [{**new, **other.parameters} for new in self._little(set(effects) - set(other.effects))]
+        for known in (one, other):
+            new = set(effects) - set(known.effects)
+            # A model without friction gave the damper all of the loss.
+            left = FRICTIONLESS if structure_of(tuple(new)).turns else 1.0
+            damping = left * known.parameters["damping"]
+            starts += [{**little, **known.parameters, "damping": damping} for little in self._little(new)]
         bounds = problem.bounds()
         first = [minimise(problem.normal, problem.start(start), *bounds, iterations=1) for start in starts]
         first.sort(key=lambda trial: trial.normal.cost)
@@ -281,23 +287,24 @@ class Searcher:
     def reduced(self, models: Sequence[Model], found: Sequence[Model]) -> list[Model]:
         """Re-fit every model that is one of `models` with an effect less, or simplified, from what that one found.
 
-        A slider or a stop searched alone may end in a false valley that its pair has left. And a stop that
-        carries nearly all of the stiffness is a freeplay, which says the same with one number.
+        A slider or a stop searched alone may end in a false valley that its pair has left. And some effects turn into
+        simpler ones: a stop that carries nearly all of the stiffness is a freeplay, which says the same with one number.
 
         Returns:
             `found`, with those replaced or added that came out better.
         """
-        wanted = [
-            (model, tuple(n for n in model.effects if n != name))
-            for model in models
-            for name in model.effects
-            if name not in self.base
-        ]
-        jobs = [(m, n) for m, n in wanted if len(n) > len(self.base)]
+        jobs: list[tuple[Model, tuple[str, ...], Sequence[Mapping[str, float]]]] = []
         for model in models:
-            stop = model.parameters.get("end-stop.stiffness", 0.0)
-            if stop > 2 * max(model.parameters["stiffness"], 0.0) and "freeplay" not in model.effects:
-                jobs.append((model, tuple(sorted({*model.effects, "freeplay"} - {"end-stop"}))))
+            for part in model.problem.structure.parts:
+                if part.name in self.base:
+                    continue
+                rest = tuple(n for n in model.effects if n != part.name)
+                if len(rest) > len(self.base):
+                    jobs.append((model, rest, [{}]))
+                for simpler, turned in part.becomes:
+                    starts = [] if simpler in model.effects else turned(model.parameters)
+                    if starts:
+                        jobs.append((model, tuple(sorted((*rest, simpler))), starts))
         best = {m.effects: m for m in found}
         for model in self.each("taking effects away again", Searcher.without, jobs, 0.8, 0.85):
             known = best.get(model.effects)
@@ -305,22 +312,29 @@ class Searcher:
                 best[model.effects] = model
         return list(best.values())
 
-    def without(self, model: Model, effects: tuple[str, ...]) -> Model:
-        """Fit some of a model's effects, or freeplay for its stop, each start and parameter where the model had it."""
-        larger, known = model.problem, dict(model.parameters)
-        if "freeplay" in effects and "freeplay" not in model.effects:
-            known["freeplay.half_width"] = known["end-stop.angle"]
-            known["stiffness"] += known["end-stop.stiffness"]
+    def without(
+        self, model: Model, effects: tuple[str, ...], changes: Sequence[Mapping[str, float]]
+    ) -> Model:
+        """Fit some of a model's effects, or simpler ones, each start and parameter where the model had it.
+
+        Args:
+            model: What was found.
+            effects: Of the simpler model.
+            changes: For each start, parameters that are elsewhere, or that the model did not have.
+        """
+        larger = model.problem
         problem = Problem(
             structure_of(effects), self.records, self.scales, bias=self.bias, steps_per_period=_coarse(effects),
             fixed={**defaults(effects), **self.fixed}, average=self.average, free_states=larger.free_states,
         )  # fmt: skip
-        start = problem.start(known)
-        for index in range(len(self.records)):
-            mine, its = len(problem.names) + index * problem.own, len(larger.names) + index * larger.own
-            start[mine : mine + 2] = model.minimum.point[its : its + 2]
-        minimum = minimise(problem.normal, start, *problem.bounds(), iterations=20, tolerance=1e-5)
-        return Model(effects=effects, problem=problem, minimum=minimum)
+        found: list[Minimum] = []
+        for changed in changes:
+            start = problem.start({**model.parameters, **changed})
+            for index in range(len(self.records)):
+                mine, its = len(problem.names) + index * problem.own, len(larger.names) + index * larger.own
+                start[mine : mine + 2] = model.minimum.point[its : its + 2]
+            found.append(minimise(problem.normal, start, *problem.bounds(), iterations=20, tolerance=1e-5))
+        return Model(effects=effects, problem=problem, minimum=min(found, key=lambda m: m.normal.cost))
 
     def finalist(self, model: Model) -> Model:
         """Return the model polished and with its held-out residuals."""

@@ -7,6 +7,7 @@ from math import comb
 
 import numpy as np
 
+from sysid.errors import HuskyError
 from sysid.roll import Array, Release
 
 _ORDERS = (4, 6, 8, 10)
@@ -62,12 +63,17 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
     need more. One that smooths (a filter, a fusion of sensors) has noise that differences do not show; the
     spread at rest shows it. One with coarse steps shows no noise at all while it stands still; a
     twelfth of the step squared is the least that counts.
+
+    Raises:
+        HuskyError: No release has the dozen samples that differences take.
     """
     squares, still, count, resting = 0.0, 0.0, 0, 0
     for release in releases:
         signal = _signal(release, rate=rate)
-        squares += len(signal) * difference_std(signal) ** 2
-        count += len(signal)
+        spread = difference_std(signal)
+        if np.isfinite(spread):  # else too short for differences, and the others must do
+            squares += len(signal) * spread**2
+            count += len(signal)
         if release.end == "rest":
             tail = signal[int(0.65 * len(signal)) : int(0.9 * len(signal))]
             wander = _without_swing(tail)
@@ -75,6 +81,12 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
             if power.max(initial=0.0) < 0.25 * power.sum():  # else one frequency rules: it still swings
                 still += float(np.sum(wander**2))
                 resting += len(tail)
+    if not count:
+        longest = max(len(release.time) for release in releases)
+        raise HuskyError(
+            f"the longest release has {longest} samples, too few to tell noise from motion. Record at a higher rate, "
+            "until the deck rests."
+        )
     std = float(np.sqrt(squares / count))
     unit = "rad/s" if rate else "rad"
     level = sensor_step(releases, rate=rate)

@@ -160,6 +160,9 @@ class State:
     """Its typical size, for scaling when it is fitted."""
     rate: Callable[[Algebra, Motion, Value, Values], Value] | None = None
     """`rate(m, motion, z, parameters)`: its time derivative."""
+    late: Callable[[Algebra, Value, Value, Value, Values], Value] | None = None
+    """For a sensor's: `late(m, roll, rate, acceleration, parameters)`, its value at a release noticed late, when the deck
+    has that rate already."""
     slip: Callable[[Algebra, Value, Values], Value] | None = None
     """For rate-independent states: z follows the tilt, and `slip(m, z, parameters)` limits it."""
 
@@ -277,6 +280,10 @@ class Effect:
     """`friction(m, speed, parameters)` [N*m] ≥ 0: dry friction at |v|; at speed 0, what it takes to slide."""
     leaned_on: bool = False
     """Whether a hand can hold the board against it, so that a release sets off faster than the spring alone makes it."""
+    becomes: tuple[tuple[str, Callable[[Values], Sequence[dict[str, float]]]], ...] = ()
+    """Simpler effects that this one turns into at the edge of its parameters, by name. The function takes all parameters of a
+    joint ('stiffness', 'effect.parameter') and returns starts: those that change and those of the simpler effect; none far
+    from the edge."""
     kinked: bool = False
     """Whether its torque bends where no turning point is: a search then needs finer steps, and shorter first looks."""
     sharpness: float = 1.0

@@ -35,6 +35,17 @@ def to_mjcf(
     return tuple(lines)
 
 
+def as_freeplay(parameters: Values) -> list[dict[str, float]]:
+    """Return the freeplay that stops on both sides of a weak spring are; nothing where the spring is no weaker."""
+    if parameters["end-stop.stiffness"] <= 2 * max(parameters["stiffness"], 0.0):
+        return []
+    freeplay = {
+        "freeplay.half_width": parameters["end-stop.angle"],
+        "stiffness": parameters["stiffness"] + parameters["end-stop.stiffness"],
+    }
+    return [freeplay]
+
+
 EFFECT = Effect(
     name="end-stop",
     title="end stop or bumper",
@@ -77,6 +88,7 @@ EFFECT = Effect(
     example=(0.1, 60.0, 0.0),
     torque=torque,
     leaned_on=True,
+    becomes=(("freeplay", as_freeplay),),
     kinked=True,
     sharpness=4.0,
 )

@@ -56,6 +56,11 @@ def to_mjcf(
     return (f"hysteresis: tendon of {stiffness:.6g} N*m/rad that yields at {limit:.6g} N*m",)
 
 
+def as_coulomb(parameters: Values) -> list[dict[str, float]]:
+    """Return dry friction of the torque at which the slider slips: behind a hard spring it slips at once."""
+    return [{"coulomb.torque": parameters["hysteresis.torque"]}]
+
+
 EFFECT = Effect(
     name="hysteresis",
     title="rate-independent hysteresis (Jenkins slider)",
@@ -85,6 +90,7 @@ EFFECT = Effect(
     example=(8.0, 0.2),
     torque=torque,
     states=(State(name="stretch", start=held, size=lambda s: 0.1 * s.amplitude, slip=slip),),
+    becomes=(("coulomb", as_coulomb),),
     kinked=True,
     sharpness=1.5,
 )

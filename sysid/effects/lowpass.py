@@ -24,6 +24,17 @@ def settled(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: 
     return tilt
 
 
+def late(m: Algebra, roll: Value, rate: Value, acceleration: Value, parameters: Values) -> Value:
+    """Return the reading of a filter that was settled when a deck was let go, which has reached that rate since [rad].
+
+    A filter hides the first milliseconds, so the release is noticed late, by δ = v/α, and the reading trails:
+    with a constant acceleration α it is φ - α T² (u - 1 + e^-u), u = δ/T.
+    """
+    time_constant = m.maximum(parameters["time_constant"], 1e-6)
+    u = m.maximum(rate * acceleration / (time_constant * (acceleration**2 + 1e-9)), -1.0)
+    return roll - acceleration * time_constant**2 * (u - 1.0 + m.exp(-u))
+
+
 EFFECT = Effect(
     name="lowpass",
     title="a filter in the sensor",
@@ -46,5 +57,5 @@ EFFECT = Effect(
     mujoco=MujocoSupport(means="nothing: it belongs to the log", since="", warp=False),
     to_mjcf=belongs_to_log,
     example=(0.01,),
-    states=(State(name="reading", start=settled, size=lambda s: s.amplitude, rate=reading_rate),),
+    states=(State(name="reading", start=settled, size=lambda s: s.amplitude, rate=reading_rate, late=late),),
 )

@@ -68,6 +68,12 @@ def bristle_stiffness(spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint") -> float:
     return min(BRISTLE_STIFFNESS, (_PER_STAGE if explicit else _PER_STEP) * inertia / step**2)
 
 
+def as_coulomb(parameters: Values) -> list[dict[str, float]]:
+    """Return dry friction that is the same at any speed: as large as this one while sliding, or half way to stiction."""
+    sliding, static = parameters["stribeck.torque"], parameters["stribeck.static_torque"]
+    return [{"coulomb.torque": sliding}, {"coulomb.torque": 0.5 * (sliding + max(sliding, static))}]
+
+
 EFFECT = Effect(
     name="stribeck",
     title="dry friction with stiction",
@@ -106,5 +112,6 @@ EFFECT = Effect(
     to_mjcf=to_mjcf,
     example=(0.08, 0.25, 0.5),
     friction=friction,
+    becomes=(("coulomb", as_coulomb),),
     sharpness=2.0,
 )
