@@ -1,12 +1,13 @@
 """Join the learning curves of stages, each begun with `--from` a checkpoint of the one before, to one table.
 
-    python data/policies/join_curves.py STAGE [STAGE ...] OUT.csv
+    python data/policies/join_curves.py STAGE [STAGE ...] OUT.csv [--first N]
 
-A stage is a run's folder or a table that this script wrote. Each takes over where its iterations begin.
+A stage is a run's folder or a table that this script wrote. Each takes over where its iterations begin, and its steps of
+the world are counted on from there. With --first, what was before iteration N is left out.
 """
 
+import argparse
 import csv
-import sys
 from pathlib import Path
 
 from policy_runtime.run_folder import RunFolder
@@ -19,15 +20,27 @@ COLUMNS = (
 
 def main() -> None:
     """Read the stages and write the table."""
-    *stages, target = map(Path, sys.argv[1:])
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("files", type=Path, nargs="+", help="one or more stages, and the table to write")
+    parser.add_argument("--first", type=int, default=1)
+    options = parser.parse_args()
+    *stages, target = options.files
     rows: list[dict[str, float]] = []
     for stage in stages:
         new = _read(stage)
-        rows = [row for row in rows if row["iteration"] < new[0]["iteration"]] + new
+        rows = [row for row in rows if row["iteration"] < new[0]["iteration"]]
+        if rows:  # checkpoints have not always held the count
+            shift = rows[-1]["samples"] + new[1]["samples"] - 2 * new[0]["samples"]
+            new = [row | {"samples": row["samples"] + shift} for row in new]
+        rows += new
     with target.open("w", newline="", encoding="utf-8") as file:
         table = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         table.writeheader()
         for row in rows:
+            if row["iteration"] < options.first:
+                continue
             whole = {name: f"{row[name]:.0f}" for name in ("iteration", "samples")}
             table.writerow({name: f"{row[name]:.6g}" for name in COLUMNS} | whole)
 
