@@ -19,7 +19,7 @@ from sysid.fit_search import scales_of
 from sysid.fit_uncertainty import parameter_quantities
 from sysid.leftover import WHITE, noise_left, whiteness
 from sysid.likelihood_verdict import judge_noise, likeliest
-from sysid.model_scores import extended_bic
+from sysid.model_scores import extended_bic, yardstick
 from sysid.model_search import Model, Progress, Searcher
 from sysid.noise import NoiseFloor, noise_floor
 from sysid.plausible import amplitude_warnings
@@ -99,10 +99,11 @@ def diagnose(
         )  # fmt: skip
         models, final = _search(searcher, period)
     base = next(m for m in final if m.effects == searcher.base)
-    scores = extended_bic(final, models, len(searcher.names()))
+    rule = yardstick(final, len(searcher.names()))
+    scores = extended_bic(final, models, rule)
     final.sort(key=lambda m: scores[m.effects])
     noise = noise_left(final[0], noise, period)
-    case = Case(board, base, final, scores, noise, period)
+    case = Case(board, searcher, base, final, scores, rule, noise, period)
     verdict, best, shares = _judge(case)
     warnings += _fast_starts(best)
     if progress is not None:
@@ -183,7 +184,7 @@ def _finalists(searcher: Searcher, models: Sequence[Model], base: Model) -> list
     for count, most in ((1, 4), (2, 6), (3, 2)):
         extra = [m for m in by_cost if len(m.effects) - len(base.effects) == count]
         picked.update({m.effects: m for m in extra[:most]})
-    scores = extended_bic(models, models, len(searcher.names()))
+    scores = extended_bic(models, models, yardstick(models, len(searcher.names())))
     ranked = sorted(models, key=lambda m: scores[m.effects])
     picked.update({m.effects: m for m in ranked[:5]})
     if whiteness(by_cost[0], 2 * np.pi / searcher.scales.frequency) > WHITE:

@@ -181,7 +181,7 @@ def search(
     return fine, best, evaluations
 
 
-_FRICTION = ("coulomb.torque", "stribeck.torque", "hysteresis.torque")
+FRICTION = ("coulomb.torque", "stribeck.torque", "hysteresis.torque")
 _SHAKES = (0.6, 0.75, 0.87, 1.15, 1.35, 1.65)
 
 
@@ -196,7 +196,7 @@ def _shaken(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]
     The cost is rough along the friction, because it decides in which half swing each release stops; a
     descent gets caught, a walk that re-fits everything else does not. At the noise there is nothing to gain.
     """
-    names = [problem.names.index(name) for name in _FRICTION if name in problem.names]
+    names = [problem.names.index(name) for name in FRICTION if name in problem.names]
     low, high = problem.bounds()
     for index in names:
         for _ in range(4):

@@ -11,11 +11,10 @@ import numpy as np
 from sysid.fit_mjcf import strength
 from sysid.model_search import Model
 from sysid.record_check import record_deviation
-from sysid.verdict import Case, Judgement, verdict_on
+from sysid.unnamed_torque import Unnamed, unnamed_torques
+from sysid.verdict import TIE, Case, Judgement, verdict_on
 from sysid.verdict_words import deciding_experiment, is_or_are, it_or_them, listed, shares_in_words
 
-TIE = 8.0
-"""Difference of score below which two models are not told apart (odds of e⁴ at most)."""
 BEYOND_DOUBT = 6.0
 """Score that the joint without it must be worse by for an effect to be named (odds of e³)."""
 MANY = 3
@@ -53,6 +52,11 @@ def judge_noise(case: Case, winner: Model) -> Judgement:
     weights = [np.exp(-0.5 * case.scores[m.effects]) for m in case.models]
     confidence = float(weights[case.models.index(winner)] / sum(weights))
     named = case.missing(winner)
+    if named:
+        gains = [(_gain(case, winner, other), other) for other in unnamed_torques(case.searcher, winner)]
+        gain, other = max(gains, key=lambda pair: pair[0])
+        if gain > TIE:
+            return _mimicked(case, winner, other)
     loss = winner.heldout_rmse / max(case.noise.std, 1e-300)
     if named and loss > POOR:
         # What fits but does not predict is not known, however likely it is among these models.
@@ -73,6 +77,28 @@ def judge_noise(case: Case, winner: Model) -> Judgement:
         )
         verdict = replace(verdict, explanation=verdict.explanation + note)
     return verdict, best, shares
+
+
+def _gain(case: Case, winner: Model, other: Unnamed) -> float:
+    """Return by how much a law outside the catalogue is the better description, as a difference of scores.
+
+    One effect of the catalogue has a cause that people have met; its rival pays a parameter for having none.
+    """
+    gain = case.rule.score(winner.chi2, winner.size) - case.rule.score(other.chi2, other.size)
+    return gain - (case.rule.price if len(other.replaced) == 1 else 0.0)
+
+
+def _mimicked(case: Case, winner: Model, other: Unnamed) -> Judgement:
+    """What was to be named fits, but something that is not in the catalogue fits better."""
+    beside = f", beside {listed(case.missing_of(other.kept))}," if case.missing_of(other.kept) else ""
+    fewer = winner.size - other.size
+    how = f"with {fewer} number{'s' if fewer > 1 else ''} fewer" if fewer > 0 else "better"
+    text = (
+        f"Something is missing that no effect of the catalogue explains: {other.words}{beside} does it {how} than "
+        f"{listed(other.replaced)}, which would leave nothing but noise too, by mimicking it. The map of the missing "
+        "torque (compare) shows at which angle and rate it acts."
+    )
+    return verdict_on(case, winner, "unexplained", (), 0.9, (), other.experiment, text), winner, {}
 
 
 def _with_record(

@@ -8,9 +8,12 @@ import numpy as np
 
 from sysid.board import Board
 from sysid.leftover import Kind, kind_of
-from sysid.model_search import Model
+from sysid.model_scores import Yardstick
+from sysid.model_search import Model, Searcher
 from sysid.noise import NoiseFloor
 
+TIE = 8.0
+"""Difference of score below which two models are not told apart (odds of e⁴ at most)."""
 Status = Literal["none-missing", "missing", "unexplained"]
 
 
@@ -33,10 +36,14 @@ class Case:
     """Everything that the judgement needs."""
 
     board: Board
+    searcher: Searcher
+    """That found the models; alone by now."""
     base: Model
     models: Sequence[Model]
     """Polished and predicted, best score first, base included."""
     scores: Mapping[tuple[str, ...], float]
+    rule: Yardstick
+    """That the scores were made with."""
     noise: NoiseFloor
     period: float
     kinds: dict[tuple[str, ...], Kind] = field(default_factory=dict[tuple[str, ...], Kind])
@@ -44,13 +51,18 @@ class Case:
 
     def missing(self, model: Model) -> tuple[str, ...]:
         """Return the effects of a model that the record does not have."""
-        return tuple(name for name in model.effects if name not in self.base.effects)
+        return self.missing_of(model.effects)
+
+    def missing_of(self, effects: Sequence[str]) -> tuple[str, ...]:
+        """Return those of some effects that the record does not have."""
+        return tuple(name for name in effects if name not in self.base.effects)
 
     def is_noise(self, model: Model) -> bool:
-        """Whether a model leaves nothing but noise."""
+        """Whether a model leaves nothing but noise: white, or coloured and no other model explains its colour."""
         if model.effects not in self.kinds:
             self.kinds[model.effects] = kind_of(model, self.period)
-        return self.kinds[model.effects] != "motion"
+        kind = self.kinds[model.effects]
+        return kind == "white" or (kind == "coloured" and self.scores[model.effects] < TIE)
 
     def excess(self, model: Model) -> float:
         """Held-out mean square error beyond the noise."""
