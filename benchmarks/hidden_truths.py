@@ -70,7 +70,7 @@ TRUTHS: list[Truth] = [
     *_both("freeplay", (0.006,), (0.02,), heavy=[(0.02,)]),
     *_both("viscoelastic", (3.0, 0.06), (2.0, 0.3)),
     *_both("hysteresis", (6.0, 0.15), (15.0, 0.1)),
-    *_both("second-mode", (0.004, 120.0, 0.05), (0.02, 150.0, 0.3)),
+    *_both("second-mode", (0.004, 120.0, 0.05), (0.02, 150.0, 0.3), (0.02, 60.0, 0.1)),
     *_both("offset", (0.015,), heavy=[(-0.01,)]),
     *_both("preload", (0.2,)),
     *_both("sensor-bias", (-0.02,)),

@@ -147,7 +147,7 @@ def search(
     )  # fmt: skip
     horizons = [] if not structure.effects else _SHORT if kinked else _LONG
     early = [
-        replace_records(coarse, [_first_swings(record, scales, periods) for record in records])
+        replace_records(coarse, [first_swings(record, scales, periods) for record in records])
         for periods in horizons
     ]
     evaluations = 0
@@ -251,7 +251,8 @@ def replace_records(problem: Problem, records: Sequence[Record]) -> Problem:
     )  # fmt: skip
 
 
-def _first_swings(record: Record, scales: Scales, periods: float) -> Record:
+def first_swings(record: Record, scales: Scales, periods: float) -> Record:
+    """Return the beginning of a record."""
     end = int(np.searchsorted(record.time, periods * 2 * np.pi / scales.frequency))
     end = max(end, min(30, len(record.time)))
     return replace(record, time=record.time[:end], signal=record.signal[:end])

@@ -13,7 +13,7 @@ from sysid.crew import Crew
 from sysid.effects import catalogue
 from sysid.effects.base import Scales
 from sysid.fit_problem import Bias, Problem, Record
-from sysid.fit_search import replace_records, search
+from sysid.fit_search import first_swings, replace_records, search
 from sysid.joint_flow import structure_of
 from sysid.least_squares import Minimum, minimise
 from sysid.roll import Array
@@ -27,6 +27,8 @@ KEPT, FAR = 6, 60.0
 """A union is given up when this many others have reached less than it promises, by that much of χ²."""
 STARTS = 3
 """Starts tried of an effect that joins another."""
+EARLY = 4.0
+"""Periods of each release by which starts are ranked."""
 FRICTIONLESS = 0.4
 """Share of a model's damping that is left to it where dry friction joins."""
 WIDE = 0.6
@@ -162,10 +164,12 @@ class Searcher:
             damping = left * known.parameters["damping"]
             starts += [{**little, **known.parameters, "damping": damping} for little in self._little(new)]
         bounds = problem.bounds()
-        first = [minimise(problem.normal, problem.start(start), *bounds, iterations=1) for start in starts]
+        # A start that is a little off is far off after many swings, so the first ones rank starts better, and sooner.
+        early = replace_records(problem, [first_swings(r, self.scales, EARLY) for r in self.records])
+        first = [minimise(early.normal, early.start(start), *bounds, iterations=1) for start in starts]
         first.sort(key=lambda trial: trial.normal.cost)
         trials = [
-            minimise(problem.normal, trial.point, *bounds, iterations=3, tolerance=1e-3, known=trial.normal)
+            minimise(problem.normal, trial.point, *bounds, iterations=4, tolerance=1e-3)
             for trial in first[:2]
         ]
         return Model(effects=effects, problem=problem, minimum=min(trials, key=lambda m: m.normal.cost))
