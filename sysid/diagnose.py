@@ -26,7 +26,7 @@ from sysid.plausible import amplitude_warnings
 from sysid.prediction_verdict import judge_prediction
 from sysid.quantity import Quantity
 from sysid.roll import Release
-from sysid.verdict import Case, Judgement, Verdict
+from sysid.verdict import Case, Judgement, Verdict, heldout_nrmse
 
 FAR = 30.0
 """Difference of score while screening from which a model is out of the running."""
@@ -58,6 +58,10 @@ class Diagnosis:
     shares: Mapping[str, float]
     """Peak torque of each missing effect over the peak torque of the joint."""
     warnings: tuple[str, ...]
+    heldout_before: tuple[float, ...]
+    """Error of predicting each release from the others, over its RMS motion: without what is missing."""
+    heldout_after: tuple[float, ...]
+    """The same with the model that the verdict rests on."""
     best: Model = field(repr=False)
     base: Model = field(repr=False)
     swing_frequency: float | None = None
@@ -117,6 +121,8 @@ def diagnose(
         verdict=verdict,
         shares=shares,
         warnings=tuple(warnings),
+        heldout_before=heldout_nrmse(base),
+        heldout_after=heldout_nrmse(best),
         best=best,
         base=base,
         swing_frequency=scales.frequency if use_rate else None,

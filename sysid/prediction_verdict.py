@@ -32,7 +32,9 @@ def judge_prediction(case: Case) -> Judgement:
     few = [m for m in case.models if len(case.missing(m)) <= 2 and np.isfinite(m.heldout_rmse)]
     if not few:
         return _unexplained(case, case.base, 0.0)
-    best = min(few, key=lambda m: m.heldout_rmse)
+    # Internal states that are fitted to the very release that is to be predicted make that easier.
+    fair = [m for m in few if not (m.problem.free_states and m.problem.structure.memories)] or few
+    best = min(fair, key=lambda m: m.heldout_rmse)
     near = [
         m for m in few
         if _within_one_error(m, best) or case.excess(m) <= NEAR * case.excess(best)

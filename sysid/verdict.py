@@ -92,6 +92,19 @@ def verdict_on(
     )  # fmt: skip
 
 
+def heldout_nrmse(model: Model) -> tuple[float, ...]:
+    """Return the error of prediction over the RMS of the motion about rest, for each release that was left out.
+
+    Of one release alone it is that of its second half, predicted from the first.
+    """
+    rest = model.parameters.get("rest_angle", 0.0)
+    errors: list[float] = []
+    for missed, record in zip(model.heldout or (), model.problem.records, strict=False):
+        motion = record.signal[-len(missed) :] - (0.0 if record.is_rate else rest)
+        errors.append(float(np.sqrt(np.mean(missed**2) / max(float(np.mean(motion**2)), 1e-300))))
+    return tuple(errors)
+
+
 def motion_rms(model: Model) -> float:
     """Return the RMS of the measured motion about rest, of all releases [rad or rad/s]."""
     rest = model.parameters.get("rest_angle", 0.0)

@@ -94,7 +94,7 @@ def test_what_json_cannot_hold_becomes_null(pink):
     )  # fmt: skip
     result = SimpleNamespace(
         noise=SimpleNamespace(std=1e-3), baseline=lost, candidates=(lost,), verdict=verdict,
-        shares={"freeplay": np.nan}, warnings=(), swing_frequency=None,
+        shares={"freeplay": np.nan}, warnings=(), swing_frequency=None, heldout_before=(np.inf,), heldout_after=(0.1,),
     )  # fmt: skip
     content = json.loads(json.dumps(to_json(result, pink, ["a.csv"]), allow_nan=False))
     first = content["candidates"][0]
@@ -102,6 +102,7 @@ def test_what_json_cannot_hold_becomes_null(pink):
     assert first["parameters"]["stiffness"]["value"] is None
     assert content["verdict"]["error_before_rad"] is None
     assert content["verdict"]["error_after_rad"] == 1e-3
+    assert content["verdict"]["heldout_nrmse_before"] == [None]
     assert content["verdict"]["share_of_peak_torque"]["freeplay"] is None
 
 

@@ -13,6 +13,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 import hidden_truths as truths
 
 from sysid.diagnose import diagnose
+from sysid.errors import HuskyError
 from sysid.fit_problem import make_records
 from sysid.fit_search import scales_of
 from sysid.leftover import LEFT, kind_of, whiteness
@@ -94,6 +95,24 @@ def test_a_coarse_sensor_is_fitted_while_the_deck_moves_over_several_steps(tmp_p
     for record in make_records(releases, noise_floor(releases).std, rate=False):
         assert abs(record.signal[-1] - record.release.rest) > 2.5 * step
         assert len(record.time) < len(record.release.time)
+
+
+def test_a_filter_is_found_though_the_release_is_noticed_late(tmp_path):
+    """Behind a filter of 15 ms the first milliseconds look like rest; the fit knows that the reading trails."""
+    model, _ = fitted("lowpass 0.015", ("lowpass",), tmp_path)
+    assert model.parameters["lowpass.time_constant"] == pytest.approx(0.015, rel=0.02)
+    assert model.parameters["damping"] == pytest.approx(0.04, rel=0.02)
+    assert model.rmse < 1.03 * model.problem.records[0].std
+    starts = model.minimum.point[len(model.problem.names) :].reshape(3, 2) * model.problem.sizes()[-2:]
+    assert np.all(starts[:, 0] * starts[:, 1] < 0), "no release was late, so this log tests nothing"
+
+
+def test_a_release_too_short_for_differences_leaves_the_noise_to_the_others(tmp_path):
+    releases = truths.make(replace(BY_NAME["none"], noises=(0.1,), rates=(500.0,)), SEED, tmp_path)
+    stub = replace(releases[0], **{n: getattr(releases[0], n)[:9] for n in ("time", "roll", "std")})
+    assert noise_floor([stub, *releases[1:]]).std == pytest.approx(np.radians(0.1), rel=0.05)
+    with pytest.raises(HuskyError, match="has 9 samples"):
+        noise_floor([stub])
 
 
 @pytest.mark.slow

@@ -102,6 +102,7 @@ def _print(printer: Printer, result: "Diagnosis", board: Board, releases: int) -
         f"{verdict.status}: {', '.join(verdict.effects) or '-'} (confidence {verdict.confidence:.0%})"
     )
     printer.say(verdict.explanation)
+    printer.say(_predicted(result))
     for group in verdict.indistinguishable_from:
         printer.say(f"  looks the same in these logs: {', '.join(group)}")
     if verdict.next_experiment:
@@ -113,6 +114,23 @@ def _print(printer: Printer, result: "Diagnosis", board: Board, releases: int) -
         if fittable:
             flags = " ".join(f"--effect {name}" for name in fittable)
             printer.say(f"to add it: husky-sysid fit LOG... --board {board.name} {flags}")
+
+
+def _predicted(result: "Diagnosis") -> str:
+    """Say how well releases are predicted that were left out, each in its turn."""
+    before, after = (
+        ", ".join(f"{error:.2g}" for error in 100 * np.array(errors))
+        for errors in (result.heldout_before, result.heldout_after)
+    )
+    what = (
+        "each release, predicted from the others,"
+        if len(result.heldout_before) > 1
+        else "the second half, predicted from the first,"
+    )
+    if result.best is result.base:
+        return f"{what} is off by {before} % of its RMS motion"
+    with_it = "with it" if result.verdict.status == "missing" else "with the nearest effects"
+    return f"{what} is off by {after} % of its RMS motion {with_it}, by {before} % without"
 
 
 def _row(candidate: "Candidate", floor: float) -> tuple[str, ...]:
@@ -151,6 +169,8 @@ def to_json(result: "Diagnosis", board: Board, logs: list[str]) -> dict[str, Any
             "effects": list(verdict.effects),
             "confidence": verdict.confidence,
             "indistinguishable_from": [list(group) for group in verdict.indistinguishable_from],
+            "heldout_nrmse_before": list(result.heldout_before),
+            "heldout_nrmse_after": list(result.heldout_after),
             "error_before_rad": per * verdict.error_before,
             "error_after_rad": per * verdict.error_after,
             "next_experiment": verdict.next_experiment,
