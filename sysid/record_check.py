@@ -109,7 +109,7 @@ def _worse(model: Model, rest_angle: float, *more: str) -> float:
     rough = [name for name in FRICTION if name in held.names]
     starts = [
         held.start({**known, **{name: share * known[name] for name in rough}})
-        for share in ((1.0, 0.85, 1.2) if rough else (1.0,))
+        for share in ((0.6, 0.8, 1.0, 1.25, 1.6) if rough else (1.0,))
     ]
     costs = [
         minimise(held.normal, start, *held.bounds(), iterations=25, tolerance=1e-6).normal.cost

@@ -107,6 +107,34 @@ def test_a_filter_is_found_though_the_release_is_noticed_late(tmp_path):
     assert np.all(starts[:, 0] * starts[:, 1] < 0), "no release was late, so this log tests nothing"
 
 
+def test_where_a_deck_sticks_is_no_shift_of_its_rest_angle(tmp_path):
+    """From one short release friction, stiffness and rest angle trade places, which a linearised deviation does not see."""
+    from sysid.record_check import record_deviation
+
+    truth = BY_NAME["coulomb 0.15, heavy"]
+    (release, *_), board = truths.make(truth, 3007, tmp_path), truths.board_of(truth)
+    records = make_records([release], noise_floor([release]).std, rate=False)
+    searcher = Searcher(records=records, scales=scales_of(records, board), bias="shared")
+    model = searcher.polished(searcher.alone(("coulomb",)))
+    assert record_deviation(model, board, look_at_linear=False).effects == ()
+    moved = board.with_tilt(rest_angle=replace(board.tilt["rest_angle"], value=0.08))
+    assert record_deviation(model, moved, look_at_linear=False).effects == ("offset",)
+
+
+def test_one_release_cannot_tell_a_drift_from_a_shift(tmp_path):
+    from sysid.record_check import record_deviation
+
+    truth = replace(BY_NAME["offset -0.01, heavy"], rates=(500.0,), noises=(0.2,))
+    releases = truths.make(truth, SEED, tmp_path)
+    board = truths.board_of(truth)
+    for some, alike in ((releases[:1], True), (releases, False)):
+        records = make_records(some, noise_floor(some).std, rate=False)
+        searcher = Searcher(records=records, scales=scales_of(records, board), bias="shared")
+        deviation = record_deviation(searcher.polished(searcher.alone(())), board, look_at_linear=False)
+        assert deviation.effects == ("offset",)
+        assert (("sensor-drift",) in deviation.alike) == alike
+
+
 def test_a_release_too_short_for_differences_leaves_the_noise_to_the_others(tmp_path):
     releases = truths.make(replace(BY_NAME["none"], noises=(0.1,), rates=(500.0,)), SEED, tmp_path)
     stub = replace(releases[0], **{n: getattr(releases[0], n)[:9] for n in ("time", "roll", "std")})
