@@ -165,8 +165,6 @@ def drawn(job: Job) -> tuple[Camera, Motion]:
     name = job.name.replace("unknown", "given")  # the same takes, read twice
     rng = np.random.default_rng([job.take, len(name.removesuffix(", stiff board")), ord(name[0])])
     focal = USUAL_FOCAL * np.exp(LENS_SPREAD * rng.normal())
-    if job.take == 0:
-        focal = job.camera.focal
     camera = replace(
         job.camera,
         focal=float(focal),
@@ -204,11 +202,11 @@ def row(takes: list[Job], folder: Path) -> tuple[str, ...]:
             angle = -float(np.radians(camera.yaw_deg)), -float(np.radians(camera.pitch_deg))
             options = replace(options, camera_angle=angle)
         try:
-            roll, _ = roll_from_track(clip, lens, chosen, track, options)
+            roll, rows = roll_from_track(clip, lens, chosen, track, options)
         except HuskyError as error:
             refused.append(str(error)[-60:])
             continue
-        error = against(roll, motion, stamps[0] + camera.readout / 2)
+        error = against(roll, motion, stamps[rows[0]] + camera.readout / 2)
         errors.append(error)
         inside.append(np.abs(error) < 1.96 * roll.std)
         ratios.append(k_and_d(roll, motion, load(job.board)))
@@ -230,7 +228,13 @@ def row(takes: list[Job], folder: Path) -> tuple[str, ...]:
 
 
 def against(roll: Roll, motion: Motion, start: float) -> Array:
-    """Error of each sample [rad], but for the clock's constant offset and the rest angle."""
+    """Error of each sample [rad], but for the clock's constant offset and the rest angle.
+
+    Args:
+        roll: Its clock starts with the first frame that shows the board.
+        motion: The truth.
+        start: When that frame was taken [s].
+    """
 
     def error(offset: float) -> Array:
         difference = roll.roll - motion.at(roll.time + start + offset)

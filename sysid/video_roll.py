@@ -73,6 +73,7 @@ def roll_from_track(
     Raises:
         HuskyError: There are fewer than 8 frames for each period of the oscillation.
     """
+    from sysid.video.lone_frames import lone_frames
     from sysid.video.view import View
 
     before = _unknowns(clip, track, lens, chosen, options)
@@ -81,11 +82,18 @@ def roll_from_track(
     std = np.hypot(turning.std, track.shake.std) if track.shake.significant else turning.std
     time = view.time(turning.unknowns.readout)
     sign = -1.0 if options.front else 1.0
-    signal = _Signal(time, sign * (turning.angle + chosen.zero(turning)), std)
+    angle = sign * (turning.angle + chosen.zero(turning))
+    alone = lone_frames(time, angle, std)
+    signal = _Signal(time, angle, np.hypot(std, alone))
+    _refuse_contradiction(clip.path, chosen, track, angle)
     pace = _refuse_slow(clip.path, signal)
     signal, filled, dropped = _fill(signal, pace)
     notes, faults = _words(clip, track, lens, chosen, turning, options)
     notes.append(_shutter_note(before, turning.unknowns))
+    if np.any(alone > 0):
+        notes.append(
+            f"{np.sum(alone > 0)} frames that those before and after do not bear out are given less weight"
+        )
     if filled:
         notes.append(f"{filled} lost frames filled in from their neighbours")
     if np.ptp(signal.roll) < max(6 * float(np.median(signal.std)), LEAST_SWING):
@@ -133,16 +141,19 @@ def _unknowns(
             f"--readout {options.readout}: a read-out takes 0 to 0.2 s; typical is 0.01 to 0.02."
         )
     yaw, pitch = options.camera_angle or (0.0, 0.0)
+    focal, focal_std = 0.0, 0.0 if lens.known else FOCAL_SPREAD
+    if track.shake.significant and track.shake.focal_std < focal_std:  # a camera that turns shows its lens
+        focal, focal_std = float(np.log(track.shake.focal / lens.matrix[0, 0])), track.shake.focal_std
     ceiling = min(float(np.median(np.diff(track.time))), READOUT_CEILING)
     std = np.array(
         [
             *((chosen.direction_doubt if options.camera_angle is None else 0.0,) * 2),
-            0.0 if lens.known else FOCAL_SPREAD,
+            focal_std,
             ceiling / np.sqrt(12) if options.readout is None else 0.0,
         ]
     )
     readout, limit = (ceiling / 2, ceiling) if options.readout is None else (options.readout, np.inf)
-    return Unknowns(np.array([yaw, pitch, 0.0, readout]), np.diag(std**2), limit)
+    return Unknowns(np.array([yaw, pitch, focal, readout]), np.diag(std**2), limit)
 
 
 def _shutter_note(before: "Unknowns", after: "Unknowns") -> str:
@@ -169,6 +180,7 @@ def follow_board(clip: "Clip", lens: "Lens", options: VideoOptions) -> "tuple[Ch
     failed: list[str] = []
     for chosen in choices(clip, options):
         track = follow(clip, chosen.tracker, lens, options.rate)
+        track = track if chosen.settle is None else chosen.settle(track)
         seen = len(track.time) - track.lost
         if seen >= MOST_SEEN * len(track.time):
             return chosen, track
@@ -207,6 +219,17 @@ def _fill(signal: _Signal, pace: float) -> tuple[_Signal, int, int]:
     dropped = len(signal.roll) - int(keep.sum())
     filled = int(keep.sum() - good.sum())
     return _Signal(time[keep], roll[keep], std[keep], index[keep]), filled, dropped
+
+
+def _refuse_contradiction(path: Path, chosen: "Chosen", track: "Track", angle: Array) -> None:
+    """Refuse a film in whose frames what was followed does not turn as one body."""
+    kept, seen = int(np.isfinite(angle).sum()), len(track.time) - track.lost
+    if kept < MOST_SEEN * len(angle):
+        raise HuskyError(
+            f"{path}: {chosen.what} is seen in {seen} of {len(angle)} frames, but turns as one body in only {kept}: "
+            "something else was followed in the others. Film straighter from behind and with more contrast, give "
+            "--roi, or put a marker on the deck."
+        )
 
 
 def _refuse_slow(path: Path, signal: _Signal) -> float:

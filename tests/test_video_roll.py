@@ -22,7 +22,7 @@ from sysid.errors import HuskyError
 from sysid.roll import Roll
 from sysid.video.background import Background
 from sysid.video.camera import Lens, lens_of, write_calibration
-from sysid.video.edge import _elsewhere
+from sysid.video.edge_turn import elsewhere
 from sysid.video.frames import Frame, open_clip
 from sysid.video.marker import find_marker, marker_svg
 from sysid.video.options import VIDEO_SUFFIXES
@@ -431,7 +431,7 @@ def test_another_line_than_the_edge_is_left_out():
     middle = 300 + 200j + 30j * np.exp(1j * angle)
     middle[[20, 50]] += 12j
     ends = np.stack([middle - along, middle + along], axis=1)
-    wrong = _elsewhere(np.stack([ends.real, ends.imag], axis=-1))
+    wrong = elsewhere(np.stack([ends.real, ends.imag], axis=-1))
     assert np.flatnonzero(wrong).tolist() == [20, 50]
 
 

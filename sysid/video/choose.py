@@ -1,21 +1,24 @@
 """What to follow in a film, and why."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from sysid.errors import HuskyError
 from sysid.roll import Array
+from sysid.video.belonging import belonging
 from sysid.video.dots import DotTracker, find_dots, fit_pivot
-from sysid.video.edge import EdgeTracker, find_edge, fit_direction
+from sysid.video.edge import EdgeTracker, find_deck_edges
+from sysid.video.edge_slope import deck_slopes
+from sysid.video.edge_turn import fit_direction
 from sysid.video.features import FEWEST, FeatureTracker, count_alike, find_features
 from sysid.video.frames import Clip, grey
 from sysid.video.marker import MarkerTracker, find_marker
 from sysid.video.options import VideoOptions
 from sysid.video.survey import Survey, survey
-from sysid.video.track import Tracker
+from sysid.video.track import Track, Tracker
 from sysid.video.turning import Solid, Turning, fit_turning
 from sysid.video.unknowns import Unknowns
 from sysid.video.view import View
@@ -32,6 +35,10 @@ EDGE_DOUBT = np.radians(5.0)
 DEEP = 0.03
 """Standard deviation of the circles' centres where points may lie anywhere on the deck, in focal lengths: a
 tenth of a focal length aside, at depths that differ by a third."""
+DEAD_ZONE = 0.15
+"""Motion of the outermost points of colour or faint texture that compression may leave out of a film, to either
+side [px]: as found in films of 0.1 bit a pixel. A phone's have two to four times as many. A marker is too black
+and white for that."""
 DOT_FLOOR = 0.08
 """Least standard deviation of a dot's place [px]: films hold colour at half the resolution of brightness."""
 NOT_FOUND = {
@@ -60,6 +67,8 @@ class Chosen:
     finds_direction: bool = True
     """Whether the points show from where the camera looks."""
     warnings: tuple[str, ...] = ()
+    settle: Callable[[Track], Track] | None = None
+    """What to leave out of the track once the whole film is known."""
 
     @property
     def direction_doubt(self) -> float:
@@ -82,7 +91,7 @@ def choices(clip: Clip, options: VideoOptions) -> Iterator[Chosen]:
             return
     if options.method != "marker":
         look = survey(clip, options.roi)
-        ways = {"dots": _dots, "features": _features, "edge": _edge}
+        ways = {"dots": _dots, "features": _features, "edge": partial(_edge, clip)}
         for way in ways.values() if auto else (ways[options.method],):
             chosen = way(look, options)
             if chosen is not None:
@@ -120,7 +129,7 @@ def _dots(look: Survey, options: VideoOptions) -> Chosen | None:
             tracker=DotTracker(dots, look.box),
             what="the pair of dots",
             why=f"follows two coloured dots ({size}){auto}",
-            solve=partial(fit_turning, solid=Solid(floor=DOT_FLOOR)),
+            solve=partial(fit_turning, solid=Solid(floor=DOT_FLOOR, dead_zone=DEAD_ZONE)),
             zero=_level_pair,
             zero_note="roll zero is where the line between the dots is level in the picture",
         )
@@ -146,18 +155,24 @@ def _features(look: Survey, options: VideoOptions) -> Chosen | None:
         tracker=FeatureTracker(grey(look.first.picture), places, look.box),
         what="the deck's texture",
         why=f"follows {len(places)} patches of texture that move{auto}",
-        solve=partial(_fit_texture, places=places),
+        settle=_those_of_the_board,
+        solve=_fit_texture,
         zero=_rest_at_the_end,
         zero_note="roll zero is where the deck is at the end of the film (its last tenth): texture shows no horizontal",
     )
 
 
-def _edge(look: Survey, options: VideoOptions) -> Chosen | None:
-    ends = find_edge(look)
-    if ends is None:
+def _edge(clip: Clip, look: Survey, options: VideoOptions) -> Chosen | None:
+    slopes = deck_slopes(clip, look)
+    edges = find_deck_edges(look, slopes)
+    count = len(edges.ends)
+    if not count:
         return None
+    lengths = ", ".join(
+        f"{length:.0f}" for length in np.linalg.norm(edges.ends[:, 1] - edges.ends[:, 0], axis=1)
+    )
     auto = ", as neither marker, dots nor texture are in the picture" if options.method == "auto" else ""
-    tracker = EdgeTracker(ends, look.box)
+    tracker = EdgeTracker(edges, slopes, look.box)
     warnings: tuple[str, ...] = ()
     if options.camera_angle is None:
         warnings = (
@@ -167,8 +182,8 @@ def _edge(look: Survey, options: VideoOptions) -> Chosen | None:
     return Chosen(
         tracker=tracker,
         what="the deck's edge",
-        why=f"follows a straight edge {np.linalg.norm(ends[1] - ends[0]):.0f} px long{auto}",
-        solve=partial(fit_direction, deviations=tracker.deviations),
+        why=f"follows {count} straight edge{'s' if count > 1 else ''} ({lengths} px long){auto}",
+        solve=partial(fit_direction, deviations=tracker.deviations, lines=edges.line),
         zero=partial(_level, direction=1 + 0j, symmetry=2),
         zero_note="roll zero is where the edge is level in the picture",
         finds_direction=False,
@@ -176,8 +191,15 @@ def _edge(look: Survey, options: VideoOptions) -> Chosen | None:
     )
 
 
-def _fit_texture(view: View, matrix: Array, before: Unknowns, *, places: Array) -> Turning:
-    body = Solid(centre_std=DEEP, alike=count_alike(places), shows_lens=False)
+def _those_of_the_board(track: Track) -> Track:
+    return replace(track, points=track.points[:, belonging(track.points, FEWEST)])
+
+
+def _fit_texture(view: View, matrix: Array, before: Unknowns) -> Turning:
+    points = view.track.points
+    most = points[int(np.argmax(np.isfinite(points).all(axis=2).sum(axis=1)))].astype(np.float64)
+    alike = count_alike(most[np.isfinite(most).all(axis=1)])
+    body = Solid(centre_std=DEEP, alike=alike, dead_zone=DEAD_ZONE, shows_lens=False)
     return fit_turning(view, matrix, before, body)
 
 

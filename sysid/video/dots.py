@@ -20,6 +20,8 @@ LEAST_CHROMA = 28.0
 """Distance from grey, in CIELAB units, from which a colour is taken as a sticker's."""
 SMALLEST, LARGEST = 40, 0.02
 """Area of a dot: least [px], and largest as a share of the picture."""
+COVERED = 0.85
+"""A dot of which less than this share is left is covered in part."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,9 +64,12 @@ class DotTracker:
     _velocity: Array = field(init=False)
     _time: float | None = None
     _lost: int = 0
+    _size: Array = field(init=False)
+    """How much dot there is of each, in pixels; NaN before it was seen."""
 
     def __post_init__(self) -> None:
         """Start where the dots were found."""
+        self._size = np.full(len(self.dots), np.nan)
         self._places = np.array([dot.place for dot in self.dots])
         self._velocity = np.zeros_like(self._places)
 
@@ -78,6 +83,7 @@ class DotTracker:
         interval = 0.0 if self._time is None else frame.time - self._time
         predicted = self._places + self._velocity * interval
         places = np.full_like(self._places, np.nan)
+        sizes = self._size.copy()
         for number, dot in enumerate(self.dots):
             reach = (3.0 + 2.0 * min(self._lost, 10)) * dot.radius + 0.5 * float(
                 np.linalg.norm(predicted[number] - self._places[number])
@@ -85,8 +91,9 @@ class DotTracker:
             if len(self.dots) == 2:
                 reach = min(reach, 0.6 * float(np.linalg.norm(self._places[1] - self._places[0])))
             found = self._near(frame.picture, predicted[number], reach, dot)
-            if found is not None:
-                places[number] = found
+            # A hand in front of a part of a dot moves the middle of what is left; blur only spreads it.
+            if found is not None and not found[1] < COVERED * self._size[number]:
+                places[number], sizes[number] = found
         if not np.isfinite(places).all() or not self._plausible(places):
             self._lost += 1
             return None
@@ -95,6 +102,7 @@ class DotTracker:
         elif interval > 0:
             self._velocity[:] = 0
         self._places, self._time, self._lost = places, frame.time, 0
+        self._size = np.where(np.isfinite(self._size), 0.9 * self._size + 0.1 * sizes, sizes)
         return places
 
     def _plausible(self, places: Array) -> bool:
@@ -103,7 +111,8 @@ class DotTracker:
         length = np.linalg.norm(self.dots[1].place - self.dots[0].place)
         return bool(0.75 < np.linalg.norm(places[1] - places[0]) / length < 1.35)
 
-    def _near(self, picture: Picture, place: Array, reach: float, dot: Dot) -> Array | None:
+    def _near(self, picture: Picture, place: Array, reach: float, dot: Dot) -> tuple[Array, float] | None:
+        """Find a dot; return its centre [px] and how much of it there is [px]."""
         low, high = np.floor(place - reach), np.ceil(place + reach) + 1
         part, corner = crop(picture, (int(low[0]), int(low[1]), int(high[0]), int(high[1])))
         if min(part.shape[:2]) < 4:
@@ -126,7 +135,8 @@ class DotTracker:
         soft = np.clip(weight, 0, 1) * region
         rows, columns = np.mgrid[0 : part.shape[0], 0 : part.shape[1]]
         total = soft.sum()
-        return np.array([(soft * columns).sum() / total + corner[0], (soft * rows).sum() / total + corner[1]])
+        centre = [(soft * columns).sum() / total + corner[0], (soft * rows).sum() / total + corner[1]]
+        return np.array(centre), float(total)
 
     @staticmethod
     def _touches_border(

@@ -1,254 +1,376 @@
-"""The deck's own straight edge, where there is neither mark nor texture."""
+"""The deck's own straight edges, where there is neither mark nor texture.
 
-from collections.abc import Callable, Sequence
+Its edges across the axis are parallel and turn together, whichever end and whichever side of the deck they
+bound. The deck's long sides do not, nor do lines of the background: what several edges agree on is the deck.
+"""
+
 from dataclasses import dataclass, field
-from typing import Any
+from itertools import pairwise
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
 from sysid.roll import Array
-from sysid.video.frames import Frame, Picture, crop, grey
-from sysid.video.rectify import longer, rectify, smear, unwrap
+from sysid.video.edge_slope import (
+    PARALLEL,
+    camera_shift,
+    normals,
+    segments,
+    sides_of,
+    slope_of,
+    still_there,
+)
+from sysid.video.frames import Frame, Picture, grey
 from sysid.video.straight_edge import find_edges
 from sysid.video.survey import Survey
-from sysid.video.turning import Turning
-from sysid.video.unknowns import Unknowns, spread_by
-from sysid.video.view import View
 
 SHORTEST = 40
 """Shortest edge that is followed [px]."""
-STEEPEST = np.radians(50)
-"""An edge steeper than this is not across the deck."""
-TURNS = np.radians(np.arange(-20, 20.5, 1.0))
-"""Turns from the expected one that are searched."""
-GAP = 2.0
-"""Distance from a line at which brightness is read on its two sides [px]."""
-SHAKEN = 5
-"""Shift of the picture up to which a still edge is known again [px]."""
-ELSEWHERE = 6.0
-"""Distance from where the axis puts it that makes a line another one, in standard deviations (and 1 px)."""
+MOST = 8
+"""Edges that are followed at most."""
+PICTURES = 40
+"""Pictures in which edges are looked for."""
+FAINTEST = 12.0
+"""Least contrast of an edge [grey levels]."""
+ATTITUDE = np.radians(5.0)
+"""Turn of the deck from which on its edges are not where they were."""
+STAYS = 0.4
+"""Share of the other attitudes in which a line may be where it was and still be the deck's."""
+ALIKE = 25.0
+"""Difference of brightness up to which two lines may be the same edge [grey levels]."""
+PAIRS = 4
+"""Pairs of lines from different attitudes that are needed to tell the pivot."""
+GRID = 15
+"""Pivots across and down that are tried first."""
+NEAR = 0.02
+"""Distance at which two lines, turned back, are one, as a share of the width of what moves."""
+PIVOTS = 0.04
+"""How far the pivots of edges at different depths are apart, as a share of the width of what moves."""
+CLOSE = np.radians(np.arange(-3.0, 3.5, 0.5))
+"""Turns that are searched about the rough one."""
+TOGETHER = np.radians(2.0)
+"""An edge that turns by so much more or less than the others is another line."""
 CORRELATION = 6.0
 """Length along an edge over which errors are alike: compression works in blocks of 8 or 16 pixels."""
 
 
-def find_edge(look: Survey) -> Array | None:
-    """Return both ends [px] of the longest edge that moves, shape (2, 2), the brighter side above it."""
-    dark = grey(look.first.picture)
-    part, corner = crop(dark, look.box)
-    segments: Any = cv2.createLineSegmentDetector().detect(cv2.GaussianBlur(part, (0, 0), 1.0))[0]
-    best: tuple[float, Array] | None = None
-    for segment in [] if segments is None else np.asarray(segments, np.float64).reshape(-1, 2, 2):
-        ends = segment + corner
-        along = ends[1] - ends[0]
-        length = float(np.hypot(*along))
-        slope = abs(np.arctan2(along[1], along[0]))
-        if length < SHORTEST or min(slope, np.pi - slope) > STEEPEST:
+@dataclass(frozen=True, slots=True)
+class Edges:
+    """Edges of the deck, found in several pictures, as they would be in the first."""
+
+    ends: Array
+    """Both ends of each [px], the brighter side above the line from the first to the second, shape (E, 2, 2)."""
+    sides: Array
+    """Brightness above and below [grey levels], shape (E, 2)."""
+    turn: Array
+    """Turn since the first picture of the picture in which each was found [rad], shape (E,)."""
+    line: npt.NDArray[np.intp]
+    """Number of the line that each is a part of, shape (E,): parts of one line bear each other out no more than once."""
+    pivot: Array
+    """What they turn about [px], shape (2,)."""
+    pivot_std: float
+    """Standard deviation of that [px]."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Line:
+    """A line of one picture that may be an edge of the deck."""
+
+    score: float
+    ends: Array
+    """Both ends, freed of the camera's shake [px], shape (2, 2)."""
+    sides: Array
+    turn: float
+
+    def back(self, pivot: Array) -> Array:
+        """Return the ends as they would be in the first picture."""
+        return pivot + (self.ends - pivot) @ _rotation(self.turn)
+
+
+def find_deck_edges(look: Survey, slopes: Array) -> Edges:
+    """Return edges across the deck, the best first.
+
+    As the deck turns, one of its edges is lost in front of a wheel and another comes out against the wall, so
+    that edges are looked for in pictures from all over the film.
+
+    Args:
+        look: Pictures of the film.
+        slopes: Rough slope of the lines across the deck in each frame [rad].
+    """
+    shifts = [camera_shift(look.pictures[0], other) for other in look.pictures]
+    slope = slopes[list(look.indices)]
+    found: list[_Line] = []
+    for number in range(0, len(look.pictures), max(1, len(look.pictures) // PICTURES)):
+        dark = look.pictures[number]
+        ends = segments(dark, look.box, SHORTEST)
+        ends = ends[np.abs(slope_of(ends) - slope[number]) < PARALLEL]
+        if not len(ends):
             continue
-        share = np.linspace(0.1, 0.9, 30)[:, None]
-        places = np.round(ends[0] + share * along).astype(int)
-        inside = np.clip(places, 0, np.array(dark.shape[1::-1]) - 1)
-        moving = float(look.moving[inside[:, 1], inside[:, 0]].mean())
-        contrast = _step(dark, ends[None])[0]
-        if contrast < 0:
-            ends = ends[::-1]
-        here = [_still_there(other, ends) for other in look.pictures]
-        changed = float(np.mean([abs(contrast) - there > 0.4 * abs(contrast) for there in here]))
-        if moving < 0.35 or changed < 0.35:
-            continue
-        score = length * min(abs(contrast), 60.0) * changed**2
-        if best is None or score > best[0]:
-            best = score, ends
-    if best is None:
-        return None
-    ends = best[1]
-    middle = ends.mean(axis=0)
-    return middle + 0.8 * (ends - middle)
+        sides = sides_of(dark, ends)
+        ends = np.where((sides[:, 0] < sides[:, 1])[:, None, None], ends[:, ::-1], ends)
+        sides = -np.sort(-sides, axis=1)
+        step = sides[:, 0] - sides[:, 1]
+        others = np.flatnonzero(np.abs(slope - slope[number]) > ATTITUDE)
+        there = still_there(
+            step, ends - shifts[number], [look.pictures[k] for k in others], [shifts[k] for k in others]
+        )
+        # What stays where it is while the deck turns is behind it.
+        stays = there.mean(axis=0) if len(others) else np.zeros(len(ends))
+        score = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) * np.minimum(step, 60.0)
+        for line in np.flatnonzero((step > FAINTEST) & (stays <= STAYS)):
+            middle = ends[line].mean(axis=0)
+            short = middle + 0.8 * (ends[line] - middle) - shifts[number]
+            found.append(_Line(float(score[line]), short, sides[line], float(slope[number] - slope[0])))
+    # From as high as the deck, its long sides and its ends are one line at rest, and several when it is tilted.
+    tilted = [line for line in found if abs(line.turn - np.median(slope - slope[0])) > ATTITUDE]
+    found = tilted if len(tilted) > 1 else found
+    pivot, spread = _pivot(found, look.box)
+    size = NEAR * (look.box[2] - look.box[0])
+    kept: list[_Line] = []
+    for line in sorted(found, key=lambda line: -line.score):
+        if len(kept) < MOST and not any(_same(line, other, pivot, 2 * size) for other in kept):
+            kept.append(line)
+    return Edges(
+        np.array([line.back(pivot) for line in kept]).reshape(-1, 2, 2),
+        np.array([line.sides for line in kept]).reshape(-1, 2),
+        np.array([line.turn for line in kept]),
+        _lines([line.back(pivot) for line in kept], 2 * size),
+        pivot,
+        spread,
+    )
+
+
+def _pivot(lines: list[_Line], box: tuple[int, int, int, int]) -> tuple[Array, float]:
+    """Return the point about which lines of different pictures turn into one another, and its deviation [px]."""
+    ends = np.array([line.ends for line in lines]).reshape(-1, 2)
+    (left, top), (right, bottom) = (ends.min(axis=0), ends.max(axis=0)) if len(ends) else (box[:2], box[2:])
+    middle, size = np.array([(left + right) / 2, (top + bottom) / 2]), max(right - left, bottom - top)
+    one, other = np.triu_indices(len(lines), 1)
+    turn = np.array([line.turn for line in lines])
+    sides = np.array([line.sides for line in lines]).reshape(-1, 2)
+    pair = (np.abs(turn[one] - turn[other]) > ATTITUDE) & (
+        np.abs(sides[one] - sides[other]).max(axis=1) < ALIKE
+    )
+    one, other = one[pair], other[pair]
+    if len(one) < PAIRS:
+        return middle, size / 4
+    across, down = np.meshgrid(np.linspace(left, right, GRID), np.linspace(top, bottom, GRID))
+    pivots = np.stack([across.ravel(), down.ravel()], axis=1)
+    weight = np.sqrt([line.score for line in lines])
+    weight = weight[one] * weight[other]
+    near = NEAR * size
+    for _ in range(3):  # the grid, then twice a finer one about the best
+        back = np.array([[line.back(pivot).mean(axis=0) for line in lines] for pivot in pivots])
+        along = np.array([line.back(middle)[1] - line.back(middle)[0] for line in lines])
+        normal = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
+        gap = np.sum((back[:, one] - back[:, other]) * normal[one], axis=2)
+        far = np.sum((pivots - middle) ** 2, axis=1) / (size / 2) ** 2
+        support = np.exp(-((gap / near) ** 2) / 2) @ weight
+        best = pivots[int(np.argmax(support - 0.3 * support.max() * far))]
+        fine = np.linspace(-1, 1, 7) * 2 * size / GRID
+        size_now = np.array(np.meshgrid(fine, fine)).reshape(2, -1).T
+        pivots = best + size_now / (4 if len(pivots) == 49 else 1)
+    return best, 2 * near
+
+
+def _lines(ends: list[Array], size: float) -> npt.NDArray[np.intp]:
+    """Number the lines that edges lie on, shape (E,)."""
+    number = np.arange(len(ends))
+    for edge, own in enumerate(ends):
+        for other in range(edge):
+            along = (ends[other][1] - ends[other][0]) / np.linalg.norm(ends[other][1] - ends[other][0])
+            offset = (own - ends[other][0]) @ np.array([along[1], -along[0]])
+            if abs(float(offset.mean())) < size:
+                number[edge] = number[other]
+                break
+    return number
+
+
+def _same(one: _Line, other: _Line, pivot: Array, size: float) -> bool:
+    """Whether two lines, turned back, are one edge: side by side, overlapping, and alike in brightness."""
+    home = other.back(pivot)
+    along = home[1] - home[0]
+    length = float(np.linalg.norm(along))
+    along = along / length
+    offset = (one.back(pivot) - home[0]) @ np.array([along[1], -along[0]])
+    places = np.sort((one.back(pivot) - home[0]) @ along)
+    overlap = min(places[1], length) - max(places[0], 0.0)
+    alike = float(np.abs(one.sides - other.sides).max()) < ALIKE
+    return abs(float(offset.mean())) < size and overlap > 0.3 * (places[1] - places[0]) and alike
 
 
 @dataclass(slots=True)
 class EdgeTracker:
-    """Follows one straight edge: a search over turns and shifts, then the brightness profile across it.
+    """Follows edges across the deck: a search about the rough turn, a shift for each, then profiles across them.
 
     A line shows where it is across itself only, so the ends would slide along the edge. They are carried
     by a turn about a pivot instead, which is learned on the way: for a line n·x = c turning about p,
     c = n·p + h in every frame.
     """
 
-    start: Array
-    """Both ends in the first frame [px], shape (2, 2)."""
+    edges: Edges
+    slopes: Array
+    """Rough slope of the lines across the deck in each frame [rad]."""
     box: tuple[int, int, int, int]
-    deviations: list[float] = field(default_factory=list)
-    """Standard deviation of the edge's direction in each frame [rad]; NaN where it is not seen."""
-    _turn: float = 0.0
-    _rate: float = 0.0
-    _time: float | None = None
-    _sides: Array | None = None
-    _contrast: float = 0.0
+    deviations: list[Array] = field(default_factory=list)
+    """Standard deviation of the edges' directions in each frame [rad], each (E,); NaN where one is not seen."""
+    _drift: float = 0.0
+    """How far the edges were from where the pivots put them in the last frame: a camera that is held shakes [px]."""
+    _lost: int = 0
+    _sides: Array = field(init=False)
+    _contrast: Array = field(init=False)
     _information: Array = field(init=False)
     _moment: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        """Expect the pivot in the middle of what moves, to within half of its size."""
-        left, top, right, bottom = self.box
-        middle = np.array([(left + right) / 2, (top + bottom) / 2])
-        spread = max(right - left, bottom - top) / 4
-        height = self._normal(0.0) @ (self.start[0] - middle)
-        self._information = np.diag([1, 1, 1]) / spread**2
-        self._moment = self._information @ np.append(middle, height)
+        """Expect the edges where they were found, about the pivot that the pictures showed."""
+        pivot, spread = self.edges.pivot, self.edges.pivot_std
+        height = np.sum(self._normals(0.0) * (self.starts[:, 0] - pivot), axis=1)
+        count = len(self.starts)
+        self._information = np.tile(np.eye(3) / spread**2, (count, 1, 1))
+        self._moment = np.column_stack([np.tile(pivot, (count, 1)), height]) / spread**2
+        for edge, turn in enumerate(self.edges.turn):  # where it was found, it is known to be
+            row = np.append(self._normals(float(turn))[edge], 1.0)
+            there = pivot + (self.starts[edge, 0] - pivot) @ _rotation(float(turn)).T
+            self._information[edge] += np.outer(row, row) / 4.0**2
+            self._moment[edge] += row * (row[:2] @ there) / 4.0**2
+        self._sides = self.edges.sides.copy()
+        self._contrast = self.edges.sides[:, 0] - self.edges.sides[:, 1]
+
+    @property
+    def starts(self) -> Array:
+        """Both ends of each edge as they would be in the first frame [px], shape (E, 2, 2)."""
+        return self.edges.ends
 
     @property
     def points(self) -> int:
-        """Both ends; only the line through them means anything."""
-        return 2
+        """Both ends of each edge; only the line through them means anything."""
+        return 2 * len(self.starts)
 
     def update(self, frame: Frame) -> Array | None:
-        """Return both ends of the edge [px], shape (2, 2), or None where it is not seen."""
-        interval = 0.0 if self._time is None else frame.time - self._time
+        """Return both ends of each edge [px], shape (2E, 2), NaN where one is not seen; None where none is."""
         dark = grey(frame.picture)
-        rough = self.start if self._time is None else self._search(dark, self._turn + self._rate * interval)
-        ends = self._fit(dark, rough)
-        if ends is None:
-            self._rate = 0.0
-            self.deviations.append(np.nan)
+        turn = float(self.slopes[frame.index] - self.slopes[0])
+        ends, deviation = self._fit(dark, self._search(dark, turn + CLOSE))
+        along, before = ends[:, 1] - ends[:, 0], self.starts[:, 1] - self.starts[:, 0]
+        turns = np.angle((along @ [1, 1j]) / (before @ [1, 1j]))
+        agreed = _agreed(turns, deviation)
+        if agreed is None:
+            self._lost += 1
+            self.deviations.append(np.full(len(ends), np.nan))
             return None
-        along, before = ends[1] - ends[0], self.start[1] - self.start[0]
-        turn = float(np.angle(complex(*along) / complex(*before)))
-        self._rate = (turn - self._turn) / interval if interval > 0 else 0.0
-        self._turn, self._time = turn, frame.time
-        row = np.append(self._normal(turn), 1.0)
-        self._information += np.outer(row, row) / 2.0**2
-        self._moment += row * (self._normal(turn) @ ends[0]) / 2.0**2
-        return ends
+        self._lost = 0
+        self._learn(dark, ends, turns, agreed)
+        self.deviations.append(np.where(agreed, deviation, np.nan))
+        return np.where(agreed[:, None, None], ends, np.nan).reshape(-1, 2)
 
-    def _normal(self, turn: float) -> Array:
-        along = (self.start[1] - self.start[0]) / np.linalg.norm(self.start[1] - self.start[0])
-        return _rotation(turn) @ np.array([along[1], -along[0]])
+    def _learn(self, dark: Picture, ends: Array, turns: Array, good: npt.NDArray[np.bool_]) -> None:
+        """Learn brightness and pivots from the edges that are seen."""
+        sides = sides_of(dark, np.where(good[:, None, None], ends, self.starts))
+        known = np.isfinite(self._sides).all(axis=1)
+        step = sides[:, 0] - sides[:, 1]
+        self._contrast = np.where(
+            good, np.where(known, 0.95 * self._contrast + 0.05 * step, step), self._contrast
+        )
+        mixed = np.where(known[:, None], 0.95 * self._sides + 0.05 * sides, sides)
+        self._sides = np.where(good[:, None], mixed, self._sides)
+        information, moment = self._pivots()
+        off: list[float] = []
+        for edge in np.flatnonzero(good):
+            normal = self._normals(float(turns[edge]))[edge]
+            row = np.append(normal, 1.0)
+            off.append(float(normal @ ends[edge, 0] - row @ np.linalg.solve(information[edge], moment[edge])))
+            self._information[edge] += np.outer(row, row) / 2.0**2
+            self._moment[edge] += row * (normal @ ends[edge, 0]) / 2.0**2
+        self._drift = float(np.median(off))
 
-    def _search(self, dark: Picture, expected: float) -> Array:
-        """Best place of the edge about the expected turn: bright and dark sides as they were before."""
-        covariance = np.linalg.inv(self._information)
-        pivot = (covariance @ self._moment)[:2]
-        height = (covariance @ self._moment)[2]
+    def _normals(self, turn: float) -> Array:
+        """Unit vectors towards the brighter side of each edge, turned, shape (E, 2)."""
+        return normals(self.starts) @ _rotation(turn).T
+
+    def _search(self, dark: Picture, turns: Array) -> Array:
+        """Best places of the edges at some turns: bright and dark sides as they were before.
+
+        One turn for all: the one at which most of them, by length, look as they did.
+        """
+        total = -0.25 * ((turns - turns.mean()) / np.ptp(turns)) ** 2
+        length = np.linalg.norm(self.starts[:, 1] - self.starts[:, 0], axis=1)
+        best = np.zeros((len(self.starts), len(turns), 2, 2))
+        information, moment = self._pivots()
+        for edge in range(len(self.starts)):
+            match, best[edge] = self._search_one(dark, edge, turns, information[edge], moment[edge])
+            # One that is hidden says nothing, rather than no.
+            total = total + length[edge] / length.sum() * np.maximum(match, 0.0)
+        return best[:, int(np.argmax(total))]
+
+    def _pivots(self) -> tuple[Array, Array]:
+        """Information on each edge's pivot and height: its own, and about the pivot what all have learned."""
+        cross, own = self._information[:, :2, 2], self._information[:, 2, 2]
+        shared = (self._information[:, :2, :2] - cross[:, :, None] * cross[:, None] / own[:, None, None]).sum(
+            axis=0
+        )
+        pull = (self._moment[:, :2] - cross * (self._moment[:, 2] / own)[:, None]).sum(axis=0)
+        apart = (PIVOTS * (self.box[2] - self.box[0])) ** 2 * np.eye(2)
+        spread = np.linalg.inv(np.linalg.inv(shared) + apart)
+        information, moment = self._information.copy(), self._moment.copy()
+        information[:, :2, :2] += spread
+        moment[:, :2] += spread @ np.linalg.solve(shared, pull)
+        return information, moment
+
+    def _search_one(
+        self, dark: Picture, edge: int, turns: Array, information: Array, moment: Array
+    ) -> tuple[Array, Array]:
+        """How well an edge matches at each turn, shape (T,), and where, shape (T, 2, 2)."""
+        covariance = np.linalg.inv(information)
+        learned = covariance @ moment
+        pivot, height = learned[:2], learned[2]
+        start = self.starts[edge]
         ends: list[Array] = []
         penalty: list[Array] = []
-        for turn in expected + TURNS:
-            normal = self._normal(turn)
+        for turn in turns:
+            normal = self._normals(turn)[edge]
             row = np.append(normal, 1.0)
-            reach = min(3.0 * float(np.sqrt(row @ covariance @ row)) + 6.0, 40.0)
+            reach = min(3.0 * float(np.sqrt(row @ covariance @ row)) + 6.0 + 2.0 * self._lost, 40.0)
             shifts = np.arange(-reach, reach + 0.5, 1.5)
-            turned = pivot + (self.start - pivot) @ _rotation(turn).T
-            turned = turned + (normal @ pivot + height - normal @ turned[0]) * normal
+            turned = pivot + (start - pivot) @ _rotation(turn).T
+            turned = turned + (normal @ pivot + height + self._drift - normal @ turned[0]) * normal
             ends.append(turned + shifts[:, None, None] * normal)
-            penalty.append(0.25 * (shifts / reach) ** 2 + 0.25 * ((turn - expected) / TURNS[-1]) ** 2)
+            penalty.append(0.25 * (shifts / reach) ** 2)
         places = np.concatenate(ends)
-        sides = _sides(dark, places)
-        assert self._sides is not None
-        alike = np.min(np.abs(sides - self._sides), axis=1)
-        step = sides[:, 0] - sides[:, 1]
-        return places[int(np.argmax(step - 1.5 * alike - self._contrast * np.concatenate(penalty)))]
+        sides = sides_of(dark, places)
+        alike = np.min(np.abs(sides - self._sides[edge]), axis=1)
+        score = (sides[:, 0] - sides[:, 1] - 1.5 * alike) / max(
+            self._contrast[edge], FAINTEST
+        ) - np.concatenate(penalty)
+        begin = np.cumsum([0, *(len(each) for each in ends)])
+        top = [a + int(np.argmax(score[a:b])) for a, b in pairwise(begin)]
+        return np.minimum(score[top], 1.0), places[top]
 
-    def _fit(self, dark: Picture, ends: Array) -> Array | None:
+    def _fit(self, dark: Picture, ends: Array) -> tuple[Array, Array]:
+        """Move edges onto what is seen nearby; return their ends and the directions' deviations, NaN where there is none."""
         edges = None
         for reach in (4.0, 3.0):
-            edges = find_edges(dark, ends[None], reach, count=40)
-            ends = edges.ends[0]
+            edges = find_edges(dark, ends, reach, count=40)
+            ends = np.where(np.isfinite(edges.ends), edges.ends, ends)
         assert edges is not None
-        contrast, used, scatter = float(edges.contrast[0]), float(edges.used[0]), float(edges.scatter[0])
-        first = self._sides is None
-        if not np.isfinite(ends).all() or used < 0.4 or contrast < max(8.0, 0.35 * self._contrast):
-            return None
-        sides = _sides(dark, ends[None])[0]
-        self._contrast = contrast if first else 0.95 * self._contrast + 0.05 * contrast
-        self._sides = sides if self._sides is None else 0.95 * self._sides + 0.05 * sides
-        length = float(np.linalg.norm(ends[1] - ends[0]))
-        independent = max(used * 0.8 * length / CORRELATION, 3.0)
-        self.deviations.append(float(np.hypot(scatter, 0.05) * np.sqrt(12 / independent) / (0.8 * length)))
-        return ends
+        lost = ~np.isfinite(edges.ends).all(axis=(1, 2)) | (edges.used < 0.4)
+        lost |= ~(edges.contrast >= np.maximum(8.0, 0.35 * self._contrast))
+        length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+        independent = np.maximum(edges.used * 0.8 * length / CORRELATION, 3.0)
+        deviation = np.hypot(edges.scatter, 0.05) * np.sqrt(12 / independent) / (0.8 * length)
+        return ends, np.where(lost, np.nan, deviation)
 
 
-def fit_direction(view: View, matrix: Array, before: Unknowns, *, deviations: Sequence[float]) -> Turning:
-    """Direction of an edge as seen along the axis.
-
-    One line shows neither direction of the axis nor focal length nor read-out: they stay as they are
-    known beforehand.
-
-    Args:
-        view: Both ends of the edge.
-        matrix: Camera matrix [px], shape (3, 3).
-        before: What is known of camera and lens.
-        deviations: Standard deviation of each direction [rad], shape (n,).
-    """
-
-    def angle_at(value: Array) -> Array:
-        z = rectify(view.all_points(value[3]), longer(matrix, value[2]), value[0], value[1])
-        return np.angle(z[:, 1] - z[:, 0])
-
-    wrong = _elsewhere(view.all_points(before.readout))
-    angle = np.where(wrong, np.nan, angle_at(before.value))
-    unknown = spread_by(before, angle, angle_at, view.share, view.time(before.readout))
-    std = np.sqrt(np.asarray(deviations) ** 2 + smear(angle) ** 2 + unknown)
-    std = np.where(np.isfinite(angle), std, np.nan)
-    return Turning(
-        unwrap(angle), std, before, float(np.nanmedian(deviations)), int(wrong.sum()), np.array([1 + 0j])
-    )
-
-
-def _elsewhere(points: Array) -> npt.NDArray[np.bool_]:
-    """Frames in which another line was taken for the edge, which keeps its distance from the axis.
-
-    For lines n·x = c that turn about p at the distance h, c = n·p + h; p and h by reweighted least squares.
-    """
-    along = points[:, 1] - points[:, 0]
-    normal = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
-    place = np.sum(normal * points.mean(axis=1), axis=1)
-    seen = np.isfinite(place)
-    design = np.column_stack([normal, np.ones(len(normal))])[seen]
-    weight = np.ones(len(design))
-    off, limit = np.zeros(len(design)), np.inf
-    for _ in range(10):
-        root = np.sqrt(weight)[:, None]
-        # A hair of damping: a deck that hardly turns does not show its axis.
-        square = (design * root).T @ (design * root) + 1e-6 * np.eye(3)
-        off = place[seen] - design @ np.linalg.solve(square, (design * root**2).T @ place[seen])
-        spread = 1.4826 * float(np.median(np.abs(off))) + 0.1
-        limit = ELSEWHERE * spread + 1.0
-        weight = 1 / (1 + (off / (2 * spread)) ** 2) ** 2
-    wrong = np.zeros(len(place), bool)
-    wrong[seen] = np.abs(off) > limit
-    return wrong
-
-
-def _step(picture: Picture, ends: Array) -> Array:
-    """Brightness above less below each line of `ends` (m, 2, 2) [grey levels], shape (m,)."""
-    sides = _sides(picture, ends)
-    return sides[:, 0] - sides[:, 1]
-
-
-def _still_there(picture: Picture, ends: Array) -> float:
-    """Largest contrast along the same line in another picture, within what a shaking camera moves it."""
-    along = ends[1] - ends[0]
-    normal = np.array([along[1], -along[0]]) / np.linalg.norm(along)
-    shifts = np.arange(-SHAKEN, SHAKEN + 0.5)
-    # Here the mean: a median jumps where the line crosses another edge in its middle.
-    sides = _sides(picture, ends + shifts[:, None, None] * normal, middle=np.mean)
-    return float(np.abs(sides[:, 0] - sides[:, 1]).max())
-
-
-def _sides(picture: Picture, ends: Array, middle: Callable[..., Array] = np.median) -> Array:
-    """Brightness on both sides of each line of `ends` (m, 2, 2) [grey levels], shape (m, 2)."""
-    along = ends[:, 1] - ends[:, 0]
-    normal = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
-    share = np.linspace(0.08, 0.92, 36)[None, :, None]
-    line = ends[:, None, 0] + share * along[:, None]
-    places = [(line + side * GAP * normal[:, None]).astype(np.float32) for side in (1, -1)]
-    seen = [
-        cv2.remap(picture, place[..., 0], place[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        for place in places
-    ]
-    # The median along the line, so that something in front of a part of it does no harm.
-    return np.stack([middle(side.astype(np.float64), axis=1) for side in seen], axis=1)
+def _agreed(turns: Array, deviation: Array) -> npt.NDArray[np.bool_] | None:
+    """Tell which edges agree on one turn with most of the others, by weight; None where none is seen."""
+    seen = np.isfinite(deviation)
+    if not seen.any():
+        return None
+    weight = np.where(seen, 1 / np.where(seen, deviation, 1.0) ** 2, 0.0)
+    weight = np.minimum(weight, 3 * np.median(weight[seen]))  # one alone does not outvote two
+    apart = np.abs(np.angle(np.exp(1j * (turns[:, None] - turns))))
+    near = (apart < TOGETHER) & seen & seen[:, None]
+    return np.asarray(near[int(np.argmax(near @ weight))], np.bool_)
 
 
 def _rotation(turn: float) -> Array:

@@ -22,7 +22,8 @@ def rectify(points: Array, matrix: Array, yaw: float, pitch: float) -> Complex:
     y = (points[..., 1] - matrix[1, 2]) / matrix[1, 1]
     across = x * look[0, 0] + y * look[1, 0] + look[2, 0]
     down = x * look[0, 1] + y * look[1, 1] + look[2, 1]
-    return (across + 1j * down) / (x * look[0, 2] + y * look[1, 2] + look[2, 2])
+    with np.errstate(invalid="ignore"):  # points that are not seen are NaN, and stay so
+        return (across + 1j * down) / (x * look[0, 2] + y * look[1, 2] + look[2, 2])
 
 
 def unrectify(z: Complex, matrix: Array, yaw: float, pitch: float) -> Array:

@@ -31,6 +31,9 @@ POOLED = 20.0
 """Degrees of freedom that the clip's mean scatter counts for beside each frame's own."""
 KAPPA_SPREAD = 0.5
 """Standard deviation of κ, as a share of it: twice that of the logarithm of a phone's focal length."""
+DISTORTED = 0.1
+"""Standard deviation of the logarithm of the focal length, as a lens that bends the picture itself hides it:
+what a first coefficient of 0.03, usual in phones, does."""
 ALIKE = 10.0
 """Frames in a row whose patches err alike, so that they count as one where κ is concerned."""
 
@@ -65,6 +68,8 @@ class Shake:
     """Standard deviation of a and b [px], typical."""
     focal: float
     """Focal length with which the picture bends [px]."""
+    focal_std: float
+    """Standard deviation of its logarithm."""
     centre: complex
     """Middle of the picture [px]."""
     found: bool
@@ -104,7 +109,8 @@ def seen_places(home: Complex, motion: Array, focal: float) -> Complex:
 
 def still_places(seen: Complex, motion: Array, focal: float) -> Complex:
     """Return what `seen_places` came from; exact."""
-    return _turned(seen / (1 + motion[..., 3]), -motion, focal)
+    with np.errstate(invalid="ignore"):
+        return _turned(seen / (1 + motion[..., 3]), -motion, focal)
 
 
 def _turned(place: Complex, motion: Array, focal: float) -> Complex:
@@ -119,7 +125,8 @@ def _turned(place: Complex, motion: Array, focal: float) -> Complex:
     depth = cosine + sine * (wx * y - wy * x) + wz * along
     across = cosine * x + sine * (wy - wz * y) + wx * along
     down = cosine * y + sine * (wz * x - wx) + wy * along
-    return focal * (across + 1j * down) / depth
+    with np.errstate(invalid="ignore"):  # places that are not seen are NaN, and stay so
+        return focal * (across + 1j * down) / depth
 
 
 def fit_rotations(home: Complex, seen: Complex, focal: float) -> Sights:
@@ -200,12 +207,14 @@ def whole_shake(sights: list[Sights], focal: float, centre: complex, *, known: b
     number, known_at = np.arange(len(seen)), np.flatnonzero(seen)
     motion = np.stack([np.interp(number, known_at, column[seen]) for column in motion.T], axis=1)
     shift_std = float(np.sqrt(mean * np.median(spread[seen, 0])))
-    return Shake(motion, std, shift_std, float((before + change) ** -0.5), centre, True)
+    kappa_found = before + change
+    focal_std = 0.0 if known else float(np.hypot(doubt / kappa_found / 2, DISTORTED))
+    return Shake(motion, std, shift_std, float(kappa_found**-0.5), focal_std, centre, True)
 
 
 def still(count: int, focal: float, centre: complex) -> Shake:
     """Return the shake of a film whose background shows none."""
-    return Shake(np.zeros((count, 4)), np.zeros(count), 0.0, focal, centre, False)
+    return Shake(np.zeros((count, 4)), np.zeros(count), 0.0, focal, np.inf, centre, False)
 
 
 def _against(home: Complex, seen: Complex, motion: Array, focal: float) -> tuple[Complex, Complex]:

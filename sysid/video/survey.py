@@ -30,6 +30,8 @@ class Survey:
     """Left, top, right and bottom [px] of where something moves, or what the user gave."""
     moving: npt.NDArray[np.bool_]
     """Pixels in which something changes, as large as the picture."""
+    indices: tuple[int, ...] = ()
+    """Number of the frame of each of the pictures."""
 
 
 def survey(clip: Clip, roi: tuple[int, int, int, int] | None) -> Survey:
@@ -46,10 +48,12 @@ def survey(clip: Clip, roi: tuple[int, int, int, int] | None) -> Survey:
     start: Picture | None = None
     low = high = np.zeros(0, np.float32)
     pictures: list[Picture] = []
+    indices: list[int] = []
     for number, frame in enumerate(clip.frames(every)):
         dark = grey(frame.picture)
         if number % max(1, FRAMES // keep) == 0 and len(pictures) < keep:
             pictures.append(dark)
+            indices.append(frame.index)
         small = np.asarray(
             cv2.resize(frame.picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8
         )
@@ -62,7 +66,7 @@ def survey(clip: Clip, roi: tuple[int, int, int, int] | None) -> Survey:
         raise HuskyError(f"{clip.path}: no frame can be decoded. Copy the file again from the camera.")
     moving = _moving(high - low, first.picture.shape[:2])
     if given is not None:
-        return Survey(first, tuple(pictures), given, moving)
+        return Survey(first, tuple(pictures), given, moving, tuple(indices))
     rows, columns = np.flatnonzero(moving.any(axis=1)), np.flatnonzero(moving.any(axis=0))
     if not len(rows):
         raise HuskyError(
@@ -71,7 +75,7 @@ def survey(clip: Clip, roi: tuple[int, int, int, int] | None) -> Survey:
         )
     margin = 10
     box = (int(columns[0]) - margin, int(rows[0]) - margin, int(columns[-1]) + margin, int(rows[-1]) + margin)
-    return Survey(first, tuple(pictures), _inside(box, clip), moving)
+    return Survey(first, tuple(pictures), _inside(box, clip), moving, tuple(indices))
 
 
 def box_of(clip: Clip, roi: tuple[int, int, int, int]) -> tuple[int, int, int, int]:

@@ -29,10 +29,14 @@ FLOOR = 0.02
 """Least standard deviation of a point's position [px]: pixels and lens have faults of their own."""
 STILL = 0.25
 """Motion up to which a picture is still the same one, with the same errors [px]."""
+SAME_NOISE = 0.3
+"""Share of the noise from frame to frame below which a picture is an old one."""
 SAME = 4
 """Frames of a still picture that are used at most."""
 MANY, ASTRAY = 8, 3.0
 """Of so many points those are left out that are so many standard deviations off."""
+FEW = 2
+"""With so few points a slant to the other side is tried as well."""
 ROUNDS = 3
 """Times that the noise is found anew."""
 MOST_STEPS = 25
@@ -77,6 +81,8 @@ class Solid:
     """Least standard deviation of a point's position [px]."""
     shows_lens: bool = True
     """Whether its points are known well enough to tell the focal length by; it stays in doubt otherwise."""
+    dead_zone: float = 0.0
+    """Motion that compression may leave out of the film, to either side [px]: the less contrast, the more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +111,13 @@ def fit_turning(view: View, matrix: Array, before: Unknowns, solid: Solid | None
     """
     solid = solid or Solid()
     some = _telling(view)
-    found = _solve(view, some, matrix, before, solid)
+    found = _solve(view, some, matrix, before, solid, before)
+    other = None
+    if view.track.points.shape[1] == FEW and {0, 1} <= set(before.free):
+        # From afar, a slant to one side and to the other look alike to few points.
+        away = found.unknowns.value * [-1, -1, 1, 1] + before.value * [2, 2, 0, 0]
+        other = _solve(view, some, matrix, before, solid, found.unknowns.at(away))
+        found, other = (other, found) if other.cost < found.cost else (found, other)
     n = len(view)
     angle, misfit, size, speed = np.full(n, np.nan), np.full(n, np.nan), np.ones(n), np.zeros(n)
     for rows in view.chunks():
@@ -118,8 +130,11 @@ def fit_turning(view: View, matrix: Array, before: Unknowns, solid: Solid | None
         speed[rows] = _speed(view, rows)
     wrong = misfit > 12 * (float(np.nanmedian(misfit)) + FLOOR) + BLUR_SHARE * speed
     angle[wrong] = np.nan
-    variance = found.noise.variance(speed) * solid.alike / size
-    std = np.sqrt(variance + _common_variance(view, angle, matrix, found) + smear(angle) ** 2)
+    variance = found.noise.variance(speed) * solid.alike / size + _stuck(view, found, solid) ** 2
+    variance += _common_variance(view, angle, matrix, found) + smear(angle) ** 2
+    if other is not None:
+        variance += _either(view, angle, matrix, found, other)
+    std = np.sqrt(variance)
     return Turning(
         unwrap(angle),
         np.where(np.isfinite(angle), std, np.nan),
@@ -150,6 +165,41 @@ class _Found:
     noise: _Noise
     covariance: Array
     """Of Re c, Im c, Re q, Im q and the free unknowns, shape (4N + p, 4N + p)."""
+    cost: float
+    """Sum of squares that is left, weighed as usual noise would have it, and of what is known beforehand."""
+
+
+def _either(view: View, angle: Array, matrix: Array, found: _Found, other: _Found) -> Array:
+    """Variance that is left as another slant fits almost as well; less what it does at rest [rad²], shape (n,)."""
+    share = 1 / (1 + np.exp(min((other.cost - found.cost) / 2, 50.0)))
+    change = np.full(len(view), np.nan)
+    for rows in view.chunks():
+        seen, _ = _in_view(view, rows, matrix, other)
+        change[rows] = np.angle(np.exp(1j * (seen.angle - angle[rows])))
+    change = np.angle(np.exp(1j * (change - np.nanmedian(change))))
+    return share * np.nan_to_num(change) ** 2
+
+
+def _stuck(view: View, found: _Found, solid: Solid) -> Array:
+    """What a film leaves open that shows a picture again instead of a new one [rad], shape (n,).
+
+    Compression leaves a part of the picture as it is while it changes by little: a deck that hardly moves
+    stands still in the film. Its points then do not even scatter from frame to frame as their noise would.
+    """
+    moved = np.full(len(view), np.inf)
+    for rows in view.chunks():
+        before = np.maximum(rows - 1, 0)
+        with np.errstate(invalid="ignore"):
+            step = np.sum(
+                (view.track.points[rows].astype(np.float64) - view.track.points[before]) ** 2, axis=2
+            )
+        count = np.isfinite(step).sum(axis=1)
+        mean = np.nansum(step, axis=1) / np.maximum(count, 1)
+        moved[rows] = np.where((count > 0) & (rows > 0), mean, np.inf)
+    # Of two pictures with noise of their own, a point's places differ by four times its variance in a direction.
+    stuck = moved < SAME_NOISE * 4 * found.noise.rest
+    reach = float(np.abs(found.body.shape - found.body.shape.mean()).max())
+    return np.where(stuck, solid.dead_zone / np.sqrt(3) / reach, 0.0)
 
 
 def _common_variance(view: View, angle: Array, matrix: Array, found: _Found) -> Array:
@@ -184,16 +234,23 @@ def _in_view(view: View, rows: Rows, matrix: Array, found: _Found) -> "tuple[_Se
     shear = view.shear(rows)
     seen, _ = _seen(points, shear, mask, matrix, found.unknowns, found.body)
     if mask.shape[1] >= MANY:
-        mask = _near(mask, seen.rest * seen.scale[:, None], found.noise.variance(_speed(view, rows)))
-        seen, _ = _seen(points, shear, mask, matrix, found.unknowns, found.body)
+        variance = found.noise.variance(_speed(view, rows))
+        for _ in range(3):  # many that slip turn the body at first, so that it takes more than one look
+            mask = _near(mask, seen.rest * seen.scale[:, None], variance)
+            seen, _ = _seen(points, shear, mask, matrix, found.unknowns, found.body)
     return seen, mask
 
 
 def _near(mask: npt.NDArray[np.bool_], rest: Complex, variance: Array) -> npt.NDArray[np.bool_]:
-    """Points that are about where the body has them: of many, some slip. All where most seem to."""
-    near = mask & (np.abs(rest) < ASTRAY * np.sqrt(2 * variance)[:, None])
-    most = near.sum(axis=1) >= np.maximum(0.5 * mask.sum(axis=1), MANY)
-    return np.asarray(np.where(most[:, None], near, mask), np.bool_)
+    """Points that are about where the body has them: of many, some slip. The better half where most seem to."""
+    distance = np.where(mask, np.abs(rest), np.inf)
+    near = mask & (distance < ASTRAY * np.sqrt(2 * variance)[:, None])
+    count = mask.sum(axis=1)
+    most = near.sum(axis=1) >= np.maximum(0.5 * count, MANY)
+    half = np.sort(distance, axis=1)[
+        np.arange(len(count)), np.minimum(np.maximum(count // 2, MANY), mask.shape[1] - 1)
+    ]
+    return np.asarray(np.where(most[:, None], near, mask & (distance <= half[:, None])), np.bool_)
 
 
 def _all_finite(points: Array) -> npt.NDArray[np.bool_]:
@@ -262,12 +319,16 @@ def _telling(view: View) -> _Some:
     run = np.zeros(len(view), int)
     place = np.zeros((len(view), 2))
     anchor, number = np.full(view.track.points.shape[1:], np.inf), 0
+    # Freed of the camera's shake: what a lens, a shade or a slant does to a point goes with the body's attitude.
+    steady = np.concatenate([view.points(rows) for rows in view.chunks()])
     for row in range(len(view)):
-        points = view.track.points[row]
+        points = steady[row]
         with np.errstate(invalid="ignore"):
             away = np.abs(points - anchor)
         known = np.isfinite(away)
-        if not known.any() or away[known].max() > STILL:
+        # Of many points some slip: the picture is another one if half of them have moved.
+        moved = np.median if len(points) >= MANY else np.max
+        if not known.any() or moved(away[known]) > STILL:
             anchor, number = points, number + 1
         run[row] = number
         good = np.isfinite(points).all(axis=-1)
@@ -307,12 +368,13 @@ class _Trial:
     pull: Array
 
 
-def _solve(view: View, some: _Some, matrix: Array, before: Unknowns, solid: Solid) -> _Found:
+def _solve(view: View, some: _Some, matrix: Array, before: Unknowns, solid: Solid, start: Unknowns) -> _Found:
     """Find body and unknowns by damped Gauss-Newton steps; three times, as the noise weighs the frames."""
     points, shear = view.points(some.rows), view.shear(some.rows)
     free = before.free
     limit = np.array([0.15, 0.15, 0.4, np.inf])[free]
-    (_, body), now = _seen(points, shear, some.mask, matrix, before, None), before
+    now = before.at(start.value)
+    _, body = _seen(points, shear, some.mask, matrix, now, None)
     noise, doubt = _Noise(0.05**2, 0.0), np.ones(len(points))
     trial = None
     lens = 4 * len(body.shape) + free.index(2) if 2 in free and not solid.shows_lens else None
@@ -352,7 +414,10 @@ def _solve(view: View, some: _Some, matrix: Array, before: Unknowns, solid: Soli
     covariance = _covariance(trial.normal, lens, before)
     unknown = np.zeros((4, 4))
     unknown[np.ix_(free, free)] = covariance[len(covariance) - len(free) :, len(covariance) - len(free) :]
-    return _Found(replace(now, covariance=unknown), body, noise, covariance)
+    # One noise for all solutions, so that they can be compared.
+    usual = some.share / (solid.alike * (solid.floor**2 + (BLUR_SHARE * some.speed) ** 2))
+    cost = _try(points, shear, some, matrix, before, solid, usual, body, now).cost
+    return _Found(replace(now, covariance=unknown), body, noise, covariance, cost)
 
 
 def _covariance(normal: Array, lens: int | None, before: Unknowns) -> Array:
@@ -422,7 +487,7 @@ def _noise(rest: Complex, some: _Some, unknowns: int, solid: Solid) -> tuple[_No
     freedom = np.maximum(2 * some.mask.sum(axis=1) - 3, 1)
     square = (np.abs(rest) ** 2).sum(axis=1) / freedom
     typical = float(np.median(square)) + FLOOR**2 + (BLUR_SHARE * some.speed) ** 2
-    doubt = 1 / (1 + square / (9 * typical))
+    doubt = 1 / (1 + square / (9 * typical)) ** 2
     weight = freedom * some.share
     spent = min(0.7, (4 * some.mask.shape[1] - 5 + unknowns) / float(weight.sum()))
     used = square < 25 * typical

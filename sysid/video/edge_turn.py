@@ -1,0 +1,235 @@
+"""The angle that several parallel edges agree on, and how well they do."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from sysid.roll import Array
+from sysid.video.rectify import longer, rectify, smear, unwrap
+from sysid.video.turning import Turning
+from sysid.video.unknowns import Unknowns, spread_by
+from sysid.video.view import View
+
+ELSEWHERE = 6.0
+"""Distance from where the axis puts it that makes a line another one, in standard deviations (and 1 px)."""
+OFF = 4.0
+"""An edge so many standard deviations from what the others say counts little in that frame."""
+BIAS = 0.15
+"""What shade, background and compression may shift one half of an edge by against the other [px]: it is the
+same as long as the deck stands still, so that no profile across the edge shows it."""
+CONTRADICTION = np.radians(1.0)
+"""Two edges that are further apart than this, and by more than their noise, are not both the deck's."""
+TRUSTED = 0.8
+"""Share of the attitudes in which an edge must agree with the others to be believed: the deck's long side, or
+what bounds it as seen from aside, turns as its ends do in some only."""
+ATTITUDES = 0.15
+"""Share of the whole range of turns over which an edge must be seen; a line of the background is not."""
+PARALLEL = np.radians(0.7)
+"""What edges of a deck may lack in being parallel, as seen along its axis: the cut, and what is not known of
+perspective. A line that is further off is none of them, as far as it goes."""
+DOUBT = np.radians(0.3)
+"""What any line may be off by until it is known how well it agrees with the others [rad]."""
+BINS = 8
+"""Attitudes that are told apart, over the range of an edge that is seen over most."""
+ROUNDS = 12
+
+
+def fit_direction(
+    view: View,
+    matrix: Array,
+    before: Unknowns,
+    *,
+    deviations: Sequence[Array],
+    lines: npt.NDArray[np.intp],
+) -> Turning:
+    """Common turn of edges as seen along the axis.
+
+    Lines across the axis show neither its direction nor focal length nor read-out: they stay as they are
+    known beforehand.
+
+    Args:
+        view: Both ends of each edge, one after the other.
+        matrix: Camera matrix [px], shape (3, 3).
+        before: What is known of camera and lens.
+        deviations: Standard deviation of each edge's direction in each frame [rad], n times (E,).
+        lines: Number of the line that each edge is a part of, shape (E,).
+    """
+    deviation = np.array(deviations)
+    points = view.all_points(before.readout)
+    for edge in range(deviation.shape[1]):
+        deviation[elsewhere(points[:, 2 * edge : 2 * edge + 2]), edge] = np.nan
+    length = np.nanmedian(np.linalg.norm(points[:, 1::2] - points[:, ::2], axis=2), axis=0)
+    deviation = np.hypot(deviation, BIAS * np.sqrt(12) / (2 * length))
+    first = _directions(view, matrix, before.value)
+    common = agree(first, deviation, lines)
+
+    def angle_at(value: Array) -> Array:
+        return _mean(_directions(view, matrix, value) - common.offset, common.weight)
+
+    angle = angle_at(before.value)
+    unknown = spread_by(before, angle, angle_at, view.share, view.time(before.readout))
+    std = np.sqrt(common.variance + smear(angle) ** 2 + unknown)
+    angle = np.where(np.isfinite(common.variance), angle, np.nan)
+    outliers = int((np.isfinite(first).any(axis=1) & ~np.isfinite(angle)).sum())
+    return Turning(
+        unwrap(angle),
+        np.where(np.isfinite(angle), std, np.nan),
+        before,
+        float(np.nanmedian(deviation)),
+        outliers,
+        np.array([1 + 0j]),
+    )
+
+
+class Agreement:
+    """How edges make one turn: weights, offsets and what is left open."""
+
+    def __init__(self, offset: Array, weight: Array, variance: Array) -> None:
+        """Hold each edge's direction at angle zero (E,), weights (n, E), and the variance of the turn (n,)."""
+        self.offset, self.weight, self.variance = offset, weight, variance
+
+
+def agree(direction: Array, deviation: Array, lines: npt.NDArray[np.intp]) -> Agreement:
+    """Find the turn of parallel edges, ignoring those that turn otherwise.
+
+    Args:
+        direction: Direction of each edge in each frame [rad], shape (n, E); NaN where it is not seen.
+        deviation: Its standard deviation, the same shape.
+        lines: Number of the line that each edge is a part of, shape (E,).
+
+    Returns:
+        The agreement; its variance is infinite where edges contradict each other, or none is seen.
+    """
+    count = direction.shape[1]
+    seen = np.isfinite(direction) & np.isfinite(deviation)
+    angle = np.where(seen, direction, 0.0)
+    variance = np.where(seen, deviation, 1.0) ** 2
+    spans = np.array([_span(angle[here, edge]) for edge, here in enumerate(seen.T)])
+    if spans.max() > CONTRADICTION:  # what is seen in one attitude only is no part of the deck, but behind it
+        seen &= spans > ATTITUDES * spans.max()
+    lead = int(np.argmax(np.where(seen, 1 / variance, 0).sum(axis=0)))
+    offset = np.zeros(count)
+    for edge in range(count):
+        both = seen[:, lead] & seen[:, edge]
+        if both.any():
+            apart = float(np.median(_wrapped(angle[both, edge] - angle[both, lead])))
+            offset[edge] = np.clip(apart, -PARALLEL, PARALLEL)
+    # Parts of one line err alike, so that they count as one.
+    alike = lines[:, None] == lines
+    parts = np.maximum(seen @ alike.astype(np.float64), 1.0)
+    own = np.zeros(direction.shape)
+    off, told, attitude = np.zeros(direction.shape), seen, np.zeros(len(direction))
+    weight = seen / parts / (variance + DOUBT**2)
+    for _ in range(ROUNDS):
+        mean = _mean(np.where(seen, angle - offset, np.nan), weight)
+        off = np.where(seen, _wrapped(angle - offset - mean[:, None]), 0.0)
+        # A line pulls the mean towards itself: against the others it is further off, and its noise shows less.
+        whole = np.maximum(weight.sum(axis=1, keepdims=True), 1e-30)
+        pulled = np.maximum(1 - (weight @ alike.astype(np.float64)) / whole, 0.05)
+        told = seen & (seen.sum(axis=1, keepdims=True) > parts)
+        alone, noise = off / pulled, off / np.sqrt(pulled)
+        attitude = np.round(unwrap(mean) / max(float(spans.max()) / BINS, 1e-6))
+        for edge in range(count):
+            here = told[:, edge]
+            if here.sum() > 5:
+                offset[edge] += float(np.median(alone[here, edge]))
+                own[:, edge] = _bias(noise[:, edge] ** 2, variance[:, edge], attitude, here)
+        offset = np.clip(offset - np.median(offset), -PARALLEL, PARALLEL)
+        total = variance + own + DOUBT**2  # as long as they are being judged, all have about one vote
+        weight = seen / parts / total / (1 + alone**2 / (OFF**2 * total)) ** 2
+    trusted = (
+        np.array([_borne_out(off[:, edge], attitude, told[:, edge]) for edge in range(count)]) >= TRUSTED
+    )
+    if trusted.any():
+        seen &= trusted
+    total = variance + own
+    against = seen & (np.abs(off) > CONTRADICTION) & (off**2 > OFF**2 * variance)
+    weight = np.where(against, 0.0, seen / parts / total)
+    left = weight.sum(axis=1)
+    # Of two that contradict each other neither is to be believed; of three or more the odd one out is not.
+    votes, doubts = ((weight > 0) / parts).sum(axis=1), (against / parts).sum(axis=1)
+    scatter = (weight * off**2).sum(axis=1) / np.maximum(votes - 1, 1)
+    doubt = np.maximum(1.0, np.where(votes > 1.5, scatter, 1.0))
+    good = (left > 0) & (votes > doubts)
+    return Agreement(offset, weight, np.where(good, doubt / np.maximum(left, 1e-30), np.inf))
+
+
+def elsewhere(points: Array) -> npt.NDArray[np.bool_]:
+    """Frames in which another line was taken for an edge, which keeps its distance from the axis.
+
+    For lines n·x = c that turn about p at the distance h, c = n·p + h; p and h by reweighted least squares.
+
+    Args:
+        points: Both ends of one edge [px], shape (n, 2, 2).
+    """
+    along = points[:, 1] - points[:, 0]
+    normal = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
+    place = np.sum(normal * points.mean(axis=1), axis=1)
+    seen = np.isfinite(place)
+    design = np.column_stack([normal, np.ones(len(normal))])[seen]
+    weight = np.ones(len(design))
+    off, limit = np.zeros(len(design)), np.inf
+    for _ in range(10 if len(design) else 0):
+        root = np.sqrt(weight)[:, None]
+        # A hair of damping: a deck that hardly turns does not show its axis.
+        square = (design * root).T @ (design * root) + 1e-6 * np.eye(3)
+        off = place[seen] - design @ np.linalg.solve(square, (design * root**2).T @ place[seen])
+        spread = 1.4826 * float(np.median(np.abs(off))) + 0.1
+        limit = ELSEWHERE * spread + 1.0
+        weight = 1 / (1 + (off / (2 * spread)) ** 2) ** 2
+    wrong = np.zeros(len(place), bool)
+    wrong[seen] = np.abs(off) > limit
+    return wrong
+
+
+def _directions(view: View, matrix: Array, value: Array) -> Array:
+    z = rectify(view.all_points(value[3]), longer(matrix, value[2]), value[0], value[1])
+    return np.angle(z[:, 1::2] - z[:, ::2])
+
+
+def _bias(square: Array, variance: Array, attitude: Array, told: npt.NDArray[np.bool_]) -> Array:
+    """What an edge errs by beyond its noise, by attitude [rad²], shape (n,).
+
+    As the deck turns, another side of it or another background may come to bound an edge. Where nothing was
+    there to compare it with, it may err as it does where it errs most.
+    """
+    bias = np.full(len(square), np.nan)
+    for one in np.unique(attitude[told]):
+        here = attitude == one
+        if (here & told).sum() > 2:
+            # 0.455: the median of the square of a normal deviate.
+            bias[here] = max(
+                float(np.median(square[here & told])) / 0.455 - float(np.median(variance[here & told])), 0.0
+            )
+    known = np.isfinite(bias)
+    return np.where(known, bias, bias[known].max() if known.any() else 0.0)
+
+
+def _borne_out(off: Array, attitude: Array, told: npt.NDArray[np.bool_]) -> float:
+    """Share of the attitudes in which an edge agrees with others; 1 where there are none to compare it with."""
+    agrees = [
+        float(np.median(np.abs(off[here]))) < CONTRADICTION
+        for one in np.unique(attitude[told])
+        if (here := (attitude == one) & told).sum() > 2
+    ]
+    return float(np.mean(agrees)) if agrees else 1.0
+
+
+def _span(angle: Array) -> float:
+    """Range of most of the directions of one edge [rad]."""
+    if len(angle) < 2:
+        return 0.0
+    turned = _wrapped(angle - angle[0])
+    return float(np.quantile(turned, 0.98) - np.quantile(turned, 0.02))
+
+
+def _mean(angle: Array, weight: Array) -> Array:
+    """Weighted mean of angles (n, E), ignoring NaN; NaN where nothing has weight."""
+    weight = np.where(np.isfinite(angle), weight, 0.0)
+    total = np.sum(weight * np.exp(1j * np.where(np.isfinite(angle), angle, 0.0)), axis=1)
+    return np.where(weight.sum(axis=1) > 0, np.angle(total), np.nan)
+
+
+def _wrapped(angle: Array) -> Array:
+    return np.angle(np.exp(1j * angle))
