@@ -71,7 +71,9 @@ def _release(axes: "list[Axes]", result: Comparison, index: int) -> None:
 
 
 def _surface(axes: "Axes", result: Comparison) -> None:
-    axes.set_title("torque that the model lacks")
+    axes.set_title(
+        "torque that the model lacks" if result.where else "torque that the model lacks: only noise"
+    )
     axes.set_xlabel("tilt [°]")
     axes.set_ylabel("rate [rad/s]")
     missing = result.missing
@@ -93,8 +95,12 @@ def _backbone(axes: "Axes", result: Comparison, what: str, label: str) -> None:
     ):
         amplitude = np.degrees(backbone.amplitude)
         axes.plot(amplitude, getattr(backbone, what), "o", color=colour, label=name, markersize=size)
-    axes.set_title(f"{label.split(' [')[0]} against amplitude")
+    axes.set_title(f"{label.split(' [')[0]} by amplitude")
     axes.set_xlabel("amplitude [°]")
+    if not len(result.measured_backbone.amplitude) + len(result.simulated_backbone.amplitude):
+        axes.text(0.5, 0.5, "no two swings above the noise", ha="center", transform=axes.transAxes)
+        axes.set(xticks=[], yticks=[])
+        return
     axes.set_ylabel(label)
     axes.margins(0.15)
     axes.legend()

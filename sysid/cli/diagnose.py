@@ -99,7 +99,7 @@ def _print(printer: Printer, result: "Diagnosis", board: Board, releases: int) -
         rows.append(_row(result.baseline, floor.std))
     printer.table(("missing", "error / noise", "held out / noise", "score (0 is best)"), rows)
     printer.say(
-        f"{verdict.status}: {', '.join(verdict.effects) or '-'} (confidence {verdict.confidence:.0%})"
+        f"{verdict.status}: {', '.join(verdict.effects) or '-'} (confidence {_percent(verdict.confidence)})"
     )
     printer.say(verdict.explanation)
     printer.say(_predicted(result))
@@ -116,6 +116,10 @@ def _print(printer: Printer, result: "Diagnosis", board: Board, releases: int) -
             printer.say(f"to add it: husky-sysid fit LOG... --board {board.name} {flags}")
 
 
+def _percent(share: float) -> str:
+    return "over 99%" if share > 0.99 else f"{share:.0%}"
+
+
 def _predicted(result: "Diagnosis") -> str:
     """Say how well releases are predicted that were left out, each in its turn."""
     before, after = (
@@ -129,7 +133,9 @@ def _predicted(result: "Diagnosis") -> str:
     )
     if result.best is result.base:
         return f"{what} is off by {before} % of its RMS motion"
-    with_it = "with it" if result.verdict.status == "missing" else "with the nearest effects"
+    with_it = "with the nearest effects"
+    if result.verdict.status == "missing":
+        with_it = "with it" if len(result.verdict.effects) == 1 else "with them"
     return f"{what} is off by {after} % of its RMS motion {with_it}, by {before} % without"
 
 
