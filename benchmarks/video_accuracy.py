@@ -251,7 +251,7 @@ def k_and_d(roll: Roll, motion: Motion, board) -> tuple[float, float]:
     truth = Roll(log="truth", time=motion.time[part], roll=angle, std=std, origin="angle")
     try:
         film, true = (free_decay(find_releases(signal), board.inertia).numbers for signal in (roll, truth))
-    except HuskyError:
+    except (HuskyError, np.linalg.LinAlgError):
         return np.nan, np.nan
     return film.stiffness.value / true.stiffness.value, film.damping.value / true.damping.value
 

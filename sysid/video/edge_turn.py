@@ -28,8 +28,6 @@ ATTITUDES = 0.15
 PARALLEL = np.radians(0.7)
 """What edges of a deck may lack in being parallel, as seen along its axis: the cut, and what is not known of
 perspective. A line that is further off is none of them, as far as it goes."""
-DOUBT = np.radians(0.3)
-"""What any line may be off by until it is known how well it agrees with the others [rad]."""
 BINS = 8
 """Attitudes that are told apart, over the range of an edge that is seen over most."""
 ROUNDS = 12
@@ -109,42 +107,40 @@ def agree(direction: Array, deviation: Array, lines: npt.NDArray[np.intp]) -> Ag
     if spans.max() > CONTRADICTION:  # what is seen in one attitude only is no part of the deck, but behind it
         seen &= spans > ATTITUDES * spans.max()
     lead = int(np.argmax(np.where(seen, 1 / variance, 0).sum(axis=0)))
-    offset = np.zeros(count)
+    # The brighter side of one edge is the darker one of the next, so that they may point against each other.
+    flip = np.zeros(count)
     for edge in range(count):
         both = seen[:, lead] & seen[:, edge]
-        if both.any():
-            apart = float(np.median(_wrapped(angle[both, edge] - angle[both, lead])))
-            offset[edge] = np.clip(apart, -PARALLEL, PARALLEL)
+        opposite = both.any() and np.median(np.abs(_wrapped(angle[both, edge] - angle[both, lead]))) > np.pi / 2
+        flip[edge] = np.pi if opposite else 0.0
+    angle = angle - flip
+    offset = np.zeros(count)
     # Parts of one line err alike, so that they count as one.
     alike = lines[:, None] == lines
     parts = np.maximum(seen @ alike.astype(np.float64), 1.0)
-    own = np.zeros(direction.shape)
-    off, told, attitude = np.zeros(direction.shape), seen, np.zeros(len(direction))
-    weight = seen / parts / (variance + DOUBT**2)
+    votes = (seen / parts).sum(axis=1, keepdims=True)
+    told = seen & (votes > 1.5)
+    off, mean = np.zeros(direction.shape), np.zeros(len(direction))
     for _ in range(ROUNDS):
-        mean = _mean(np.where(seen, angle - offset, np.nan), weight)
+        mean = _middle_line(np.where(seen, angle - offset, np.nan), 1 / variance, lines)
         off = np.where(seen, _wrapped(angle - offset - mean[:, None]), 0.0)
-        # A line pulls the mean towards itself: against the others it is further off, and its noise shows less.
-        whole = np.maximum(weight.sum(axis=1, keepdims=True), 1e-30)
-        pulled = np.maximum(1 - (weight @ alike.astype(np.float64)) / whole, 0.05)
-        told = seen & (seen.sum(axis=1, keepdims=True) > parts)
-        alone, noise = off / pulled, off / np.sqrt(pulled)
-        attitude = np.round(unwrap(mean) / max(float(spans.max()) / BINS, 1e-6))
         for edge in range(count):
-            here = told[:, edge]
-            if here.sum() > 5:
-                offset[edge] += float(np.median(alone[here, edge]))
-                own[:, edge] = _bias(noise[:, edge] ** 2, variance[:, edge], attitude, here)
+            if told[:, edge].sum() > 5:
+                offset[edge] += float(np.median(off[told[:, edge], edge]))
         offset = np.clip(offset - np.median(offset), -PARALLEL, PARALLEL)
-        total = variance + own + DOUBT**2  # as long as they are being judged, all have about one vote
-        weight = seen / parts / total / (1 + alone**2 / (OFF**2 * total)) ** 2
+    # Against a middle that it is itself a part of, an edge is less far off than it is wrong.
+    square = off**2 * votes / np.maximum(votes - 1, 0.5)
+    attitude = np.round(unwrap(mean) / max(float(spans.max()) / BINS, 1e-6))
+    own = np.stack(
+        [_bias(square[:, edge], variance[:, edge], attitude, told[:, edge]) for edge in range(count)], axis=1
+    )
     trusted = (
-        np.array([_borne_out(off[:, edge], attitude, told[:, edge]) for edge in range(count)]) >= TRUSTED
+        np.array([_borne_out(square[:, edge], attitude, told[:, edge]) for edge in range(count)]) >= TRUSTED
     )
     if trusted.any():
-        seen &= trusted
+        seen = seen & trusted
     total = variance + own
-    against = seen & (np.abs(off) > CONTRADICTION) & (off**2 > OFF**2 * variance)
+    against = seen & (square > CONTRADICTION**2) & (square > OFF**2 * total)
     weight = np.where(against, 0.0, seen / parts / total)
     left = weight.sum(axis=1)
     # Of two that contradict each other neither is to be believed; of three or more the odd one out is not.
@@ -152,7 +148,7 @@ def agree(direction: Array, deviation: Array, lines: npt.NDArray[np.intp]) -> Ag
     scatter = (weight * off**2).sum(axis=1) / np.maximum(votes - 1, 1)
     doubt = np.maximum(1.0, np.where(votes > 1.5, scatter, 1.0))
     good = (left > 0) & (votes > doubts)
-    return Agreement(offset, weight, np.where(good, doubt / np.maximum(left, 1e-30), np.inf))
+    return Agreement(offset + flip, weight, np.where(good, doubt / np.maximum(left, 1e-30), np.inf))
 
 
 def elsewhere(points: Array) -> npt.NDArray[np.bool_]:
@@ -206,10 +202,31 @@ def _bias(square: Array, variance: Array, attitude: Array, told: npt.NDArray[np.
     return np.where(known, bias, bias[known].max() if known.any() else 0.0)
 
 
-def _borne_out(off: Array, attitude: Array, told: npt.NDArray[np.bool_]) -> float:
+def _middle_line(angle: Array, weight: Array, lines: npt.NDArray[np.intp]) -> Array:
+    """Median over lines of the angles of their parts (n, E), shape (n,): no two of three can be outvoted by one.
+
+    Between two lines it is the middle, as nothing says which is right.
+    """
+    rough = _mean(angle, np.ones(angle.shape))
+    apart = _wrapped(angle - rough[:, None])
+    each: list[Array] = []
+    for line in np.unique(lines):
+        part = np.where(np.isfinite(apart) & (lines == line), weight, 0.0)
+        total = part.sum(axis=1)
+        value = (part * np.nan_to_num(apart)).sum(axis=1) / np.maximum(total, 1e-30)
+        each.append(np.where(total > 0, value, np.nan))
+    ordered = np.sort(np.array(each), axis=0)
+    count = np.isfinite(ordered).sum(axis=0)
+    column = np.arange(len(rough))
+    low = ordered[np.maximum(count - 1, 0) // 2, column]
+    high = ordered[np.minimum(count // 2, len(each) - 1), column]
+    return rough + (low + high) / 2  # NaN is sorted last, and where there is nothing else
+
+
+def _borne_out(square: Array, attitude: Array, told: npt.NDArray[np.bool_]) -> float:
     """Share of the attitudes in which an edge agrees with others; 1 where there are none to compare it with."""
     agrees = [
-        float(np.median(np.abs(off[here]))) < CONTRADICTION
+        float(np.median(square[here])) < CONTRADICTION**2
         for one in np.unique(attitude[told])
         if (here := (attitude == one) & told).sum() > 2
     ]
