@@ -28,6 +28,8 @@ ATTITUDES = 0.15
 PARALLEL = np.radians(0.7)
 """What edges of a deck may lack in being parallel, as seen along its axis: the cut, and what is not known of
 perspective. A line that is further off is none of them, as far as it goes."""
+SHARP = np.radians(0.7)
+"""Deviation of a direction up to which it is a witness."""
 BINS = 8
 """Attitudes that are told apart, over the range of an edge that is seen over most."""
 ROUNDS = 12
@@ -103,6 +105,9 @@ def agree(direction: Array, deviation: Array, lines: npt.NDArray[np.intp]) -> Ag
     seen = np.isfinite(direction) & np.isfinite(deviation)
     angle = np.where(seen, direction, 0.0)
     variance = np.where(seen, deviation, 1.0) ** 2
+    # One that is sharp is not judged by those that are not.
+    sharp = seen & (deviation < SHARP)
+    seen = np.where(sharp.any(axis=1, keepdims=True), sharp, seen)
     spans = np.array([_span(angle[here, edge]) for edge, here in enumerate(seen.T)])
     if spans.max() > CONTRADICTION:  # what is seen in one attitude only is no part of the deck, but behind it
         seen &= spans > ATTITUDES * spans.max()
@@ -111,7 +116,9 @@ def agree(direction: Array, deviation: Array, lines: npt.NDArray[np.intp]) -> Ag
     flip = np.zeros(count)
     for edge in range(count):
         both = seen[:, lead] & seen[:, edge]
-        opposite = both.any() and np.median(np.abs(_wrapped(angle[both, edge] - angle[both, lead]))) > np.pi / 2
+        opposite = (
+            both.any() and np.median(np.abs(_wrapped(angle[both, edge] - angle[both, lead]))) > np.pi / 2
+        )
         flip[edge] = np.pi if opposite else 0.0
     angle = angle - flip
     offset = np.zeros(count)
