@@ -116,8 +116,12 @@ class _Path:
 class _Start:
     """How fast one record may start."""
 
-    spread: float
-    """Deviation that a start faster than from rest may have [rad/s]; 0 where it may have any."""
+    unsure: float
+    """How well the instant of the release is known [s]; 0 where it was no release from rest."""
+    pull: float
+    """Acceleration with which it sets off [rad/s²]."""
+    std: float
+    """Noise of a sample [rad]; of a rate, as a swing at the joint's frequency."""
     inward: float
     """Sign of a rate towards the rest angle."""
 
@@ -176,11 +180,10 @@ class Problem:
             pull = self.scales.frequency**2 * release.amplitude
             if any(part.leaned_on for part in self.structure.parts):  # else only the spring has set it off
                 pull = max(pull, _first_pull(release))
-            spread = max(UNSURE_START, 0.5 * sampling) * pull
-            if any(state.late is not None for part in self.structure.parts for state in part.states):
-                spread = 0.0  # behind a filter the release is noticed late, nobody knows by how much
+            unsure = max(UNSURE_START, 0.5 * sampling)
+            std = record.std / (self.scales.frequency if record.is_rate else 1.0)
             inward = -float(np.sign(release.roll[0] - release.rest))
-            starts.append(_Start(spread if release.hold > 0 else 0.0, inward))
+            starts.append(_Start(unsure if release.hold > 0 else 0.0, pull, std, inward))
         return starts
 
     def __getstate__(self) -> dict[str, Any]:
@@ -347,11 +350,22 @@ class Problem:
         Without this a stop that acts in the first milliseconds only would be taken for a push.
         """
         begin = self._starts[index]
-        if begin.spread == 0:
+        if begin.unsure == 0 or begin.pull == 0:
             return 0.0, 0.0
         at = len(self.names) + index * self.own + 1
-        slope = begin.inward * float(self.sizes()[at]) / begin.spread
+        slope = begin.inward * float(self.sizes()[at]) / self._spread(begin, unknowns)
         return (slope * unknowns[at], slope) if slope * unknowns[at] > 0 else (0.0, 0.0)
+
+    def _spread(self, begin: _Start, unknowns: Array) -> float:
+        """Return the deviation that a start faster than from rest may have [rad/s]: a filter hides the first of it."""
+        late = begin.unsure
+        for part in self.structure.parts:
+            for state in part.states:
+                if state.hides is not None:
+                    known = self.parameters(unknowns)
+                    own = {p.name: known[f"{part.name}.{p.name}"] for p in part.parameters}
+                    late = float(np.hypot(late, state.hides(begin.pull, begin.std, own)))
+        return late * begin.pull
 
     def start_penalty(self, unknowns: Array) -> float:
         """Return the sum of squares that `normal` charges for starts that are too fast."""

@@ -163,6 +163,8 @@ class State:
     late: Callable[[Algebra, Value, Value, Value, Values], Value] | None = None
     """For a sensor's: `late(m, roll, rate, acceleration, parameters)`, its value at a release noticed late, when the deck
     has that rate already."""
+    hides: Callable[[float, float, Mapping[str, float]], float] | None = None
+    """For a sensor's: `hides(acceleration, noise, parameters)`, for how long a release does not show in its reading [s]."""
     slip: Callable[[Algebra, Value, Values], Value] | None = None
     """For rate-independent states: z follows the tilt, and `slip(m, z, parameters)` limits it."""
 

@@ -1,5 +1,7 @@
 """A first-order low-pass filter between deck and log."""
 
+from collections.abc import Mapping
+
 from sysid.effects.base import (
     Algebra,
     Effect,
@@ -35,6 +37,11 @@ def late(m: Algebra, roll: Value, rate: Value, acceleration: Value, parameters: 
     return roll - acceleration * time_constant**2 * (u - 1.0 + m.exp(-u))
 
 
+def hides(acceleration: float, noise: float, parameters: Mapping[str, float]) -> float:
+    """Return when the reading has moved by its noise: after α t³/6T, to first order [s]."""
+    return float((6 * max(parameters["time_constant"], 0.0) * noise / max(acceleration, 1e-9)) ** (1 / 3))
+
+
 EFFECT = Effect(
     name="lowpass",
     title="a filter in the sensor",
@@ -57,5 +64,14 @@ EFFECT = Effect(
     mujoco=MujocoSupport(means="nothing: it belongs to the log", since="", warp=False),
     to_mjcf=belongs_to_log,
     example=(0.01,),
-    states=(State(name="reading", start=settled, size=lambda s: s.amplitude, rate=reading_rate, late=late),),
+    states=(
+        State(
+            name="reading",
+            start=settled,
+            size=lambda s: s.amplitude,
+            rate=reading_rate,
+            late=late,
+            hides=hides,
+        ),
+    ),
 )
