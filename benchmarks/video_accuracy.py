@@ -13,7 +13,7 @@ import gzip
 import pickle
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,6 +23,7 @@ import numpy as np
 
 from sim.film import Camera, film
 from sim.film_set import Motion, rock
+from sysid.board import Board
 from sysid.errors import HuskyError
 from sysid.free_decay import free_decay
 from sysid.releases import find_releases
@@ -179,7 +180,7 @@ def drawn(job: Job) -> tuple[Camera, Motion]:
     return camera, rock(load(job.board), 1.4, releases)
 
 
-def load(name: str):
+def load(name: str) -> Board:
     return Workspace(Path()).load_board(name)
 
 
@@ -243,7 +244,7 @@ def against(roll: Roll, motion: Motion, start: float) -> Array:
     return error(min(np.linspace(-0.008, 0.008, 161), key=lambda at: np.sum((error(at) / roll.std) ** 2)))
 
 
-def k_and_d(roll: Roll, motion: Motion, board) -> tuple[float, float]:
+def k_and_d(roll: Roll, motion: Motion, board: Board) -> tuple[float, float]:
     """Stiffness and damping from the film over those from the truth; NaN where no free decay is recognised."""
     part = slice(None, None, 5)
     angle = motion.roll[part] + np.random.default_rng(1).normal(0, 1e-5, len(motion.roll[part]))
@@ -302,7 +303,7 @@ def speed() -> str:
     return "\n".join(lines) + "\n"
 
 
-def measured(work) -> tuple[float, float]:
+def measured(work: Callable[[], None]) -> tuple[float, float]:
     """Wall and processor time [s]."""
     wall, processor = time.perf_counter(), time.process_time()
     work()

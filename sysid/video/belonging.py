@@ -28,7 +28,7 @@ def belonging(points: Array, fewest: int) -> npt.NDArray[np.bool_]:
     Returns:
         Shape (N,).
     """
-    seen = np.isfinite(points).all(axis=2)
+    seen = np.asarray(np.isfinite(points).all(axis=2), np.bool_)
     place = np.where(seen, points[..., 0] + 1j * points[..., 1], 0)
     home = place[int(np.argmax(seen.sum(axis=1)))]
     common = seen & seen[int(np.argmax(seen.sum(axis=1)))]

@@ -39,6 +39,9 @@ DEAD_ZONE = 0.15
 """Motion of the outermost points of colour or faint texture that compression may leave out of a film, to either
 side [px]: as found in films of 0.1 bit a pixel. A phone's have two to four times as many. A marker is too black
 and white for that."""
+SLANT = 3.0
+"""Motion up to which patches of texture err alike [px]: as the deck turns they are seen at another slant, of which
+the reference knows nothing."""
 DOT_FLOOR = 0.08
 """Least standard deviation of a dot's place [px]: films hold colour at half the resolution of brightness."""
 NOT_FOUND = {
@@ -192,14 +195,14 @@ def _edge(clip: Clip, look: Survey, options: VideoOptions) -> Chosen | None:
 
 
 def _those_of_the_board(track: Track) -> Track:
-    return replace(track, points=track.points[:, belonging(track.points, FEWEST)])
+    return replace(track, points=track.points[:, belonging(track.points.astype(np.float64), FEWEST)])
 
 
 def _fit_texture(view: View, matrix: Array, before: Unknowns) -> Turning:
     points = view.track.points
     most = points[int(np.argmax(np.isfinite(points).all(axis=2).sum(axis=1)))].astype(np.float64)
     alike = count_alike(most[np.isfinite(most).all(axis=1)])
-    body = Solid(centre_std=DEEP, alike=alike, dead_zone=DEAD_ZONE, shows_lens=False)
+    body = Solid(centre_std=DEEP, alike=alike, dead_zone=DEAD_ZONE, still=SLANT, shows_lens=False)
     return fit_turning(view, matrix, before, body)
 
 

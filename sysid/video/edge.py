@@ -40,6 +40,10 @@ ALIKE = 25.0
 """Difference of brightness up to which two lines may be the same edge [grey levels]."""
 PAIRS = 4
 """Pairs of lines from different attitudes that are needed to tell the pivot."""
+COMPARED = 120
+"""Lines that are compared at most to find the pivot."""
+FAR = 0.3
+"""Share of its support that a pivot half the board's width from the middle of all lines loses."""
 GRID = 15
 """Pivots across and down that are tried first."""
 NEAR = 0.02
@@ -142,34 +146,34 @@ def find_deck_edges(look: Survey, slopes: Array) -> Edges:
 
 def _pivot(lines: list[_Line], box: tuple[int, int, int, int]) -> tuple[Array, float]:
     """Return the point about which lines of different pictures turn into one another, and its deviation [px]."""
+    lines = sorted(lines, key=lambda line: -line.score)[:COMPARED]
     ends = np.array([line.ends for line in lines]).reshape(-1, 2)
     (left, top), (right, bottom) = (ends.min(axis=0), ends.max(axis=0)) if len(ends) else (box[:2], box[2:])
     middle, size = np.array([(left + right) / 2, (top + bottom) / 2]), max(right - left, bottom - top)
     one, other = np.triu_indices(len(lines), 1)
     turn = np.array([line.turn for line in lines])
     sides = np.array([line.sides for line in lines]).reshape(-1, 2)
-    pair = (np.abs(turn[one] - turn[other]) > ATTITUDE) & (
-        np.abs(sides[one] - sides[other]).max(axis=1) < ALIKE
-    )
+    alike = np.abs(sides[one] - sides[other]).max(axis=1) < ALIKE
+    pair = (np.abs(turn[one] - turn[other]) > ATTITUDE) & alike
     one, other = one[pair], other[pair]
     if len(one) < PAIRS:
         return middle, size / 4
-    across, down = np.meshgrid(np.linspace(left, right, GRID), np.linspace(top, bottom, GRID))
-    pivots = np.stack([across.ravel(), down.ravel()], axis=1)
-    weight = np.sqrt([line.score for line in lines])
-    weight = weight[one] * weight[other]
+    score = np.sqrt([line.score for line in lines])
+    home = np.array([line.back(middle) for line in lines])
+    normal, places = normals(home), home.mean(axis=1)
+    # Turned back about another pivot, a line is shifted by (1 - R) of how far that is from the middle.
+    shift = np.eye(2) - np.array([_rotation(-angle) for angle in turn])
     near = NEAR * size
-    for _ in range(3):  # the grid, then twice a finer one about the best
-        back = np.array([[line.back(pivot).mean(axis=0) for line in lines] for pivot in pivots])
-        along = np.array([line.back(middle)[1] - line.back(middle)[0] for line in lines])
-        normal = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
+    best, reach, count = middle, np.array([right - left, bottom - top]) / 2, GRID
+    for _ in range(3):  # all over the board, then twice a finer grid about the best
+        grid = np.linspace(-1, 1, count)
+        pivots = best + np.array(np.meshgrid(reach[0] * grid, reach[1] * grid)).reshape(2, -1).T
+        back = places + np.einsum("lij,pj->pli", shift, pivots - middle)
         gap = np.sum((back[:, one] - back[:, other]) * normal[one], axis=2)
         far = np.sum((pivots - middle) ** 2, axis=1) / (size / 2) ** 2
-        support = np.exp(-((gap / near) ** 2) / 2) @ weight
-        best = pivots[int(np.argmax(support - 0.3 * support.max() * far))]
-        fine = np.linspace(-1, 1, 7) * 2 * size / GRID
-        size_now = np.array(np.meshgrid(fine, fine)).reshape(2, -1).T
-        pivots = best + size_now / (4 if len(pivots) == 49 else 1)
+        support = np.exp(-((gap / near) ** 2) / 2) @ (score[one] * score[other])
+        best = pivots[int(np.argmax(support - FAR * support.max() * far))]
+        reach, count = 2 * reach / GRID, 7
     return best, 2 * near
 
 
@@ -353,7 +357,7 @@ class EdgeTracker:
             edges = find_edges(dark, ends, reach, count=40)
             ends = np.where(np.isfinite(edges.ends), edges.ends, ends)
         assert edges is not None
-        lost = ~np.isfinite(edges.ends).all(axis=(1, 2)) | (edges.used < 0.4)
+        lost = np.asarray(~np.isfinite(edges.ends).all(axis=(1, 2)) | (edges.used < 0.4), np.bool_)
         lost |= ~(edges.contrast >= np.maximum(8.0, 0.35 * self._contrast))
         length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
         independent = np.maximum(edges.used * 0.8 * length / CORRELATION, 3.0)
@@ -363,7 +367,7 @@ class EdgeTracker:
 
 def _agreed(turns: Array, deviation: Array) -> npt.NDArray[np.bool_] | None:
     """Tell which edges agree on one turn with most of the others, by weight; None where none is seen."""
-    seen = np.isfinite(deviation)
+    seen = np.asarray(np.isfinite(deviation), np.bool_)
     if not seen.any():
         return None
     weight = np.where(seen, 1 / np.where(seen, deviation, 1.0) ** 2, 0.0)

@@ -83,6 +83,8 @@ class Solid:
     """Whether its points are known well enough to tell the focal length by; it stays in doubt otherwise."""
     dead_zone: float = 0.0
     """Motion that compression may leave out of the film, to either side [px]: the less contrast, the more."""
+    still: float = STILL
+    """Motion up to which its points keep their errors [px]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +112,7 @@ def fit_turning(view: View, matrix: Array, before: Unknowns, solid: Solid | None
         The angles. Zero is arbitrary here: the attitude in one of the frames.
     """
     solid = solid or Solid()
-    some = _telling(view)
+    some = _telling(view, solid.still)
     found = _solve(view, some, matrix, before, solid, before)
     other = None
     if view.track.points.shape[1] == FEW and {0, 1} <= set(before.free):
@@ -313,7 +315,7 @@ def _speed(view: View, rows: Rows) -> Array:
     return (np.nansum(moved, axis=2) / np.maximum(count, 1)).max(axis=1)
 
 
-def _telling(view: View) -> _Some:
+def _telling(view: View, still: float) -> _Some:
     """Choose frames: few of those that show one and the same picture, many of those turned furthest."""
     seen = np.zeros(len(view), bool)
     run = np.zeros(len(view), int)
@@ -328,7 +330,7 @@ def _telling(view: View) -> _Some:
         known = np.isfinite(away)
         # Of many points some slip: the picture is another one if half of them have moved.
         moved = np.median if len(points) >= MANY else np.max
-        if not known.any() or moved(away[known]) > STILL:
+        if not known.any() or moved(away[known]) > still:
             anchor, number = points, number + 1
         run[row] = number
         good = np.isfinite(points).all(axis=-1)
