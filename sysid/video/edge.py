@@ -271,13 +271,9 @@ class EdgeTracker:
     def _learn(self, dark: Picture, ends: Array, turns: Array, good: npt.NDArray[np.bool_]) -> None:
         """Learn brightness and pivots from the edges that are seen."""
         sides = sides_of(dark, np.where(good[:, None, None], ends, self.starts))
-        known = np.isfinite(self._sides).all(axis=1)
         step = sides[:, 0] - sides[:, 1]
-        self._contrast = np.where(
-            good, np.where(known, 0.95 * self._contrast + 0.05 * step, step), self._contrast
-        )
-        mixed = np.where(known[:, None], 0.95 * self._sides + 0.05 * sides, sides)
-        self._sides = np.where(good[:, None], mixed, self._sides)
+        self._contrast = np.where(good, 0.95 * self._contrast + 0.05 * step, self._contrast)
+        self._sides = np.where(good[:, None], 0.95 * self._sides + 0.05 * sides, self._sides)
         information, moment = self._pivots()
         off: list[float] = []
         for edge in np.flatnonzero(good):
