@@ -61,7 +61,7 @@ def roll_from_video(path: Path, options: VideoOptions | None = None) -> Roll:
     if options.overlay is not None:
         from sysid.video.overlay import draw_overlay
 
-        draw_overlay(clip, track, roll, rows, options.overlay, options.on_frame)
+        draw_overlay(clip, track, roll, rows, options.overlay, chosen.joined, options.on_frame)
     return roll
 
 

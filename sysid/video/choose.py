@@ -72,6 +72,8 @@ class Chosen:
     warnings: tuple[str, ...] = ()
     settle: Callable[[Track], Track] | None = None
     """What to leave out of the track once the whole film is known."""
+    joined: tuple[tuple[int, int], ...] = ()
+    """Points between which a line is drawn, so that a person sees what they are."""
 
     @property
     def direction_doubt(self) -> float:
@@ -119,6 +121,7 @@ def _marker(clip: Clip, auto: bool) -> Chosen | None:
         why=f"follows {marker.kind} marker {marker.number}" + (", as one is in the picture" if auto else ""),
         solve=partial(fit_turning, solid=Solid(square=True)),
         zero=_level_square,
+        joined=((0, 1), (1, 2), (2, 3), (3, 0)),
         zero_note="roll zero is where the marker's edges are level in the picture",
     )
 
@@ -134,6 +137,7 @@ def _dots(look: Survey, options: VideoOptions) -> Chosen | None:
             why=f"follows two coloured dots ({size}){auto}",
             solve=partial(fit_turning, solid=Solid(floor=DOT_FLOOR, dead_zone=DEAD_ZONE)),
             zero=_level_pair,
+            joined=((0, 1),),
             zero_note="roll zero is where the line between the dots is level in the picture",
         )
     if not dots:
@@ -189,6 +193,7 @@ def _edge(clip: Clip, look: Survey, options: VideoOptions) -> Chosen | None:
         solve=partial(fit_direction, deviations=tracker.deviations, lines=edges.line),
         zero=partial(_level, direction=1 + 0j, symmetry=2),
         zero_note="roll zero is where the edge is level in the picture",
+        joined=tuple((2 * edge, 2 * edge + 1) for edge in range(count)),
         finds_direction=False,
         warnings=warnings,
     )

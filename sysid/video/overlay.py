@@ -29,6 +29,7 @@ def draw_overlay(
     roll: Roll,
     rows: npt.NDArray[np.intp],
     path: Path,
+    joined: tuple[tuple[int, int], ...] = (),
     on_frame: Callable[[float, Picture], None] | None = None,
 ) -> Path:
     """Write the clip with points, angle and trace drawn in, and `<path>.png` with twelve frames of it.
@@ -39,6 +40,7 @@ def draw_overlay(
         roll: The roll made from it.
         rows: Row of `track` that each sample of `roll` is from, shape (m,).
         path: The clip to write (.mp4, .mov, .mkv or .avi).
+        joined: Points between which a line is drawn.
         on_frame: Called with the time of each frame on the roll's clock [s], and the frame as drawn.
 
     Returns:
@@ -67,7 +69,7 @@ def draw_overlay(
                 if row is None:
                     continue
                 picture = np.asarray(cv2.resize(frame.picture, size, interpolation=cv2.INTER_AREA), np.uint8)
-                _annotate(picture, track.points[row] * scale, roll, sample.get(row))
+                _annotate(picture, track.points[row] * scale, joined, roll, sample.get(row))
                 writer.write(picture)
                 if on_frame is not None:
                     on_frame(float(track.time[row]) + shift, picture)
@@ -84,14 +86,18 @@ def draw_overlay(
     return sheet_path
 
 
-def _annotate(picture: Picture, points: Array, roll: Roll, number: int | None) -> None:
-    seen = points[np.isfinite(points).all(axis=1)]
-    for x, y in seen:
-        cv2.circle(picture, (round(16 * x), round(16 * y)), 64, REAL, 2, cv2.LINE_AA, shift=4)
-    if len(seen) in (2, 4):
-        cv2.polylines(
-            picture, [np.round(16 * seen).astype(np.int32)], len(seen) == 4, REAL, 1, cv2.LINE_AA, shift=4
-        )
+def _annotate(
+    picture: Picture, points: Array, joined: tuple[tuple[int, int], ...], roll: Roll, number: int | None
+) -> None:
+    seen = np.isfinite(points).all(axis=1)
+    colour = LOST if number is None else REAL
+    # The ends of lines need no circles, which would hide what the line lies on.
+    for x, y in points[seen] if len(joined) < 2 else ():
+        cv2.circle(picture, (round(16 * x), round(16 * y)), 64, colour, 2, cv2.LINE_AA, shift=4)
+    for pair in joined:
+        if seen[list(pair)].all():
+            ends = np.round(16 * points[list(pair)]).astype(np.int32)
+            cv2.polylines(picture, [ends], False, colour, 2, cv2.LINE_AA, shift=4)
     height, width = picture.shape[:2]
     strip = picture[height - 64 :]
     strip[:] = (strip * 0.35).astype(np.uint8)
@@ -101,7 +107,7 @@ def _annotate(picture: Picture, points: Array, roll: Roll, number: int | None) -
     trace = np.round(16 * np.stack([across, down], axis=1)).astype(np.int32)
     cv2.polylines(picture, [trace], False, (200, 200, 200), 1, cv2.LINE_AA, shift=4)
     if number is None:
-        _text(picture, "not seen", LOST)
+        _text(picture, "left out: does not turn as one body" if seen.any() else "left out: not seen", LOST)
         return
     cv2.circle(picture, (int(trace[number, 0]), int(trace[number, 1])), 72, REAL, -1, cv2.LINE_AA, shift=4)
     angle, deviation = np.degrees(roll.roll[number]), np.degrees(roll.std[number])
