@@ -49,8 +49,9 @@ def record_deviation(model: Model, board: Board, *, look_at_linear: bool) -> Dev
     """
     covariance = parameter_covariance(model.problem, model.minimum, model.residuals)
     names = list(model.problem.names)
-    shift = _shift(model, board, covariance, names)
     linear = _linear(model, board, covariance, names) if look_at_linear else Deviation()
+    named = tuple(name for name in linear.effects if effect(name).role in ("torque", "measurement"))
+    shift = _shift(model, board, covariance, names, named)
     effects = (*linear.effects, *shift.effects)
     alike = [(*other, *shift.effects) for other in linear.alike]
     alike += [(*linear.effects, *other) for other in shift.alike]
@@ -59,8 +60,10 @@ def record_deviation(model: Model, board: Board, *, look_at_linear: bool) -> Dev
     )
 
 
-def _shift(model: Model, board: Board, covariance: np.ndarray, names: list[str]) -> Deviation:
-    """Name the rest angle if it moved; what moved it cannot be told."""
+def _shift(
+    model: Model, board: Board, covariance: np.ndarray, names: list[str], named: tuple[str, ...]
+) -> Deviation:
+    """Name the rest angle if it moved; what moved it cannot be told. `named` is said already and may explain it."""
     if "rest_angle" not in names or model.problem.bias == "own" or "gravity" in model.effects:
         return Deviation()
     if model.problem.records[0].is_rate:
@@ -75,7 +78,8 @@ def _shift(model: Model, board: Board, covariance: np.ndarray, names: list[str])
     # Where a deck sticks the cost has kinks, and the deviation above may be too small: refit without the shift.
     slack = 2 * float(np.hypot(known, rounding))
     held = board.rest_angle + float(np.clip(moved, -slack, slack))
-    if _worse(model, held) < SURE**2:
+    named = tuple(name for name in named if name not in _SHIFTING)
+    if _worse(model, held) < SURE**2 or (named and _worse(model, held, *named) < SURE**2):
         return Deviation()
     drifts = "sensor-drift" not in model.effects
     by_drift = _worse(model, held, "sensor-drift") if drifts else float("inf")
