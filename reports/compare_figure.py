@@ -89,18 +89,18 @@ def _surface(axes: "Axes", result: Comparison) -> None:
 
 
 def _backbone(axes: "Axes", result: Comparison, what: str, label: str) -> None:
+    axes.set_title(f"{label.split(' [')[0]} by amplitude")
+    axes.set_xlabel("amplitude [°]")
+    if not len(result.measured_backbone.amplitude):
+        axes.text(0.5, 0.5, "no two real swings\nabove the noise", ha="center", transform=axes.transAxes)
+        axes.set(xticks=[], yticks=[])
+        return
     for backbone, colour, name, size in (
         (result.measured_backbone, REAL, "real", 7),
         (result.simulated_backbone, SIM, "sim", 3.5),
     ):
         amplitude = np.degrees(backbone.amplitude)
         axes.plot(amplitude, getattr(backbone, what), "o", color=colour, label=name, markersize=size)
-    axes.set_title(f"{label.split(' [')[0]} by amplitude")
-    axes.set_xlabel("amplitude [°]")
-    if not len(result.measured_backbone.amplitude) + len(result.simulated_backbone.amplitude):
-        axes.text(0.5, 0.5, "no two swings above the noise", ha="center", transform=axes.transAxes)
-        axes.set(xticks=[], yticks=[])
-        return
     axes.set_ylabel(label)
     axes.margins(0.15)
     axes.legend()
