@@ -190,7 +190,7 @@ def _edge(clip: Clip, look: Survey, options: VideoOptions) -> Chosen | None:
         tracker=tracker,
         what="the deck's edge",
         why=f"follows {count} straight edge{'s' if count > 1 else ''} ({lengths} px long){auto}",
-        solve=partial(fit_direction, deviations=tracker.deviations, lines=edges.line),
+        solve=partial(fit_direction, deviations=tracker.deviations, lines=edges.line, slopes=slopes),
         zero=partial(_level, direction=1 + 0j, symmetry=2),
         zero_note="roll zero is where the edge is level in the picture",
         joined=tuple((2 * edge, 2 * edge + 1) for edge in range(count)),

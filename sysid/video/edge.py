@@ -13,7 +13,6 @@ import numpy.typing as npt
 from sysid.roll import Array
 from sysid.video.edge_slope import (
     PARALLEL,
-    camera_shift,
     normals,
     segments,
     sides_of,
@@ -21,6 +20,7 @@ from sysid.video.edge_slope import (
     still_there,
 )
 from sysid.video.frames import Frame, Picture, grey
+from sysid.video.still_picture import camera_shift
 from sysid.video.straight_edge import find_edges
 from sysid.video.survey import Survey
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from sysid.roll import Array
 from sysid.video.frames import Clip, Picture, crop, grey
+from sysid.video.still_picture import camera_shift
 from sysid.video.survey import Survey
 
 SHORTEST = 0.03
@@ -117,16 +118,6 @@ def parallel_to(slope: Array, score: Array) -> tuple[npt.NDArray[np.bool_], Arra
     """
     parallel = np.abs(slope[:, None] - slope) < PARALLEL
     return parallel, parallel @ score - ALONE * np.max(parallel * score, axis=1, initial=0.0)
-
-
-def camera_shift(first: Picture, other: Picture) -> Array:
-    """How far a shaking camera has shifted a picture [px], shape (2,)."""
-    scale = max(1, first.shape[1] // 320)
-    small = [picture[::scale, ::scale].astype(np.float32) for picture in (first, other)]
-    window = cv2.createHanningWindow(small[0].shape[::-1], cv2.CV_32F)
-    shift, _ = cv2.phaseCorrelate(small[0], small[1], window)
-    moved = scale * np.array(shift)
-    return moved if np.abs(moved).max() < 0.05 * first.shape[1] else np.zeros(2)
 
 
 def still_there(contrast: Array, ends: Array, others: Sequence[Picture], shifts: Sequence[Array]) -> Array:

@@ -30,6 +30,8 @@ PARALLEL = np.radians(0.7)
 perspective. A line that is further off is none of them, as far as it goes."""
 SHARP = np.radians(0.7)
 """Deviation of a direction up to which it is a witness."""
+ROUGH = np.radians(1.5)
+"""How far the slope of most lines in a picture may be off."""
 BINS = 8
 """Attitudes that are told apart, over the range of an edge that is seen over most."""
 ROUNDS = 12
@@ -42,6 +44,7 @@ def fit_direction(
     *,
     deviations: Sequence[Array],
     lines: npt.NDArray[np.intp],
+    slopes: Array,
 ) -> Turning:
     """Common turn of edges as seen along the axis.
 
@@ -54,6 +57,7 @@ def fit_direction(
         before: What is known of camera and lens.
         deviations: Standard deviation of each edge's direction in each frame [rad], n times (E,).
         lines: Number of the line that each edge is a part of, shape (E,).
+        slopes: Rough slope of the lines across the deck in each frame of the film [rad].
     """
     deviation = np.array(deviations)
     points = view.all_points(before.readout)
@@ -70,7 +74,8 @@ def fit_direction(
     angle = angle_at(before.value)
     unknown = spread_by(before, angle, angle_at, view.share, view.time(before.readout))
     std = np.sqrt(common.variance + smear(angle) ** 2 + unknown)
-    angle = np.where(np.isfinite(common.variance), angle, np.nan)
+    wrong = ~np.isfinite(common.variance) | _astray(angle, slopes[view.track.index])
+    angle = np.where(wrong, np.nan, angle)
     outliers = int((np.isfinite(first).any(axis=1) & ~np.isfinite(angle)).sum())
     return Turning(
         unwrap(angle),
@@ -184,6 +189,15 @@ def elsewhere(points: Array) -> npt.NDArray[np.bool_]:
     wrong = np.zeros(len(place), bool)
     wrong[seen] = np.abs(off) > limit
     return wrong
+
+
+def _astray(angle: Array, slope: Array) -> npt.NDArray[np.bool_]:
+    """Frames in which the edges followed turn otherwise than most lines in the picture, in sum over the film."""
+    apart = _wrapped(2 * (angle - slope)) / 2  # a line has no first end
+    seen = np.isfinite(apart)
+    apart = np.where(seen, apart - np.median(apart[seen]), 0.0)
+    spread = 1.4826 * float(np.median(np.abs(apart[seen])))
+    return np.abs(apart) > np.maximum(ROUGH, OFF * spread)
 
 
 def _directions(view: View, matrix: Array, value: Array) -> Array:

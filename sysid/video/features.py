@@ -15,6 +15,7 @@ import numpy.typing as npt
 from sysid.roll import Array
 from sysid.video.frames import Frame, Picture, crop, grey
 from sysid.video.rectify import Complex
+from sysid.video.still_picture import camera_shift
 from sysid.video.survey import Survey
 
 Mask = npt.NDArray[np.bool_]
@@ -26,7 +27,8 @@ WINDOW = 21
 TOGETHER = 80.0
 """Distance over which the errors of patches are alike, in a triangle [px]."""
 STATIC_LIKENESS = 0.75
-"""Correlation with the same place in other frames above which a patch stands still."""
+"""Correlation with the same place in other frames above which a patch stands still; noise lowers it, so that it
+counts against the highest that the patch reaches."""
 GUESSES = np.radians([0.0, 6.0, -6.0, 12.0, -12.0, 20.0, -20.0])
 """Turns that are tried, added to the expected one, where too few patches are found again."""
 NEAR = 1.2
@@ -49,7 +51,8 @@ def find_features(look: Survey) -> Array:
     if corners is None:
         return np.zeros((0, 2))
     places = np.asarray(corners, np.float64).reshape(-1, 2)
-    moved = np.array([_least_likeness(dark, look.pictures, place) < STATIC_LIKENESS for place in places])
+    shifts = [camera_shift(dark, other) for other in look.pictures]
+    moved = np.array([_moves(dark, look.pictures, shifts, place) for place in places])
     return places[moved][:MOST] if moved.any() else np.zeros((0, 2))
 
 
@@ -201,14 +204,19 @@ def count_alike(places: Array) -> float:
     return float(np.einsum("ia,ij,ja->", arm, common, arm) / np.sum(arm**2))
 
 
-def _least_likeness(dark: Picture, others: tuple[Picture, ...], place: Array) -> float:
-    """Lowest tenth of the correlations of a patch with the same place in other frames."""
+def _moves(dark: Picture, others: tuple[Picture, ...], shifts: list[Array], place: Array) -> bool:
+    """Whether a patch is not where it was in a tenth of the other frames, or more."""
     half = WINDOW // 2
     x, y = np.round(place).astype(int)
     patch = dark[y - half : y + half + 1, x - half : x + half + 1]
     likeness: list[float] = []
-    for other in others:
-        around, _ = crop(other, (x - half - 3, y - half - 3, x + half + 4, y + half + 4))
+    for other, shift in zip(others, shifts, strict=True):
+        u, v = np.round(place + shift).astype(int)
+        around, _ = crop(other, (u - half - 3, v - half - 3, u + half + 4, v + half + 4))
         if min(around.shape) >= WINDOW:
             likeness.append(float(cv2.matchTemplate(around, patch, cv2.TM_CCOEFF_NORMED).max()))
-    return float(np.quantile(likeness, 0.1)) if likeness else 1.0
+    if len(likeness) < 2:
+        return False
+    # The first of them is the frame itself.
+    low, high = np.quantile(sorted(likeness)[:-1], [0.1, 0.9])
+    return bool(low < STATIC_LIKENESS * min(float(high), 1.0))
