@@ -26,8 +26,13 @@ ALONE = 0.5
 """Share of a line's score that counts only where others are parallel to it."""
 STRONG = 60.0
 """Contrast beyond which more is no better [grey levels]."""
-COMPARED = 8
+COMPARED = 16
 """Pictures that lines are looked for in, to tell those of the background."""
+MOVED, LEAST = 0.5, 0.2
+"""Share of the pictures in which a line must be gone to count fully, and what one counts at least that is gone in
+few: a deck that rests for most of a film."""
+STILL, NEVER = 0.92, 0.03
+"""Share of the pictures in which a line is that never moves, though a hand may pass; what it counts."""
 SHAKEN = 4
 """Shift of the picture up to which a still line is known again [px]."""
 GAP = 2.0
@@ -171,7 +176,8 @@ def _candidates(
     step = np.abs(np.subtract(*sides_of(dark, ends).T))
     still = still_there(step, ends - camera_shift(look.pictures[0], dark), others, shifts).mean(axis=0)
     score = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) * np.minimum(step, STRONG)
-    score = score * _moving(look, ends) * (1 - still) ** 2
+    share = np.where(still > STILL, NEVER, np.clip((1 - still) / MOVED, LEAST, 1.0))
+    score = score * _moving(look, ends) * share
     slope = slope_of(ends)
     parallel, together = parallel_to(slope, score)
     best = max(float(together.max()), 1e-9)
