@@ -98,6 +98,17 @@ def test_without_a_marker(folder, method, mark):
     assert found.roll[0] - np.median(found.roll[-10:]) == pytest.approx(0.4, abs=0.02)
 
 
+@pytest.mark.parametrize(("method", "mark", "faults"), [
+    # The deck's lower edge is lost in front of the wheels, and the horizon goes where the camera goes.
+    ("edge", "edge", {"shake_deg": 0.3, "focal": 1.19, "distance": 0.85, "pitch_deg": 1.2, "yaw_deg": -0.2}),
+    # The wall moves with the camera, and a hand passes in front of it.
+    ("features", "none", {"shake_deg": 0.3, "focal": 1.2, "pitch_deg": 0.0, "noise": 2.5, "hand": (0.5, 0.58)}),
+])  # fmt: skip
+def test_what_does_not_turn_with_the_deck_is_not_followed(folder, method, mark, faults):
+    film = make_film(folder, f"shaken-{method}", mark, replace(SMALL, **faults))
+    check(film, method)
+
+
 def test_rotated_by_the_container(marker_film, tmp_path):
     film = tmp_path / "upright.mp4"
     film.write_bytes(marker_film.path.read_bytes())
@@ -415,6 +426,7 @@ def test_shake_is_a_rotation_and_tells_the_lens():
     score = (shake.motion[:, 2] - turns[:, 2]) / shake.std
     assert shake.significant
     assert shake.focal == pytest.approx(focal, rel=0.05)
+    assert abs(np.log(shake.focal / focal)) < 2 * shake.focal_std < 0.3
     assert 0.85 < np.sqrt(np.mean(score**2)) < 1.2
     points = rng.uniform(0, 300, (200, 5, 2))
     there = (
