@@ -43,7 +43,7 @@ PAIRS = 4
 COMPARED = 120
 """Lines that are compared at most to find the pivot."""
 FAR = 0.3
-"""Share of its support that a pivot half the board's width from the middle of all lines loses."""
+"""Share of its support that a pivot a quarter of the board's width from the middle of the level deck loses."""
 GRID = 15
 """Pivots across and down that are tried first."""
 NEAR = 0.02
@@ -126,9 +126,12 @@ def find_deck_edges(look: Survey, slopes: Array) -> Edges:
             short = middle + 0.8 * (ends[line] - middle) - shifts[number]
             found.append(_Line(float(score[line]), short, sides[line], float(slope[number] - slope[0])))
     # From as high as the deck, its long sides and its ends are one line at rest, and several when it is tilted.
-    tilted = [line for line in found if abs(line.turn - np.median(slope - slope[0])) > ATTITUDE]
+    rest = float(np.median(slope - slope[0]))
+    tilted = [line for line in found if abs(line.turn - rest) > ATTITUDE]
+    level = [line.ends.mean(axis=0) for line in found if abs(line.turn - rest) <= ATTITUDE]
+    middle = np.median(level, axis=0) if level else np.array(look.box).reshape(2, 2).mean(axis=0)
     found = tilted if len(tilted) > 1 else found
-    pivot, spread = _pivot(found, look.box)
+    pivot, spread = _pivot(found, look.box, middle)
     size = NEAR * (look.box[2] - look.box[0])
     kept: list[_Line] = []
     for line in sorted(found, key=lambda line: -line.score):
@@ -144,12 +147,15 @@ def find_deck_edges(look: Survey, slopes: Array) -> Edges:
     )
 
 
-def _pivot(lines: list[_Line], box: tuple[int, int, int, int]) -> tuple[Array, float]:
-    """Return the point about which lines of different pictures turn into one another, and its deviation [px]."""
+def _pivot(lines: list[_Line], box: tuple[int, int, int, int], middle: Array) -> tuple[Array, float]:
+    """Return the point about which lines of different pictures turn into one another, and its deviation [px].
+
+    Two attitudes tell it in one direction only, so that it is looked for near the middle of the level deck.
+    """
     lines = sorted(lines, key=lambda line: -line.score)[:COMPARED]
     ends = np.array([line.ends for line in lines]).reshape(-1, 2)
     (left, top), (right, bottom) = (ends.min(axis=0), ends.max(axis=0)) if len(ends) else (box[:2], box[2:])
-    middle, size = np.array([(left + right) / 2, (top + bottom) / 2]), max(right - left, bottom - top)
+    size = max(right - left, bottom - top)
     one, other = np.triu_indices(len(lines), 1)
     turn = np.array([line.turn for line in lines])
     sides = np.array([line.sides for line in lines]).reshape(-1, 2)
@@ -170,7 +176,7 @@ def _pivot(lines: list[_Line], box: tuple[int, int, int, int]) -> tuple[Array, f
         pivots = best + np.array(np.meshgrid(reach[0] * grid, reach[1] * grid)).reshape(2, -1).T
         back = places + np.einsum("lij,pj->pli", shift, pivots - middle)
         gap = np.sum((back[:, one] - back[:, other]) * normal[one], axis=2)
-        far = np.sum((pivots - middle) ** 2, axis=1) / (size / 2) ** 2
+        far = np.sum((pivots - middle) ** 2, axis=1) / (size / 4) ** 2
         support = np.exp(-((gap / near) ** 2) / 2) @ (score[one] * score[other])
         best = pivots[int(np.argmax(support - FAR * support.max() * far))]
         reach, count = 2 * reach / GRID, 7
