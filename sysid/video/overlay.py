@@ -89,7 +89,7 @@ def draw_overlay(
 def _annotate(
     picture: Picture, points: Array, joined: tuple[tuple[int, int], ...], roll: Roll, number: int | None
 ) -> None:
-    seen = np.isfinite(points).all(axis=1)
+    seen = np.asarray(np.isfinite(points).all(axis=1), np.bool_)
     colour = LOST if number is None else REAL
     # The ends of lines need no circles, which would hide what the line lies on.
     for x, y in points[seen] if len(joined) < 2 else ():
