@@ -12,7 +12,7 @@ from sysid.video.belonging import belonging
 from sysid.video.dots import DotTracker, find_dots, fit_pivot
 from sysid.video.edge import EdgeTracker, find_deck_edges
 from sysid.video.edge_slope import deck_slopes
-from sysid.video.edge_turn import fit_direction
+from sysid.video.edge_turn import ASIDE, fit_direction
 from sysid.video.features import FEWEST, FeatureTracker, count_alike, find_features
 from sysid.video.frames import Clip, grey
 from sysid.video.marker import MarkerTracker, find_marker
@@ -186,11 +186,16 @@ def _edge(clip: Clip, look: Survey, options: VideoOptions) -> Chosen | None:
             "an edge does not show from where the camera looks: it is taken to look along the board's axis "
             "to within 5 degrees (say otherwise with --camera-angle)",
         )
+    elif abs(options.camera_angle[0]) > ASIDE:
+        warnings = (
+            f"from {np.degrees(abs(options.camera_angle[0])):.0f}° aside the outline of the deck's long side passes for "
+            "that of its end, to within 2 degrees: film from behind, or put a marker on the deck's end",
+        )
     return Chosen(
         tracker=tracker,
         what="the deck's edge",
         why=f"follows {count} straight edge{'s' if count > 1 else ''} ({lengths} px long){auto}",
-        solve=partial(fit_direction, deviations=tracker.deviations, lines=edges.line, slopes=slopes),
+        solve=partial(fit_direction, deviations=tracker.deviations, slopes=slopes),
         zero=partial(_level, direction=1 + 0j, symmetry=2),
         zero_note="roll zero is where the edge is level in the picture",
         joined=tuple((2 * edge, 2 * edge + 1) for edge in range(count)),

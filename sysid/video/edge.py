@@ -68,8 +68,6 @@ class Edges:
     """Brightness above and below [grey levels], shape (E, 2)."""
     turn: Array
     """Turn since the first picture of the picture in which each was found [rad], shape (E,)."""
-    line: npt.NDArray[np.intp]
-    """Number of the line that each is a part of, shape (E,): parts of one line bear each other out no more than once."""
     pivot: Array
     """What they turn about [px], shape (2,)."""
     pivot_std: float
@@ -141,7 +139,6 @@ def find_deck_edges(look: Survey, slopes: Array) -> Edges:
         np.array([line.back(pivot) for line in kept]).reshape(-1, 2, 2),
         np.array([line.sides for line in kept]).reshape(-1, 2),
         np.array([line.turn for line in kept]),
-        _lines([line.back(pivot) for line in kept], 2 * size),
         pivot,
         spread,
     )
@@ -181,19 +178,6 @@ def _pivot(lines: list[_Line], box: tuple[int, int, int, int], middle: Array) ->
         best = pivots[int(np.argmax(support - FAR * support.max() * far))]
         reach, count = 2 * reach / GRID, 7
     return best, 2 * near
-
-
-def _lines(ends: list[Array], size: float) -> npt.NDArray[np.intp]:
-    """Number the lines that edges lie on, shape (E,)."""
-    number = np.arange(len(ends))
-    for edge, own in enumerate(ends):
-        for other in range(edge):
-            along = (ends[other][1] - ends[other][0]) / np.linalg.norm(ends[other][1] - ends[other][0])
-            offset = (own - ends[other][0]) @ np.array([along[1], -along[0]])
-            if abs(float(offset.mean())) < size:
-                number[edge] = number[other]
-                break
-    return number
 
 
 def _same(one: _Line, other: _Line, pivot: Array, size: float) -> bool:

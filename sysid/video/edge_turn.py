@@ -28,6 +28,13 @@ ATTITUDES = 0.15
 PARALLEL = np.radians(0.7)
 """What edges of a deck may lack in being parallel, as seen along its axis: the cut, and what is not known of
 perspective. A line that is further off is none of them, as far as it goes."""
+ONE_LINE = 4.0
+"""Distance at which two edges are parts of one line [px]."""
+ASIDE = np.radians(10.0)
+"""From further aside, the outline of the deck's long side lies along that of its end when it is level, and parts
+from it when it is tilted. No picture tells which of the two an edge is a part of."""
+OUTLINE = np.radians(2.0)
+"""How far the two may part and still be taken for one."""
 SHARP = np.radians(0.7)
 """Deviation of a direction up to which it is a witness."""
 ROUGH = np.radians(1.5)
@@ -43,7 +50,6 @@ def fit_direction(
     before: Unknowns,
     *,
     deviations: Sequence[Array],
-    lines: npt.NDArray[np.intp],
     slopes: Array,
 ) -> Turning:
     """Common turn of edges as seen along the axis.
@@ -56,7 +62,6 @@ def fit_direction(
         matrix: Camera matrix [px], shape (3, 3).
         before: What is known of camera and lens.
         deviations: Standard deviation of each edge's direction in each frame [rad], n times (E,).
-        lines: Number of the line that each edge is a part of, shape (E,).
         slopes: Rough slope of the lines across the deck in each frame of the film [rad].
     """
     deviation = np.array(deviations)
@@ -66,7 +71,7 @@ def fit_direction(
     length = np.nanmedian(np.linalg.norm(points[:, 1::2] - points[:, ::2], axis=2), axis=0)
     deviation = np.hypot(deviation, BIAS * np.sqrt(12) / (2 * length))
     first = _directions(view, matrix, before.value)
-    common = agree(first, deviation, lines)
+    common = agree(first, deviation, line_numbers(points))
 
     def angle_at(value: Array) -> Array:
         return _mean(_directions(view, matrix, value) - common.offset, common.weight)
@@ -74,6 +79,8 @@ def fit_direction(
     angle = angle_at(before.value)
     unknown = spread_by(before, angle, angle_at, view.share, view.time(before.readout))
     std = np.sqrt(common.variance + smear(angle) ** 2 + unknown)
+    if abs(before.value[0]) > ASIDE:
+        std = np.hypot(std, OUTLINE / np.sqrt(3))
     wrong = ~np.isfinite(common.variance) | _astray(angle, slopes[view.track.index])
     angle = np.where(wrong, np.nan, angle)
     outliers = int((np.isfinite(first).any(axis=1) & ~np.isfinite(angle)).sum())
@@ -161,6 +168,28 @@ def agree(direction: Array, deviation: Array, lines: npt.NDArray[np.intp]) -> Ag
     doubt = np.maximum(1.0, np.where(votes > 1.5, scatter, 1.0))
     good = (left > 0) & (votes > doubts)
     return Agreement(offset + flip, weight, np.where(good, doubt / np.maximum(left, 1e-30), np.inf))
+
+
+def line_numbers(points: Array) -> npt.NDArray[np.intp]:
+    """Number the lines that edges lie on in most frames, shape (E,).
+
+    Args:
+        points: Both ends of each edge, one after the other [px], shape (n, 2E, 2); NaN where not seen.
+    """
+    ends = points.reshape(len(points), -1, 2, 2)
+    along = ends[:, :, 1] - ends[:, :, 0]
+    length = np.linalg.norm(along, axis=2)
+    normal = np.stack([along[..., 1], -along[..., 0]], axis=2) / length[..., None]
+    middle = ends.mean(axis=2)
+    number = np.arange(ends.shape[1])
+    for edge in range(len(number)):
+        for other in range(edge):
+            apart = np.abs(np.sum((middle[:, edge] - middle[:, other]) * normal[:, other], axis=1))
+            apart = apart[np.isfinite(apart)]
+            if len(apart) and np.median(apart) < ONE_LINE:
+                number[edge] = number[other]
+                break
+    return number
 
 
 def elsewhere(points: Array) -> npt.NDArray[np.bool_]:
