@@ -192,22 +192,6 @@ def test_the_default_variant():
         assert idle.tolist() == [True] + [False] * 7
 
 
-def test_a_lenient_beginning_ends_no_episode_for_its_stance():
-    from sim.skate.observations import skate_command
-
-    with worlds(lenient_steps=2, start=PUSHING, pushes=0.0) as env:
-        command, terms = skate_command(env), env.termination_manager
-        stance = terms.get_term_cfg("wrong_stance").func
-
-        def ends():
-            env.reset()
-            command.step[:], command.air_time[:], stance._steps[:] = 90, 1.3, 100
-            step(env)
-            return bool(terms.get_term("idle_foot").any()), bool(terms.get_term("wrong_stance").any())
-
-        assert [ends() for _ in range(3)] == [(False, False), (False, False), (True, True)]
-
-
 def test_fused_rewards_are_mjlabs_to_the_last_bit(monkeypatch):
     import torch
     from mjlab.managers.reward_manager import RewardManager

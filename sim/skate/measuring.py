@@ -89,9 +89,9 @@ def not_finite(env: "ManagerBasedRlEnv") -> torch.Tensor:
     return ~(torch.isfinite(data.qpos).all(dim=-1) & torch.isfinite(data.qvel).all(dim=-1))
 
 
-def idle_foot(env: "ManagerBasedRlEnv", patience: float, after: int = 0) -> torch.Tensor:
-    """Return `terminations.idle_foot`, (n,); nobody in the first `after` steps of the training."""
-    return terminations.idle_foot(measure(env), patience) & (env.common_step_counter > after)
+def idle_foot(env: "ManagerBasedRlEnv", patience: float) -> torch.Tensor:
+    """Return `terminations.idle_foot`, (n,)."""
+    return terminations.idle_foot(measure(env), patience)
 
 
 class OffBoard:
@@ -120,10 +120,10 @@ class WrongStance:
         """Start counting at nothing."""
         self._steps = torch.zeros(env.num_envs, dtype=torch.long, device=env.device)
 
-    def __call__(self, env: "ManagerBasedRlEnv", patience: int, after: int = 0) -> torch.Tensor:
-        """Return where it has been more than `patience` steps, (n,); nowhere in the first `after` of the training."""
+    def __call__(self, env: "ManagerBasedRlEnv", patience: int) -> torch.Tensor:
+        """Return where it has been more than `patience` steps, (n,)."""
         self._steps = terminations.wrong_stance(measure(env), self._steps)
-        return (self._steps > patience) & (env.common_step_counter > after)
+        return self._steps > patience
 
     def reset(self, env_ids: Any = None) -> None:
         """Forget the steps before."""

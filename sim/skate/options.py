@@ -27,9 +27,6 @@ class SkateOptions:
     stance_patience: int = 20
     """Policy steps with the left foot off the deck while steering, or on it while pushing, after which an
     episode ends; 0 for never."""
-    lenient_steps: int = 0
-    """Policy steps of the training before a wrong stance or an idle foot ends an episode: a learner that still falls
-    within seconds learns not to fall first."""
     tilt_guidance: bool = True
     kinematics: Kinematics = "two-truck"
     turn_time: float = 1.2

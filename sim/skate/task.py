@@ -224,13 +224,11 @@ def _terminations(options: SkateOptions) -> "dict[str, TerminationTermCfg]":
     }
     if options.stance_patience > 0:
         ends["wrong_stance"] = TerminationTermCfg(
-            func=measuring.WrongStance,
-            params={"patience": options.stance_patience, "after": options.lenient_steps},
+            func=measuring.WrongStance, params={"patience": options.stance_patience}
         )
     if options.idle_patience > 0:
         ends["idle_foot"] = TerminationTermCfg(
-            func=measuring.idle_foot,
-            params={"patience": options.idle_patience, "after": options.lenient_steps},
+            func=measuring.idle_foot, params={"patience": options.idle_patience}
         )
     return ends
 

@@ -55,8 +55,6 @@ class Variant:
     """Policy steps with the left foot in the wrong place that end an episode; 0 for never."""
     idle_patience: float = 1.2
     """Time of pushing without the left foot on the ground that ends an episode [s]; 0 for never."""
-    lenient_steps: int = 0
-    """Policy steps of the training, 24 an iteration, before either of these ends an episode."""
     smoothness: float = 0.05
     """Weight of the squared first and second differences of the actions."""
     speed_tolerance: float = 0.25
@@ -81,7 +79,6 @@ class Variant:
             lift=self.lift,
             stance_patience=self.stance_patience,
             idle_patience=self.idle_patience,
-            lenient_steps=self.lenient_steps,
             smoothness=self.smoothness,
             speed_tolerance=self.speed_tolerance,
         )
