@@ -167,6 +167,8 @@ def drawn(job: Job) -> tuple[Camera, Motion]:
     name = job.name.replace("unknown", "given")  # the same takes, read twice
     rng = np.random.default_rng([job.take, len(name.removesuffix(", stiff board")), ord(name[0])])
     focal = USUAL_FOCAL * np.exp(LENS_SPREAD * rng.normal())
+    if job.take == 0:
+        focal = job.camera.focal
     camera = replace(
         job.camera,
         focal=float(focal),
