@@ -10,6 +10,7 @@ from cyclopts import Parameter
 
 from sysid.cli.console import Common, Printer
 from sysid.errors import HuskyError
+from sysid.quantity import Quantity
 
 
 def evaluate(
@@ -79,7 +80,7 @@ def evaluate(
     rows = [("E_succ", result.success), *((name, result.errors[name]) for name in METRICS)]
     rows.append(("episode length", result.duration))
     title = f"{result.policy} on {result.board} in {simulator}: {episodes} episodes × {seeds} seeds"
-    shown = [(name, str(value) if math.isfinite(value.value) else "–", value.method) for name, value in rows]
+    shown = [(name, _text(value), value.method) for name, value in rows]
     printer.table(("quantity", "value ± 95 %", "how"), shown, title)
     endings = ", ".join(f"{ending} {count}" for ending, count in result.endings.items())
     printer.say(f"endings: {endings}")
@@ -95,3 +96,14 @@ def evaluate(
         {**result.to_json(), "simulator": simulator, "randomised": randomised, "picture": str(picture)}
     )
     return 0
+
+
+def _text(value: Quantity) -> str:
+    """Return a value with its interval: by its ends where it is not symmetric, as a share's near 1."""
+    if not math.isfinite(value.value):
+        return "–"
+    low, high = value.ci95
+    if math.isclose(high - value.value, value.value - low, rel_tol=0.05, abs_tol=1e-12):
+        return str(value)
+    unit = "" if value.unit == "1" else f" {value.unit}"
+    return f"{value.value:.4g} [{low:.4g}, {high:.4g}]{unit}"
