@@ -4,7 +4,7 @@ import hashlib
 import json
 import os
 import tempfile
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -42,6 +42,29 @@ def atomic_path(path: Path) -> Generator[Path]:
         raise HuskyError(f"{path}: cannot write there ({error.strerror or error}).") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def refuse_overwriting(inputs: Iterable[Path], outputs: Mapping[str, Path | None]) -> None:
+    """Refuse to write over a file that is read, by whatever name either is given.
+
+    Args:
+        inputs: Files that are read; of a folder, all files in it.
+        outputs: Files that will be written, by the option that names them.
+
+    Raises:
+        HuskyError: An output is an input.
+    """
+    read = [path for path in inputs if path.exists()]
+    for option, output in outputs.items():
+        if output is None or not output.exists():
+            continue  # what is not there yet cannot be lost
+        for path in read:
+            inside = path.is_dir() and output.resolve().is_relative_to(path.resolve())
+            if inside or output.samefile(path):
+                where = f"lies in {path}, which" if inside else "is the very file that"
+                raise HuskyError(
+                    f"{option} {output}: {where} is read here; it would be overwritten. Choose another name."
+                )
 
 
 def write_atomically(path: Path, content: str | bytes) -> None:

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from sysid.board import Board
 from sysid.cli.console import Common, Printer
 from sysid.cli.diagnose import signal_of
-from sysid.cli.log_options import LogArguments
+from sysid.cli.log_options import LogArguments, keep_logs
 from sysid.cli.view import read_logs, write_recording
 from sysid.files import atomic_path, sha256, write_json
 
@@ -52,6 +52,7 @@ def compare(
     from sysid.plausible import amplitude_warnings
 
     printer = Printer(common)
+    keep_logs(logs, arguments, printer, {"--rerun": rerun})
     record = common.space.load_board(board)
     files = find_logs(record, logs, common.space) if logs else []
     material = read_logs(files, arguments, printer, films=rerun is not None)

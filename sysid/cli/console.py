@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from sysid.files import write_json
+from sysid.files import refuse_overwriting, write_json
 from sysid.quantity import Quantity
 from sysid.workspace import Workspace
 
@@ -59,6 +59,20 @@ class Printer:
     def stderr(self) -> Console:
         """The console for progress bars."""
         return self._stderr
+
+    def keep(self, inputs: Iterable[Path], outputs: Mapping[str, Path | None] | None = None) -> None:
+        """Refuse to write the command's JSON, or another of its outputs, over a file that it reads.
+
+        Args:
+            inputs: What is read.
+            outputs: What is written beside the JSON, by option.
+
+        Raises:
+            HuskyError: An output is an input.
+        """
+        json = self.common.json
+        own = {"--json": None if json is None or json == "-" else Path(json)}
+        refuse_overwriting(inputs, own | dict(outputs or {}))
 
     def say(self, text: str = "") -> None:
         """Print a result line on stdout."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from sysid.cli.console import Common, Printer
-from sysid.cli.log_options import LogArguments, load_roll
+from sysid.cli.log_options import LogArguments, keep_logs, load_roll
 from sysid.files import atomic_path, write_json
 
 if TYPE_CHECKING:
@@ -58,6 +58,7 @@ def decay(
     from sysid.releases import find_releases
 
     printer = Printer(common)
+    keep_logs([log], arguments, printer, {"--rerun": rerun})
     record = common.space.load_board(board)
     roll = load_roll(log, arguments, printer)
     releases = find_releases(roll, start=arguments.start, stop=arguments.stop, releases=arguments.release)

@@ -309,6 +309,8 @@ def _finish(
 ) -> int:
     """Print result and error budget, save it where asked to, write the JSON."""
     printer = Printer(outcome)
+    # What came from a result file says so by naming it.
+    printer.keep([Path(q.method) for q in inputs.values() if q.method.endswith(".json")])
     printer.quantities([("roll inertia I", result)])
     if budget:
         ranked = sorted(budget.items(), key=lambda item: -item[1])

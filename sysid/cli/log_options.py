@@ -1,7 +1,7 @@
 """Options of every command that takes a log."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -107,12 +107,35 @@ class LogArguments:
         )
 
 
+def keep_logs(
+    logs: Iterable[Path],
+    arguments: LogArguments,
+    printer: Printer,
+    outputs: Mapping[str, Path | None] | None = None,
+) -> None:
+    """Refuse to write over a measurement.
+
+    Args:
+        logs: The measurements; the camera's calibration is kept as well.
+        arguments: Names the overlay that reading a film writes.
+        printer: Names the JSON.
+        outputs: What else the command writes, by option.
+
+    Raises:
+        HuskyError: An output is a log.
+    """
+    calibration = arguments.video.calibration
+    inputs = [*logs, *(() if calibration is None else (calibration,))]
+    printer.keep(inputs, {"--overlay": arguments.video.overlay, **(outputs or {})})
+
+
 def load_roll(log: Path, arguments: LogArguments, printer: Printer) -> Roll:
     """Read one log and say on stderr what was inferred and what is wrong with it.
 
     Raises:
-        HuskyError: The log cannot be read as roll.
+        HuskyError: The log cannot be read as roll, or would be overwritten.
     """
+    keep_logs([log], arguments, printer)
     roll = read_roll(log, arguments.options)
     say_notes(log, roll, printer)
     return roll
@@ -129,12 +152,13 @@ def load_releases(logs: Sequence[Path], arguments: LogArguments, printer: Printe
     """Read logs and return the free decays in all of them.
 
     Raises:
-        HuskyError: A log cannot be read, or holds no free decay.
+        HuskyError: A log cannot be read, holds no free decay, or would be overwritten.
     """
     from sysid.releases import find_releases
 
     if not logs:
         raise HuskyError("no log was given.")
+    keep_logs(logs, arguments, printer)
     releases: list[Release] = []
     for log in logs:
         roll = load_roll(log, arguments, printer)

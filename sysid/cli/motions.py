@@ -33,6 +33,7 @@ def motions(
     from sim.skate.g1 import JOINTS, g1_spec
 
     printer = Printer(common)
+    printer.keep(motion, {"--plot": plot, "--rerun": rerun})
     clips = load_motions(motion)
     model = g1_spec(visuals=rerun is not None).compile()
     facts = {clip.name: motion_facts(clip, model) for clip in clips}

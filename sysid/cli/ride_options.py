@@ -87,6 +87,7 @@ def prepare(policy: str, options: RideOptions, printer: Printer, *, visuals: boo
     from policy_runtime.robots.simulated import Gantry
     from policy_runtime.world import make_world
 
+    printer.keep([Path(policy), *([] if options.commands is None else [options.commands])])
     commands = command_source(options)
     gantry = Gantry() if options.gantry else None
     if (Path(policy) / MANIFEST).is_file() or Path(policy).is_dir():

@@ -8,7 +8,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from sysid.cli.console import Common, Printer
-from sysid.cli.log_options import LogArguments, load_roll
+from sysid.cli.log_options import LogArguments, keep_logs, load_roll
 from sysid.errors import HuskyError
 from sysid.files import atomic_path
 
@@ -35,6 +35,7 @@ def roll(
         common: Options of every command.
     """
     printer = Printer(common)
+    keep_logs([log, *([] if align is None else [align])], arguments, printer, {"--output": output})
     signal = load_roll(log, arguments, printer)
     offset = None
     if align is not None:

@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from sysid.board import Board
 from sysid.cli.console import Common, Printer
 from sysid.cli.diagnose import progress_bar, signal_of
-from sysid.cli.log_options import LogArguments, load_roll, say_notes
+from sysid.cli.log_options import LogArguments, keep_logs, load_roll, say_notes
 from sysid.errors import HuskyError
 from sysid.roll import Release, Roll
 
@@ -47,6 +47,7 @@ def view(
     printer = Printer(common)
     record = common.space.load_board(board)
     files = find_logs(record, logs, common.space)
+    keep_logs([file.found for file in files if file.found], arguments, printer, {"--output": output})
     for file in files:
         if file.found is None:
             printer.warn(f"{file.path}: {file.state}")
