@@ -10,7 +10,8 @@ from sysid.errors import HuskyError
 from sysid.roll import Array
 from sysid.video.belonging import belonging
 from sysid.video.dots import DotTracker, find_dots, fit_pivot
-from sysid.video.edge import EdgeTracker, find_deck_edges
+from sysid.video.edge import EdgeTracker
+from sysid.video.edge_find import find_deck_edges
 from sysid.video.edge_slope import deck_slopes
 from sysid.video.edge_turn import ASIDE, fit_direction
 from sysid.video.features import FEWEST, FeatureTracker, count_alike, find_features
