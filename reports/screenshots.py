@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 PATIENCE = 60.0
 """For a viewer to start [s]."""
+MENU_BAR = 37
+"""Height of the viewer's menu bar [px]."""
 
 
 @contextmanager
@@ -63,18 +65,23 @@ def _connected(client: "type[ViewerClient]", process: "subprocess.Popen[bytes]",
 
 
 def recording_picture(viewer: "ViewerClient", recording: Path, time_s: float) -> bytes:
-    """Return what a viewer shows of a recording, as PNG.
+    """Return what a viewer shows of a recording, as PNG, without its menu bar (badges there tell of the machine).
 
     Args:
         viewer: From `headless_viewer`.
         recording: The .rrd file.
         time_s: Where to put the time cursor [s].
     """
+    import cv2
+    import numpy as np
+
     viewer.open(str(recording.resolve()))
     time.sleep(2.0)  # opening answers before everything is laid out
     viewer.set_time("t", duration=time_s, play_state="paused")
     time.sleep(2.0)
-    return viewer.take_screenshot()
+    shot = cv2.imdecode(np.frombuffer(viewer.take_screenshot(), np.uint8), cv2.IMREAD_COLOR)
+    assert shot is not None
+    return cv2.imencode(".png", shot[MENU_BAR:])[1].tobytes()
 
 
 def page_picture(page: Path, picture: Path, size: tuple[int, int] = (1000, 1400)) -> None:
