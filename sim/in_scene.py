@@ -135,6 +135,7 @@ def compensate_in_scene(
     timestep: float = 0.005,
     integrator: str = "implicitfast",
     coupling: Coupling = "equality",
+    exact_effects: bool = True,
 ) -> Compensation:
     """Return the board as it must be written so that the scene as a whole decays like the record's law.
 
@@ -146,11 +147,12 @@ def compensate_in_scene(
         timestep: [s].
         integrator: MuJoCo's name of the integrator.
         coupling: How tilt steers the trucks.
+        exact_effects: False builds effects that need a MuJoCo newer than 3.11 as their substitutes.
 
     Raises:
         HuskyError: The board cannot be built or the step is too long for it.
     """
-    build = _builder(board, timestep, integrator, coupling)
+    build = _builder(board, timestep, integrator, coupling, exact_effects)
     wide = 0.95 * board.tilt["range"].value
     amplitudes = (wide, -0.7 * wide, 0.4 * wide)
     after_step = _set_trucks(board) if coupling == "direct" else None
@@ -161,14 +163,24 @@ def compensate_in_scene(
 
 
 def _builder(
-    board: Board, timestep: float, integrator: str, coupling: Coupling
+    board: Board, timestep: float, integrator: str, coupling: Coupling, exact_effects: bool
 ) -> Callable[[Board], mujoco.MjModel]:
     """Return what compiles candidates in the pose into which the first one has sunk."""
-    first = board_spec(board, timestep=timestep, integrator=integrator, coupling=coupling)
+
+    def built(candidate: Board) -> mujoco.MjSpec:
+        return board_spec(
+            candidate,
+            timestep=timestep,
+            integrator=integrator,
+            coupling=coupling,
+            exact_effects=exact_effects,
+        )
+
+    first = built(board)
     pose = _settled_pose(first, first.joint(FREE_JOINT))
 
     def build(candidate: Board) -> mujoco.MjModel:
-        spec = board_spec(candidate, timestep=timestep, integrator=integrator, coupling=coupling)
+        spec = built(candidate)
         spec.delete(spec.joint(FREE_JOINT))
         body = spec.body("board")
         body.pos, body.quat = pose[:3], pose[3:]

@@ -14,6 +14,7 @@ from sim.in_scene import compensate_in_scene
 from sim.step_compensation import Compensation, compensate_step, uncompensated
 from sysid.board import Board
 from sysid.effects import effect
+from sysid.effects.base import MujocoSupport
 from sysid.errors import HuskyError
 from sysid.quantity import Quantity
 
@@ -37,6 +38,8 @@ class Mjcf:
     compensation: Compensation
     """What was written instead of the record's numbers, and both errors."""
     export: Export
+    substitutes: tuple[str, ...] = ()
+    """For each effect that is not written as it is: what stands for it, and which MuJoCo would hold it."""
 
 
 def default_export(kind: Kind, timestep: float) -> Export:
@@ -76,11 +79,12 @@ def board_mjcf(
             "--export in-scene compensates for wheels and coupling, which a bench has not. Add --scene."
         )
     if export == "in-scene":
-        done = compensate_in_scene(board, timestep=timestep, integrator=integrator, coupling=coupling)
-    elif export == "step-compensated":
-        done = compensate_step(board, timestep=timestep, integrator=integrator)
+        done = compensate_in_scene(
+            board, timestep=timestep, integrator=integrator, coupling=coupling, exact_effects=exact_effects
+        )
     else:
-        done = uncompensated(board, timestep=timestep, integrator=integrator)
+        make = compensate_step if export == "step-compensated" else uncompensated
+        done = make(board, timestep=timestep, integrator=integrator, exact_effects=exact_effects)
     if kind == "scene":
         spec = board_spec(
             done.board,
@@ -91,8 +95,19 @@ def board_mjcf(
         )
     else:
         spec = rig_spec(done.board, timestep=timestep, integrator=integrator, exact_effects=exact_effects)
-    comments = _comments(board, done, kind, export, coupling, exact_effects=exact_effects)
-    return Mjcf(_commented(spec, comments), done, export)
+    version = mujoco.__version__ if exact_effects else OLDEST
+    comments = _comments(board, done, kind, export, coupling, version)
+    return Mjcf(_commented(spec, comments), done, export, substituted(board, version))
+
+
+def substituted(board: Board, version: str | None = None) -> tuple[str, ...]:
+    """Say for each effect of a board that a MuJoCo version (the installed one if None) cannot hold what is written."""
+    wanted = version or mujoco.__version__
+    return tuple(
+        f"effect '{part.name}' needs MuJoCo {support.since}, for {wanted} it is written as {support.substitute}"
+        for part in board.effects
+        if (support := effect(part.name).mujoco).substituted_in(wanted)
+    )
 
 
 def _commented(spec: mujoco.MjSpec, comments: Sequence[tuple[str, Sequence[str]]]) -> str:
@@ -114,8 +129,7 @@ def _comments(
     kind: Kind,
     export: Export,
     coupling: Coupling,
-    *,
-    exact_effects: bool,
+    version: str,
 ) -> list[tuple[str, list[str]]]:
     """Return for each kind of element a pattern of its line, and what to say above it."""
     written = done.board
@@ -147,7 +161,7 @@ def _comments(
     tilt += [
         f"Effect {part.name}: "
         + ", ".join(f"{key} {_text(q)}" for key, q in part.parameters.items())
-        + f"; {_realisation(part.name, exact=exact_effects)}."
+        + f"; {_realisation(effect(part.name).mujoco, version)}."
         for part in board.effects
     ]
     rake = board.geometry["rake"].value
@@ -167,11 +181,10 @@ def _comments(
     ]  # fmt: skip
 
 
-def _realisation(name: str, *, exact: bool) -> str:
-    support = effect(name).mujoco
-    if exact or not support.since or support.exact_in(OLDEST):
+def _realisation(support: MujocoSupport, version: str) -> str:
+    if not support.substituted_in(version):
         return support.means
-    return f"substitute for MuJoCo {OLDEST}: {support.substitute}"
+    return f"substitute for MuJoCo {version}: {support.substitute} (exact since {support.since})"
 
 
 def _text(quantity: Quantity) -> str:

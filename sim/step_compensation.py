@@ -83,20 +83,25 @@ class Compensation:
         )
 
 
-def compensate_step(board: Board, *, timestep: float, integrator: str = "implicitfast") -> Compensation:
+def compensate_step(
+    board: Board, *, timestep: float, integrator: str = "implicitfast", exact_effects: bool = True
+) -> Compensation:
     """Return the board whose bench, stepped by MuJoCo, decays as the record's law does in continuous time.
 
     Args:
         board: The record, in physical parameters.
         timestep: [s].
         integrator: MuJoCo's name of the integrator.
+        exact_effects: False builds effects that need a MuJoCo newer than 3.11 as their substitutes.
 
     Raises:
         HuskyError: The step is too long for this board, or the integrator damps more than the board.
     """
 
     def build(candidate: Board) -> mujoco.MjModel:
-        return rig_spec(candidate, timestep=timestep, integrator=integrator).compile()
+        return rig_spec(
+            candidate, timestep=timestep, integrator=integrator, exact_effects=exact_effects
+        ).compile()
 
     first = closed_form(board, timestep=timestep, integrator=integrator)
     plain = all(part.name in MEASUREMENT_EFFECTS or part.name == "inertia" for part in board.effects)
@@ -107,11 +112,15 @@ def compensate_step(board: Board, *, timestep: float, integrator: str = "implici
     return judge(board, fitted, build, amplitudes, "compensated numerically")
 
 
-def uncompensated(board: Board, *, timestep: float, integrator: str = "implicitfast") -> Compensation:
-    """Return the board as recorded, with the errors that this integrator and step make."""
+def uncompensated(
+    board: Board, *, timestep: float, integrator: str = "implicitfast", exact_effects: bool = True
+) -> Compensation:
+    """Return the board as recorded, with the errors that this integrator and step (and substitutes) make."""
 
     def build(candidate: Board) -> mujoco.MjModel:
-        return rig_spec(candidate, timestep=timestep, integrator=integrator).compile()
+        return rig_spec(
+            candidate, timestep=timestep, integrator=integrator, exact_effects=exact_effects
+        ).compile()
 
     return judge(board, board, build, release_amplitudes(board), "physical parameters")
 

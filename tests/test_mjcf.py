@@ -13,7 +13,7 @@ from sim.check import check_scene
 from sim.free_decay_rig import swing
 from sim.in_scene import scene_from_file
 from sim.mjcf import board_mjcf, default_export
-from sysid.board import Board, BoardEffect, load_board
+from sysid.board import Board, BoardEffect, load_board, save_board
 from sysid.cli.console import Common
 from sysid.cli.mjcf import mjcf
 from sysid.effects import catalogue
@@ -90,17 +90,64 @@ def test_every_effect_is_written_and_loads(name: str, kind: str):
 
 @pytest.mark.parametrize("name", ["viscoelastic", "stribeck", "hysteresis"])
 def test_substitutes_need_nothing_newer_than_mujoco_3_11(name: str):
-    board = load_board(shipped_data() / "boards" / "pink.toml")
-    found = catalogue()[name]
-    pairs = zip(found.parameters, found.example, strict=True)
-    rich = replace(board, effects=(BoardEffect(name, {p.name: Quantity(v, 0.0, p.unit) for p, v in pairs}),))
+    found, rich = catalogue()[name], with_example(name)
     exact, older = (
         board_mjcf(rich, "bench", export="physical", exact_effects=exact).xml for exact in (True, False)
     )
     assert "substitute for MuJoCo 3.11" in older
-    assert "substitute" not in exact
+    assert ("substitute" in exact) is not found.mujoco.exact_in(mujoco.__version__)
     for newer in ("dcmotor", "springyield", "lugre"):
         assert newer not in older
+
+
+def with_example(name: str) -> Board:
+    board = load_board(shipped_data() / "boards" / "pink.toml")
+    found = catalogue()[name]
+    pairs = zip(found.parameters, found.example, strict=True)
+    return replace(board, effects=(BoardEffect(name, {p.name: Quantity(v, 0.0, p.unit) for p, v in pairs}),))
+
+
+MEANS = {"viscoelastic": 'dyntype="dcmotor"', "stribeck": 'dyntype="dcmotor"', "hysteresis": "springyield="}
+
+
+@pytest.mark.parametrize("name", sorted(MEANS))
+def test_the_comment_states_the_model_that_this_mujoco_writes(name: str):
+    """Asked for the exact effect, an older MuJoCo still writes the substitute: the file must say so."""
+    made = board_mjcf(with_example(name), "bench", export="physical")
+    support = catalogue()[name].mujoco
+    written = MEANS[name] in made.xml
+    assert written is support.exact_in(mujoco.__version__)
+    assert ("; substitute for MuJoCo" in made.xml) is not written
+    assert bool(made.substitutes) is not written
+
+
+def test_a_substitute_costs_what_the_file_says():
+    board = with_example("hysteresis")
+    exact, older = (board_mjcf(board, "bench", timestep=0.001, exact_effects=e) for e in (True, False))
+    assert older.compensation.decay_error > 0.05
+    if catalogue()["hysteresis"].mujoco.exact_in(mujoco.__version__):
+        assert exact.compensation.decay_error < 0.01
+    (line,) = older.substitutes
+    assert "needs MuJoCo 4.0" in line
+    assert "for 3.11 it is written as coulomb" in line
+
+
+def test_substitutes_are_warned_of_and_named_by_check(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    from sysid.cli.check import check
+    from sysid.errors import QualityGateError
+
+    save_board(with_example("hysteresis"), tmp_path / "data" / "boards" / "pink.toml")
+    common = Common(json=str(tmp_path / "out.json"), workspace=tmp_path)
+    path = tmp_path / "board.xml"
+    assert mjcf(board="pink", output=path, bench=True, timestep=0.001, substitutes=True, common=common) == 0
+    assert "warning: effect 'hysteresis' needs MuJoCo 4.0" in (said := capsys.readouterr().err)
+    assert "is off by" in said
+    assert "4.0" in json.loads((tmp_path / "out.json").read_text())["substitutes"][0]
+    monkeypatch.setattr(mujoco, "__version__", "3.11.0")
+    with pytest.raises(QualityGateError, match=r"Why: effect 'hysteresis' needs MuJoCo 4\.0"):
+        check([shipped_data() / "decays" / "pink.csv"], board="pink", common=common)
 
 
 def test_defaults_of_export():

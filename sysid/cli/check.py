@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from sysid.board import Board
 from sysid.cli.console import Common, Printer
-from sysid.cli.log_options import LogArguments, load_releases
+from sysid.cli.log_options import LogArguments, keep_logs, load_releases
 from sysid.errors import HuskyError, QualityGateError
 
 if TYPE_CHECKING:
@@ -60,12 +60,14 @@ def check(
         QualityGateError: The scene does not decay as measured.
     """
     from sim.check import check_scene
+    from sim.mjcf import substituted
     from sim.scene_additions import scene_additions
 
     if not 0 < tolerance < 1:
         raise HuskyError(f"--tolerance {tolerance:g}: expected a share between 0 and 1, such as 0.02.")
     printer = Printer(common)
     record = common.space.load_board(board)
+    keep_logs([*logs, *([] if scene_file is None else [scene_file])], arguments, printer)
     releases = load_releases(logs, arguments, printer)
     if scene_file is not None:
         from sim.in_scene import scene_from_file
@@ -75,7 +77,8 @@ def check(
         scene = _own_scene(record, timestep or 0.005, integrator, coupling, export, printer)
     result = check_scene(record, scene, releases, tolerance=tolerance)
     additions = scene_additions(record, scene)
-    reasons = additions.reasons(record, record.tilt["range"].value)
+    unwritten = substituted(record)
+    reasons = (*unwritten, *additions.reasons(record, record.tilt["range"].value))
     _print(printer, record, scene, result, additions)
     printer.result(_json(record, scene, result, additions, () if result.passed else reasons))
     if scene_file is None:
@@ -88,6 +91,8 @@ def check(
             f"passed: NRMSE {100 * result.nrmse:.2f} % (tolerance {100 * tolerance:g} %; the noise of the logs hides less "
             f"than {100 * result.hidden:.1f} %)"
         )
+        for line in unwritten:
+            printer.warn(f"{line}: the scene passes all the same")
         if result.hidden > tolerance:
             printer.warn("the logs are too noisy to tell: record longer, more often, or with a better sensor")
         return 0

@@ -189,6 +189,10 @@ class MujocoSupport:
         """Return whether that MuJoCo version runs the effect exactly."""
         return bool(self.since) and _numbers(version) >= _numbers(self.since)
 
+    def substituted_in(self, version: str) -> bool:
+        """Return whether that MuJoCo version gets the substitute."""
+        return bool(self.substitute) and not self.exact_in(version)
+
 
 def _numbers(version: str) -> tuple[int, ...]:
     return tuple(int(part) for part in version.split(".")[:2])
