@@ -3,17 +3,20 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 
 from sysid.decay_peaks import Peak
+from sysid.quantity import Quantity
 from sysid.roll import Array, Release
 
 STOPPED = 0.015
 """A swing below this share of the first one may have been stopped half-way by friction."""
 CERTAIN = 4.0
 """A pattern is named from this many standard deviations on."""
+LEVELS_APART = 0.01
+"""Share of the first amplitude by which rest levels must differ: sensors wander by less between releases."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,20 +27,79 @@ class Pattern:
     """Effects of the catalogue that make it."""
     text: str
     """What is seen and what it means, one clause."""
+    misleads: bool = False
+    """Whether a linear decay can hide it within the noise, with wrong stiffness and damping."""
 
 
 def find_patterns(
-    releases: Sequence[Release], peaks: Sequence[Sequence[Peak]], noise: float
+    releases: Sequence[Release],
+    peaks: Sequence[Sequence[Peak]],
+    noise: float,
+    rests: Sequence[Quantity] = (),
 ) -> list[Pattern]:
-    """Return the deviations that the peaks show beyond their noise.
+    """Return the deviations that the peaks and rest levels show beyond their noise.
 
     Args:
         releases: The free decays.
         peaks: Peaks of each release.
         noise: Standard deviation of a sample [rad].
+        rests: Rest level of each release [rad], each fitted on its own; none where they are not measured.
     """
-    found = (_loss(peaks), _period(peaks), _stop(releases, peaks, noise))
+    found = (_levels(releases, rests), _loss(peaks), _period(peaks), _stop(releases, peaks, noise))
     return [pattern for pattern in found if pattern is not None]
+
+
+def _levels(releases: Sequence[Release], rests: Sequence[Quantity]) -> Pattern | None:
+    """Whether the releases come to rest at different angles.
+
+    A spring brings the deck back to one angle. Dry friction F holds it anywhere within F/k of it, and a
+    linear decay with a level of its own for each release takes that for a stiffer spring: hardly more
+    residual, a stiffness that is off by tens of percent.
+    """
+    apart = 0.0
+    for (one, first), (other, second) in combinations(zip(releases, rests, strict=False), 2):
+        room = max(
+            CERTAIN * math.hypot(first.std, second.std), LEVELS_APART * min(one.amplitude, other.amplitude)
+        )
+        apart = max(apart, abs(first.value - second.value) / room)
+    if apart <= 1.0:
+        return None
+    value, std = (np.array([getattr(rest, name) for rest in rests]) for name in ("value", "std"))
+    spread = math.degrees(float(np.ptp(value)))
+    levels = ", ".join(f"{math.degrees(level):+.2f}°" for level in value[:6]) + (
+        ", …" if len(value) > 6 else ""
+    )
+    seen = (
+        f"the releases come to rest {spread:.2g}° apart ({levels}), where noise allows "
+        f"{math.degrees(CERTAIN * math.hypot(*np.sort(std)[-2:])):.1g}°"
+    )
+    if _drifts(releases, value, std):
+        return Pattern(("sensor-drift",), f"{seen}, and further the later: the sensor's zero drifts")
+    sides = {release.side for release in releases}
+    means = {
+        side: [level for release, level in zip(releases, value, strict=True) if release.side == side]
+        for side in sides
+    }
+    by_side = len(sides) == 2 and (
+        min(means["right"]) > max(means["left"]) or max(means["right"]) < min(means["left"])
+    )
+    cause = (
+        "by the side that it was let go from: dry friction holds it there"
+        if by_side
+        else "dry friction holds it there, or else the sensor's zero wanders"
+    )
+    return Pattern(("coulomb", "stribeck"), f"{seen}, {cause}", misleads=True)
+
+
+def _drifts(releases: Sequence[Release], value: Array, std: Array) -> bool:
+    """Whether levels lie on a line over time, three at least, but for their noise."""
+    if len(value) < 3:
+        return False
+    time = np.array([release.start for release in releases])
+    design = np.column_stack([np.ones_like(time), time]) / std[:, None]
+    line = np.asarray(np.linalg.lstsq(design, value / std, rcond=None)[0], dtype=np.float64)
+    left = value / std - design @ line
+    return bool(np.abs(left).max() < CERTAIN and np.abs(left * std).max() < 0.2 * np.ptp(value))
 
 
 def _loss(peaks: Sequence[Sequence[Peak]]) -> Pattern | None:

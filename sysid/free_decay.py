@@ -53,9 +53,9 @@ class FreeDecay:
     floor: NoiseFloor
     """Sensor noise of what the trace was fitted to."""
     patterns: tuple[Pattern, ...]
-    """Deviations from a linear decay that the peaks show."""
+    """Deviations from a linear decay that peaks and rest levels show."""
     linear: bool
-    """Whether a linear decay explains the traces but for noise and at most a trifle."""
+    """Whether a linear decay explains the traces but for noise and at most a trifle, with one rest level."""
     warnings: tuple[str, ...]
 
 
@@ -90,7 +90,9 @@ def free_decay(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
         for release, rest in zip(steady, rests, strict=True)
     ]
     line = fit_peak_line(peaks, [rest.std for rest in rests])
-    linear = _is_linear(trace, floor)
+    levels = rests if trace.signal == "roll" else ()
+    patterns = tuple(find_patterns(steady, peaks, noise, levels))
+    linear = _is_linear(trace, floor) and not any(pattern.misleads for pattern in patterns)
     decay = FreeDecay(
         releases=tuple(steady),
         numbers=numbers,
@@ -101,7 +103,7 @@ def free_decay(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
         two_peaks=_two_peaks(peaks, rests),
         rest_angles=tuple(rests),
         floor=floor,
-        patterns=tuple(find_patterns(steady, peaks, noise)),
+        patterns=patterns,
         linear=linear,
         warnings=(),
     )
@@ -195,7 +197,8 @@ def _is_linear(trace: TraceFit, floor: NoiseFloor) -> bool:
 
 
 def _warnings(decay: FreeDecay) -> list[str]:
-    warnings = [text for text in (_not_linear(decay), _disagreement(decay), _damping_regime(decay)) if text]
+    texts = (_not_linear(decay), _drift(decay), _disagreement(decay), _damping_regime(decay))
+    warnings = [text for text in texts if text]
     for release in decay.releases:
         cycles = (release.time[-1] - release.start) / (2 * math.pi / decay.trace.omega_n)
         if release.end != "rest" and cycles < 1:
@@ -213,11 +216,25 @@ def _not_linear(decay: FreeDecay) -> str | None:
     reasons = (
         "; ".join(pattern.text for pattern in decay.patterns) or "the residual has a shape, see the picture"
     )
+    if any(pattern.misleads for pattern in decay.patterns):
+        return (
+            f"a linear decay is the wrong model, though it leaves {decay.trace.noise:.2g} {unit} in noise of "
+            f"{decay.floor.std:.2g} {unit} only: {reasons}. A level for each release takes that up, and k and d can "
+            "be wrong by far more than their intervals say; `husky-sysid diagnose` says what is missing"
+        )
     return (
         f"a linear decay is not the whole story: it leaves {decay.trace.noise:.2g} {unit} where the sensor's noise "
         f"is {decay.floor.std:.2g} {unit}. {reasons[0].upper()}{reasons[1:]}. k and d are a compromise over the "
         "amplitudes seen; `husky-sysid diagnose` says what is missing"
     )
+
+
+def _drift(decay: FreeDecay) -> str | None:
+    """Say that the sensor's zero moves where a linear decay is right otherwise."""
+    drift = next((pattern for pattern in decay.patterns if "sensor-drift" in pattern.effects), None)
+    if drift is None or not decay.linear:
+        return None
+    return f"{drift.text}. Each release has a level of its own here, so k and d do not depend on it"
 
 
 def _disagreement(decay: FreeDecay) -> str | None:

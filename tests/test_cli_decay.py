@@ -10,6 +10,7 @@ from decay_truth import Recipe, make_roll
 
 from sysid.cli import build_app
 from sysid.errors import HuskyError
+from sysid.workspace import shipped_data
 
 NAMES = (
     "log_decrement",
@@ -121,3 +122,22 @@ def test_starts_without_what_it_does_not_need(log, tmp_path):
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-300:]
+
+
+def test_friction_in_the_rest_levels_is_no_linear_decay(tmp_path, capsys):
+    """The log with hidden friction: k from a linear decay is 80 % too stiff, and is not handed out as good."""
+    log = shipped_data() / "decays" / "pink_hidden.csv"
+    assert run(log, "--board", "pink", "--workspace", tmp_path, "--json", "-", "--no-picture") == 0
+    content = json.loads(capsys.readouterr().out)
+    assert content["residual"]["linear"] is False
+    assert content["patterns"][0]["effects"][0] == "coulomb"
+    text = " ".join(content["warnings"])
+    assert "come to rest 0.9" in text
+    assert "does not agree with the record of board 'pink': k = " in text
+    assert "where the record has 14.684" in text
+    assert run(log, "--board", "pink", "--workspace", tmp_path, "--no-picture") == 0
+    out = capsys.readouterr().out
+    assert "✗ not a linear decay: it rests at -0.5" in out
+    assert "husky-sysid diagnose" in out
+    assert "✓" not in out
+    assert "which this is not" in out

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.special import stdtrit
 
 from sysid.decay_numbers import decay_numbers, numbers_from_decrement, t95
+from sysid.decay_patterns import find_patterns
 from sysid.decay_peaks import Peak, find_peaks
 from sysid.decay_trace import decay_basis
 from sysid.errors import HuskyError
@@ -431,3 +432,41 @@ def test_real_logs(real_logs, name):
     assert decay.numbers.omega_n.value == pytest.approx(expected, rel=0.01)
     text = " ".join(decay.warnings)
     assert text == "" if word is None else word in text
+
+
+def rubbed(torque):
+    """The pink board with dry friction of `torque` N*m."""
+    angle = torque / (INERTIA.value * 41.083**2)
+    return lambda x, v: -(41.083**2) * (x + angle * math.tanh(v / 1e-3)) - 2 * 0.5627 * 41.083 * v
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_dry_friction_that_a_level_for_each_release_takes_up_is_not_approved(seed):
+    """k comes out 60 to 90 % too stiff, in a residual of 1.1 times the noise: the rest levels tell."""
+    decay = decay_of(
+        Recipe(law=rubbed(0.15), amplitudes=(0.18, -0.16, 0.13), sampling=500, noise=0.1 * DEGREE, seed=seed)
+    )
+    assert decay.numbers.stiffness.value > 1.4 * INERTIA.value * 41.083**2
+    assert decay.trace.noise < 1.2 * decay.floor.std
+    assert not decay.linear
+    assert "come to rest 0." in decay.warnings[0]
+    assert "dry friction" in decay.warnings[0]
+    assert "husky-sysid diagnose" in decay.warnings[0]
+
+
+def test_a_sensor_that_drifts_is_no_friction():
+    recipe = Recipe(drift=0.002, amplitudes=(0.18, -0.16, 0.13, -0.11), sampling=500)
+    decay = decay_of(recipe)
+    assert decay.linear
+    assert "the sensor's zero drifts" in decay.warnings[0]
+    assert abs(decay.numbers.omega_n.value - 41.083) < 3 * decay.numbers.omega_n.std
+
+
+def test_levels_within_the_noise_are_no_friction():
+    """200 logs of a linear decay: none is blamed for its rest levels."""
+    rng = np.random.default_rng(3)
+    for _ in range(200):
+        levels = rng.normal(0, 1e-4, 4)
+        releases = [clean_release(*PINK, start=0.1 * (-1) ** i, noise=0.0) for i in range(4)]
+        rests = [Quantity(level, 1e-4, "rad") for level in levels]
+        assert find_patterns(releases, [[], [], [], []], 1e-4, rests) == []

@@ -1,5 +1,6 @@
 """`husky-sysid decay`: a log of a rocking board in, its stiffness and damping out."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -54,7 +55,7 @@ def decay(
         common: Options of every command.
     """
     from sysid.free_decay import free_decay
-    from sysid.plausible import amplitude_warnings
+    from sysid.plausible import amplitude_warnings, record_warnings
     from sysid.releases import find_releases
 
     printer = Printer(common)
@@ -63,7 +64,15 @@ def decay(
     roll = load_roll(log, arguments, printer)
     releases = find_releases(roll, start=arguments.start, stop=arguments.stop, releases=arguments.release)
     result = free_decay(releases, record.inertia)
-    for warning in (*amplitude_warnings(releases, record), *result.warnings):
+    result = replace(
+        result,
+        warnings=(
+            *amplitude_warnings(releases, record),
+            *result.warnings,
+            *record_warnings(result.numbers, record, log=roll.log, linear=result.linear),
+        ),
+    )
+    for warning in result.warnings:
         printer.warn(warning)
     _print(printer, board, roll, result)
     content = decay_json(board, roll, result)
@@ -154,7 +163,8 @@ def _print(printer: Printer, board: str, roll: "Roll", result: "FreeDecay") -> N
             for release, peaks in zip(result.releases, result.peaks, strict=True)
         ],
     )
-    printer.table(("quantity", "value ± 95 %", "unit", "how"), _rows(result))
+    value = "value ± 95 %" if result.linear else "value ± 95 % of a linear decay, which this is not"
+    printer.table(("quantity", value, "unit", "how"), _rows(result))
     printer.say(equation(result))
     printer.say(_verdict(result))
 
@@ -198,6 +208,12 @@ def _plain(value: float) -> str:
 
 def _verdict(result: "FreeDecay") -> str:
     ratio = result.trace.noise / result.floor.std if result.floor.std > 0 else float("inf")
+    if any(pattern.misleads for pattern in result.patterns):
+        levels = ", ".join(f"{_degrees(rest.value):+.2f}°" for rest in result.rest_angles[:6])
+        return (
+            f"✗ not a linear decay: it rests at {levels}, where a spring and a damper come back to one angle; k and d "
+            "do not hold, run `husky-sysid diagnose`"
+        )
     if not result.linear:
         return (
             f"✗ not a linear decay: the residual is {ratio:.3g} × the sensor noise; see the warnings, and run "
