@@ -55,7 +55,7 @@ def decay(
         common: Options of every command.
     """
     from sysid.free_decay import free_decay
-    from sysid.plausible import amplitude_warnings, record_warnings
+    from sysid.plausible import amplitude_warnings, period_warnings, record_warnings
     from sysid.releases import find_releases
 
     printer = Printer(common)
@@ -69,6 +69,7 @@ def decay(
         warnings=(
             *amplitude_warnings(releases, record),
             *result.warnings,
+            *period_warnings(result.numbers.omega_n.value, record, log=roll.log),
             *record_warnings(result.numbers, record, log=roll.log, linear=result.linear),
         ),
     )
