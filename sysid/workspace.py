@@ -14,15 +14,6 @@ def shipped_data() -> Path:
     return installed if installed.is_dir() else package.parent / "data"
 
 
-def workspace_of(folder: Path) -> Path:
-    """Return the folder in which a user who works in `folder` keeps boards and outputs.
-
-    That is `folder` itself, but in a clone of this project its subfolder `workspace`: there `data/boards` and
-    `reports` are part of what ships.
-    """
-    return folder / "workspace" if (folder / "sysid" / Path(__file__).name).is_file() else folder
-
-
 @dataclass(frozen=True, slots=True)
 class Workspace:
     """A folder with the user's boards (`data/boards`) and outputs (`reports/<board>`)."""
@@ -68,9 +59,7 @@ class Workspace:
         return board
 
     def save_board(self, board: Board) -> Path:
-        """Write a board into the workspace and return its path.
-
-        With a root from `workspace_of` this is never a record that ships with the tool.
+        """Write a board into the workspace and return its path; in a clone that is where the shipped ones are, too.
 
         Raises:
             HuskyError: The folder cannot be written to.

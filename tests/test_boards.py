@@ -25,7 +25,6 @@ from sysid.board import (
     load_board,
     save_board,
 )
-from sysid.cli.console import Common
 from sysid.errors import HuskyError
 from sysid.free_decay import decay_from_peaks
 from sysid.quantity import Quantity
@@ -286,23 +285,6 @@ def test_workspace_record_comes_before_the_shipped_one(tmp_path: Path, pink: Boa
     assert space.load_board("pink").stiffness == 20.0
     assert load_board(SHIPPED / "pink.toml") == pink  # the package is never written to
     assert space.board_names() == ["black", "pink"]
-
-
-def test_a_clone_of_the_project_stays_as_it_is(tmp_path: Path, pink: Board) -> None:
-    """What ships with a clone lies where a user's boards and outputs would: they go into a folder of their own."""
-    clone = Common(workspace=SHIPPED.parents[1]).space
-    assert clone.boards != SHIPPED
-    assert clone.outputs("pink") != SHIPPED.parents[1] / "reports" / "pink"
-    (tmp_path / "sysid").mkdir()
-    (tmp_path / "sysid" / "workspace.py").touch()
-    save_board(pink, tmp_path / "data" / "boards" / "pink.toml")
-    before = (tmp_path / "data" / "boards" / "pink.toml").read_bytes()
-    space = Common(workspace=tmp_path).space
-    written = space.save_board(pink.with_tilt(stiffness=Quantity(20.0, 0.1, "N*m/rad")))
-    assert written == tmp_path / "workspace" / "data" / "boards" / "pink.toml"
-    assert space.load_board("pink").stiffness == 20.0
-    assert (tmp_path / "data" / "boards" / "pink.toml").read_bytes() == before
-    assert Common(workspace=tmp_path / "elsewhere").space.root == tmp_path / "elsewhere"
 
 
 def test_unknown_board_is_answered_with_the_known_ones(tmp_path: Path) -> None:

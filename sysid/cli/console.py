@@ -14,7 +14,7 @@ from rich.table import Table
 
 from sysid.files import refuse_overwriting, write_json
 from sysid.quantity import Quantity
-from sysid.workspace import Workspace, workspace_of
+from sysid.workspace import Workspace
 
 
 @Parameter(name="*")
@@ -25,13 +25,12 @@ class Common:
     json: Annotated[str | None, Parameter(name="--json", allow_leading_hyphen=True)] = None
     """Write the result as JSON to this file; '-' for stdout, and then nothing else is on stdout."""
     workspace: Annotated[Path, Parameter(name="--workspace")] = Path()
-    """Folder with the user's boards (data/boards) and outputs (reports/BOARD); a clone of this project keeps them in its
-    subfolder workspace."""
+    """Folder with the user's boards (data/boards) and outputs (reports/BOARD)."""
 
     @property
     def space(self) -> Workspace:
         """The workspace."""
-        return Workspace(workspace_of(self.workspace))
+        return Workspace(self.workspace)
 
 
 @dataclass(frozen=True)
