@@ -12,6 +12,7 @@ from sysid.cli.console import Printer
 from sysid.errors import HuskyError
 from sysid.logs import LogOptions, read_roll
 from sysid.roll import Release, Roll
+from sysid.same_log import refuse_twice
 from sysid.video.options import Method, VideoOptions
 
 
@@ -152,13 +153,14 @@ def load_releases(logs: Sequence[Path], arguments: LogArguments, printer: Printe
     """Read logs and return the free decays in all of them.
 
     Raises:
-        HuskyError: A log cannot be read, holds no free decay, or would be overwritten.
+        HuskyError: A log cannot be read, holds no free decay, was given twice, or would be overwritten.
     """
     from sysid.releases import find_releases
 
     if not logs:
         raise HuskyError("no log was given.")
     keep_logs(logs, arguments, printer)
+    refuse_twice(logs)
     releases: list[Release] = []
     for log in logs:
         roll = load_roll(log, arguments, printer)

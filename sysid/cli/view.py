@@ -15,6 +15,7 @@ from sysid.cli.diagnose import progress_bar, signal_of
 from sysid.cli.log_options import LogArguments, keep_logs, load_roll, say_notes
 from sysid.errors import HuskyError
 from sysid.roll import Release, Roll
+from sysid.same_log import refuse_twice
 
 if TYPE_CHECKING:
     from reports.evidence import Evidence, LogFile
@@ -102,12 +103,13 @@ def read_logs(
         films: Keep the pictures of films.
 
     Raises:
-        HuskyError: No log was given, one cannot be read, or holds no free decay.
+        HuskyError: No log was given, one cannot be read, holds no free decay, or was given twice.
     """
     from sysid.releases import find_releases
 
     if not files:
         raise HuskyError("no log was given.")
+    refuse_twice(file.found for file in files if file.found is not None)
     rolls: list[Roll] = []
     releases: list[Release] = []
     pictures: dict[str, FilmFrames] = {}
