@@ -35,6 +35,7 @@ def fit(
     in_scene: Annotated[bool, Parameter(name="--in-scene", negative="")] = False,
     profile: Annotated[bool, Parameter(name="--profile", negative="")] = False,
     bootstrap: int = 0,
+    any_period: Annotated[bool, Parameter(name="--any-period", negative="")] = False,
     arguments: LogArguments = _NO_ARGUMENTS,
     common: Common = _NO_COMMON,
 ) -> int:
@@ -53,12 +54,13 @@ def fit(
         profile: Also walk along each parameter while the others follow: intervals that need not be symmetric.
         bootstrap: Also fit so many logs drawn from the residuals, block by block, as a check of the
             intervals; 400 is a good number.
+        any_period: Save a natural period above 100 s or below 1 ms too, which else is taken for a wrong unit of time.
         arguments: How the logs are read.
         common: Options of every command.
     """
     from sysid.fit_mjcf import FitOptions, check_effects, fit_joint, heldout_rmse
     from sysid.fit_record import recorded, refuse_bad
-    from sysid.plausible import amplitude_warnings
+    from sysid.plausible import amplitude_warnings, period_warnings, refuse_period
 
     printer = Printer(common)
     record = common.space.load_board(board)
@@ -69,7 +71,10 @@ def fit(
     options = FitOptions(robust=robust, **signal_of(releases))
     odd = amplitude_warnings(releases, record)
     result = fit_joint(releases, record, names, options)
-    for warning in (*odd, *result.warnings):
+    named, frequency = ", ".join(str(log) for log in logs), result.law.frequency
+    if not any_period:
+        refuse_period(frequency, record, log=named)
+    for warning in (*odd, *period_warnings(frequency, record, log=named), *result.warnings):
         printer.warn(warning)
     if result.kinked and not profile:
         printer.note(
