@@ -69,6 +69,19 @@ class Bootstrap:
         }  # fmt: skip
 
 
+def require_enough(draws: int) -> None:
+    """Accept a number of draws that an interval can be read from.
+
+    Raises:
+        HuskyError: They are too few.
+    """
+    if draws < FEWEST_DRAWS:
+        raise HuskyError(
+            f"{draws} draws are too few for the ends of a 95 % interval; expected at least {FEWEST_DRAWS} "
+            "(--bootstrap 400 is good to 7 % of the width)."
+        )
+
+
 def bootstrap(
     fit: JointFit,
     board: Board,
@@ -89,11 +102,7 @@ def bootstrap(
     Raises:
         HuskyError: Fewer draws than an interval needs, or most of them cannot be fitted.
     """
-    if draws < FEWEST_DRAWS:
-        raise HuskyError(
-            f"{draws} draws are too few for the ends of a 95 % interval; expected at least {FEWEST_DRAWS} "
-            "(--bootstrap 400 is good to 7 % of the width)."
-        )
+    require_enough(draws)
     rng = np.random.default_rng(seed)
     whole = len(fit.records) >= ENOUGH_RELEASES
     noise = noise_behind(fit.problem, fit.minimum, fit.residuals)

@@ -44,6 +44,33 @@ def test_record_gets_values_provenance_and_a_line_of_history(tmp_path):
     assert "coulomb" not in (shipped_data() / "boards" / "pink.toml").read_text()
 
 
+def test_a_bootstrap_of_too_few_draws_is_refused_before_anything_is_fitted(tmp_path, monkeypatch):
+    import sysid.fit_mjcf
+
+    monkeypatch.setattr(sysid.fit_mjcf, "fit_joint", None)
+    with pytest.raises(HuskyError, match="1 draws are too few"):
+        fit([LOG], board="pink", bootstrap=1, common=Common(workspace=tmp_path))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_fit_broken_off_during_its_intervals_leaves_the_record(tmp_path, monkeypatch):
+    import sysid.block_bootstrap
+
+    def broken_off(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sysid.block_bootstrap, "bootstrap", broken_off)
+    out = io.StringIO()
+    with (
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(io.StringIO()),
+        pytest.raises(KeyboardInterrupt),
+    ):
+        fit([LOG], board="pink", bootstrap=100, common=Common(workspace=tmp_path))
+    assert "written" not in out.getvalue()
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_errors_of_a_rate_are_given_as_angles(tmp_path):
     """What ends in `_rad` is one: an error of the rate over the joint's frequency, as `compare` gives it."""
     from sysid.joint import JointLaw
@@ -123,4 +150,5 @@ def test_a_fit_killed_at_any_write_leaves_a_whole_record(tmp_path):
         killed += 1
     assert done.returncode == 0
     assert killed >= 6
-    assert 4 <= kept < killed, "killed before the rename the record is the old one, after it the new one"
+    assert kept == killed, "the record is written last, so that whatever is killed has left the old one"
+    assert record.read_text() != old

@@ -65,6 +65,10 @@ def fit(
     printer = Printer(common)
     record = common.space.load_board(board)
     check_effects(effect)
+    if bootstrap:
+        from sysid.block_bootstrap import require_enough
+
+        require_enough(bootstrap)
     kept = () if plain else tuple(part.name for part in record.effects)
     names = tuple(dict.fromkeys((*kept, *effect)))
     releases = load_releases(logs, arguments, printer)
@@ -90,12 +94,14 @@ def fit(
 
         scene = compensate_in_scene(new)
         new = replace(new, fit={**new.fit, "in_scene": scene.entry()})
-    path = common.space.save_board(new)
-    picture = _draw(common, new, rungs, result)
     _print(printer, record, new, result, rungs)
     intervals = show_intervals(result, record, common, printer, profile=profile, draws=bootstrap)
     for line in scene.lines() if scene else ():
         printer.say(line)
+    picture = _draw(common, new, rungs, result)
+    path = common.space.save_board(
+        new
+    )  # last: what fails or is broken off before leaves the record as it was
     printer.say(f"written: {path}, {picture}")
     content = {**_to_json(new, result, heldout, rungs), **intervals}
     printer.result({**content, "in_scene": scene.entry()} if scene else content)
