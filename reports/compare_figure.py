@@ -39,7 +39,7 @@ def compare_figure(result: Comparison, title: str) -> "Figure":
             _release(upper[:, column], result, column)
             upper[0, column].set_title(f"release {release.number}: error {_size(result, release.rmse)}")
         upper[0, 0].set_ylabel("rate [rad/s]" if result.is_rate else "roll [°]")
-        upper[1, 0].set_ylabel("sim - real")
+        upper[1, 0].set_ylabel("sim - real [rad/s]" if result.is_rate else "sim - real [°]")
         upper[0, 0].legend(loc="best")
         lower = bottom.subplots(1, 3, width_ratios=(1.35, 1, 1))
         _surface(lower[0], result)
@@ -85,7 +85,8 @@ def _surface(axes: "Axes", result: Comparison) -> None:
         np.degrees(missing.angle), missing.rate, missing.torque.T, cmap="PuOr", vmin=-largest, vmax=largest
     )
     axes.grid(visible=False)
-    axes.figure.colorbar(mesh, ax=axes, label="N·m (white frame: no data)")
+    axes.figure.colorbar(mesh, ax=axes, label="N·m (hatched: no data)")
+    axes.patch.set(facecolor="#e8e8e8", edgecolor="#cccccc", hatch="////")
 
 
 def _backbone(axes: "Axes", result: Comparison, what: str, label: str) -> None:

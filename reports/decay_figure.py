@@ -28,6 +28,8 @@ STYLE: dict[Any, Any] = {
     "legend.fontsize": 8,
     "path.simplify": True,
 }
+LEFT = 0.095
+"""Margin, wide enough for a label beside ticks of five figures."""
 MOST_MARKED = 12
 """Releases numbered in the overview; more would overlap."""
 
@@ -46,11 +48,11 @@ def decay_figure(roll: Roll, decay: FreeDecay, title: str) -> "Figure":
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.0, 7.2))
         # Fixed margins: finding them by trial would draw everything twice.
-        upper = figure.add_gridspec(1, 1, left=0.075, right=0.985, top=0.93, bottom=0.71)
+        upper = figure.add_gridspec(1, 1, left=LEFT, right=0.985, top=0.93, bottom=0.71)
         lower = figure.add_gridspec(
             2,
             2,
-            left=0.075,
+            left=LEFT,
             right=0.985,
             top=0.585,
             bottom=0.065,
@@ -88,7 +90,9 @@ def draw_log(axes: "Axes", roll: Roll, decay: FreeDecay) -> "Axes":
                 color=SIM,
             )
         level = np.interp([peak.time for peak in group], roll.time, roll.roll)
-        axes.plot([peak.time for peak in group], np.rad2deg(level), "o", ms=3.2, mfc="none", mec=SIM, mew=0.9)
+        axes.plot(
+            [peak.time for peak in group], np.rad2deg(level), "o", ms=3.8, mfc="white", mec=REAL, mew=0.9
+        )
     axes.set(xlabel="time [s]", ylabel="roll [°]", xlim=(roll.time[0], roll.time[-1]))
     return axes
 
@@ -97,10 +101,12 @@ def draw_traces(axes: "Axes", decay: FreeDecay) -> "Axes":
     """Draw every decay from its release on, with the fitted linear decay and its envelope."""
     scale, unit = _unit(decay)
     decay_rate = decay.trace.omega_n * decay.trace.damping_ratio
+    shown, height = _shown(decay), 0.0
     largest = max(decay.trace.releases, key=lambda fitted: float(np.ptp(fitted.modelled)))
     for i, (release, fitted) in enumerate(zip(decay.releases, decay.trace.releases, strict=True)):
         whole = release.roll if decay.trace.signal == "roll" or release.rate is None else release.rate
         measured = scale * (whole - fitted.level)
+        height = max(height, float(np.abs(measured[release.time - release.start <= shown]).max()))
         axes.plot(
             *thin(release.time - release.start, measured), color=REAL, lw=2.2, label=None if i else "measured"
         )
@@ -112,8 +118,7 @@ def draw_traces(axes: "Axes", decay: FreeDecay) -> "Axes":
             axes.plot(*thin(since, envelope), color=NOISE, lw=0.8, ls=(0, (4, 3)), label="envelope")
             axes.plot(*thin(since, -envelope), color=NOISE, lw=0.8, ls=(0, (4, 3)))
     name = "roll about rest [°]" if decay.trace.signal == "roll" else f"roll rate [{unit}]"
-    axes.set(ylabel=name, xlim=(0, _shown(decay)))
-    height = max(float(np.abs(f.trace.measured - f.level).max()) for f in decay.trace.releases) * scale
+    axes.set(ylabel=name, xlim=(0, shown))
     axes.set_ylim(-1.15 * height, 1.15 * height)
     axes.legend(loc="upper right", ncols=3, handlelength=1.6, columnspacing=1.2)
     numbers = decay.numbers
@@ -122,14 +127,17 @@ def draw_traces(axes: "Axes", decay: FreeDecay) -> "Axes":
 
 
 def draw_residual(axes: "Axes", decay: FreeDecay) -> "Axes":
-    """Draw measured minus fitted, over the ±2σ band of the sensor noise."""
+    """Draw fitted minus measured, over the ±2σ band of the sensor noise."""
+    from matplotlib.ticker import StrMethodFormatter
+
     scale, unit = _unit(decay)
     for release, fitted in zip(decay.releases, decay.trace.releases, strict=True):
-        axes.plot(*thin(fitted.trace.time - release.start, scale * fitted.residual), color=REAL, lw=0.7)
+        axes.plot(*thin(fitted.trace.time - release.start, -scale * fitted.residual), color=SIM, lw=0.7)
     band = 2 * decay.floor.std * scale
     axes.axhspan(-band, band, color=NOISE, alpha=0.3, lw=0)
-    axes.axhline(0, color=SIM, lw=0.9)
-    axes.set(xlabel="time since release [s]", ylabel=f"residual [{unit}]")
+    axes.axhline(0, color=REAL, lw=0.9)
+    axes.set(xlabel="time since release [s]", ylabel=f"sim - real [{unit}]")
+    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     gap = "" if unit == "°" else " "
     axes.set_title(
         f"residual {decay.trace.noise * scale:.2g}{gap}{unit}, sensor noise {decay.floor.std * scale:.2g}{gap}{unit} (grey: ±2σ)"
@@ -178,7 +186,8 @@ def draw_peak_line(axes: "Axes", decay: FreeDecay) -> "Axes":
     axes.set_ylim(bottom=max(axes.get_ylim()[0], math.degrees(smallest) / 3))
     _readable_log_axis(axes)
     axes.set(xlabel="half-cycles since release", ylabel="amplitude about rest [°]")
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set_xlim(-0.25, max(1, *(peak.number for _, group in used for peak in group)) + 0.25)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     lines = [f"δ = {decay.numbers.log_decrement}  whole trace"]
     lines += [] if decay.line is None else [f"δ = {decay.line.log_decrement}  peaks"]
     lines += [] if decay.two_peaks is None else [f"δ = {decay.two_peaks}  two peaks"]

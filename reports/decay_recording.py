@@ -91,7 +91,7 @@ def decay_recording(path: Path, roll: Roll, decay: FreeDecay, summary: str) -> N
                 times = np.array([peak.time for peak in peaks])
                 values = np.array([peak.roll for peak in peaks])
                 where = f"log/roll/peaks{release.number}"
-                log_points(stream, where, times - first, values, name="peaks", colour=SIM)
+                log_points(stream, where, times - first, values, name="peaks", colour=REAL)
         _log_summary(stream, summary)
         rests = [rest.value for rest in decay.rest_angles]
         log_properties(stream, {"log": roll.log, "rest_angles": rests, **_values(decay.numbers.to_json())})
@@ -108,9 +108,9 @@ def _log_fitted(stream: "rr.RecordingStream", root: str, decay: FreeDecay, numbe
     )  # fmt: skip
     since = fitted.trace.time - release.start
     log_series(
-        stream, f"{root}/signal/linear", since, fitted.modelled, name="linear decay", colour=SIM, width=1.4
-    )
-    _log_band(stream, root, since, fitted.residual, decay.floor.std, "real - linear decay")
+        stream, f"{root}/signal/model", since, fitted.modelled, name="linear decay", colour=SIM, width=1.4
+    )  # its entity comes after 'measured': curves are drawn in that order
+    _log_band(stream, root, since, -fitted.residual, decay.floor.std, "linear decay - real")
     rate = decay.trace.omega_n * decay.trace.damping_ratio
     swing = np.abs(fitted.modelled - fitted.level) * np.exp(rate * (since - since[0]))
     reach = float(swing[since - since[0] < 4 / max(rate, 1e-9)].max())
@@ -123,7 +123,7 @@ def _log_fitted(stream: "rr.RecordingStream", root: str, decay: FreeDecay, numbe
     if peaks and decay.trace.signal == "roll":
         times = np.array([peak.time - release.start for peak in peaks])
         values = np.array([peak.roll for peak in peaks])
-        log_points(stream, f"{root}/signal/peaks", times, values, name="peaks", colour=SIM)
+        log_points(stream, f"{root}/signal/peaks", times, values, name="peaks", colour=REAL)
 
 
 def comparison_recording(

@@ -1,5 +1,7 @@
 """The decay picture holds what it should, for every kind of decay."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from decay_truth import DEGREE, Recipe, linear_decay, make_roll
@@ -51,3 +53,40 @@ def test_every_kind_of_decay_has_its_picture(name, tmp_path):
         assert "no peak" in line.texts[0].get_text()
     figure.savefig(tmp_path / "picture.png", dpi=60)
     assert (tmp_path / "picture.png").stat().st_size > 5000
+
+
+def test_nothing_measured_is_cut_off_and_the_residual_is_simulated_minus_measured():
+    """The deck is widest before the hand has surely left it, and there the fit has not begun."""
+    roll = make_roll(Recipe(sampling=500, amplitudes=(0.35, -0.15)))
+    decay = free_decay(find_releases(roll), INERTIA)
+    _, trace, residual, _ = decay_figure(roll, decay, "a title").axes
+    low, high = trace.get_ylim()
+    span = trace.get_xlim()[1]
+    for release, fitted, drawn in zip(decay.releases, decay.trace.releases, residual.lines, strict=False):
+        shown = np.rad2deg(release.roll - fitted.level)[release.time - release.start <= span]
+        assert low < shown.min() < shown.max() < high
+        np.testing.assert_allclose(
+            drawn.get_ydata(), np.rad2deg(fitted.modelled - fitted.trace.measured), atol=1e-12
+        )
+
+
+@pytest.mark.parametrize("noise", [0.1, 1e-3, 1e-5])
+def test_no_label_leaves_the_picture(noise):
+    roll = make_roll(Recipe(sampling=500, amplitudes=(0.2, -0.18), noise=noise * DEGREE))
+    figure = decay_figure(roll, free_decay(find_releases(roll), INERTIA), "a title")
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        for text in (axes.xaxis.label, axes.yaxis.label, axes.title):
+            box = text.get_window_extent()
+            assert 0 <= box.x0 <= box.x1 <= figure.bbox.x1, text.get_text()
+
+
+def test_a_single_peak_has_a_whole_number():
+    roll = make_roll(Recipe(sampling=500))
+    decay = free_decay(find_releases(roll), INERTIA)
+    alone = replace(decay, peaks=tuple(group[:1] for group in decay.peaks), line=None)
+    line = decay_figure(roll, alone, "a title").axes[3]
+    low, high = line.get_xlim()
+    ticks = [tick for tick in line.get_xticks() if low <= tick <= high]
+    assert ticks
+    assert all(tick == round(tick) for tick in ticks)

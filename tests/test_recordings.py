@@ -165,7 +165,13 @@ def test_the_decay_recording_holds_log_fit_and_peaks(tmp_path):
     time, values = logged["/log/roll/measured"]
     np.testing.assert_array_equal(values, roll.roll)
     np.testing.assert_allclose(time, roll.time - decay.releases[0].start, atol=1e-9)
-    np.testing.assert_array_equal(logged["/release2/signal/linear"][1], decay.trace.releases[1].modelled)
+    np.testing.assert_array_equal(logged["/release2/signal/model"][1], decay.trace.releases[1].modelled)
+    drawn = [entity for entity in sorted(logged) if entity.startswith("/release2/signal/m")]
+    assert drawn == ["/release2/signal/measured", "/release2/signal/model"], "the later one lies on top"
+    error = -1e3 * decay.trace.releases[1].residual
+    np.testing.assert_allclose(
+        logged["/release2/residual/error"][1], error, err_msg="sim - real, as everywhere"
+    )
     np.testing.assert_array_equal(logged["/release1/signal/peaks"][1], [p.roll for p in decay.peaks[0]])
     above, below = (np.array(logged[f"/release1/signal/envelope_{side}"][1]) for side in ("above", "below"))
     modelled = decay.trace.releases[0].modelled
