@@ -118,7 +118,8 @@ def evaluate_in_parallel(
     batch = BatchPolicy(policy, board, force=force)
     parts: list[Part] = []
     for seed in seeds:
-        rides, endings, paths = _ride(batch, board, episodes, seed, protocol, device)
+        with redirect_stdout(sys.stderr):  # mjlab prints its managers, Warp every kernel that it loads
+            rides, endings, paths = _ride(batch, board, episodes, seed, protocol, device)
         parts.append(part_of(seed, rides, endings, paths))
         if progress is not None:
             progress(episodes)
@@ -166,19 +167,18 @@ def _worlds(
     cfg = skate_env_cfg(board, options, environments=count, seed=seed)
     if not protocol.randomised:
         cfg.events = {name: event for name, event in cfg.events.items() if event.mode != "startup"}
-    with redirect_stdout(sys.stderr):  # mjlab prints its managers
-        env = ManagerBasedRlEnv(cfg, device=device)
-    return _Worlds(env, torch)
+    return _Worlds(ManagerBasedRlEnv(cfg, device=device), torch)
 
 
 def _ride(
     policy: BatchPolicy, board: Board, count: int, seed: int, protocol: Protocol, device: str | None
 ) -> tuple[Rides, list[str], list[Array]]:
     """Ride every environment until its first episode is over."""
+    worlds = _worlds(board, count, seed, protocol, device, turn_feedback=policy.turn_feedback)
+    # After it has made sure of torch and mjlab, which these need.
     from sim.skate.measuring import measure
     from sim.skate.observations import skate_command
 
-    worlds = _worlds(board, count, seed, protocol, device, turn_feedback=policy.turn_feedback)
     env, torch = worlds.env, worlds.torch
     rows: dict[str, list[Array]] = {name: [] for name in (*COLUMNS, "speed", "alive")}
     where: list[Array] = []

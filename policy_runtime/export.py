@@ -14,6 +14,7 @@ import json
 import re
 import shutil
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -79,21 +80,32 @@ def export_folder(
         force: See `policy_file.open_policy`.
 
     Raises:
-        HuskyError: mjlab is not installed, the policy does not fit, or the folder holds something else.
+        HuskyError: mjlab is not installed, the policy does not fit, the folder holds something else, or cannot be
+            written.
     """
     if policy is not None:
         open_policy(policy, board, force=force)
+    try:
+        _replace(folder, lambda made: _write(board, made, policy, coupling, terrain))
+    except OSError as error:
+        raise HuskyError(
+            f"{folder}: cannot write there ({error.strerror or error}). Choose a folder you may write to with --output."
+        ) from error
+    return sorted(path for path in folder.rglob("*") if path.is_file())
+
+
+def _replace(folder: Path, write: Callable[[Path], None]) -> None:
+    """Let a folder be written beside the one that it then replaces."""
     if folder.exists() and any(folder.iterdir()) and not (folder / MANIFEST).is_file():
         raise HuskyError(f"{folder}: not empty, and not an exported folder. Choose another with --output.")
     folder.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}-") as name:
         made = Path(name) / folder.name
         made.mkdir()
-        _write(board, made, policy, coupling, terrain)
+        write(made)
         if folder.exists():
             shutil.rmtree(folder)
         made.replace(folder)
-    return sorted(path for path in folder.rglob("*") if path.is_file())
 
 
 def _write(board: Board, folder: Path, policy: Path | None, coupling: Coupling, terrain: Terrain) -> None:

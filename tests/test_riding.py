@@ -1,6 +1,7 @@
 """Worlds, scripts, evaluation, export, and the commands around them."""
 
 import json
+import sys
 from types import SimpleNamespace
 
 import mujoco
@@ -325,6 +326,15 @@ def test_export_keeps_its_hands_off_other_folders(tmp_path):
     assert (tmp_path / "thesis.txt").read_text() == "years of work"
 
 
+def test_export_to_where_nothing_can_be_written_is_one_clear_line(tmp_path):
+    world_or_skip()
+    (tmp_path / "file").write_text("no folder")
+    for folder in (tmp_path / "file", tmp_path / "file" / "export"):
+        with pytest.raises(HuskyError, match=r"cannot write there \(.*--output"):
+            export_folder(pink(), folder)
+    assert (tmp_path / "file").read_text() == "no folder"
+
+
 # Commands
 
 
@@ -450,6 +460,28 @@ def test_wrong_use_is_refused_in_words(capsys, arguments, message):
     world_or_skip()
     with pytest.raises(HuskyError, match=message):
         call(capsys, *arguments)
+
+
+def test_mjlab_without_torch_is_refused_in_words(capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "torch", None)
+    monkeypatch.delitem(sys.modules, "sim.skate.measuring", raising=False)
+    with pytest.raises(HuskyError, match="needs mjlab and torch"):
+        call(capsys, "evaluate", "zero", "-b", "pink", "--simulator", "mjlab", "--force")
+
+
+def test_what_mjlab_and_warp_print_is_kept_from_stdout(capsys, monkeypatch):
+    from policy_runtime import evaluate_parallel
+
+    def ride(*arguments):
+        sys.stdout.write("Module joints load on device 'cpu'\n")
+        raise HuskyError("far enough")
+
+    monkeypatch.setattr(evaluate_parallel, "_ride", ride)
+    with pytest.raises(HuskyError, match="far enough"):
+        call(capsys, "evaluate", "zero", "-b", "pink", "--simulator", "mjlab", "--json", "-", "--force")
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "Module joints" in said.err
 
 
 def test_viewer_without_a_display_is_refused_in_words(capsys, monkeypatch, tmp_path):

@@ -61,6 +61,7 @@ def evaluate(
     if not duration > 0:
         raise HuskyError(f"--duration {duration:g}: must be longer than 0 s.")
     printer = Printer(common)
+    printer.keep([Path(policy)])
     record = common.space.load_board(board)
     processes = workers or len(os.sched_getaffinity(0))
     with Progress(console=printer.stderr, transient=True) as progress:

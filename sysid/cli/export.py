@@ -35,6 +35,7 @@ def export(
     from policy_runtime.export import export_folder
 
     printer = Printer(common)
+    printer.keep([] if policy is None else [policy])
     record = common.space.load_board(board)
     if not record.passed:
         printer.warn(f"board '{board}' has not passed `check`; the folder says so.")
