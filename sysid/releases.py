@@ -88,18 +88,20 @@ def log_phases(roll: Roll, releases: Sequence[Release]) -> list[Phase]:
     """Return what happens when in a log, without gaps, from its first sample to its last.
 
     Between two decays the deck is at rest, then held from when it last leaves the rest angle; after a
-    catch it is caught until it is at rest or held for the next release.
+    catch it is caught until it is at rest or held for the next release. Where friction stops it, it may rest anywhere
+    between the levels at which the decays before and after it end.
     """
     phases: list[Phase] = []
     done, caught = float(roll.time[0]), False
-    for release in releases:
-        phases += _between(roll, done, release.start, release, caught, release.hold)
+    for i, release in enumerate(releases):
+        near = releases[max(i - 1, 0) : max(i - 1, 0) + 2]
+        phases += _between(roll, done, release.start, release, near, caught, release.hold)
         settled = settling_time(release)
         phases.append(Phase(release.start, settled, "free"))
         done, caught = float(release.time[-1]), release.end == "caught"
         phases.append(Phase(settled, done, "rest"))
     if releases:
-        phases += _between(roll, done, float(roll.time[-1]), releases[-1], caught, 0.0)
+        phases += _between(roll, done, float(roll.time[-1]), releases[-1], releases[-2:], caught, 0.0)
     return _merged(phases)
 
 
@@ -260,11 +262,19 @@ def _settled(swing: Swing, reached: int, stop: int, amplitude: float) -> tuple[f
 
 
 def _between(
-    roll: Roll, begin: float, finish: float, release: Release, caught: bool, hold: float
+    roll: Roll,
+    begin: float,
+    finish: float,
+    release: Release,
+    near: Sequence[Release],
+    caught: bool,
+    hold: float,
 ) -> list[Phase]:
     """Split the time between two decays into what a hand does and rest."""
     inside = (roll.time >= begin) & (roll.time <= finish)
-    time, offset = roll.time[inside], np.abs(roll.roll[inside] - release.rest)
+    rests = [other.rest for other in near]
+    time, angle = roll.time[inside], roll.roll[inside]
+    offset = np.abs(angle - np.clip(angle, min(rests), max(rests)))
     band = max(3.0 * float(np.median(release.std)), STILL * release.amplitude)
     level = np.flatnonzero(offset < band)
     if len(level) == 0 or time[level[-1]] - time[level[0]] < 0.05 * (finish - begin):

@@ -10,9 +10,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sysid.errors import HuskyError
+from sysid.logs import LogOptions, read_roll
 from sysid.releases import Phase, find_releases, log_phases, settling_time
 from sysid.roll import Roll
 from sysid.turning_points import crossing_time, find_swing, legs_of, noise_level
+from sysid.workspace import shipped_data
 
 
 def starts(recipe, **options):
@@ -167,6 +169,14 @@ def test_phases_cover_the_log_without_gaps_and_name_what_happens():
     free = [phase for phase in phases if phase.kind == "free"]
     np.testing.assert_allclose([phase.start for phase in free], recipe.truth, atol=0.015)
     assert all(0.05 < phase.end - phase.start < 0.3 for phase in free)
+
+
+def test_a_deck_that_friction_stops_off_zero_is_at_rest_and_not_held():
+    roll = read_roll(shipped_data() / "decays" / "pink_hidden.csv", LogOptions())
+    phases = log_phases(roll, find_releases(roll))
+    assert [phase.kind for phase in phases] == [*["rest", "held", "free"] * 3, "rest"]
+    for held in (phase for phase in phases if phase.kind == "held"):
+        assert 0.9 < held.end - held.start < 1.2, "a hand takes a second; the deck lies still for two"
 
 
 def test_phases_after_a_catch():
