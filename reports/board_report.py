@@ -105,7 +105,7 @@ def _verdict(board: Board, evidence: Evidence | None, files: "Sequence[LogFile]"
         parts.append(
             verdict(
                 f"The simulated decay {'matches' if result.passed else 'does not match'} the measured one: error "
-                f"beyond the noise {result.excess:.2%} of the motion, {result.tolerance:.0%} allowed. {result.summary}",
+                f"over the RMS motion {result.verdict()}. {result.summary}",
                 good=result.passed,
             )
         )

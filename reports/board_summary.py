@@ -19,8 +19,7 @@ def board_summary(evidence: Evidence) -> str:
         f"# {board.name}",
         board.description,
         "",
-        f"**{mark} tolerance**: error beyond the noise {result.excess:.2%} of the motion, {result.tolerance:.2%} "
-        "allowed",
+        f"**{mark} tolerance**: error over the RMS motion {result.verdict()}",
         "",
         result.summary,
         "",

@@ -16,6 +16,7 @@ from sysid.joint import JointLaw, simulate
 from sysid.joint_torque import effect_torque
 from sysid.noise import NoiseFloor, noise_floor
 from sysid.own_motion import own_motion
+from sysid.quantity import Z95
 from sysid.roll import Array, Release
 
 Axis = Literal["time", "amplitude", "velocity", "side", "phase"]
@@ -99,6 +100,8 @@ class Comparison:
     """RMSE over the RMS of the measurement about rest."""
     excess: float
     """The same with the noise taken out: what the model is to blame for."""
+    excess_range: tuple[float, float]
+    """95 % interval of `excess`, for the noise floor itself is known from few samples."""
     noise: NoiseFloor
     where: tuple[Place, ...]
     """Largest share first."""
@@ -112,8 +115,19 @@ class Comparison:
 
     @property
     def passed(self) -> bool:
-        """Whether the error beyond the noise is within the tolerance."""
-        return self.excess <= self.tolerance
+        """Whether the error beyond the noise is within the tolerance, as far as the noise is known."""
+        return self.excess_range[0] <= self.tolerance
+
+    def verdict(self) -> str:
+        """Return the error beyond the noise, with its interval where that decides, and what is allowed."""
+        low, high = self.excess_range
+        allowed = f"{self.tolerance:.2%} allowed"
+        if high - low < 0.1 * self.tolerance:
+            return f"{self.excess:.2%} beyond the noise, {allowed}"
+        return (
+            f"{self.excess:.2%} ({low:.2%} to {high:.2%}) beyond the noise, whose floor is known to "
+            f"±{Z95 * self.noise.relative_std:.0%}; {allowed}"
+        )
 
 
 def compare(
@@ -150,8 +164,10 @@ def compare(
     rmse = float(np.sqrt(np.mean(everything**2)))
     motion = np.concatenate([r.signal - (0.0 if use_rate else law.rest_angle) for r in records])
     size = float(np.sqrt(np.mean(motion**2)))
-    excess = float(np.sqrt(max(rmse**2 - noise.std**2, 0.0))) / size
-    where = _where(compared, law, noise.std)
+    least, excess, most = (
+        float(np.sqrt(max(rmse**2 - std**2, 0.0))) / size for std in (noise.highest, noise.std, noise.lowest)
+    )
+    where = _where(compared, law, noise)
     return Comparison(
         board=board.name,
         law=law,
@@ -159,9 +175,10 @@ def compare(
         rmse=rmse,
         nrmse=rmse / size,
         excess=excess,
+        excess_range=(least, most),
         noise=noise,
         where=where,
-        summary=_summary(where, rmse, noise.std, is_rate=use_rate),
+        summary=_summary(where, rmse, noise.std),
         missing=None if use_rate else missing_torque(compared, law),
         measured_backbone=_backbones(compared, law, [c.measured for c in compared], noise.std),
         simulated_backbone=_backbones(compared, law, [c.simulated for c in compared], 0.0),
@@ -184,11 +201,12 @@ def _compared(law: JointLaw, record: Record, residual: Array, start: tuple[float
     )
 
 
-def _where(compared: Sequence[ComparedRelease], law: JointLaw, noise: float) -> tuple[Place, ...]:
+def _where(compared: Sequence[ComparedRelease], law: JointLaw, noise: NoiseFloor) -> tuple[Place, ...]:
     """Divide the squared error beyond the noise along five axes and return the parts, largest first."""
-    error = np.concatenate([c.residual**2 - noise**2 for c in compared])
+    error = np.concatenate([c.residual**2 - noise.std**2 for c in compared])
     total = float(error.sum())
-    if total <= 0 or total < (AT_THE_FLOOR**2 - 1) * noise**2 * len(error):
+    least = max(AT_THE_FLOOR * noise.std, noise.highest)
+    if total <= 0 or total < (least**2 - noise.std**2) * len(error):
         return ()
     tilt = np.concatenate([c.roll - law.rest_angle for c in compared])
     rate = np.concatenate([c.rate for c in compared])
@@ -234,11 +252,10 @@ _FRACTIONS = (
 )  # fmt: skip
 
 
-def _summary(where: Sequence[Place], rmse: float, noise: float, *, is_rate: bool) -> str:
+def _summary(where: Sequence[Place], rmse: float, noise: float) -> str:
     """Say where the error sits, e.g. 'two thirds of the error is at amplitudes below 3°, while slowing down'."""
     if not where:
         return f"The error is the sensor's noise ({rmse / noise:.2f} times the floor): there is nothing to locate."
-    del is_rate
     best: dict[str, Place] = {}
     for place in where:
         best.setdefault(place.axis, place)

@@ -8,12 +8,15 @@ from math import comb
 import numpy as np
 
 from sysid.errors import HuskyError
+from sysid.quantity import Z95
 from sysid.roll import Array, Release
 
 _ORDERS = (4, 6, 8, 10)
 """Even difference orders; a higher one removes more of the motion but is a little noisier."""
 _CONFIRMED = 1.02
 """Ratio up to which two orders agree; their common noise cancels in it."""
+_NEIGHBOURS = comb(4 * _ORDERS[-1], 2 * _ORDERS[-1]) / comb(2 * _ORDERS[-1], _ORDERS[-1]) ** 2
+"""Σ ρ² of differences of the highest order: so many of them say as much as one independent sample."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +26,18 @@ class NoiseFloor:
     std: float
     """[rad], or [rad/s] for a rate."""
     how: str
+    relative_std: float = 0.0
+    """Standard deviation of `std` itself, as a share of it: few samples tell little about their noise."""
+
+    @property
+    def highest(self) -> float:
+        """Upper end of the 95 % interval of `std`."""
+        return self.std * (1 + Z95 * self.relative_std)
+
+    @property
+    def lowest(self) -> float:
+        """Lower end of the 95 % interval of `std`."""
+        return self.std * max(0.0, 1 - Z95 * self.relative_std)
 
 
 def difference_std(signal: Array) -> float:
@@ -97,8 +112,13 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
         return NoiseFloor(
             spread,
             f"from the spread at rest; the sensor smooths (sample to sample it moves by {std:.2g} {unit} only)",
+            float(np.sqrt(0.5 / resting)),
         )
-    return NoiseFloor(std, f"from high-order differences of {count} samples: what no smooth motion can do")
+    return NoiseFloor(
+        std,
+        f"from high-order differences of {count} samples: what no smooth motion can do",
+        float(np.sqrt(0.5 * _NEIGHBOURS / max(count - _ORDERS[-1] * len(releases), 8))),
+    )
 
 
 def _without_swing(tail: Array) -> Array:

@@ -99,7 +99,7 @@ def _print(printer: Printer, result: "Comparison") -> None:
     )
     printer.say(result.summary)
     mark = "✓ within" if result.passed else "✗ beyond"
-    printer.say(f"{mark} tolerance: {result.excess:.2%} beyond the noise, {result.tolerance:.2%} allowed")
+    printer.say(f"{mark} tolerance: {result.verdict()}")
     if not result.passed:
         printer.say("what is missing: husky-sysid diagnose")
 
@@ -122,6 +122,7 @@ def to_json(result: "Comparison", board: Board, logs: Sequence[Path]) -> dict[st
         "rmse_rad": per * result.rmse,
         "nrmse": result.nrmse,
         "nrmse_beyond_noise": result.excess,
+        "nrmse_beyond_noise_ci95": list(result.excess_range),
         "noise_floor_rad": per * result.noise.std,
         "noise_floor_how": result.noise.how,
         "heldout_rmse_rad": per * heldout if heldout is not None else None,
