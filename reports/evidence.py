@@ -74,7 +74,7 @@ class Evidence:
 def find_logs(board: Board, given: Sequence[Path], space: Workspace) -> list[LogFile]:
     """Return the logs to look at: those given, or else those that the record was fitted to.
 
-    A recorded path counts from the current folder, or else from the workspace.
+    A recorded path counts from the workspace; one of an older record from the folder in which it was written.
     """
     entries = list(board.fit.get("logs", []))
     if given:
@@ -91,12 +91,13 @@ def find_logs(board: Board, given: Sequence[Path], space: Workspace) -> list[Log
 
 
 def _recorded(name: str, digest: str, space: Workspace) -> LogFile:
-    for path in (Path(name), space.root / name):
-        if name and path.exists():
-            now = _digest(path)
-            if now == digest:
-                return LogFile(name, path, now, "as fitted", _truth(path))
-            return LogFile(name, None, now, "changed since the fit: not used")
+    there = [path for path in (space.root / name, Path(name)) if name and path.exists()]
+    digests = [_digest(path) for path in there]
+    if digest in digests:
+        path = there[digests.index(digest)]
+        return LogFile(name, path, digest, "as fitted", _truth(path))
+    if there:
+        return LogFile(name, None, digests[0], "changed since the fit: not used")
     return LogFile(name, None, digest, "gone: only the record speaks of it")
 
 

@@ -63,14 +63,19 @@ def _advice(name: str) -> str:
 
 
 def recorded(
-    board: Board, fit: JointFit, logs: Sequence[Path], *, heldout: float, today: datetime.date | None = None
+    board: Board,
+    fit: JointFit,
+    logs: Mapping[str, Path],
+    *,
+    heldout: float,
+    today: datetime.date | None = None,
 ) -> Board:
     """Return the board with a fit in it: no check has passed it yet.
 
     Args:
         board: The record before.
         fit: The fit.
-        logs: The files that were fitted.
+        logs: The files that were fitted, by the names that the record shall give them.
         heldout: RMSE on releases that were left out [rad].
         today: Date of the fit; today if None.
     """
@@ -90,7 +95,7 @@ def recorded(
         tilt=kept,
         effects=effects,
         fit={
-            "logs": [{"path": str(log), "sha256": sha256(log)} for log in logs],
+            "logs": [{"path": name, "sha256": sha256(log)} for name, log in logs.items()],
             # The law is continuous; this is the step at which the fit integrated it.
             "integrator": "RK4",
             "timestep": fit.problem.step,

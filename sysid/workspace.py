@@ -1,5 +1,6 @@
 """Where boards are found and outputs land."""
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -67,6 +68,13 @@ class Workspace:
         path = self.boards / f"{board.name}.toml"
         save_board(board, path)
         return path
+
+    def named(self, path: Path) -> str:
+        """Return how a record of this workspace names a file: from the workspace on, so that it is found from anywhere.
+
+        An absolute path stays as it is.
+        """
+        return str(path) if path.is_absolute() else Path(os.path.relpath(path, self.root)).as_posix()
 
     def outputs(self, board: str) -> Path:
         """Return the folder for a board's outputs; it is made when something is written to it."""

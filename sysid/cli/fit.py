@@ -86,7 +86,7 @@ def fit(
         )
     refuse_bad(result)
     heldout = heldout_rmse(result)
-    new = recorded(record, result, logs, heldout=heldout)
+    new = recorded(record, result, {common.space.named(log): log for log in logs}, heldout=heldout)
     rungs = _ladder(releases, record, names, options, result, heldout)
     scene: Compensation | None = None
     if in_scene:

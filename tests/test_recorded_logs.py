@@ -1,0 +1,46 @@
+"""The logs of a record are found from any folder."""
+
+from dataclasses import replace
+from pathlib import Path
+from shutil import copy
+
+import pytest
+
+from reports.evidence import find_logs
+from sysid.cli.console import Common
+from sysid.cli.fit import fit
+from sysid.files import sha256
+from sysid.workspace import Workspace, shipped_data
+
+
+def test_a_workspace_is_looked_at_from_another_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A name from the folder in which the fit was made would lead nowhere, or to another log of that name."""
+    (measured := tmp_path / "measured").mkdir()
+    (elsewhere := tmp_path / "elsewhere").mkdir()
+    copy(shipped_data() / "decays" / "pink.csv", measured / "log.csv")
+    (elsewhere / "log.csv").write_text("another log")
+    monkeypatch.chdir(measured)
+    common = Common(json=str(tmp_path / "fit.json"), workspace=Path("../mine"))
+    assert fit([Path("log.csv")], board="pink", common=common) == 0
+    monkeypatch.chdir(elsewhere)
+    space = Workspace(Path("../mine"))
+    board = space.load_board("pink")
+    (found,) = find_logs(board, [], space)
+    assert found.found is not None
+    assert found.state == "as fitted"
+    assert found.found.resolve() == measured / "log.csv"
+    assert str(tmp_path) not in str(board.fit["logs"]), "a record speaks of no machine"
+
+
+def test_a_name_from_the_current_folder_is_still_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    log = tmp_path / "log.csv"
+    log.write_text("0,0")
+    monkeypatch.chdir(tmp_path)
+    board = Workspace(tmp_path).load_board("pink")
+    old = replace(board, fit={"logs": [{"path": "log.csv", "sha256": sha256(log)}]})
+    (found,) = find_logs(old, [], Workspace(tmp_path / "mine"))
+    assert found.state == "as fitted"
+    log.write_text("0,1")
+    (changed,) = find_logs(old, [], Workspace(tmp_path / "mine"))
+    assert changed.found is None
+    assert "changed" in changed.state
