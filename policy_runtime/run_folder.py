@@ -4,7 +4,7 @@
 |---|---|
 | config.toml | every option, resolved |
 | board.toml | the record that is trained for |
-| origin.json | hashes of record and motions, versions, host, seed, start, whether the board had passed |
+| origin.json | hashes of record and motions, versions, host, seed, GPUs, start, whether the board had passed |
 | curves.jsonl | one line an iteration, see `policy_runtime.progress` |
 | curves.png | the same as a picture |
 | events.out.tfevents… | the same for TensorBoard, where that is installed |
@@ -12,6 +12,7 @@
 | policy.onnx | the last checkpoint's policy with its metadata |
 """
 
+import contextlib
 import dataclasses
 import json
 import os
@@ -118,6 +119,10 @@ class RunFolder:
         """Return all checkpoints, oldest first."""
         return sorted((self.path / "checkpoints").glob("model_*.pt"), key=_iteration)
 
+    def done(self) -> int:
+        """Return after how many iterations the newest checkpoint was written; 0 if there is none."""
+        return max((_iteration(path) for path in self.checkpoints()), default=0)
+
     def write_config(self, config: RunConfig) -> None:
         """Write the options.
 
@@ -126,13 +131,16 @@ class RunFolder:
         """
         write_atomically(self.config, tomlkit.dumps(_plain(dataclasses.asdict(config))))
 
-    def begin(self, config: RunConfig, record: Path, start_from: Path | None = None) -> None:
+    def begin(
+        self, config: RunConfig, record: Path, start_from: Path | None = None, *, gpus: int = 1
+    ) -> None:
         """Write what a run needs before it starts: options, record, and where they came from.
 
         Args:
             config: All options.
             record: The board's record file; it is copied.
             start_from: A checkpoint of another run to begin with; it is copied.
+            gpus: What the run begins on, 0 for the CPU; it goes on there.
 
         Raises:
             HuskyError: The folder cannot be written to, or the checkpoint cannot be read.
@@ -154,6 +162,7 @@ class RunFolder:
             if start_from is None
             else {"path": str(start_from), "sha256": sha256(start_from)},
             "seed": config.learn.seed,
+            "gpus": gpus,
             "started": datetime.now(UTC).isoformat(timespec="seconds"),
             "platform": platform.platform(),
             "versions": _versions(),
@@ -176,10 +185,28 @@ class RunFolder:
 
     def started_from(self) -> Path | None:
         """Return where `begin` put the checkpoint of another run, or None."""
-        if not self.origin.exists():
-            return None
-        start = json.loads(self.origin.read_text(encoding="utf-8")).get("start_from")
+        start = self._read_origin().get("start_from")
         return None if start is None else self.checkpoint(_iteration(Path(start["path"])))
+
+    def gpus(self) -> int:
+        """Return how many GPUs the run began on; 1 where it does not say."""
+        return int(self._read_origin().get("gpus", 1))
+
+    def _read_origin(self) -> dict[str, Any]:
+        return json.loads(self.origin.read_text(encoding="utf-8")) if self.origin.exists() else {}
+
+    def has_learned(self) -> bool:
+        """Return whether anything came of the run: an iteration, or a checkpoint of its own."""
+        return bool(self.read_curves()) or any(path != self.started_from() for path in self.checkpoints())
+
+    def discard(self) -> None:
+        """Remove what `begin` wrote, and the folder unless it holds something else."""
+        written = (self.config, self.board, self.origin, self.curves)
+        for path in (*written, *self.checkpoints(), *self.path.glob("events.out.tfevents*")):
+            path.unlink(missing_ok=True)
+        for folder in (self.path / "checkpoints", self.path):
+            with contextlib.suppress(OSError):
+                folder.rmdir()
 
     def add_to_curves(self, numbers: Mapping[str, float]) -> None:
         """Add an iteration's report; one that a kill has cut short stays on a line of its own."""

@@ -449,6 +449,8 @@ def main() -> None:
     except HuskyError as error:
         print(f"error: {error}", file=sys.stderr)  # noqa: T201
         raise SystemExit(error.exit_code) from None
+    except KeyboardInterrupt:  # the command line that started this says so
+        raise SystemExit(130) from None
 
 
 def one_line(numbers: dict[str, float]) -> str:

@@ -116,6 +116,108 @@ def test_a_run_can_begin_with_another_ones_checkpoint(tmp_path):
         RunFolder(tmp_path / "other").begin(RunConfig(), PINK, tmp_path / "policy.onnx")
 
 
+def resumed(folder, *arguments):
+    target = ["--resume", str(folder.path), "--workspace", str(folder.path.parent)]
+    return build_app()(
+        ["train", "--board", "pink", "--force", *target, *arguments],
+        exit_on_error=False,
+        result_action="return_value",
+    )
+
+
+def with_checkpoint(folder, iteration):
+    """Put a checkpoint's name there; what is in it is read by nobody here."""
+    folder.checkpoint(iteration).parent.mkdir(exist_ok=True)
+    folder.checkpoint(iteration).touch()
+    folder.add_to_curves({"iteration": iteration, "samples": 1, "survival": 1, "speed_error": 1})
+
+
+@pytest.fixture
+def begun(tmp_path, monkeypatch):
+    """A run that began on the CPU, and what the command would start: the number of GPUs of each start."""
+    from policy_runtime import curves
+    from sysid.cli import train as command
+
+    starts = []
+    monkeypatch.setattr(curves, "draw_curves", lambda rows, picture, title: picture)
+    for name in ("_require_mjlab", "_require_gpus", "_require_readable"):
+        monkeypatch.setattr(command, name, lambda *given: None)
+    monkeypatch.setattr(command, "_run", lambda folder, gpus, minutes, printer: starts.append(gpus))
+    folder = RunFolder(tmp_path / "run")
+    folder.begin(RunConfig(learn=LearnOptions(environments=16, iterations=3)), PINK, gpus=0)
+    return folder, starts
+
+
+def test_a_run_without_checkpoints_does_not_begin_anew_under_resume(begun):
+    folder, starts = begun
+    with pytest.raises(HuskyError, match="holds no checkpoint to go on from"):
+        resumed(folder)
+    assert starts == []
+
+
+def test_a_run_goes_on_where_it_began_and_beyond_its_end_with_a_new_total(begun, capsys):
+    folder, starts = begun
+    with_checkpoint(folder, 2)
+    assert resumed(folder) == 0
+    assert starts == [0]
+    assert "not used" not in capsys.readouterr().err
+    with_checkpoint(folder, 3)
+    assert resumed(folder) == 0
+    assert starts == [0]
+    assert "all of its 3 iterations are done; go on with a larger --iterations" in capsys.readouterr().err
+    assert resumed(folder, "--iterations", "5", "--gpus", "1") == 0
+    assert starts == [0, 1]
+    assert folder.read_config().learn.iterations == 5
+    with pytest.raises(HuskyError, match="has done 3 already"):
+        resumed(folder, "--iterations", "2")
+    assert folder.read_config().learn.iterations == 5
+
+
+def test_options_that_a_resumed_run_does_not_take_up_are_named(begun, capsys):
+    folder, _ = begun
+    with_checkpoint(folder, 2)
+    resumed(folder, "--environments", "64", "--coupling", "none", "--mount-steps", "20", "--seed", "1")
+    said = " ".join(capsys.readouterr().err.split())
+    assert "not used: --coupling, --mount-steps, --environments. --resume goes on" in said
+    config = folder.read_config()
+    assert (config.learn.environments, config.task.mount_steps, config.task.steered) == (16, 30, True)
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [
+        ("environments", "0"),
+        ("environments", "-3"),
+        ("mount-steps", "-3"),
+        ("iterations", "0"),
+        ("minutes", "0"),
+    ],
+)
+def test_an_impossible_option_starts_nothing(begun, tmp_path, option, value):
+    from cyclopts import ValidationError
+
+    _, starts = begun
+    with pytest.raises(ValidationError, match=f"--{option}"):
+        build_app()(
+            ["train", "--board", "pink", "--force", "--workspace", str(tmp_path), f"--{option}={value}"],
+            exit_on_error=False,
+            print_error=False,
+        )
+    assert starts == []
+    assert not (tmp_path / "reports").exists()
+
+
+def test_a_start_of_which_nothing_came_leaves_no_folder(begun, tmp_path):
+    assert begun
+    with pytest.raises(HuskyError, match="ended before its first iteration"):
+        build_app()(
+            ["train", "--board", "pink", "--force", "--workspace", str(tmp_path), "--gpus", "0"],
+            exit_on_error=False,
+            result_action="return_value",
+        )
+    assert list((tmp_path / "reports" / "pink").iterdir()) == []
+
+
 def test_runs_are_numbered(tmp_path):
     with pytest.raises(HuskyError, match="no training run"):
         newest_run(tmp_path)
@@ -428,7 +530,9 @@ def test_what_stops_a_worker_reaches_the_user(started, gpus, capfd, monkeypatch)
 
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
     started.config.write_text(started.config.read_text().replace('terrain = "flat"', 'terrain = "stairs"'))
-    with pytest.raises(HuskyError, match=r"training stopped with code 1;.*--resume") as failure:
+    with pytest.raises(
+        HuskyError, match=r"training stopped with code 1;.*not come to a checkpoint"
+    ) as failure:
         command._run(started, gpus, math.inf, Printer(Common()))
     assert failure.value.exit_code == 1
     said = capfd.readouterr()

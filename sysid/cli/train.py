@@ -3,12 +3,13 @@
 import math
 import subprocess
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
+from cyclopts.validators import Number
 
 from policy_runtime.run_folder import LearnOptions, RunConfig, RunFolder, newest_run
 from sim.skate.options import SkateOptions
@@ -41,23 +42,23 @@ class Variant:
     """Where episodes begin: standing, pushing and steering, or always standing as in the paper."""
     terrain: Literal["flat", "slopes", "steps"] = "flat"
     """The ground."""
-    pushes: float = 0.5
+    pushes: Annotated[float, Parameter(validator=Number(gte=0))] = 0.5
     """Largest change of velocity by external pushes [m/s]."""
     pose_offset: float = 0.0
     """Perturbation of the canonical poses: added to every joint [rad]."""
-    mount_steps: int = 30
+    mount_steps: Annotated[int, Parameter(validator=Number(gte=1))] = 30
     """Length of mounting in policy steps of 20 ms."""
-    bezier_order: int = 2
+    bezier_order: Annotated[int, Parameter(validator=Number(gte=1))] = 2
     """Order of the transition's path."""
     lift: float = 0.2
     """Lift of the path's inner control points [m]."""
-    stance_patience: int = 20
+    stance_patience: Annotated[int, Parameter(validator=Number(gte=0))] = 20
     """Policy steps with the left foot in the wrong place that end an episode; 0 for never."""
-    idle_patience: float = 1.2
+    idle_patience: Annotated[float, Parameter(validator=Number(gte=0))] = 1.2
     """Time of pushing without the left foot on the ground that ends an episode [s]; 0 for never."""
-    smoothness: float = 0.05
+    smoothness: Annotated[float, Parameter(validator=Number(gte=0))] = 0.05
     """Weight of the squared first and second differences of the actions."""
-    speed_tolerance: float = 0.25
+    speed_tolerance: Annotated[float, Parameter(validator=Number(gt=0))] = 0.25
     """Tolerance of the reward for the speed while pushing [m^2/s^2]."""
 
     def options(self) -> SkateOptions:
@@ -89,21 +90,21 @@ class Variant:
 class Learner:
     """Options of the learner."""
 
-    environments: int = 4096
+    environments: Annotated[int, Parameter(validator=Number(gte=1))] = 4096
     """Worlds on each GPU."""
-    iterations: int = 3000
-    """Iterations in all."""
-    seed: int = 1
+    iterations: Annotated[int | None, Parameter(validator=Number(gte=1))] = None
+    """Iterations in all: 3000 for a new run; with --resume the new total."""
+    seed: Annotated[int, Parameter(validator=Number(gte=0))] = 1
     """Seed of everything random."""
-    learning_rate: float = 1e-3
+    learning_rate: Annotated[float, Parameter(validator=Number(gt=0))] = 1e-3
     """Where the adaptive learning rate starts."""
-    entropy: float = 0.005
+    entropy: Annotated[float, Parameter(validator=Number(gte=0))] = 0.005
     """Weight of the actions' entropy."""
-    desired_kl: float = 0.015
+    desired_kl: Annotated[float, Parameter(validator=Number(gt=0))] = 0.015
     """Change of the policy that the learning rate aims at, an iteration."""
-    save_every: int = 100
+    save_every: Annotated[int, Parameter(validator=Number(gte=1))] = 100
     """Iterations between checkpoints."""
-    style_weight: float = 5.0
+    style_weight: Annotated[float, Parameter(validator=Number(gte=0))] = 5.0
     """Weight of the style reward per second."""
 
     def options(self) -> LearnOptions:
@@ -111,7 +112,7 @@ class Learner:
         return replace(
             LearnOptions(),
             environments=self.environments,
-            iterations=self.iterations,
+            iterations=LearnOptions().iterations if self.iterations is None else self.iterations,
             seed=self.seed,
             learning_rate=self.learning_rate,
             entropy=self.entropy,
@@ -126,11 +127,11 @@ def train(
     board: str,
     variant: Variant = Variant(),
     learner: Learner = Learner(),
-    gpus: Literal[0, 1, 2, 4, 8] = 1,
+    gpus: Literal[0, 1, 2, 4, 8] | None = None,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     resume: Path | None = None,
     start_from: Annotated[Path | None, Parameter(name="--from")] = None,
-    minutes: float = math.inf,
+    minutes: Annotated[float, Parameter(validator=Number(gt=0))] = math.inf,
     force: bool = False,
     common: Common = Common(),
 ) -> int:
@@ -143,9 +144,11 @@ def train(
         board: Name of the board.
         variant: Options of the task.
         learner: Options of the learner.
-        gpus: Number of GPUs, each a process; 0 trains on the CPU, to try things out.
+        gpus: Number of GPUs, each a process; 0 trains on the CPU, to try things out. 1 for a new run; with
+            --resume as many as it began on.
         output: Folder of the run; the default is reports/BOARD/train-N.
-        resume: Folder of a run to go on with from its newest checkpoint, with its own options.
+        resume: Folder of a run to go on with from its newest checkpoint, with its own options; beyond its end
+            with --iterations.
         start_from: A checkpoint of another run to begin with, for other options or another board.
         minutes: Stop, with a checkpoint, after so much time.
         force: Train even though the board has not passed `check`.
@@ -157,15 +160,25 @@ def train(
     record = common.space.load_board(board)
     _gate(record, force, printer)
     _require_mjlab()
-    _require_gpus(int(gpus))
-    folder = RunFolder(resume) if resume is not None else _new_run(record, output, common, printer)
     if resume is not None:
-        _require_same_board(folder, record)
-    _require_readable(folder.checkpoints()[-1:] if start_from is None else [start_from])
-    if resume is None:
+        folder = RunFolder(resume)
+        config = _require_same_board(folder, record)
+        count = folder.gpus() if gpus is None else int(gpus)
+        _require_gpus(count)
+        _say_unused(variant, learner, output, config, printer)
+        _go_on(folder, config, learner, count, minutes, printer)
+    else:
+        count = 1 if gpus is None else int(gpus)
+        _require_gpus(count)
+        folder = _new_run(record, output, common, printer)
+        _require_readable([] if start_from is None else [start_from])
         config = RunConfig(task=variant.options(), learn=learner.options())
-        folder.begin(config, common.space.board_path(board), start_from)
-    _run(folder, gpus, minutes, printer)
+        folder.begin(config, common.space.board_path(board), start_from, gpus=count)
+        try:
+            _run(folder, count, minutes, printer)
+        finally:
+            if not folder.has_learned():
+                folder.discard()
     rows = folder.read_curves()
     if not rows:
         raise HuskyError(f"{folder.path}: the run ended before its first iteration; see the messages above.")
@@ -210,14 +223,63 @@ def _require_mjlab() -> None:
         )
 
 
-def _require_same_board(folder: RunFolder, record: Board) -> None:
-    folder.read_config()
+def _require_same_board(folder: RunFolder, record: Board) -> RunConfig:
+    config = folder.read_config()
     name = load_board(folder.board).name
     if name != record.name:
         raise HuskyError(
             f"{folder.path}: a run for board '{name}', not '{record.name}'. To go on with another board, begin a run "
             f"with --from and a checkpoint of this one."
         )
+    return config
+
+
+def _say_unused(
+    variant: Variant, learner: Learner, output: Path | None, config: RunConfig, printer: Printer
+) -> None:
+    """Name the options that a run which goes on does not take up, because it has its own."""
+    pairs = (
+        (variant.options(), Variant().options(), config.task),
+        (replace(learner, iterations=None).options(), Learner().options(), config.learn),
+    )
+    unused = [] if output is None else ["output"]
+    for given, default, own in pairs:
+        for field in fields(given):
+            value = getattr(given, field.name)
+            if value != getattr(default, field.name) and value != getattr(own, field.name):
+                unused.append("coupling" if field.name == "steered" else field.name)
+    if unused:
+        names = ", ".join("--" + name.replace("_", "-") for name in dict.fromkeys(unused))
+        printer.warn(
+            f"not used: {names}. --resume goes on with the run's own options (config.toml); begin a new run with "
+            "--from and a checkpoint of this one for others."
+        )
+
+
+def _go_on(
+    folder: RunFolder, config: RunConfig, learner: Learner, gpus: int, minutes: float, printer: Printer
+) -> None:
+    """Go on with a run to its end, or to the new total that was given."""
+    if not folder.checkpoints():
+        raise HuskyError(
+            f"{folder.path}: holds no checkpoint to go on from (checkpoints/model_N.pt). Put them back, or begin a "
+            "new run without --resume."
+        )
+    _require_readable(folder.checkpoints()[-1:])
+    total = config.learn.iterations if learner.iterations is None else learner.iterations
+    if learner.iterations is not None and total < folder.done():
+        raise HuskyError(
+            f"--iterations {total}: the run has done {folder.done()} already, and this is the number in all."
+        )
+    if total != config.learn.iterations:
+        folder.write_config(replace(config, learn=replace(config.learn, iterations=total)))
+        printer.note(f"{folder.path}: {total} iterations in all instead of {config.learn.iterations}")
+    if folder.done() >= total:
+        printer.warn(
+            f"{folder.path}: all of its {total} iterations are done; go on with a larger --iterations."
+        )
+        return
+    _run(folder, gpus, minutes, printer)
 
 
 def _require_readable(checkpoints: list[Path]) -> None:
@@ -246,8 +308,12 @@ def _run(folder: RunFolder, gpus: int, minutes: float, printer: Printer) -> None
         command += ["--minutes", str(minutes)]
     code = subprocess.run(command, check=False, stdout=sys.stderr).returncode
     if code != 0:
-        raise HuskyError(
-            f"{folder.path}: training stopped with code {code}; its messages are above. "
+        advice = (
             f"Go on from the newest checkpoint with --resume {folder.path}."
+            if folder.done() and folder.has_learned()
+            else "It had not come to a checkpoint: mend the cause and begin again."
+        )
+        raise HuskyError(
+            f"{folder.path}: training stopped with code {code}; its messages are above. {advice}"
         )
     printer.note("training is done")
