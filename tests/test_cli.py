@@ -42,6 +42,7 @@ def test_every_command_explains_itself(name):
     assert result.returncode == 0, result.stderr
     assert "--json" in result.stdout
     assert "--workspace" in result.stdout
+    assert "--empty" not in result.stdout  # what cyclopts makes of a list of options; no command means it
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -37,6 +37,14 @@ def pink() -> Board:
     return Workspace(Path()).load_board("pink")
 
 
+def test_options_in_degrees_are_refused_in_degrees(tmp_path: Path) -> None:
+    from sysid.cli.synth import synth
+
+    with pytest.raises(HuskyError, match=r"--noise-deg -1: expected degrees, 0 or more"):
+        synth(board="pink", output=tmp_path / "a.csv", noise_deg=-1.0)
+    assert list(tmp_path.iterdir()) == []
+
+
 def husky(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-m", "sysid.cli", *arguments], capture_output=True, text=True, cwd=cwd, check=False

@@ -37,7 +37,10 @@ def synth(
     dropout: float = 0.0,
     seed: int = 0,
     dialect: Dialect = "angle",
-    lever_arm: tuple[float, float, float] = (0.1, 0.03, 0.05),
+    lever_arm: Annotated[
+        tuple[float, float, float],
+        Parameter(name="--lever-arm", negative="", allow_leading_hyphen=True),
+    ] = (0.1, 0.03, 0.05),
     gyro_bias: float = 0.01,
     gyro_noise: float = 0.003,
     accelerometer_noise: float = 0.03,
@@ -72,6 +75,9 @@ def synth(
         hand: Keep rest and hand in the log; without, it starts at the only release.
         common: Shared options.
     """
+    for option, value in (("--noise-deg", noise_deg), ("--quantisation-deg", quantisation_deg)):
+        if not 0 <= value < math.inf:
+            raise HuskyError(f"{option} {value:g}: expected degrees, 0 or more.")
     printer = Printer(common)
     record = common.space.load_board(board)
     limit = record.tilt["range"].value
