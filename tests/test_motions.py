@@ -11,6 +11,7 @@ from sysid.errors import HuskyError
 from sysid.workspace import shipped_data
 
 CLIPS = sorted(path.stem for path in (shipped_data() / "motions").glob("*.npy"))
+CLIPS_OF_TRANSITIONS = shipped_data() / "motions" / "transitions"
 RELEASE = {  # ranges over the two clips of the HUSKY release [rad]
     "left_hip_pitch": (-0.89, 0.29),
     "left_knee": (0.00, 1.19),
@@ -203,3 +204,18 @@ def test_facts_of_a_motionless_clip(model):
     assert np.isnan(fact.period)
     assert fact.peak_speed == 0
     assert fact.stance == 1.0
+
+
+def test_the_list_says_where_the_clips_of_transitions_are(tmp_path, capsys):
+    from sysid.cli.console import Common
+    from sysid.cli.motions import motions as command
+
+    assert command(common=Common(workspace=tmp_path)) == 0
+    assert (
+        f"8 clips of mounting and dismounting: husky-sysid motions {CLIPS_OF_TRANSITIONS}"
+        in capsys.readouterr().err
+    )
+    assert command(CLIPS_OF_TRANSITIONS, common=Common(workspace=tmp_path)) == 0
+    shown = capsys.readouterr()
+    assert "mount-plain" in shown.out
+    assert "husky-sysid motions" not in shown.err

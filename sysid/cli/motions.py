@@ -29,7 +29,8 @@ def motions(
         common: Options of every command.
     """
     from policy_runtime.motion_check import motion_facts
-    from policy_runtime.motions import load_motions
+    from policy_runtime.motions import load_motions, motion_paths
+    from policy_runtime.style_reference import transition_folder
     from sim.skate.g1 import JOINTS, g1_spec
 
     printer = Printer(common)
@@ -50,6 +51,11 @@ def motions(
         "limit margin",
     )
     printer.table(columns, [_row(name, fact) for name, fact in facts.items()])
+    if not motion:
+        folder = transition_folder()
+        printer.note(
+            f"{len(motion_paths([folder]))} clips of mounting and dismounting: husky-sysid motions {folder}"
+        )
     for name, fact in facts.items():
         if fact.limit_margin < 0:
             printer.warn(f"{name}: a joint is {math.degrees(-fact.limit_margin):.1f}° beyond its range")
