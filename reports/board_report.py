@@ -296,9 +296,9 @@ def _weakest(alike: LookAlikes, index: int) -> str:
     unit = effect(alike.names[index]).parameters[0].unit.replace("*", "·")
     share = SEEN / float(alike.visibility[index])
     if name in ("angle", "inertia"):  # an end stop or a support does not grow with its first parameter
-        return "clear" if share < 1 else "does not show"
+        return "shows here" if share < 1 else "too weak to show here"
     if share > HOPELESS:
-        return "does not show"
+        return "too weak to show here"
     weakest = abs(value) * share
     return pretty(f"{name.replace('_', ' ')} {weakest:.{2 if weakest < 100 else 3}g} {unit}")
 
@@ -318,7 +318,7 @@ def _diagnosis(diagnosis: Mapping[str, Any] | None, own: set[str]) -> list[str]:
     status += ", since added to the law" if added else ""
     parts = [
         verdict(
-            f"{status} (confidence {found['confidence']:.0%}, from {logs}). {found['explanation']}",
+            f"{status} (confidence {100 * found['confidence']:.0f} %, from {logs}). {found['explanation']}",
             good=added or found["status"] == "none-missing",
         )
     ]

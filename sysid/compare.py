@@ -121,12 +121,12 @@ class Comparison:
     def verdict(self) -> str:
         """Return the error beyond the noise, with its interval where that decides, and what is allowed."""
         low, high = self.excess_range
-        allowed = f"{self.tolerance:.2%} allowed"
+        allowed = f"{100 * self.tolerance:.2f} % allowed"
         if high - low < 0.1 * self.tolerance:
-            return f"{self.excess:.2%} beyond the noise, {allowed}"
+            return f"{100 * self.excess:.2f} % beyond the noise, {allowed}"
         return (
-            f"{self.excess:.2%} ({low:.2%} to {high:.2%}) beyond the noise, whose floor is known to "
-            f"±{Z95 * self.noise.relative_std:.0%}; {allowed}"
+            f"{100 * self.excess:.2f} % ({100 * low:.2f} to {100 * high:.2f} %) beyond the noise, whose floor is known to "
+            f"±{100 * Z95 * self.noise.relative_std:.0f} %; {allowed}"
         )
 
 

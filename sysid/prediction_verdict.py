@@ -48,7 +48,7 @@ def judge_prediction(case: Case) -> Judgement:
     rest = case.base.rmse / size
     if rest < MATERIAL and case.base.rmse > VISIBLE * case.noise.std:
         text = (
-            f"Nothing is missing that matters: the model follows the motion to {rest:.2%} of its RMS. "
+            f"Nothing is missing that matters: the model follows the motion to {100 * rest:.2f} % of its RMS. "
             "What is left is not noise, but too small to say what it is."
         )
         verdict = verdict_on(case, case.base, "none-missing", (), 0.8, (), "", text)
@@ -68,7 +68,7 @@ def _partly(case: Case, winner: Model, near: Sequence[Model], explained: float) 
     shares = strength(winner.problem, winner.minimum, named)
     text = (
         f"{listed(named)} {is_or_are(named)} missing: with {it_or_them(named)} the prediction of held-out motion has "
-        f"{explained:.0%} less squared error. {shares_in_words(shares)} The sensor is so precise that a rest of "
+        f"{100 * explained:.0f} % less squared error. {shares_in_words(shares)} The sensor is so precise that a rest of "
         f"{winner.rmse / case.noise.std:.0f} times its noise remains; one known effect "
         "more does not cut the error of prediction to a third."
     )
@@ -82,7 +82,7 @@ def _unexplained(case: Case, winner: Model, explained: float) -> Judgement:
     text = "Something is missing that no effect of the catalogue explains, alone, in pairs or in threes. "
     if named:
         text += (
-            f"The nearest is {listed(named)}, which takes away {max(explained, 0):.0%} of the squared error but leaves "
+            f"The nearest is {listed(named)}, which takes away {100 * max(explained, 0):.0f} % of the squared error but leaves "
             f"a motion that is not noise ({winner.rmse / case.noise.std:.2f} times the noise floor). "
         )
     text += _contradiction(case)

@@ -141,7 +141,7 @@ def _linear(model: Model, board: Board, covariance: np.ndarray, names: list[str]
     misses = _explanations(logs, spread, board) + _faithful(model, board)
     matches = [name for name, miss in sorted(misses, key=lambda item: item[1]) if miss < 3.0]
     change = (
-        f"Against the record, k/I is {np.expm1(logs[0]):+.1%} and d/I is {np.expm1(logs[1]):+.1%}; a free decay "
+        f"Against the record, k/I is {100 * np.expm1(logs[0]):+.1f} % and d/I is {100 * np.expm1(logs[1]):+.1f} %; a free decay "
         "cannot tell whether stiffness and damping changed or "
     )
     if not matches:

@@ -22,7 +22,7 @@ def it_or_them(names: Sequence[str]) -> str:
 
 def shares_in_words(shares: Mapping[str, float]) -> str:
     """Return how large each effect is against the joint's torque."""
-    parts = [f"{name} peaks at {share:.1%} of the joint's torque" for name, share in shares.items()]
+    parts = [f"{name} peaks at {100 * share:.1f} % of the joint's torque" for name, share in shares.items()]
     return f"{'; '.join(parts).capitalize()}." if parts else ""
 
 

@@ -155,4 +155,4 @@ def test_shipped_log_and_fit_agree_with_each_other():
     assert result.passed
     assert result.where == ()
     assert "to 2." in result.verdict() or "to 3." in result.verdict()
-    assert "known to ±14%" in result.verdict()
+    assert "known to ±14 %" in result.verdict()

@@ -94,7 +94,7 @@ def _print(printer: Printer, result: "Comparison") -> None:
         ],
     )
     printer.say(
-        f"error {scale * result.rmse:.4g}{unit} = {result.nrmse:.2%} of the RMS motion; noise floor "
+        f"error {scale * result.rmse:.4g}{unit} = {100 * result.nrmse:.2f} % of the RMS motion; noise floor "
         f"{scale * result.noise.std:.4g}{unit} ({result.noise.how})"
     )
     printer.say(result.summary)

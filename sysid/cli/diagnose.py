@@ -117,7 +117,7 @@ def _print(printer: Printer, result: "Diagnosis", board: Board, releases: int) -
 
 
 def _percent(share: float) -> str:
-    return "over 99%" if share > 0.99 else f"{share:.0%}"
+    return "over 99 %" if share > 0.99 else f"{100 * share:.0f} %"
 
 
 def _predicted(result: "Diagnosis") -> str:

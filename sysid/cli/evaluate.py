@@ -80,7 +80,7 @@ def evaluate(
         )
     rows = [("E_succ", result.success), *((name, result.errors[name]) for name in METRICS)]
     rows.append(("episode length", result.duration))
-    title = f"{result.policy} on {result.board} in {simulator}: {episodes} episodes × {seeds} seeds"
+    title = f"{result.policy} on {result.board} in {simulator}: {episodes} episodes × {seeds} seed{'s' * (seeds > 1)}"
     shown = [(name, _text(value), value.method) for name, value in rows]
     printer.table(("quantity", "value ± 95 %", "how"), shown, title)
     endings = ", ".join(f"{ending} {count}" for ending, count in result.endings.items())

@@ -82,7 +82,8 @@ def fit(
         printer.warn(warning)
     if result.kinked and not profile:
         printer.note(
-            "dry friction and stops put kinks into the cost, and the intervals take it for smooth; --profile looks"
+            "the intervals take the cost for smooth, but dry friction and stops put kinks into it: add --profile to "
+            "walk along the cost itself"
         )
     refuse_bad(result)
     heldout = heldout_rmse(result)
