@@ -70,6 +70,10 @@ class Script:
         """Do nothing."""
 
 
+COLUMNS = ("time_s", "speed_m_s", "turn_rad")
+"""Of a file of commands."""
+
+
 def load_script(path: Path) -> Script:
     """Read a CSV file with the columns time_s, speed_m_s, turn_rad; the first row must be at 0.
 
@@ -86,6 +90,12 @@ def load_script(path: Path) -> Script:
         raise HuskyError(
             f"{path}: no commands. Expected columns time_s,speed_m_s,turn_rad and at least one row."
         )
+    missing = [column for column in COLUMNS if column not in rows[0]]
+    if missing:
+        found = ", ".join(name for name in rows[0] if name)
+        raise HuskyError(
+            f"{path}: column '{missing[0]}' is missing. Expected {','.join(COLUMNS)}; found {found}."
+        )
     values = [_row(path, number, row) for number, row in enumerate(rows, start=2)]
     times = tuple(time for time, _ in values)
     if times[0] != 0 or any(later <= earlier for earlier, later in itertools.pairwise(times)):
@@ -97,7 +107,7 @@ def load_script(path: Path) -> Script:
 
 def _row(path: Path, line: int, row: dict[str, str]) -> tuple[float, Command]:
     numbers: list[float] = []
-    for column in ("time_s", "speed_m_s", "turn_rad"):
+    for column in COLUMNS:
         text = row.get(column)
         try:
             numbers.append(float(text if text is not None else ""))

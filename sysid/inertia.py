@@ -229,6 +229,11 @@ def added_mass(
 
     fall = bare.value - loaded.value
     blur = math.hypot(bare.std, loaded.std)
+    if fall < -3 * blur:
+        raise HuskyError(
+            f"the natural frequency rises by {-fall:.3g} rad/s with the added mass, from {bare.value:.4g} to "
+            f"{loaded.value:.4g}; mass lowers it. Are --bare and --loaded swapped?"
+        )
     if fall <= 0 or fall < 3 * blur:
         raise HuskyError(
             f"the added mass lowers the natural frequency by {fall:.3g} ± {1.96 * blur:.2g} rad/s, too little to "

@@ -171,7 +171,11 @@ def derivation_line(board: Board) -> str:
     )
     if board.published:
         k, d = board.published["stiffness"].value, board.published["damping"].value
-        line += f" (printed there, rounded on the way: {k:.3f}, {d:.3f})"
+        # Both are proportional to the inertia; what the source rounded moves them by less than this.
+        ratios = (k / numbers.stiffness.value, d / numbers.damping.value)
+        rounded = any(abs(ratio - 1) < 0.001 for ratio in ratios)
+        why = "rounded on the way" if rounded else "for another roll inertia"
+        line += f" (printed there, {why}: {k:.3f}, {d:.3f})"
     return line
 
 

@@ -65,6 +65,8 @@ def check(
 
     if not 0 < tolerance < 1:
         raise HuskyError(f"--tolerance {tolerance:g}: expected a share between 0 and 1, such as 0.02.")
+    if timestep is not None and not 0 < timestep <= 0.05:
+        raise HuskyError(f"--timestep {timestep:g}: expected seconds between 0 and 0.05, such as 0.005.")
     printer = Printer(common)
     record = common.space.load_board(board)
     keep_logs([*logs, *([] if scene_file is None else [scene_file])], arguments, printer)
@@ -72,9 +74,15 @@ def check(
     if scene_file is not None:
         from sim.in_scene import scene_from_file
 
+        given = {"--integrator": integrator, "--coupling": coupling, "--export": export}
+        usual = {"--integrator": "implicitfast", "--coupling": "equality", "--export": "in-scene"}
+        if unused := [option for option, value in given.items() if value != usual[option]]:
+            printer.warn(f"not used: {', '.join(unused)}, which are for the scene that the tool builds")
         scene = scene_from_file(scene_file, joint=joint, timestep=timestep)
     else:
-        scene = _own_scene(record, timestep or 0.005, integrator, coupling, export, printer)
+        scene = _own_scene(
+            record, 0.005 if timestep is None else timestep, integrator, coupling, export, printer
+        )
     result = check_scene(record, scene, releases, tolerance=tolerance)
     additions = scene_additions(record, scene)
     unwritten = substituted(record)
@@ -96,8 +104,9 @@ def check(
         if result.hidden > tolerance:
             printer.warn("the logs are too noisy to tell: record longer, more often, or with a better sensor")
         return 0
-    why = (
-        "; ".join(reasons) or "no part of the scene stands out: fit the board to these logs, or diagnose them"
+    why = "; ".join(reasons) or (
+        f"no part of the scene stands out. If the logs are of another board than '{board}', name that with --board; "
+        "else fit the board to them, or diagnose them"
     )
     raise QualityGateError(
         f"the scene does not decay like board '{board}': NRMSE {100 * result.nrmse:.1f} %, tolerance "

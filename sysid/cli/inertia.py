@@ -37,6 +37,8 @@ UNITS = {
     "loaded": "rad/s", "own": "kg*m^2", "gravity": "m/s^2",
 }  # fmt: skip
 """Of the options; what is not named is a length in m."""
+LARGEST = 0.5
+"""Roll inertia that no board's deck has [kg m^2]: a plank of 10 kg and 0.7 m width."""
 MAY_BE_ZERO = ("distance", "amplitude")
 
 
@@ -321,6 +323,11 @@ def _finish(
     elif result.std == 0:
         printer.warn(
             "no input has an uncertainty, so the inertia has none; write 2.58±0.05 where you measured."
+        )
+    if result.value > LARGEST:
+        printer.warn(
+            f"{result.value:.3g} kg·m² is far more than any deck of a board has (about 0.01). Lengths without a unit "
+            "are metres; write 20cm."
         )
     content: dict[str, Any] = {
         "method": name,

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from sysid.cli.console import Printer
 from sysid.errors import HuskyError
-from sysid.logs import LogOptions, read_roll
+from sysid.logs import VIDEO_SUFFIXES, LogOptions, read_roll
 from sysid.roll import Release, Roll
 from sysid.same_log import refuse_twice
 from sysid.video.options import Method, VideoOptions
@@ -130,6 +130,20 @@ def keep_logs(
     printer.keep(inputs, {"--overlay": arguments.video.overlay, **(outputs or {})})
 
 
+def is_film(log: Path) -> bool:
+    """Return whether a log is read as a film."""
+    return log.suffix.lower() in VIDEO_SUFFIXES
+
+
+def unused_options(log: Path, arguments: LogArguments) -> list[str]:
+    """Return the options given that the other kind of log takes."""
+    given, usual = (arguments, LogArguments()) if is_film(log) else (arguments.video, _NO_VIDEO)
+    names = ("column", "unit", "axis", "time_column", "source", "lever_arm")
+    if not is_film(log):
+        names = tuple(field.name for field in fields(VideoArguments))
+    return ["--" + name.replace("_", "-") for name in names if getattr(given, name) != getattr(usual, name)]
+
+
 def load_roll(log: Path, arguments: LogArguments, printer: Printer) -> Roll:
     """Read one log and say on stderr what was inferred and what is wrong with it.
 
@@ -137,6 +151,9 @@ def load_roll(log: Path, arguments: LogArguments, printer: Printer) -> Roll:
         HuskyError: The log cannot be read as roll, or would be overwritten.
     """
     keep_logs([log], arguments, printer)
+    if unused := unused_options(log, arguments):
+        kind = "a film" if is_film(log) else "no film"
+        printer.warn(f"{log}: not used: {', '.join(unused)}; this is {kind}")
     roll = read_roll(log, arguments.options)
     say_notes(log, roll, printer)
     return roll
