@@ -45,12 +45,16 @@ class Quantity:
 
     def __str__(self) -> str:
         """Return 'value ± half-width of the 95 % interval unit', rounded to the uncertainty."""
-        unit = "" if self.unit == "1" else f" {self.unit.replace('*', '·')}"
+        unit = self.unit.replace("*", "·").replace("^2", "²").replace("^3", "³")
+        unit = "" if self.unit == "1" else f" {unit}"
         low, high = self.ci95
         half = (high - low) / 2
         if not math.isfinite(half) or half <= 0:
             return f"{self.value:.5g}{unit}"
         value, error = round_to_error(self.value, half)
+        if "e" in error:  # both have the same power of ten
+            (value, _), (error, power) = value.split("e"), error.split("e")
+            return f"({value} ± {error})e{power}{unit}"
         return f"{value} ± {error}{unit}"
 
 

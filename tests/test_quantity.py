@@ -54,3 +54,5 @@ def test_unknown_uncertainty_is_null_in_json_and_absent_in_print():
 def test_print_names_the_unit_but_not_of_a_pure_number():
     assert str(Quantity(14.684, 0.0467, "N*m/rad")) == "14.684 ± 0.092 N·m/rad"
     assert str(Quantity(0.5627, 0.001, "1")) == "0.5627 ± 0.0020"
+    assert str(Quantity(0.0087, 1e-4, "kg*m^2")) == "0.00870 ± 0.00020 kg·m²"
+    assert str(Quantity(0.5e-4, 1.6e-4, "rad")) == "(0.5 ± 3.1)e-4 rad"
