@@ -165,7 +165,7 @@ def test_the_command_writes_file_and_json(tmp_path: Path):
     assert mjcf(board="black", output=path, bench=True, common=common) == 0
     out = json.loads((tmp_path / "out.json").read_text())
     assert out["export"] == "step-compensated"
-    assert out["written"]["inertia"] == pytest.approx(0.831 * 0.00715, rel=1e-3)
+    assert out["written"]["inertia_kgm2"] == pytest.approx(0.831 * 0.00715, rel=1e-3)
     assert out["decay_nrmse"] < 1e-3 < out["decay_nrmse_uncompensated"]
     assert mujoco.MjModel.from_xml_path(str(path)).nv == 1
     with pytest.raises(HuskyError, match="exclude each other"):

@@ -22,6 +22,12 @@ def test_a_step_that_cannot_be_is_refused(tmp_path, step):
         husky("check", str(PINK), "--board", "pink", f"--timestep={step}", "--workspace", str(tmp_path))
 
 
+@pytest.mark.parametrize("command", ["compare", "check"])
+def test_a_tolerance_that_cannot_be_is_refused(tmp_path, command):
+    with pytest.raises(HuskyError, match="--tolerance -1: expected a share"):
+        husky(command, str(PINK), "--board", "pink", "--tolerance=-1", "--workspace", str(tmp_path))
+
+
 def test_options_of_the_other_kind_of_log_are_named(tmp_path, capsys):
     output = str(tmp_path / "roll.csv")
     husky("roll", str(PINK), "--output", output, "--method", "marker", "--roi", "0", "0", "10", "10")

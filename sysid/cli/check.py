@@ -204,7 +204,11 @@ def _json(
     reasons: Sequence[str],
 ) -> dict[str, Any]:
     def numbers(joint: "TiltJoint") -> dict[str, float]:
-        return {"stiffness": joint.stiffness, "damping": joint.damping, "inertia": joint.inertia}
+        return {
+            "stiffness_nm_rad": joint.stiffness,
+            "damping_nms_rad": joint.damping,
+            "inertia_kgm2": joint.inertia,
+        }
 
     return {
         "board": record.name,
