@@ -63,6 +63,8 @@ class TraceFit:
     damping_ratio: float
     covariance: Array
     """Covariance of (ω_n, ζ), shape (2, 2)."""
+    white_covariance: Array
+    """The same were the residuals independent of each other, shape (2, 2)."""
     degrees_of_freedom: float
     """Of the noise estimate, fewer where residuals are correlated."""
     noise: float
@@ -255,6 +257,7 @@ def _with_uncertainty(traces: Sequence[Trace], poles: Array, signal: Literal["ro
         omega_n=omega,
         damping_ratio=a / omega,
         covariance=np.asarray(to_numbers @ covariance @ to_numbers.T, dtype=np.float64),
+        white_covariance=np.asarray(to_numbers @ bread @ to_numbers.T * variance, dtype=np.float64),
         degrees_of_freedom=max(1.0, free * (1 - rho**2) / (1 + rho**2)),
         noise=math.sqrt(variance),
         correlation=rho,

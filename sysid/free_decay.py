@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sysid.decay_misfit import widened
 from sysid.decay_numbers import DecayNumbers as DecayNumbers
 from sysid.decay_numbers import decay_from_peaks as decay_from_peaks
 from sysid.decay_numbers import decay_numbers, numbers_from_decrement
@@ -54,6 +55,8 @@ class FreeDecay:
     """Sensor noise of what the trace was fitted to."""
     patterns: tuple[Pattern, ...]
     """Deviations from a linear decay that peaks and rest levels show."""
+    wider: float
+    """Growth of the intervals for a residual beyond the noise; 1 where it may be noise."""
     linear: bool
     """Whether a linear decay explains the traces but for noise and at most a trifle, with one rest level."""
     warnings: tuple[str, ...]
@@ -73,6 +76,7 @@ def free_decay(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
     trace = fit_traces(releases)
     floor = noise_floor(releases, rate=trace.signal == "rate")
     _refuse_nonsense(releases, trace)
+    trace, wider = widened(trace, floor)
     count = f"{len(releases)} release{'s' if len(releases) > 1 else ''}"
     numbers = decay_numbers(
         trace.omega_n,
@@ -104,6 +108,7 @@ def free_decay(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
         rest_angles=tuple(rests),
         floor=floor,
         patterns=patterns,
+        wider=wider,
         linear=linear,
         warnings=(),
     )

@@ -13,7 +13,7 @@ from scipy.special import stdtrit
 from sysid.decay_numbers import decay_numbers, numbers_from_decrement, t95
 from sysid.decay_patterns import find_patterns
 from sysid.decay_peaks import Peak, find_peaks
-from sysid.decay_trace import decay_basis
+from sysid.decay_trace import decay_basis, fit_traces
 from sysid.errors import HuskyError
 from sysid.free_decay import decay_from_peaks, free_decay, log_decrement_two_peaks
 from sysid.quantity import Quantity
@@ -470,3 +470,28 @@ def test_levels_within_the_noise_are_no_friction():
         releases = [clean_release(*PINK, start=0.1 * (-1) ** i, noise=0.0) for i in range(4)]
         rests = [Quantity(level, 1e-4, "rad") for level in levels]
         assert find_patterns(releases, [[], [], [], []], 1e-4, rests) == []
+
+
+def with_misfit(seed, size):
+    """Two releases with an error that follows the motion: five independent values in a period."""
+    rng = np.random.default_rng(seed)
+    releases = []
+    for i, start in enumerate((0.3, -0.25)):
+        r = clean_release(41.083, 0.1, start=start, duration=1.5, noise=2e-4, seed=10 * seed + i)
+        beats = r.time * 41.083 / (2 * math.pi) * 5
+        error = np.interp(beats, np.arange(100), rng.normal(0, 1, 100)) * np.exp(-4.1 * r.time)
+        releases.append(replace(r, roll=r.roll + size * start * error))
+    return releases
+
+
+def test_intervals_grow_with_a_residual_beyond_the_noise_and_not_with_noise():
+    noise = [free_decay(with_misfit(seed, 0.0), INERTIA).wider for seed in range(40)]
+    assert sum(factor > 1.0 for factor in noise) <= 2
+    for seed in (1, 4, 5):  # where the correlation of neighbours alone says too little
+        decay = free_decay(with_misfit(seed, 0.02), INERTIA)
+        plain = fit_traces(with_misfit(seed, 0.02))
+        assert decay.wider > 1.1
+        growth = np.sqrt(np.diag(decay.trace.covariance) / np.diag(plain.covariance))
+        assert growth == pytest.approx(decay.wider, rel=0.3)
+        assert decay.numbers.omega_n.std == pytest.approx(math.sqrt(decay.trace.covariance[0, 0]))
+        assert abs(decay.numbers.omega_n.value - 41.083) < 3 * decay.numbers.omega_n.std

@@ -135,6 +135,7 @@ def decay_json(board: str, roll: "Roll", result: "FreeDecay") -> dict[str, Any]:
             "rms": result.trace.noise,
             "noise_floor": result.floor.std,
             "correlation": result.trace.correlation,
+            "intervals_widened": result.wider,
             "unit": "rad" if result.trace.signal == "roll" else "rad/s",
             "linear": result.linear,
         },
@@ -222,12 +223,15 @@ def _verdict(result: "FreeDecay") -> str:
         )
     share = _inertia_share(result)
     closing = f"; {100 * share:.0f} % of k's variance comes from I" if share > 0.5 else ""
+    wider = (
+        f"; the intervals are {result.wider:.2g} × wider for it, as what follows the motion does not average out"
+        if result.wider > 1.05
+        else ""
+    )
     if ratio > 1.15:
         size = max(float(abs(fitted.modelled - fitted.level).max()) for fitted in result.trace.releases)
         left = 100 * result.trace.noise / size
-        return (
-            f"✓ linear decay but for {left:.2g} % of the amplitude ({ratio:.3g} × the sensor noise){closing}"
-        )
+        return f"✓ linear decay but for {left:.2g} % of the amplitude ({ratio:.3g} × the sensor noise){wider}{closing}"
     return f"✓ linear decay: the residual is {ratio:.2f} × the sensor noise{closing}"
 
 
