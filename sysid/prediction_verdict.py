@@ -85,7 +85,7 @@ def _unexplained(case: Case, winner: Model, explained: float) -> Judgement:
             f"The nearest is {listed(named)}, which takes away {100 * max(explained, 0):.0f} % of the squared error but leaves "
             f"a motion that is not noise ({winner.rmse / case.noise.std:.2f} times the noise floor). "
         )
-    text += _contradiction(case)
+    text += contradiction(case)
     text += "The map of the missing torque (compare) shows at which angle and rate it acts."
     experiment = (
         "Release from 3°, 7° and 12° to both sides, three times each: what repeats is a law, what does not is "
@@ -94,7 +94,7 @@ def _unexplained(case: Case, winner: Model, explained: float) -> Judgement:
     return verdict_on(case, winner, "unexplained", (), 0.9, (), experiment, text), winner, {}
 
 
-def _contradiction(case: Case) -> str:
+def contradiction(case: Case) -> str:
     """Say so if every release fits the linear joint alone, each with its own stiffness."""
     from sysid.fit_search import fit_each
 
