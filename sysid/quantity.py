@@ -45,17 +45,25 @@ class Quantity:
 
     def __str__(self) -> str:
         """Return 'value ± half-width of the 95 % interval unit', rounded to the uncertainty."""
-        unit = self.unit.replace("*", "·").replace("^2", "²").replace("^3", "³")
-        unit = "" if self.unit == "1" else f" {unit}"
+        return self.number if self.unit == "1" else f"{self.number} {self.printed_unit}"
+
+    @property
+    def printed_unit(self) -> str:
+        """The unit as people write it."""
+        return self.unit.replace("*", "·").replace("^2", "²").replace("^3", "³")
+
+    @property
+    def number(self) -> str:
+        """'value ± half-width of the 95 % interval', rounded to the uncertainty, without unit."""
         low, high = self.ci95
         half = (high - low) / 2
         if not math.isfinite(half) or half <= 0:
-            return f"{self.value:.5g}{unit}"
+            return f"{self.value:.5g}"
         value, error = round_to_error(self.value, half)
         if "e" in error:  # both have the same power of ten
             (value, _), (error, power) = value.split("e"), error.split("e")
-            return f"({value} ± {error})e{power}{unit}"
-        return f"{value} ± {error}{unit}"
+            return f"({value} ± {error})e{power}"
+        return f"{value} ± {error}"
 
 
 def round_to_error(value: float, error: float) -> tuple[str, str]:

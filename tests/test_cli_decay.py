@@ -1,6 +1,7 @@
 """`husky-sysid decay` as a user calls it."""
 
 import json
+import re
 import subprocess
 import sys
 
@@ -55,6 +56,7 @@ def test_prints_releases_table_law_verdict_and_paths(log, tmp_path, capsys):
         assert text in out
     assert "\n8.70e-3·φ̈ + 0." in out
     assert "✓ linear decay" in out
+    assert re.search(r"roll inertia I +│ 0\.0087000 ± 0\.0000057 +│ kg·m² ", out)
     assert str(tmp_path / "reports" / "pink" / "decay.json") in out
     assert "roll from 'roll_rad'" in err  # what was inferred
     picture = tmp_path / "reports" / "pink" / "decay.png"

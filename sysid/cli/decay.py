@@ -181,10 +181,7 @@ def _rows(result: "FreeDecay") -> list[tuple[str, str, str, str]]:
 
 
 def _row(name: str, quantity: "Quantity") -> tuple[str, str, str, str]:
-    unit = quantity.unit.replace("*", "·").replace("^2", "²")
-    printed = str(quantity)
-    suffix = "" if quantity.unit == "1" else f" {quantity.unit.replace('*', '·')}"
-    return name, printed.removesuffix(suffix), unit, quantity.method
+    return name, quantity.number, quantity.printed_unit, quantity.method
 
 
 def equation(result: "FreeDecay") -> str:
