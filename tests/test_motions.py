@@ -206,7 +206,7 @@ def test_facts_of_a_motionless_clip(model):
     assert fact.stance == 1.0
 
 
-def test_the_list_says_where_the_clips_of_transitions_are(tmp_path, capsys):
+def test_the_list_says_where_the_clips_of_transitions_are(model, tmp_path, capsys):
     from sysid.cli.console import Common
     from sysid.cli.motions import motions as command
 
