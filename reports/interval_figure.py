@@ -47,7 +47,7 @@ def interval_figure(
             axes = figure.add_subplot(rows, columns, number + 1)
             _draw(axes, quantities[name], shapes.get(name), bootstrap)
             axes.set_title(name)
-            unit = quantities[name].unit.replace("*", "·").replace("^2", "²")
+            unit = quantities[name].printed_unit
             axes.set_xlabel("" if unit == "1" else f"[{unit}]")
             if number % columns == 0:
                 axes.set_ylabel("rise of −2 log likelihood")

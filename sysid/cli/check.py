@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from sysid.board import Board
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import Common, Printer, require_share
 from sysid.cli.log_options import LogArguments, keep_logs, load_releases
 from sysid.errors import HuskyError, QualityGateError
 
@@ -63,8 +63,7 @@ def check(
     from sim.mjcf import substituted
     from sim.scene_additions import scene_additions
 
-    if not 0 < tolerance < 1:
-        raise HuskyError(f"--tolerance {tolerance:g}: expected a share between 0 and 1, such as 0.02.")
+    require_share("--tolerance", tolerance)
     if timestep is not None and not 0 < timestep <= 0.05:
         raise HuskyError(f"--timestep {timestep:g}: expected seconds between 0 and 0.05, such as 0.005.")
     printer = Printer(common)

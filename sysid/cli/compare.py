@@ -8,11 +8,10 @@ import numpy as np
 from cyclopts import Parameter
 
 from sysid.board import Board
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import Common, Printer, require_share
 from sysid.cli.diagnose import signal_of
 from sysid.cli.log_options import LogArguments, keep_logs
 from sysid.cli.view import read_logs, write_recording
-from sysid.errors import HuskyError
 from sysid.files import atomic_path, sha256, write_json
 
 if TYPE_CHECKING:
@@ -52,8 +51,7 @@ def compare(
     from sysid.compare import compare as compare_releases
     from sysid.plausible import amplitude_warnings
 
-    if not 0 < tolerance < 1:
-        raise HuskyError(f"--tolerance {tolerance:g}: expected a share between 0 and 1, such as 0.02.")
+    require_share("--tolerance", tolerance)
     printer = Printer(common)
     keep_logs(logs, arguments, printer, {"--rerun": rerun})
     record = common.space.load_board(board)

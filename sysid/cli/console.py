@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from sysid.errors import HuskyError
 from sysid.files import refuse_overwriting, write_json
 from sysid.quantity import Quantity
 from sysid.workspace import Workspace
@@ -111,3 +112,13 @@ class Printer:
             sys.stdout.write(json.dumps(content, indent=2, allow_nan=False) + "\n")
         else:
             write_json(Path(self.common.json), content)
+
+
+def require_share(option: str, value: float) -> None:
+    """Accept an option that is a share of something.
+
+    Raises:
+        HuskyError: It is not between 0 and 1.
+    """
+    if not 0 < value < 1:
+        raise HuskyError(f"{option} {value:g}: expected a share between 0 and 1, such as 0.02.")

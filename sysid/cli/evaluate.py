@@ -106,5 +106,5 @@ def _text(value: Quantity) -> str:
     low, high = value.ci95
     if math.isclose(high - value.value, value.value - low, rel_tol=0.05, abs_tol=1e-12):
         return str(value)
-    unit = "" if value.unit == "1" else f" {value.unit}"
+    unit = "" if value.unit == "1" else f" {value.printed_unit}"
     return f"{value.value:.4g} [{low:.4g}, {high:.4g}]{unit}"
