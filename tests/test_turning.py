@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 from sysid.video.dots import fit_pivot
 from sysid.video.rectify import rectify
 from sysid.video.shake import still
+from sysid.video.solid import Solid
 from sysid.video.track import Track
-from sysid.video.turning import Solid, fit_turning
+from sysid.video.turning import fit_turning
 from sysid.video.unknowns import Unknowns
 from sysid.video.view import View
 

@@ -17,8 +17,9 @@ from sysid.video.frames import Frame
 from sysid.video.lone_frames import lone_frames
 from sysid.video.rectify import rectify
 from sysid.video.shake import still, still_places
+from sysid.video.solid import Solid
 from sysid.video.track import Track
-from sysid.video.turning import Solid, fit_turning
+from sysid.video.turning import fit_turning
 from sysid.video.unknowns import Unknowns
 from sysid.video.view import View
 from sysid.video_roll import _refuse_contradiction

@@ -18,9 +18,10 @@ from sysid.video.features import FEWEST, FeatureTracker, count_alike, find_featu
 from sysid.video.frames import Clip, grey
 from sysid.video.marker import MarkerTracker, find_marker
 from sysid.video.options import VideoOptions
+from sysid.video.solid import Solid
 from sysid.video.survey import Survey, survey
 from sysid.video.track import Track, Tracker
-from sysid.video.turning import Solid, Turning, fit_turning
+from sysid.video.turning import Turning, fit_turning
 from sysid.video.unknowns import Unknowns
 from sysid.video.view import View
 
