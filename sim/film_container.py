@@ -1,61 +1,73 @@
-"""Edits two tables of an MP4 or MOV file in place: frame stamps, and the rotation flag of a phone held upright."""
+"""The file of a test film: H.264 as phones write it, a stamp for each frame, and a phone held upright."""
 
-import struct
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from sysid.roll import Array
 
-TIMESCALE = 10_000
-"""Ticks a second of the stamps written here."""
-ROTATIONS = {0: (1, 0, 0, 1), 90: (0, 1, -1, 0), 180: (-1, 0, 0, -1), 270: (0, -1, 1, 0)}
+TICK = Fraction(1, 90_000)
+"""Unit of the stamps [s]."""
+Write = Callable[[npt.NDArray[np.uint8]], None]
 
 
-def set_stamps(path: Path, stamps: Array) -> None:
-    """Give the frames of a clip these stamps [s], so that its rate varies as a phone's does.
+@contextmanager
+def film_writer(
+    path: Path, size: tuple[int, int], stamps: Array, bits: float, fps: float
+) -> Generator[Write]:
+    """Yield what writes the next frame of a film, as a picture in the order blue, green, red.
 
-    Replaces the time-to-sample table (ISO/IEC 14496-12, 8.6.1.2). Works for files whose index
-    follows the pictures, as OpenCV writes them, and which have no reordered frames.
+    Phones encode as they film: no frames out of order, no look ahead, a whole picture each second.
+
+    Args:
+        path: Ends in .mp4 or .mov (H.264), or in .avi (Motion JPEG; its stamps are at a constant rate).
+        size: Width and height [px].
+        stamps: Time of each frame [s], shape (n,); the first is written as 0.
+        bits: Bits a pixel, on average (H.264).
+        fps: Nominal rate [frames/s].
     """
-    data = path.read_bytes()
-    ticks = np.diff(np.round(np.append(stamps, 2 * stamps[-1] - stamps[-2]) * TIMESCALE)).astype(int)
-    table = b"".join(struct.pack(">II", 1, tick) for tick in ticks)
-    stts = struct.pack(">II", 0, len(ticks)) + table
-    moov = _replace(data, ("moov", "trak", "mdia", "minf", "stbl", "stts"), lambda _: stts)
-    total = int(ticks.sum())
+    import av
 
-    def media_header(body: bytes) -> bytes:
-        return body[:12] + struct.pack(">II", TIMESCALE, total) + body[20:]
+    jpeg = path.suffix == ".avi"
+    ticks = iter(np.round((stamps - stamps[0]) / float(TICK)).astype(int).tolist())
+    rate = Fraction(fps).limit_denominator(1001)
+    with av.open(str(path), "w") as file:
+        if jpeg:
+            stream = file.add_stream("mjpeg", rate=rate, options={"qmin": "2", "qmax": "2"})
+            stream.pix_fmt = "yuvj420p"
+        else:
+            stream = file.add_stream(
+                "libx264", rate=rate, options={"preset": "veryfast", "tune": "zerolatency"}
+            )
+            stream.time_base = stream.codec_context.time_base = TICK
+            stream.bit_rate = round(bits * size[0] * size[1] * fps)
+            stream.gop_size = round(fps)
+        stream.width, stream.height = size
+        stream.thread_count = 1  # the same film on every machine
 
-    moov = _replace(moov, ("moov", "trak", "mdia", "mdhd"), media_header)
-    moov = _replace(moov, ("moov", "trak", "edts"), lambda _: None)
-    path.write_bytes(moov)
+        def write(picture: npt.NDArray[np.uint8]) -> None:
+            frame = av.VideoFrame.from_ndarray(picture, format="bgr24")
+            if not jpeg:
+                frame.pts, frame.time_base = next(ticks), TICK
+            file.mux(stream.encode(frame))
+
+        yield write
+        file.mux(stream.encode())
 
 
-def set_rotation(path: Path, degrees: int) -> None:
-    """Mark a clip as to be shown turned clockwise by 0, 90, 180 or 270 degrees (track header matrix)."""
-    a, b, c, d = (value << 16 for value in ROTATIONS[degrees])
-    matrix = struct.pack(">iiiiiiiii", a, b, 0, c, d, 0, 0, 0, 1 << 30)
-    data = _replace(path.read_bytes(), ("moov", "trak", "tkhd"), lambda body: body[:40] + matrix + body[76:])
-    path.write_bytes(data)
+def turned(film: Path, path: Path, degrees: int) -> None:
+    """Copy a film, marked as to be shown turned clockwise by 0, 90, 180 or 270 degrees."""
+    import av
 
-
-def _replace(data: bytes, path: tuple[str, ...], change: Callable[[bytes], bytes | None]) -> bytes:
-    """Return the boxes in `data` with the body of the box at `path` changed, or the box removed."""
-    result = bytearray()
-    position = 0
-    while position + 8 <= len(data):
-        size, kind = struct.unpack(">I4s", data[position : position + 8])
-        header = 8
-        if size == 1:
-            size = struct.unpack(">Q", data[position + 8 : position + 16])[0]
-            header = 16
-        box = data[position : position + size]
-        if path and kind == path[0].encode() and (len(path) > 1 or header == 8):
-            body = _replace(box[header:], path[1:], change) if len(path) > 1 else change(box[header:])
-            box = b"" if body is None else struct.pack(">I4s", len(body) + 8, kind) + body
-        result += box
-        position += max(size, 8)
-    return bytes(result)
+    with av.open(str(film)) as source, av.open(str(path), "w") as copy:
+        stream = source.streams.video[0]
+        same = copy.add_stream_from_template(stream)
+        same.set_display_rotation(-degrees)
+        for packet in source.demux(stream):
+            if packet.dts is not None:  # the last one is empty
+                packet.stream = same
+                copy.mux(packet)

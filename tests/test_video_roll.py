@@ -16,7 +16,7 @@ import pandas as pd
 import pytest
 from films import REALISTIC, SMALL, TestFilm, make_film
 
-from sim.film_container import set_rotation
+from sim.film_container import turned
 from sysid.clock_offset import clock_offset
 from sysid.errors import HuskyError
 from sysid.roll import Roll
@@ -111,25 +111,23 @@ def test_what_does_not_turn_with_the_deck_is_not_followed(folder, method, mark, 
 
 def test_rotated_by_the_container(marker_film, tmp_path):
     film = tmp_path / "upright.mp4"
-    film.write_bytes(marker_film.path.read_bytes())
-    set_rotation(film, 90)
+    turned(marker_film.path, film, 90)
     clip = open_clip(film)
     assert (clip.width, clip.height, clip.rotation) == (360, 640, 90)
-    turned = roll_from_video(film, VideoOptions(readout=0.0))
+    upright = roll_from_video(film, VideoOptions(readout=0.0))
     straight = roll_from_video(marker_film.path, VideoOptions(readout=0.0))
     swing = np.ptp(straight.roll)
-    assert np.ptp(turned.roll) == pytest.approx(swing, rel=0.02)
+    assert np.ptp(upright.roll) == pytest.approx(swing, rel=0.02)
     # A quarter turn of the picture does not change which way the deck turns.
-    assert np.corrcoef(turned.roll, straight.roll)[0, 1] > 0.999
+    assert np.corrcoef(upright.roll, straight.roll)[0, 1] > 0.999
 
 
 def test_rows_are_read_in_the_sensors_order(marker_film, tmp_path):
     film = tmp_path / "turned.mp4"
-    film.write_bytes(marker_film.path.read_bytes())
     point = np.array([[90.0, 64.0]])
     shares = []
     for degrees in (0, 90, 180, 270):
-        set_rotation(film, degrees)
+        turned(marker_film.path, film, degrees)
         shares.append(float(open_clip(film).row_share(point)[0]))
     assert shares == pytest.approx([64 / 360, 1 - 90 / 360, 1 - 64 / 360, 90 / 360])
 
