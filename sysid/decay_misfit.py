@@ -27,24 +27,27 @@ def widened(trace: TraceFit, floor: NoiseFloor) -> tuple[TraceFit, float]:
 
     Args:
         trace: The fit.
-        floor: Noise of the sensor, with its own uncertainty.
+        floor: Noise of the sensor, with its own uncertainty. A film states its own, which lasts and which the fit
+            knows of.
 
     Returns:
         The fit, and by which factor its standard deviations have grown; 1 where what is left while the deck
         moves may be noise.
     """
     decay = trace.omega_n * trace.damping_ratio
-    power, count, values = 0.0, 0, 0.0
+    power, noise, count, values = 0.0, 0.0, 0, 0.0
     for fitted in trace.releases:
         since = fitted.trace.time - fitted.trace.time[0]
         moving = fitted.residual[since <= FADED / decay]
         power, count = power + float(moving @ moving), count + len(moving)
+        noise += len(moving) * max(floor.highest, fitted.trace.stated) ** 2
         values += 1.0 + PER_PERIOD * min(float(since[-1]), FADED / decay) * trace.omega_n / (2 * math.pi)
     # Noise alone has no more than this: its square scatters by √(2/n) about a floor that is uncertain itself.
-    noise = count * floor.highest**2 * (1.0 + Z95 * math.sqrt(2.0 / max(count, 1)))
+    noise *= 1.0 + Z95 * math.sqrt(2.0 / max(count, 1))
     if power <= noise:
         return trace, 1.0
+    size = max(trace.noise**2, *(fitted.trace.stated**2 for fitted in trace.releases))
     left = max(values - 2 - 3 * len(trace.releases), FEWEST)
-    covariance = trace.white_covariance * (1.0 + (power - noise) / (left * trace.noise**2))
+    covariance = trace.white_covariance * (1.0 + (power - noise) / (left * size))
     growth = math.sqrt(float(np.mean(np.diag(covariance) / np.diag(trace.covariance))))
     return (replace(trace, covariance=covariance), growth) if growth > 1.0 else (trace, 1.0)

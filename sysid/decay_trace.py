@@ -15,26 +15,13 @@ from typing import Literal
 
 import numpy as np
 
+from sysid.decay_signal import Trace, head, lasting, traces_of
 from sysid.errors import HuskyError
 from sysid.roll import Array, Release
 from sysid.turning_points import find_swing, legs_of
 
 BEST_SENSOR = 1e-6
 """No sensor has less noise than this share of its swing; a log without any was computed."""
-HAND_LEAVES = 0.08
-"""Share of the first amplitude after which a hand has surely left the deck."""
-
-
-@dataclass(frozen=True, slots=True)
-class Trace:
-    """One release as the fit sees it."""
-
-    time: Array
-    """Time on the log's clock [s], shape (n,)."""
-    measured: Array
-    """Roll [rad] or roll rate [rad/s], shape (n,)."""
-    weight: Array
-    """Inverse standard deviation, relative to the median, shape (n,)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,16 +64,6 @@ class TraceFit:
     releases: tuple[FittedTrace, ...]
 
 
-def traces_of(releases: Sequence[Release]) -> tuple[list[Trace], Literal["roll", "rate"]]:
-    """Return what to fit: the roll, or the rate where the roll is only a gyro's integral.
-
-    White noise of a gyro becomes a random walk in its integral; in the rate it stays white, and the
-    gyro's offset is one constant.
-    """
-    rate = all(release.origin == "gyro" and release.rate is not None for release in releases)
-    return [_trace(release, rate=rate) for release in releases], "rate" if rate else "roll"
-
-
 def fit_traces(releases: Sequence[Release]) -> TraceFit:
     """Fit one linear decay to all releases together.
 
@@ -101,11 +78,12 @@ def fit_traces(releases: Sequence[Release]) -> TraceFit:
             "Record faster, or mark longer decays (--release, --to)."
         )
     poles = _start(traces, releases)
+    traces = [lasting(trace, math.sqrt(poles[0] ** 2 + poles[1])) for trace in traces]
     longest = max(float(trace.time[-1] - trace.time[0]) for trace in traces)
     for cycles in (2.0, 5.0, 15.0):  # growing windows: a long trace has many wrong frequencies to lock on to
         span = 2 * math.pi * cycles / math.sqrt(poles[0] ** 2 + poles[1])
         if span < longest:
-            poles = _search([_head(trace, span) for trace in traces], poles)
+            poles = _search([head(trace, span) for trace in traces], poles)
     poles = _search(traces, poles)
     if not (poles[0] > 0 and poles[0] ** 2 + poles[1] > 0):
         raise HuskyError(
@@ -129,28 +107,6 @@ def decay_basis(time: Array, a: float, q: float) -> tuple[Array, Array]:
     return (slow + fast) / 2, (slow - fast) / (2 * root)
 
 
-def _trace(release: Release, *, rate: bool) -> Trace:
-    measured, std = release.roll, release.std
-    if rate and release.rate is not None:
-        measured = release.rate
-        std = np.ones_like(measured) if release.rate_std is None else release.rate_std
-    begin = _hand_has_left(release)
-    measured, std, time = measured[begin:], std[begin:], release.time[begin:]
-    typical = float(np.median(std))
-    weight = typical / std if typical > 0 and np.all(std > 0) else np.ones_like(measured)
-    return Trace(time, measured, weight)
-
-
-def _hand_has_left(release: Release) -> int:
-    """Return the index of the first sample at which the deck has surely been let go."""
-    way = np.abs(release.roll - release.roll[0])
-    enough = max(HAND_LEAVES * release.amplitude, 3.0 * float(np.median(release.std)))
-    moved = np.flatnonzero(way > enough)
-    # Of many close samples the first beyond a threshold is the one that noise has pushed there: leave it out.
-    begin = int(moved[0]) + (moved[0] > 3) if len(moved) else 0
-    return begin if len(release.time) - begin > 8 else 0
-
-
 def _start(traces: Sequence[Trace], releases: Sequence[Release]) -> Array:
     """Return a first (a, q): the best of a coarse grid on the first swings, paced by their legs."""
     paces: list[float] = []
@@ -160,20 +116,14 @@ def _start(traces: Sequence[Trace], releases: Sequence[Release]) -> Array:
         paces += large[:6] or [float(trace.time[-1] - trace.time[0]) / 4]
     pace = float(np.median(paces))
     largest = sorted(traces, key=lambda trace: -float(np.ptp(trace.measured)))[:3]
-    heads = [_head(trace, 8.0 * pace) for trace in largest]
+    heads = [head(trace, 8.0 * pace) for trace in largest]
     # A leg's 10 to 90 % time is 1.85/ω undamped and 2.6/ω near critical damping.
     grid = [
         np.array([zeta * omega, omega**2 * (1 - zeta**2)])
         for omega in np.array([1.4, 1.6, 1.8, 2.0, 2.3, 2.7]) / pace
         for zeta in (0.01, 0.05, 0.15, 0.3, 0.5, 0.7, 0.9, 1.3)
     ]
-    return min(grid, key=lambda poles: sum(_project(head, poles)[0] for head in heads))
-
-
-def _head(trace: Trace, span: float) -> Trace:
-    """Return the first `span` seconds of a trace, at least 8 samples."""
-    count = max(8, int(np.searchsorted(trace.time, trace.time[0] + span)))
-    return Trace(trace.time[:count], trace.measured[:count], trace.weight[:count])
+    return min(grid, key=lambda poles: sum(_project(part, poles)[0] for part in heads))
 
 
 def _project(trace: Trace, poles: Array) -> tuple[float, Array, Array, Array, Array]:
@@ -186,9 +136,9 @@ def _project(trace: Trace, poles: Array) -> tuple[float, Array, Array, Array, Ar
     a, q = float(poles[0]), float(poles[1])
     time = trace.time - trace.time[0]
     u, v = decay_basis(time, a, q)
-    basis = np.column_stack([u, v, np.ones_like(time)]) * trace.weight[:, None]
+    basis = trace.news(np.column_stack([u, v, np.ones_like(time)]))
     orthogonal, triangle = np.linalg.qr(basis)
-    target = trace.measured * trace.weight
+    target = trace.news(trace.measured)
     if abs(np.diag(triangle)).min() < 1e-12 * abs(triangle).max():
         return math.inf, target, np.zeros((len(time), 2)), np.zeros(3), np.zeros((3, 3))
     inverse = np.linalg.inv(triangle)
@@ -196,7 +146,7 @@ def _project(trace: Trace, poles: Array) -> tuple[float, Array, Array, Array, Ar
     residual = target - basis @ coefficients
     by_q = (time * u - v) / (2 * q) if abs(q) * time[-1] ** 2 > 1e-3 else -np.exp(-a * time) * time**3 / 6
     c, s = coefficients[0], coefficients[1]
-    slope = np.column_stack([-time * (c * u + s * v), -c * time * v / 2 + s * by_q]) * trace.weight[:, None]
+    slope = trace.news(np.column_stack([-time * (c * u + s * v), -c * time * v / 2 + s * by_q]))
     jacobian = -(slope - orthogonal @ (orthogonal.T @ slope))
     return float(residual @ residual), residual, jacobian, coefficients, inverse @ inverse.T
 
@@ -238,7 +188,12 @@ def _with_uncertainty(traces: Sequence[Trace], poles: Array, signal: Literal["ro
     count = sum(len(residual) for residual in residuals)
     free = count - 2 - 3 * len(traces)
     finest = BEST_SENSOR * max(float(np.ptp(trace.measured)) for trace in traces)
-    variance = max(sum(float(residual @ residual) for residual in residuals) / free, finest**2)
+    fitted = [_model(trace, poles, part[3]) for trace, part in zip(traces, parts, strict=True)]
+    left = [trace.weight * (trace.measured - model) for trace, model in zip(traces, fitted, strict=True)]
+    noise = max(sum(float(residual @ residual) for residual in left) / free, finest**2)
+    # What a film's angle is off by lasts, so that a fit takes it up: the least is what the film itself states.
+    stated = float(np.mean([trace.stated**2 for trace in traces]))
+    variance = max(sum(float(residual @ residual) for residual in residuals) / free, finest**2, stated)
     bread = np.asarray(np.linalg.inv(sum((j.T @ j for j in jacobians), np.zeros((2, 2)))), dtype=np.float64)
     rho = _correlation(residuals)
     # Correlated residuals count for less (Bartlett, 1935): the variance of a mean grows by (1+ρ)/(1-ρ).
@@ -259,15 +214,13 @@ def _with_uncertainty(traces: Sequence[Trace], poles: Array, signal: Literal["ro
         covariance=np.asarray(to_numbers @ covariance @ to_numbers.T, dtype=np.float64),
         white_covariance=np.asarray(to_numbers @ bread @ to_numbers.T * variance, dtype=np.float64),
         degrees_of_freedom=max(1.0, free * (1 - rho**2) / (1 + rho**2)),
-        noise=math.sqrt(variance),
+        noise=math.sqrt(noise),
         correlation=rho,
-        explained=1 - variance * free / spread,
+        explained=1 - noise * free / spread,
         signal=signal,
         releases=tuple(
-            FittedTrace(
-                trace, _model(trace, poles, part[3]), float(part[3][2]), math.sqrt(part[4][2, 2] * inflation)
-            )
-            for trace, part in zip(traces, parts, strict=True)
+            FittedTrace(trace, model, float(part[3][2]), math.sqrt(part[4][2, 2] * inflation))
+            for trace, model, part in zip(traces, fitted, parts, strict=True)
         ),
     )
 

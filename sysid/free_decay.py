@@ -152,7 +152,8 @@ def _rest_angles(
     if trace.signal == "roll":
         rests = [Quantity(f.level, f.level_std, "rad", "whole trace") for f in trace.releases]
         finest = BEST_SENSOR * max(release.amplitude for release in releases)
-        return list(releases), rests, max(floor.std, finest)
+        stated = max(fitted.trace.stated for fitted in trace.releases)
+        return list(releases), rests, max(floor.std, finest, stated)
     steady: list[Release] = []
     rests: list[Quantity] = []
     variance = 0.0

@@ -131,6 +131,7 @@ def _cut(roll: Roll, start: float | None, stop: float | None) -> Roll:
         time=roll.time[inside],
         roll=roll.roll[inside],
         std=roll.std[inside],
+        own_std=None if roll.own_std is None else roll.own_std[inside],
         rate=None if roll.rate is None else roll.rate[inside],
         rate_std=None if roll.rate_std is None else roll.rate_std[inside],
     )
@@ -152,6 +153,7 @@ def _release(roll: Roll, swing: Swing, chain: Chain, number: int, limit: float |
         time=roll.time[inside],
         roll=roll.roll[inside],
         std=roll.std[inside],
+        own_std=None if roll.own_std is None else roll.own_std[inside],
         origin=roll.origin,
         rate=None if roll.rate is None else roll.rate[inside],
         rate_std=None if roll.rate_std is None else roll.rate_std[inside],

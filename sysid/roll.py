@@ -35,6 +35,9 @@ class Roll:
     """Roll rate [rad/s], shape (n,), where a gyro measured it; `roll` is its integral if origin is 'gyro'."""
     rate_std: Array | None = None
     """Standard deviation of `rate` [rad/s], shape (n,)."""
+    own_std: Array | None = None
+    """Share of `std` that is not common to all samples [rad], shape (n,), where that is known: a lens or a slant
+    stretches or skews a whole swing, which hardly touches its frequency and its damping."""
     notes: tuple[str, ...] = ()
     """What was inferred while reading (column, unit, sampling rate, clock repairs), for people."""
     warnings: tuple[str, ...] = ()
@@ -63,6 +66,8 @@ class Release:
     rate: Array | None = None
     """Measured roll rate [rad/s], shape (n,), where there is one."""
     rate_std: Array | None = None
+    own_std: Array | None = None
+    """Share of `std` that is not common to all samples [rad], shape (n,), where that is known."""
     rest: float
     """Roll at rest about this release, as first estimated from the log [rad]."""
     hold: float

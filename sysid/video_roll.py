@@ -79,12 +79,14 @@ def roll_from_track(
     before = _unknowns(clip, track, lens, chosen, options)
     view = View(track, lens.straighten, clip.row_share)
     turning = chosen.solve(view, lens.matrix, before)
-    std = np.hypot(turning.std, track.shake.std) if track.shake.significant else turning.std
+    shaken = track.shake.std if track.shake.significant else np.zeros(len(turning.std))
+    std = np.hypot(turning.std, shaken)
+    own = std if turning.own is None else np.hypot(turning.own, shaken)
     time = view.time(turning.unknowns.readout)
     sign = -1.0 if options.front else 1.0
     angle = sign * (turning.angle + chosen.zero(turning))
     alone = lone_frames(time, angle, std)
-    signal = _Signal(time, angle, np.hypot(std, alone))
+    signal = _Signal(time, angle, np.hypot(std, alone), np.hypot(own, alone))
     _refuse_contradiction(clip.path, chosen, track, angle)
     pace = _refuse_slow(clip.path, signal)
     signal, filled, dropped = _fill(signal, pace)
@@ -110,6 +112,7 @@ def roll_from_track(
         time=signal.time - signal.time[0],
         roll=signal.roll,
         std=signal.std,
+        own_std=signal.own,
         origin="video",
         notes=tuple(notes),
         warnings=tuple(faults),
@@ -121,10 +124,10 @@ class _Signal:
     """Angle and deviation against time, NaN where the board was not seen."""
 
     def __init__(
-        self, time: Array, roll: Array, std: Array, index: npt.NDArray[np.intp] | None = None
+        self, time: Array, roll: Array, std: Array, own: Array, index: npt.NDArray[np.intp] | None = None
     ) -> None:
-        """Hold arrays of shape (n,); `index` counts the tracked frames."""
-        self.time, self.roll, self.std = time, roll, std
+        """Hold arrays of shape (n,); `own` is the share of `std` that is a frame's own, `index` counts the tracked frames."""
+        self.time, self.roll, self.std, self.own = time, roll, std, own
         self.index: npt.NDArray[np.intp] = np.arange(len(time)) if index is None else index
 
 
@@ -198,12 +201,8 @@ def _fill(signal: _Signal, pace: float) -> tuple[_Signal, int, int]:
     good = np.isfinite(signal.roll)
     first, last = np.flatnonzero(good)[[0, -1]]
     inside = slice(first, last + 1)
-    time, roll, std, good = (
-        signal.time[inside],
-        signal.roll[inside].copy(),
-        signal.std[inside].copy(),
-        good[inside],
-    )
+    time, roll, good = signal.time[inside], signal.roll[inside].copy(), good[inside]
+    deviations = [signal.std[inside].copy(), signal.own[inside].copy()]
     index = signal.index[inside]
     edges = np.flatnonzero(np.diff(np.concatenate([[True], good, [True]]).astype(int)))
     gaps = list(zip(edges[::2], edges[1::2], strict=True))
@@ -214,11 +213,13 @@ def _fill(signal: _Signal, pace: float) -> tuple[_Signal, int, int]:
         for a, b in short:
             roll[a:b] = spline(time[a:b])
             # Where the deck was let go in the gap, the cubic is no better than the chord.
-            std[a:b] = np.hypot(max(std[a - 1], std[b]), np.abs(roll[a:b] - straight[a:b]))
+            for std in deviations:
+                std[a:b] = np.hypot(max(std[a - 1], std[b]), np.abs(roll[a:b] - straight[a:b]))
     keep = np.isfinite(roll)
     dropped = len(signal.roll) - int(keep.sum())
     filled = int(keep.sum() - good.sum())
-    return _Signal(time[keep], roll[keep], std[keep], index[keep]), filled, dropped
+    std, own = (std[keep] for std in deviations)
+    return _Signal(time[keep], roll[keep], std, own, index[keep]), filled, dropped
 
 
 def _refuse_contradiction(path: Path, chosen: "Chosen", track: "Track", angle: Array) -> None:

@@ -42,6 +42,8 @@ class Turning:
     """Frames left out because their points do not fit a turning body."""
     shape: Complex
     """The body's points at angle zero, as a camera along the axis sees them, about their middle."""
+    own: Array | None = None
+    """Share of `std` that is not common to all frames [rad], shape (n,); all of it if None."""
 
 
 def fit_turning(view: View, matrix: Array, before: Unknowns, solid: Solid | None = None) -> Turning:
@@ -78,15 +80,17 @@ def fit_turning(view: View, matrix: Array, before: Unknowns, solid: Solid | None
     wrong = misfit > 12 * (float(np.nanmedian(misfit)) + FLOOR) + BLUR_SHARE * speed
     angle[wrong] = np.nan
     variance = found.noise.variance(speed) * solid.alike / size + stuck(view, found, solid) ** 2
-    variance += common_variance(view, angle, matrix, found) + smear(angle) ** 2
+    variance += smear(angle) ** 2
+    common = common_variance(view, angle, matrix, found)
     if other is not None:
-        variance += either_slant(view, angle, matrix, found, other)
-    std = np.sqrt(variance)
+        common += either_slant(view, angle, matrix, found, other)
+    seen = np.isfinite(angle)
     return Turning(
         unwrap(angle),
-        np.where(np.isfinite(angle), std, np.nan),
+        np.where(seen, np.sqrt(variance + common), np.nan),
         found.unknowns,
         float(np.sqrt(found.noise.rest)),
         int(wrong.sum()),
         found.body.shape,
+        np.where(seen, np.sqrt(variance), np.nan),
     )
