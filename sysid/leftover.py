@@ -11,7 +11,7 @@ import numpy as np
 
 from sysid.model_search import Model
 from sysid.noise import NoiseFloor, autocorrelation, band_excess, correlation_length
-from sysid.residual_noise import residual_noise
+from sysid.residual_noise import ResidualNoise, residual_noise
 from sysid.roll import Array
 from sysid.score_test import score_test
 
@@ -22,9 +22,11 @@ LEFT = 1e-5
 BAND = 4.0
 """Upper end of the band in which the joint moves, in natural frequencies."""
 LINE = 0.3
-"""Share of a residual's power in one line of its spectrum from which it is no noise."""
-STEADY = 2.0
-"""Ratio of power, late over early in the releases, up to which noise is the same throughout."""
+"""Share of a residual's power in one line of its spectrum from which it is no noise, if that is no chance."""
+CHANCES = 200
+"""Draws of noise with one memory, none of which may have such a line."""
+FADES = 0.5
+"""Ratio of power, late over early in the releases, from which a residual fades as the motion does."""
 
 Kind = Literal["white", "coloured", "motion"]
 
@@ -39,9 +41,9 @@ def kind_of(model: Model, period: float) -> Kind:
     problem, point = model.problem, model.minimum.point
     if whiteness(model, period) > WHITE:
         return "white" if score_test(problem, point).probability > LEFT else "motion"
-    if not _is_steady(model):
-        return "motion"
     noise = residual_noise(model.residuals)
+    if not _is_steady(model) or has_line(model.residuals, noise):
+        return "motion"
     return "coloured" if score_test(problem, point, noise).probability > LEFT else "motion"
 
 
@@ -68,9 +70,24 @@ def _is_steady(model: Model) -> bool:
     freedom = sum(len(t[0]) for t in thirds) / float(1 + 2 * np.sum(rho**2))
     ratio = late / early
     outer = min(float(fdtrc(freedom, freedom, ratio)), float(fdtr(freedom, freedom, ratio)))
-    if not 1 / STEADY < ratio < STEADY or freedom < 8 or outer < 1e-3:
-        return False
-    return _largest_line(residuals) < LINE
+    return ratio > FADES and freedom >= 8 and outer >= 1e-3
+
+
+def has_line(residuals: Sequence[Array], noise: ResidualNoise) -> bool:
+    """Whether one frequency has more of the power than noise has by chance.
+
+    Noise that is correlated over a tenth of the record has so few frequencies that one of them often stands
+    out. Where its memory is a single exponential, how often is drawn; any other may have a line of its own.
+
+    Args:
+        residuals: Of each release, evenly sampled.
+        noise: The autoregression that was fitted to them.
+    """
+    share = _largest_line(residuals)
+    if share < LINE or len(noise.coefficients) > 1:
+        return share >= LINE
+    rng = np.random.default_rng(0)
+    return all(_largest_line([noise.drawn(len(r), rng) for r in residuals]) < share for _ in range(CHANCES))
 
 
 def _largest_line(residuals: Sequence[Array]) -> float:

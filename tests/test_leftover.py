@@ -16,9 +16,10 @@ from sysid.diagnose import diagnose
 from sysid.errors import HuskyError
 from sysid.fit_problem import make_records
 from sysid.fit_search import scales_of
-from sysid.leftover import LEFT, kind_of, whiteness
+from sysid.leftover import LEFT, has_line, kind_of, whiteness
 from sysid.model_search import Searcher
 from sysid.noise import noise_floor, sensor_step
+from sysid.residual_noise import ResidualNoise, residual_noise
 from sysid.score_test import score_test
 
 BY_NAME = {truth.name: truth for truth in truths.TRUTHS}
@@ -47,6 +48,22 @@ def fitted(name, effects, tmp_path, **changes):
 )
 def test_what_is_left_is_called_what_it_is(name, effects, kind, tmp_path):
     assert kind_of(*fitted(name, effects, tmp_path)) == kind
+
+
+def test_slow_noise_has_no_line_where_chance_makes_one_frequency_stand_out():
+    """Noise that is correlated over 50 ms, three records of 1 s: often a third of its power is in one line."""
+    slow = ResidualNoise(1.0, np.array([np.exp(-1 / 25)]))
+    rng = np.random.default_rng(3)
+    draws = [[slow.drawn(500, rng) for _ in range(3)] for _ in range(40)]
+    strict = ResidualNoise(
+        1.0, np.zeros(2)
+    )  # a noise that may have a line of its own gets no benefit of the doubt
+    assert sum(has_line(draw, strict) for draw in draws) > 10
+    assert sum(has_line(draw, residual_noise(draw)) for draw in draws) <= 1
+    swing = 4 * slow.std * np.sin(2 * np.pi * 6 * np.arange(500) / 500)
+    assert all(
+        has_line(loud, residual_noise(loud)) for loud in ([r + swing for r in draw] for draw in draws[:5])
+    )
 
 
 def test_a_torque_that_looks_like_noise_is_found_by_its_shape(tmp_path):
