@@ -36,6 +36,13 @@ def test_help_imports_nothing_heavy():
     assert heavy_modules_after("import sysid.cli; sysid.cli.build_app()") == set()
 
 
+def test_an_interruption_is_caught_before_anything_slow_is_imported():
+    code = "import sysid.cli, sys; print(*sys.modules)"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert "sysid.cli" in result.stdout
+    assert not {"cyclopts", "rich", "importlib.metadata"} & set(result.stdout.split())
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_command_explains_itself(name):
     result = husky(name, "--help")

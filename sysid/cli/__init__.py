@@ -5,11 +5,12 @@ Each command is one file beside this one and is imported only when it is called,
 """
 
 import sys
-from importlib.metadata import version
-
-import cyclopts
+from typing import TYPE_CHECKING
 
 from sysid.errors import HuskyError
+
+if TYPE_CHECKING:
+    import cyclopts
 
 EXIT_CODES = """Exit codes: 0 good; 1 input or computation failed; 2 usage; 3 the quality gate said no."""
 
@@ -36,8 +37,12 @@ COMMANDS = {
 """Every command and its one-line help."""
 
 
-def build_app() -> cyclopts.App:
+def build_app() -> "cyclopts.App":
     """Return the application; commands are named here and imported when called."""
+    from importlib.metadata import version
+
+    import cyclopts
+
     app = cyclopts.App(
         name="husky-sysid",
         help=f"Find out why a MuJoCo joint does not behave like the real one, and mend it.\n\n{EXIT_CODES}",
@@ -58,5 +63,5 @@ def main() -> None:
     except BrokenPipeError:  # the reader (head, less) has gone
         raise SystemExit(0) from None
     except KeyboardInterrupt:
-        print("error: interrupted; nothing was changed", file=sys.stderr)  # noqa: T201
+        print("error: interrupted; no file is left half-written", file=sys.stderr)  # noqa: T201
         raise SystemExit(130) from None

@@ -112,6 +112,7 @@ class Printer:
             sys.stdout.write(json.dumps(content, indent=2, allow_nan=False) + "\n")
         else:
             write_json(Path(self.common.json), content)
+            self.note(f"written: {self.common.json}")
 
 
 def require_share(option: str, value: float) -> None:
