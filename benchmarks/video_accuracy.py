@@ -1,7 +1,7 @@
 """Roll from rendered films against the roll that was rendered: every nuisance alone, and all at once.
 
     MUJOCO_GL=egl python benchmarks/video_accuracy.py [--tracks DIR] [--only marker] [--cases 720p60] [--takes 6]
-        [--processes 2] [--seconds 3600] [--no-speed]
+        [--processes 2] [--seconds 3600]
 
 Every row is several takes: other releases, other lenses, other places of the camera, other noise. What
 was followed in a film is kept in DIR and used again; the film itself is not. Writes
@@ -13,7 +13,7 @@ import gzip
 import pickle
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -30,7 +30,7 @@ from sysid.releases import find_releases
 from sysid.roll import Array, Roll
 from sysid.video.camera import USUAL_FOCAL, Lens, lens_of, write_calibration
 from sysid.video.frames import open_clip
-from sysid.video_roll import VideoOptions, follow_board, roll_from_track, roll_from_video
+from sysid.video_roll import VideoOptions, follow_board, roll_from_track
 from sysid.workspace import Workspace
 
 LEVEL = Camera(pitch_deg=0.0, width=640, height=360, focal=1.4)
@@ -94,7 +94,6 @@ def main() -> None:
     parser.add_argument("--takes", type=int, default=6)
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--seconds", type=float, default=np.inf, help="start no more takes after so long")
-    parser.add_argument("--no-speed", action="store_true")
     arguments = parser.parse_args()
     arguments.tracks.mkdir(parents=True, exist_ok=True)
     jobs = [
@@ -107,7 +106,7 @@ def main() -> None:
     for cells in rows:
         print("| " + " | ".join(cells) + " |", flush=True)
     if not arguments.only and not arguments.cases:
-        write(rows, "" if arguments.no_speed else speed())
+        write(rows)
 
 
 def every(takes: int) -> Iterator[Job]:
@@ -268,13 +267,13 @@ def k_and_d(roll: Roll, motion: Motion, board: Board) -> tuple[float, float]:
     return film.stiffness.value / true.stiffness.value, film.damping.value / true.damping.value
 
 
-def write(rows: list[tuple[str, ...]], ending: str) -> None:
+def write(rows: list[tuple[str, ...]]) -> None:
     head = (
         "film", "method", "takes", "frames", "RMSE [°]", "largest [°]", "95 % covers", "k off [%]", "d off [%]",
     )  # fmt: skip
     lines = ["| " + " | ".join(cells) + " |" for cells in (head, ["---"] * len(head), *rows)]
     output = Path(__file__).parent / "results" / "video_accuracy.md"
-    output.write_text(HEAD + "\n".join(lines) + "\n" + (f"\n{ending}" if ending else ""))
+    output.write_text(HEAD + "\n".join(lines) + "\n")
 
 
 HEAD = f"""# Roll from rendered films
@@ -291,38 +290,6 @@ The films are H.264 with about 0.18 bit a pixel, which is what phones write (192
 bit; 240 frames/s: 480 MB, 0.13 bit of the stronger HEVC); Motion JPEG has 1.1.
 
 """
-
-
-def speed() -> str:
-    """Marker mode against merely decoding the same film, in the same run: best of five, both warm."""
-    lines: list[str] = []
-    with tempfile.TemporaryDirectory() as place:
-        path = Path(place) / "film.mp4"
-        camera = Camera(width=1920, height=1080, samples=1, instants=2)
-        film(path, load("pink"), rock(load("pink"), 4.0, ((0.3, 0.4),)), "marker", camera)
-
-        def decode() -> None:
-            capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
-            while capture.read()[0]:
-                pass
-
-        def whole() -> None:
-            roll_from_video(path, VideoOptions(method="marker"))
-
-        times = {work: np.array([measured(work) for _ in range(5)]) for work in (decode, whole)}
-        bare, all_ = times[decode].min(axis=0), times[whole].min(axis=0)
-        lines.append(
-            f"1080p, 4 s, H.264, marker mode, over decoding alone: {all_[0] / bare[0]:.2f} times as long, "
-            f"{all_[1] / bare[1]:.2f} times the processor's time."
-        )
-    return "\n".join(lines) + "\n"
-
-
-def measured(work: Callable[[], None]) -> tuple[float, float]:
-    """Wall and processor time [s]."""
-    wall, processor = time.perf_counter(), time.process_time()
-    work()
-    return time.perf_counter() - wall, time.process_time() - processor
 
 
 if __name__ == "__main__":

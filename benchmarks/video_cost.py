@@ -1,0 +1,114 @@
+"""Time and memory for following a marker in a film, against merely decoding it.
+
+    MUJOCO_GL=egl python benchmarks/video_cost.py [--rounds 5] [--repeats 10]
+
+Each works in a process of its own, in turn, several times; the table holds the best of each, because on a shared
+machine only ratios measured together mean anything. Memory is the peak resident size (Linux) less what the same
+process has after its imports. Writes benchmarks/results/video_cost.md.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import av
+
+from sim.film import Camera, film
+from sim.film_set import rock
+from sysid.workspace import Workspace
+
+RESULTS = Path(__file__).parent / "results" / "video_cost.md"
+DECODE = """
+import cv2
+def work(path):
+    capture = cv2.VideoCapture(path, cv2.CAP_FFMPEG)
+    while capture.read()[0]:
+        pass
+"""
+FOLLOW = """
+import pathlib, sysid.video.choose, sysid.video.track
+from sysid.video_roll import VideoOptions, roll_from_video
+def work(path):
+    roll_from_video(pathlib.Path(path), VideoOptions(method="marker"))
+"""
+WORKER = """
+import json, pathlib, re, sys, time
+{work}
+peak = lambda: int(re.search(r"VmHWM:\\s+(\\d+)", pathlib.Path("/proc/self/status").read_text())[1]) / 1024
+before, start, cpu = peak(), time.perf_counter(), time.process_time()
+work(sys.argv[1])
+print(json.dumps([time.perf_counter() - start, time.process_time() - cpu, peak() - before]))
+"""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--repeats", type=int, default=10)
+    arguments = parser.parse_args()
+    board = Workspace(Path()).load_board("pink")
+    with tempfile.TemporaryDirectory() as place:
+        short, long = Path(place) / "short.mp4", Path(place) / "long.mp4"
+        camera = Camera(width=1920, height=1080, samples=1, instants=2)
+        film(short, board, rock(board, 4.0, ((0.3, 0.4),)), "marker", camera)
+        repeat(short, long, arguments.repeats)
+        lines = [
+            "| film | | decoding | marker followed | ratio |",
+            "|---|---|---|---|---|",
+            *rows("4 s", short, arguments.rounds),
+            *rows(f"{4 * arguments.repeats} s", long, 1),
+        ]
+    head = (
+        "# What following a marker costs\n\n`benchmarks/video_cost.py`: 1920x1080, 60 frames/s, H.264, rendered by "
+        "`sim/film.py`; decoding is OpenCV's alone.\nBest of several processes in turn; both may use all cores.\n\n"
+    )
+    RESULTS.write_text(head + "\n".join(lines) + "\n")
+    print(RESULTS.read_text())
+
+
+def repeat(film: Path, path: Path, times: int) -> None:
+    """Write a film several times over, as one."""
+    with av.open(str(film)) as source:
+        packets = [packet for packet in source.demux(video=0) if packet.dts is not None]
+        assert packets[0].time_base is not None
+        span = round(1.0 / 60 / float(packets[0].time_base)) + max(packet.pts or 0 for packet in packets)
+        with av.open(str(path), "w") as copy:
+            stream = copy.add_stream_from_template(source.streams.video[0])
+            for _ in range(times):
+                for packet in packets:
+                    packet.stream = stream
+                    copy.mux(packet)
+                    packet.time_base = source.streams.video[0].time_base
+                    packet.pts = (packet.pts or 0) + span
+                    packet.dts = (packet.dts or 0) + span
+
+
+def rows(name: str, film: Path, rounds: int) -> list[str]:
+    """Return the rows of one film: time, processor time and memory, of decoding and of following."""
+    both = zip(
+        *(zip(*(measured(work, film) for work in (DECODE, FOLLOW)), strict=True) for _ in range(rounds)),
+        strict=True,
+    )
+    best = [tuple(min(values) for values in zip(*quantity, strict=True)) for quantity in both]
+    return [
+        f"| {name} | {what} | {bare:.3g} {unit} | {whole:.3g} {unit} | {whole / bare:.2f} |"
+        for (what, unit), (bare, whole) in zip(
+            (("time", "s"), ("processor time", "s"), ("peak memory", "MB")), best, strict=True
+        )
+    ]
+
+
+def measured(work: str, film: Path) -> list[float]:
+    """Seconds, the processor's seconds and MB of one process."""
+    code = WORKER.format(work=work)
+    result = subprocess.run(
+        [sys.executable, "-c", code, str(film)], capture_output=True, text=True, check=True
+    )
+    return json.loads(result.stdout)
+
+
+if __name__ == "__main__":
+    main()
