@@ -19,8 +19,8 @@ from sysid.video.frames import Clip, grey
 from sysid.video.marker import MarkerTracker, find_marker
 from sysid.video.options import VideoOptions
 from sysid.video.solid import Solid
-from sysid.video.survey import Survey, survey
-from sysid.video.track import Track, Tracker
+from sysid.video.survey import Survey, box_of, survey
+from sysid.video.track import Box, Track, Tracker
 from sysid.video.turning import Turning, fit_turning
 from sysid.video.unknowns import Unknowns
 from sysid.video.view import View
@@ -47,12 +47,12 @@ the reference knows nothing."""
 DOT_FLOOR = 0.08
 """Least standard deviation of a dot's place [px]: films hold colour at half the resolution of brightness."""
 NOT_FOUND = {
-    "marker": "no ArUco or AprilTag marker is seen. Print a larger one with a white margin, film it sharp and "
+    "marker": "no ArUco or AprilTag marker is seen{where}. Print a larger one with a white margin, film it sharp and "
     "large (50 px or more)",
-    "dots": "no coloured dot that moves is seen. Use stickers of a colour that nothing else has",
-    "features": f"fewer than {FEWEST} patches of texture move as one. Film the deck larger or in more light",
-    "edge": "no straight edge that moves is seen. Give its region with --roi LEFT TOP WIDTH HEIGHT",
-    "auto": "no board is found: neither marker, coloured dots, texture nor straight edge moves. Print a marker "
+    "dots": "no coloured dot that moves is seen{where}. Use stickers of a colour that nothing else has",
+    "features": f"fewer than {FEWEST} patches of texture move as one{{where}}. Film the deck larger or in more light",
+    "edge": "no straight edge that moves is seen{where}. Give its region with --roi LEFT TOP WIDTH HEIGHT",
+    "auto": "no board is found{where}: neither marker, coloured dots, texture nor straight edge moves. Print a marker "
     "(docs/video.md)",
 }
 
@@ -89,36 +89,45 @@ def choices(clip: Clip, options: VideoOptions) -> Iterator[Chosen]:
     Raises:
         HuskyError: Nothing that can be followed is found.
     """
-    auto = options.method == "auto"
+    if options.pivot is not None and options.method not in ("auto", "dots"):
+        raise HuskyError(
+            f"--pivot {options.pivot[0]:g} {options.pivot[1]:g}: it is what a single dot turns about, and --method "
+            f"{options.method} follows no dot. Leave out one of the two."
+        )
+    method = "dots" if options.pivot is not None else options.method
+    auto = method == "auto"
     found = False
-    if auto or options.method == "marker":
-        chosen = _marker(clip, auto)
+    region = None if options.roi is None else box_of(clip, options.roi)
+    if auto or method == "marker":
+        chosen = _marker(clip, auto, region)
         if chosen is not None:
             yield chosen
             return
-    if options.method != "marker":
+    if method != "marker":
         look = survey(clip, options.roi)
         ways = {"dots": _dots, "features": _features, "edge": partial(_edge, clip)}
-        for way in ways.values() if auto else (ways[options.method],):
+        for way in ways.values() if auto else (ways[method],):
             chosen = way(look, options)
             if chosen is not None:
                 found = True
                 yield chosen
     if not found:
         other = "." if auto else ", or choose another --method."
-        raise HuskyError(f"{clip.path}: {NOT_FOUND[options.method]}{other}")
+        where = "" if options.roi is None else f" in --roi {' '.join(map(str, options.roi))}"
+        raise HuskyError(f"{clip.path}: {NOT_FOUND[method].format(where=where)}{other}")
 
 
-def _marker(clip: Clip, auto: bool) -> Chosen | None:
+def _marker(clip: Clip, auto: bool, region: Box | None) -> Chosen | None:
     every = max(1, clip.announced // MARKER_SEARCH)
+    region = region or (0, 0, clip.width, clip.height)
     for frame in clip.frames(every):
-        marker = find_marker(frame.picture)
+        marker = find_marker(frame.picture, region)
         if marker is not None:
             break
     else:
         return None
     return Chosen(
-        tracker=MarkerTracker(marker),
+        tracker=MarkerTracker(marker, region),
         what=f"{marker.kind} marker {marker.number}",
         why=f"follows {marker.kind} marker {marker.number}" + (", as one is in the picture" if auto else ""),
         solve=partial(fit_turning, solid=Solid(square=True)),
@@ -131,10 +140,15 @@ def _marker(clip: Clip, auto: bool) -> Chosen | None:
 def _dots(look: Survey, options: VideoOptions) -> Chosen | None:
     dots = find_dots(look)
     auto = ", as no marker is in the picture and they stand out" if options.method == "auto" else ""
+    if len(dots) == 2 and options.pivot is not None:
+        raise HuskyError(
+            f"--pivot {options.pivot[0]:g} {options.pivot[1]:g}: it is what a single dot turns about, and two dots move "
+            "here, which need none. Leave it out, or give the region of the one with --roi LEFT TOP WIDTH HEIGHT."
+        )
     size = ", ".join(f"{2 * dot.radius:.0f} px wide at {dot.place[0]:.0f},{dot.place[1]:.0f}" for dot in dots)
     if len(dots) == 2:
         return Chosen(
-            tracker=DotTracker(dots, look.box),
+            tracker=DotTracker(dots, look.box, confined=options.roi is not None),
             what="the pair of dots",
             why=f"follows two coloured dots ({size}){auto}",
             solve=partial(fit_turning, solid=Solid(floor=DOT_FLOOR, dead_zone=DEAD_ZONE)),
@@ -145,7 +159,7 @@ def _dots(look: Survey, options: VideoOptions) -> Chosen | None:
     if not dots:
         return None
     return Chosen(
-        tracker=DotTracker(dots, look.box),
+        tracker=DotTracker(dots, look.box, confined=options.roi is not None),
         what="the dot",
         why=f"follows one coloured dot ({size}) about a {'fitted' if options.pivot is None else 'given'} pivot{auto}",
         solve=partial(fit_pivot, pivot=options.pivot),

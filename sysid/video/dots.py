@@ -60,6 +60,8 @@ class DotTracker:
 
     dots: tuple[Dot, ...]
     box: tuple[int, int, int, int]
+    confined: bool = False
+    """Whether dots outside the box are not looked at: the user gave it."""
     _places: Array = field(init=False)
     _velocity: Array = field(init=False)
     _time: float | None = None
@@ -91,6 +93,8 @@ class DotTracker:
             if len(self.dots) == 2:
                 reach = min(reach, 0.6 * float(np.linalg.norm(self._places[1] - self._places[0])))
             found = self._near(frame.picture, predicted[number], reach, dot)
+            if found is not None and self.confined and not self._inside(found[0]):
+                continue
             # A hand in front of a part of a dot moves the middle of what is left; blur only spreads it.
             if found is not None and not found[1] < COVERED * self._size[number]:
                 places[number], sizes[number] = found
@@ -104,6 +108,10 @@ class DotTracker:
         self._places, self._time, self._lost = places, frame.time, 0
         self._size = np.where(np.isfinite(self._size), 0.9 * self._size + 0.1 * sizes, sizes)
         return places
+
+    def _inside(self, place: Array) -> bool:
+        left, top, right, bottom = self.box
+        return bool(left <= place[0] < right and top <= place[1] < bottom)
 
     def _plausible(self, places: Array) -> bool:
         if len(places) == 1:

@@ -1,6 +1,6 @@
 """An ArUco or AprilTag marker on the deck's end: found once, then followed edge by edge."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import cv2
@@ -10,6 +10,7 @@ import numpy.typing as npt
 from sysid.roll import Array
 from sysid.video.frames import Frame, Picture, crop, grey
 from sysid.video.straight_edge import corners, find_edges
+from sysid.video.track import Box
 
 DICTIONARIES = {
     "ArUco 4x4": cv2.aruco.DICT_4X4_50,
@@ -39,15 +40,22 @@ class Marker:
     """Upper left, upper right, lower right, lower left of the marker [px], shape (4, 2)."""
 
 
-def find_marker(picture: Picture) -> Marker | None:
-    """Return the largest marker of any known dictionary in a picture, or None."""
-    dark = grey(picture)
+def find_marker(picture: Picture, region: Box | None = None) -> Marker | None:
+    """Return the largest marker of any known dictionary in a picture, or None.
+
+    Args:
+        picture: The picture.
+        region: Left, top, right and bottom [px] of where to look; everywhere if None.
+    """
+    part, corner = crop(picture, region or (0, 0, picture.shape[1], picture.shape[0]))
+    dark = grey(part)
     found: list[Marker] = []
     for kind, dictionary in DICTIONARIES.items():
         found += _detect(dark, kind, dictionary)
         if found:  # a marker of one dictionary may look like a poor one of another
             break
-    return max(found, key=lambda marker: float(np.ptp(marker.corners, axis=0).max()), default=None)
+    largest = max(found, key=lambda marker: float(np.ptp(marker.corners, axis=0).max()), default=None)
+    return None if largest is None else replace(largest, corners=largest.corners + corner)
 
 
 @dataclass(slots=True)
@@ -55,6 +63,8 @@ class MarkerTracker:
     """Follows one marker: its four edges from frame to frame, found anew where that fails."""
 
     marker: Marker
+    region: Box | None = None
+    """Left, top, right and bottom [px]: it is followed inside only. Everywhere if None."""
     cells: Array = field(init=False)
     """Brightness of the marker's cells, border included, less its mean, in standard deviations."""
     _middles: npt.NDArray[np.float32] = field(init=False)
@@ -76,7 +86,7 @@ class MarkerTracker:
         self.cells = (cells - cells.mean()) / cells.std()
         rows, columns = np.mgrid[0:size, 0:size] + 0.5
         self._middles = np.stack([columns, rows], axis=-1).astype(np.float32).reshape(-1, 1, 2)
-        self._corners = self.marker.corners
+        self._corners = self.marker.corners - ((0, 0) if self.region is None else self.region[:2])
 
     @property
     def points(self) -> int:
@@ -93,6 +103,13 @@ class MarkerTracker:
 
     def update(self, frame: Frame) -> Array | None:
         """Return the corners in this frame [px], shape (4, 2), or None where the marker is not seen."""
+        if self.region is None:
+            return self._follow(frame)
+        part, corner = crop(frame.picture, self.region)
+        found = self._follow(replace(frame, picture=part))
+        return None if found is None else found + corner
+
+    def _follow(self, frame: Frame) -> Array | None:
         interval = frame.time - self._time
         found = predicted = None
         if self._corners is not None:

@@ -64,8 +64,13 @@ def survey(clip: Clip, roi: tuple[int, int, int, int] | None) -> Survey:
         low, high = np.minimum(low, still), np.maximum(high, still)
     if first is None:
         raise HuskyError(f"{clip.path}: no frame can be decoded. Copy the file again from the camera.")
-    moving = _moving(high - low, first.picture.shape[:2])
-    if given is not None:
+    moving = _moving(high - low, first.picture.shape[:2], given)
+    if given is not None and roi is not None:
+        if not moving.any() and _moving(high - low, first.picture.shape[:2], None).any():
+            raise HuskyError(
+                f"{clip.path}: what moves is all outside --roi {' '.join(map(str, roi))}. Give the region in which the "
+                f"board moves (left, top, width and height in px of {clip.width}x{clip.height}), or leave it out."
+            )
         return Survey(first, tuple(pictures), given, moving, tuple(indices))
     rows, columns = np.flatnonzero(moving.any(axis=1)), np.flatnonzero(moving.any(axis=0))
     if not len(rows):
@@ -105,24 +110,37 @@ def _inside(box: tuple[int, int, int, int], clip: Clip) -> tuple[int, int, int, 
 
 
 def _held(small: Picture, start: Picture) -> npt.NDArray[np.float32]:
-    """Shift a small picture onto the first one, so that a shaking camera does not count as motion."""
+    """Shift a small picture onto the first one, so that a shaking camera does not count as motion.
+
+    Before a plain wall, what moves in the picture looks like a shift: one that makes the whole less alike is none.
+    """
     dark = cv2.cvtColor(small, cv2.COLOR_BGR2GRAY).astype(np.float32)
     window = cv2.createHanningWindow((small.shape[1], small.shape[0]), cv2.CV_32F)
     shift, _ = cv2.phaseCorrelate(start.astype(np.float32), dark, window)
     if max(abs(shift[0]), abs(shift[1])) > 0.05 * SMALL:
         return small.astype(np.float32)
     move = np.array([[1, 0, -shift[0]], [0, 1, -shift[1]]])
-    return cv2.warpAffine(
+    held = cv2.warpAffine(
         small, move, (small.shape[1], small.shape[0]), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-    ).astype(np.float32)
+    )
+    unlike = [cv2.absdiff(grey(np.asarray(one, np.uint8)), start) for one in (small, held)]
+    plain, shifted = (float(np.minimum(one, LEAST_CHANGE).mean()) for one in unlike)
+    return np.asarray(held if shifted < plain else small, np.float32)
 
 
-def _moving(change: npt.NDArray[np.float32], shape: tuple[int, ...]) -> npt.NDArray[np.bool_]:
-    """Threshold the range of each pixel; keep the largest patch and what is a fifth as large or more."""
+def _moving(
+    change: npt.NDArray[np.float32], shape: tuple[int, ...], box: tuple[int, int, int, int] | None
+) -> npt.NDArray[np.bool_]:
+    """Threshold the range of each pixel; keep the largest patch, in a box, and what is a fifth as large or more."""
     amount = cv2.GaussianBlur(change.max(axis=2), (0, 0), 1.5)
     level = max(LEAST_CHANGE, 3 * float(np.median(amount)))
     mask = cv2.morphologyEx((amount > level).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     mask = cv2.dilate(mask, np.ones((5, 5), np.uint8))
+    if box is not None:
+        left, top, right, bottom = np.round(np.array(box) * amount.shape[1] / shape[1]).astype(int)
+        inside = np.zeros_like(mask)
+        inside[top:bottom, left:right] = 1
+        mask = mask * inside
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask)
     areas = stats[1:, cv2.CC_STAT_AREA]
     if count < 2 or areas.max() < 40:
