@@ -44,7 +44,7 @@ ALONE = {
     "strong compression: 0.05 bit a pixel": replace(LEVEL, bits=0.05),
     "camera looks down 15°": replace(LEVEL, pitch_deg=15.0),
     "camera 15° to the side": replace(LEVEL, yaw_deg=15.0),
-    "blur: 1/100 s": replace(LEVEL, exposure=1 / 100, instants=9),
+    "blur: 1/100 s": replace(LEVEL, exposure=1 / 100),
     "noise: 6 grey levels": replace(LEVEL, noise=6.0),
     "variable rate ±20 %": replace(LEVEL, jitter=0.2),
     "rolling shutter 14 ms, given": replace(LEVEL, readout=0.014),
@@ -54,7 +54,7 @@ ALONE = {
     "hand in front for 80 ms": replace(LEVEL, hand=(0.62, 0.70)),
 }
 """One nuisance each, 640x360 at 60 frames/s."""
-FASTER = replace(ALL, fps=240.0, exposure=1 / 480, readout=0.004, instants=2)
+FASTER = replace(ALL, fps=240.0, exposure=1 / 480, readout=0.004)
 TOGETHER = {
     "all at once, 720p60": ("pink", ALL),
     "all at once, 1080p60": ("pink", replace(ALL, width=1920, height=1080)),

@@ -52,7 +52,7 @@ def main() -> None:
     board = Workspace(Path()).load_board("pink")
     with tempfile.TemporaryDirectory() as place:
         short, long = Path(place) / "short.mp4", Path(place) / "long.mp4"
-        camera = Camera(width=1920, height=1080, samples=1, instants=2)
+        camera = Camera(width=1920, height=1080, samples=1)
         film(short, board, rock(board, 4.0, ((0.3, 0.4),)), "marker", camera)
         repeat(short, long, arguments.repeats)
         lines = [

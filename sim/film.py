@@ -1,8 +1,8 @@
 """Films a board whose roll is known: test clips with the faults of a real camera.
 
-Every frame is a time integral: the set is rendered at several instants across the exposure (and,
-with a rolling shutter, across the read-out), and each row of the picture is the mean over its own
-exposure. Camera shake is a rotation of the camera about its centre, which for a picture is an exact
+Every frame is a time integral: the set is rendered at as many instants across the exposure (and,
+with a rolling shutter, across the read-out) as the motion takes, and each row of the picture is the mean
+over its own exposure. Camera shake is a rotation of the camera about its centre, which for a picture is an exact
 homography. Lens, noise and compression follow in the order in which they happen in a camera.
 """
 
@@ -57,8 +57,8 @@ class Camera:
     """Standard deviation of the frame interval, as a share of it; the stamps say the truth."""
     hand: tuple[float, float] | None = None
     """Time span [s] in which a hand sweeps through the picture in front of the board."""
-    instants: int = 5
-    """Renderings a frame across exposure and read-out."""
+    step: float = 1.5
+    """Farthest that a point moves from one rendering of a frame to the next [px]."""
     bits: float = 0.18
     """Bits a pixel of an H.264 film, on average: a phone's 1920x1080 at 60 frames/s takes 23 Mbit/s."""
     samples: int = 2
@@ -189,7 +189,13 @@ class _Stage:
         rows = top + np.arange(height)
         centres = stamp + self.camera.readout * rows / self.camera.height
         half = self.camera.exposure / 2
-        instants = np.linspace(centres[0] - half, centres[-1] + half, self.camera.instants)
+        begin, end = centres[0] - half, centres[-1] + half
+        turned = np.abs(np.diff(motion.at(np.linspace(begin, end, 16)))).sum()
+        instants = np.linspace(
+            begin,
+            end,
+            1 + int(np.ceil(turned * self.part.width / 2 / self.camera.samples / self.camera.step)),
+        )
         weights = _box_weights(instants, centres - half, centres + half)
         exposed = np.zeros((height, width, 3), np.float32)
         for weight, roll in zip(weights, motion.at(instants), strict=True):

@@ -10,10 +10,10 @@ from sim.film_set import Mark, Motion, rock
 from sysid.roll import Array, Roll
 from sysid.workspace import Workspace
 
-SMALL = Camera(width=640, height=360, pitch_deg=6.0, focal=1.4, instants=3)
+SMALL = Camera(width=640, height=360, pitch_deg=6.0, focal=1.4)
 REALISTIC = Camera(
     width=640, height=360, focal=1.4, yaw_deg=5.0, pitch_deg=7.0, roll_deg=1.5, exposure=1 / 240, noise=2.0,
-    jitter=0.1, readout=0.01, shake_deg=0.08, instants=4,
+    jitter=0.1, readout=0.01, shake_deg=0.08,
 )  # fmt: skip
 
 
