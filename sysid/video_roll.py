@@ -5,6 +5,7 @@ straight edge, or its texture. From then on all is one: points in pictures, free
 shake and rolling shutter, and the angle of a body that turns about an axis seen at a slant.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,6 +32,10 @@ MOST_SEEN = 0.6
 """Share of the frames in which what is followed must be seen."""
 SHUTTER_SEEN = 0.5
 """A read-out counts as seen in the film if that leaves less than this share of its uncertainty."""
+COARSE = frozenset(
+    {"FMP4", "MP4V", "XVID", "DIVX", "DX50", "DIV3", "MP42", "MP43", "H263", "S263", "MPG1", "MPG2", "FLV1"}
+)
+"""Kinds of compression with motion to half a pixel: MPEG-4 part 2 and those before it."""
 LONGEST_GAP = 3
 """Lost frames in a row that are interpolated over."""
 
@@ -58,6 +63,12 @@ def roll_from_video(path: Path, options: VideoOptions | None = None) -> Roll:
     lens = lens_of(clip, options.calibration)
     chosen, track = follow_board(clip, lens, options)
     roll, rows = roll_from_track(clip, lens, chosen, track, options)
+    if clip.codec in COARSE:
+        fault = (
+            f"compressed as {clip.codec}, an old way that leaves out more small motion than the deviations hold: k may be "
+            "off by 5 %; give the film as the camera wrote it (H.264, HEVC)"
+        )
+        roll = replace(roll, warnings=(*roll.warnings, fault))
     if options.overlay is not None:
         from sysid.video.overlay import draw_overlay
 

@@ -48,6 +48,8 @@ class Clip:
     """Clockwise turn that the container asks for [deg]: 0, 90, 180 or 270."""
     announced: int
     """Number of frames according to the container; 0 where it does not say."""
+    codec: str = ""
+    """Four letters that name the compression, in capitals, e.g. H264, HEVC, MJPG, FMP4; empty where not known."""
 
     def frames(self, every: int = 1) -> Generator[Frame]:
         """Decode the clip from its start; only every `every`-th frame is converted to a picture.
@@ -149,10 +151,13 @@ def open_clip(path: Path) -> Clip:
             )
         announced = max(0, int(capture.get(cv2.CAP_PROP_FRAME_COUNT)))
         rotation = int(capture.get(cv2.CAP_PROP_ORIENTATION_META)) % 360
+        letters = max(0, int(capture.get(cv2.CAP_PROP_FOURCC))).to_bytes(8, "little")[:4]
+        codec = letters.decode("ascii", "ignore").strip("\0 ").upper()
         good, picture = capture.read()
     if not good:
         raise HuskyError(f"{path}: no frame can be decoded; the file is damaged or empty. Copy it again.")
-    return Clip(path, picture.shape[1], picture.shape[0], rotation if rotation % 90 == 0 else 0, announced)
+    turned = rotation if rotation % 90 == 0 else 0
+    return Clip(path, picture.shape[1], picture.shape[0], turned, announced, codec)
 
 
 def crop(picture: Picture, box: tuple[int, int, int, int]) -> tuple[Picture, tuple[int, int]]:
