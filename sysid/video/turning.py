@@ -21,9 +21,6 @@ from sysid.video.telling_frames import telling_frames
 from sysid.video.unknowns import Unknowns
 from sysid.video.view import View
 
-FEW = 2
-"""With so few points a slant to the other side is tried as well."""
-
 
 @dataclass(frozen=True, slots=True)
 class Turning:
@@ -62,8 +59,8 @@ def fit_turning(view: View, matrix: Array, before: Unknowns, solid: Solid | None
     some = telling_frames(view, solid.still)
     found = fit_circles(view, some, matrix, before, solid, before)
     other = None
-    if view.track.points.shape[1] == FEW and {0, 1} <= set(before.free):
-        # From afar, a slant to one side and to the other look alike to few points.
+    if {0, 1} <= set(before.free):
+        # From afar, a slant to one side and to the other look alike: the search may have ended in the wrong one.
         away = found.unknowns.value * [-1, -1, 1, 1] + before.value * [2, 2, 0, 0]
         other = fit_circles(view, some, matrix, before, solid, found.unknowns.at(away))
         found, other = (other, found) if other.cost < found.cost else (found, other)
