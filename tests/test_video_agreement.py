@@ -12,7 +12,6 @@ from sysid.errors import HuskyError
 from sysid.video.belonging import belonging
 from sysid.video.dots import Dot, DotTracker
 from sysid.video.edge_slope import best_path
-from sysid.video.edge_turn import agree
 from sysid.video.frames import Frame
 from sysid.video.lone_frames import lone_frames
 from sysid.video.rectify import rectify
@@ -70,36 +69,6 @@ def test_a_picture_that_compression_repeats_is_less_certain():
     points[70:] = points[70]
     turning = turned(points, Solid(dead_zone=0.15, shows_lens=False))
     assert turning.std[71:].min() > 2 * np.median(turning.std[55:69])
-
-
-def edges(count):
-    rng = np.random.default_rng(2)
-    deviation = np.full((len(TIME), count), 0.002)
-    return ROLL[:, None] + 0.002 * rng.normal(size=deviation.shape), deviation
-
-
-def test_a_long_side_of_the_deck_is_outvoted():
-    direction, deviation = edges(4)
-    direction[:, 3] = 0.6 * ROLL + 0.05  # longer than all others, and sharper
-    direction[:, 1] += np.pi  # the darker side is above it
-    deviation[:, 3] = 0.001
-    common = agree(direction, deviation, np.arange(4))
-    angle = np.angle(np.sum(common.weight * np.exp(1j * (direction - common.offset)), axis=1))
-    error = angle - ROLL
-    assert np.isfinite(common.variance).all()
-    assert np.abs(error - np.median(error)).max() < 4 * np.sqrt(common.variance.max())
-    assert np.all(common.weight[:, 3] < 0.1 * common.weight[:, 0])
-
-
-def test_parts_of_one_line_are_one_witness():
-    direction, deviation = edges(4)
-    wrong = 0.6 * ROLL
-    direction[:, 2:] = (wrong + 0.002 * np.random.default_rng(3).normal(size=len(TIME)))[:, None]
-    common = agree(direction, deviation, np.array([0, 0, 2, 2]))
-    far = np.abs(ROLL - wrong) > np.radians(4)
-    # One line against another: the frames in which they contradict each other are not believed.
-    doubt = np.sqrt(common.variance[far])
-    assert np.all(~np.isfinite(doubt) | (doubt > np.radians(1)))
 
 
 def test_the_slope_of_the_deck_is_told_by_the_whole_film():

@@ -22,7 +22,6 @@ from sysid.errors import HuskyError
 from sysid.roll import Roll
 from sysid.video.background import Background
 from sysid.video.camera import Lens, lens_of, write_calibration
-from sysid.video.edge_turn import elsewhere
 from sysid.video.frames import Frame, open_clip
 from sysid.video.marker import find_marker, marker_svg
 from sysid.video.options import VIDEO_SUFFIXES
@@ -433,16 +432,6 @@ def test_shake_is_a_rotation_and_tells_the_lens():
     )
     back = shake.undo(np.stack([there.real, there.imag], axis=-1), np.arange(200))
     np.testing.assert_allclose(back, points, atol=1e-6)
-
-
-def test_another_line_than_the_edge_is_left_out():
-    angle = 0.4 * np.cos(np.linspace(0, 12, 90))
-    along = 60 * np.exp(1j * angle)
-    middle = 300 + 200j + 30j * np.exp(1j * angle)
-    middle[[20, 50]] += 12j
-    ends = np.stack([middle - along, middle + along], axis=1)
-    wrong = elsewhere(np.stack([ends.real, ends.imag], axis=-1))
-    assert np.flatnonzero(wrong).tolist() == [20, 50]
 
 
 def test_memory_grows_by_little_more_than_the_points(marker_film, tmp_path):

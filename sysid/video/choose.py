@@ -11,14 +11,15 @@ from sysid.roll import Array
 from sysid.video.belonging import belonging
 from sysid.video.dots import DotTracker, find_dots, fit_pivot
 from sysid.video.edge import EdgeTracker
-from sysid.video.edge_find import find_deck_edges
+from sysid.video.edge_find import find_deck_end
 from sysid.video.edge_slope import deck_slopes
-from sysid.video.edge_turn import ASIDE, fit_direction
+from sysid.video.edge_turn import fit_direction
 from sysid.video.features import FEWEST, FeatureTracker, count_alike, find_features
 from sysid.video.frames import Clip, grey
 from sysid.video.marker import MarkerTracker, find_marker
 from sysid.video.options import VideoOptions
 from sysid.video.solid import Solid
+from sysid.video.straight_edge import PIECES
 from sysid.video.survey import Survey, box_of, survey
 from sysid.video.track import Box, Track, Tracker
 from sysid.video.turning import Turning, fit_turning
@@ -186,35 +187,27 @@ def _features(look: Survey, options: VideoOptions) -> Chosen | None:
 
 
 def _edge(clip: Clip, look: Survey, options: VideoOptions) -> Chosen | None:
-    slopes = deck_slopes(clip, look)
-    edges = find_deck_edges(look, slopes)
-    count = len(edges.ends)
-    if not count:
+    end = find_deck_end(look, deck_slopes(clip, look))
+    if end is None:
         return None
-    lengths = ", ".join(
-        f"{length:.0f}" for length in np.linalg.norm(edges.ends[:, 1] - edges.ends[:, 0], axis=1)
-    )
+    count = len(end.ends)
+    lengths = ", ".join(f"{length:.0f}" for length in np.ptp(end.ends[..., 0], axis=1))
     auto = ", as neither marker, dots nor texture are in the picture" if options.method == "auto" else ""
-    tracker = EdgeTracker(edges, slopes, look.box)
+    tracker = EdgeTracker(end, look.pictures[0], look.box)
     warnings: tuple[str, ...] = ()
     if options.camera_angle is None:
         warnings = (
             "an edge does not show from where the camera looks: it is taken to look along the board's axis "
             "to within 5 degrees (say otherwise with --camera-angle)",
         )
-    elif abs(options.camera_angle[0]) > ASIDE:
-        warnings = (
-            f"from {np.degrees(abs(options.camera_angle[0])):.0f}° aside the outline of the deck's long side passes for "
-            "that of its end, to within 2 degrees: film from behind, or put a marker on the deck's end",
-        )
     return Chosen(
         tracker=tracker,
         what="the deck's edge",
         why=f"follows {count} straight edge{'s' if count > 1 else ''} ({lengths} px long){auto}",
-        solve=partial(fit_direction, deviations=tracker.deviations, slopes=slopes),
+        solve=partial(fit_direction, pivot=end.pivot),
         zero=partial(_level, direction=1 + 0j, symmetry=2),
         zero_note="roll zero is where the edge is level in the picture",
-        joined=tuple((2 * edge, 2 * edge + 1) for edge in range(count)),
+        joined=tuple((point, point + 1) for point in range(PIECES * count) if (point + 1) % PIECES),
         finds_direction=False,
         warnings=warnings,
     )

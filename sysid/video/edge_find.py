@@ -1,175 +1,276 @@
-"""Edges across the deck, found all over a film, and what they turn about."""
+"""The edges of the deck's end, and what they turn about: what stays where it is in pictures turned back.
+
+Pictures are turned back by the slope of the lines in them, about a point. About the right one, the edges of the
+deck's end coincide in all pictures; nothing else does, neither its long sides, which lead away from the camera, nor
+the horizon.
+"""
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.edge_slope import PARALLEL, normals, segments, sides_of, slope_of, still_there
+from sysid.video.frames import Picture
 from sysid.video.still_picture import camera_shift
 from sysid.video.survey import Survey
 
-SHORTEST = 40
-"""Shortest edge that is followed [px]."""
-MOST = 8
+SMALL = 640
+"""Width of the pictures in which edges are looked for [px]."""
+SHORTEST = 0.06
+"""Shortest edge that is followed, in widths of the picture."""
+MOST = 4
 """Edges that are followed at most."""
-PICTURES = 40
-"""Pictures in which edges are looked for."""
-FAINTEST = 12.0
-"""Least contrast of an edge [grey levels]."""
-ATTITUDE = np.radians(5.0)
-"""Turn of the deck from which on its edges are not where they were."""
-STAYS = 0.4
-"""Share of the other attitudes in which a line may be where it was and still be the deck's."""
-ALIKE = 25.0
-"""Difference of brightness up to which two lines may be the same edge [grey levels]."""
-PAIRS = 4
-"""Pairs of lines from different attitudes that are needed to tell the pivot."""
-COMPARED = 120
-"""Lines that are compared at most to find the pivot."""
-FAR = 0.3
-"""Share of its support that a pivot a quarter of the board's width from the middle of the level deck loses."""
-GRID = 15
-"""Pivots across and down that are tried first."""
-NEAR = 0.02
-"""Distance at which two lines, turned back, are one, as a share of the width of what moves."""
+STEEP = 8.0
+"""Slope of brightness beyond which more is no better [grey levels/px]: the deck's end against its own upper side
+tells as much as against a bright wall."""
+STRAIGHT = 15
+"""Length over which brightness must step alike, so that it is an edge rather than texture [px]."""
+NEAR = (9.0, 18.0)
+"""How near to the pivot, across and down, pictures turned back begin to coincide, in small pictures [px]."""
+ATTITUDE = np.radians(3.0)
+"""Turns that are one attitude."""
+ACROSS, DOWN = 3.0, 1.0
+"""Steps of the grid that turns with the deck [px]."""
+FAINTEST = 0.2
+"""What an edge must show of the best one's steps of brightness."""
+STILL = 1.5
+"""What is seen in one picture must be so much stronger than what is seen there in all of them."""
+IN_MOST = 0.35
+"""Share of the attitudes in which an edge of the deck may be weaker than it counts: against a dark floor, say."""
+THERE = 0.3
+"""What an edge must show anywhere along it of what it shows at its best."""
+WIDEST = np.radians(40.0)
+"""Largest slope that is looked for."""
+BESIDE = 3
+"""Half the width of the ridge that an edge is when all pictures are laid on each other, in steps of the grid."""
+APART = 4
+"""Distance of two edges [px]."""
 
 
 @dataclass(frozen=True, slots=True)
-class Edges:
-    """Edges of the deck, found in several pictures, as they would be in the first."""
+class DeckEnd:
+    """Edges of the deck's end when its lines are level."""
 
-    ends: Array
-    """Both ends of each [px], the brighter side above the line from the first to the second, shape (E, 2, 2)."""
-    sides: Array
-    """Brightness above and below [grey levels], shape (E, 2)."""
-    turn: Array
-    """Turn since the first picture of the picture in which each was found [rad], shape (E,)."""
     pivot: Array
     """What they turn about [px], shape (2,)."""
-    pivot_std: float
-    """Standard deviation of that [px]."""
+    ends: Array
+    """Left and right end of each [px], from the pivot, shape (E, 2, 2)."""
+    turns: Array
+    """Slope of the lines in each picture [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
-class _Line:
-    """A line of one picture that may be an edge of the deck."""
+class Steps:
+    """Slopes of brightness in one picture, made small."""
 
-    score: float
-    ends: Array
-    """Both ends, freed of the camera's shake [px], shape (2, 2)."""
-    sides: Array
-    turn: float
+    right: Array
+    down: Array
+    scale: float
+    """Its pixels in one of the picture."""
 
-    def back(self, pivot: Array) -> Array:
-        """Return the ends as they would be in the first picture."""
-        return pivot + (self.ends - pivot) @ rotation(self.turn)
+    def across(self, place: Array, turn: Array) -> Array:
+        """Slope of brightness across lines [grey levels/px].
+
+        Args:
+            place: Places in the picture [px], shape (..., 2).
+            turn: Slopes of the lines there [rad], shape (...) or one that fits it.
+        """
+        there = ((place + 0.5) * self.scale - 0.5).astype(np.float32).reshape(-1, place.shape[-2], 2)
+        right, down = (
+            cv2.remap(part, there[..., 0], there[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+            for part in (self.right, self.down)
+        )
+        shape = place.shape[:-1]
+        return np.asarray(
+            np.cos(turn) * down.reshape(shape) - np.sin(turn) * right.reshape(shape), np.float64
+        )
 
 
-def find_deck_edges(look: Survey, slopes: Array) -> Edges:
-    """Return edges across the deck, the best first.
+def steps_of(dark: Picture) -> Steps:
+    """Return the slopes of brightness in a picture."""
+    scale = min(1.0, SMALL / max(dark.shape))
+    small = cv2.resize(dark, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1 else dark
+    smooth = cv2.GaussianBlur(small.astype(np.float32), (0, 0), 1.0)
+    return Steps(cv2.Scharr(smooth, cv2.CV_32F, 1, 0) / 32, cv2.Scharr(smooth, cv2.CV_32F, 0, 1) / 32, scale)
 
-    As the deck turns, one of its edges is lost in front of a wheel and another comes out against the wall, so
-    that edges are looked for in pictures from all over the film.
+
+def find_deck_end(look: Survey, slopes: Array) -> DeckEnd | None:
+    """Return the edges of the deck's end; None where there are none.
 
     Args:
         look: Pictures of the film.
         slopes: Rough slope of the lines across the deck in each frame [rad].
     """
-    shifts = [camera_shift(look.pictures[0], other) for other in look.pictures]
-    slope = slopes[list(look.indices)]
-    found: list[_Line] = []
-    for number in range(0, len(look.pictures), max(1, len(look.pictures) // PICTURES)):
-        dark = look.pictures[number]
-        ends = segments(dark, look.box, SHORTEST)
-        ends = ends[np.abs(slope_of(ends) - slope[number]) < PARALLEL]
-        if not len(ends):
-            continue
-        sides = sides_of(dark, ends)
-        ends = np.where((sides[:, 0] < sides[:, 1])[:, None, None], ends[:, ::-1], ends)
-        sides = -np.sort(-sides, axis=1)
-        step = sides[:, 0] - sides[:, 1]
-        others = np.flatnonzero(np.abs(slope - slope[number]) > ATTITUDE)
-        there = still_there(
-            step, ends - shifts[number], [look.pictures[k] for k in others], [shifts[k] for k in others]
+    every = [steps_of(picture) for picture in look.pictures]
+    shifts = np.array([camera_shift(look.pictures[0], picture) for picture in look.pictures])
+    every = _without_still(every, shifts)
+    turns = slopes[list(look.indices)].copy()
+    left, top, right, bottom = look.box
+    size = right - left
+    unit = 1 / every[0].scale
+    x = np.arange(-0.55 * size, 0.55 * size, ACROSS * unit)
+    y = np.arange(-0.2 * size, 0.2 * size, DOWN * unit)
+    grid = np.stack(np.meshgrid(x, y), axis=-1)
+    pivot = np.array([left + right, top + bottom]) / 2
+    reach = np.array([0.25 * size, 0.5 * (bottom - top)])
+    steps = 2 * np.ceil(reach / (unit * np.array(NEAR))).astype(int) + 1
+    mean = np.zeros(grid.shape[:2])
+    for round_ in range(4):
+        weight = _attitudes(turns)
+        coarse = grid[:, ::3]
+        tried = pivot + np.stack(
+            np.meshgrid(*(np.linspace(-r, r, n) for r, n in zip(reach, steps, strict=True))), -1
+        ).reshape(-1, 2)
+        some = slice(None, None, 1 if round_ else 2)
+        score = [
+            _sharpness(_mean(every[some], shifts[some], turns[some], weight[some], at, coarse))
+            for at in tried
+        ]
+        pivot = tried[int(np.argmax(score))]
+        turns = turns + _level(
+            every, shifts, turns, weight, pivot, grid, np.radians(15.0 if round_ < 3 else 2.0)
         )
-        # What stays where it is while the deck turns is behind it.
-        stays = there.mean(axis=0) if len(others) else np.zeros(len(ends))
-        score = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) * np.minimum(step, 60.0)
-        for line in np.flatnonzero((step > FAINTEST) & (stays <= STAYS)):
-            middle = ends[line].mean(axis=0)
-            short = middle + 0.8 * (ends[line] - middle) - shifts[number]
-            found.append(_Line(float(score[line]), short, sides[line], float(slope[number] - slope[0])))
-    # From as high as the deck, its long sides and its ends are one line at rest, and several when it is tilted.
-    rest = float(np.median(slope - slope[0]))
-    tilted = [line for line in found if abs(line.turn - rest) > ATTITUDE]
-    level = [line.ends.mean(axis=0) for line in found if abs(line.turn - rest) <= ATTITUDE]
-    middle = np.median(level, axis=0) if level else np.array(look.box).reshape(2, 2).mean(axis=0)
-    found = tilted if len(tilted) > 1 else found
-    pivot, spread = _pivot(found, look.box, middle)
-    size = NEAR * (look.box[2] - look.box[0])
-    kept: list[_Line] = []
-    for line in sorted(found, key=lambda line: -line.score):
-        if len(kept) < MOST and not any(_same(line, other, pivot, 2 * size) for other in kept):
-            kept.append(line)
-    return Edges(
-        np.array([line.back(pivot) for line in kept]).reshape(-1, 2, 2),
-        np.array([line.sides for line in kept]).reshape(-1, 2),
-        np.array([line.turn for line in kept]),
-        pivot,
-        spread,
+        reach, steps = np.maximum(2 * reach / (steps - 1), unit), np.array([5, 5])
+        mean = _mean(every, shifts, turns, weight, pivot, grid)
+        turns = np.array([
+            _best_turn(one, shift, pivot, grid, mean, turn, wide=round_ in (1, 2))
+            for one, shift, turn in zip(every, shifts, turns, strict=True)
+        ])  # fmt: skip
+    always = _in_most_attitudes(every, shifts, turns, pivot, grid)
+    ends = _lines(always, x, y, SHORTEST * look.pictures[0].shape[1])
+    return DeckEnd(pivot, ends, turns) if len(ends) else None
+
+
+def _without_still(every: list[Steps], shifts: Array) -> list[Steps]:
+    """Steps of brightness without those that are in all pictures: they would coincide if nothing turned."""
+    moves = [
+        np.array([[1, 0, one.scale * x], [0, 1, one.scale * y]])
+        for one, (x, y) in zip(every, shifts, strict=True)
+    ]
+    size = every[0].right.shape[::-1]
+    least = np.full(every[0].right.shape, np.inf, np.float32)
+    for one, move in zip(every, moves, strict=True):
+        amount = cv2.dilate(np.hypot(one.right, one.down), np.ones((3, 3), np.uint8))
+        still = cv2.warpAffine(
+            amount, move, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REPLICATE
+        )
+        least = np.minimum(least, still)
+    cleared: list[Steps] = []
+    for one, move in zip(every, moves, strict=True):
+        there = cv2.warpAffine(least, move, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        amount = np.hypot(one.right, one.down)
+        moving = np.clip(amount / np.maximum(STILL * there, 1e-3) - 1, 0, 1)
+        cleared.append(Steps(one.right * moving, one.down * moving, one.scale))
+    return cleared
+
+
+def _attitudes(turns: Array) -> Array:
+    """One over how many pictures show about the same attitude."""
+    number = np.round((turns - turns.min()) / ATTITUDE).astype(int)
+    weight = 1 / np.sqrt(np.bincount(number)[number])
+    return weight / weight.sum()
+
+
+def turned(place: Array, turn: float) -> Array:
+    """Turn places (..., 2) about the origin, clockwise in the picture."""
+    return place @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+
+
+def _shown(one: Steps, shift: Array, turn: float, pivot: Array, grid: Array) -> Array:
+    """How much of an edge one picture shows at each place of the grid that turns with the deck."""
+    step = one.across(pivot + shift + turned(grid, turn), np.array(turn))
+    width = max(1, round(STRAIGHT / (one.scale * float(grid[0, 1, 0] - grid[0, 0, 0]))))
+    return np.minimum(np.abs(cv2.blur(step, (width, 1))), STEEP)
+
+
+def _mean(every: list[Steps], shifts: Array, turns: Array, weight: Array, pivot: Array, grid: Array) -> Array:
+    shown = (
+        w * _shown(one, shift, float(turn), pivot, grid)
+        for one, shift, turn, w in zip(every, shifts, turns, weight, strict=True)
     )
+    return sum(shown, np.zeros(grid.shape[:2]))
 
 
-def _pivot(lines: list[_Line], box: tuple[int, int, int, int], middle: Array) -> tuple[Array, float]:
-    """Return the point about which lines of different pictures turn into one another, and its deviation [px].
-
-    Two attitudes tell it in one direction only, so that it is looked for near the middle of the level deck.
-    """
-    lines = sorted(lines, key=lambda line: -line.score)[:COMPARED]
-    ends = np.array([line.ends for line in lines]).reshape(-1, 2)
-    (left, top), (right, bottom) = (ends.min(axis=0), ends.max(axis=0)) if len(ends) else (box[:2], box[2:])
-    size = max(right - left, bottom - top)
-    one, other = np.triu_indices(len(lines), 1)
-    turn = np.array([line.turn for line in lines])
-    sides = np.array([line.sides for line in lines]).reshape(-1, 2)
-    alike = np.abs(sides[one] - sides[other]).max(axis=1) < ALIKE
-    pair = (np.abs(turn[one] - turn[other]) > ATTITUDE) & alike
-    one, other = one[pair], other[pair]
-    if len(one) < PAIRS:
-        return middle, size / 4
-    score = np.sqrt([line.score for line in lines])
-    home = np.array([line.back(middle) for line in lines])
-    normal, places = normals(home), home.mean(axis=1)
-    # Turned back about another pivot, a line is shifted by (1 - R) of how far that is from the middle.
-    shift = np.eye(2) - np.array([rotation(-angle) for angle in turn])
-    near = NEAR * size
-    best, reach, count = middle, np.array([right - left, bottom - top]) / 2, GRID
-    for _ in range(3):  # all over the board, then twice a finer grid about the best
-        grid = np.linspace(-1, 1, count)
-        pivots = best + np.array(np.meshgrid(reach[0] * grid, reach[1] * grid)).reshape(2, -1).T
-        back = places + np.einsum("lij,pj->pli", shift, pivots - middle)
-        gap = np.sum((back[:, one] - back[:, other]) * normal[one], axis=2)
-        far = np.sum((pivots - middle) ** 2, axis=1) / (size / 4) ** 2
-        support = np.exp(-((gap / near) ** 2) / 2) @ (score[one] * score[other])
-        best = pivots[int(np.argmax(support - FAR * support.max() * far))]
-        reach, count = 2 * reach / GRID, 7
-    return best, 2 * near
+def _in_most_attitudes(every: list[Steps], shifts: Array, turns: Array, pivot: Array, grid: Array) -> Array:
+    """What shows of an edge in all attitudes but a few: the horizon does where the deck rests."""
+    attitude = np.round(turns / (2 * ATTITUDE)).astype(int)
+    each = [
+        _mean(
+            [every[k] for k in some],
+            shifts[some],
+            turns[some],
+            np.full(len(some), 1 / len(some)),
+            pivot,
+            grid,
+        )
+        for some in (np.flatnonzero(attitude == one) for one in np.unique(attitude))
+    ]
+    return np.asarray(np.quantile(each, IN_MOST, axis=0), np.float64)
 
 
-def _same(one: _Line, other: _Line, pivot: Array, size: float) -> bool:
-    """Whether two lines, turned back, are one edge: side by side, overlapping, and alike in brightness."""
-    home = other.back(pivot)
-    along = home[1] - home[0]
-    length = float(np.linalg.norm(along))
-    along = along / length
-    offset = (one.back(pivot) - home[0]) @ np.array([along[1], -along[0]])
-    places = np.sort((one.back(pivot) - home[0]) @ along)
-    overlap = min(places[1], length) - max(places[0], 0.0)
-    alike = float(np.abs(one.sides - other.sides).max()) < ALIKE
-    return abs(float(offset.mean())) < size and overlap > 0.3 * (places[1] - places[0]) and alike
+def _sharpness(mean: Array) -> float:
+    """How straight and thin the edges are."""
+    return float(np.sum(_ridges(mean).mean(axis=1) ** 2))
 
 
-def rotation(turn: float) -> Array:
-    """Return the matrix that turns column vectors by an angle [rad], clockwise in a picture."""
-    return np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+def _ridges(mean: Array) -> Array:
+    """How much more of an edge there is than above and below."""
+    beside = np.maximum(np.roll(mean, BESIDE, axis=0), np.roll(mean, -BESIDE, axis=0))
+    ridge = np.maximum(mean - beside, 0.0)
+    ridge[:BESIDE] = ridge[-BESIDE:] = 0.0
+    return ridge
+
+
+def _level(
+    every: list[Steps], shifts: Array, turns: Array, weight: Array, pivot: Array, grid: Array, reach: float
+) -> float:
+    """How much more all pictures are to be turned, so that the edges run along the grid."""
+
+    def best(tried: Array, coarse: Array) -> float:
+        score = [_sharpness(_mean(every, shifts, turns + more, weight, pivot, coarse)) for more in tried]
+        return float(tried[int(np.argmax(score))])
+
+    rough = best(np.linspace(-reach, reach, 21), grid[::, ::3])
+    return best(rough + np.linspace(-reach, reach, 21) / 10, grid[::, ::3])
+
+
+def _best_turn(
+    one: Steps, shift: Array, pivot: Array, grid: Array, mean: Array, turn: float, *, wide: bool
+) -> float:
+    """The turn at which a picture shows most of the edges that all have."""
+    clear = np.where(mean > 0.5 * mean.max(), mean, 0.0)[:, ::2]
+    rows = clear.any(axis=1)
+    part, weight = grid[:, ::2][rows], clear[rows]
+
+    def best(turns: Array) -> float:
+        score = [float(np.sum(weight * _shown(one, shift, float(at), pivot, part))) for at in turns]
+        return float(turns[int(np.argmax(score))])
+
+    if wide:
+        turn = best(np.arange(-WIDEST, WIDEST, np.radians(1.5)))
+    turn = best(turn + np.radians(np.arange(-1.5, 1.6, 0.5)))
+    return best(turn + np.radians(np.arange(-0.4, 0.5, 0.2)))
+
+
+def _lines(mean: Array, x: Array, y: Array, shortest: float) -> Array:
+    """Ridges of the mean picture: left and right end of each."""
+    ridge = _ridges(mean)
+    ridge = np.maximum(ridge, np.maximum(np.roll(ridge, 1, axis=0), np.roll(ridge, -1, axis=0)))
+    strength = _ridges(mean).mean(axis=1)
+    found: list[Array] = []
+    for row in np.argsort(-strength):
+        rows = slice(max(0, row - APART), row + APART + 1)
+        if (
+            strength[row] < strength[rows].max()
+            or strength[row] < FAINTEST * strength.max()
+            or len(found) == MOST
+        ):
+            continue
+        there = np.flatnonzero(ridge[row] > THERE * np.quantile(ridge[row], 0.9))
+        if len(there) < 2:
+            continue
+        a, b = np.quantile(there, [0.02, 0.98]).astype(int)
+        if x[b] - x[a] >= shortest:
+            found.append(np.array([[x[a], y[row]], [x[b], y[row]]]))
+    return np.array(found).reshape(-1, 2, 2)

@@ -8,6 +8,11 @@ import numpy as np
 from sysid.roll import Array
 from sysid.video.frames import Picture
 
+PIECES = 16
+"""Points along an edge that are told apart."""
+PROFILES = 4
+"""Profiles that make one of them."""
+
 
 @dataclass(frozen=True, slots=True)
 class Edges:
@@ -37,15 +42,50 @@ def find_edges(picture: Picture, ends: Array, reach: float, *, count: int = 24) 
         reach: How far the edges may be off, to either side [px].
         count: Profiles an edge.
     """
+    share = np.linspace(0.1, 0.9, count)
+    normal, profile, offset = _profiles(picture, ends, share, reach)
+    position, contrast = _centroid(np.diff(profile, axis=2), offset)
+    return _lines(ends, normal, share, position, contrast)
+
+
+def find_pieces(picture: Picture, ends: Array, reach: float, faintest: float) -> Array:
+    """Move points evenly along edges onto the brightness steps nearby, up or down, each as it finds it.
+
+    Args:
+        picture: Grey picture.
+        ends: Where the edges roughly are [px], shape (m, 2, 2).
+        reach: How far they may be off, to either side [px].
+        faintest: Step of brightness that a point takes [grey levels].
+
+    Returns:
+        Shape (m, PIECES, 2) [px]; NaN where there is no such step.
+    """
+    share = (np.arange(PIECES * PROFILES) + 0.5) / (PIECES * PROFILES)
+    normal, profile, offset = _profiles(picture, ends, share, reach)
+    step = np.diff(profile.reshape(len(ends), PIECES, PROFILES, -1).mean(axis=2), axis=2)
+    (up, rise), (down, fall) = _centroid(step, offset), _centroid(-step, offset)
+    place = np.where(np.maximum(rise, fall) < faintest, np.nan, np.where(rise > fall, up, down))
+    place = np.where(np.abs(place) <= reach, place, np.nan)
+    share = share.reshape(PIECES, PROFILES).mean(axis=1)
+    feet = ends[:, None, 0] + share[None, :, None] * (ends[:, None, 1] - ends[:, None, 0])
+    return feet + place[..., None] * normal[:, None]
+
+
+def _profiles(picture: Picture, ends: Array, share: Array, reach: float) -> tuple[Array, Array, Array]:
+    """Brightness across edges (m, 2, 2).
+
+    Returns:
+        Their normals, shape (m, 2); the brightness at some shares along them, shape (m, count, k + 1); and
+        how far along the normal the middles between its samples are [px], shape (k,).
+    """
     along = ends[:, 1] - ends[:, 0]
     length = np.linalg.norm(along, axis=1, keepdims=True)
     along = along / np.maximum(length, 1e-9)
     normal = np.stack([along[:, 1], -along[:, 0]], axis=1)
-    share = np.linspace(0.1, 0.9, count)
     offset = np.arange(-np.ceil(reach) - 1, np.ceil(reach) + 2)
     feet = ends[:, None, 0] + share[None, :, None] * (ends[:, None, 1] - ends[:, None, 0])
     samples = (feet[:, :, None] + offset[None, None, :, None] * normal[:, None, None]).astype(np.float32)
-    m = len(ends)
+    m, count = len(ends), len(share)
     profile = cv2.remap(
         picture,
         samples[..., 0].reshape(m * count, -1),
@@ -53,9 +93,7 @@ def find_edges(picture: Picture, ends: Array, reach: float, *, count: int = 24) 
         cv2.INTER_LINEAR,
         borderMode=cv2.BORDER_REPLICATE,
     ).reshape(m, count, -1)
-    step = np.diff(profile.astype(np.float64), axis=2)
-    position, contrast = _centroid(step, offset[:-1] + 0.5)
-    return _lines(ends, normal, share, position, contrast)
+    return normal, profile.astype(np.float64), offset[:-1] + 0.5
 
 
 def _centroid(step: Array, offset: Array) -> tuple[Array, Array]:
