@@ -46,6 +46,10 @@ def widened(trace: TraceFit, floor: NoiseFloor) -> tuple[TraceFit, float]:
     noise *= 1.0 + Z95 * math.sqrt(2.0 / max(count, 1))
     if power <= noise:
         return trace, 1.0
+    if all(fitted.trace.stated for fitted in trace.releases):
+        # How long a film's errors last is in the covariance already: they are only larger than stated.
+        larger = math.sqrt(power / noise)
+        return replace(trace, covariance=trace.covariance * larger**2), larger
     size = max(trace.noise**2, *(fitted.trace.stated**2 for fitted in trace.releases))
     left = max(values - 2 - 3 * len(trace.releases), FEWEST)
     covariance = trace.white_covariance * (1.0 + (power - noise) / (left * size))

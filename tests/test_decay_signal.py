@@ -89,3 +89,16 @@ def test_news_of_lasting_errors_is_white():
 def test_a_sensor_is_taken_as_before():
     traces, _ = traces_of(filmed(0, origin="angle"))
     assert all(lasting(trace, OMEGA) is trace and trace.kept is None for trace in traces)
+
+
+def test_errors_larger_than_stated_widen_the_interval_by_as_much():
+    exact = Quantity(8.7e-3, 0.0, "kg*m^2")
+    scores, grown = [], []
+    for seed in range(40):
+        honest = filmed(seed)
+        bold = [replace(one, std=one.std / 4, own_std=np.full(len(one.time), STD / 4)) for one in honest]
+        k = free_decay(bold, exact).numbers.stiffness
+        scores.append((k.value / (exact.value * OMEGA**2) - 1) * k.value / k.std)
+        grown.append(k.std / free_decay(honest, exact).numbers.stiffness.std)
+    assert np.mean(np.abs(scores) < 1.96) >= 0.85
+    assert 0.7 < np.median(grown) < 1.6
