@@ -34,8 +34,8 @@ ACROSS, DOWN = 3.0, 1.0
 """Steps of the grid that turns with the deck [px]."""
 FAINTEST = 0.2
 """What an edge must show of the best one's steps of brightness."""
-OUTSIDE, WIDER = 0.03, 0.1
-"""Share of the steps of brightness that lie outside the board, and what is added to the rest of its width."""
+OUTSIDE, WIDER = 0.2, 0.4
+"""Share of the steps of brightness that are left out at either end, and what is added again, in widths of the rest."""
 STILL = 1.5
 """What is seen in one picture must be so much stronger than what is seen there in all of them."""
 IN_MOST = 0.35
@@ -108,7 +108,7 @@ def find_deck_end(look: Survey, slopes: Array) -> DeckEnd | None:
     shifts = np.array([camera_shift(look.pictures[0], picture) for picture in look.pictures])
     every = _without_still(every, shifts)
     turns = slopes[list(look.indices)].copy()
-    left, top, right, bottom = _usual_box(every, look.box)
+    left, top, right, bottom = _usual_box(every, slopes[list(look.indices)], look.box)
     size = right - left
     unit = 1 / every[0].scale
     x = np.arange(-0.55 * size, 0.55 * size, ACROSS * unit)
@@ -144,19 +144,30 @@ def find_deck_end(look: Survey, slopes: Array) -> DeckEnd | None:
     return DeckEnd(pivot, ends, turns) if len(ends) else None
 
 
-def _usual_box(every: list[Steps], box: tuple[int, int, int, int]) -> tuple[float, float, float, float]:
-    """Where brightness steps in most pictures: a hand that passes is in a few of them only."""
+def _usual_box(
+    every: list[Steps], slopes: Array, box: tuple[int, int, int, int]
+) -> tuple[float, float, float, float]:
+    """Where brightness steps across the lines of the deck: a hand that passes widens the box of what moves.
+
+    The horizon is as level as a deck at rest, so that pictures of a tilted one tell.
+    """
+    tilted = np.abs(slopes - np.median(slopes)) > 2 * ATTITUDE
     sides: list[Array] = []
-    for one in every:
+    for one, turn in zip(every, slopes, strict=True):
+        if tilted.sum() > 1 and not tilted[len(sides)]:
+            sides.append(np.full(4, np.nan))
+            continue
         left, top, right, bottom = np.round(np.array(box) * one.scale).astype(int)
-        amount = np.minimum(np.hypot(one.right, one.down), STEEP)[top:bottom, left:right]
+        across = np.abs(np.cos(turn) * one.down - np.sin(turn) * one.right)
+        along = np.abs(np.cos(turn) * one.right + np.sin(turn) * one.down)
+        amount = ((across > STEEP / 2) & (along < ATTITUDE * across))[top:bottom, left:right]
         ends: list[float] = []
         for axis, begin in ((0, left), (1, top)):
             share = np.cumsum(amount.sum(axis=axis))
             low, high = np.searchsorted(share, share[-1] * np.array([OUTSIDE, 1 - OUTSIDE]))
             ends += [(begin + low) / one.scale, (begin + high) / one.scale]
         sides.append(np.array(ends))
-    left, right, top, bottom = np.median(sides, axis=0)
+    left, right, top, bottom = np.nanmedian(sides, axis=0)
     wide, high = WIDER * (right - left), WIDER * (bottom - top)
     return left - wide, top - high, right + wide, bottom + high
 
