@@ -108,8 +108,13 @@ def find_deck_end(look: Survey, slopes: Array) -> DeckEnd | None:
     shifts = np.array([camera_shift(look.pictures[0], picture) for picture in look.pictures])
     every = _without_still(every, shifts)
     turns = slopes[list(look.indices)].copy()
-    left, top, right, bottom = _usual_box(every, slopes[list(look.indices)], look.box)
+    box = _usual_box(every, slopes[list(look.indices)], look.box)
+    if box is None:
+        return None
+    left, top, right, bottom = box
     size = right - left
+    if size < SHORTEST * look.pictures[0].shape[1]:
+        return None
     unit = 1 / every[0].scale
     x = np.arange(-0.55 * size, 0.55 * size, ACROSS * unit)
     y = np.arange(-0.2 * size, 0.2 * size, DOWN * unit)
@@ -146,7 +151,7 @@ def find_deck_end(look: Survey, slopes: Array) -> DeckEnd | None:
 
 def _usual_box(
     every: list[Steps], slopes: Array, box: tuple[int, int, int, int]
-) -> tuple[float, float, float, float]:
+) -> tuple[float, float, float, float] | None:
     """Where brightness steps across the lines of the deck: a hand that passes widens the box of what moves.
 
     The horizon is as level as a deck at rest, so that pictures of a tilted one tell.
@@ -161,12 +166,17 @@ def _usual_box(
         across = np.abs(np.cos(turn) * one.down - np.sin(turn) * one.right)
         along = np.abs(np.cos(turn) * one.right + np.sin(turn) * one.down)
         amount = ((across > STEEP / 2) & (along < ATTITUDE * across))[top:bottom, left:right]
+        if not amount.any():
+            sides.append(np.full(4, np.nan))
+            continue
         ends: list[float] = []
         for axis, begin in ((0, left), (1, top)):
             share = np.cumsum(amount.sum(axis=axis))
             low, high = np.searchsorted(share, share[-1] * np.array([OUTSIDE, 1 - OUTSIDE]))
             ends += [(begin + low) / one.scale, (begin + high) / one.scale]
         sides.append(np.array(ends))
+    if not np.isfinite(sides).all(axis=1).any():
+        return None
     left, right, top, bottom = np.nanmedian(sides, axis=0)
     wide, high = WIDER * (right - left), WIDER * (bottom - top)
     return left - wide, top - high, right + wide, bottom + high
