@@ -1,5 +1,8 @@
 """The angle of the deck from points on the edges of its end, and how well it is known."""
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 
 from sysid.roll import Array
@@ -20,6 +23,8 @@ BIAS = 0.05
 long as the deck stands still, so that no scatter shows it."""
 SEVERAL = 1.3
 """So many edges a frame, as they count, tell how far edges turn from each other."""
+SLANTS, SHARES = np.sqrt(3.0) * np.array([-1.0, 0.0, 1.0]), np.array([1.0, 4.0, 1.0]) / 6
+"""Slants at which an unknown direction is tried, in its standard deviations, and their weights."""
 ROUNDS = 2
 """Times that the shutter's correction is made, the second time with the turn that is known by then."""
 
@@ -50,7 +55,9 @@ def fit_direction(view: View, matrix: Array, before: Unknowns, *, pivot: Array) 
         place = _along_axis(still, matrix, value)
         return body.angle + _turned(place - _moved(body, place, time, late * value[3]), edge, body)
 
-    unknown = spread_by(before, angle_at(before.value), angle_at, view.share, time)
+    seen = angle_at(before.value)
+    unknown = spread_by(_of_known_direction(before), seen, angle_at, view.share, time)
+    unknown += _slant_spread(before, seen, angle_at)
     noise = _variance(body, edge)
     trusted = body.weight.sum(axis=1)
     wrong = trusted < max(FEWEST, USUAL * float(np.median(trusted)))
@@ -89,6 +96,31 @@ def _turned(z: Complex, edge: Edge, body: EdgeBody) -> Array:
     )
     total = np.maximum(total, 1e-9)
     return (xy - x * y / total).sum(axis=1) / np.maximum((xx - x**2 / total).sum(axis=1), 1e-9)
+
+
+def _of_known_direction(before: Unknowns) -> Unknowns:
+    """Unknowns but for yaw and pitch."""
+    covariance = before.covariance.copy()
+    covariance[:2], covariance[:, :2] = 0.0, 0.0
+    return replace(before, covariance=covariance)
+
+
+def _slant_spread(before: Unknowns, angle: Array, angle_at: Callable[[Array], Array]) -> Array:
+    """What a direction that is not known leaves open of an angle, less what it does at rest [rad²], shape (n,).
+
+    A slant squeezes the picture by its square: the derivative where a camera looks along the axis shows
+    nothing of it. So the mean square is taken over the directions themselves, by Gauss and Hermite's rule.
+    """
+    yaw, pitch = before.std[:2]
+    square = np.zeros(len(angle))
+    if yaw == 0 and pitch == 0:
+        return square
+    for right, share in zip(SLANTS, SHARES, strict=True):
+        for down, part in zip(SLANTS, SHARES, strict=True):
+            aside = np.array([right * yaw, down * pitch, 0.0, 0.0])
+            change = np.angle(np.exp(1j * (angle_at(before.value + aside) - angle)))
+            square += share * part * (change - np.nanmedian(change)) ** 2
+    return square
 
 
 def _variance(body: EdgeBody, edge: Edge) -> Array:
