@@ -6,7 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from sysid.roll import Array
-from sysid.video.edge_find import STEEP, DeckEnd, Steps, steps_of, turned
+from sysid.video.brightness_steps import Steps, steps_of
+from sysid.video.edge_find import STEEP, DeckEnd, turned
 from sysid.video.frames import Frame, Picture, grey
 from sysid.video.still_picture import camera_shift
 from sysid.video.straight_edge import PIECES, find_pieces

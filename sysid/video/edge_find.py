@@ -11,12 +11,10 @@ import cv2
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.frames import Picture
+from sysid.video.brightness_steps import Steps, steps_of, without_still
 from sysid.video.still_picture import camera_shift
 from sysid.video.survey import Survey
 
-SMALL = 640
-"""Width of the pictures in which edges are looked for [px]."""
 SHORTEST = 0.06
 """Shortest edge that is followed, in widths of the picture."""
 MOST = 4
@@ -36,8 +34,6 @@ FAINTEST = 0.2
 """What an edge must show of the best one's steps of brightness."""
 OUTSIDE, WIDER = 0.2, 0.4
 """Share of the steps of brightness that are left out at either end, and what is added again, in widths of the rest."""
-STILL = 1.5
-"""What is seen in one picture must be so much stronger than what is seen there in all of them."""
 IN_MOST = 0.35
 """Share of the attitudes in which an edge of the deck may be weaker than it counts: against a dark floor, say."""
 THERE = 0.3
@@ -62,41 +58,6 @@ class DeckEnd:
     """Slope of the lines in each picture [rad]."""
 
 
-@dataclass(frozen=True, slots=True)
-class Steps:
-    """Slopes of brightness in one picture, made small."""
-
-    right: Array
-    down: Array
-    scale: float
-    """Its pixels in one of the picture."""
-
-    def across(self, place: Array, turn: Array) -> Array:
-        """Slope of brightness across lines [grey levels/px].
-
-        Args:
-            place: Places in the picture [px], shape (..., 2).
-            turn: Slopes of the lines there [rad], shape (...) or one that fits it.
-        """
-        there = ((place + 0.5) * self.scale - 0.5).astype(np.float32).reshape(-1, place.shape[-2], 2)
-        right, down = (
-            cv2.remap(part, there[..., 0], there[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-            for part in (self.right, self.down)
-        )
-        shape = place.shape[:-1]
-        return np.asarray(
-            np.cos(turn) * down.reshape(shape) - np.sin(turn) * right.reshape(shape), np.float64
-        )
-
-
-def steps_of(dark: Picture) -> Steps:
-    """Return the slopes of brightness in a picture."""
-    scale = min(1.0, SMALL / max(dark.shape))
-    small = cv2.resize(dark, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1 else dark
-    smooth = cv2.GaussianBlur(small.astype(np.float32), (0, 0), 1.0)
-    return Steps(cv2.Scharr(smooth, cv2.CV_32F, 1, 0) / 32, cv2.Scharr(smooth, cv2.CV_32F, 0, 1) / 32, scale)
-
-
 def find_deck_end(look: Survey, slopes: Array) -> DeckEnd | None:
     """Return the edges of the deck's end; None where there are none.
 
@@ -106,7 +67,7 @@ def find_deck_end(look: Survey, slopes: Array) -> DeckEnd | None:
     """
     every = [steps_of(picture) for picture in look.pictures]
     shifts = np.array([camera_shift(look.pictures[0], picture) for picture in look.pictures])
-    every = _without_still(every, shifts)
+    every = without_still(every, shifts)
     turns = slopes[list(look.indices)].copy()
     box = _usual_box(every, slopes[list(look.indices)], look.box)
     if box is None:
@@ -180,29 +141,6 @@ def _usual_box(
     left, right, top, bottom = np.nanmedian(sides, axis=0)
     wide, high = WIDER * (right - left), WIDER * (bottom - top)
     return left - wide, top - high, right + wide, bottom + high
-
-
-def _without_still(every: list[Steps], shifts: Array) -> list[Steps]:
-    """Steps of brightness without those that are in all pictures: they would coincide if nothing turned."""
-    moves = [
-        np.array([[1, 0, one.scale * x], [0, 1, one.scale * y]])
-        for one, (x, y) in zip(every, shifts, strict=True)
-    ]
-    size = every[0].right.shape[::-1]
-    least = np.full(every[0].right.shape, np.inf, np.float32)
-    for one, move in zip(every, moves, strict=True):
-        amount = cv2.dilate(np.hypot(one.right, one.down), np.ones((3, 3), np.uint8))
-        still = cv2.warpAffine(
-            amount, move, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REPLICATE
-        )
-        least = np.minimum(least, still)
-    cleared: list[Steps] = []
-    for one, move in zip(every, moves, strict=True):
-        there = cv2.warpAffine(least, move, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        amount = np.hypot(one.right, one.down)
-        moving = np.clip(amount / np.maximum(STILL * there, 1e-3) - 1, 0, 1)
-        cleared.append(Steps(one.right * moving, one.down * moving, one.scale))
-    return cleared
 
 
 def _attitudes(turns: Array) -> Array:
