@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.board import Board
-from sysid.fit_problem import Problem
+from sysid.decay_signal import LASTS
+from sysid.fit_problem import Problem, Record
 from sysid.joint_flow import Structure
 from sysid.least_squares import Minimum
 from sysid.quantity import Quantity
@@ -65,17 +66,38 @@ def parameter_covariance(problem: Problem, minimum: Minimum, residuals: Sequence
 
     The sandwich H⁻¹ (Jᵀ R J) H⁻¹, where R is the covariance of the noise behind the residuals
     (`sysid.residual_noise`); for white noise R = σ² 1. Under a robust loss the influence of each residual is
-    bounded, in both layers.
+    bounded, in both layers. A film states errors that last, so that a fit takes them up: what it states is the least.
 
     Returns:
         Covariance, shape (free, free), in the parameters' units.
     """
     sensitivity = sensitivity_of(problem, minimum)
     noise = noise_behind(problem, minimum, residuals, sensitivity)
-    meat = sum((j.T @ noise.applied(j) for j in sensitivity.rows), np.zeros_like(sensitivity.inverse))
     shared, sizes = len(problem.names), problem.sizes()
-    covariance = sensitivity.inverse @ meat @ sensitivity.inverse
-    return covariance[:shared, :shared] * np.outer(sizes[:shared], sizes[:shared])
+
+    def sandwich(noises: Sequence[ResidualNoise]) -> Array:
+        meat = sum(
+            (j.T @ noise.applied(j) for j, noise in zip(sensitivity.rows, noises, strict=True)),
+            np.zeros_like(sensitivity.inverse),
+        )
+        return (sensitivity.inverse @ meat @ sensitivity.inverse)[:shared, :shared]
+
+    covariance = sandwich([noise] * len(sensitivity.rows))
+    if any(record.release.origin == "video" for record in problem.records):
+        stated = sandwich([_stated_noise(record, problem) or noise for record in problem.records])
+        covariance = max(covariance, stated, key=lambda matrix: float(np.trace(matrix)))
+    return covariance * np.outer(sizes[:shared], sizes[:shared])
+
+
+def _stated_noise(record: Record, problem: Problem) -> ResidualNoise | None:
+    """Return the noise that a film states of itself, which lasts from frame to frame; None for a sensor."""
+    release = record.release
+    if release.origin != "video":
+        return None
+    std = float(np.median(release.std if release.own_std is None else release.own_std))
+    step = problem.average * float(np.median(np.diff(record.time)))
+    kept = float(np.exp(-step * problem.scales.frequency / (2 * np.pi * LASTS)))
+    return ResidualNoise(std**2 * (1 - kept**2), np.array([kept]))
 
 
 @dataclass(frozen=True, slots=True)

@@ -65,7 +65,9 @@ def time_scale(stamps: Array, unit: str | None) -> tuple[float, str]:
     return TIME_UNITS["ns"], f"in ns, by the step of {step:.4g}"
 
 
-def repair_clock(stamps: Array, signal: Array, unit: str | None, name: str) -> Clock:
+def repair_clock(
+    stamps: Array, signal: Array, unit: str | None, name: str, *, computed: bool = False
+) -> Clock:
     """Make a strictly increasing clock of a log's stamps.
 
     Counter overflows are undone, a restarted counter is said and its parts are put one after the other,
@@ -78,6 +80,7 @@ def repair_clock(stamps: Array, signal: Array, unit: str | None, name: str) -> C
         signal: The signal that they belong to, shape (n,); tells late stamps from late samples.
         unit: Unit of the stamps, or None.
         name: The column's name, for messages.
+        computed: The signal was computed for just these times, as by `husky-sysid roll`: uneven ones are not late.
 
     Raises:
         HuskyError: The stamps do not increase, so they are no clock.
@@ -98,7 +101,7 @@ def repair_clock(stamps: Array, signal: Array, unit: str | None, name: str) -> C
     drop_repeats(clock, clock.of(signal))
     if clock.time.size != stamps.size or steps.min() <= 0:
         steps = np.diff(clock.time)
-    if _even_out(clock, clock.of(signal), steps):
+    if (not computed or steps.min() <= 0) and _even_out(clock, clock.of(signal), steps):
         steps = np.diff(clock.time)
     _report_gaps(clock, steps)
     return clock

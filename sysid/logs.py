@@ -110,7 +110,9 @@ def _clean(choice: Choice, data: dict[str, Array], options: LogOptions) -> tuple
     if stamps is None:
         clock = even_clock(rows, options.rate or 1.0, kept)
     else:
-        clock = repair_clock(stamps, liveliest, choice.time_unit, choice.time or "")
+        clock = repair_clock(
+            stamps, liveliest, choice.time_unit, choice.time or "", computed=choice.std is not None
+        )
     if kept is not None:
         clock.warnings.append(f"{rows - count} of {rows} rows without a number in them: dropped")
     return clock, {name: clock.of(column) for name, column in data.items()}

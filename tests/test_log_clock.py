@@ -73,6 +73,15 @@ def test_late_stamps_of_even_samples_are_evened(tmp_path):
     assert any("jitter" in warning for warning in roll.warnings)
 
 
+def test_times_for_which_a_roll_was_computed_are_kept(tmp_path):
+    """Stamps that look late, but beside a deviation for each sample: `roll` has written them."""
+    stamps = np.sort(TRUE + np.random.default_rng(1).normal(0, 1.2e-3, TRUE.size))
+    rows = np.column_stack([stamps, noisy(TRUE), np.full(TRUE.size, 5e-4)])
+    path = tmp_path / "roll.csv"
+    np.savetxt(path, rows, delimiter=",", header="time_s,roll_rad,roll_std_rad", comments="", fmt="%.9f")
+    assert clock_error(read_roll(path, LogOptions()), stamps) < 1e-8
+
+
 def test_truthful_uneven_stamps_are_kept(tmp_path):
     uneven = np.sort(TRUE + np.random.default_rng(1).normal(0, 1.2e-3, TRUE.size))
     roll = read(tmp_path, uneven, noisy(uneven))

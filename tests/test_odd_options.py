@@ -71,3 +71,15 @@ def test_a_log_given_as_commands_lacks_a_column():
 
     with pytest.raises(HuskyError, match=r"column 'speed_m_s' is missing.*found time_s, roll_rad"):
         load_script(PINK)
+
+
+@pytest.mark.parametrize("angle", [(95.0, 0.0), (0.0, -60.0), (float("nan"), 0.0)])
+def test_a_camera_that_does_not_see_the_roll_is_refused(angle):
+    with pytest.raises(HuskyError, match=r"--camera-angle .* at most 45"):
+        _ = VideoArguments(camera_angle=angle).options
+
+
+def test_the_film_that_is_drawn_and_the_table_are_two_files(tmp_path):
+    both = str(tmp_path / "seen.mp4")
+    with pytest.raises(HuskyError, match="same file"):
+        husky("roll", str(tmp_path / "film.mp4"), "-o", both, "--overlay", both)

@@ -46,6 +46,11 @@ class VideoArguments:
     def options(self) -> VideoOptions:
         """The same, with angles in rad."""
         angle = self.camera_angle
+        if angle is not None and not max(map(abs, angle)) <= STEEPEST:
+            raise HuskyError(
+                f"--camera-angle {angle[0]:g} {angle[1]:g}: expected degrees of at most {STEEPEST:g} to either side; "
+                "from farther aside a deck shows its roll too little to be measured."
+            )
         return VideoOptions(
             method=self.method,
             roi=self.roi,
@@ -58,6 +63,8 @@ class VideoArguments:
         )
 
 
+STEEPEST = 45.0
+"""Largest angle between the line of sight and the deck's axis [deg]."""
 _NO_VIDEO = VideoArguments()
 
 

@@ -11,7 +11,10 @@ from sysid.cli.console import Common, Printer
 from sysid.cli.log_options import LogArguments, keep_logs, load_roll
 from sysid.errors import HuskyError
 from sysid.files import atomic_path
+from sysid.quantity import Z95
 
+UNSURE = 0.004
+"""Uncertainty of an offset from which one doubts it [s]: records of one release agree to 2 ms."""
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
 
@@ -35,6 +38,9 @@ def roll(
         common: Options of every command.
     """
     printer = Printer(common)
+    overlay = arguments.video.overlay
+    if overlay is not None and overlay.resolve() == output.resolve():
+        raise HuskyError(f"--overlay {overlay}: --output is the same file. Give each its own name.")
     keep_logs([log, *([] if align is None else [align])], arguments, printer, {"--output": output})
     signal = load_roll(log, arguments, printer)
     offset = None
@@ -42,7 +48,11 @@ def roll(
         from sysid.clock_offset import clock_offset
 
         offset = clock_offset(load_roll(align, _NO_ARGUMENTS, printer), signal)
-        printer.note(f"{log}: {offset} added to its times, which are then those of {align}")
+        printer.note(f"{log}: {offset} added to its times, which then count from the first sample of {align}")
+        if Z95 * offset.std > UNSURE:
+            printer.warn(
+                f"the offset is known to ± {1e3 * Z95 * offset.std:.2g} ms only: do both records show the same release?"
+            )
         signal = replace(signal, time=signal.time + offset.value)
     inside = (signal.time >= (-np.inf if arguments.start is None else arguments.start)) & (
         signal.time <= (arguments.stop if arguments.stop is not None else np.inf)
@@ -63,6 +73,10 @@ def roll(
         f"{output}: {rows} rows, {signal.sampling_rate:.4g} Hz, roll {low:.2f}° to {high:.2f}°, "
         f"noise {np.rad2deg(np.median(signal.std[inside])):.2g}°"
     )
+    if signal.origin == "video":
+        printer.note(
+            "a film's errors last from frame to frame, which a table does not tell: give `decay` and `fit` the film itself"
+        )
     printer.result(
         {
             "log": str(log),
