@@ -62,8 +62,17 @@ def lasting(trace: Trace, omega: float) -> Trace:
     """Return a film's trace with errors that last, of a board that swings at `omega` [rad/s]; others as they are."""
     if not trace.stated:
         return trace
-    kept = np.exp(-np.diff(trace.time) * omega / (2 * math.pi * LASTS))
-    return replace(trace, kept=np.concatenate([[0.0], kept]))
+    return replace(trace, kept=np.concatenate([[0.0], kept_after(np.diff(trace.time), omega)]))
+
+
+def kept_after(step: Array, omega: float) -> Array:
+    """Return the share of a film's error that is left after some time [s], of a board that swings at `omega` [rad/s]."""
+    return np.exp(-step * omega / (2 * math.pi * LASTS))
+
+
+def own_std(release: Release) -> Array:
+    """Return the deviations that are not common to all samples [rad], shape (n,); all of them where that is not known."""
+    return release.std if release.own_std is None else release.own_std
 
 
 def head(trace: Trace, span: float) -> Trace:
@@ -74,22 +83,21 @@ def head(trace: Trace, span: float) -> Trace:
 
 
 def _trace(release: Release, *, rate: bool) -> Trace:
-    measured = release.roll
-    std = release.std if release.own_std is None else release.own_std
+    measured, std = release.roll, own_std(release)
     if rate and release.rate is not None:
         measured = release.rate
         std = np.ones_like(measured) if release.rate_std is None else release.rate_std
-    begin = _hand_has_left(release, release.std if release.own_std is None else release.own_std)
+    begin = _hand_has_left(release)
     measured, std, time = measured[begin:], std[begin:], release.time[begin:]
     typical = float(np.median(std))
     weight = typical / std if typical > 0 and np.all(std > 0) else np.ones_like(measured)
     return Trace(time, measured, weight, typical if release.origin == "video" else 0.0)
 
 
-def _hand_has_left(release: Release, std: Array) -> int:
+def _hand_has_left(release: Release) -> int:
     """Return the index of the first sample at which the deck has surely been let go."""
     way = np.abs(release.roll - release.roll[0])
-    enough = max(HAND_LEAVES * release.amplitude, 3.0 * float(np.median(std)))
+    enough = max(HAND_LEAVES * release.amplitude, 3.0 * float(np.median(own_std(release))))
     moved = np.flatnonzero(way > enough)
     # Of many close samples the first beyond a threshold is the one that noise has pushed there: leave it out.
     begin = int(moved[0]) + (moved[0] > 3) if len(moved) else 0

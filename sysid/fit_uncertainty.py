@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.board import Board
-from sysid.decay_signal import LASTS
+from sysid.decay_signal import kept_after, own_std
 from sysid.fit_problem import Problem, Record
 from sysid.joint_flow import Structure
 from sysid.least_squares import Minimum
@@ -94,10 +94,10 @@ def _stated_noise(record: Record, problem: Problem) -> ResidualNoise | None:
     release = record.release
     if release.origin != "video":
         return None
-    std = float(np.median(release.std if release.own_std is None else release.own_std))
-    step = problem.average * float(np.median(np.diff(record.time)))
-    kept = float(np.exp(-step * problem.scales.frequency / (2 * np.pi * LASTS)))
-    return ResidualNoise(std**2 * (1 - kept**2), np.array([kept]))
+    std = float(np.median(own_std(release)))
+    step = problem.average * np.median(np.diff(record.time), keepdims=True)
+    kept = kept_after(step, problem.scales.frequency)
+    return ResidualNoise(std**2 * (1 - float(kept[0]) ** 2), kept)
 
 
 @dataclass(frozen=True, slots=True)

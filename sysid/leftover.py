@@ -41,8 +41,10 @@ def kind_of(model: Model, period: float) -> Kind:
     problem, point = model.problem, model.minimum.point
     if whiteness(model, period) > WHITE:
         return "white" if score_test(problem, point).probability > LEFT else "motion"
+    if not _is_steady(model):
+        return "motion"
     noise = residual_noise(model.residuals)
-    if not _is_steady(model) or has_line(model.residuals, noise):
+    if has_line(model.residuals, noise):
         return "motion"
     return "coloured" if score_test(problem, point, noise).probability > LEFT else "motion"
 

@@ -11,7 +11,6 @@ from sysid.cli.console import Common, Printer
 from sysid.cli.log_options import LogArguments, keep_logs, load_roll
 from sysid.errors import HuskyError
 from sysid.files import atomic_path
-from sysid.quantity import Z95
 
 UNSURE = 0.004
 """Uncertainty of an offset from which one doubts it [s]: records of one release agree to 2 ms."""
@@ -49,9 +48,10 @@ def roll(
 
         offset = clock_offset(load_roll(align, _NO_ARGUMENTS, printer), signal)
         printer.note(f"{log}: {offset} added to its times, which then count from the first sample of {align}")
-        if Z95 * offset.std > UNSURE:
+        half = (offset.ci95[1] - offset.ci95[0]) / 2
+        if half > UNSURE:
             printer.warn(
-                f"the offset is known to ± {1e3 * Z95 * offset.std:.2g} ms only: do both records show the same release?"
+                f"the offset is known to ± {1e3 * half:.2g} ms only: do both records show the same release?"
             )
         signal = replace(signal, time=signal.time + offset.value)
     inside = (signal.time >= (-np.inf if arguments.start is None else arguments.start)) & (

@@ -68,8 +68,8 @@ def find_deck_end(look: Survey, slopes: Array) -> DeckEnd | None:
     every = [steps_of(picture) for picture in look.pictures]
     shifts = np.array([camera_shift(look.pictures[0], picture) for picture in look.pictures])
     every = without_still(every, shifts)
-    turns = slopes[list(look.indices)].copy()
-    box = _usual_box(every, slopes[list(look.indices)], look.box)
+    turns = slopes[list(look.indices)]
+    box = _usual_box(every, turns, look.box)
     if box is None:
         return None
     left, top, right, bottom = box
@@ -83,10 +83,9 @@ def find_deck_end(look: Survey, slopes: Array) -> DeckEnd | None:
     pivot = np.array([left + right, top + bottom]) / 2
     reach = np.array([0.25 * size, 0.5 * (bottom - top)])
     steps = 2 * np.ceil(reach / (unit * np.array(NEAR))).astype(int) + 1
-    mean = np.zeros(grid.shape[:2])
+    coarse = grid[:, ::3]
     for round_ in range(4):
         weight = _attitudes(turns)
-        coarse = grid[:, ::3]
         tried = pivot + np.stack(
             np.meshgrid(*(np.linspace(-r, r, n) for r, n in zip(reach, steps, strict=True))), -1
         ).reshape(-1, 2)
@@ -97,7 +96,7 @@ def find_deck_end(look: Survey, slopes: Array) -> DeckEnd | None:
         ]
         pivot = tried[int(np.argmax(score))]
         turns = turns + _level(
-            every, shifts, turns, weight, pivot, grid, np.radians(15.0 if round_ < 3 else 2.0)
+            every, shifts, turns, weight, pivot, coarse, np.radians(15.0 if round_ < 3 else 2.0)
         )
         reach, steps = np.maximum(2 * reach / (steps - 1), unit), np.array([5, 5])
         mean = _mean(every, shifts, turns, weight, pivot, grid)
@@ -205,12 +204,12 @@ def _level(
 ) -> float:
     """How much more all pictures are to be turned, so that the edges run along the grid."""
 
-    def best(tried: Array, coarse: Array) -> float:
-        score = [_sharpness(_mean(every, shifts, turns + more, weight, pivot, coarse)) for more in tried]
+    def best(tried: Array) -> float:
+        score = [_sharpness(_mean(every, shifts, turns + more, weight, pivot, grid)) for more in tried]
         return float(tried[int(np.argmax(score))])
 
-    rough = best(np.linspace(-reach, reach, 21), grid[::, ::3])
-    return best(rough + np.linspace(-reach, reach, 21) / 10, grid[::, ::3])
+    rough = best(np.linspace(-reach, reach, 21))
+    return best(rough + np.linspace(-reach, reach, 21) / 10)
 
 
 def _best_turn(
@@ -234,8 +233,8 @@ def _best_turn(
 def _lines(mean: Array, x: Array, y: Array, shortest: float) -> Array:
     """Ridges of the mean picture: left and right end of each."""
     ridge = _ridges(mean)
+    strength = ridge.mean(axis=1)
     ridge = np.maximum(ridge, np.maximum(np.roll(ridge, 1, axis=0), np.roll(ridge, -1, axis=0)))
-    strength = _ridges(mean).mean(axis=1)
     found: list[Array] = []
     for row in np.argsort(-strength):
         rows = slice(max(0, row - APART), row + APART + 1)
