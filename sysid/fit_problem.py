@@ -218,6 +218,11 @@ class Problem:
         """Number of residuals."""
         return sum(len(record.time) // self.average for record in self.records)
 
+    @property
+    def observed(self) -> list[Array]:
+        """What is fitted of each record: its samples, or means of neighbours [rad or rad/s]."""
+        return [path.signal for path in self._paths]
+
     def sizes(self) -> Array:
         """Return the size of each unknown, shape (p,)."""
         return self._sizes

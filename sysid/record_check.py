@@ -15,7 +15,7 @@ from sysid.fit_search import FRICTION
 from sysid.fit_uncertainty import parameter_covariance
 from sysid.joint_flow import structure_of
 from sysid.least_squares import Normal, minimise
-from sysid.model_search import Model
+from sysid.diagnosis.search import Candidate
 from sysid.noise import correlation_length, sensor_step
 from sysid.quantity import Quantity
 from sysid.roll import Array
@@ -38,7 +38,7 @@ class Deviation:
     experiment: str = ""
 
 
-def record_deviation(model: Model, board: Board, *, look_at_linear: bool) -> Deviation:
+def record_deviation(model: Candidate, board: Board, *, look_at_linear: bool) -> Deviation:
     """Compare a fitted model with the record.
 
     Args:
@@ -61,7 +61,7 @@ def record_deviation(model: Model, board: Board, *, look_at_linear: bool) -> Dev
 
 
 def _shift(
-    model: Model, board: Board, covariance: np.ndarray, names: list[str], named: tuple[str, ...]
+    model: Candidate, board: Board, covariance: np.ndarray, names: list[str], named: tuple[str, ...]
 ) -> Deviation:
     """Name the rest angle if it moved; what moved it cannot be told. `named` is said already and may explain it."""
     if "rest_angle" not in names or model.problem.bias == "own" or "gravity" in model.effects:
@@ -101,7 +101,7 @@ def _shift(
     )
 
 
-def _worse(model: Model, rest_angle: float, *more: str) -> float:
+def _worse(model: Candidate, rest_angle: float, *more: str) -> float:
     """Return how much worse a model fits with its rest angle held, and with effects more, in χ² of the residual."""
     problem = model.problem
     held = Problem(
@@ -123,7 +123,7 @@ def _worse(model: Model, rest_angle: float, *more: str) -> float:
     return (2 * min(costs) - 2 * model.minimum.normal.cost) / unit
 
 
-def _linear(model: Model, board: Board, covariance: np.ndarray, names: list[str]) -> Deviation:
+def _linear(model: Candidate, board: Board, covariance: np.ndarray, names: list[str]) -> Deviation:
     """Compare k/I and d/I with the record, and name what would change them in just this proportion."""
     record = {name: board.tilt[name] for name in ("stiffness", "damping")}
     known = (board.decay or board.fit) and all(q.std > 0 for q in record.values())
@@ -155,7 +155,7 @@ def _linear(model: Model, board: Board, covariance: np.ndarray, names: list[str]
     )
 
 
-def _faithful(model: Model, board: Board) -> list[tuple[str, float]]:
+def _faithful(model: Candidate, board: Board) -> list[tuple[str, float]]:
     """Return effects of one parameter that fit with the record's own stiffness and damping, and how badly.
 
     An effect that is too weak to show in the shape of the decay may still have moved the k and d that a fit

@@ -151,6 +151,7 @@ def _torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Val
 _PROBE = Effect(
     name="probe",
     title="small torques of many shapes",
+    family="hardening",
     parameters=(
         Parameter(name="amplitude", unit="rad", size=lambda s: s.amplitude, low=0.0, high=2.0),
         Parameter(name="speed", unit="rad/s", size=lambda s: s.rate, low=0.0, high=2.0),

@@ -148,6 +148,7 @@ def _shaped(name: str) -> Effect:
     return Effect(
         name="unnamed",
         title=UNNAMED[name],
+        family="hardening",
         parameters=(
             *(
                 Parameter(

@@ -27,6 +27,7 @@ def to_mjcf(
 EFFECT = Effect(
     name="asymmetric-stiffness",
     title="left and right springs differ",
+    family="asymmetry",
     parameters=(
         Parameter(
             name="coefficient",

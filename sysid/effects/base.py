@@ -252,6 +252,11 @@ def no_torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[V
     return 0.0
 
 
+Family = Literal[
+    "friction", "hysteresis", "drag", "hardening", "asymmetry", "stop", "freeplay", "relaxation", "rest", "drift",
+    "lowpass", "clock", "inertia",
+]  # fmt: skip
+"""What a practitioner would call it; effects of one family are variants of one another."""
 Role = Literal["torque", "support", "shift", "record", "measurement"]
 """What an effect changes: the torque of the joint; what the joint stands on; the rest angle; the
 numbers of the record (indistinguishable from another k and d in a free decay); or the sensor."""
@@ -264,6 +269,7 @@ class Effect:
     name: str
     title: str
     """For people, e.g. 'dry friction'."""
+    family: Family
     parameters: tuple[Parameter, ...]
     role: Role = "torque"
     law: str

@@ -5,6 +5,7 @@ from sysid.effects.base import Effect, MujocoSupport, Parameter, belongs_to_log
 EFFECT = Effect(
     name="clock",
     title="the log's clock runs fast or slow",
+    family="clock",
     role="measurement",
     parameters=(
         Parameter(name="ratio", unit="1", size=lambda s: 1.0, low=0.5, high=2.0, starts=(1.0,), neutral=1.0),

@@ -37,6 +37,7 @@ def to_mjcf(
 EFFECT = Effect(
     name="coulomb",
     title="dry friction",
+    family="friction",
     parameters=(
         Parameter(name="torque", unit="N*m", size=lambda s: s.torque, low=0.0, high=1.0, starts=(0.01, 0.06)),
     ),

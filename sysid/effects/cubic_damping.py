@@ -27,6 +27,7 @@ def to_mjcf(
 EFFECT = Effect(
     name="cubic-damping",
     title="cubic damping",
+    family="drag",
     parameters=(
         Parameter(
             name="coefficient",

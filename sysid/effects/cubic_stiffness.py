@@ -27,6 +27,7 @@ def to_mjcf(
 EFFECT = Effect(
     name="cubic-stiffness",
     title="hardening or softening spring",
+    family="hardening",
     parameters=(
         Parameter(
             name="coefficient",

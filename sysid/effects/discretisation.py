@@ -24,6 +24,7 @@ def to_mjcf(
 EFFECT = Effect(
     name="discretisation",
     title="the simulator's time step",
+    family="clock",
     role="record",
     parameters=(
         Parameter(name="timestep", unit="s", size=lambda s: 0.1 / s.frequency, low=0.001, high=10.0),

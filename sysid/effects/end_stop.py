@@ -49,6 +49,7 @@ def as_freeplay(parameters: Values) -> list[dict[str, float]]:
 EFFECT = Effect(
     name="end-stop",
     title="end stop or bumper",
+    family="stop",
     parameters=(
         Parameter(
             name="angle",
@@ -63,7 +64,7 @@ EFFECT = Effect(
             name="stiffness",
             unit="N*m/rad",
             size=lambda s: s.stiffness,
-            low=0.5,
+            low=0.0,
             high=60.0,
             starts=(2.0, 8.0),
         ),

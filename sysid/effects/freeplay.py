@@ -34,6 +34,7 @@ def to_mjcf(
 EFFECT = Effect(
     name="freeplay",
     title="freeplay, a dead band",
+    family="freeplay",
     parameters=(
         Parameter(
             name="half_width",

@@ -49,6 +49,7 @@ def to_mjcf(
 EFFECT = Effect(
     name="gravity",
     title="centre of mass off the axis",
+    family="hardening",
     parameters=(
         Parameter(
             name="moment", unit="N*m", size=lambda s: s.stiffness, low=-1.0, high=3.0, starts=(0.3, 0.98)

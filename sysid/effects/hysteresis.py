@@ -64,6 +64,7 @@ def as_coulomb(parameters: Values) -> list[dict[str, float]]:
 EFFECT = Effect(
     name="hysteresis",
     title="rate-independent hysteresis (Jenkins slider)",
+    family="hysteresis",
     parameters=(
         Parameter(
             name="stiffness",

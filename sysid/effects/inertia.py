@@ -22,6 +22,7 @@ def to_mjcf(
 EFFECT = Effect(
     name="inertia",
     title="the record's roll inertia is wrong",
+    family="inertia",
     role="record",
     parameters=(
         Parameter(name="ratio", unit="1", size=lambda s: 1.0, low=0.1, high=10.0, starts=(1.0,), neutral=1.0),

@@ -45,6 +45,7 @@ def hides(acceleration: float, noise: float, parameters: Mapping[str, float]) ->
 EFFECT = Effect(
     name="lowpass",
     title="a filter in the sensor",
+    family="lowpass",
     role="measurement",
     parameters=(
         Parameter(

@@ -21,6 +21,7 @@ def to_mjcf(
 EFFECT = Effect(
     name="offset",
     title="rest angle moved",
+    family="rest",
     role="shift",
     parameters=(
         Parameter(name="angle", unit="rad", size=lambda s: s.amplitude, low=-1.0, high=1.0, starts=(0.01,)),

@@ -34,6 +34,7 @@ def to_mjcf(
 EFFECT = Effect(
     name="preload",
     title="constant torque",
+    family="rest",
     role="shift",
     parameters=(
         Parameter(name="torque", unit="N*m", size=lambda s: s.torque, low=-1.0, high=1.0, starts=(0.01,)),

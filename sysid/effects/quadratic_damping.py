@@ -27,6 +27,7 @@ def to_mjcf(
 EFFECT = Effect(
     name="quadratic-damping",
     title="quadratic damping",
+    family="drag",
     parameters=(
         Parameter(
             name="coefficient",

@@ -61,6 +61,7 @@ def to_mjcf(
 EFFECT = Effect(
     name="second-mode",
     title="compliant support",
+    family="relaxation",
     role="support",
     parameters=(
         Parameter(

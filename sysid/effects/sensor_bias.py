@@ -5,6 +5,7 @@ from sysid.effects.base import Effect, MujocoSupport, Parameter, belongs_to_log
 EFFECT = Effect(
     name="sensor-bias",
     title="angle sensor off by a constant",
+    family="rest",
     role="measurement",
     parameters=(
         Parameter(name="angle", unit="rad", size=lambda s: s.amplitude, low=-1.0, high=1.0, starts=(0.01,)),

@@ -5,6 +5,7 @@ from sysid.effects.base import Effect, MujocoSupport, Parameter, belongs_to_log
 EFFECT = Effect(
     name="sensor-drift",
     title="angle sensor that drifts",
+    family="drift",
     role="measurement",
     parameters=(
         Parameter(

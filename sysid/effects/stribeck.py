@@ -77,6 +77,7 @@ def as_coulomb(parameters: Values) -> list[dict[str, float]]:
 EFFECT = Effect(
     name="stribeck",
     title="dry friction with stiction",
+    family="friction",
     parameters=(
         Parameter(name="torque", unit="N*m", size=lambda s: s.torque, low=0.0, high=1.0, starts=(0.02,)),
         Parameter(

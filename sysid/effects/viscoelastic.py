@@ -54,6 +54,7 @@ def to_mjcf(
 EFFECT = Effect(
     name="viscoelastic",
     title="viscoelastic rubber (Maxwell arm)",
+    family="relaxation",
     parameters=(
         Parameter(
             name="stiffness", unit="N*m/rad", size=lambda s: s.stiffness, low=0.0, high=5.0, starts=(0.15,)

@@ -1,0 +1,119 @@
+"""Logs that nobody here made: does `diagnose` name the family, and at what confidence?
+
+    python benchmarks/foreign_logs.py ../shared/foreign_logs --board pink
+    python benchmarks/foreign_logs.py ../shared/real_logs
+
+A folder with a truth.json holds logs of one board with what is hidden in each; a folder of folders holds real logs, for
+which the expected families stand here. The folder may be absent: then nothing is run.
+"""
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sysid.board import load_board
+from sysid.diagnosis.diagnose import Diagnosis, diagnose
+from sysid.effects import effect
+from sysid.logs import LogOptions, read_roll
+from sysid.releases import find_releases
+
+ROOT = Path(__file__).parents[1]
+REAL: dict[str, tuple[set[str], set[str], dict[str, Any]]] = {
+    "servo_passive_drop/drop_kp100.csv": ({"friction"}, {"friction"}, {"start": 2.0}),
+    "servo_passive_drop/drop_kp800.csv": ({"friction"}, {"friction"}, {"start": 2.0}),
+    "sts3250_servo_drop/drop.csv": ({"friction"}, {"friction"}, {"start": 2.03}),
+    "bicycle_fork_gyro/compound.csv": ({"friction"}, {"friction"}, {}),
+    "bicycle_wheel_gyro/radial.csv": (set(), set(), {}),
+    "bicycle_wheel_gyro/axial.csv": (set(), set(), {}),
+    "rotary_pendulum_freeswing/swing_01.csv": ({"hardening", "friction"}, {"friction"}, {"start": 0.73}),
+    "rotary_pendulum_freeswing/swing_02.csv": ({"hardening", "friction"}, {"friction"}, {"start": 0.63}),
+    "kvlcc2_roll_decay/run_21337.csv": ({"drag", "hardening"}, {"drag"}, {"start": 24.95}),
+    "kvlcc2_roll_decay/run_21338.csv": ({"drag", "hardening"}, {"drag"}, {"start": 8.0}),
+}
+"""Real logs: families documented or found by an independent fit, those that must be named, and the part to look at."""
+
+
+def families(effects: tuple[str, ...]) -> frozenset[str]:
+    return frozenset(effect(name).family for name in effects)
+
+
+def verdicts(result: Diagnosis) -> list[frozenset[str]]:
+    """Return the set of families that is named, and those said to look the same."""
+    verdict = result.verdict
+    if verdict.status == "unexplained":
+        return [frozenset({"unknown"})]
+    if verdict.status == "none-missing":
+        return [frozenset()]
+    return [families(verdict.effects), *map(families, verdict.indistinguishable_from)]
+
+
+def line(name: str, result: Diagnosis, right: bool, expected: str, cpu: float) -> str:
+    v = result.verdict
+    said = ", ".join(v.effects) or v.status
+    alike = " ~ " + "; ".join(",".join(g) for g in v.indistinguishable_from) if v.indistinguishable_from else ""
+    after = v.error_after / result.noise.std
+    return (
+        f"{'ok ' if right else 'BAD'} {name:34s} {expected:24s} {said}{alike} | confidence {v.confidence:.2f} | error/noise "
+        f"{v.error_before / result.noise.std:.2f} -> {after:.3f} | explained {v.explained:.2f} | {cpu:.1f} s CPU"
+    )
+
+
+def foreign(folder: Path, board_name: str, only: str) -> None:
+    board = load_board(ROOT / f"data/boards/{board_name}.toml")
+    truths = json.loads((folder / "truth.json").read_text())
+    hits = count = 0
+    for name, truth in truths.items():
+        if only not in name:
+            continue
+        begin = time.process_time()
+        result = diagnose(find_releases(read_roll(folder / f"{name}.csv")), board)
+        wanted = [
+            frozenset("unknown" if e == "unknown" else effect(e).family for e in group)
+            for group in (truth["effects"], *truth["also"])
+        ]
+        right = bool(set(wanted) & set(verdicts(result)))
+        hits, count = hits + right, count + 1
+        print(line(name, result, right, ",".join(truth["effects"]) or "-", time.process_time() - begin), flush=True)
+    print(f"{hits} of {count} right")
+
+
+def real(folder: Path, board_name: str, only: str) -> None:
+    board = load_board(ROOT / f"data/boards/{board_name}.toml")
+    for name, (known, needed, part) in REAL.items():
+        if only not in name:
+            continue
+        begin = time.process_time()
+        try:
+            releases = find_releases(read_roll(folder / name, LogOptions()), **part)
+            rate = {r.origin for r in releases} == {"gyro"}
+            result = diagnose(releases, board, use_rate=rate)
+        except Exception as error:  # noqa: BLE001 - one log that cannot be read must not end the table
+            print(f"BAD {name}: {type(error).__name__}: {error}", flush=True)
+            continue
+        said = verdicts(result)
+        right = any(needed <= set(s) <= known for s in said) if known else not said[0]
+        print(line(name, result, right, ",".join(sorted(known)) or "-", time.process_time() - begin), flush=True)
+        print("      ", result.verdict.explanation, "|", result.verdict.next_experiment, flush=True)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--board", default="pink")
+    parser.add_argument("--only", default="")
+    options = parser.parse_args()
+    if not options.folder.exists():
+        print(f"{options.folder}: absent, nothing to run")
+        sys.exit(0)
+    np.seterr(all="ignore")
+    run = foreign if (options.folder / "truth.json").exists() else real
+    run(options.folder, options.board, options.only)
+
+
+if __name__ == "__main__":
+    main()

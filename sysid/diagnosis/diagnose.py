@@ -1,0 +1,447 @@
+"""What is the model missing? Every candidate a full fit, one score, one judgement.
+
+The score of a candidate is how likely its errors are on motion that it was not fitted to. The simplest one that is not told
+from the best is taken, and named if what it adds matters and explains most of what can be explained.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from sysid.board import Board
+from sysid.crew import Crew
+from sysid.diagnosis.experiment import deciding
+from sysid.diagnosis.importance import Importance, importance
+from sysid.diagnosis.judgement import Field, Scored, families_of
+from sysid.diagnosis.search import Candidate as Model
+from sysid.diagnosis.search import Progress, Search
+from sysid.diagnosis.surrogates import WORDS, surrogates
+from sysid.diagnosis.wording import (
+    experiment_in_words,
+    is_or_are,
+    it_or_them,
+    listed,
+    percent,
+    size_in_words,
+    titles,
+)
+from sysid.effects import effect
+from sysid.errors import HuskyError
+from sysid.fit_problem import Bias, make_records
+from sysid.fit_search import scales_of
+from sysid.fit_uncertainty import parameter_quantities
+from sysid.noise import NoiseFloor, noise_floor
+from sysid.plausible import amplitude_warnings
+from sysid.quantity import Quantity
+from sysid.record_check import Deviation, record_deviation
+from sysid.roll import Release
+
+EXPLAINED = 0.8
+"""Share of the squared held-out error beyond the noise that must be taken away for an effect to be named."""
+MATERIAL = 0.02
+"""Error beyond the noise over the motion, both RMS, below which what is left does not matter."""
+CLOSE = 0.1
+"""The same, up to which a model may be off and its effects still be named."""
+FINALISTS = {1: 5, 2: 5}
+"""How many of the best models of each size are predicted."""
+WEAK = 2.0
+"""Score that an effect must gain to be listed as a hint."""
+
+Status = Literal["none-missing", "missing", "unexplained"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hint:
+    """An effect that is seen, but too weak to matter or to be sure of."""
+
+    effects: tuple[str, ...]
+    size: Importance
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """What is missing, how sure that is, and how much it matters."""
+
+    status: Status
+    effects: tuple[str, ...]
+    families: tuple[str, ...]
+    confidence: float
+    indistinguishable_from: tuple[tuple[str, ...], ...]
+    error_before: float
+    error_after: float
+    explained: float
+    """Share of the squared held-out error beyond the noise that the model takes away."""
+    matters: Importance | None
+    remainder: float
+    """Held-out error beyond the noise that is left [rad or rad/s]."""
+    remainder_text: str
+    hints: tuple[Hint, ...]
+    next_experiment: str
+    explanation: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """One model that was tried."""
+
+    effects: tuple[str, ...]
+    """What it has beyond the board's record."""
+    rmse: float
+    heldout_rmse: float | None
+    """None where the model was out of the running before it came to that."""
+    score: float
+    """Twice the log-likelihood of held-out motion that the best has more: 0 is best, 8 is e⁴ to 1 against."""
+    parameters: Mapping[str, Quantity]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Diagnosis:
+    """All that was found."""
+
+    noise: NoiseFloor
+    baseline: Candidate
+    candidates: tuple[Candidate, ...]
+    """Best first."""
+    verdict: Verdict
+    shares: Mapping[str, float]
+    """Peak torque of each missing effect over the peak torque of the joint."""
+    warnings: tuple[str, ...]
+    heldout_before: tuple[float, ...]
+    """Error of predicting each release from the others, over its RMS motion: without what is missing."""
+    heldout_after: tuple[float, ...]
+    """The same with the model that the verdict rests on."""
+    best: Model = field(repr=False)
+    base: Model = field(repr=False)
+    swing_frequency: float | None = None
+    """Where a rate was fitted, and errors are rates: the joint's natural frequency [rad/s]."""
+
+
+def diagnose(
+    releases: Sequence[Release],
+    board: Board,
+    *,
+    bias: Bias = "shared",
+    use_rate: bool = False,
+    fixed: Mapping[str, float] | None = None,
+    workers: int = 1,
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """Fit the catalogue to releases and judge what the board's record is missing.
+
+    Args:
+        releases: Free decays of one board; with one only, its second half is predicted from its first.
+        board: The record; its effects are in every model.
+        bias: One sensor zero for all releases, or one each.
+        use_rate: Fit the measured rate instead of the roll.
+        fixed: Parameters held in every model, such as {"stiffness": 0.0} for a pendulum.
+        workers: Processes; with more than one, a script must guard its main part.
+        progress: Called as the search goes on.
+
+    Raises:
+        HuskyError: The releases are too short, or their unit is wrong.
+    """
+    noise = noise_floor(releases, rate=use_rate)
+    records = make_records(releases, noise.std, rate=use_rate)
+    scales = scales_of(records, board)
+    period = 2 * np.pi / scales.frequency
+    warnings = check_releases(releases, board, period)
+    held = dict(fixed or {})
+    if bias == "own" or use_rate:
+        held.setdefault("rest_angle", board.rest_angle)
+    with Crew(workers) as crew:
+        search = Search(
+            records=records, scales=scales, bias=bias, base=tuple(sorted(p.name for p in board.effects)),
+            fixed=held, crew=crew, progress=progress,
+        )  # fmt: skip
+        models, final = _searched(search)
+        winner = Field(final, search.base, period).winner()
+        outside = surrogates(search, winner.model, 0.97)
+        everything = Field([*final, *outside], search.base, period)
+    verdict, best, deviation = _judged(search, everything, winner.model, board)
+    base = search.fine(everything.base.model, average=1)
+    if progress is not None:
+        progress("done", 1.0)
+    warnings += _fast_starts(best)
+    scores = {(s.model.effects, s.model.shape): 2 * (everything.best.score - s.score) for s in everything.scored}
+    ranked = sorted(final, key=lambda m: scores[m.effects, ""])
+    done = {m.effects for m in final}
+    others = sorted((m for m in models if m.effects not in done), key=lambda m: m.cost)
+
+    def shown(model: Model, score: float) -> Candidate:
+        return Candidate(
+            effects=tuple(n for n in model.effects if n not in search.base), rmse=model.rmse, score=score,
+            heldout_rmse=model.heldout_rmse if model.heldout is not None else None,
+            parameters=parameter_quantities(model.problem, model.minimum, board, certain=model.effects in done),
+        )  # fmt: skip
+
+    worst = max((s for s in scores.values() if np.isfinite(s)), default=0.0)
+    return Diagnosis(
+        noise=noise,
+        baseline=shown(everything.base.model, scores[search.base, ""]),
+        candidates=(
+            *(shown(m, scores[m.effects, ""]) for m in ranked),
+            *(shown(m, worst + m.cost - others[0].cost) for m in others),
+        ),
+        verdict=_with_errors(verdict, base, best),
+        shares={} if verdict.matters is None else verdict.matters.each,
+        warnings=tuple(warnings),
+        heldout_before=heldout_nrmse(everything.base.model),
+        heldout_after=heldout_nrmse(winner.model),
+        best=best,
+        base=base,
+        swing_frequency=scales.frequency if use_rate else None,
+    )
+
+
+def check_releases(releases: Sequence[Release], board: Board, period: float) -> list[str]:
+    """Refuse what no verdict can be made from, and say what looks odd.
+
+    Raises:
+        HuskyError: Angles that cannot be radians of a board, or releases shorter than a swing.
+    """
+    warnings = amplitude_warnings(releases, board)
+    longest = max(float(r.time[-1] - r.time[0]) for r in releases)
+    samples = max(len(r.time) for r in releases)
+    if longest < 0.6 * period or samples < 24:
+        raise HuskyError(
+            f"the longest release has {samples} samples over {longest:.3g} s, and one swing takes {period:.3g} s: "
+            "too short for a verdict. Record until the deck rests, and three releases or more."
+        )
+    if len(releases) == 1:
+        warnings.append(
+            "one release only: the second half of its motion was predicted from the first. Three releases "
+            "from different angles, to both sides, make a much stronger test"
+        )
+    return warnings
+
+
+def heldout_nrmse(model: Model) -> tuple[float, ...]:
+    """Return the error of prediction over the RMS of the motion about rest, for each release that was left out.
+
+    Of one release alone it is that of its second half, predicted from the first.
+    """
+    rest = 0.0 if model.problem.records[0].is_rate else model.parameters.get("rest_angle", 0.0)
+    errors: list[float] = []
+    for missed, measured in zip(model.heldout or (), model.problem.observed, strict=False):
+        motion = measured[-len(missed) :] - rest
+        errors.append(float(np.sqrt(np.mean(missed**2) / max(float(np.mean(motion**2)), 1e-300))))
+    return tuple(errors)
+
+
+def _fast_starts(model: Model) -> list[str]:
+    """Say so if releases from a hold start faster than any release from rest could."""
+    if model.problem.start_penalty(model.minimum.point) < 16.0:
+        return []
+    return [
+        "the deck leaves the hand faster than the model allows: it was pushed, or something acts in the first "
+        "milliseconds only, such as an end stop that the deck was held against. Release from smaller angles too"
+    ]
+
+
+def _searched(search: Search) -> tuple[list[Model], list[Model]]:
+    """Return all models that were fitted, and those of them that may win, refined and predicted."""
+    singles = search.singles()
+    pairs = search.pairs(singles)
+    near = search.neighbours(min(pairs, key=lambda m: m.cost), [*singles, *pairs])
+    models = [*singles, *pairs, *near]
+    large = sorted([*pairs, *near], key=lambda m: m.cost)[:4]
+    models = search.reduced(large, models)
+    linear = next(m for m in models if m.effects == search.base)
+    picked = [linear]
+    for count, most in FINALISTS.items():
+        extra = [m for m in models if len(m.effects) - len(search.base) == count]
+        picked += sorted(extra, key=lambda m: m.cost)[:most]
+    return models, search.finalists(picked)
+
+
+def _judged(search: Search, tried: Field, winner: Model, board: Board) -> tuple[Verdict, Model, Deviation]:
+    """Return the verdict, the model that it rests on fitted to single samples, and how that differs from the record."""
+    base = tried.base
+    chosen = next(s for s in tried.scored if s.model is winner)
+    named = tuple(n for n in winner.effects if n not in search.base)
+    outside = _outside(tried, chosen)
+    size = importance(winner, named, base.model) if named else None
+    explained, left = tried.explained(chosen), _left(tried, chosen)
+    hints = _hints(search, tried, chosen, size)
+    if outside is not None or (
+        _left(tried, base) > MATERIAL and (not named or explained < EXPLAINED or left > CLOSE)
+    ):
+        return (*_unexplained(search, tried, chosen, outside, hints), Deviation())
+    if size is None or not size.matters or explained < EXPLAINED:
+        return _nothing(search, tried, chosen, hints, board)
+    return _missing(search, tried, chosen, size, hints, board)
+
+
+def _left(tried: Field, scored: Scored) -> float:
+    """Return the held-out error beyond the noise over the motion, both RMS."""
+    return float(np.sqrt(max(tried.excess(scored), 0.0))) / max(tried.motion, 1e-300)
+
+
+def _outside(tried: Field, chosen: Scored) -> Scored | None:
+    """Return a law outside the catalogue that reaches the noise and is beyond doubt the better one, if there is one."""
+    shaped = [s for s in tried.scored if s.model.shape and tried.excess(s) < 0.25 * tried.noise**2]
+    best = max(shaped, key=lambda s: s.score, default=None)
+    if best is None or best.score - chosen.score <= max(2 * TIE_OUTSIDE, tried.tie(best, chosen)):
+        return None
+    return best
+
+
+TIE_OUTSIDE = 6.0
+"""Score by which a law that nobody has met must be better."""
+
+
+def _hints(search: Search, tried: Field, chosen: Scored, size: Importance | None) -> tuple[Hint, ...]:
+    """Return single effects that are seen but are too weak to be named."""
+    if chosen.extra and size is not None and size.matters:
+        return ()
+    hints: list[Hint] = []
+    for s in sorted(tried.scored, key=lambda s: -s.score):
+        names = tuple(n for n in s.model.effects if n not in search.base)
+        if len(names) != 1 or s.model.shape or s.score - tried.base.score < WEAK or len(hints) == 3:
+            continue
+        weight = importance(s.model, names, tried.base.model)
+        gained = s.score - tried.base.score
+        text = f"{listed(names)} is seen ({gained:.1f} in the log of the odds). {size_in_words(weight)}"
+        hints.append(Hint(effects=names, size=weight, text=text))
+    return tuple(hints)
+
+
+def _missing(
+    search: Search, tried: Field, chosen: Scored, size: Importance, hints: tuple[Hint, ...], board: Board
+) -> tuple[Verdict, Model, Deviation]:
+    final = search.fine(chosen.model, average=1)
+    named = tuple(n for n in chosen.model.effects if n not in search.base)
+    deviation = record_deviation(final, board, look_at_linear=False)
+    rivals = [
+        s for s in tried.near(chosen)
+        if s.extra <= chosen.extra and not s.model.shape and s.extra > 0 and s is not chosen
+    ]  # fmt: skip
+    alike = [tuple(n for n in s.model.effects if n not in search.base) for s in rivals]
+    effects = (*named, *deviation.effects)
+    sets = [(*others, *deviation.effects) for others in alike] + [(*named, *other) for other in deviation.alike]
+    explained = tried.explained(chosen)
+    text = (
+        f"{listed(effects)} {is_or_are(effects)} missing: {percent(explained)} of the squared error of predicting held-out "
+        f"motion, beyond the noise, goes away with {it_or_them(effects)}. {size_in_words(size)} {deviation.text}"
+    ).strip()
+    if sets:
+        text += f" These data cannot tell it from {'; or '.join(listed(s) for s in sets)}."
+    if tried.base in tried.near(chosen):
+        text += " The evidence is thin: the model without it is nearly as likely."
+    remainder, words = _remainder(tried, chosen)
+    families = families_of(chosen.model, search.base)
+    verdict = _verdict(
+        search, tried, "missing", effects, sorted(families), tried.confidence(families), sets, chosen, size, remainder,
+        words, hints, _experiment(search, tried, chosen), f"{text} {words}".strip(),
+    )  # fmt: skip
+    return verdict, final, deviation
+
+
+def _nothing(
+    search: Search, tried: Field, chosen: Scored, hints: tuple[Hint, ...], board: Board
+) -> tuple[Verdict, Model, Deviation]:
+    final = search.fine(tried.base.model, average=1)
+    deviation = record_deviation(final, board, look_at_linear=True)
+    confidence = tried.confidence(frozenset())
+    if chosen.extra:
+        confidence += tried.confidence(families_of(chosen.model, search.base))
+    remainder, words = _remainder(tried, tried.base)
+    experiment = deviation.experiment
+    if deviation.effects:
+        status: Status = "missing"
+        text = f"{listed(deviation.effects)} {is_or_are(deviation.effects)} missing. {deviation.text}"
+    else:
+        status = "none-missing"
+        text = f"Nothing is missing that matters. {deviation.text}".strip()
+        experiment = "" if not hints else _experiment(search, tried, tried.base)
+    for hint in hints:
+        text += f" Hint: {hint.text}"
+    families = sorted({effect(n).family for n in deviation.effects})
+    verdict = _verdict(
+        search, tried, status, deviation.effects, families, confidence, deviation.alike, tried.base, None, remainder, words,
+        hints, experiment, f"{text} {words}".strip(),
+    )  # fmt: skip
+    return verdict, final, deviation
+
+
+def _unexplained(
+    search: Search, tried: Field, chosen: Scored, outside: Scored | None, hints: tuple[Hint, ...]
+) -> tuple[Verdict, Model]:
+    final = search.fine(chosen.model, average=1)
+    named = tuple(n for n in chosen.model.effects if n not in search.base)
+    explained = tried.explained(chosen)
+    text = "Something is missing that no effect of the catalogue explains. "
+    if named:
+        text += (
+            f"The nearest is {listed(named)}, which takes away {percent(explained)} of the squared error of prediction. "
+        )
+    if outside is not None:
+        beside = tuple(n for n in outside.model.effects if n not in search.base)
+        also = f", beside {listed(beside)}," if beside else ""
+        text += f"{WORDS[outside.model.shape][:1].upper()}{WORDS[outside.model.shape][1:]}{also} does it better. "
+        confidence = sum(tried.confidence(frozenset(key)) for key in _shaped_keys(search, tried))
+    elif named:
+        confidence = 1 - tried.chance_explained(chosen, EXPLAINED) * (_left(tried, chosen) <= CLOSE)
+    else:
+        confidence = tried.confidence(frozenset())
+    remainder, words = _remainder(tried, chosen)
+    text += f"{words} The map of the missing torque (compare) shows at which angle and rate it acts."
+    verdict = _verdict(
+        search, tried, "unexplained", (), [], confidence, (), chosen, None, remainder, words, hints,
+        _experiment(search, tried, chosen), text,
+    )  # fmt: skip
+    return verdict, final
+
+
+def _shaped_keys(search: Search, tried: Field) -> set[frozenset[str]]:
+    return {families_of(s.model, search.base) for s in tried.scored if s.model.shape}
+
+
+def _remainder(tried: Field, scored: Scored) -> tuple[float, str]:
+    """Return the held-out error beyond the noise, and where most of it is."""
+    left = float(np.sqrt(max(tried.excess(scored), 0.0)))
+    share = left / max(tried.motion, 1e-300)
+    if share < 0.002 or left < 0.1 * tried.noise:
+        return left, "What is left is the noise of the sensor."
+    return left, f"What is left is {percent(share)} of the motion."
+
+
+def _experiment(search: Search, tried: Field, chosen: Scored) -> str:
+    """Return the experiment that decides between a candidate and the best of another family."""
+    own = families_of(chosen.model, search.base)
+    others = [
+        s for s in tried.scored
+        if not s.model.shape and families_of(s.model, search.base) != own
+        and not set(s.model.effects) > set(chosen.model.effects) and np.isfinite(s.score)
+    ]  # fmt: skip
+    if not others:
+        return ""
+    rival = max(others, key=lambda s: s.score - PRICE_OF_ONE * s.extra)
+    names = [tuple(n for n in s.model.effects if n not in search.base) for s in (chosen, rival)]
+    found = deciding(chosen.model, rival.model, tried.best.errors)
+    fallback = "" if found or not names[0] else effect(names[0][0]).experiment
+    return experiment_in_words(found, titles(names[0]), titles(names[1]), fallback)
+
+
+PRICE_OF_ONE = 3.0
+
+
+def _verdict(
+    search: Search, tried: Field, status: Status, effects: Sequence[str], families: Sequence[str], confidence: float,
+    alike: Sequence[tuple[str, ...]], chosen: Scored, size: Importance | None, remainder: float, words: str,
+    hints: tuple[Hint, ...], experiment: str, text: str,
+) -> Verdict:  # fmt: skip
+    unique = dict.fromkeys(tuple(s) for s in alike if set(s) != set(effects))
+    return Verdict(
+        status=status, effects=tuple(effects), families=tuple(families), confidence=min(max(confidence, 0.0), 0.999),
+        indistinguishable_from=tuple(unique), error_before=tried.base.model.rmse, error_after=chosen.model.rmse,
+        explained=tried.explained(chosen), matters=size, remainder=remainder, remainder_text=words, hints=hints,
+        next_experiment=experiment, explanation=text,
+    )  # fmt: skip
+
+
+def _with_errors(verdict: Verdict, base: Model, best: Model) -> Verdict:
+    return replace(verdict, error_before=base.rmse, error_after=best.rmse)

@@ -1,0 +1,73 @@
+"""The experiment that would decide between two models: the smallest release that tells them apart at 95 %."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.diagnosis.error_model import Fitted
+from sysid.diagnosis.search import Candidate
+from sysid.errors import HuskyError
+from sysid.joint import JointLaw, simulate
+
+DECIDED = float(np.log(19.0))
+"""Log of the odds at 95 %."""
+ANGLES = np.radians([1, 2, 3, 5, 7, 10, 12, 15, 20, 30, 45, 60])
+"""Release angles that are tried, smallest first [rad]."""
+MOST = 5
+"""Releases that one is ready to make."""
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """Releases that tell two models apart."""
+
+    angle: float
+    """Release angle from rest, negative for the left edge down [rad]."""
+    number: int
+    duration: float
+    """Of each [s]."""
+    difference: float
+    """Largest difference between the two predictions [rad]."""
+
+
+def deciding(one: Candidate, other: Candidate, errors: Fitted) -> Experiment | None:
+    """Return the smallest release that decides between two fitted models, at most `MOST` times; None if there is none.
+
+    Args:
+        one: Taken for true.
+        other: Its rival, as fitted.
+        errors: Of the sensor, and how far the better model is from exact.
+    """
+    laws = [_law(model) for model in (one, other)]
+    record = one.problem.records[0]
+    step = float(np.median(np.diff(record.time)))
+    duration = float(max(r.time[-1] for r in one.problem.records))
+    time = np.arange(0.0, duration, step)
+    period = 2 * np.pi / one.problem.scales.frequency
+    limit = 1.5 * one.problem.scales.amplitude
+    for angle in ANGLES[limit >= ANGLES]:
+        for side in (1.0, -1.0):
+            rest = laws[0].rest_angle
+            try:
+                first, second = (simulate(law, time, rest + side * float(angle)) for law in laws)
+            except HuskyError:
+                continue
+            pairs = (first.rate, second.rate) if record.is_rate else (first.roll, second.roll)
+            missed = pairs[0] - pairs[1]
+            swing = float(angle) * np.exp(-time / max(duration / 3, 1e-9))
+            white = errors.white**2 + (errors.jitter * np.gradient(pairs[0], step)) ** 2
+            per_block = max(1.0, period / step / 4)  # samples that are wrong together where a model is not exact
+            variance = white + per_block * ((errors.discrepancy * swing) ** 2 + errors.coloured**2)
+            odds = 0.5 * float(np.sum(missed**2 / np.maximum(variance, 1e-300)))
+            number = int(np.ceil(DECIDED / max(odds, 1e-9)))
+            if number <= MOST:
+                largest = float(np.abs(first.roll - second.roll).max())
+                loud = np.flatnonzero(np.abs(first.roll - rest) > 0.02 * angle)
+                lasts = float(time[loud[-1]]) if len(loud) else duration
+                return Experiment(float(side * angle), number, lasts, largest)
+    return None
+
+
+def _law(model: Candidate) -> JointLaw:
+    problem = model.problem
+    return JointLaw.from_vector(problem.structure, problem.vector_of(problem.parameters(model.minimum.point)))

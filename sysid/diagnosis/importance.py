@@ -1,0 +1,124 @@
+"""How much an effect matters: what a user of the joint would notice, whatever a statistician can prove."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sysid.diagnosis.search import Candidate
+from sysid.effects import effect
+from sysid.errors import HuskyError
+from sysid.joint import JointLaw, simulate
+from sysid.joint_torque import effect_torque, torque_shares
+from sysid.roll import Array
+
+TORQUE, ENERGY, AMPLITUDE, SIGNAL = 0.01, 0.03, 0.01, 0.01
+"""Shares below all of which an effect does not matter: of the joint's peak torque, of the dissipated energy, of the first
+amplitude after ten periods, and of the RMS motion for what the sensor adds. A spring is known to a few percent."""
+PERIODS = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Importance:
+    """Size of some effects together."""
+
+    torque_share: float
+    """Largest peak torque of one of them over the peak of spring and damper."""
+    energy_share: float
+    """What they dissipate over all that is dissipated."""
+    amplitude_after_10_periods: float
+    """How much wider or narrower the swing would be without them, over the first amplitude."""
+    signal_share: float
+    """What the sensor adds, over the motion, both RMS."""
+    each: dict[str, float]
+    """Torque share of each."""
+
+    @property
+    def matters(self) -> bool:
+        """Whether any of the sizes is above its limit."""
+        return (
+            self.torque_share >= TORQUE or self.energy_share >= ENERGY
+            or self.amplitude_after_10_periods >= AMPLITUDE or self.signal_share >= SIGNAL
+        )  # fmt: skip
+
+    def to_json(self) -> dict[str, float]:
+        """Return the three sizes of the result file."""
+        return {
+            "torque_share": self.torque_share,
+            "energy_share": self.energy_share,
+            "amplitude_after_10_periods": self.amplitude_after_10_periods,
+        }
+
+
+def importance(model: Candidate, names: Sequence[str], base: Candidate) -> Importance:
+    """Return how much some of a model's effects matter, against a fitted joint without them.
+
+    Args:
+        model: That has them.
+        names: Of the effects.
+        base: Fitted without them.
+    """
+    problem, point = model.problem, model.minimum.point
+    law = JointLaw.from_vector(problem.structure, problem.vector_of(problem.parameters(point)))
+    own, shared = problem.own, len(problem.names)
+    begins = (point * problem.sizes())[shared:]
+    starts = [(float(begins[i * own]), float(begins[i * own + 1])) for i in range(len(problem.records))]
+    times = [record.time for record in problem.records]
+    inside = [n for n in names if effect(n).role != "measurement"]
+    sensed = [n for n in names if effect(n).role == "measurement"]
+    each = torque_shares(law, times, starts, inside) if inside else {}
+    fall = max(_mean_square(base.residuals) - _mean_square(model.residuals), 0.0)
+    motion = _mean_square([record.signal - np.median(record.signal) for record in problem.records])
+    return Importance(
+        torque_share=max(each.values(), default=0.0),
+        energy_share=_energy_share(law, times, starts, inside),
+        amplitude_after_10_periods=_amplitude_share(law, starts, inside),
+        signal_share=float(np.sqrt(fall / max(motion, 1e-300))) if sensed else 0.0,
+        each=each,
+    )
+
+
+def _mean_square(arrays: Sequence[Array]) -> float:
+    return float(np.mean(np.concatenate(list(arrays)) ** 2))
+
+
+def _energy_share(
+    law: JointLaw, times: Sequence[Array], starts: Sequence[tuple[float, float]], names: Sequence[str]
+) -> float:
+    """Return what effects dissipate over what the whole joint dissipates, over some releases."""
+    plain = _unsensed(law)
+    mine = whole = 0.0
+    for time, (angle, rate) in zip(times, starts, strict=True):
+        grid = np.linspace(0.0, float(time[-1]), 2000)
+        path = simulate(plain, grid, angle, rate)
+        whole += float(np.trapezoid(law.damping * path.rate**2, grid))
+        for name, _ in plain.effects:
+            lost = -float(
+                np.trapezoid(effect_torque(plain, name, grid, path.roll, path.rate) * path.rate, grid)
+            )
+            whole += lost
+            mine += lost if name in names else 0.0
+    return float(np.clip(mine / whole, 0.0, 1.0)) if whole > 0 else 0.0
+
+
+def _amplitude_share(law: JointLaw, starts: Sequence[tuple[float, float]], names: Sequence[str]) -> float:
+    """Return by how much the amplitude after ten periods differs without some effects, over the first amplitude."""
+    plain = _unsensed(law)
+    without = replace(plain, effects=tuple(e for e in plain.effects if e[0] not in names))
+    if without.stiffness + dict(without.effects).get("gravity", (0.0,))[0] <= 0:
+        return 1.0
+    period = 2 * np.pi / plain.frequency
+    grid = np.linspace(0.0, (PERIODS + 0.5) * period, 200 * PERIODS)
+    late = grid >= (PERIODS - 0.5) * period
+    largest = 0.0
+    for angle, _ in starts:
+        try:
+            spans = [float(np.ptp(simulate(one, grid, angle).roll[late])) / 2 for one in (plain, without)]
+        except HuskyError:
+            return 1.0
+        largest = max(largest, abs(spans[0] - spans[1]) / max(abs(angle - law.rest_angle), 1e-9))
+    return min(largest, 1.0)
+
+
+def _unsensed(law: JointLaw) -> JointLaw:
+    return replace(law, effects=tuple(e for e in law.effects if effect(e[0]).role != "measurement"))

@@ -1,0 +1,157 @@
+"""One judgement: the simplest model that predicts held-out motion as well as the best does, if what it adds matters.
+
+Every candidate is scored by how likely its errors on held-out motion are, under an error model that knows noise, jitter
+and that no model is exact. Nothing else is asked: whiteness is no criterion, because no model of a real joint is exact.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.diagnosis.error_model import Blocks, Fitted, blocks_of, fit_errors
+from sysid.diagnosis.search import Candidate
+from sysid.effects import effect
+from sysid.roll import Array
+
+TIE = 6.0
+"""Fall of the log-likelihood of held-out motion below which two models are not told apart. An effect that is not there
+gains 1 to 3 by chance as the best of some fifteen."""
+TEMPERATURE = 2.0
+"""By which differences of the log-likelihood are divided for a confidence: what the reliability diagram asks for."""
+PRICE = 3.0
+"""Of one effect more, in the log of its prior odds: one in twenty is there."""
+DRAWS = 400
+"""Bootstrap draws of the share that is explained."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scored:
+    """A candidate and how likely its errors are."""
+
+    model: Candidate
+    errors: Fitted
+    """On held-out motion."""
+    extra: int
+    """Effects beyond the board's record, laws outside the catalogue included."""
+
+    @property
+    def score(self) -> float:
+        """Log-likelihood of held-out motion [nats]."""
+        return self.errors.log_likelihood
+
+
+class Field:
+    """Candidates of one log, scored on the same motion."""
+
+    def __init__(self, models: Sequence[Candidate], base: tuple[str, ...], period: float) -> None:
+        """Score all of them.
+
+        Args:
+            models: Predicted.
+            base: Effects that every one of them has.
+            period: Of the joint [s].
+        """
+        self.base_effects = base
+        best = min(models, key=lambda m: m.cost)
+        self.blocks = held_blocks(best, period)
+        self.scored = [self.score(model) for model in models]
+        self.base = next(s for s in self.scored if s.model.effects == base and not s.model.shape)
+        self.best = max(self.scored, key=lambda s: s.score)
+
+    def score(self, model: Candidate) -> Scored:
+        """Score one candidate."""
+        assert model.heldout is not None
+        extra = len(model.effects) - len(self.base_effects) + bool(model.shape)
+        if not np.isfinite(model.heldout_rmse):
+            each = np.full(len(self.blocks.frequency), -1e9)
+            return Scored(model, Fitted(-np.inf, 0.0, 0.0, 0.0, 0.0, each), extra)
+        return Scored(model, fit_errors(self.blocks, model.heldout), extra)
+
+    def tie(self, one: Scored, other: Scored) -> float:
+        """Return the difference of score below which two candidates are not told apart: one standard error of it."""
+        difference = self.by_block(other.errors.each - one.errors.each)
+        return max(TIE, float(np.std(difference)) * float(np.sqrt(len(difference))))
+
+    def by_block(self, each: Array) -> Array:
+        """Return sums over the blocks, shape (blocks,)."""
+        starts = np.cumsum([0, *(b - a for _, a, b in self.blocks.cuts[:-1])])
+        return np.add.reduceat(each, starts)
+
+    def near(self, one: Scored) -> list[Scored]:
+        """Return the candidates that are not told from one."""
+        return [s for s in self.scored if np.isfinite(s.score) and one.score - s.score <= self.tie(one, s)]
+
+    def winner(self) -> Scored:
+        """Return the simplest candidate that is not told from the best."""
+        return min(self.near(self.best), key=lambda s: (s.extra, s.model.size, -s.score))
+
+    def excess(self, scored: Scored) -> float:
+        """Return the held-out mean square error beyond the sensor's noise [rad²]."""
+        return float(np.mean(self._excess_by_block(scored)))
+
+    def explained(self, scored: Scored) -> float:
+        """Return the share of the base's excess that a candidate takes away."""
+        before = self.excess(self.base)
+        return float(np.clip(1 - max(self.excess(scored), 0.0) / before, 0.0, 1.0)) if before > 0 else 0.0
+
+    def chance_explained(self, scored: Scored, share: float) -> float:
+        """Return the probability that a candidate explains at least that share: bootstrap over the blocks."""
+        rng = np.random.default_rng(0)
+        before, after = self._excess_by_block(self.base), self._excess_by_block(scored)
+        draws = rng.integers(0, len(before), (DRAWS, len(before)))
+        return float(np.mean(after[draws].mean(1) <= (1 - share) * before[draws].mean(1)))
+
+    def _excess_by_block(self, scored: Scored) -> Array:
+        """Return mean squares less the sensor's noise, of blocks weighted by their lengths."""
+        lengths = np.array([b - a for _, a, b in self.blocks.cuts], dtype=float)
+        noise = self.noise**2
+        assert scored.model.heldout is not None
+        squares = np.array([float(np.sum(scored.model.heldout[i][a:b] ** 2)) for i, a, b in self.blocks.cuts])
+        return (squares / lengths - noise) * lengths / lengths.mean()
+
+    @property
+    def noise(self) -> float:
+        """What the best candidate's errors hold of the sensor's own, jitter included [rad]."""
+        e = self.best.errors
+        return float(np.sqrt(e.white**2 + e.coloured**2 + np.mean((e.jitter * self.blocks.rate) ** 2)))
+
+    @property
+    def motion(self) -> float:
+        """RMS of the held-out motion about rest [rad]."""
+        return float(np.sqrt(np.mean(self.blocks.signal_square)))
+
+    def confidence(self, families: frozenset[str]) -> float:
+        """Return the probability of a set of families against all others that were tried."""
+        weights: dict[frozenset[str], float] = {}
+        for s in self.scored:
+            key = families_of(s.model, self.base_effects)
+            value = (s.score - self.best.score - PRICE * s.extra) / TEMPERATURE
+            weights[key] = max(weights.get(key, 0.0), float(np.exp(value)))
+        return weights.get(families, 0.0) / max(sum(weights.values()), 1e-300)
+
+
+def families_of(model: Candidate, base: Sequence[str]) -> frozenset[str]:
+    """Return the families of what a model has beyond the record; a law outside the catalogue is its own."""
+    names = {effect(n).family for n in model.effects if n not in base}
+    return frozenset(names | ({model.shape} if model.shape else set()))
+
+
+def held_blocks(model: Candidate, period: float) -> Blocks:
+    """Cut the motion that was held out into blocks of a period, as a fitted model knows it."""
+    assert model.heldout is not None
+    problem = model.problem
+    rest = 0.0 if problem.records[0].is_rate else model.parameters.get("rest_angle", 0.0)
+    signals: list[Array] = []
+    rates: list[Array] = []
+    steps: list[float] = []
+    for record, residual, held, measured in zip(
+        problem.records, model.residuals, model.heldout, problem.observed, strict=True
+    ):
+        step = problem.average * float(np.median(np.diff(record.time)))
+        signal = residual + measured - rest
+        rate = np.gradient(signal, step)
+        signals.append(signal[-len(held) :])
+        rates.append(rate[-len(held) :])
+        steps.append(step)
+    return blocks_of(signals, rates, steps, period)

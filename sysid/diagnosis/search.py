@@ -1,0 +1,385 @@
+"""Every model that the catalogue can make of some releases: effects alone, pairs of the best, and their neighbours.
+
+Each is a full fit. A richer model starts from the optimum of each model that it contains, where what it has more
+vanishes, besides starts of its own: so adding an effect never makes the error larger, whatever valleys there are.
+"""
+
+import itertools
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+
+import numpy as np
+
+from sysid.crew import Crew
+from sysid.cross_validation import held_out
+from sysid.effects import catalogue, effect
+from sysid.effects.base import Scales
+from sysid.fit_problem import Bias, Problem, Record
+from sysid.fit_search import first_swings, replace_records, search
+from sysid.joint_flow import structure_of
+from sysid.least_squares import Minimum, minimise
+from sysid.roll import Array
+
+COARSE, FINE = 24, 32
+"""Integration steps per period while searching, the same for all so that costs compare; and in the end, times the
+sharpness of the law."""
+SAMPLES = 40
+"""Samples per period that are kept: the fifth harmonic of the swing still has eight."""
+PARENTS = 4
+"""Single effects whose pairs with all others are tried."""
+STARTS = 3
+"""Starts tried of an effect that joins another."""
+EARLY = 4.0
+"""Periods of each release by which starts are ranked."""
+FRICTIONLESS = 0.4
+"""Share of a model's damping that is left to it where dry friction joins."""
+WIDE = 0.6
+"""Tilt from which the sine of gravity bends enough to tell it from a stiffness [rad]."""
+BEATEN, FAR = 6, 60.0
+"""A union is given up when this many others have reached less than it promises, by that much of χ²."""
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """One fitted model."""
+
+    effects: tuple[str, ...]
+    problem: Problem = field(repr=False)
+    minimum: Minimum = field(repr=False)
+    heldout: tuple[Array, ...] | None = None
+    """What is missed of each release, predicted without it [rad or rad/s]; of its second half, if there is one only."""
+    shape: str = ""
+    """Of a torque outside the catalogue that it has besides, by its name in `sysid.diagnosis.surrogates`."""
+
+    @property
+    def heldout_rmse(self) -> float:
+        """Root mean square of what is missed of held-out releases; inf where a prediction ran away."""
+        if self.heldout is None:
+            return float("inf")
+        errors = np.concatenate(self.heldout)
+        return float(np.sqrt(np.mean(errors**2))) if np.all(np.abs(errors) < 1e6) else float("inf")
+
+    @property
+    def samples(self) -> int:
+        """Number of samples that were fitted, singly or averaged."""
+        return sum(len(record.time) for record in self.problem.records)
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squared residuals in units of the noise floor; what averaging hid is taken for noise."""
+        return self.cost + self.samples - self.problem.samples
+
+    @property
+    def rmse(self) -> float:
+        """Root mean square residual [rad or rad/s]."""
+        squares = self.chi2 - self.problem.start_penalty(self.minimum.point)
+        return float(np.sqrt(max(squares, 0.0) / self.samples)) * self.problem.records[0].std
+
+    @property
+    def cost(self) -> float:
+        """Sum of squared residuals in units of the noise."""
+        return 2.0 * self.minimum.normal.cost
+
+    @property
+    def size(self) -> int:
+        """Number of parameters of the physics, and of internal states beyond roll and rate that were fitted."""
+        states = self.problem.own - 2 - (self.problem.bias == "own")
+        return len(self.problem.names) + states * len(self.problem.records)
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Parameters by name."""
+        return self.problem.parameters(self.minimum.point)
+
+    @property
+    def residuals(self) -> list[Array]:
+        """Model minus measurement of each release."""
+        return self.problem.residuals(self.minimum.point)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Search:
+    """Fits candidates to the records of one problem."""
+
+    records: tuple[Record, ...]
+    scales: Scales
+    bias: Bias
+    base: tuple[str, ...] = ()
+    """Effects that the board's record has already: every model has them."""
+    fixed: Mapping[str, float] = field(default_factory=dict[str, float])
+    """Parameters held in every model."""
+    crew: Crew = field(default_factory=lambda: Crew(1), repr=False)
+    progress: Progress | None = None
+
+    def __getstate__(self) -> dict[str, object]:
+        """Leave crew and progress at home when a job goes to another process."""
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("crew", "progress")}
+
+    def __setstate__(self, state: dict[str, object]) -> None:
+        """Take up the work alone."""
+        for name, value in {**state, "crew": Crew(1), "progress": None}.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def average(self) -> int:
+        """Samples of which means are fitted."""
+        period = 2 * np.pi / self.scales.frequency
+        step = float(np.median(np.diff(self.records[0].time)))
+        return max(1, int(period / step / SAMPLES))
+
+    def names(self) -> list[str]:
+        """Return the effects that a free decay can show, which are worth a fit here."""
+        known = catalogue()
+        chosen = [n for n, e in known.items() if e.role in ("torque", "support")]
+        chosen += ["lowpass", "sensor-drift"] if self.bias == "shared" else []
+        if self.scales.amplitude < WIDE:
+            chosen.remove("gravity")
+        return sorted(set(chosen) - set(self.base))
+
+    def problem(self, effects: Sequence[str], *, free_states: bool = False) -> Problem:
+        """Return the least squares of a model, on the coarse grid."""
+        return Problem(
+            structure_of(effects), self.records, self.scales, bias=self.bias, steps_per_period=COARSE,
+            fixed=self.fixed, average=self.average, free_states=free_states,
+        )  # fmt: skip
+
+    def single(self, effects: Sequence[str], known: Candidate | None = None) -> Candidate:
+        """Fit one model from the catalogue's own starts, and from a simpler one that is fitted already."""
+        problem, minimum, _ = search(
+            structure_of(effects), self.records, self.scales, bias=self.bias, steps_per_period=COARSE,
+            fixed=self.fixed, average=self.average,
+        )  # fmt: skip
+        if known is not None:
+            start = inherited(problem, known)
+            other = minimise(problem.normal, start, *problem.bounds(), iterations=15, tolerance=1e-5)
+            minimum = min(minimum, other, key=lambda m: m.normal.cost)
+        return Candidate(effects=tuple(sorted(effects)), problem=problem, minimum=minimum)
+
+    def union(self, one: Candidate, other: Candidate) -> Candidate:
+        """Fit the union of two models."""
+        return self.finished(self.begun(one, other))
+
+    def begun(self, one: Candidate, other: Candidate) -> Candidate:
+        """Return the union of two models after a few steps from the better of its starts."""
+        effects = tuple(sorted({*one.effects, *other.effects}))
+        free = one.problem.free_states or other.problem.free_states
+        problem = self.problem(effects, free_states=free)
+        starts = [{**other.parameters, **one.parameters}, {**one.parameters, **other.parameters}]
+        for known in (one, other):
+            new = set(effects) - set(known.effects)
+            # A model without friction gave the damper all of the loss.
+            left = FRICTIONLESS if structure_of(tuple(new)).turns else 1.0
+            damping = left * known.parameters["damping"]
+            starts += [{**little, **known.parameters, "damping": damping} for little in self._little(new)]
+        bounds = problem.bounds()
+        # A start that is a little off is far off after many swings, so the first ones rank starts better, and sooner.
+        early = replace_records(problem, [first_swings(r, self.scales, EARLY) for r in self.records])
+        first = [minimise(early.normal, early.start(start), *bounds, iterations=1) for start in starts]
+        first.sort(key=lambda trial: trial.normal.cost)
+        points = [*(trial.point for trial in first[:2]), inherited(problem, one), inherited(problem, other)]
+        trials = [minimise(problem.normal, point, *bounds, iterations=4, tolerance=1e-3) for point in points]
+        return Candidate(effects=effects, problem=problem, minimum=min(trials, key=lambda m: m.normal.cost))
+
+    def finished(self, model: Candidate) -> Candidate:
+        """Return a model that was only begun with its fit brought to an end."""
+        # At the noise, the tolerance is a tenth of what one parameter gains by chance.
+        small = max(1e-5, 0.2 / model.problem.samples)
+        minimum = minimise(
+            model.problem.normal, model.minimum.point, *model.problem.bounds(), iterations=16, tolerance=small,
+            known=model.minimum.normal,
+        )  # fmt: skip
+        return replace(model, minimum=minimum)
+
+    def _little(self, effects: Iterable[str]) -> list[dict[str, float]]:
+        """Return the catalogue's starts of effects that join a model, a few where there are several valleys."""
+        parameters = [(e, p) for e in structure_of(tuple(effects)).parts for p in e.parameters]
+        choices = itertools.product(*(p.starts for _, p in parameters))
+        return [
+            {f"{e.name}.{p.name}": s * p.size(self.scales) for (e, p), s in zip(parameters, choice, strict=True)}
+            for choice in itertools.islice(choices, STARTS)
+        ]  # fmt: skip
+
+    def each(
+        self, what: str, job: Callable[..., Candidate], arguments: Sequence[tuple[object, ...]], begin: float, end: float
+    ) -> list[Candidate]:  # fmt: skip
+        """Run one of the methods for each tuple of arguments, on all workers."""
+        results: list[Candidate] = []
+        for count, model in enumerate(self.crew.each(job, [(self, *one) for one in arguments]), start=1):
+            model.problem.records = self.records  # not the copy that came back from another process
+            results.append(model)
+            if self.progress is not None:
+                name = ", ".join(model.effects) or "spring and damper"
+                self.progress(f"{what}: {name}", begin + (end - begin) * count / len(arguments))
+        return results
+
+    def singles(self) -> list[Candidate]:
+        """Fit the linear joint and every effect alone; the linear joint comes first."""
+        linear = self.single(self.base)
+        jobs = [((*self.base, name), linear) for name in self.names()]
+        return [linear, *self.each("alone", Search.single, jobs, 0.0, 0.3)]
+
+    def unions(self, wanted: Sequence[tuple[Candidate, Candidate]], begin: float, end: float) -> list[Candidate]:
+        """Fit unions of models, the promising ones to the end.
+
+        All take a few steps first. What the quadratic model of the cost still promises at best is a bound
+        that errs on the hopeful side; a union whose promise is worse than what others have reached is left
+        where it is.
+        """
+        if not wanted:
+            return []
+        half = (begin + end) / 2
+        waiting = sorted(self.each("pair", Search.begun, wanted, begin, half), key=_promise)
+        total, done = len(waiting), list[Candidate]()
+        batch = max(4, total // 8)
+        while waiting:
+            reached = sorted(m.minimum.normal.cost for m in done)
+            if len(reached) >= BEATEN and 2 * _promise(waiting[0]) > 2 * reached[BEATEN - 1] + FAR:
+                break
+            now, waiting = waiting[:batch], waiting[batch:]
+            share = half + (end - half) * len(done) / total
+            done += self.each("pair", Search.finished, [(m,) for m in now], share, share)
+        return [*done, *waiting]
+
+    def pairs(self, singles: Sequence[Candidate]) -> list[Candidate]:
+        """Fit the pairs of the best single effects with all others."""
+        best = sorted(singles[1:], key=lambda m: m.cost)[:PARENTS]
+        wanted = {
+            tuple(sorted({*a.effects, *b.effects})): (a, b)
+            for a in best for b in singles[1:] if a is not b and _sensible(a, b)
+        }  # fmt: skip
+        return self.unions(list(wanted.values()), 0.3, 0.7)
+
+    def neighbours(self, best: Candidate, known: Sequence[Candidate]) -> list[Candidate]:
+        """Fit the pairs that share an effect with the best one and were not tried yet."""
+        done = {m.effects for m in known}
+        single = {m.effects: m for m in known if len(m.effects) == len(self.base) + 1}
+        halves = [m for names, m in single.items() if set(names) < set(best.effects)]
+        wanted = {
+            effects: (a, b)
+            for a in halves for b in single.values()
+            if (effects := tuple(sorted({*a.effects, *b.effects}))) not in done and a is not b and _sensible(a, b)
+        }  # fmt: skip
+        return self.unions(list(wanted.values()), 0.7, 0.8)
+
+    def reduced(self, models: Sequence[Candidate], found: Sequence[Candidate]) -> list[Candidate]:
+        """Re-fit every model that is one of `models` with an effect less, or simplified, from what that one found.
+
+        Returns:
+            `found`, with those replaced or added that came out better.
+        """
+        jobs: list[tuple[Candidate, tuple[str, ...], Sequence[Mapping[str, float]]]] = []
+        for model in models:
+            for part in model.problem.structure.parts:
+                if part.name in self.base:
+                    continue
+                rest = tuple(n for n in model.effects if n != part.name)
+                if len(rest) > len(self.base):
+                    jobs.append((model, rest, [{}]))
+                for simpler, turned in part.becomes:
+                    starts = [] if simpler in model.effects else turned(model.parameters)
+                    if starts:
+                        jobs.append((model, tuple(sorted((*rest, simpler))), starts))
+        best = {m.effects: m for m in found}
+        for model in self.each("taking away again", Search.without, jobs, 0.8, 0.85):
+            known = best.get(model.effects)
+            if known is None or model.cost < known.cost:
+                best[model.effects] = model
+        return list(best.values())
+
+    def without(
+        self, model: Candidate, effects: tuple[str, ...], changes: Sequence[Mapping[str, float]]
+    ) -> Candidate:
+        """Fit some of a model's effects, or simpler ones, each start and parameter where the model had it.
+
+        Args:
+            model: What was found.
+            effects: Of the simpler model.
+            changes: For each start, parameters that are elsewhere, or that the model did not have.
+        """
+        problem = self.problem(effects, free_states=model.problem.free_states)
+        found: list[Minimum] = []
+        for changed in changes:
+            start = problem.start({**model.parameters, **changed})
+            _take_motion(problem, start, model)
+            found.append(minimise(problem.normal, start, *problem.bounds(), iterations=20, tolerance=1e-5))
+        return Candidate(effects=effects, problem=problem, minimum=min(found, key=lambda m: m.normal.cost))
+
+    def finalists(self, models: Iterable[Candidate]) -> list[Candidate]:
+        """Return models fitted on the fine grid, simple ones first, with what they miss of held-out releases."""
+        done: dict[tuple[str, ...], Candidate] = {}
+        for _, group in itertools.groupby(sorted(models, key=_count), key=_count):
+            jobs = [(m, [known for names, known in done.items() if set(names) < set(m.effects)]) for m in group]
+            share = 0.85 + 0.1 * (len(done) > 1)
+            done.update({m.effects: m for m in self.each("predicting", Search.finalist, jobs, share, share + 0.04)})
+        return list(done.values())
+
+    def finalist(self, model: Candidate, parents: Sequence[Candidate]) -> Candidate:
+        """Return a model fitted on the fine grid, from where it is and from simpler ones, and its predictions."""
+        fine = self.fine(model, parents)
+        return replace(fine, heldout=held_out(fine.problem, fine.minimum))
+
+    def fine(self, model: Candidate, parents: Sequence[Candidate] = (), *, average: int | None = None) -> Candidate:
+        """Return a model fitted on the fine grid.
+
+        Args:
+            model: Where it starts.
+            parents: Simpler models, whose optima are starts too.
+            average: Samples of which means are fitted; as in the search, if left out.
+        """
+        old = model.problem
+        problem = Problem(
+            old.structure, self.records, self.scales, bias=self.bias, fixed=old.fixed, free_states=old.free_states,
+            steps_per_period=int(FINE * old.structure.sharpness), average=self.average if average is None else average,
+        )  # fmt: skip
+        small = max(1e-5, 0.02 / problem.samples)
+        starts = [model.minimum.point, *(inherited(problem, known) for known in parents)]
+        found = [minimise(problem.normal, p, *problem.bounds(), iterations=30, tolerance=small) for p in starts]
+        best = min(found, key=lambda m: m.normal.cost)
+        return replace(model, problem=problem, minimum=best, heldout=None)
+
+
+def _count(model: Candidate) -> int:
+    return len(model.effects)
+
+
+def inherited(problem: Problem, known: Candidate) -> Array:
+    """Return a start at a simpler model's optimum: what the richer one has more vanishes there."""
+    parameters = dict(known.parameters)
+    for part in problem.structure.parts:
+        for p in part.parameters:
+            value = p.starts[0] if p.neutral is None else min(max(p.neutral, p.low), p.high)
+            parameters.setdefault(f"{part.name}.{p.name}", value * p.size(problem.scales))
+    start = problem.start(parameters)
+    _take_motion(problem, start, known)
+    return start
+
+
+def _take_motion(problem: Problem, start: Array, known: Candidate) -> None:
+    """Copy each release's roll and rate from another model into a start, in place."""
+    other = known.problem
+    for index in range(len(problem.records)):
+        mine, its = len(problem.names) + index * problem.own, len(other.names) + index * other.own
+        start[mine : mine + 2] = known.minimum.point[its : its + 2]
+        if problem.bias == "own":
+            start[mine + problem.own - 1] = known.minimum.point[its + other.own - 1]
+
+
+def _sensible(one: Candidate, other: Candidate) -> bool:
+    """Whether no two effects are of one family: variants say the same, and a sensor's two errors too."""
+    names = {*one.effects, *other.effects}
+    families = [effect(name).family for name in names]
+    return len(set(families)) == len(families) and not {"drift", "lowpass"} <= set(families)
+
+
+def _promise(model: Candidate) -> float:
+    """Return the cost that the quadratic model of it promises at best."""
+    normal = model.minimum.normal
+    if not np.isfinite(normal.cost):
+        return float("inf")
+    diagonal = np.maximum(np.diag(normal.hessian), 1e-12 * max(float(np.diag(normal.hessian).max()), 1e-300))
+    scale = 1.0 / np.sqrt(diagonal)
+    scaled = normal.hessian * np.outer(scale, scale) + 1e-3 * np.eye(len(scale))
+    gradient = scale * np.where(model.minimum.at_bound, 0.0, normal.gradient)
+    return normal.cost - 0.5 * float(gradient @ np.linalg.solve(scaled, gradient))

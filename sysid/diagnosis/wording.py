@@ -1,0 +1,64 @@
+"""Every sentence of a verdict."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sysid.diagnosis.experiment import Experiment
+from sysid.diagnosis.importance import Importance
+from sysid.effects import effect
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return the effects with their titles, for a sentence."""
+    return " and ".join(f"'{name}' ({effect(name).title})" for name in names)
+
+
+def is_or_are(names: Sequence[str]) -> str:
+    """Return 'is' or 'are'."""
+    return "is" if len(names) == 1 else "are"
+
+
+def it_or_them(names: Sequence[str]) -> str:
+    """Return 'it' or 'them'."""
+    return "it" if len(names) == 1 else "them"
+
+
+def size_in_words(size: Importance) -> str:
+    """Return how large some effects are."""
+    parts = [f"{name} peaks at {percent(share)} of the joint's torque" for name, share in size.each.items()]
+    if size.energy_share > 0.005:
+        parts.append(f"{percent(size.energy_share)} of the energy goes there")
+    if size.amplitude_after_10_periods > 0.001:
+        parts.append(
+            f"after ten periods the swing differs by {percent(size.amplitude_after_10_periods)} of its start"
+        )
+    if size.signal_share > 0:
+        parts.append(f"it makes {percent(size.signal_share)} of the signal")
+    text = "; ".join(parts)
+    return f"{text[:1].upper()}{text[1:]}." if text else ""
+
+
+def percent(share: float) -> str:
+    """Return a share with two digits."""
+    return f"{100 * share:.2g} %"
+
+
+def experiment_in_words(found: Experiment | None, one: str, other: str, fallback: str) -> str:
+    """Return the experiment that decides between two models, as a sentence with numbers."""
+    if found is None:
+        return (
+            f"No release from within the angles of these logs, made up to five times, tells {one} from {other} at 95 %. "
+            f"{fallback}"
+        ).strip()
+    side = "right" if found.angle > 0 else "left"
+    times = "once" if found.number == 1 else f"{found.number} times"
+    return (
+        f"Release {times} from {abs(np.degrees(found.angle)):.3g}° ({side} edge down) and record {found.duration:.2g} s: "
+        f"{one} and {other} then differ by up to {np.degrees(found.difference):.2g}°, which decides at 95 %. {fallback}"
+    ).strip()
+
+
+def titles(names: Sequence[str]) -> str:
+    """Return effects by their names, for a sentence about two models."""
+    return " with ".join(names) if names else "the joint as it is"
