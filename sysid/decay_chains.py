@@ -76,6 +76,7 @@ def _same_board(one: Chain, other: Chain, swing: Swing) -> bool:
 def _shrinking_chains(swing: Swing, legs: list[Leg]) -> list[Chain]:
     """Split the legs into chains that shrink, each followed as far as it goes on about its own rest."""
     chains: list[Chain] = []
+    legs = _without_hitches(swing, legs)
     begin = 0
     while begin < len(legs):
         finish = begin + 1
@@ -87,6 +88,27 @@ def _shrinking_chains(swing: Swing, legs: list[Leg]) -> list[Chain]:
             finish = len(legs) if chain.after is None else legs.index(chain.after)
         begin = finish
     return chains
+
+
+def _without_hitches(swing: Swing, legs: list[Leg]) -> list[Leg]:
+    """Join two legs in one direction that together swing back from the one before: noise made the deck hesitate.
+
+    A hand that catches a deck is felt for longer than a leg lasts, or holds it away from rest.
+    """
+    joined: list[Leg] = []
+    for leg in legs:
+        if len(joined) > 1 and joined[-1].way * leg.way > 0 and joined[-2].way * leg.way < 0:
+            before, one = joined[-2:]
+            pause = float(swing.time[leg.left] - swing.time[one.reached])
+            whole = replace(
+                one, finish=leg.finish, reached=leg.reached, target=leg.target, to_stay=leg.to_stay,
+                duration=0.8 * float(swing.time[leg.reached] - swing.time[one.left]),
+            )  # fmt: skip
+            if pause < 0.5 * before.duration and _continues(swing, replace(before, to_stay=False), whole):
+                joined[-1] = whole
+                continue
+        joined.append(leg)
+    return joined
 
 
 def _continues(swing: Swing, one: Leg, other: Leg) -> bool:

@@ -20,11 +20,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.least_squares import Normal, minimise
 from sysid.roll import Array
 
 MEMORY = 0.125
 """Of the discrepancy, in periods: harmonics of the swing up to the fifth hold 90 % of its power."""
-_PARTS = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,41 +93,42 @@ def blocks_of(signals: Sequence[Array], rates: Sequence[Array], steps: Sequence[
 
 
 def fit_errors(blocks: Blocks, errors: Sequence[Array]) -> Fitted:
-    """Fit the error model to one error."""
-    from scipy.optimize import minimize
+    """Fit the error model to one error, by Fisher scoring on the logarithms of its sizes."""
+    power = np.maximum(blocks.coefficients(errors) ** 2, 1e-300)
+    size = float(np.mean(power))
+    swing, rate = (max(float(np.sqrt(np.mean(x**2))), 1e-300) for x in (blocks.amplitude, blocks.rate))
+    follows = (blocks.amplitude / swing) ** 2 * _memory(blocks.frequency, MEMORY * blocks.period)
+    jitters = (blocks.rate / rate) ** 2
 
-    power = blocks.coefficients(errors) ** 2
-    size = float(np.mean(power)) or 1e-300
-    swing, rate = float(np.sqrt(np.mean(blocks.amplitude**2))), float(np.sqrt(np.mean(blocks.rate**2)))
-    follows = (blocks.amplitude / max(swing, 1e-300)) ** 2 * _memory(blocks.frequency, MEMORY * blocks.period)
-    jitters = (blocks.rate / max(rate, 1e-300)) ** 2
-    white = float(np.median(power[blocks.frequency > 0.25])) / 0.455 / size  # a squared normal's median
-
-    def variance(point: Array) -> Array:
+    def variance(point: Array) -> tuple[Array, Array]:
+        """Return the variance and its slopes, shape (n,) and (5, n)."""
         w, c, t, j, m = np.exp(point)
-        return size * (w + c * _memory(blocks.frequency, t * blocks.period) + j * jitters + m * follows)
+        remembered, longer = (_memory(blocks.frequency, f * t * blocks.period) for f in (1.0, 1.01))
+        slope = c * (longer - remembered) / np.log(1.01)
+        parts = size * np.stack([np.full_like(power, w), c * remembered, slope, j * jitters, m * follows])
+        return parts[[0, 1, 3, 4]].sum(0), parts
 
-    def loss(point: Array) -> float:
-        v = variance(point)
-        return 0.5 * float(np.sum(np.log(v) + power / v))
+    def normal(point: Array) -> Normal:
+        v, slopes = variance(point)
+        ratio, relative = power / v, slopes / v
+        cost = 0.5 * float(np.sum(ratio - 1 - np.log(ratio)))
+        return Normal(cost, 0.5 * relative @ (1 - ratio), 0.5 * relative @ relative.T)
 
-    low = [-14.0, -14.0, np.log(0.02), -14.0, -14.0]
-    high = [2.0, 2.0, np.log(20.0), 2.0, 4.0]
+    white = float(np.median(power[blocks.frequency > 0.25])) / 0.455 / size  # a squared normal's median
+    low = np.array([-14.0, -14.0, np.log(0.02), -14.0, -14.0])
+    high = np.array([2.0, 2.0, np.log(20.0), 2.0, 4.0])
     starts = [
-        [np.log(max(white, 1e-5)), coloured, np.log(0.1), -6.0, follow]
-        for coloured, follow in ((-6.0, -6.0), (-6.0, -0.5), (-0.5, -6.0))
+        np.array([np.log(max(white, 1e-5)), coloured, np.log(memory), -4.0, follow])
+        for coloured, memory, follow in ((-2.0, 0.1, -2.0), (-1.0, 1.0, -4.0), (-5.0, 0.1, -0.5))
     ]
-    found = [
-        minimize(loss, s, method="L-BFGS-B", bounds=list(zip(low, high, strict=True)), options={"maxiter": 60})
-        for s in starts
-    ]
-    best = min(found, key=lambda f: f.fun)
-    v = variance(best.x)
-    w, c, _, j, m = np.exp(best.x)
+    found = [minimise(normal, s, low, high, iterations=40, tolerance=1e-7, damping=0.1) for s in starts]
+    best = min(found, key=lambda f: f.normal.cost).point
+    v, _ = variance(best)
+    w, c, _, j, m = np.exp(best)
     each = -0.5 * (np.log(v) + power / v)
     return Fitted(
         float(each.sum()), float(np.sqrt(size * w)), float(np.sqrt(size * c)),
-        float(np.sqrt(size * j)) / max(rate, 1e-300), float(np.sqrt(size * m)) / max(swing, 1e-300), each,
+        float(np.sqrt(size * j)) / rate, float(np.sqrt(size * m)) / swing, each,
     )  # fmt: skip
 
 
