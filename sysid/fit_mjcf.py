@@ -12,13 +12,13 @@ import numpy as np
 from sysid.board import Board
 from sysid.effects import effect
 from sysid.errors import HuskyError
-from sysid.fit_problem import Bias, Problem, Record, make_records
-from sysid.fit_search import scales_of, search
-from sysid.fit_uncertainty import doubts, parameter_quantities, total_covariance
+from sysid.fitting.covariance import doubts, parameter_quantities, total_covariance
+from sysid.fitting.problem import Bias, Problem, Record, make_records
+from sysid.fitting.search import scales_of, search
 from sysid.joint import JointLaw
-from sysid.joint_flow import structure_of
+from sysid.joint.equations import structure_of
 from sysid.least_squares import Minimum, minimise
-from sysid.noise import NoiseFloor, noise_floor
+from sysid.noise.floor import NoiseFloor, noise_floor
 from sysid.quantity import Quantity
 from sysid.roll import Array, Release
 
@@ -163,7 +163,7 @@ def heldout_rmse(fit: JointFit) -> float:
 
     With one release it is the second half of its motion, predicted from the first.
     """
-    from sysid.model_search import Model, Searcher
+    from sysid.diagnosis.search import Model, Searcher
 
     searcher = Searcher(records=fit.records, scales=fit.problem.scales, bias=fit.problem.bias)
     model = Model(effects=fit.problem.structure.effects, problem=fit.problem, minimum=fit.minimum)
@@ -242,7 +242,7 @@ def summarise(
 
 def strength(problem: Problem, minimum: Minimum, effects: Sequence[str]) -> dict[str, float]:
     """Return the peak torque of effects over the peak torque of the joint, along the fitted motion."""
-    from sysid.joint_torque import torque_shares
+    from sysid.joint.torques import torque_shares
 
     law = JointLaw.from_vector(problem.structure, problem.vector_of(problem.parameters(minimum.point)))
     own, shared = problem.own, len(problem.names)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sysid.board import Board, BoardEffect
-from sysid.decay_numbers import decay_from_peaks
+from sysid.decay.numbers import decay_from_peaks
 from sysid.errors import HuskyError
 from sysid.propagation import propagate
 from sysid.quantity import Quantity

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.decay_numbers import t95
+from sysid.decay.numbers import t95
 from sysid.errors import HuskyError
 from sysid.inertia import GRAVITY, ON_AXIS, UNIT
 from sysid.propagation import propagate

@@ -16,8 +16,8 @@ from sysid.files import write_json
 from sysid.roll import Release
 
 if TYPE_CHECKING:
-    from sysid.diagnose import Candidate, Diagnosis
-    from sysid.model_search import Progress
+    from sysid.diagnosis.diagnose import Candidate, Diagnosis
+    from sysid.diagnosis.search import Progress
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
@@ -44,7 +44,7 @@ def diagnose(
         arguments: How the logs are read.
         common: Options of every command.
     """
-    from sysid.diagnose import diagnose as search
+    from sysid.diagnosis.diagnose import diagnose as search
 
     printer = Printer(common)
     record = common.space.load_board(board)

@@ -16,8 +16,8 @@ from sysid.files import atomic_path
 from sysid.roll import Release
 
 if TYPE_CHECKING:
-    from reports.ladder_figure import Rung
-    from sim.step_compensation import Compensation
+    from reports.figures.ladder import Rung
+    from sim.compensation.step import Compensation
     from sysid.fit_mjcf import FitOptions, JointFit
 
 _NO_ARGUMENTS = LogArguments()
@@ -58,15 +58,15 @@ def fit(
         arguments: How the logs are read.
         common: Options of every command.
     """
+    from sysid.decay.plausibility import amplitude_warnings, period_warnings, refuse_period
     from sysid.fit_mjcf import FitOptions, check_effects, fit_joint, heldout_rmse
-    from sysid.fit_record import recorded, refuse_bad
-    from sysid.plausible import amplitude_warnings, period_warnings, refuse_period
+    from sysid.fitting.record_update import recorded, refuse_bad
 
     printer = Printer(common)
     record = common.space.load_board(board)
     check_effects(effect)
     if bootstrap:
-        from sysid.block_bootstrap import require_enough
+        from sysid.fitting.bootstrap import require_enough
 
         require_enough(bootstrap)
     kept = () if plain else tuple(part.name for part in record.effects)
@@ -91,7 +91,7 @@ def fit(
     rungs = _ladder(releases, record, names, options, result, heldout)
     scene: Compensation | None = None
     if in_scene:
-        from sim.in_scene import compensate_in_scene
+        from sim.compensation.scene import compensate_in_scene
 
         scene = compensate_in_scene(new)
         new = replace(new, fit={**new.fit, "in_scene": scene.entry()})
@@ -118,7 +118,7 @@ def _ladder(
     heldout: float,
 ) -> "list[Rung]":
     """Return the errors from the linear joint up, one effect more on each rung."""
-    from reports.ladder_figure import Rung
+    from reports.figures.ladder import Rung
     from sysid.fit_mjcf import fit_joint, heldout_rmse
 
     rungs: list[Rung] = []
@@ -131,7 +131,7 @@ def _ladder(
 
 
 def _draw(common: Common, board: Board, rungs: "list[Rung]", result: "JointFit") -> Path:
-    from reports.ladder_figure import ladder_figure
+    from reports.figures.ladder import ladder_figure
 
     path = common.space.outputs(board.name) / "ladder.png"
     unit = "rad/s" if result.records[0].is_rate else "rad"

@@ -41,8 +41,8 @@ def report(
         arguments: How the logs are read.
         common: Options of every command.
     """
-    from reports.board_report import Provenance, board_report
     from reports.evidence import find_logs, gather
+    from reports.page.board import Provenance, board_report
     from sysid.fit_mjcf import FitOptions
 
     printer = Printer(common)
