@@ -34,7 +34,7 @@ def marked(case):
     return pytest.param(case, id=case.name, marks=[pytest.mark.slow] if case.slow else [])
 
 
-@pytest.mark.parametrize("case", map(marked, cases()))
+@pytest.mark.parametrize("case", [marked(case) for case in cases()])
 def test_as_before(case, folder, here, request):
     if case.needs and here[case.needs] != read("machine")[case.needs]:
         what = {"mujoco": "with another version of MuJoCo", "film": "where films are drawn otherwise, or not"}
