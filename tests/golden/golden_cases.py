@@ -291,7 +291,9 @@ def run(case: Case, folder: Path) -> dict[str, Any]:
             code, stdout, stderr = husky(*tokens, "--workspace", str(workspace))
             step: dict[str, Any] = {"command": line, "exit": code}
             step |= {"stdout": _lines(stdout), "stderr": _lines(stderr)}
-            if result.exists():
+            if line.endswith("--json -"):
+                step |= {"stdout": "only JSON", "json": summary(json.loads(stdout))}
+            elif result.exists():
                 step["json"] = summary(json.loads(result.read_text()))
             steps.append(step)
         result.unlink(missing_ok=True)
@@ -325,6 +327,7 @@ def _lines(text: str) -> list[str]:
     text = re.sub(r"\b20\d\d-\d\d-\d\d\b", _date, text)
     text = re.sub(r"\b[0-9a-f]{64}\b", "SHA256", text)
     text = re.sub(rf"(?<![\d.]){re.escape(version('husky-sysid'))}(?![\d.])", "VERSION", text)
+    text = re.sub(r"\b\d+\.\d{9,}(e[+-]?\d+)?\b", lambda number: f"{float(number[0]):.7g}", text)
     text = re.sub(r"[┃│]", "|", text)
     text = re.sub(r" {2,}", "  ", text)
     return [line.rstrip() for line in text.splitlines() if not _BORDER.fullmatch(line)]
@@ -386,9 +389,9 @@ def _drawing() -> str:
             mujoco.mj_forward(model, data)
             renderer.update_scene(data, "c")
             picture = renderer.render().tobytes()
+        tools = "".join(version(name) for name in ("mujoco", "opencv-python-headless", "av"))
     except Exception:  # noqa: BLE001  whatever a machine without OpenGL raises
         return ""
-    tools = "".join(version(name) for name in ("mujoco", "opencv-python-headless", "av"))
     return hashlib.sha256(picture + tools.encode()).hexdigest()[:16]
 
 

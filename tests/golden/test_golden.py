@@ -1,7 +1,9 @@
 """Every command gives what it gave.
 
-`python tests/golden/regenerate.py` stores what the commands give now; on one machine the same code gives the
-same twelve digits, so that `git diff tests/golden` is the exact comparison.
+On one machine the same code gives the same twelve digits: after `python tests/golden/regenerate.py`,
+`git diff tests/golden` is the exact comparison. Here numbers may differ by a millionth, as another processor sums
+in another order: without FMA and AVX2 a sample of a synthetic log is rounded the other way now and then, which
+moves what is fitted to it by up to 5e-7 of itself, angles near zero by 1.3e-10 rad. Text is compared exactly.
 """
 
 from pathlib import Path
@@ -9,7 +11,7 @@ from pathlib import Path
 import pytest
 from golden_cases import STORE, cases, differences, machine, make_films, make_logs, read, run
 
-RTOL, ATOL = 1e-9, 1e-12
+RTOL, ATOL = 1e-6, 2e-10
 
 
 @pytest.fixture(scope="module")
