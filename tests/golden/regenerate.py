@@ -10,7 +10,7 @@ import warnings
 from pathlib import Path
 
 os.environ.setdefault("MUJOCO_GL", "egl")
-sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
+sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1] / "support")]
 
 from golden_cases import STORE, cases, machine, make_films, make_logs, run, selected, write  # noqa: E402
 
