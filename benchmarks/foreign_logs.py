@@ -55,7 +55,9 @@ def verdicts(result: Diagnosis) -> list[frozenset[str]]:
 def line(name: str, result: Diagnosis, right: bool, expected: str, cpu: float) -> str:
     v = result.verdict
     said = ", ".join(v.effects) or v.status
-    alike = " ~ " + "; ".join(",".join(g) for g in v.indistinguishable_from) if v.indistinguishable_from else ""
+    alike = (
+        " ~ " + "; ".join(",".join(g) for g in v.indistinguishable_from) if v.indistinguishable_from else ""
+    )
     after = v.error_after / result.noise.std
     return (
         f"{'ok ' if right else 'BAD'} {name:34s} {expected:24s} {said}{alike} | confidence {v.confidence:.2f} | error/noise "
@@ -78,7 +80,10 @@ def foreign(folder: Path, board_name: str, only: str) -> None:
         ]
         right = bool(set(wanted) & set(verdicts(result)))
         hits, count = hits + right, count + 1
-        print(line(name, result, right, ",".join(truth["effects"]) or "-", time.process_time() - begin), flush=True)
+        print(
+            line(name, result, right, ",".join(truth["effects"]) or "-", time.process_time() - begin),
+            flush=True,
+        )
     print(f"{hits} of {count} right")
 
 
@@ -97,12 +102,16 @@ def real(folder: Path, board_name: str, only: str) -> None:
             continue
         said = verdicts(result)
         right = any(needed <= set(s) <= known for s in said) if known else not said[0]
-        print(line(name, result, right, ",".join(sorted(known)) or "-", time.process_time() - begin), flush=True)
+        print(
+            line(name, result, right, ",".join(sorted(known)) or "-", time.process_time() - begin), flush=True
+        )
         print("      ", result.verdict.explanation, "|", result.verdict.next_experiment, flush=True)
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("folder", type=Path)
     parser.add_argument("--board", default="pink")
     parser.add_argument("--only", default="")

@@ -117,7 +117,7 @@ def make(truth: Truth, seed: int, folder: Path, *, quiet: bool = False) -> list[
     if truth.outside is not None or truth.noise_of is not None:
         return _integrated(truth, angles, rate, noise, rng, quiet=quiet)
     from sysid.synth import SynthOptions, synthesise
-    from sysid.synth_sensors import Sensor
+    from sysid.synth.sensors import Sensor
 
     options = SynthOptions(
         angles=tuple(map(float, angles)),
@@ -150,10 +150,10 @@ def visibility(truth: Truth, seed: int, std: float, effects: Sequence[str]) -> f
     """
     from tempfile import TemporaryDirectory
 
-    from sysid.fit_problem import make_records
-    from sysid.fit_search import scales_of
-    from sysid.model_search import Searcher
-    from sysid.own_motion import own_motion
+    from sysid.diagnosis.search import Searcher
+    from sysid.fitting.initial_state import own_motion
+    from sysid.fitting.problem import make_records
+    from sysid.fitting.search import scales_of
 
     with TemporaryDirectory() as folder:
         quiet = make(truth, seed, Path(folder), quiet=True)

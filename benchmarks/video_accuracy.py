@@ -11,6 +11,7 @@ benchmarks/results/video_accuracy.md.
 import argparse
 import gzip
 import pickle
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -21,15 +22,17 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from sim.film import Camera, film
-from sim.film_set import Motion, rock
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
+from film import Camera, film
+from film_set import Motion, rock
+
 from sysid.board import Board
 from sysid.errors import HuskyError
 from sysid.free_decay import free_decay
 from sysid.releases import find_releases
 from sysid.roll import Array, Roll
-from sysid.video.camera import USUAL_FOCAL, Lens, lens_of, write_calibration
-from sysid.video.frames import open_clip
+from sysid.video.film.camera import USUAL_FOCAL, Lens, lens_of, write_calibration
+from sysid.video.film.frames import open_clip
 from sysid.video_roll import VideoOptions, follow_board, roll_from_track
 from sysid.workspace import Workspace
 
@@ -287,7 +290,7 @@ def write(rows: list[tuple[str, ...]]) -> None:
 
 HEAD = f"""# Roll from rendered films
 
-`benchmarks/video_accuracy.py`; a board, released twice, 1.4 s, filmed by `sim/film.py`, several takes a row: releases,
+`benchmarks/video_accuracy.py`; a board, released twice, 1.4 s, filmed by `tests/support/film.py`, several takes a row: releases,
 focal length (a phone's usual one, ±{100 * LENS_SPREAD:.0f} %, not told to the tool) and where the camera stands differ from take to take.
 The compliant board, unless it says otherwise; 640x360 at 60 frames/s where one nuisance is alone. Targets (RMSE):
 {", ".join(f"{method} {target}°" for method, target in TARGET.items())}; 95 % intervals should cover 90–98 % of the frames. The

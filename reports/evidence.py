@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from sysid.board import Board
-from sysid.compare import Comparison, compare
+from sysid.comparison.compare import Comparison, compare
+from sysid.diagnosis.signatures import LookAlikes, Start, look_alikes
 from sysid.errors import HuskyError
 from sysid.files import sha256
 from sysid.fit_mjcf import FitOptions, JointFit, fit_joint, heldout_rmse
 from sysid.joint import JointLaw
-from sysid.look_alikes import LookAlikes, Start, look_alikes
 from sysid.releases import Phase, log_phases
 from sysid.roll import Array, Release, Roll
 from sysid.workspace import Workspace

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.free_decay_rig import swing
-from sim.in_scene import HeldScene
+from sim.board.bench import swing
+from sim.compensation.scene import HeldScene
 from sysid.board import Board
 from sysid.errors import HuskyError
 from sysid.roll import Array, Release

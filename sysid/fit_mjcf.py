@@ -5,20 +5,22 @@ goes into every torque. Residuals of a real log are correlated; the intervals ac
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from sysid.board import Board
 from sysid.effects import effect
 from sysid.errors import HuskyError
-from sysid.fit_problem import Bias, Problem, Record, make_records
-from sysid.fit_search import scales_of, search
-from sysid.fit_uncertainty import doubts, parameter_quantities, total_covariance
+from sysid.fitting.covariance import doubts, parameter_quantities, total_covariance
+from sysid.fitting.cross_validation import held_out
+from sysid.fitting.pendulum import hanging, hanging_start
+from sysid.fitting.problem import Bias, Problem, Record, make_records
+from sysid.fitting.search import scales_of, search
 from sysid.joint import JointLaw
-from sysid.joint_flow import structure_of
+from sysid.joint.equations import structure_of
 from sysid.least_squares import Minimum, minimise
-from sysid.noise import NoiseFloor, noise_floor
+from sysid.noise.floor import NoiseFloor, noise_floor
 from sysid.quantity import Quantity
 from sysid.roll import Array, Release
 
@@ -139,8 +141,15 @@ def fit_joint(
     noise = noise_floor(releases, rate=options.use_rate)
     records = make_records(releases, noise.std, rate=options.use_rate, settled=True)
     scales = scales_of(records, board)
-    structure = structure_of(effects)
     fixed = dict(options.fixed)
+    zero = options.bias == "shared" and not options.use_rate
+    if fixed.get("stiffness") == 0:
+        if "gravity" not in effects:
+            raise HuskyError(
+                "stiffness=0 leaves nothing that pulls back. Add --effect gravity, or free the stiffness."
+            )
+        effects, fixed = hanging(effects, fixed, zero=zero)
+    structure = structure_of(effects)
     if any(effect(name).role == "shift" or name == "sensor-bias" for name in effects):
         fixed.setdefault("rest_angle", board.rest_angle)
     if options.use_rate or options.bias == "own":
@@ -151,6 +160,10 @@ def fit_joint(
     )
     problem, minimum, more = _plainest(problem, minimum)
     evaluations += more
+    if "gravity" in effects and "stiffness" in problem.names:
+        problem, minimum = _without_spring(problem, minimum, zero=zero)
+    if "damping" in problem.names and problem.parameters(minimum.point)["damping"] < 0:
+        problem, minimum = _without_damper(problem, minimum)
     if options.robust:
         problem, minimum = _robust(problem, minimum)
     if not np.isfinite(minimum.normal.cost):
@@ -163,11 +176,8 @@ def heldout_rmse(fit: JointFit) -> float:
 
     With one release it is the second half of its motion, predicted from the first.
     """
-    from sysid.model_search import Model, Searcher
-
-    searcher = Searcher(records=fit.records, scales=fit.problem.scales, bias=fit.problem.bias)
-    model = Model(effects=fit.problem.structure.effects, problem=fit.problem, minimum=fit.minimum)
-    return searcher.predicted(model).heldout_rmse
+    errors = np.concatenate(held_out(fit.problem, fit.minimum))
+    return float(np.sqrt(np.mean(errors**2)))
 
 
 def _plainest(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimum, int]:
@@ -194,6 +204,31 @@ def _plainest(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimum, int
             if 2 * (without.normal.cost - minimum.normal.cost) < np.log(problem.samples) * max(noise, 1.0):
                 problem, minimum = simpler, without
     return problem, minimum, evaluations
+
+
+def _without_spring(problem: Problem, minimum: Minimum, *, zero: bool) -> tuple[Problem, Minimum]:
+    """Let gravity take the spring's place where the spring is not needed, or came out pushing."""
+    effects, fixed = hanging(problem.structure.effects, problem.fixed, zero=zero)
+    hung = replace(problem, structure=structure_of(effects), fixed=fixed)
+    found = problem.parameters(minimum.point)
+    start = hung.start(hanging_start(found))
+    _copy_motion(problem, minimum, hung, start)
+    without = minimise(hung.normal, start, *hung.bounds())
+    noise = max(2 * minimum.normal.cost / max(1, problem.samples - len(minimum.point)), 1.0)
+    needed = 2 * (without.normal.cost - minimum.normal.cost) > np.log(problem.samples) * noise
+    return (problem, minimum) if needed and found["stiffness"] > 0 else (hung, without)
+
+
+def _without_damper(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimum]:
+    """Hold the damper at zero where it came out driving: other effects take all of the loss."""
+    plain = replace(problem, fixed={**problem.fixed, "damping": 0.0})
+    start = np.delete(minimum.point, problem.names.index("damping"))
+    return plain, minimise(plain.normal, start, *plain.bounds())
+
+
+def _copy_motion(problem: Problem, minimum: Minimum, other: Problem, start: Array) -> None:
+    """Copy each release's own unknowns from one problem's minimum into the start of another, in place."""
+    start[len(other.names) :] = minimum.point[len(problem.names) :]
 
 
 def _robust(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimum]:
@@ -242,7 +277,7 @@ def summarise(
 
 def strength(problem: Problem, minimum: Minimum, effects: Sequence[str]) -> dict[str, float]:
     """Return the peak torque of effects over the peak torque of the joint, along the fitted motion."""
-    from sysid.joint_torque import torque_shares
+    from sysid.joint.torques import torque_shares
 
     law = JointLaw.from_vector(problem.structure, problem.vector_of(problem.parameters(minimum.point)))
     own, shared = problem.own, len(problem.names)

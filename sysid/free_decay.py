@@ -10,16 +10,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sysid.decay_misfit import widened
-from sysid.decay_numbers import DecayNumbers as DecayNumbers
-from sysid.decay_numbers import decay_from_peaks as decay_from_peaks
-from sysid.decay_numbers import decay_numbers, numbers_from_decrement
-from sysid.decay_patterns import Pattern, find_patterns
-from sysid.decay_peaks import Peak, PeakLine, find_peaks, fit_peak_line
-from sysid.decay_peaks import log_decrement_two_peaks as log_decrement_two_peaks
-from sysid.decay_trace import BEST_SENSOR, TraceFit, decay_basis, fit_traces
+from sysid.decay.linear_fit import BEST_SENSOR, TraceFit, decay_basis, fit_traces
+from sysid.decay.misfit import widened
+from sysid.decay.nonlinearity import Pattern, find_patterns
+from sysid.decay.numbers import DecayNumbers as DecayNumbers
+from sysid.decay.numbers import decay_from_peaks as decay_from_peaks
+from sysid.decay.numbers import decay_numbers, numbers_from_decrement
+from sysid.decay.peaks import Peak, PeakLine, find_peaks, fit_peak_line
+from sysid.decay.peaks import log_decrement_two_peaks as log_decrement_two_peaks
 from sysid.errors import HuskyError
-from sysid.noise import NoiseFloor, ljung_box, noise_floor
+from sysid.noise.floor import NoiseFloor, ljung_box, noise_floor
 from sysid.quantity import Quantity
 from sysid.roll import Array, Release
 

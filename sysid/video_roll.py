@@ -17,12 +17,12 @@ from sysid.roll import Array, Roll
 from sysid.video.options import VideoOptions as VideoOptions
 
 if TYPE_CHECKING:
-    from sysid.video.camera import Lens
-    from sysid.video.choose import Chosen
-    from sysid.video.frames import Clip
-    from sysid.video.track import Track
-    from sysid.video.turning import Turning
-    from sysid.video.unknowns import Unknowns
+    from sysid.video.film.camera import Lens
+    from sysid.video.film.frames import Clip
+    from sysid.video.film.track import Track
+    from sysid.video.pose.angle import Turning
+    from sysid.video.pose.camera_state import Unknowns
+    from sysid.video.select import Chosen
 
 FEWEST_PER_PERIOD = 8
 """Frames a period below which the fastest part of a swing is guessed rather than seen."""
@@ -55,8 +55,8 @@ def roll_from_video(path: Path, options: VideoOptions | None = None) -> Roll:
         HuskyError: The file is not a film, is damaged, cut or too large; no board is found in it; or
             it has fewer than 8 frames for each period of the oscillation.
     """
-    from sysid.video.camera import lens_of
-    from sysid.video.frames import open_clip
+    from sysid.video.film.camera import lens_of
+    from sysid.video.film.frames import open_clip
 
     options = options or VideoOptions()
     clip = open_clip(path)
@@ -84,8 +84,8 @@ def roll_from_track(
     Raises:
         HuskyError: There are fewer than 8 frames for each period of the oscillation.
     """
-    from sysid.video.lone_frames import lone_frames
-    from sysid.video.view import View
+    from sysid.video.pose.outliers import lone_frames
+    from sysid.video.pose.view import View
 
     before = _unknowns(clip, track, lens, chosen, options)
     view = View(track, lens.straighten, clip.row_share)
@@ -146,9 +146,9 @@ def _unknowns(
     clip: "Clip", track: "Track", lens: "Lens", chosen: "Chosen", options: VideoOptions
 ) -> "Unknowns":
     """What is known of camera, lens and shutter before the film is looked at."""
-    from sysid.video.camera import FOCAL_SPREAD
-    from sysid.video.shutter import READOUT_CEILING
-    from sysid.video.unknowns import Unknowns
+    from sysid.video.film.camera import FOCAL_SPREAD
+    from sysid.video.film.shutter import READOUT_CEILING
+    from sysid.video.pose.camera_state import Unknowns
 
     if options.readout is not None and not 0 <= options.readout <= 0.2:
         raise HuskyError(
@@ -188,8 +188,8 @@ def follow_board(clip: "Clip", lens: "Lens", options: VideoOptions) -> "tuple[Ch
     Raises:
         HuskyError: There is none.
     """
-    from sysid.video.choose import choices
-    from sysid.video.track import follow
+    from sysid.video.film.track import follow
+    from sysid.video.select import choices
 
     failed: list[str] = []
     for chosen in choices(clip, options):
@@ -246,7 +246,7 @@ def _refuse_contradiction(path: Path, chosen: "Chosen", track: "Track", angle: A
 
 def _refuse_slow(path: Path, signal: _Signal) -> float:
     """Return the frames a period (infinite where nothing swings), or refuse."""
-    from sysid.video.pace import frames_per_period
+    from sysid.video.film.pace import frames_per_period
 
     seen = np.isfinite(signal.roll)
     count = frames_per_period(signal.time[seen], signal.roll[seen], signal.std[seen])

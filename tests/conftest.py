@@ -24,7 +24,7 @@ def real_logs() -> Path:
 @pytest.fixture(scope="session")
 def model() -> Any:
     """The G1 by itself, compiled; it comes with mjlab."""
-    from sim.skate import g1
+    from sim.skate.robot import g1
     from sysid.errors import HuskyError
 
     try:

@@ -15,8 +15,8 @@ from sysid.errors import HuskyError, QualityGateError
 
 if TYPE_CHECKING:
     from sim.check import SceneCheck
-    from sim.in_scene import HeldScene
-    from sim.scene_additions import SceneAdditions, TiltJoint
+    from sim.compensation.parasitics import SceneAdditions, TiltJoint
+    from sim.compensation.scene import HeldScene
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
@@ -60,8 +60,8 @@ def check(
         QualityGateError: The scene does not decay as measured.
     """
     from sim.check import check_scene
+    from sim.compensation.parasitics import scene_additions
     from sim.mjcf import substituted
-    from sim.scene_additions import scene_additions
 
     require_share("--tolerance", tolerance)
     if timestep is not None and not 0 < timestep <= 0.05:
@@ -71,7 +71,7 @@ def check(
     keep_logs([*logs, *([] if scene_file is None else [scene_file])], arguments, printer)
     releases = load_releases(logs, arguments, printer)
     if scene_file is not None:
-        from sim.in_scene import scene_from_file
+        from sim.compensation.scene import scene_from_file
 
         given = {"--integrator": integrator, "--coupling": coupling, "--export": export}
         usual = {"--integrator": "implicitfast", "--coupling": "equality", "--export": "in-scene"}
@@ -121,8 +121,8 @@ def _own_scene(
     export: str,
     printer: Printer,
 ) -> "HeldScene":
-    from sim.in_scene import compensate_in_scene, training_scene
-    from sim.step_compensation import compensate_step
+    from sim.compensation.scene import compensate_in_scene, training_scene
+    from sim.compensation.step import compensate_step
 
     written = record
     if export != "physical":

@@ -9,13 +9,12 @@ from cyclopts import Parameter
 
 from sysid.board import Board
 from sysid.cli.console import Common, Printer, require_share
-from sysid.cli.diagnose import signal_of
 from sysid.cli.log_options import LogArguments, keep_logs
 from sysid.cli.view import read_logs, write_recording
 from sysid.files import atomic_path, sha256, write_json
 
 if TYPE_CHECKING:
-    from sysid.compare import Backbone, Comparison
+    from sysid.comparison.compare import Backbone, Comparison
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
@@ -48,8 +47,9 @@ def compare(
         common: Options of every command.
     """
     from reports.evidence import find_logs
-    from sysid.compare import compare as compare_releases
-    from sysid.plausible import amplitude_warnings
+    from sysid.comparison.compare import compare as compare_releases
+    from sysid.decay.plausibility import amplitude_warnings
+    from sysid.fitting.records import signal_of
 
     require_share("--tolerance", tolerance)
     printer = Printer(common)
@@ -66,7 +66,7 @@ def compare(
     write_json(folder / "compare.json", content)
     written = [folder / "compare.json"]
     if picture:
-        from reports.compare_figure import compare_figure
+        from reports.figures.compare import compare_figure
 
         names = ", ".join(log.name for log in logs)
         with atomic_path(folder / "compare.png") as temporary:

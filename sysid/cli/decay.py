@@ -54,8 +54,8 @@ def decay(
         arguments: How the log is read.
         common: Options of every command.
     """
+    from sysid.decay.plausibility import amplitude_warnings, period_warnings, record_warnings
     from sysid.free_decay import free_decay
-    from sysid.plausible import amplitude_warnings, period_warnings, record_warnings
     from sysid.releases import find_releases
 
     printer = Printer(common)
@@ -81,14 +81,14 @@ def decay(
     write_json(folder / "decay.json", content)
     written = [folder / "decay.json"]
     if picture:
-        from reports.decay_figure import decay_figure
+        from reports.figures.decay import decay_figure
 
         with atomic_path(folder / "decay.png") as temporary:
             decay_figure(roll, result, f"{board}: free decay in {log.name}").savefig(temporary, dpi=140)
         written.append(folder / "decay.png")
     if rerun is not None:
-        from reports.board_summary import decay_summary
-        from reports.decay_recording import decay_recording
+        from reports.page.summary import decay_summary
+        from reports.rerun.decay import decay_recording
 
         decay_recording(rerun, roll, result, decay_summary(board, result))
         written.append(rerun)

@@ -13,11 +13,10 @@ from sysid.board import Board
 from sysid.cli.console import Common, Printer
 from sysid.cli.log_options import LogArguments, load_releases
 from sysid.files import write_json
-from sysid.roll import Release
 
 if TYPE_CHECKING:
-    from sysid.diagnose import Candidate, Diagnosis
-    from sysid.model_search import Progress
+    from sysid.diagnosis.diagnose import Candidate, Diagnosis
+    from sysid.diagnosis.search import Progress
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
@@ -29,6 +28,7 @@ def diagnose(
     /,
     *,
     board: Annotated[str, Parameter(name=("--board", "-b"))],
+    fix: Annotated[tuple[str, ...], Parameter(name="--fix", negative="")] = (),
     workers: Annotated[int, Parameter(name="--workers", validator=validators.Number(gte=1))] = 2,
     arguments: LogArguments = _NO_ARGUMENTS,
     common: Common = _NO_COMMON,
@@ -40,18 +40,22 @@ def diagnose(
     Args:
         logs: Logs of one board, with several releases in all.
         board: Name of the board.
+        fix: NAME=VALUE, a parameter to hold in every model; stiffness=0 for a pendulum whose record has gravity.
         workers: Processes that search.
         arguments: How the logs are read.
         common: Options of every command.
     """
-    from sysid.diagnose import diagnose as search
+    from sysid.cli.fixed import fixed_values
+    from sysid.diagnosis.diagnose import diagnose as search
+    from sysid.fitting.records import signal_of
 
     printer = Printer(common)
     record = common.space.load_board(board)
     releases = load_releases(logs, arguments, printer)
     how = signal_of(releases)
+    fixed = fixed_values(fix, [part.name for part in record.effects])
     with progress_bar(printer) as progress:
-        result = search(releases, record, **how, workers=workers, progress=progress)
+        result = search(releases, record, **how, fixed=fixed, workers=workers, progress=progress)
     for warning in result.warnings:
         printer.warn(warning)
     _print(printer, result, record, len(releases))
@@ -61,14 +65,6 @@ def diagnose(
     printer.say(f"written: {path}")
     printer.result(content)
     return 0
-
-
-def signal_of(releases: list[Release]) -> dict[str, Any]:
-    """Return which signal to fit: the rate where roll is only its integral, own zeros where roll was fused."""
-    origins = {release.origin for release in releases}
-    if origins == {"gyro"} and all(release.rate is not None for release in releases):
-        return {"use_rate": True}
-    return {"bias": "own" if origins & {"gyro", "imu"} else "shared"}
 
 
 @contextmanager

@@ -51,10 +51,10 @@ def evaluate(
     """
     from rich.progress import Progress
 
-    from policy_runtime.evaluate import Protocol, evaluate_policy
-    from policy_runtime.evaluate_parallel import evaluate_in_parallel
-    from policy_runtime.metrics import METRICS
-    from reports.ride_figure import paths_figure
+    from policy_runtime.evaluation.metrics import METRICS
+    from policy_runtime.evaluation.parallel import evaluate_in_parallel
+    from policy_runtime.evaluation.plain import Protocol, evaluate_policy
+    from reports.figures.ride import paths_figure
 
     if episodes < 1 or seeds < 1:
         raise HuskyError(f"--episodes {episodes} --seeds {seeds}: both must be at least 1.")

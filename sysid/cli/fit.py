@@ -9,15 +9,14 @@ from cyclopts import Parameter
 
 from sysid.board import Board
 from sysid.cli.console import Common, Printer
-from sysid.cli.diagnose import signal_of
 from sysid.cli.fit_intervals import show_intervals
 from sysid.cli.log_options import LogArguments, load_releases
 from sysid.files import atomic_path
 from sysid.roll import Release
 
 if TYPE_CHECKING:
-    from reports.ladder_figure import Rung
-    from sim.step_compensation import Compensation
+    from reports.figures.ladder import Rung
+    from sim.compensation.step import Compensation
     from sysid.fit_mjcf import FitOptions, JointFit
 
 _NO_ARGUMENTS = LogArguments()
@@ -30,6 +29,7 @@ def fit(
     *,
     board: Annotated[str, Parameter(name=("--board", "-b"))],
     effect: Annotated[tuple[str, ...], Parameter(name="--effect", negative="")] = (),
+    fix: Annotated[tuple[str, ...], Parameter(name="--fix", negative="")] = (),
     plain: bool = False,
     robust: bool = False,
     in_scene: Annotated[bool, Parameter(name="--in-scene", negative="")] = False,
@@ -47,6 +47,8 @@ def fit(
         logs: Logs of one board.
         board: Name of the board.
         effect: Effect to add to those of the record; repeat it for several.
+        fix: NAME=VALUE, a parameter to hold: stiffness, damping, rest_angle or EFFECT.PARAMETER; stiffness=0 for a
+            pendulum, together with --effect gravity.
         plain: Drop the effects that the record has.
         robust: Let outliers of the sensor count less.
         in_scene: Also find what must be written into the training scene (implicitfast at 5 ms, wheels on the
@@ -58,21 +60,23 @@ def fit(
         arguments: How the logs are read.
         common: Options of every command.
     """
+    from sysid.cli.fixed import fixed_values
+    from sysid.decay.plausibility import amplitude_warnings, period_warnings, refuse_period
     from sysid.fit_mjcf import FitOptions, check_effects, fit_joint, heldout_rmse
-    from sysid.fit_record import recorded, refuse_bad
-    from sysid.plausible import amplitude_warnings, period_warnings, refuse_period
+    from sysid.fitting.record_update import recorded, refuse_bad
+    from sysid.fitting.records import signal_of
 
     printer = Printer(common)
     record = common.space.load_board(board)
     check_effects(effect)
     if bootstrap:
-        from sysid.block_bootstrap import require_enough
+        from sysid.fitting.bootstrap import require_enough
 
         require_enough(bootstrap)
     kept = () if plain else tuple(part.name for part in record.effects)
     names = tuple(dict.fromkeys((*kept, *effect)))
     releases = load_releases(logs, arguments, printer)
-    options = FitOptions(robust=robust, **signal_of(releases))
+    options = FitOptions(robust=robust, fixed=fixed_values(fix, names), **signal_of(releases))
     odd = amplitude_warnings(releases, record)
     result = fit_joint(releases, record, names, options)
     named, frequency = ", ".join(str(log) for log in logs), result.law.frequency
@@ -91,7 +95,7 @@ def fit(
     rungs = _ladder(releases, record, names, options, result, heldout)
     scene: Compensation | None = None
     if in_scene:
-        from sim.in_scene import compensate_in_scene
+        from sim.compensation.scene import compensate_in_scene
 
         scene = compensate_in_scene(new)
         new = replace(new, fit={**new.fit, "in_scene": scene.entry()})
@@ -118,7 +122,7 @@ def _ladder(
     heldout: float,
 ) -> "list[Rung]":
     """Return the errors from the linear joint up, one effect more on each rung."""
-    from reports.ladder_figure import Rung
+    from reports.figures.ladder import Rung
     from sysid.fit_mjcf import fit_joint, heldout_rmse
 
     rungs: list[Rung] = []
@@ -131,7 +135,7 @@ def _ladder(
 
 
 def _draw(common: Common, board: Board, rungs: "list[Rung]", result: "JointFit") -> Path:
-    from reports.ladder_figure import ladder_figure
+    from reports.figures.ladder import ladder_figure
 
     path = common.space.outputs(board.name) / "ladder.png"
     unit = "rad/s" if result.records[0].is_rate else "rad"

@@ -7,9 +7,9 @@ from sysid.cli.console import Common, Printer
 from sysid.files import atomic_path
 
 if TYPE_CHECKING:
-    from sysid.block_bootstrap import Bootstrap
     from sysid.fit_mjcf import JointFit
-    from sysid.profile_likelihood import Profile
+    from sysid.fitting.bootstrap import Bootstrap
+    from sysid.fitting.profile import Profile
 
 
 def show_intervals(
@@ -32,10 +32,10 @@ def show_intervals(
         return {}
     from rich.progress import Progress
 
-    from reports.interval_figure import interval_figure
-    from sysid.block_bootstrap import bootstrap
-    from sysid.interval_agreement import agreements
-    from sysid.profile_likelihood import profiles
+    from reports.figures.intervals import interval_figure
+    from sysid.fitting.bootstrap import bootstrap
+    from sysid.fitting.intervals import agreements
+    from sysid.fitting.profile import profiles
 
     shapes: list[Profile] = []
     again: Bootstrap | None = None

@@ -10,10 +10,10 @@ from cyclopts import Parameter
 
 from sysid.cli.console import Printer
 from sysid.errors import HuskyError
-from sysid.logs import VIDEO_SUFFIXES, LogOptions, read_roll
+from sysid.logs import LogOptions, read_roll
 from sysid.roll import Release, Roll
 from sysid.same_log import refuse_twice
-from sysid.video.options import Method, VideoOptions
+from sysid.video.options import VIDEO_SUFFIXES, Method, VideoOptions
 
 
 @Parameter(name="*")

@@ -44,7 +44,7 @@ def roll(
     signal = load_roll(log, arguments, printer)
     offset = None
     if align is not None:
-        from sysid.clock_offset import clock_offset
+        from sysid.logs.clock_offset import clock_offset
 
         offset = clock_offset(load_roll(align, _NO_ARGUMENTS, printer), signal)
         printer.note(f"{log}: {offset} added to its times, which then count from the first sample of {align}")

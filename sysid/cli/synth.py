@@ -12,8 +12,8 @@ from cyclopts import Parameter
 from sysid.cli.console import Common, Printer
 from sysid.errors import HuskyError
 from sysid.synth import SynthOptions, synthesise
-from sysid.synth_effects import complete_effects, parse_effect
-from sysid.synth_sensors import Dialect, Sensor
+from sysid.synth.effects import complete_effects, parse_effect
+from sysid.synth.sensors import Dialect, Sensor
 
 DEFAULT_ANGLE = 0.87
 """First release angle as a share of the board's range: 10 degrees of 0.2 rad."""

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from sysid.board import Board
 from sysid.cli.console import Common, Printer
-from sysid.cli.diagnose import progress_bar, signal_of
+from sysid.cli.diagnose import progress_bar
 from sysid.cli.log_options import LogArguments, keep_logs, load_roll, say_notes
 from sysid.errors import HuskyError
 from sysid.roll import Release, Roll
@@ -19,7 +19,7 @@ from sysid.same_log import refuse_twice
 
 if TYPE_CHECKING:
     from reports.evidence import Evidence, LogFile
-    from reports.film_frames import FilmFrames
+    from reports.rerun.film_frames import FilmFrames
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
@@ -117,7 +117,7 @@ def read_logs(
         if file.found is None:
             continue
         if films and _is_film(file.found):
-            from reports.film_frames import read_film
+            from reports.rerun.film_frames import read_film
 
             roll, frames = read_film(file.found, arguments.options)
             pictures[roll.log] = frames
@@ -132,7 +132,7 @@ def read_logs(
 
 
 def _is_film(path: Path) -> bool:
-    from sysid.logs import VIDEO_SUFFIXES
+    from sysid.video.options import VIDEO_SUFFIXES
 
     return path.suffix.lower() in VIDEO_SUFFIXES
 
@@ -159,11 +159,12 @@ def write_recording(
     Raises:
         HuskyError: rerun-sdk is not installed, or the path cannot be written.
     """
-    from reports.board_summary import board_summary
-    from reports.decay_recording import comparison_recording
     from reports.evidence import gather
-    from reports.recording import need_rerun
+    from reports.page.summary import board_summary
+    from reports.rerun.decay import comparison_recording
+    from reports.rerun.stream import need_rerun
     from sysid.fit_mjcf import FitOptions
+    from sysid.fitting.records import signal_of
 
     need_rerun()
     options = FitOptions(**signal_of(list(material.releases)))

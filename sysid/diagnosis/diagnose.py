@@ -11,13 +11,14 @@ from typing import Literal
 import numpy as np
 
 from sysid.board import Board
-from sysid.crew import Crew
+from sysid.decay.plausibility import amplitude_warnings
+from sysid.diagnosis.against_record import Deviation, record_deviation
 from sysid.diagnosis.experiment import deciding
 from sysid.diagnosis.importance import Importance, importance
-from sysid.diagnosis.judgement import Field, Scored, families_of
+from sysid.diagnosis.judgement import Field, Scored, families_of, rest_of
 from sysid.diagnosis.search import Candidate as Model
 from sysid.diagnosis.search import Progress, Search
-from sysid.diagnosis.surrogates import WORDS, surrogates
+from sysid.diagnosis.surrogates import LAWS, surrogates
 from sysid.diagnosis.wording import (
     experiment_in_words,
     is_or_are,
@@ -27,15 +28,14 @@ from sysid.diagnosis.wording import (
     size_in_words,
     titles,
 )
+from sysid.diagnosis.workers import Crew
 from sysid.effects import effect
 from sysid.errors import HuskyError
-from sysid.fit_problem import Bias, make_records
-from sysid.fit_search import scales_of
-from sysid.fit_uncertainty import parameter_quantities
-from sysid.noise import NoiseFloor, noise_floor
-from sysid.plausible import amplitude_warnings
+from sysid.fitting.covariance import parameter_quantities
+from sysid.fitting.problem import Bias, make_records
+from sysid.fitting.search import scales_of
+from sysid.noise.floor import NoiseFloor, noise_floor
 from sysid.quantity import Quantity
-from sysid.record_check import Deviation, record_deviation
 from sysid.roll import Release
 
 EXPLAINED = 0.8
@@ -156,7 +156,7 @@ def diagnose(
             records=records, scales=scales, bias=bias, base=tuple(sorted(p.name for p in board.effects)),
             fixed=held, crew=crew, progress=progress,
         )  # fmt: skip
-        models, final = _searched(search)
+        search, models, final = _searched(search)
         winner = Field(final, search.base, period).winner()
         outside = surrogates(search, winner.model, 0.97)
         everything = Field([*final, *outside], search.base, period)
@@ -165,7 +165,9 @@ def diagnose(
     if progress is not None:
         progress("done", 1.0)
     warnings += _fast_starts(best)
-    scores = {(s.model.effects, s.model.shape): 2 * (everything.best.score - s.score) for s in everything.scored}
+    scores = {
+        (s.model.effects, s.model.shape): 2 * (everything.best.score - s.score) for s in everything.scored
+    }
     ranked = sorted(final, key=lambda m: scores[m.effects, ""])
     done = {m.effects for m in final}
     others = sorted((m for m in models if m.effects not in done), key=lambda m: m.cost)
@@ -223,7 +225,7 @@ def heldout_nrmse(model: Model) -> tuple[float, ...]:
 
     Of one release alone it is that of its second half, predicted from the first.
     """
-    rest = 0.0 if model.problem.records[0].is_rate else model.parameters.get("rest_angle", 0.0)
+    rest = rest_of(model)
     errors: list[float] = []
     for missed, measured in zip(model.heldout or (), model.problem.observed, strict=False):
         motion = measured[-len(missed) :] - rest
@@ -241,9 +243,9 @@ def _fast_starts(model: Model) -> list[str]:
     ]
 
 
-def _searched(search: Search) -> tuple[list[Model], list[Model]]:
-    """Return all models that were fitted, and those of them that may win, refined and predicted."""
-    singles = search.singles()
+def _searched(search: Search) -> tuple[Search, list[Model], list[Model]]:
+    """Return what searches, all models that were fitted, and those of them that may win, refined and predicted."""
+    search, singles = search.hung(search.singles())
     pairs = search.pairs(singles)
     near = search.neighbours(min(pairs, key=lambda m: m.cost), [*singles, *pairs])
     models = [*singles, *pairs, *near]
@@ -254,7 +256,7 @@ def _searched(search: Search) -> tuple[list[Model], list[Model]]:
     for count, most in FINALISTS.items():
         extra = [m for m in models if len(m.effects) - len(search.base) == count]
         picked += sorted(extra, key=lambda m: m.cost)[:most]
-    return models, search.finalists(picked)
+    return search, models, search.finalists(picked)
 
 
 def _judged(search: Search, tried: Field, winner: Model, board: Board) -> tuple[Verdict, Model, Deviation]:
@@ -321,7 +323,9 @@ def _missing(
     ]  # fmt: skip
     alike = [tuple(n for n in s.model.effects if n not in search.base) for s in rivals]
     effects = (*named, *deviation.effects)
-    sets = [(*others, *deviation.effects) for others in alike] + [(*named, *other) for other in deviation.alike]
+    sets = [(*others, *deviation.effects) for others in alike] + [
+        (*named, *other) for other in deviation.alike
+    ]
     explained = tried.explained(chosen)
     text = (
         f"{listed(effects)} {is_or_are(effects)} missing: {percent(explained)} of the squared error of predicting held-out "
@@ -375,13 +379,12 @@ def _unexplained(
     explained = tried.explained(chosen)
     text = "Something is missing that no effect of the catalogue explains. "
     if named:
-        text += (
-            f"The nearest is {listed(named)}, which takes away {percent(explained)} of the squared error of prediction. "
-        )
+        text += f"The nearest is {listed(named)}, which takes away {percent(explained)} of the squared error of prediction. "
     if outside is not None:
         beside = tuple(n for n in outside.model.effects if n not in search.base)
         also = f", beside {listed(beside)}," if beside else ""
-        text += f"{WORDS[outside.model.shape][:1].upper()}{WORDS[outside.model.shape][1:]}{also} does it better. "
+        words = LAWS[outside.model.shape].words
+        text += f"{words[:1].upper()}{words[1:]}{also} does it better. "
         confidence = sum(tried.confidence(frozenset(key)) for key in _shaped_keys(search, tried))
     elif named:
         confidence = 1 - tried.chance_explained(chosen, EXPLAINED) * (_left(tried, chosen) <= CLOSE)

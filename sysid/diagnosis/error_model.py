@@ -67,7 +67,9 @@ class Fitted:
     """Log-likelihood of each coefficient, shape (n,)."""
 
 
-def blocks_of(signals: Sequence[Array], rates: Sequence[Array], steps: Sequence[float], period: float) -> Blocks:
+def blocks_of(
+    signals: Sequence[Array], rates: Sequence[Array], steps: Sequence[float], period: float
+) -> Blocks:
     """Cut releases into periods.
 
     Args:
@@ -80,7 +82,9 @@ def blocks_of(signals: Sequence[Array], rates: Sequence[Array], steps: Sequence[
     for index, (signal, slope, step) in enumerate(zip(signals, rates, steps, strict=True)):
         length = max(8, round(period / step))
         count = max(1, len(signal) // length)
-        for a, b in zip(*[np.linspace(0, len(signal), count + 1).astype(int)[i:][:count] for i in (0, 1)], strict=True):
+        for a, b in zip(
+            *[np.linspace(0, len(signal), count + 1).astype(int)[i:][:count] for i in (0, 1)], strict=True
+        ):
             size = b - a
             swing = np.sqrt(np.mean(signal[a:b] ** 2 + (slope[a:b] * period / (2 * np.pi)) ** 2))
             frequency.append(np.arange(size) / (2.0 * size))

@@ -56,7 +56,9 @@ def deciding(one: Candidate, other: Candidate, errors: Fitted) -> Experiment | N
             missed = pairs[0] - pairs[1]
             swing = float(angle) * np.exp(-time / max(duration / 3, 1e-9))
             white = errors.white**2 + (errors.jitter * np.gradient(pairs[0], step)) ** 2
-            per_block = max(1.0, period / step / 4)  # samples that are wrong together where a model is not exact
+            per_block = max(
+                1.0, period / step / 4
+            )  # samples that are wrong together where a model is not exact
             variance = white + per_block * ((errors.discrepancy * swing) ** 2 + errors.coloured**2)
             odds = 0.5 * float(np.sum(missed**2 / np.maximum(variance, 1e-300)))
             number = int(np.ceil(DECIDED / max(odds, 1e-9)))

@@ -9,7 +9,7 @@ from sysid.diagnosis.search import Candidate
 from sysid.effects import effect
 from sysid.errors import HuskyError
 from sysid.joint import JointLaw, simulate
-from sysid.joint_torque import effect_torque, torque_shares
+from sysid.joint.torques import effect_torque, torque_shares
 from sysid.roll import Array
 
 TORQUE, ENERGY, AMPLITUDE, SIGNAL = 0.01, 0.03, 0.01, 0.01

@@ -137,11 +137,18 @@ def families_of(model: Candidate, base: Sequence[str]) -> frozenset[str]:
     return frozenset(names | ({model.shape} if model.shape else set()))
 
 
+def rest_of(model: Candidate) -> float:
+    """Return what the sensor reads at rest, as a model has it [rad]; 0 for a rate."""
+    if model.problem.records[0].is_rate:
+        return 0.0
+    return model.parameters.get("rest_angle", 0.0) + model.parameters.get("sensor-bias.angle", 0.0)
+
+
 def held_blocks(model: Candidate, period: float) -> Blocks:
     """Cut the motion that was held out into blocks of a period, as a fitted model knows it."""
     assert model.heldout is not None
     problem = model.problem
-    rest = 0.0 if problem.records[0].is_rate else model.parameters.get("rest_angle", 0.0)
+    rest = rest_of(model)
     signals: list[Array] = []
     rates: list[Array] = []
     steps: list[float] = []

@@ -10,13 +10,14 @@ from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
-from sysid.crew import Crew
-from sysid.cross_validation import held_out
+from sysid.diagnosis.workers import Crew
 from sysid.effects import catalogue, effect
-from sysid.effects.base import Scales
-from sysid.fit_problem import Bias, Problem, Record
-from sysid.fit_search import first_swings, replace_records, search
-from sysid.joint_flow import structure_of
+from sysid.effects._base import Scales
+from sysid.fitting.cross_validation import held_out
+from sysid.fitting.pendulum import hanging, hanging_start
+from sysid.fitting.problem import Bias, Problem, Record
+from sysid.fitting.search import first_swings, replace_records, search
+from sysid.joint.equations import structure_of
 from sysid.least_squares import Minimum, minimise
 from sysid.roll import Array
 
@@ -35,6 +36,8 @@ FRICTIONLESS = 0.4
 """Share of a model's damping that is left to it where dry friction joins."""
 WIDE = 0.6
 """Tilt from which the sine of gravity bends enough to tell it from a stiffness [rad]."""
+HANGS = 1.1
+"""Ratio of squared errors up to which a joint with a spring beside gravity is no better than one without: 5 % of error."""
 BEATEN, FAR = 6, 60.0
 """A union is given up when this many others have reached less than it promises, by that much of χ²."""
 
@@ -110,6 +113,8 @@ class Search:
     """Effects that the board's record has already: every model has them."""
     fixed: Mapping[str, float] = field(default_factory=dict[str, float])
     """Parameters held in every model."""
+    hangs: bool = False
+    """Whether gravity takes the spring's place wherever it is."""
     crew: Crew = field(default_factory=lambda: Crew(1), repr=False)
     progress: Progress | None = None
 
@@ -140,16 +145,23 @@ class Search:
 
     def problem(self, effects: Sequence[str], *, free_states: bool = False) -> Problem:
         """Return the least squares of a model, on the coarse grid."""
+        names, fixed = self._names_and_fixed(effects)
         return Problem(
-            structure_of(effects), self.records, self.scales, bias=self.bias, steps_per_period=COARSE,
-            fixed=self.fixed, average=self.average, free_states=free_states,
+            structure_of(names), self.records, self.scales, bias=self.bias, steps_per_period=COARSE, fixed=fixed,
+            average=self.average, free_states=free_states,
         )  # fmt: skip
+
+    def _names_and_fixed(self, effects: Sequence[str]) -> tuple[Sequence[str], Mapping[str, float]]:
+        if not (self.hangs and "gravity" in effects):
+            return effects, self.fixed
+        return hanging(effects, self.fixed, zero=self.bias == "shared" and not self.records[0].is_rate)
 
     def single(self, effects: Sequence[str], known: Candidate | None = None) -> Candidate:
         """Fit one model from the catalogue's own starts, and from a simpler one that is fitted already."""
+        names, fixed = self._names_and_fixed(effects)
         problem, minimum, _ = search(
-            structure_of(effects), self.records, self.scales, bias=self.bias, steps_per_period=COARSE,
-            fixed=self.fixed, average=self.average,
+            structure_of(names), self.records, self.scales, bias=self.bias, steps_per_period=COARSE, fixed=fixed,
+            average=self.average,
         )  # fmt: skip
         if known is not None:
             start = inherited(problem, known)
@@ -176,7 +188,10 @@ class Search:
         bounds = problem.bounds()
         # A start that is a little off is far off after many swings, so the first ones rank starts better, and sooner.
         early = replace_records(problem, [first_swings(r, self.scales, EARLY) for r in self.records])
-        first = [minimise(early.normal, early.start(start), *bounds, iterations=1) for start in starts]
+        first = [
+            minimise(early.normal, early.start(completed(early, start)), *bounds, iterations=1)
+            for start in starts
+        ]
         first.sort(key=lambda trial: trial.normal.cost)
         points = [*(trial.point for trial in first[:2]), inherited(problem, one), inherited(problem, other)]
         trials = [minimise(problem.normal, point, *bounds, iterations=4, tolerance=1e-3) for point in points]
@@ -220,7 +235,21 @@ class Search:
         jobs = [((*self.base, name), linear) for name in self.names()]
         return [linear, *self.each("alone", Search.single, jobs, 0.0, 0.3)]
 
-    def unions(self, wanted: Sequence[tuple[Candidate, Candidate]], begin: float, end: float) -> list[Candidate]:
+    def hung(self, singles: Sequence[Candidate]) -> tuple["Search", list[Candidate]]:
+        """Let gravity take the spring's place if it does as well alone as beside a spring, or the spring came out pushing."""
+        names = (*self.base, "gravity")
+        both = next((m for m in singles if set(m.effects) == set(names)), None)
+        if both is None or "stiffness" not in both.problem.names:
+            return self, list(singles)
+        other = replace(self, hangs=True)
+        alone = other.single(names, singles[0])
+        if alone.cost > HANGS * both.cost and both.parameters["stiffness"] > 0:
+            return self, list(singles)
+        return other, [alone if m is both else m for m in singles]
+
+    def unions(
+        self, wanted: Sequence[tuple[Candidate, Candidate]], begin: float, end: float
+    ) -> list[Candidate]:
         """Fit unions of models, the promising ones to the end.
 
         All take a few steps first. What the quadratic model of the cost still promises at best is a bound
@@ -272,7 +301,7 @@ class Search:
         jobs: list[tuple[Candidate, tuple[str, ...], Sequence[Mapping[str, float]]]] = []
         for model in models:
             for part in model.problem.structure.parts:
-                if part.name in self.base:
+                if part.name in self.base or part.name not in model.effects:
                     continue
                 rest = tuple(n for n in model.effects if n != part.name)
                 if len(rest) > len(self.base):
@@ -301,7 +330,7 @@ class Search:
         problem = self.problem(effects, free_states=model.problem.free_states)
         found: list[Minimum] = []
         for changed in changes:
-            start = problem.start({**model.parameters, **changed})
+            start = problem.start(completed(problem, {**model.parameters, **changed}))
             _take_motion(problem, start, model)
             found.append(minimise(problem.normal, start, *problem.bounds(), iterations=20, tolerance=1e-5))
         return Candidate(effects=effects, problem=problem, minimum=min(found, key=lambda m: m.normal.cost))
@@ -310,9 +339,13 @@ class Search:
         """Return models fitted on the fine grid, simple ones first, with what they miss of held-out releases."""
         done: dict[tuple[str, ...], Candidate] = {}
         for _, group in itertools.groupby(sorted(models, key=_count), key=_count):
-            jobs = [(m, [known for names, known in done.items() if set(names) < set(m.effects)]) for m in group]
+            jobs = [
+                (m, [known for names, known in done.items() if set(names) < set(m.effects)]) for m in group
+            ]
             share = 0.85 + 0.1 * (len(done) > 1)
-            done.update({m.effects: m for m in self.each("predicting", Search.finalist, jobs, share, share + 0.04)})
+            done.update(
+                {m.effects: m for m in self.each("predicting", Search.finalist, jobs, share, share + 0.04)}
+            )
         return list(done.values())
 
     def finalist(self, model: Candidate, parents: Sequence[Candidate]) -> Candidate:
@@ -320,7 +353,9 @@ class Search:
         fine = self.fine(model, parents)
         return replace(fine, heldout=held_out(fine.problem, fine.minimum))
 
-    def fine(self, model: Candidate, parents: Sequence[Candidate] = (), *, average: int | None = None) -> Candidate:
+    def fine(
+        self, model: Candidate, parents: Sequence[Candidate] = (), *, average: int | None = None
+    ) -> Candidate:
         """Return a model fitted on the fine grid.
 
         Args:
@@ -335,7 +370,9 @@ class Search:
         )  # fmt: skip
         small = max(1e-5, 0.02 / problem.samples)
         starts = [model.minimum.point, *(inherited(problem, known) for known in parents)]
-        found = [minimise(problem.normal, p, *problem.bounds(), iterations=30, tolerance=small) for p in starts]
+        found = [
+            minimise(problem.normal, p, *problem.bounds(), iterations=30, tolerance=small) for p in starts
+        ]
         best = min(found, key=lambda m: m.normal.cost)
         return replace(model, problem=problem, minimum=best, heldout=None)
 
@@ -346,14 +383,26 @@ def _count(model: Candidate) -> int:
 
 def inherited(problem: Problem, known: Candidate) -> Array:
     """Return a start at a simpler model's optimum: what the richer one has more vanishes there."""
-    parameters = dict(known.parameters)
+    start = problem.start(completed(problem, known.parameters))
+    _take_motion(problem, start, known)
+    return start
+
+
+def completed(problem: Problem, known: Mapping[str, float]) -> dict[str, float]:
+    """Return a model's parameters with those that a richer one has more where they make no difference."""
+    parameters = dict(known)
+    if problem.fixed.get("stiffness") == 0.0 and parameters.get("stiffness", 0.0) != 0.0:
+        parameters = hanging_start(parameters)
+    elif (
+        parameters.get("stiffness") == 0.0 and problem.fixed.get("stiffness") != 0.0
+    ):  # gravity was taken away again
+        parameters["stiffness"] = parameters.pop("gravity.moment", problem.scales.stiffness)
+        parameters["rest_angle"] = parameters.get("sensor-bias.angle", 0.0)
     for part in problem.structure.parts:
         for p in part.parameters:
             value = p.starts[0] if p.neutral is None else min(max(p.neutral, p.low), p.high)
             parameters.setdefault(f"{part.name}.{p.name}", value * p.size(problem.scales))
-    start = problem.start(parameters)
-    _take_motion(problem, start, known)
-    return start
+    return parameters
 
 
 def _take_motion(problem: Problem, start: Array, known: Candidate) -> None:

@@ -4,10 +4,11 @@ What is outside the catalogue can often be mimicked by effects that are inside. 
 better shows that the mimicry is one.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
-from sysid.diagnosis.search import COARSE, FINE, Candidate, Search, inherited
-from sysid.effects.base import (
+from sysid.diagnosis.search import COARSE, Candidate, Search, completed, inherited
+from sysid.effects._base import (
     Algebra,
     Effect,
     Motion,
@@ -18,28 +19,45 @@ from sysid.effects.base import (
     Values,
     belongs_to_log,
 )
-from sysid.fit_problem import Problem
-from sysid.joint_flow import Structure
+from sysid.fitting.problem import Problem
+from sysid.joint.equations import Structure
 from sysid.least_squares import minimise
-from sysid.score_test import SHAPES, Shape
 
-WORDS: dict[str, str] = {
-    "x⁵": "a spring that hardens at wide tilts only, like x⁵",
-    "x|x|": "a spring that hardens in proportion to the tilt, like x|x|",
-    "v²": "a drag that pushes to one side, like v²",
-    "|v|": "a damper that is stronger in one direction, like |v|",
-    "x v": "a damper that is stronger on one side, like x v",
-    "|x| v": "damping that grows with the tilt, like |x| v",
-    "x² v": "damping that grows with the square of the tilt, like x² v",
-    "t x": "a spring that changes during a release",
-    "t v": "a damper that changes during a release",
-}
-"""Shapes that no effect of the catalogue has, in words."""
-CHANGES: dict[str, Sequence[Shape]] = {
-    "t x": (lambda m, x, v, t: t * t * x, lambda m, x, v, t: t**3 * x),
-    "t v": (lambda m, x, v, t: t * t * v, lambda m, x, v, t: t**3 * v),
-}
-"""What changes need not do so at a constant rate: further terms."""
+Shape = Callable[[Algebra, Value, Value, Value], Value]
+"""Of the algebra, tilt and rate over their largest, and time over the longest release."""
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """A torque that no effect of the catalogue makes."""
+
+    words: str
+    terms: tuple[Shape, ...]
+
+    @property
+    def changes(self) -> bool:
+        """Whether it depends on time."""
+        return len(self.terms) > 1
+
+
+LAWS: dict[str, Law] = {
+    "x⁵": Law("a spring that hardens at wide tilts only, like x⁵", (lambda m, x, v, t: x**5,)),
+    "x|x|": Law("a spring that hardens in proportion to the tilt, like x|x|", (lambda m, x, v, t: x * m.abs(x),)),
+    "v²": Law("a drag that pushes to one side, like v²", (lambda m, x, v, t: v * v,)),
+    "|v|": Law("a damper that is stronger in one direction, like |v|", (lambda m, x, v, t: m.abs(v),)),
+    "x v": Law("a damper that is stronger on one side, like x v", (lambda m, x, v, t: x * v,)),
+    "|x| v": Law("damping that grows with the tilt, like |x| v", (lambda m, x, v, t: m.abs(x) * v,)),
+    "x² v": Law("damping that grows with the square of the tilt, like x² v", (lambda m, x, v, t: x * x * v,)),
+    # What changes need not do so at a constant rate.
+    "t x": Law(
+        "a spring that changes during a release",
+        (lambda m, x, v, t: t * x, lambda m, x, v, t: t * t * x, lambda m, x, v, t: t**3 * x),
+    ),
+    "t v": Law(
+        "a damper that changes during a release",
+        (lambda m, x, v, t: t * v, lambda m, x, v, t: t * t * v, lambda m, x, v, t: t**3 * v),
+    ),
+}  # fmt: skip
 
 
 def surrogate(search: Search, model: Candidate, kept: tuple[str, ...], shape: str) -> Candidate:
@@ -49,7 +67,7 @@ def surrogate(search: Search, model: Candidate, kept: tuple[str, ...], shape: st
         search: That found the model.
         model: A fitted candidate.
         kept: Its effects that stay.
-        shape: One of `WORDS`.
+        shape: One of `LAWS`.
     """
     inside = search.problem(kept, free_states=model.problem.free_states)
     structure = Structure(inside.structure.effects, (_effect(shape),))
@@ -63,27 +81,32 @@ def surrogate(search: Search, model: Candidate, kept: tuple[str, ...], shape: st
         steps_per_period=int(COARSE * min(1.5, structure.sharpness)),
     )  # fmt: skip
     linear = {"stiffness": search.scales.stiffness, "damping": search.scales.damping}
-    starts = [inherited(problem, model), problem.start({**dict.fromkeys(problem.names, 0.0), **model.parameters, **linear})]
+    starts = [
+        inherited(problem, model),
+        problem.start(
+            {**dict.fromkeys(problem.names, 0.0), **completed(problem, {**model.parameters, **linear})}
+        ),
+    ]
     found = [minimise(problem.normal, p, *problem.bounds(), iterations=20, tolerance=1e-5) for p in starts]
     best = min(found, key=lambda m: m.normal.cost)
     return Candidate(effects=kept, problem=problem, minimum=best, shape=shape)
 
 
 def surrogates(search: Search, model: Candidate, share: float) -> list[Candidate]:
-    """Return the best shape in each of a model's effects' places, in all of them, and beside all of them; predicted."""
+    """Return the best shape in each of a model's effects' places, and in all of them; predicted."""
     named = tuple(n for n in model.effects if n not in search.base)
-    places = dict.fromkeys([named, (), *((name,) for name in named)])
+    places = dict.fromkeys([named, *((name,) for name in named)])
     best: list[Candidate] = []
     for place in places:
         kept = tuple(n for n in model.effects if n not in place)
-        jobs = [(model, kept, shape) for shape in WORDS]
+        jobs = [(model, kept, shape) for shape in LAWS]
         tried = search.each("laws outside the catalogue", surrogate, jobs, share, share)
         best.append(min(tried, key=lambda m: m.cost))
     return search.each("laws outside the catalogue", Search.finalist, [(m, ()) for m in best], share, share)
 
 
 def _effect(name: str) -> Effect:
-    terms = (SHAPES[name], *CHANGES.get(name, ()))
+    terms = LAWS[name].terms
 
     def torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Value:
         x, v = motion.tilt / parameters["amplitude"], motion.rate / parameters["speed"]
@@ -105,7 +128,7 @@ def _effect(name: str) -> Effect:
         Parameter(name="duration", unit="s", size=lambda s: s.duration, low=0.0, high=2.0),
     ]
     return Effect(
-        name="surrogate", title=WORDS[name], family="hardening", parameters=(*strengths, *sizes), law=name, source="",
+        name="surrogate", title=LAWS[name].words, family="hardening", parameters=(*strengths, *sizes), law=name, source="",
         does="", look_alikes=(), experiment="", mujoco=MujocoSupport(means="", since="", warp=False),
-        to_mjcf=belongs_to_log, example=(), torque=torque, states=(clock,) if name in CHANGES else (),
+        to_mjcf=belongs_to_log, example=(), torque=torque, states=(clock,) if LAWS[name].changes else (),
     )  # fmt: skip

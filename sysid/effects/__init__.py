@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from types import MappingProxyType
 
-from sysid.effects.base import Effect
+from sysid.effects._base import Effect
 from sysid.errors import HuskyError, did_you_mean
 
 

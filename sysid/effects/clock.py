@@ -1,6 +1,6 @@
 """A clock that runs fast or slow."""
 
-from sysid.effects.base import Effect, MujocoSupport, Parameter, belongs_to_log
+from sysid.effects._base import Effect, MujocoSupport, Parameter, belongs_to_log
 
 EFFECT = Effect(
     name="clock",

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from sysid.effects.base import Algebra, Effect, Motion, MujocoSupport, Parameter, Value, Values
+from sysid.effects._base import Algebra, Effect, Motion, MujocoSupport, Parameter, Value, Values
 
 if TYPE_CHECKING:
     import mujoco

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from sysid.effects.base import Effect, MujocoSupport, Parameter
+from sysid.effects._base import Effect, MujocoSupport, Parameter
 
 if TYPE_CHECKING:
     import mujoco

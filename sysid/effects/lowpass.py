@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from sysid.effects.base import (
+from sysid.effects._base import (
     Algebra,
     Effect,
     Motion,

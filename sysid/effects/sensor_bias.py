@@ -1,6 +1,6 @@
 """A sensor that reads a constant too much."""
 
-from sysid.effects.base import Effect, MujocoSupport, Parameter, belongs_to_log
+from sysid.effects._base import Effect, MujocoSupport, Parameter, belongs_to_log
 
 EFFECT = Effect(
     name="sensor-bias",

@@ -1,6 +1,6 @@
 """A sensor whose zero moves, e.g. the integral of a gyro with a bias."""
 
-from sysid.effects.base import Effect, MujocoSupport, Parameter, belongs_to_log
+from sysid.effects._base import Effect, MujocoSupport, Parameter, belongs_to_log
 
 EFFECT = Effect(
     name="sensor-drift",

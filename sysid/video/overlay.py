@@ -10,8 +10,8 @@ import numpy.typing as npt
 from sysid.errors import HuskyError
 from sysid.files import atomic_path
 from sysid.roll import Array, Roll
-from sysid.video.frames import Clip, Picture
-from sysid.video.track import Track
+from sysid.video.film.frames import Clip, Picture
+from sysid.video.film.track import Track
 
 REAL = (0, 159, 230)
 """Orange, in OpenCV's order: measurements have it everywhere."""

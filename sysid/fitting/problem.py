@@ -1,0 +1,408 @@
+"""From releases to normal equations: single shooting with exact sensitivities.
+
+All releases share the physics; each has its own roll and rate at release, its own internal states, and
+on request its own sensor bias. Unknowns are scaled by their sizes, so that one is a large change of any.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+
+from sysid.effects._base import Scales
+from sysid.fitting.shooting import Shooting
+from sysid.joint.equations import Structure, build_flow, steps_for
+from sysid.joint.hermite import hermite_matrix
+from sysid.least_squares import Normal
+from sysid.noise.floor import sensor_step
+from sysid.roll import Array, Release
+
+Bias = Literal["shared", "own"]
+"""Sensor zero: one for all releases (it is then part of the rest angle), or one for each."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Record:
+    """What is fitted of one release."""
+
+    release: Release
+    time: Array
+    """Since the release [s], shape (n,)."""
+    signal: Array
+    """Measured roll [rad], or roll rate [rad/s] if `is_rate`, shape (n,)."""
+    is_rate: bool
+    std: float
+    """Noise of the signal, one number [rad or rad/s]."""
+
+
+def make_records(
+    releases: Sequence[Release], std: float, *, rate: bool, settled: bool = False
+) -> tuple[Record, ...]:
+    """Cut the tails at rest that say nothing new and return what is to be fitted.
+
+    Args:
+        releases: From one board.
+        std: Noise floor of the signal [rad or rad/s].
+        rate: Fit the measured rate (the roll is only its integral) instead of the roll.
+        settled: Keep what a coarse sensor shows of the rest: rounded, but where a deck sticks tells its friction.
+    """
+    records: list[Record] = []
+    coarse = COARSE_STEPS * sensor_step(releases, rate=rate)
+    for release in releases:
+        measured = release.rate if rate and release.rate is not None else release.roll
+        end = _end_of_motion(release, measured, std)
+        begin = _onset(release)
+        if coarse > 0 and not settled:
+            level = 0.0 if rate else release.rest
+            beyond = np.flatnonzero(np.abs(measured[:end] - level) > coarse)
+            end = max(min(end, begin + 32), int(beyond[-1]) + 1 if len(beyond) else 0)
+        time = release.time[begin:end] - release.time[0]
+        records.append(Record(release=release, time=time, signal=measured[begin:end], is_rate=rate, std=std))
+    return tuple(records)
+
+
+COARSE_STEPS = 3.0
+"""Steps of a coarse sensor within which a swing is not fitted: what it rounds there is no noise any more."""
+LETTING_GO = 0.004
+"""For how long a hand still drags while it lets go [s]."""
+UNSURE_START = 0.002
+"""How well the instant of a release from a hold is known [s]."""
+
+
+def _onset(release: Release) -> int:
+    """Return the first sample without a hand on the deck.
+
+    A finger that slides off rounds the start just as a filter in the sensor would. The motion still begins at
+    the release, where rubber and sliders are as the hold left them; roll and rate there are fitted.
+    """
+    if release.hold <= 0:
+        return 0
+    return int(np.searchsorted(release.time - release.time[0], LETTING_GO))
+
+
+def _end_of_motion(release: Release, signal: Array, std: float) -> int:
+    """Return how many samples to keep: the motion, and as long again of the rest after it.
+
+    A long rest would outweigh the motion and teach nothing: a joint that sticks is still. The last tenth
+    of a release that came to rest, or was caught, may hold the hand that comes for the next one, and is left
+    out.
+    """
+    n = len(signal)
+    if release.end == "log":
+        return n
+    quiet = max(16, int(0.9 * n))
+    level = float(np.median(signal[int(0.7 * quiet) : quiet]))
+    window = max(1, n // 100)
+    smooth = np.convolve(signal[:quiet] - level, np.ones(window) / window, mode="same")
+    moving = np.flatnonzero(np.abs(smooth[: quiet - window]) > 5.0 * std / np.sqrt(window))
+    last = int(moving[-1]) if len(moving) else quiet
+    return min(quiet, 2 * last + 16)
+
+
+@dataclass(frozen=True, slots=True)
+class _Path:
+    """What turns one record into residuals."""
+
+    shooting: Shooting
+    signal: Array
+    clock: Array
+    std: float
+    """Signal, time on the log's clock and noise of the samples, or of means of neighbours; shape (n,)."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Start:
+    """How fast one record may start."""
+
+    unsure: float
+    """How well the instant of the release is known [s]; 0 where it was no release from rest."""
+    pull: float
+    """Acceleration with which it sets off [rad/s²]."""
+    std: float
+    """Noise of a sample [rad]; of a rate, as a swing at the joint's frequency."""
+    inward: float
+    """Sign of a rate towards the rest angle."""
+
+
+@dataclass
+class Problem:
+    """Least squares of one structure on some records.
+
+    The vector of unknowns is: free parameters of the joint, then for each record its roll, rate, free
+    internal states and, with bias 'own', its bias; each in units of its size.
+    """
+
+    structure: Structure
+    records: Sequence[Record]
+    scales: Scales
+    bias: Bias = "shared"
+    fixed: Mapping[str, float] = field(default_factory=dict[str, float])
+    """Parameters held at a value, by the structure's names."""
+    free_states: bool = True
+    steps_per_period: int = 40
+    average: int = 1
+    """Neighbouring samples whose means are fitted instead of each: nearly as good, and quicker."""
+    weights: Sequence[Array] | None = None
+    """Of each sample of each record, for robust losses; None for all ones."""
+
+    @property
+    def step(self) -> float:
+        """Integration step [s]."""
+        return 2 * np.pi / self.scales.frequency / self.steps_per_period
+
+    @cached_property
+    def _paths(self) -> list[_Path]:
+        """Grids, functions and buffers: made when first needed, and left behind when a problem is pickled."""
+        flow = build_flow(self.structure, free_states=self.free_states, sensitivities=True)
+        paths: list[_Path] = []
+        for record in self.records:
+            steps = steps_for(float(record.time[-1]), self.step)
+            at = hermite_matrix(record.time, self.step, steps, slope=record.is_rate)
+            mean = _averaging(len(record.time), self.average)
+            release = record.release
+            paths.append(
+                _Path(
+                    Shooting(flow, steps, mean @ at, max(release.hold, 0.0)),
+                    mean @ record.signal, mean @ (record.time + float(release.time[0])), record.std / float(np.sqrt(self.average)),
+                )
+            )  # fmt: skip
+        return paths
+
+    @cached_property
+    def _starts(self) -> list[_Start]:
+        """Known from the releases alone, so that whoever asks for them need not build the joint's functions."""
+        starts: list[_Start] = []
+        for record in self.records:
+            release = record.release
+            sampling = float(np.median(np.diff(release.time[:32])))
+            pull = self.scales.frequency**2 * release.amplitude
+            if any(part.leaned_on for part in self.structure.parts):  # else only the spring has set it off
+                pull = max(pull, _first_pull(release))
+            unsure = max(UNSURE_START, 0.5 * sampling)
+            std = record.std / (self.scales.frequency if record.is_rate else 1.0)
+            inward = -float(np.sign(release.roll[0] - release.rest))
+            starts.append(_Start(unsure if release.hold > 0 else 0.0, pull, std, inward))
+        return starts
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what is made again from the rest."""
+        made = ("_paths", "_starts", "names", "_sizes", "_columns")
+        return {key: value for key, value in self.__dict__.items() if key not in made}
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The structure's parameters that are free."""
+        return tuple(n for n in self.structure.parameters[1:] if n not in self.fixed)
+
+    @property
+    def own(self) -> int:
+        """How many unknowns each record has of its own."""
+        return self._motion + (self.bias == "own")
+
+    @property
+    def _motion(self) -> int:
+        """How many of them are roll, rate and internal states."""
+        return 2 + (len(self.structure.memories) if self.free_states else 0)
+
+    @cached_property
+    def _columns(self) -> list[int]:
+        """Columns of a reading that are wanted: the reading, the free parameters, the record's own motion."""
+        every = self.structure.parameters[1:]
+        free = [1 + i for i, n in enumerate(every) if n not in self.fixed]
+        return [0, *free, *range(1 + len(every), 1 + len(every) + self._motion)]
+
+    @property
+    def samples(self) -> int:
+        """Number of residuals."""
+        return sum(len(record.time) // self.average for record in self.records)
+
+    @property
+    def observed(self) -> list[Array]:
+        """What is fitted of each record: its samples, or means of neighbours [rad or rad/s]."""
+        return [path.signal for path in self._paths]
+
+    def sizes(self) -> Array:
+        """Return the size of each unknown, shape (p,)."""
+        return self._sizes
+
+    @cached_property
+    def _sizes(self) -> Array:
+        s = self.scales
+        known = {"stiffness": s.stiffness, "damping": s.stiffness / s.frequency, "rest_angle": s.amplitude}
+        for part in self.structure.parts:
+            known.update({f"{part.name}.{p.name}": p.size(s) for p in part.parameters})
+        own = [s.amplitude, s.rate]
+        if self.free_states:
+            own += [state.size(s) for state in self.structure.memories]
+        own += [s.amplitude] if self.bias == "own" else []
+        return np.array([known[name] for name in self.names] + own * len(self.records))
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Return lower and upper bounds in units of the sizes, shape (p,) each."""
+        known = {"stiffness": (-3.0, 50.0), "damping": (-0.5, 20.0), "rest_angle": (-2.0, 2.0)}
+        for part in self.structure.parts:
+            known.update({f"{part.name}.{p.name}": (p.low, p.high) for p in part.parameters})
+        own = [(-4.0, 4.0)] * 2
+        if self.free_states:
+            own += [(-10.0, 10.0)] * len(self.structure.memories)
+        own += [(-2.0, 2.0)] if self.bias == "own" else []
+        pairs = np.array([known[name] for name in self.names] + own * len(self.records))
+        return pairs[:, 0], pairs[:, 1]
+
+    def start(self, parameters: Mapping[str, float]) -> Array:
+        """Return unknowns for given parameters; the rest from the records themselves."""
+        values = [parameters[name] for name in self.names]
+        vector = self.vector_of(parameters)
+        for record in self.records:
+            roll, rate = _first_motion(record)
+            own = [roll, rate]
+            if self.free_states and self.structure.memories:
+                held = build_flow(self.structure, free_states=False, sensitivities=False)
+                start = np.asarray(held.begin(vector, own, max(record.release.hold, 0.0))).ravel()[2:]
+                kept = [part.role != "measurement" for part in self.structure.parts for _ in part.states]
+                own += list(start[kept])
+            values += own + ([0.0] if self.bias == "own" else [])
+        return np.array(values) / self.sizes()
+
+    def vector_of(self, parameters: Mapping[str, float]) -> Array:
+        """Return the structure's parameter vector, inertia first."""
+        full = {"inertia": self.scales.inertia, **parameters, **self.fixed}
+        return np.array([full[name] for name in self.structure.parameters])
+
+    def parameters(self, unknowns: Array) -> dict[str, float]:
+        """Return all parameters by name, fixed ones included, without the inertia."""
+        count = len(self.names)
+        values = unknowns[:count] * self.sizes()[:count]
+        return {**dict(zip(self.names, map(float, values), strict=True)), **self.fixed}
+
+    def residuals(self, unknowns: Array) -> list[Array]:
+        """Return model minus measurement of each record [rad or rad/s]."""
+        return [pair[0] for pair in self.linearise(unknowns)]
+
+    def linearise(self, unknowns: Array) -> list[tuple[Array, Array]]:
+        """Return residual, shape (n,), and Jacobian, shape (n, free + own), of each record; not scaled.
+
+        The Jacobian's columns are the free parameters and then the record's own unknowns.
+        """
+        values = unknowns * self.sizes()
+        shared, own, motion = len(self.names), self.own, self._motion
+        parameters = self.parameters(unknowns)
+        vector = self.vector_of(parameters)
+        result: list[tuple[Array, Array]] = []
+        for index, path in enumerate(self._paths):
+            mine = values[shared + index * own : shared + (index + 1) * own]
+            at = path.shooting.read(vector, mine[:motion], self.step)
+            if len(self._columns) < at.shape[1]:
+                at = at[:, self._columns]
+            result.append(self._observed(path, at, mine, parameters))
+        return result
+
+    def _observed(
+        self, path: _Path, at: Array, mine: Array, values: Mapping[str, float]
+    ) -> tuple[Array, Array]:
+        """Subtract the measurement and add what the sensor adds of its own."""
+        residual, jacobian = at[:, 0] - path.signal, at[:, 1:]
+        is_rate = self.records[0].is_rate
+        columns = {
+            "sensor-bias.angle": 0.0 if is_rate else 1.0,
+            "sensor-drift.rate": 1.0 if is_rate else path.clock,
+        }
+        for name, column in columns.items():
+            if name in values:
+                residual = residual + column * values[name]
+            if name in self.names:
+                jacobian[:, self.names.index(name)] += column
+        if self.bias == "own":
+            residual = residual + mine[-1]
+            jacobian = np.column_stack([jacobian, np.ones(len(residual))])
+        return residual, jacobian
+
+    def normal(self, unknowns: Array) -> Normal:
+        """Return cost and normal equations, residuals in units of their noise."""
+        shared, own = len(self.names), self.own
+        sizes = self.sizes()
+        gradient = np.zeros(len(sizes))
+        hessian = np.zeros((len(sizes), len(sizes)))
+        cost = 0.0
+        for index, (residual, jacobian) in enumerate(self.linearise(unknowns)):
+            if not np.all(np.isfinite(residual)) or not np.all(np.isfinite(jacobian)):
+                return Normal(np.inf, gradient, hessian)
+            where = np.r_[0:shared, shared + index * own : shared + (index + 1) * own]
+            if max(float(np.abs(residual).max()), float(np.abs(jacobian).max())) > 1e30:
+                return Normal(np.inf, gradient, hessian)
+            scale = 1.0 / self._paths[index].std
+            r, j = residual * scale, jacobian * (scale * sizes[where])
+            if self.weights is not None:
+                root = np.sqrt(self.weights[index])
+                r, j = r * root, j * root[:, None]
+            cost += 0.5 * float(r @ r)
+            gradient[where] += j.T @ r
+            hessian[np.ix_(where, where)] += j.T @ j
+            where_rate = shared + index * own + 1
+            inward, slope = self._inward(index, unknowns)
+            cost += 0.5 * inward**2
+            gradient[where_rate] += slope * inward
+            hessian[where_rate, where_rate] += slope**2
+        return Normal(cost, gradient, hessian)
+
+    def _inward(self, index: int, unknowns: Array) -> tuple[float, float]:
+        """Return how much faster than from rest a record starts, in deviations, and its slope with the rate.
+
+        A deck that was held still starts at rate zero. A hand may drag and make it late, so only a start
+        towards the rest angle that is too fast counts, beyond what `UNSURE_START` of its acceleration makes.
+        Without this a stop that acts in the first milliseconds only would be taken for a push.
+        """
+        begin = self._starts[index]
+        if begin.unsure == 0 or begin.pull == 0:
+            return 0.0, 0.0
+        at = len(self.names) + index * self.own + 1
+        slope = begin.inward * float(self.sizes()[at]) / self._spread(begin, unknowns)
+        return (slope * unknowns[at], slope) if slope * unknowns[at] > 0 else (0.0, 0.0)
+
+    def _spread(self, begin: _Start, unknowns: Array) -> float:
+        """Return the deviation that a start faster than from rest may have [rad/s]: a filter hides the first of it."""
+        late = begin.unsure
+        for part in self.structure.parts:
+            for state in part.states:
+                if state.hides is not None:
+                    known = self.parameters(unknowns)
+                    own = {p.name: known[f"{part.name}.{p.name}"] for p in part.parameters}
+                    late = float(np.hypot(late, state.hides(begin.pull, begin.std, own)))
+        return late * begin.pull
+
+    def start_penalty(self, unknowns: Array) -> float:
+        """Return the sum of squares that `normal` charges for starts that are too fast."""
+        return sum(self._inward(index, unknowns)[0] ** 2 for index in range(len(self.records)))
+
+
+def _first_pull(release: Release) -> float:
+    """Return the acceleration with which a release sets off [rad/s²]: a stop that it leans on pulls hardest."""
+    time = release.time - release.time[0]
+    first, last = np.searchsorted(time, (1.5 * LETTING_GO, 5 * LETTING_GO))
+    gone = np.abs(release.roll[first : last + 1] - release.roll[0]) - 3 * float(np.median(release.std))
+    return float(np.max(2 * gone / time[first : last + 1] ** 2, initial=0.0))
+
+
+def _averaging(count: int, width: int) -> Any:
+    """Return the sparse matrix of means of `width` neighbours, shape (count // width, count)."""
+    from scipy.sparse import csr_matrix, identity
+
+    if width == 1:
+        return identity(count, format="csr")
+    rows = count // width
+    used = rows * width
+    entries = np.full(used, 1.0 / width)
+    return csr_matrix((entries, (np.arange(used) // width, np.arange(used))), shape=(rows, count))
+
+
+def _first_motion(record: Record) -> tuple[float, float]:
+    """Return roll and rate at release from a parabola through the first samples."""
+    release = record.release
+    if record.is_rate:
+        return float(release.roll[0]), float(np.median(record.signal[:3]))
+    span = max(5, int(np.searchsorted(record.time, 0.01)))
+    t, y = record.time[:span], record.signal[:span]
+    fit = np.polynomial.polynomial.polyfit(t, y, min(2, len(t) - 1))
+    return float(fit[0]), float(fit[1]) if span > 12 else 0.0

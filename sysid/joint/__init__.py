@@ -1,0 +1,5 @@
+"""The tilt joint: its law and its motion."""
+
+from sysid.joint.law import JointLaw, Trajectory, simulate
+
+__all__ = ["JointLaw", "Trajectory", "simulate"]

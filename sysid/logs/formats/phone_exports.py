@@ -1,0 +1,189 @@
+"""Logs in which each sensor has a clock of its own, and the exports of phone apps (phyphox, Sensor Logger)."""
+
+import re
+import tempfile
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from sysid.errors import HuskyError
+from sysid.logs.formats.csv import open_csv
+from sysid.logs.table.clock import time_scale
+from sysid.logs.table.names import ACCEL_UNITS, parse_column
+from sysid.roll import Array
+
+TIME = "time (s)"
+MAX_UNPACKED = 8 << 30
+
+
+@dataclass(frozen=True, slots=True)
+class SensorTables:
+    """Several sensors; what is read together comes on the clock of the first one that is asked for."""
+
+    path: Path
+    clocks: Mapping[str, Array]
+    """Time of each sensor [s], shape (n_sensor,)."""
+    columns: Mapping[str, tuple[str, Array]]
+    """Sensor and values of each column."""
+    notes: tuple[str, ...]
+    has_header: bool = True
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the columns, the common time first."""
+        return (TIME, *self.columns)
+
+    @property
+    def units(self) -> tuple[str | None, ...]:
+        """No units apart from the names."""
+        return (None,) * len(self.names)
+
+    def read(self, names: Sequence[str]) -> dict[str, Array]:
+        """Return columns at the times of the first one's sensor; others are interpolated, NaN outside their record."""
+        base, _ = self.columns[next(name for name in names if name != TIME)]
+        clock = self.clocks[base]
+        result: dict[str, Array] = {}
+        for name in names:
+            if name == TIME:
+                result[name] = clock.copy()
+                continue
+            sensor, values = self.columns[name]
+            if sensor != base:
+                order = np.argsort(self.clocks[sensor], kind="stable")
+                values = np.interp(
+                    clock, self.clocks[sensor][order], values[order], left=np.nan, right=np.nan
+                )
+            result[name] = values
+        return result
+
+
+def open_zip(path: Path) -> SensorTables:
+    """Open the zip export of a phone app: one CSV file a sensor.
+
+    Raises:
+        HuskyError: The archive is damaged, or holds no tables.
+    """
+    try:
+        with tempfile.TemporaryDirectory() as folder, zipfile.ZipFile(path) as archive:
+            members = [m for m in archive.infolist() if _is_table(Path(m.filename)) and not m.is_dir()]
+            if sum(member.file_size for member in members) > MAX_UNPACKED:
+                raise HuskyError(
+                    f"{path}: unpacks to more than 8 GiB. Unpack it and name the one file in it."
+                )
+            files: list[Path] = []
+            for number, member in enumerate(members):
+                target = Path(folder) / str(number) / Path(member.filename).name
+                target.parent.mkdir()
+                target.write_bytes(archive.read(member))
+                files.append(target)
+            return _merge(path, files)
+    except (zipfile.BadZipFile, RuntimeError, NotImplementedError, EOFError, OSError) as error:
+        raise HuskyError(f"{path}: damaged or locked archive ({error}). Export it again.") from error
+
+
+def open_folder(path: Path) -> SensorTables:
+    """Open a folder: an unpacked phone export, or a ROS 2 recording with one MCAP file.
+
+    Raises:
+        HuskyError: It holds neither.
+    """
+    from sysid.logs.formats.mcap import open_mcap
+
+    recordings = sorted(path.glob("*.mcap"))
+    if len(recordings) == 1:
+        return open_mcap(recordings[0])
+    files = sorted(file for file in path.iterdir() if file.is_file() and _is_table(file))
+    return _merge(path, files)
+
+
+def _is_table(file: Path) -> bool:
+    hidden = any(part.startswith((".", "__")) or part == "meta" for part in file.parts[-2:])
+    return file.suffix.lower() in (".csv", ".tsv", ".txt") and not hidden and file.stem.lower() != "metadata"
+
+
+def _merge(path: Path, files: Sequence[Path]) -> SensorTables:
+    """Read the motion sensors among the files of an export."""
+    tables: dict[str, tuple[Array, dict[str, Array]]] = {}
+    for file in files:
+        if len(files) > 1 and not re.search(
+            r"gyro|acc|orient|attitude|grav|motion|raw|rotation", file.stem, re.I
+        ):
+            continue
+        table = open_csv(file)
+        columns = [parse_column(name, unit) for name, unit in zip(table.names, table.units, strict=True)]
+        times = sorted((c for c in columns if c.kind == "time"), key=lambda c: c.unit is None)
+        if not times:
+            continue
+        values = table.read(
+            [times[0].name, *(c.name for c in columns if c.kind != "time" and c.name not in table.dates)]
+        )
+        clock = values.pop(times[0].name)
+        finite = np.isfinite(clock)
+        if np.count_nonzero(finite) < 2:
+            continue
+        scale, _ = time_scale(clock[finite], times[0].unit)
+        tables[file.stem] = (
+            clock[finite] * scale,
+            {_full_name(file.stem, name): column[finite] for name, column in values.items()},
+        )
+    if not tables:
+        raise HuskyError(
+            f"{path}: holds no table of a motion sensor (Gyroscope.csv, Accelerometer.csv, ...)."
+        )
+    _add_gravity(tables)
+    columns = {name: (stem, column) for stem, (_, data) in tables.items() for name, column in data.items()}
+    return SensorTables(
+        path,
+        {stem: clock for stem, (clock, _) in tables.items()},
+        columns,
+        (f"export with {', '.join(tables)}",),
+    )
+
+
+def _full_name(stem: str, name: str) -> str:
+    """Put the sensor's name before a bare axis; what the phone fused itself counts as second-hand."""
+    sensor = " ".join(re.findall(r"[A-Z]?[a-z]+|[A-Z]+", stem)) or stem
+    column = parse_column(name)
+    if re.search(r"orient|attitude", stem, re.I):
+        return f"{sensor} fused {name}"
+    unit = " (rad/s)" if re.search("gyro", stem, re.I) and column.unit is None else ""
+    return f"{sensor} {name}{unit}" if column.kind == "unknown" and column.axis else name
+
+
+def _add_gravity(tables: dict[str, tuple[Array, dict[str, Array]]]) -> None:
+    """Make sure that the accelerometer that will be taken holds gravity.
+
+    Sensor Logger's plain accelerometer has gravity taken off and in a file of its own. A total acceleration
+    beside it is taken instead, else the two are added.
+    """
+    accels = {
+        stem: names
+        for stem, (_, data) in tables.items()
+        if re.search("acc", stem, re.I) and len(names := _axes(data)) == 3
+    }
+    whole = [stem for stem, names in accels.items() if _holds_gravity(tables[stem][1], names)]
+    bare = [stem for stem in accels if stem not in whole]
+    gravity = next((stem for stem in tables if re.fullmatch("gravity", stem, re.I)), None)
+    if not whole and bare and gravity is not None:
+        clock, data = tables[bare[0]]
+        other_clock, other = tables[gravity]
+        for mine, its in zip(accels[bare[0]], _axes(other), strict=False):
+            data[mine] = data[mine] + np.interp(clock, other_clock, other[its], left=np.nan, right=np.nan)
+        bare = bare[1:]
+    for stem in bare if whole else ():
+        del tables[stem]
+    if gravity is not None:
+        del tables[gravity]
+
+
+def _axes(data: Mapping[str, Array]) -> list[str]:
+    found = {parse_column(name).axis: name for name in data if parse_column(name).axis in ("x", "y", "z")}
+    return [found[axis] for axis in "xyz" if axis in found]
+
+
+def _holds_gravity(data: Mapping[str, Array], names: Sequence[str]) -> bool:
+    norm = float(np.nanmedian(np.sqrt(sum(data[name] ** 2 for name in names))))
+    return any(0.8 < norm * unit / ACCEL_UNITS["g"] < 1.25 for unit in (1.0, ACCEL_UNITS["g"]))

@@ -1,0 +1,5 @@
+"""Where a recording was released, and until when it decays freely."""
+
+from sysid.releases.find import Phase, find_releases, log_phases, settling_time
+
+__all__ = ["Phase", "find_releases", "log_phases", "settling_time"]
