@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 from hidden_truths import TRUTHS, board_of, make
 
 from sysid.diagnosis.diagnose import diagnose
-from sysid.diagnosis.search import Searcher
+from sysid.diagnosis.search import Search
 from sysid.fitting.problem import make_records
 from sysid.fitting.search import scales_of
 from sysid.noise.floor import noise_floor
@@ -34,7 +34,7 @@ def log_of(name: str, rate: float):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Few(Searcher):
+class Few(Search):
     """A search of the first effects of the catalogue only."""
 
     count: int

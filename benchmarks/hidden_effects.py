@@ -16,7 +16,6 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 from hidden_truths import AGAINST_RECORD, TRUTHS, VISIBLE, Truth, board_of, make, visibility
-from sysid.diagnosis.residual_tests import kind_of, whiteness
 
 from sysid.diagnosis.diagnose import Diagnosis, diagnose
 
@@ -73,14 +72,12 @@ def run(case: tuple[str, int]) -> Row:
         return {**row, "right": False, "status": f"{type(error).__name__}: {error}", "effects": [], "alike": [],
                 "confidence": 0.0, "before": 0.0, "after": 0.0, "hidden": False, "seconds": 0.0, "cpu": 0.0}  # fmt: skip
     seconds, used, hit = time.perf_counter() - begin, time.process_time() - cpu, right(truth, result)
-    verdict, period = result.verdict, 2 * np.pi / result.base.problem.scales.frequency
+    verdict = result.verdict
     return {
         **row, "right": hit, "hidden": bool(not hit and beyond_sight(truth, seed, result) < VISIBLE), "status": verdict.status,
         "effects": list(verdict.effects), "alike": [list(g) for g in verdict.indistinguishable_from],
         "confidence": verdict.confidence, "before": verdict.error_before / result.noise.std,
-        "after": verdict.error_after / result.noise.std, "white": whiteness(result.best, period),
-        "left": kind_of(result.best, period),
-        "seconds": seconds, "noise": result.noise.std, "cpu": used,
+        "after": verdict.error_after / result.noise.std, "families": list(verdict.families), "explained": verdict.explained, "seconds": seconds, "noise": result.noise.std, "cpu": used,
         "samples": sum(len(r.time) for r in releases),
         "top": [[list(c.effects), round(c.score, 1), round(c.rmse / result.noise.std, 4),
                  None if c.heldout_rmse is None else round(c.heldout_rmse / result.noise.std, 4)]

@@ -150,7 +150,7 @@ def visibility(truth: Truth, seed: int, std: float, effects: Sequence[str]) -> f
     """
     from tempfile import TemporaryDirectory
 
-    from sysid.diagnosis.search import Searcher
+    from sysid.diagnosis.search import Search
     from sysid.fitting.initial_state import own_motion
     from sysid.fitting.problem import make_records
     from sysid.fitting.search import scales_of
@@ -163,11 +163,11 @@ def visibility(truth: Truth, seed: int, std: float, effects: Sequence[str]) -> f
         from sysid.joint import JointLaw
 
         return float(sum(np.sum((r / std) ** 2) for r in own_motion(JointLaw.from_board(board), records)[0]))
-    searcher = Searcher(records=records, scales=scales_of(records, board), bias="shared")
-    model = searcher.alone(tuple(effects[:1]))
+    searcher = Search(records=records, scales=scales_of(records, board), bias="shared")
+    model = searcher.single(tuple(effects[:1]))
     for name in effects[1:]:
-        model = searcher.joined(model, searcher.alone((name,)))
-    return 2 * searcher.polished(model).minimum.normal.cost
+        model = searcher.union(model, searcher.single((name,)))
+    return 2 * searcher.fine(model, average=1).minimum.normal.cost
 
 
 def _integrated(

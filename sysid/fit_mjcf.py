@@ -13,7 +13,7 @@ from sysid.board import Board
 from sysid.effects import effect
 from sysid.errors import HuskyError
 from sysid.fitting.covariance import doubts, parameter_quantities, total_covariance
-from sysid.fitting.cross_validation import held_out
+from sysid.fitting.cross_validation import held_out, pooled
 from sysid.fitting.pendulum import hanging, hanging_start
 from sysid.fitting.problem import Bias, Problem, Record, make_records
 from sysid.fitting.search import scales_of, search
@@ -174,10 +174,9 @@ def fit_joint(
 def heldout_rmse(fit: JointFit) -> float:
     """Return the error on releases that were left out, one after another [rad or rad/s].
 
-    With one release it is the second half of its motion, predicted from the first.
+    With one release it is that of each third of it, predicted from the others.
     """
-    errors = np.concatenate(held_out(fit.problem, fit.minimum))
-    return float(np.sqrt(np.mean(errors**2)))
+    return pooled(held_out(fit.problem, fit.minimum))
 
 
 def _plainest(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimum, int]:

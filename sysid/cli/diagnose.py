@@ -94,8 +94,9 @@ def _print(printer: Printer, result: "Diagnosis", board: Board, releases: int) -
     if not any(c.effects == () for c in result.candidates[:_SHOWN]):
         rows.append(_row(result.baseline, floor.std))
     printer.table(("missing", "error / noise", "held out / noise", "score (0 is best)"), rows)
+    families = f"{' and '.join(verdict.families)}: " if verdict.families else ""
     printer.say(
-        f"{verdict.status}: {', '.join(verdict.effects) or '-'} (confidence {_percent(verdict.confidence)})"
+        f"{verdict.status}: {families}{', '.join(verdict.effects) or '-'} (confidence {_percent(verdict.confidence)})"
     )
     printer.say(verdict.explanation)
     printer.say(_predicted(result))
@@ -106,9 +107,10 @@ def _print(printer: Printer, result: "Diagnosis", board: Board, releases: int) -
     if verdict.effects and verdict.status == "missing":
         from sysid.effects import effect
 
-        fittable = [n for n in verdict.effects if effect(n).role != "record"]
+        fittable = [n for n in verdict.effects if effect(n).role != "record" and n != "clock"]
         if fittable:
             flags = " ".join(f"--effect {name}" for name in fittable)
+            flags += " --fix stiffness=0" if result.best.problem.fixed.get("stiffness") == 0 else ""
             printer.say(f"to add it: husky-sysid fit LOG... --board {board.name} {flags}")
 
 
@@ -125,7 +127,7 @@ def _predicted(result: "Diagnosis") -> str:
     what = (
         "each release, predicted from the others,"
         if len(result.heldout_before) > 1
-        else "the second half, predicted from the first,"
+        else "each third, predicted from the others,"
     )
     if result.best is result.base:
         return f"{what} is off by {before} % of its RMS motion"
@@ -178,6 +180,14 @@ def to_json(result: "Diagnosis", board: Board, logs: list[str]) -> dict[str, Any
             "next_experiment": verdict.next_experiment,
             "explanation": verdict.explanation,
             "share_of_peak_torque": dict(result.shares),
+            "families": list(verdict.families),
+            "explained": verdict.explained,
+            "matters": None if verdict.matters is None else verdict.matters.to_json(),
+            "remainder": {"rmse_rad": per * verdict.remainder, "text": verdict.remainder_text},
+            "hints": [
+                {"effects": list(hint.effects), "size": hint.size.to_json(), "text": hint.text}
+                for hint in verdict.hints
+            ],
         },
         "warnings": list(result.warnings),
     }

@@ -12,12 +12,12 @@ import numpy as np
 
 from sysid.board import Board
 from sysid.decay.plausibility import amplitude_warnings
-from sysid.diagnosis.against_record import Deviation, record_deviation
+from sysid.diagnosis.against_record import record_deviation
 from sysid.diagnosis.experiment import deciding
 from sysid.diagnosis.importance import Importance, importance
-from sysid.diagnosis.judgement import Field, Scored, families_of, rest_of
+from sysid.diagnosis.judgement import INEXACT, PRICE, TIE, Field, Scored, families_of, rest_of
 from sysid.diagnosis.search import Candidate as Model
-from sysid.diagnosis.search import Progress, Search
+from sysid.diagnosis.search import Progress, Search, best_of
 from sysid.diagnosis.surrogates import LAWS, surrogates
 from sysid.diagnosis.wording import (
     experiment_in_words,
@@ -42,10 +42,8 @@ EXPLAINED = 0.8
 """Share of the squared held-out error beyond the noise that must be taken away for an effect to be named."""
 MATERIAL = 0.02
 """Error beyond the noise over the motion, both RMS, below which what is left does not matter."""
-CLOSE = 0.1
-"""The same, up to which a model may be off and its effects still be named."""
-FINALISTS = {1: 5, 2: 5}
-"""How many of the best models of each size are predicted."""
+FINALISTS = 5
+"""How many of the best single effects, and of the best pairs, are predicted."""
 WEAK = 2.0
 """Score that an effect must gain to be listed as a hint."""
 
@@ -132,7 +130,7 @@ def diagnose(
     """Fit the catalogue to releases and judge what the board's record is missing.
 
     Args:
-        releases: Free decays of one board; with one only, its second half is predicted from its first.
+        releases: Free decays of one board; with one only, each third of it is predicted from the others.
         board: The record; its effects are in every model.
         bias: One sensor zero for all releases, or one each.
         use_rate: Fit the measured rate instead of the roll.
@@ -157,10 +155,10 @@ def diagnose(
             fixed=held, crew=crew, progress=progress,
         )  # fmt: skip
         search, models, final = _searched(search)
-        winner = Field(final, search.base, period).winner()
+        winner = Field(final, search.base, period, noise.std).winner()
         outside = surrogates(search, winner.model, 0.97)
-        everything = Field([*final, *outside], search.base, period)
-    verdict, best, deviation = _judged(search, everything, winner.model, board)
+        everything = Field([*final, *outside], search.base, period, noise.std)
+    verdict, best = _judged(search, everything, winner.model, board, noise.std)
     base = search.fine(everything.base.model, average=1)
     if progress is not None:
         progress("done", 1.0)
@@ -214,7 +212,7 @@ def check_releases(releases: Sequence[Release], board: Board, period: float) -> 
         )
     if len(releases) == 1:
         warnings.append(
-            "one release only: the second half of its motion was predicted from the first. Three releases "
+            "one release only: each third of its motion was predicted from the others. Three releases "
             "from different angles, to both sides, make a much stronger test"
         )
     return warnings
@@ -223,7 +221,7 @@ def check_releases(releases: Sequence[Release], board: Board, period: float) -> 
 def heldout_nrmse(model: Model) -> tuple[float, ...]:
     """Return the error of prediction over the RMS of the motion about rest, for each release that was left out.
 
-    Of one release alone it is that of its second half, predicted from the first.
+    Of one release alone it is that of its thirds, each predicted from the others.
     """
     rest = rest_of(model)
     errors: list[float] = []
@@ -253,25 +251,23 @@ def _searched(search: Search) -> tuple[Search, list[Model], list[Model]]:
     models = search.reduced(large, models)
     linear = next(m for m in models if m.effects == search.base)
     picked = [linear]
-    for count, most in FINALISTS.items():
+    for count in (1, 2):
         extra = [m for m in models if len(m.effects) - len(search.base) == count]
-        picked += sorted(extra, key=lambda m: m.cost)[:most]
+        picked += best_of(extra, FINALISTS)
     return search, models, search.finalists(picked)
 
 
-def _judged(search: Search, tried: Field, winner: Model, board: Board) -> tuple[Verdict, Model, Deviation]:
-    """Return the verdict, the model that it rests on fitted to single samples, and how that differs from the record."""
+def _judged(search: Search, tried: Field, winner: Model, board: Board, floor: float) -> tuple[Verdict, Model]:
+    """Return the verdict, and the model that it rests on, fitted to single samples."""
     base = tried.base
     chosen = next(s for s in tried.scored if s.model is winner)
     named = tuple(n for n in winner.effects if n not in search.base)
-    outside = _outside(tried, chosen)
+    outside = _outside(tried, chosen, floor)
     size = importance(winner, named, base.model) if named else None
-    explained, left = tried.explained(chosen), _left(tried, chosen)
+    explained = tried.explained(chosen)
     hints = _hints(search, tried, chosen, size)
-    if outside is not None or (
-        _left(tried, base) > MATERIAL and (not named or explained < EXPLAINED or left > CLOSE)
-    ):
-        return (*_unexplained(search, tried, chosen, outside, hints), Deviation())
+    if outside is not None or (_left(tried, base) > MATERIAL and (not named or explained < EXPLAINED)):
+        return _unexplained(search, tried, chosen, outside, hints)
     if size is None or not size.matters or explained < EXPLAINED:
         return _nothing(search, tried, chosen, hints, board)
     return _missing(search, tried, chosen, size, hints, board)
@@ -282,17 +278,13 @@ def _left(tried: Field, scored: Scored) -> float:
     return float(np.sqrt(max(tried.excess(scored), 0.0))) / max(tried.motion, 1e-300)
 
 
-def _outside(tried: Field, chosen: Scored) -> Scored | None:
+def _outside(tried: Field, chosen: Scored, floor: float) -> Scored | None:
     """Return a law outside the catalogue that reaches the noise and is beyond doubt the better one, if there is one."""
-    shaped = [s for s in tried.scored if s.model.shape and tried.excess(s) < 0.25 * tried.noise**2]
+    shaped = [s for s in tried.scored if s.model.shape and s.model.rmse < INEXACT * floor]
     best = max(shaped, key=lambda s: s.score, default=None)
-    if best is None or best.score - chosen.score <= max(2 * TIE_OUTSIDE, tried.tie(best, chosen)):
-        return None
+    if best is None or best.score - chosen.score <= max(2 * TIE, tried.tie(best, chosen)):
+        return None  # a law that nobody has met must be better by more than one that people have
     return best
-
-
-TIE_OUTSIDE = 6.0
-"""Score by which a law that nobody has met must be better."""
 
 
 def _hints(search: Search, tried: Field, chosen: Scored, size: Importance | None) -> tuple[Hint, ...]:
@@ -313,7 +305,7 @@ def _hints(search: Search, tried: Field, chosen: Scored, size: Importance | None
 
 def _missing(
     search: Search, tried: Field, chosen: Scored, size: Importance, hints: tuple[Hint, ...], board: Board
-) -> tuple[Verdict, Model, Deviation]:
+) -> tuple[Verdict, Model]:
     final = search.fine(chosen.model, average=1)
     named = tuple(n for n in chosen.model.effects if n not in search.base)
     deviation = record_deviation(final, board, look_at_linear=False)
@@ -341,12 +333,12 @@ def _missing(
         search, tried, "missing", effects, sorted(families), tried.confidence(families), sets, chosen, size, remainder,
         words, hints, _experiment(search, tried, chosen), f"{text} {words}".strip(),
     )  # fmt: skip
-    return verdict, final, deviation
+    return verdict, final
 
 
 def _nothing(
     search: Search, tried: Field, chosen: Scored, hints: tuple[Hint, ...], board: Board
-) -> tuple[Verdict, Model, Deviation]:
+) -> tuple[Verdict, Model]:
     final = search.fine(tried.base.model, average=1)
     deviation = record_deviation(final, board, look_at_linear=True)
     confidence = tried.confidence(frozenset())
@@ -368,7 +360,7 @@ def _nothing(
         search, tried, status, deviation.effects, families, confidence, deviation.alike, tried.base, None, remainder, words,
         hints, experiment, f"{text} {words}".strip(),
     )  # fmt: skip
-    return verdict, final, deviation
+    return verdict, final
 
 
 def _unexplained(
@@ -387,7 +379,7 @@ def _unexplained(
         text += f"{words[:1].upper()}{words[1:]}{also} does it better. "
         confidence = sum(tried.confidence(frozenset(key)) for key in _shaped_keys(search, tried))
     elif named:
-        confidence = 1 - tried.chance_explained(chosen, EXPLAINED) * (_left(tried, chosen) <= CLOSE)
+        confidence = 1 - tried.chance_explained(chosen, EXPLAINED)
     else:
         confidence = tried.confidence(frozenset())
     remainder, words = _remainder(tried, chosen)
@@ -422,14 +414,11 @@ def _experiment(search: Search, tried: Field, chosen: Scored) -> str:
     ]  # fmt: skip
     if not others:
         return ""
-    rival = max(others, key=lambda s: s.score - PRICE_OF_ONE * s.extra)
+    rival = max(others, key=lambda s: s.score - PRICE * s.extra)
     names = [tuple(n for n in s.model.effects if n not in search.base) for s in (chosen, rival)]
     found = deciding(chosen.model, rival.model, tried.best.errors)
     fallback = "" if found or not names[0] else effect(names[0][0]).experiment
     return experiment_in_words(found, titles(names[0]), titles(names[1]), fallback)
-
-
-PRICE_OF_ONE = 3.0
 
 
 def _verdict(

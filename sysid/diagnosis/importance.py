@@ -67,6 +67,12 @@ def importance(model: Candidate, names: Sequence[str], base: Candidate) -> Impor
     inside = [n for n in names if effect(n).role != "measurement"]
     sensed = [n for n in names if effect(n).role == "measurement"]
     each = torque_shares(law, times, starts, inside) if inside else {}
+    if "gravity" in each:  # what a spring of the same stiffness does as well is no effect
+        widest = max(
+            float(np.abs(record.signal - np.median(record.signal)).max()) for record in problem.records
+        )
+        widest = problem.scales.amplitude if problem.records[0].is_rate else widest
+        each["gravity"] *= 1 - np.sin(min(widest, np.pi / 2)) / min(widest, np.pi / 2)
     fall = max(_mean_square(base.residuals) - _mean_square(model.residuals), 0.0)
     motion = _mean_square([record.signal - np.median(record.signal) for record in problem.records])
     return Importance(
@@ -104,8 +110,9 @@ def _energy_share(
 def _amplitude_share(law: JointLaw, starts: Sequence[tuple[float, float]], names: Sequence[str]) -> float:
     """Return by how much the amplitude after ten periods differs without some effects, over the first amplitude."""
     plain = _unsensed(law)
-    without = replace(plain, effects=tuple(e for e in plain.effects if e[0] not in names))
-    if without.stiffness + dict(without.effects).get("gravity", (0.0,))[0] <= 0:
+    spring = law.stiffness + (dict(law.effects).get("gravity", (0.0,))[0] if "gravity" in names else 0.0)
+    without = replace(plain, stiffness=spring, effects=tuple(e for e in plain.effects if e[0] not in names))
+    if spring + dict(without.effects).get("gravity", (0.0,))[0] <= 0:
         return 1.0
     period = 2 * np.pi / plain.frequency
     grid = np.linspace(0.0, (PERIODS + 0.5) * period, 200 * PERIODS)

@@ -17,9 +17,15 @@ from sysid.roll import Array
 TIE = 6.0
 """Fall of the log-likelihood of held-out motion below which two models are not told apart. An effect that is not there
 gains 1 to 3 by chance as the best of some fifteen."""
+LAWFUL = 12
+"""Independent values in what a model that is not exact leaves of a log."""
+NEGLIGIBLE = 0.01
+"""Share of the missing squared error that does not matter where no model is exact."""
+INEXACT = 1.5
+"""Error over the noise floor from which even the best model is not exact."""
 TEMPERATURE = 2.0
 """By which differences of the log-likelihood are divided for a confidence: what the reliability diagram asks for."""
-PRICE = 3.0
+PRICE = 4.0
 """Of one effect more, in the log of its prior odds: one in twenty is there."""
 DRAWS = 400
 """Bootstrap draws of the share that is explained."""
@@ -44,13 +50,16 @@ class Scored:
 class Field:
     """Candidates of one log, scored on the same motion."""
 
-    def __init__(self, models: Sequence[Candidate], base: tuple[str, ...], period: float) -> None:
+    def __init__(
+        self, models: Sequence[Candidate], base: tuple[str, ...], period: float, floor: float
+    ) -> None:
         """Score all of them.
 
         Args:
             models: Predicted.
             base: Effects that every one of them has.
             period: Of the joint [s].
+            floor: Noise of the sensor [rad or rad/s].
         """
         self.base_effects = base
         best = min(models, key=lambda m: m.cost)
@@ -58,6 +67,7 @@ class Field:
         self.scored = [self.score(model) for model in models]
         self.base = next(s for s in self.scored if s.model.effects == base and not s.model.shape)
         self.best = max(self.scored, key=lambda s: s.score)
+        self.inexact = self.best.model.rmse > INEXACT * floor
 
     def score(self, model: Candidate) -> Scored:
         """Score one candidate."""
@@ -80,11 +90,26 @@ class Field:
 
     def near(self, one: Scored) -> list[Scored]:
         """Return the candidates that are not told from one."""
-        return [s for s in self.scored if np.isfinite(s.score) and one.score - s.score <= self.tie(one, s)]
+        return [s for s in self.scored if self.gap(one, s) <= self.tie(one, s)]
+
+    def gap(self, one: Scored, other: Scored) -> float:
+        """Return how much worse a candidate is than one, in nats.
+
+        Where neither is exact, what is left is a law of tilt and rate that comes back in each swing: however long the log,
+        it counts as a dozen independent values; and a hundredth of what is missing does not matter.
+        """
+        if not np.isfinite(other.score):
+            return float("inf")
+        gap = one.score - other.score
+        if not self.inexact:
+            return gap
+        small = NEGLIGIBLE * max(self.excess(self.base), 0.0)
+        before, after = (max(self.excess(s), 0.0) + small + 1e-30 for s in (one, other))
+        return min(gap, 0.5 * LAWFUL * float(np.log(max(after / before, 1.0))))
 
     def winner(self) -> Scored:
         """Return the simplest candidate that is not told from the best."""
-        return min(self.near(self.best), key=lambda s: (s.extra, s.model.size, -s.score))
+        return min(self.near(self.best), key=lambda s: (s.model.size, s.extra, -s.score))
 
     def excess(self, scored: Scored) -> float:
         """Return the held-out mean square error beyond the sensor's noise [rad²]."""
@@ -126,7 +151,7 @@ class Field:
         weights: dict[frozenset[str], float] = {}
         for s in self.scored:
             key = families_of(s.model, self.base_effects)
-            value = (s.score - self.best.score - PRICE * s.extra) / TEMPERATURE
+            value = -self.gap(self.best, s) / TEMPERATURE - PRICE * s.extra
             weights[key] = max(weights.get(key, 0.0), float(np.exp(value)))
         return weights.get(families, 0.0) / max(sum(weights.values()), 1e-300)
 

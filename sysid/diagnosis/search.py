@@ -52,7 +52,7 @@ class Candidate:
     problem: Problem = field(repr=False)
     minimum: Minimum = field(repr=False)
     heldout: tuple[Array, ...] | None = None
-    """What is missed of each release, predicted without it [rad or rad/s]; of its second half, if there is one only."""
+    """What is missed of each release, predicted without it [rad or rad/s]; of its thirds, if there is one only."""
     shape: str = ""
     """Of a torque outside the catalogue that it has besides, by its name in `sysid.diagnosis.surrogates`."""
 
@@ -273,7 +273,7 @@ class Search:
 
     def pairs(self, singles: Sequence[Candidate]) -> list[Candidate]:
         """Fit the pairs of the best single effects with all others."""
-        best = sorted(singles[1:], key=lambda m: m.cost)[:PARENTS]
+        best = best_of(singles[1:], PARENTS)
         wanted = {
             tuple(sorted({*a.effects, *b.effects})): (a, b)
             for a in best for b in singles[1:] if a is not b and _sensible(a, b)
@@ -369,16 +369,26 @@ class Search:
             steps_per_period=int(FINE * old.structure.sharpness), average=self.average if average is None else average,
         )  # fmt: skip
         small = max(1e-5, 0.02 / problem.samples)
-        starts = [model.minimum.point, *(inherited(problem, known) for known in parents)]
-        found = [
-            minimise(problem.normal, p, *problem.bounds(), iterations=30, tolerance=small) for p in starts
-        ]
-        best = min(found, key=lambda m: m.normal.cost)
+
+        def fitted(start: Array) -> Minimum:
+            return minimise(problem.normal, start, *problem.bounds(), iterations=30, tolerance=small)
+
+        best = fitted(model.minimum.point)
+        for known in parents:
+            if known.minimum.normal.cost < best.normal.cost:  # else it ends in no better valley
+                best = min(best, fitted(inherited(problem, known)), key=lambda m: m.normal.cost)
         return replace(model, problem=problem, minimum=best, heldout=None)
 
 
 def _count(model: Candidate) -> int:
     return len(model.effects)
+
+
+def best_of(models: Sequence[Candidate], count: int) -> list[Candidate]:
+    """Return the best models: in turn the one with the least error, and the one with the least for its size."""
+    frugal = sorted(models, key=lambda m: 6 * np.log(max(m.cost, 1e-300)) + m.size)
+    turns = zip(sorted(models, key=lambda m: m.cost), frugal, strict=True)
+    return list({id(m): m for pair in turns for m in pair}.values())[:count]
 
 
 def inherited(problem: Problem, known: Candidate) -> Array:

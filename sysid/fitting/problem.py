@@ -54,9 +54,14 @@ def make_records(
         measured = release.rate if rate and release.rate is not None else release.roll
         end = _end_of_motion(release, measured, std)
         begin = _onset(release)
-        if coarse > 0 and not settled:
+        faint = max(coarse, FAINT * std)
+        if faint > 0 and not settled:
             level = 0.0 if rate else release.rest
-            beyond = np.flatnonzero(np.abs(measured[:end] - level) > coarse)
+            window = min(16, max(1, end // 64))
+            swing = np.sqrt(
+                2 * np.convolve((measured[:end] - level) ** 2, np.ones(window) / window, mode="same")
+            )
+            beyond = np.flatnonzero(swing > np.hypot(faint, np.sqrt(2) * std))
             end = max(min(end, begin + 32), int(beyond[-1]) + 1 if len(beyond) else 0)
         time = release.time[begin:end] - release.time[0]
         records.append(Record(release=release, time=time, signal=measured[begin:end], is_rate=rate, std=std))
@@ -65,6 +70,9 @@ def make_records(
 
 COARSE_STEPS = 3.0
 """Steps of a coarse sensor within which a swing is not fitted: what it rounds there is no noise any more."""
+FAINT = 3.0
+"""Swing over the noise of a sample below which it is not fitted: a hand that stops the deck there is not seen, and would pass
+for dry friction."""
 LETTING_GO = 0.004
 """For how long a hand still drags while it lets go [s]."""
 UNSURE_START = 0.002

@@ -143,6 +143,8 @@ def _release(roll: Roll, swing: Swing, chain: Chain, number: int, limit: float |
     finish, end = _ending(swing, chain, begin)
     if limit is not None and limit <= finish:
         finish, end = float(np.nextafter(limit, -math.inf)), "caught"
+    if end != "caught" and (hand := _caught_in_motion(swing, chain, begin, finish)) is not None:
+        finish, end = hand, "caught"
     inside = (roll.time >= begin - 1e-9) & (roll.time <= finish + 1e-9)
     rest = chain.rest
     if end == "rest":
@@ -217,6 +219,38 @@ def _ending(swing: Swing, chain: Chain, begin: float) -> _Ending:
             leaves -= max(0.5 * chain.pace, 0.25 * (leaves - settled))
         return max(settled, min(settled + tail, leaves)), "rest"
     return _followed(swing, chain, last.finish), "caught"
+
+
+def _caught_in_motion(swing: Swing, chain: Chain, begin: float, finish: float) -> float | None:
+    """Return when a hand stopped a deck that still swung [s], or None if none did.
+
+    A free deck loses no more of its swing in a half period than in those before it: in proportion with viscous
+    damping, the same amount with dry friction. A hand stops it at once, and it stays.
+    """
+    half = HALF_SWING * chain.pace
+    rest = float(np.median(swing.roll[(swing.time >= finish - half) & (swing.time <= finish)]))
+    power = np.concatenate([[0.0], np.cumsum((swing.roll - rest) ** 2)])
+    width = max(2, round(half / float(swing.time[1] - swing.time[0])))
+    first, last = np.searchsorted(swing.time, (begin, finish))
+    starts = np.arange(first, last - width, max(1, width // 4))
+    if len(starts) < 24:
+        return None
+    amplitude = np.sqrt(
+        np.maximum(2 * (power[starts + width] - power[starts]) / width - 2 * swing.noise**2, 0.0)
+    )
+    for index in range(16, len(starts)):
+        before = amplitude[index - 16 : index - 3 : 4]  # the four half periods before this one
+        lost = float(np.max(-np.diff(before)))
+        expected = before[-1] - CAUGHT_LOSS * max(lost, 0.0)
+        gone = amplitude[index:] < CAUGHT * expected
+        if expected > 4 * swing.noise and before[-1] > 0.005 * amplitude[0] and gone.all():
+            return float(swing.time[starts[index]])
+    return None
+
+
+CAUGHT, CAUGHT_LOSS = 0.4, 1.5
+"""Share of the swing that is expected below which the deck was caught, and how many times the last largest loss of a half
+period may be lost freely."""
 
 
 def _last_leg_is_cut(swing: Swing, chain: Chain) -> bool:
