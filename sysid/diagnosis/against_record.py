@@ -22,6 +22,8 @@ from sysid.roll import Array
 
 SURE = 4.0
 """Standard deviations from which a deviation counts."""
+SMALLEST_SHIFT = 0.01
+"""Of the rest angle over the amplitude, below which it does not matter: its torque is as small a share of the spring's."""
 TIE, BETTER = 8.0, 6.0
 """χ² within which two causes look the same, and from which one is the better."""
 SHIFTS = ("offset", "preload", "sensor-bias")
@@ -73,7 +75,7 @@ def _shift(
     rounding = sensor_step([r.release for r in model.problem.records], rate=False) / np.sqrt(12)
     known = board.tilt["rest_angle"].std
     deviation = float(np.sqrt(covariance[index, index] + known**2 + rounding**2))
-    if abs(moved) < SURE * deviation or abs(moved) < 0.1 * model.problem.records[0].std:
+    if abs(moved) < SURE * deviation or abs(moved) < SMALLEST_SHIFT * model.problem.scales.amplitude:
         return Deviation()
     # Where a deck sticks the cost has kinks, and the deviation above may be too small: refit without the shift.
     slack = 2 * float(np.hypot(known, rounding))

@@ -42,7 +42,7 @@ EXPLAINED = 0.8
 """Share of the squared held-out error beyond the noise that must be taken away for an effect to be named."""
 MATERIAL = 0.02
 """Error beyond the noise over the motion, both RMS, below which what is left does not matter."""
-FINALISTS = 5
+FINALISTS = 7
 """How many of the best single effects, and of the best pairs, are predicted."""
 WEAK = 2.0
 """Score that an effect must gain to be listed as a hint."""
@@ -155,10 +155,11 @@ def diagnose(
             fixed=held, crew=crew, progress=progress,
         )  # fmt: skip
         search, models, final = _searched(search)
-        winner = Field(final, search.base, period, noise.std).winner()
-        outside = surrogates(search, winner.model, 0.97)
+        first = Field(final, search.base, period, noise.std)
+        winner, final = _material(search, first, final)
+        outside = surrogates(search, winner, 0.97)
         everything = Field([*final, *outside], search.base, period, noise.std)
-    verdict, best = _judged(search, everything, winner.model, board, noise.std)
+    verdict, best = _judged(search, everything, winner, board, noise.std)
     base = search.fine(everything.base.model, average=1)
     if progress is not None:
         progress("done", 1.0)
@@ -189,7 +190,7 @@ def diagnose(
         shares={} if verdict.matters is None else verdict.matters.each,
         warnings=tuple(warnings),
         heldout_before=heldout_nrmse(everything.base.model),
-        heldout_after=heldout_nrmse(winner.model),
+        heldout_after=heldout_nrmse(winner),
         best=best,
         base=base,
         swing_frequency=scales.frequency if use_rate else None,
@@ -255,6 +256,22 @@ def _searched(search: Search) -> tuple[Search, list[Model], list[Model]]:
         extra = [m for m in models if len(m.effects) - len(search.base) == count]
         picked += best_of(extra, FINALISTS)
     return search, models, search.finalists(picked)
+
+
+def _material(search: Search, tried: Field, final: list[Model]) -> tuple[Model, list[Model]]:
+    """Return the winner without those of its effects that do not matter beside the others, and all finalists."""
+    winner = tried.winner().model
+    while len(named := [n for n in winner.effects if n not in search.base]) > 1:
+        idle = [n for n in named if not importance(winner, [n], tried.base.model).matters]
+        if not idle:
+            break
+        rest = tuple(n for n in winner.effects if n != idle[0])
+        known = next((m for m in final if m.effects == rest), None)
+        if known is None:
+            known = search.finalist(search.without(winner, rest, [{}]), [])
+            final = [*final, known]
+        winner = known
+    return winner, final
 
 
 def _judged(search: Search, tried: Field, winner: Model, board: Board, floor: float) -> tuple[Verdict, Model]:

@@ -20,11 +20,15 @@ gains 1 to 3 by chance as the best of some fifteen."""
 LAWFUL = 12
 """Independent values in what a model that is not exact leaves of a log."""
 NEGLIGIBLE = 0.01
-"""Share of the missing squared error that does not matter where no model is exact."""
+"""Error over the motion that does not matter where no model is exact."""
 INEXACT = 1.5
 """Error over the noise floor from which even the best model is not exact."""
+GAIN = 1.0
+"""Of a parameter that may move towards what it predicts, as of one that is fitted to it (Akaike 1974) [nats]."""
 TEMPERATURE = 2.0
 """By which differences of the log-likelihood are divided for a confidence: what the reliability diagram asks for."""
+FEWEST_BLOCKS = 8
+"""Periods from which a standard error can be taken."""
 PRICE = 4.0
 """Of one effect more, in the log of its prior odds: one in twenty is there."""
 DRAWS = 400
@@ -43,8 +47,8 @@ class Scored:
 
     @property
     def score(self) -> float:
-        """Log-likelihood of held-out motion [nats]."""
-        return self.errors.log_likelihood
+        """Log-likelihood of held-out motion, less what the parameters gain by moving towards it [nats]."""
+        return self.errors.log_likelihood - GAIN * self.model.size
 
 
 class Field:
@@ -81,6 +85,8 @@ class Field:
     def tie(self, one: Scored, other: Scored) -> float:
         """Return the difference of score below which two candidates are not told apart: one standard error of it."""
         difference = self.by_block(other.errors.each - one.errors.each)
+        if len(difference) < FEWEST_BLOCKS:
+            return TIE
         return max(TIE, float(np.std(difference)) * float(np.sqrt(len(difference))))
 
     def by_block(self, each: Array) -> Array:
@@ -96,16 +102,17 @@ class Field:
         """Return how much worse a candidate is than one, in nats.
 
         Where neither is exact, what is left is a law of tilt and rate that comes back in each swing: however long the log,
-        it counts as a dozen independent values; and a hundredth of what is missing does not matter.
+        it counts as a dozen independent values, and two a period at most; and a hundredth of the motion does not matter.
         """
         if not np.isfinite(other.score):
             return float("inf")
         gap = one.score - other.score
         if not self.inexact:
             return gap
-        small = NEGLIGIBLE * max(self.excess(self.base), 0.0)
+        small = (NEGLIGIBLE * self.motion) ** 2
+        values = min(LAWFUL, 2 * len(self.blocks.cuts))
         before, after = (max(self.excess(s), 0.0) + small + 1e-30 for s in (one, other))
-        return min(gap, 0.5 * LAWFUL * float(np.log(max(after / before, 1.0))))
+        return min(gap, 0.5 * values * float(np.log(max(after / before, 1.0))))
 
     def winner(self) -> Scored:
         """Return the simplest candidate that is not told from the best."""

@@ -1,94 +1,90 @@
-"""How well a fitted joint predicts motion that it was not fitted to."""
+"""How well a fitted joint predicts motion that it was not fitted to.
 
+What other motion leaves open of the parameters is no fault of a law: a release is predicted with parameters as uncertain
+as the others leave them, so they may move towards it within their covariance, and no further.
+"""
+
+import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from sysid.fitting.problem import Problem, Record
+from sysid.fitting.problem import Problem
 from sysid.fitting.search import replace_records
-from sysid.least_squares import Minimum, minimise
+from sysid.least_squares import Minimum, Normal, minimise
 from sysid.roll import Array
 
 PIECES = 3
-"""Into how many pieces one release alone is cut, each of which is predicted from the others."""
+"""Stretches of one release alone, each of which is predicted from the others."""
 
 
 def held_out(problem: Problem, minimum: Minimum) -> tuple[Array, ...]:
     """Return what is missed of each release, predicted from the others; of one alone, of each third of it.
 
-    Roll, rate and internal states at the start cannot be predicted, so those are fitted to the stretch itself.
+    Roll and rate at a release cannot be predicted, so those are fitted to the release itself.
 
     Returns:
         Prediction minus measurement [rad or rad/s], one array a release.
     """
     if len(problem.records) > 1:
         return tuple(_left_out(problem, minimum, index) for index in range(len(problem.records)))
-    cut, start = _cut(problem, minimum)
-    fitted = minimise(cut.normal, start, *cut.bounds(), iterations=15, tolerance=1e-5)
-    return (np.concatenate([_left_out(cut, fitted, index) for index in range(PIECES)]),)
+    return (_interrupted(problem, minimum),)
 
 
 def _left_out(problem: Problem, minimum: Minimum, index: int) -> Array:
+    """Predict one release from the others."""
     shared, own = len(problem.names), problem.own
     others = [i for i in range(len(problem.records)) if i != index]
     training = replace_records(problem, [problem.records[i] for i in others])
     pick = np.r_[0:shared, *(np.arange(shared + i * own, shared + (i + 1) * own) for i in others)]
     fitted = minimise(training.normal, minimum.point[pick], *training.bounds(), iterations=10, tolerance=1e-5)
-    held = Problem(
-        problem.structure, [problem.records[index]], problem.scales, bias=problem.bias,
-        fixed={**problem.fixed, **training.parameters(fitted.point)}, free_states=problem.free_states,
-        steps_per_period=problem.steps_per_period, average=problem.average,
-    )  # fmt: skip
-    start = minimum.point[shared + index * own : shared + (index + 1) * own]
-    found = minimise(held.normal, start, *held.bounds(), iterations=12)
-    return held.residuals(found.point)[0]
+    held = replace_records(problem, [problem.records[index]])
+    begin = minimum.point[shared + index * own : shared + (index + 1) * own]
+    known = np.zeros((shared + own, shared + own))
+    known[:shared, :shared] = _information(training, fitted, shared)
+    return _predicted(held, np.r_[fitted.point[:shared], begin], known)
 
 
-def _cut(problem: Problem, minimum: Minimum) -> tuple[Problem, Array]:
-    """Return the problem with its one release cut in pieces, and a start where the fit of the whole passes the cuts."""
-    record, width = problem.records[0], problem.average
+def _interrupted(problem: Problem, minimum: Minimum) -> Array:
+    """Predict each stretch of one release from what is before and after it, on one motion through all of it.
+
+    The first eighth of a period stays: where the motion starts cannot be predicted.
+    """
     count = len(problem.observed[0])
-    edges = np.linspace(0, count, PIECES + 1).astype(int)
-    pieces = [
-        _piece(record, width * int(a), width * int(b)) for a, b in zip(edges[:-1], edges[1:], strict=True)
-    ]
-    free = problem.free_states or bool(problem.structure.memories)
-    cut = replace(problem, records=pieces, free_states=free)
-    path = problem.residuals(minimum.point)[0] + problem.observed[0]
-    start = cut.start(problem.parameters(minimum.point))
-    if not record.is_rate:
-        slope = np.gradient(path, width * float(np.median(np.diff(record.time))))
-        start[len(cut.names) :] = _begins(cut, start, path[edges[:-1]], slope[edges[:-1]])
-    return cut, start
-
-
-def _begins(cut: Problem, start: Array, rolls: Array, rates: Array) -> Array:
-    """Return each piece's own unknowns with roll and rate where the whole motion has them."""
-    begins = start[len(cut.names) :].reshape(PIECES, cut.own).copy()
-    sizes = cut.sizes()[len(cut.names) : len(cut.names) + 2]
-    begins[:, 0], begins[:, 1] = rolls / sizes[0], rates / sizes[1]
-    return begins.ravel()
-
-
-def _piece(record: Record, first: int, last: int) -> Record:
-    """Return a stretch of a record; only its first one was released from a hold."""
-    release = record.release
-    if first == 0:
-        return replace(record, time=record.time[:last], signal=record.signal[:last])
-    begin = float(record.time[first])
-    inside = release.time - release.time[0] >= begin - 1e-9
-
-    def part(values: Array | None) -> Array | None:
-        return None if values is None else values[inside]
-
-    rest = replace(
-        release, time=release.time[inside], roll=release.roll[inside], std=release.std[inside], rate=part(release.rate),
-        rate_std=part(release.rate_std), own_std=part(release.own_std), hold=0.0,
-    )  # fmt: skip
-    return replace(
-        record, release=rest, time=record.time[first:last] - begin, signal=record.signal[first:last]
+    first = int(
+        np.searchsorted(problem.records[0].time[:: problem.average], np.pi / 4 / problem.scales.frequency)
     )
+    missed = problem.residuals(minimum.point)[0].copy()
+    for begin, end in itertools.pairwise(np.linspace(first, count, PIECES + 1).astype(int)):
+        hidden = np.zeros(count)
+        hidden[begin:end] = 1.0
+        training = replace(problem, weights=[1.0 - hidden])
+        fitted = minimise(training.normal, minimum.point, *training.bounds(), iterations=15, tolerance=1e-5)
+        known = _information(training, fitted, len(fitted.point))
+        missed[begin:end] = _predicted(replace(problem, weights=[hidden]), fitted.point, known)[begin:end]
+    return missed
+
+
+def _information(problem: Problem, fitted: Minimum, count: int) -> Array:
+    """Return the inverse covariance of the first unknowns of a fit, whatever the others are, shape (count, count)."""
+    hessian = fitted.normal.hessian
+    inner, mixed, other = hessian[:count, :count], hessian[:count, count:], hessian[count:, count:]
+    noise = max(1.0, 2 * fitted.normal.cost / max(1, problem.samples - len(fitted.point)))
+    return (inner - mixed @ np.linalg.pinv(other) @ mixed.T) / noise
+
+
+def _predicted(problem: Problem, start: Array, known: Array) -> Array:
+    """Return what is missed of one release by a motion that stays within what is known of its unknowns."""
+
+    def normal(point: Array) -> Normal:
+        here, off = problem.normal(point), point - start
+        return Normal(
+            here.cost + 0.5 * float(off @ known @ off), here.gradient + known @ off, here.hessian + known
+        )
+
+    found = minimise(normal, start, *problem.bounds(), iterations=12)
+    return problem.residuals(found.point)[0]
 
 
 def pooled(errors: Sequence[Array]) -> float:

@@ -1,0 +1,79 @@
+"""The search: a richer model is never worse than what it contains."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from sysid.board import load_board
+from sysid.diagnosis.search import Search
+from sysid.effects import catalogue
+from sysid.effects._base import Scales
+from sysid.fitting.problem import Record
+from sysid.joint import JointLaw, simulate
+from sysid.roll import Release
+from sysid.workspace import shipped_data
+
+LAW = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.15).with_effect("coulomb", 0.05)
+NOISE = 5e-4
+
+
+def record_of(angle, seed):
+    time = np.arange(0.0, 0.35, 4e-3)
+    roll = simulate(LAW, time, angle).roll + NOISE * np.random.default_rng(seed).standard_normal(len(time))
+    release = Release(
+        log="x", number=1, time=time, roll=roll, std=np.full(len(time), NOISE), origin="angle", rest=0.0, hold=1.0, end="log",
+    )  # fmt: skip
+    return Record(release=release, time=time, signal=roll, is_rate=False, std=NOISE)
+
+
+@pytest.fixture(scope="module")
+def search():
+    scales = Scales(inertia=8.7e-3, stiffness=14.684, damping=0.2, amplitude=0.16, duration=0.35)
+    return Search(records=(record_of(0.15, 1), record_of(-0.13, 2)), scales=scales, bias="shared")
+
+
+@pytest.mark.slow
+def test_no_pair_of_the_catalogue_is_worse_than_its_halves(search):
+    """Every pair starts at the optima of both its halves, so adding an effect never makes the error larger."""
+    names = [n for n, e in catalogue().items() if e.role == "torque"]
+    linear = search.single(())
+    singles = {name: search.single((name,), linear) for name in names}
+    for one, other in itertools.combinations(names, 2):
+        pair = search.begun(singles[one], singles[other])
+        best = min(singles[one].cost, singles[other].cost)
+        assert pair.cost <= best * (1 + 1e-6), (one, other)
+
+
+def test_a_single_effect_is_no_worse_than_the_joint_without_it(search):
+    linear = search.single(())
+    for name in ("end-stop", "hysteresis", "cubic-stiffness"):
+        assert search.single((name,), linear).cost <= linear.cost * (1 + 1e-6), name
+
+
+def test_the_best_are_those_with_the_least_error_and_the_most_frugal(search):
+    from sysid.diagnosis.search import best_of
+
+    linear, coulomb = search.single(()), search.single(("coulomb",))
+    assert best_of([linear, coulomb], 1) == [coulomb]
+    assert {m.effects for m in best_of([linear, coulomb], 2)} == {(), ("coulomb",)}
+
+
+def test_a_pendulum_is_searched_without_a_spring():
+    """Of a swing of 70° the sine shows; then gravity alone does as well as gravity and a spring."""
+    board = load_board(shipped_data() / "boards" / "pink.toml")
+    law = JointLaw(inertia=board.inertia.value, stiffness=0.0, damping=0.01).with_effect("gravity", 0.6)
+    time = np.arange(0.0, 4.0, 0.01)
+    roll = 0.05 + simulate(law, time, 1.2).roll + NOISE * np.random.default_rng(0).standard_normal(len(time))
+    release = Release(
+        log="x", number=1, time=time, roll=roll, std=np.full(len(time), NOISE), origin="angle", rest=0.05, hold=0.0, end="log",
+    )  # fmt: skip
+    record = Record(release=release, time=time, signal=roll, is_rate=False, std=NOISE)
+    scales = Scales(inertia=board.inertia.value, stiffness=0.55, damping=0.01, amplitude=1.2, duration=4.0)
+    search = Search(records=(record,), scales=scales, bias="shared")
+    linear = search.single(())
+    other, (_, gravity) = search.hung([linear, search.single(("gravity",), linear)])
+    assert other.hangs
+    assert "stiffness" not in gravity.problem.names
+    assert gravity.parameters["gravity.moment"] == pytest.approx(0.6, rel=1e-3)
+    assert gravity.parameters["sensor-bias.angle"] == pytest.approx(0.05, abs=1e-3)
