@@ -96,7 +96,10 @@ class Field:
 
     def near(self, one: Scored) -> list[Scored]:
         """Return the candidates that are not told from one."""
-        return [s for s in self.scored if self.gap(one, s) <= self.tie(one, s)]
+        return [
+            s for s in self.scored
+            if np.isfinite(s.score) and (one.score - s.score <= self.tie(one, s) or self.gap(one, s) <= TIE)
+        ]  # fmt: skip
 
     def gap(self, one: Scored, other: Scored) -> float:
         """Return how much worse a candidate is than one, in nats.
@@ -112,7 +115,8 @@ class Field:
         small = (NEGLIGIBLE * self.motion) ** 2
         values = min(LAWFUL, 2 * len(self.blocks.cuts))
         before, after = (max(self.excess(s), 0.0) + small + 1e-30 for s in (one, other))
-        return min(gap, 0.5 * values * float(np.log(max(after / before, 1.0))))
+        larger = GAIN * (other.model.size - one.model.size)
+        return min(gap, max(0.5 * values * float(np.log(after / before)) + larger, 0.0))
 
     def winner(self) -> Scored:
         """Return the simplest candidate that is not told from the best."""
@@ -157,6 +161,8 @@ class Field:
         """Return the probability of a set of families against all others that were tried."""
         weights: dict[frozenset[str], float] = {}
         for s in self.scored:
+            if s.model.shape and self.inexact:
+                continue  # what nobody has met counts only where it leaves nothing
             key = families_of(s.model, self.base_effects)
             value = -self.gap(self.best, s) / TEMPERATURE - PRICE * s.extra
             weights[key] = max(weights.get(key, 0.0), float(np.exp(value)))

@@ -1,7 +1,7 @@
 """How well a fitted joint predicts motion that it was not fitted to.
 
 What other motion leaves open of the parameters is no fault of a law: a release is predicted with parameters as uncertain
-as the others leave them, so they may move towards it within their covariance, and no further.
+as the sensor's noise on the others leaves them: they may move towards it within their covariance, and no further.
 """
 
 import itertools
@@ -42,7 +42,7 @@ def _left_out(problem: Problem, minimum: Minimum, index: int) -> Array:
     held = replace_records(problem, [problem.records[index]])
     begin = minimum.point[shared + index * own : shared + (index + 1) * own]
     known = np.zeros((shared + own, shared + own))
-    known[:shared, :shared] = _information(training, fitted, shared)
+    known[:shared, :shared] = _information(fitted, shared)
     return _predicted(held, np.r_[fitted.point[:shared], begin], known)
 
 
@@ -61,17 +61,16 @@ def _interrupted(problem: Problem, minimum: Minimum) -> Array:
         hidden[begin:end] = 1.0
         training = replace(problem, weights=[1.0 - hidden])
         fitted = minimise(training.normal, minimum.point, *training.bounds(), iterations=15, tolerance=1e-5)
-        known = _information(training, fitted, len(fitted.point))
+        known = _information(fitted, len(fitted.point))
         missed[begin:end] = _predicted(replace(problem, weights=[hidden]), fitted.point, known)[begin:end]
     return missed
 
 
-def _information(problem: Problem, fitted: Minimum, count: int) -> Array:
+def _information(fitted: Minimum, count: int) -> Array:
     """Return the inverse covariance of the first unknowns of a fit, whatever the others are, shape (count, count)."""
     hessian = fitted.normal.hessian
     inner, mixed, other = hessian[:count, :count], hessian[:count, count:], hessian[count:, count:]
-    noise = max(1.0, 2 * fitted.normal.cost / max(1, problem.samples - len(fitted.point)))
-    return (inner - mixed @ np.linalg.pinv(other) @ mixed.T) / noise
+    return inner - mixed @ np.linalg.pinv(other) @ mixed.T
 
 
 def _predicted(problem: Problem, start: Array, known: Array) -> Array:

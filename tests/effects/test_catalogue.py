@@ -15,7 +15,7 @@ NAMES = tuple(catalogue())
 DESIGN = {
     "coulomb", "stribeck", "quadratic-damping", "cubic-damping", "cubic-stiffness", "asymmetric-stiffness",
     "gravity", "end-stop", "freeplay", "preload", "offset", "viscoelastic", "hysteresis", "second-mode",
-    "inertia", "discretisation", "sensor-bias", "sensor-drift", "clock", "lowpass",
+    "inertia", "discretisation", "sensor-bias", "sensor-drift", "clock", "lowpass", "bilinear-stiffness", "bouc-wen",
 }  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""What a model leaves: noise of a sensor, white or coloured, or a motion that the model does not know."""
+"""What is fitted of a release, and what a fit says against the record."""
 
 import pickle
 from dataclasses import replace
@@ -8,13 +8,10 @@ import numpy as np
 import pytest
 
 from sysid.diagnosis.diagnose import diagnose
-from sysid.diagnosis.residual_tests import LEFT, has_line, kind_of, whiteness
-from sysid.diagnosis.score_statistic import score_test
-from sysid.diagnosis.search import Searcher
+from sysid.diagnosis.search import Search
 from sysid.errors import HuskyError
 from sysid.fitting.problem import make_records
 from sysid.fitting.search import scales_of
-from sysid.noise.autoregression import ResidualNoise, residual_noise
 from sysid.noise.floor import noise_floor, sensor_step
 
 BY_NAME = {truth.name: truth for truth in truths.TRUTHS}
@@ -22,73 +19,23 @@ SEED = 60
 
 
 def fitted(name, effects, tmp_path, **changes):
-    """A model fitted to a log of the hidden-effect suite, and the period of its joint."""
+    """A model fitted to the single samples of a log of the hidden-effect suite."""
     truth = replace(BY_NAME[name], **{"rates": (500.0,), "noises": (0.04,), **changes})
     releases = truths.make(truth, SEED, tmp_path)
     records = make_records(releases, noise_floor(releases).std, rate=False)
-    searcher = Searcher(records=records, scales=scales_of(records, truths.board_of(truth)), bias="shared")
-    return searcher.polished(searcher.alone(effects)), 2 * np.pi / searcher.scales.frequency
-
-
-@pytest.mark.parametrize(
-    ("name", "effects", "kind"),
-    [
-        ("none", (), "white"),
-        ("quadratic-damping 0.03", ("quadratic-damping",), "white"),
-        ("coulomb 0.1", ("coulomb",), "white"),
-        ("none, noise of 5 ms", (), "coloured"),
-        ("coulomb 0.03", (), "motion"),
-        ("periodic torque", (), "motion"),
-    ],
-)
-def test_what_is_left_is_called_what_it_is(name, effects, kind, tmp_path):
-    assert kind_of(*fitted(name, effects, tmp_path)) == kind
-
-
-def test_slow_noise_has_no_line_where_chance_makes_one_frequency_stand_out():
-    """Noise that is correlated over 50 ms, three records of 1 s: often a third of its power is in one line."""
-    slow = ResidualNoise(1.0, np.array([np.exp(-1 / 25)]))
-    rng = np.random.default_rng(3)
-    draws = [[slow.drawn(500, rng) for _ in range(3)] for _ in range(40)]
-    strict = ResidualNoise(
-        1.0, np.zeros(2)
-    )  # a noise that may have a line of its own gets no benefit of the doubt
-    assert sum(has_line(draw, strict) for draw in draws) > 10
-    assert sum(has_line(draw, residual_noise(draw)) for draw in draws) <= 1
-    swing = 4 * slow.std * np.sin(2 * np.pi * 6 * np.arange(500) / 500)
-    assert all(
-        has_line(loud, residual_noise(loud)) for loud in ([r + swing for r in draw] for draw in draws[:5])
-    )
-
-
-def test_a_torque_that_looks_like_noise_is_found_by_its_shape(tmp_path):
-    """Damping by the tilt, fitted as damping by the rate squared: its spectrum hardly shows the rest."""
-    model, period = fitted("damping by the tilt", ("quadratic-damping",), tmp_path, noises=(0.1,))
-    test = score_test(model.problem, model.minimum.point)
-    assert test.probability < LEFT
-    assert test.probability < 1e-3 * whiteness(model, period)
-    assert test.freedom >= 8
-
-
-def test_shapes_that_the_fit_has_already_are_not_counted(tmp_path):
-    """A fit with the cubic has its direction: the same test leaves it out and finds nothing."""
-    linear, _ = fitted("cubic-stiffness 60", (), tmp_path)
-    cubic, _ = fitted("cubic-stiffness 60", ("cubic-stiffness",), tmp_path)
-    before, after = (score_test(m.problem, m.minimum.point) for m in (linear, cubic))
-    assert before.probability < 1e-12
-    assert after.probability > 1e-4
-    assert after.freedom == before.freedom - 1
+    searcher = Search(records=records, scales=scales_of(records, truths.board_of(truth)), bias="shared")
+    return searcher.fine(searcher.single(effects), average=1)
 
 
 def test_a_problem_goes_to_another_process_and_back(tmp_path):
-    model, _ = fitted("none, heavy", ("coulomb",), tmp_path)
+    model = fitted("none, heavy", ("coulomb",), tmp_path)
     copy = pickle.loads(pickle.dumps(model))
     assert copy.problem.normal(model.minimum.point).cost == model.minimum.normal.cost
 
 
 def test_a_drift_goes_on_between_releases(tmp_path):
     """A sensor that drifts does not start again at each release."""
-    model, _ = fitted("sensor-drift -0.02", ("sensor-drift",), tmp_path)
+    model = fitted("sensor-drift -0.02", ("sensor-drift",), tmp_path)
     assert model.parameters["sensor-drift.rate"] == pytest.approx(-0.02, rel=0.02)
     assert model.rmse < 1.02 * model.problem.records[0].std
 
@@ -111,7 +58,7 @@ def test_a_coarse_sensor_is_fitted_while_the_deck_moves_over_several_steps(tmp_p
 
 def test_a_filter_is_found_though_the_release_is_noticed_late(tmp_path):
     """Behind a filter of 15 ms the first milliseconds look like rest; the fit knows that the reading trails."""
-    model, _ = fitted("lowpass 0.015", ("lowpass",), tmp_path)
+    model = fitted("lowpass 0.015", ("lowpass",), tmp_path)
     assert model.parameters["lowpass.time_constant"] == pytest.approx(0.015, rel=0.02)
     assert model.parameters["damping"] == pytest.approx(0.04, rel=0.02)
     assert model.rmse < 1.03 * model.problem.records[0].std
@@ -126,8 +73,8 @@ def test_where_a_deck_sticks_is_no_shift_of_its_rest_angle(tmp_path):
     truth = BY_NAME["coulomb 0.15, heavy"]
     (release, *_), board = truths.make(truth, 3007, tmp_path), truths.board_of(truth)
     records = make_records([release], noise_floor([release]).std, rate=False)
-    searcher = Searcher(records=records, scales=scales_of(records, board), bias="shared")
-    model = searcher.polished(searcher.alone(("coulomb",)))
+    searcher = Search(records=records, scales=scales_of(records, board), bias="shared")
+    model = searcher.fine(searcher.single(("coulomb",)), average=1)
     assert record_deviation(model, board, look_at_linear=False).effects == ()
     moved = board.with_tilt(rest_angle=replace(board.tilt["rest_angle"], value=0.08))
     assert record_deviation(model, moved, look_at_linear=False).effects == ("offset",)
@@ -141,8 +88,10 @@ def test_one_release_cannot_tell_a_drift_from_a_shift(tmp_path):
     board = truths.board_of(truth)
     for some, alike in ((releases[:1], True), (releases, False)):
         records = make_records(some, noise_floor(some).std, rate=False)
-        searcher = Searcher(records=records, scales=scales_of(records, board), bias="shared")
-        deviation = record_deviation(searcher.polished(searcher.alone(())), board, look_at_linear=False)
+        searcher = Search(records=records, scales=scales_of(records, board), bias="shared")
+        deviation = record_deviation(
+            searcher.fine(searcher.single(()), average=1), board, look_at_linear=False
+        )
         assert deviation.effects == ("offset",)
         assert (("sensor-drift",) in deviation.alike) == alike
 

@@ -1,0 +1,102 @@
+"""One judgement: what counts as equally good, what matters, and the experiment that decides."""
+
+import numpy as np
+import pytest
+
+from sysid.board import load_board
+from sysid.diagnosis.error_model import Fitted
+from sysid.diagnosis.experiment import DECIDED, deciding
+from sysid.diagnosis.importance import importance
+from sysid.diagnosis.judgement import Field, families_of
+from sysid.diagnosis.search import Search
+from sysid.fitting.problem import make_records
+from sysid.fitting.search import scales_of
+from sysid.joint import JointLaw, simulate
+from sysid.roll import Release
+from sysid.workspace import shipped_data
+
+NOISE = 1e-3
+LAW = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.05)
+
+
+def releases_of(law, seed=0):
+    rng, time = np.random.default_rng(seed), np.arange(0.0, 1.6, 4e-3)
+    return [
+        Release(
+            log="x", number=n, time=time, roll=simulate(law, time, angle).roll + NOISE * rng.standard_normal(len(time)),
+            std=np.full(len(time), NOISE), origin="angle", rest=0.0, hold=1.0, end="log",
+        )
+        for n, angle in enumerate((0.17, -0.14, 0.1), start=1)
+    ]  # fmt: skip
+
+
+def tried(law, names):
+    """Fitted and predicted: the linear joint and some effects alone."""
+    board = load_board(shipped_data() / "boards" / "pink.toml")
+    records = make_records(releases_of(law), NOISE, rate=False)
+    search = Search(records=records, scales=scales_of(records, board), bias="shared")
+    linear = search.single(())
+    models = [linear, *(search.single((name,), linear) for name in names)]
+    return search, Field(search.finalists(models), (), 2 * np.pi / search.scales.frequency, NOISE)
+
+
+@pytest.fixture(scope="module")
+def friction():
+    return tried(LAW.with_effect("coulomb", 0.08), ("coulomb", "quadratic-damping", "stribeck"))
+
+
+def test_the_simplest_of_those_that_are_not_told_apart_wins(friction):
+    """Stribeck friction contains Coulomb's and predicts as well; it has more numbers."""
+    _, field = friction
+    assert field.winner().model.effects == ("coulomb",)
+    near = {s.model.effects for s in field.near(field.best)}
+    assert ("stribeck",) in near
+    assert not near & {(), ("quadratic-damping",)}
+
+
+def test_what_is_there_explains_all_and_is_certain(friction):
+    _, field = friction
+    assert field.explained(field.winner()) > 0.97
+    assert field.chance_explained(field.winner(), 0.8) > 0.99
+    assert field.confidence(frozenset({"friction"})) > 0.99
+    assert field.explained(field.base) == 0.0
+
+
+def test_a_clean_log_names_nothing():
+    _, field = tried(LAW, ("coulomb", "quadratic-damping"))
+    assert field.winner() is field.base
+    assert field.confidence(frozenset()) > 0.8
+
+
+def test_families_are_those_beyond_the_record(friction):
+    _, field = friction
+    assert families_of(field.winner().model, ()) == {"friction"}
+    assert families_of(field.winner().model, ("coulomb",)) == frozenset()
+
+
+def test_importance_by_hand(friction):
+    """Coulomb 0.08 N*m against a spring of 14.684 N*m/rad at 0.17 rad."""
+    _, field = friction
+    size = importance(field.winner().model, ["coulomb"], field.base.model)
+    assert size.torque_share == pytest.approx(0.08 / (14.684 * 0.17), rel=0.05)
+    assert 0.1 < size.energy_share < 0.9
+    assert size.matters
+
+
+def test_what_is_weak_does_not_matter():
+    _, field = tried(LAW.with_effect("coulomb", 0.0008), ("coulomb",))
+    coulomb = next(s for s in field.scored if s.model.effects == ("coulomb",))
+    assert not importance(coulomb.model, ["coulomb"], field.base.model).matters
+
+
+def test_the_experiment_is_the_smallest_that_decides(friction):
+    """Half the noise makes a smaller release decide, or the same one; and it decides by its own prediction."""
+    _, field = friction
+    rival = next(s for s in field.scored if s.model.effects == ("quadratic-damping",))
+    loud, quiet = (
+        deciding(field.winner().model, rival.model, Fitted(0.0, noise, 0.0, 0.0, 0.0, np.zeros(1)))
+        for noise in (20 * NOISE, NOISE)
+    )
+    assert quiet is not None
+    assert loud is None or abs(loud.angle) > abs(quiet.angle) or loud.number > quiet.number
+    assert pytest.approx(np.log(19.0)) == DECIDED
