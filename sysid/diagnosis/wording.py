@@ -41,7 +41,7 @@ def size_in_words(size: Importance) -> str:
 
 def percent(share: float) -> str:
     """Return a share with two digits."""
-    return f"{100 * share:.2g} %"
+    return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.2g} %"
 
 
 def experiment_in_words(found: Experiment | None, one: str, other: str, fallback: str) -> str:

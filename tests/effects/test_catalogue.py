@@ -97,6 +97,8 @@ def test_parameters_come_in_order_and_defaults_fill_the_end():
         ("preload", (0.3,), 0.1, 1.0, 0.3),
         ("end-stop", (0.1, 60.0, 0.5), 0.15, 2.0, -4.0),
         ("end-stop", (0.1, 60.0, 0.5), 0.05, 2.0, 0.0),
+        ("bilinear-stiffness", (3.0,), 0.1, 0.0, -0.3),
+        ("bilinear-stiffness", (3.0,), -0.1, 0.0, -0.3),
         ("freeplay", (0.02,), 0.15, 0.0, 14.684 * 0.02),
         ("freeplay", (0.02,), 0.01, 0.0, 14.684 * 0.01),
     ],
@@ -132,7 +134,9 @@ def rig(law: JointLaw, timestep: float = 2e-5) -> mujoco.MjModel:
     return spec.compile()
 
 
-@pytest.mark.parametrize("name", [n for n in NAMES if effect(n).role in ("torque", "support", "shift")])
+@pytest.mark.parametrize(
+    "name", [n for n in NAMES if effect(n).role in ("torque", "support", "shift") and effect(n).mujoco.since]
+)
 def test_mujoco_moves_as_the_law_does(name):
     """At a tiny step the written MJCF and the continuous law are the same motion."""
     law = BASE.with_effect(name, *effect(name).example)
@@ -205,3 +209,26 @@ def test_the_page_of_effects_is_what_the_catalogue_says():
     assert (docs / "effects.md").read_text(encoding="utf-8") == page
     for name in NAMES:
         assert (docs / "effects" / f"{name}.png").is_file()
+
+
+def test_round_hysteresis_starts_steeply_and_yields():
+    """Dragged slowly from rest the torque of Bouc and Wen is T (1 - exp(-x/a)); back again its slope is T/a."""
+    part = effect("bouc-wen")
+    values = parameters_from("bouc-wen", (0.3, 0.02, 0.5))
+    m, share = NumpyAlgebra(), part.states[0]
+    for tilt in (0.005, 0.02, 0.1):
+        z = share.start(m, tilt, 1.0, 14.684, values)
+        assert z == pytest.approx(1 - np.exp(-tilt / 0.02))
+        assert part.torque(m, Motion(tilt, 0.0, tilt, 14.684), values, (z,)) == pytest.approx(-0.3 * z)
+    assert share.start(m, -0.1, 1.0, 14.684, values) == pytest.approx(-(1 - np.exp(-5)))
+    away, back = (share.rate(m, Motion(0.1, rate, 0.1, 14.684), 0.9, values) for rate in (1.0, -1.0))
+    assert away == pytest.approx((1 - 0.9) / 0.02)
+    assert back == pytest.approx(-1.0 / 0.02)
+
+
+def test_every_effect_belongs_to_a_family_of_things_that_look_the_same():
+    for name in NAMES:
+        kin = [other for other in NAMES if effect(other).family == effect(name).family]
+        assert name in kin
+    assert effect("bilinear-stiffness").family == effect("asymmetric-stiffness").family == "asymmetry"
+    assert effect("bouc-wen").family == effect("hysteresis").family == "hysteresis"
