@@ -115,8 +115,7 @@ class Field:
         small = (NEGLIGIBLE * self.motion) ** 2
         values = min(LAWFUL, 2 * len(self.blocks.cuts))
         before, after = (max(self.excess(s), 0.0) + small + 1e-30 for s in (one, other))
-        larger = GAIN * (other.model.size - one.model.size)
-        return min(gap, max(0.5 * values * float(np.log(after / before)) + larger, 0.0))
+        return min(gap, 0.5 * values * float(np.log(max(after / before, 1.0))))
 
     def winner(self) -> Scored:
         """Return the simplest candidate that is not told from the best."""

@@ -90,12 +90,12 @@ def test_what_is_weak_does_not_matter():
 
 
 def test_the_experiment_is_the_smallest_that_decides(friction):
-    """Half the noise makes a smaller release decide, or the same one; and it decides by its own prediction."""
+    """Where the noise is larger than any swing, none decides, or a wider one, or more of them."""
     _, field = friction
     rival = next(s for s in field.scored if s.model.effects == ("quadratic-damping",))
     loud, quiet = (
         deciding(field.winner().model, rival.model, Fitted(0.0, noise, 0.0, 0.0, 0.0, np.zeros(1)))
-        for noise in (20 * NOISE, NOISE)
+        for noise in (300 * NOISE, NOISE)
     )
     assert quiet is not None
     assert loud is None or abs(loud.angle) > abs(quiet.angle) or loud.number > quiet.number
