@@ -44,6 +44,8 @@ MATERIAL = 0.02
 """Error beyond the noise over the motion, both RMS, below which what is left does not matter."""
 FINALISTS = 7
 """How many of the best single effects, and of the best pairs, are predicted."""
+RIVALS = 4
+"""How many models that predict as well are listed."""
 WEAK = 2.0
 """Score that an effect must gain to be listed as a hint."""
 
@@ -327,9 +329,9 @@ def _missing(
     named = tuple(n for n in chosen.model.effects if n not in search.base)
     deviation = record_deviation(final, board, look_at_linear=False)
     rivals = [
-        s for s in tried.near(chosen)
-        if s.extra <= chosen.extra and not s.model.shape and s.extra > 0 and s is not chosen
-    ]  # fmt: skip
+        s for s in sorted(tried.near(chosen), key=lambda s: -s.score)
+        if 0 < s.extra <= chosen.extra and not s.model.shape and s is not chosen and tried.explained(s) >= EXPLAINED
+    ][:RIVALS]  # fmt: skip
     alike = [tuple(n for n in s.model.effects if n not in search.base) for s in rivals]
     effects = (*named, *deviation.effects)
     sets = [(*others, *deviation.effects) for others in alike] + [
