@@ -18,13 +18,15 @@ import numpy as np
 from hidden_truths import AGAINST_RECORD, TRUTHS, VISIBLE, Truth, board_of, make, visibility
 
 from sysid.diagnosis.diagnose import Diagnosis, diagnose
+from sysid.effects import effect
 
 
 def right(truth: Truth, result: Diagnosis) -> bool:
     """Whether the verdict is right: the effects, or a set of look-alikes that contains them."""
     verdict = result.verdict
     if truth.outside is not None:
-        return verdict.status == "unexplained" or (bool(truth.kin) and set(truth.kin) in _said(result))
+        kin = {effect(name).family for name in truth.kin}
+        return verdict.status == "unexplained" or (bool(kin) and kin == set(verdict.families))
     if not truth.effects:
         return verdict.status == "none-missing"
     return set(truth.effects) in _said(result)

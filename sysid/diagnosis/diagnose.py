@@ -44,6 +44,8 @@ MATERIAL = 0.02
 """Error beyond the noise over the motion, both RMS, below which what is left does not matter."""
 FINALISTS = 7
 """How many of the best single effects, and of the best pairs, are predicted."""
+CLOSE = 0.05
+"""Error beyond the noise over the motion, both RMS, above which a model is no description of it, whatever it explains."""
 RIVALS = 4
 """How many models that predict as well are listed."""
 WEAK = 2.0
@@ -398,7 +400,12 @@ def _unexplained(
         text += f"{words[:1].upper()}{words[1:]}{also} does it better. "
         confidence = sum(tried.confidence(frozenset(key)) for key in _shaped_keys(search, tried))
     elif named:
-        confidence = 1 - tried.chance_explained(chosen, EXPLAINED)
+        known = _left(tried, chosen) <= CLOSE
+        confidence = (
+            1 - tried.chance_explained(chosen, EXPLAINED)
+            if known
+            else tried.confidence(families_of(chosen.model, search.base))
+        )
     else:
         confidence = tried.confidence(frozenset())
     remainder, words = _remainder(tried, chosen)

@@ -48,7 +48,7 @@ class Blocks:
         """Return the cosine coefficients of an error, block by block, shape (n,)."""
         from scipy.fft import dct
 
-        return np.concatenate([dct(errors[i][a:b], norm="ortho") for i, a, b in self.cuts])
+        return np.concatenate([np.asarray(dct(errors[i][a:b], norm="ortho")) for i, a, b in self.cuts])
 
 
 @dataclass(frozen=True, slots=True)
