@@ -44,8 +44,6 @@ MATERIAL = 0.02
 """Error beyond the noise over the motion, both RMS, below which what is left does not matter."""
 FINALISTS = 7
 """How many of the best single effects, and of the best pairs, are predicted."""
-CLOSE = 0.05
-"""Error beyond the noise over the motion, both RMS, above which a model is no description of it, whatever it explains."""
 RIVALS = 4
 """How many models that predict as well are listed."""
 WEAK = 2.0
@@ -350,8 +348,10 @@ def _missing(
         text += " The evidence is thin: the model without it is nearly as likely."
     remainder, words = _remainder(tried, chosen)
     families = families_of(chosen.model, search.base)
+    # Where no model is exact, the rest may be the mark of another law.
+    confidence = tried.confidence(families) * (explained if tried.inexact else 1.0)
     verdict = _verdict(
-        search, tried, "missing", effects, sorted(families), tried.confidence(families), sets, chosen, size, remainder,
+        search, tried, "missing", effects, sorted(families), confidence, sets, chosen, size, remainder,
         words, hints, _experiment(search, tried, chosen), f"{text} {words}".strip(),
     )  # fmt: skip
     return verdict, final
@@ -400,12 +400,7 @@ def _unexplained(
         text += f"{words[:1].upper()}{words[1:]}{also} does it better. "
         confidence = sum(tried.confidence(frozenset(key)) for key in _shaped_keys(search, tried))
     elif named:
-        known = _left(tried, chosen) <= CLOSE
-        confidence = (
-            1 - tried.chance_explained(chosen, EXPLAINED)
-            if known
-            else tried.confidence(families_of(chosen.model, search.base))
-        )
+        confidence = 1 - tried.chance_explained(chosen, EXPLAINED)
     else:
         confidence = tried.confidence(frozenset())
     remainder, words = _remainder(tried, chosen)
