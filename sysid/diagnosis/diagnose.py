@@ -159,7 +159,7 @@ def diagnose(
         search, models, final = _searched(search)
         first = Field(final, search.base, period, noise.std)
         winner, final = _material(search, first, final)
-        outside = surrogates(search, winner, 0.97)
+        outside = surrogates(search, winner)
         everything = Field([*final, *outside], search.base, period, noise.std)
     verdict, best = _judged(search, everything, winner, board, noise.std)
     base = search.fine(everything.base.model, average=1)
@@ -269,9 +269,12 @@ def _material(search: Search, tried: Field, final: list[Model]) -> tuple[Model, 
             break
         rest = tuple(n for n in winner.effects if n != idle[0])
         known = next((m for m in final if m.effects == rest), None)
-        if known is None:
-            known = search.finalist(search.without(winner, rest, [{}]), [])
-            final = [*final, known]
+        again = search.finalist(search.without(winner, rest, [{}]), [])
+        if known is None or again.cost < known.cost:
+            known = again
+            final = [*(m for m in final if m.effects != rest), known]
+        if _left(tried, tried.score(known)) > max(MATERIAL, _left(tried, tried.score(winner))):
+            break
         winner = known
     return winner, final
 

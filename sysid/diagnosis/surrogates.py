@@ -92,17 +92,19 @@ def surrogate(search: Search, model: Candidate, kept: tuple[str, ...], shape: st
     return Candidate(effects=kept, problem=problem, minimum=best, shape=shape)
 
 
-def surrogates(search: Search, model: Candidate, share: float) -> list[Candidate]:
-    """Return the best shape in each of a model's effects' places, and in all of them; predicted."""
+def surrogates(search: Search, model: Candidate) -> list[Candidate]:
+    """Return the best shape in each of a model's effects' places and in all of them, predicted.
+
+    In this process: laws that are no module's do not travel to another.
+    """
     named = tuple(n for n in model.effects if n not in search.base)
-    places = dict.fromkeys([named, *((name,) for name in named)])
     best: list[Candidate] = []
-    for place in places:
+    for place in dict.fromkeys([named, *((name,) for name in named)]):
         kept = tuple(n for n in model.effects if n not in place)
-        jobs = [(model, kept, shape) for shape in LAWS]
-        tried = search.each("laws outside the catalogue", surrogate, jobs, share, share)
-        best.append(min(tried, key=lambda m: m.cost))
-    return search.each("laws outside the catalogue", Search.finalist, [(m, ()) for m in best], share, share)
+        best.append(min((surrogate(search, model, kept, shape) for shape in LAWS), key=lambda m: m.cost))
+        if search.progress is not None:
+            search.progress("laws outside the catalogue", 0.97)
+    return [search.finalist(m, []) for m in best]
 
 
 def _effect(name: str) -> Effect:

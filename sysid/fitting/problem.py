@@ -54,15 +54,9 @@ def make_records(
         measured = release.rate if rate and release.rate is not None else release.roll
         end = _end_of_motion(release, measured, std)
         begin = _onset(release)
-        faint = max(coarse, FAINT * std)
-        if faint > 0 and not settled:
-            level = 0.0 if rate else release.rest
-            window = min(16, max(1, end // 64))
-            swing = np.sqrt(
-                2 * np.convolve((measured[:end] - level) ** 2, np.ones(window) / window, mode="same")
-            )
-            beyond = np.flatnonzero(swing > np.hypot(faint, np.sqrt(2) * std))
-            end = max(min(end, begin + 32), int(beyond[-1]) + 1 if len(beyond) else 0)
+        if not settled:
+            offset = measured[:end] - (0.0 if rate else release.rest)
+            end = max(min(end, begin + 32), _last_seen(offset, std, coarse))
         time = release.time[begin:end] - release.time[0]
         records.append(Record(release=release, time=time, signal=measured[begin:end], is_rate=rate, std=std))
     return tuple(records)
@@ -77,6 +71,23 @@ LETTING_GO = 0.004
 """For how long a hand still drags while it lets go [s]."""
 UNSURE_START = 0.002
 """How well the instant of a release from a hold is known [s]."""
+
+
+def _last_seen(offset: Array, std: float, coarse: float) -> int:
+    """Return how many samples there are until the swing is lost in the sensor's steps or noise.
+
+    Args:
+        offset: Signal about rest, shape (n,).
+        std: Noise of a sample.
+        coarse: Swing that steps hide; 0 for a fine sensor.
+    """
+    if coarse > 0:
+        seen = np.flatnonzero(np.abs(offset) > coarse)
+    else:
+        window = min(16, max(1, len(offset) // 64))
+        power = np.convolve(offset**2, np.ones(window) / window, mode="same")
+        seen = np.flatnonzero(2 * power > (FAINT**2 + 2) * std**2)
+    return int(seen[-1]) + 1 if len(seen) else 0
 
 
 def _onset(release: Release) -> int:

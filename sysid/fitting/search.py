@@ -38,7 +38,7 @@ def scales_of(records: Sequence[Record], board: Board) -> Scales:
     together = _linear_scales(records, rough, "shared")
     if records[0].is_rate or len(records) == 1:
         return together
-    apart = _linear_scales(records, rough, "own")
+    apart = _linear_scales(records, together, "own")
     # One rest angle for all is right, unless the sensor drifts so far that the stiffness has to pay for it.
     return together if 1 / _ASTRAY < together.stiffness / apart.stiffness < _ASTRAY else apart
 
@@ -48,6 +48,8 @@ def _linear_scales(records: Sequence[Record], known: Scales, bias: Bias) -> Scal
     rest = _rest(records)
     guesses = [(known.stiffness / known.inertia, known.damping / known.inertia)]
     guesses += [guess for record in records if (guess := linear_guess(record)) is not None]
+    longest = max(records, key=lambda record: len(record.time))
+    guesses += [(_pitch(longest) ** 2, 2 * ratio * _pitch(longest)) for ratio in (0.03, 0.15)]
     best: tuple[float, Scales] | None = None
     for square, decay in guesses:
         if square <= 0:  # a record of a pendulum: no spring
@@ -69,6 +71,15 @@ def _linear_scales(records: Sequence[Record], known: Scales, bias: Bias) -> Scal
             "Check the column and the sign of the roll."
         )
     return best[1]
+
+
+def _pitch(record: Record) -> float:
+    """Return the frequency at which a record has the most power [rad/s]: a start where integrals of it mislead."""
+    signal = record.signal - np.mean(record.signal)
+    size = 8 * len(signal)
+    step = float(np.median(np.diff(record.time)))
+    power = np.abs(np.fft.rfft(signal * np.hanning(2 * len(signal))[len(signal) :], size))
+    return float(2 * np.pi * max(1, int(np.argmax(power))) / (size * step))
 
 
 def _rest(records: Sequence[Record]) -> float:
