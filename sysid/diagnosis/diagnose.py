@@ -42,6 +42,8 @@ EXPLAINED = 0.8
 """Share of the squared held-out error beyond the noise that must be taken away for an effect to be named."""
 MATERIAL = 0.02
 """Error beyond the noise over the motion, both RMS, below which what is left does not matter."""
+CLOSE = 0.05
+"""The same, up to which a model is a description of the motion, whatever share it explains."""
 FINALISTS = 7
 """How many of the best single effects, and of the best pairs, are predicted."""
 RIVALS = 4
@@ -288,7 +290,8 @@ def _judged(search: Search, tried: Field, winner: Model, board: Board, floor: fl
     size = importance(winner, named, base.model) if named else None
     explained = tried.explained(chosen)
     hints = _hints(search, tried, chosen, size)
-    if outside is not None or (_left(tried, base) > MATERIAL and (not named or explained < EXPLAINED)):
+    vague = not named or explained < EXPLAINED or _left(tried, chosen) > CLOSE
+    if outside is not None or (_left(tried, base) > MATERIAL and vague):
         return _unexplained(search, tried, chosen, outside, hints)
     if size is None or not size.matters or explained < EXPLAINED:
         return _nothing(search, tried, chosen, hints, board)
