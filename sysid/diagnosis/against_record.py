@@ -74,7 +74,7 @@ def _shift(
     moved = model.parameters["rest_angle"] - board.rest_angle
     rounding = sensor_step([r.release for r in model.problem.records], rate=False) / np.sqrt(12)
     known = board.tilt["rest_angle"].std
-    deviation = float(np.sqrt(covariance[index, index] + known**2 + rounding**2))
+    deviation = float(np.sqrt(max(covariance[index, index], 0.0) + known**2 + rounding**2))
     if abs(moved) < SURE * deviation or abs(moved) < SMALLEST_SHIFT * model.problem.scales.amplitude:
         return Deviation()
     # Where a deck sticks the cost has kinks, and the deviation above may be too small: refit without the shift.
