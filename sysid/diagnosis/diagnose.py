@@ -160,10 +160,10 @@ def diagnose(
         )  # fmt: skip
         search, models, final = _searched(search)
         first = Field(final, search.base, period, noise.std)
-        winner, final = _material(search, first, final)
+        winner, final, idle = _material(search, first, final)
         outside = surrogates(search, winner)
         everything = Field([*final, *outside], search.base, period, noise.std)
-    verdict, best = _judged(search, everything, winner, board, noise.std)
+    verdict, best = _judged(search, everything, winner, board, noise.std, idle)
     base = search.fine(everything.base.model, average=1)
     if progress is not None:
         progress("done", 1.0)
@@ -262,9 +262,9 @@ def _searched(search: Search) -> tuple[Search, list[Model], list[Model]]:
     return search, models, search.finalists(picked)
 
 
-def _material(search: Search, tried: Field, final: list[Model]) -> tuple[Model, list[Model]]:
-    """Return the winner without those of its effects that do not matter beside the others, and all finalists."""
-    winner = tried.winner().model
+def _material(search: Search, tried: Field, final: list[Model]) -> tuple[Model, list[Model], frozenset[str]]:
+    """Return the winner without those of its effects that do not matter, all finalists, and the families left out."""
+    winner, left_out = tried.winner().model, frozenset[str]()
     while len(named := [n for n in winner.effects if n not in search.base]) > 1:
         idle = [n for n in named if not importance(winner, [n], tried.base.model).matters]
         if not idle:
@@ -277,11 +277,13 @@ def _material(search: Search, tried: Field, final: list[Model]) -> tuple[Model, 
             final = [*(m for m in final if m.effects != rest), known]
         if _left(tried, tried.score(known)) > max(MATERIAL, _left(tried, tried.score(winner))):
             break
-        winner = known
-    return winner, final
+        winner, left_out = known, left_out | {effect(idle[0]).family}
+    return winner, final, left_out
 
 
-def _judged(search: Search, tried: Field, winner: Model, board: Board, floor: float) -> tuple[Verdict, Model]:
+def _judged(
+    search: Search, tried: Field, winner: Model, board: Board, floor: float, idle: frozenset[str]
+) -> tuple[Verdict, Model]:
     """Return the verdict, and the model that it rests on, fitted to single samples."""
     base = tried.base
     chosen = next(s for s in tried.scored if s.model is winner)
@@ -295,7 +297,7 @@ def _judged(search: Search, tried: Field, winner: Model, board: Board, floor: fl
         return _unexplained(search, tried, chosen, outside, hints)
     if size is None or not size.matters or explained < EXPLAINED:
         return _nothing(search, tried, chosen, hints, board)
-    return _missing(search, tried, chosen, size, hints, board)
+    return _missing(search, tried, chosen, size, hints, board, idle)
 
 
 def _left(tried: Field, scored: Scored) -> float:
@@ -329,8 +331,9 @@ def _hints(search: Search, tried: Field, chosen: Scored, size: Importance | None
 
 
 def _missing(
-    search: Search, tried: Field, chosen: Scored, size: Importance, hints: tuple[Hint, ...], board: Board
-) -> tuple[Verdict, Model]:
+    search: Search, tried: Field, chosen: Scored, size: Importance, hints: tuple[Hint, ...], board: Board,
+    idle: frozenset[str],
+) -> tuple[Verdict, Model]:  # fmt: skip
     final = search.fine(chosen.model, average=1)
     named = tuple(n for n in chosen.model.effects if n not in search.base)
     deviation = record_deviation(final, board, look_at_linear=False)
@@ -355,7 +358,7 @@ def _missing(
     remainder, words = _remainder(tried, chosen)
     families = families_of(chosen.model, search.base)
     # Where no model is exact, the rest may be the mark of another law.
-    confidence = tried.confidence(families) * (explained if tried.inexact else 1.0)
+    confidence = tried.confidence(families, idle) * (explained if tried.inexact else 1.0)
     verdict = _verdict(
         search, tried, "missing", effects, sorted(families), confidence, sets, chosen, size, remainder,
         words, hints, _experiment(search, tried, chosen), f"{text} {words}".strip(),

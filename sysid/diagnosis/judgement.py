@@ -156,8 +156,13 @@ class Field:
         """RMS of the held-out motion about rest [rad]."""
         return float(np.sqrt(np.mean(self.blocks.signal_square)))
 
-    def confidence(self, families: frozenset[str]) -> float:
-        """Return the probability of a set of families against all others that were tried."""
+    def confidence(self, families: frozenset[str], idle: frozenset[str] = frozenset()) -> float:
+        """Return the probability of a set of families against all others that were tried.
+
+        Args:
+            families: What is named.
+            idle: What is there or not, but does not matter.
+        """
         weights: dict[frozenset[str], float] = {}
         for s in self.scored:
             if s.model.shape and self.inexact:
@@ -165,7 +170,8 @@ class Field:
             key = families_of(s.model, self.base_effects)
             value = -self.gap(self.best, s) / TEMPERATURE - PRICE * s.extra
             weights[key] = max(weights.get(key, 0.0), float(np.exp(value)))
-        return weights.get(families, 0.0) / max(sum(weights.values()), 1e-300)
+        mine = sum(weight for key, weight in weights.items() if families <= key <= families | idle)
+        return mine / max(sum(weights.values()), 1e-300)
 
 
 def families_of(model: Candidate, base: Sequence[str]) -> frozenset[str]:

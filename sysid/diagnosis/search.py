@@ -38,6 +38,8 @@ WIDE = 0.6
 """Tilt from which the sine of gravity bends enough to tell it from a stiffness [rad]."""
 HANGS = 1.1
 """Ratio of squared errors up to which a joint with a spring beside gravity is no better than one without: 5 % of error."""
+ASIDE = (0.7, 1.5)
+"""Factors of a kinked effect's parameters from which it is searched again on the fine grid, where it is not at the noise."""
 BEATEN, FAR = 6, 60.0
 """A union is given up when this many others have reached less than it promises, by that much of χ²."""
 
@@ -374,10 +376,30 @@ class Search:
             return minimise(problem.normal, start, *problem.bounds(), iterations=30, tolerance=small)
 
         best = fitted(model.minimum.point)
+        if old.structure.kinked and best.normal.cost > 0.55 * problem.samples:
+            best = _walked(problem, best, fitted)
         for known in parents:
             if known.minimum.normal.cost < best.normal.cost:  # else it ends in no better valley
                 best = min(best, fitted(inherited(problem, known)), key=lambda m: m.normal.cost)
         return replace(model, problem=problem, minimum=best, heldout=None)
+
+
+def _walked(problem: Problem, found: Minimum, fitted: Callable[[Array], Minimum]) -> Minimum:
+    """Return the best fit from points aside of one: on the coarse grid a kink fell between two steps.
+
+    Args:
+        problem: On the fine grid.
+        found: Where a fit ended.
+        fitted: The fit from a start.
+    """
+    kinks = [f"{e.name}.{p.name}" for e in problem.structure.parts if e.kinked for p in e.parameters]
+    best = found
+    for name, factor in itertools.product(kinks, ASIDE):
+        if name in problem.names:
+            point = best.point.copy()
+            point[problem.names.index(name)] *= factor
+            best = min(best, fitted(point), key=lambda m: m.normal.cost)
+    return best
 
 
 def _count(model: Candidate) -> int:
