@@ -409,7 +409,7 @@ def _unexplained(
         text += f"{words[:1].upper()}{words[1:]}{also} does it better. "
         confidence = sum(tried.confidence(frozenset(key)) for key in _shaped_keys(search, tried))
     elif named:
-        confidence = 1 - tried.chance_explained(chosen, EXPLAINED)
+        confidence = 1 - tried.chance_explained(chosen, EXPLAINED, CLOSE)
     else:
         confidence = tried.confidence(frozenset())
     remainder, words = _remainder(tried, chosen)

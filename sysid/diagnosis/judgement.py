@@ -130,12 +130,20 @@ class Field:
         before = self.excess(self.base)
         return float(np.clip(1 - max(self.excess(scored), 0.0) / before, 0.0, 1.0)) if before > 0 else 0.0
 
-    def chance_explained(self, scored: Scored, share: float) -> float:
-        """Return the probability that a candidate explains at least that share: bootstrap over the blocks."""
+    def chance_explained(self, scored: Scored, share: float, close: float) -> float:
+        """Return the probability that a candidate explains a log: bootstrap over its periods.
+
+        Args:
+            scored: The candidate.
+            share: That it must take away, at least, of the base's excess.
+            close: Error beyond the noise over the motion that it may leave at most.
+        """
         rng = np.random.default_rng(0)
         before, after = self._excess_by_block(self.base), self._excess_by_block(scored)
         draws = rng.integers(0, len(before), (DRAWS, len(before)))
-        return float(np.mean(after[draws].mean(1) <= (1 - share) * before[draws].mean(1)))
+        left = after[draws].mean(1)
+        enough = left <= (1 - share) * before[draws].mean(1)
+        return float(np.mean(enough & (left <= (close * self.motion) ** 2)))
 
     def _excess_by_block(self, scored: Scored) -> Array:
         """Return mean squares less the sensor's noise, of blocks weighted by their lengths."""

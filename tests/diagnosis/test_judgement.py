@@ -57,7 +57,7 @@ def test_the_simplest_of_those_that_are_not_told_apart_wins(friction):
 def test_what_is_there_explains_all_and_is_certain(friction):
     _, field = friction
     assert field.explained(field.winner()) > 0.97
-    assert field.chance_explained(field.winner(), 0.8) > 0.99
+    assert field.chance_explained(field.winner(), 0.8, 0.05) > 0.99
     assert field.confidence(frozenset({"friction"})) > 0.99
     assert field.explained(field.base) == 0.0
 
