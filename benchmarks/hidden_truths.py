@@ -152,7 +152,7 @@ def visibility(truth: Truth, seed: int, std: float, effects: Sequence[str]) -> f
 
     from sysid.diagnosis.search import Searcher
     from sysid.fitting.initial_state import own_motion
-    from sysid.fitting.problem import make_records
+    from sysid.fitting.records import make_records
     from sysid.fitting.search import scales_of
 
     with TemporaryDirectory() as folder:

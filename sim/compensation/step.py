@@ -323,7 +323,8 @@ def _residual(model: mujoco.MjModel, release: _Release, rate: float, after_step:
 def _static_error(board: Board, build: Callable[[Board], mujoco.MjModel], written: Board) -> float:
     """Compare MuJoCo's torque at the full tilt, at rest, with the law's; effects with memory left out."""
     from sysid.effects import effect
-    from sysid.effects._base import Motion, NumpyAlgebra
+    from sysid.effects._algebra import NumpyAlgebra
+    from sysid.effects._base import Motion
 
     elastic = tuple(part for part in board.effects if not effect(part.name).states)
     model = build(replace(written, effects=elastic))

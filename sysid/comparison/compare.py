@@ -12,7 +12,7 @@ import numpy as np
 from sysid.board import Board
 from sysid.effects import effect
 from sysid.fitting.initial_state import own_motion
-from sysid.fitting.problem import Bias, Record, make_records
+from sysid.fitting.records import Bias, Record, make_records
 from sysid.joint import JointLaw, simulate
 from sysid.joint.torques import effect_torque
 from sysid.noise.floor import NoiseFloor, noise_floor

@@ -11,7 +11,7 @@ import numpy as np
 from sysid.diagnosis.search import Model
 from sysid.diagnosis.verdict import Case, Judgement, motion_rms, verdict_on
 from sysid.diagnosis.wording import deciding_experiment, is_or_are, it_or_them, listed, shares_in_words
-from sysid.fit_mjcf import strength
+from sysid.fitting.result import strength
 
 PRECISE = 10.0
 """Residual over noise floor from which the sensor sees more than any model of a joint holds."""

@@ -22,7 +22,7 @@ from sysid.diagnosis.verdict import Case, Judgement, Verdict, heldout_nrmse
 from sysid.diagnosis.workers import Crew
 from sysid.errors import HuskyError
 from sysid.fitting.covariance import parameter_quantities
-from sysid.fitting.problem import Bias, make_records
+from sysid.fitting.records import Bias, make_records
 from sysid.fitting.search import scales_of
 from sysid.noise.floor import NoiseFloor, noise_floor
 from sysid.quantity import Quantity

@@ -9,19 +9,10 @@ from dataclasses import dataclass
 
 from sysid.diagnosis.score_statistic import SHAPES, Shape
 from sysid.diagnosis.search import COARSE, FINE, Model, Searcher, defaults
-from sysid.effects._base import (
-    Algebra,
-    Effect,
-    Motion,
-    MujocoSupport,
-    Parameter,
-    State,
-    Value,
-    Values,
-    belongs_to_log,
-)
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import Effect, Motion, MujocoSupport, Parameter, State, belongs_to_log
 from sysid.fitting.problem import Problem
-from sysid.joint.equations import Structure
+from sysid.joint.structure import Structure
 from sysid.least_squares import minimise
 
 UNNAMED: dict[str, str] = {

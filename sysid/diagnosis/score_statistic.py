@@ -13,19 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from sysid.effects._base import (
-    Algebra,
-    Effect,
-    Motion,
-    MujocoSupport,
-    Parameter,
-    State,
-    Value,
-    Values,
-    belongs_to_log,
-)
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import Effect, Motion, MujocoSupport, Parameter, State, belongs_to_log
 from sysid.fitting.problem import Problem
-from sysid.joint.equations import Structure
+from sysid.joint.structure import Structure
 from sysid.noise.autoregression import ResidualNoise
 from sysid.roll import Array
 
@@ -79,10 +70,7 @@ def score_test(problem: Problem, point: Array, noise: ResidualNoise | None = Non
         "probe.speed": scales.rate,
         "probe.duration": scales.duration,
     }
-    probed = Problem(
-        Structure(problem.structure.effects, (_PROBE,)), problem.records, scales, bias=problem.bias, fixed=fixed,
-        free_states=problem.free_states, steps_per_period=problem.steps_per_period,
-    )  # fmt: skip
+    probed = problem.with_(structure=Structure(problem.structure.effects, (_PROBE,)), fixed=fixed)
     shared = len(problem.names)
     count, own = len(probed.names) - shared, problem.own
     extra = probed.own - own  # the probes' clock, where internal states are free

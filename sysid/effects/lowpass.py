@@ -2,17 +2,8 @@
 
 from collections.abc import Mapping
 
-from sysid.effects._base import (
-    Algebra,
-    Effect,
-    Motion,
-    MujocoSupport,
-    Parameter,
-    State,
-    Value,
-    Values,
-    belongs_to_log,
-)
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import Effect, Motion, MujocoSupport, Parameter, State, belongs_to_log
 
 
 def reading_rate(m: Algebra, motion: Motion, reading: Value, parameters: Values) -> Value:

@@ -3,7 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from sysid.effects._base import Algebra, Effect, Motion, MujocoSupport, Parameter, Value, Values
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import Effect, Motion, MujocoSupport, Parameter
 
 if TYPE_CHECKING:
     import mujoco

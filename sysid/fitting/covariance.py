@@ -8,8 +8,9 @@ import numpy as np
 
 from sysid.board import Board
 from sysid.decay.trace import kept_after, own_std
-from sysid.fitting.problem import Problem, Record
-from sysid.joint.equations import Structure
+from sysid.fitting.problem import Problem
+from sysid.fitting.records import Record
+from sysid.joint.structure import Structure
 from sysid.least_squares import Minimum
 from sysid.noise.autoregression import ResidualNoise, residual_noise
 from sysid.quantity import Quantity

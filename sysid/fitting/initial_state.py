@@ -7,7 +7,8 @@ import numpy as np
 from sysid.board import Board
 from sysid.effects._base import Scales
 from sysid.errors import HuskyError
-from sysid.fitting.problem import Bias, Problem, Record
+from sysid.fitting.problem import Problem
+from sysid.fitting.records import Bias, Record
 from sysid.joint import JointLaw
 from sysid.least_squares import minimise
 from sysid.roll import Array
@@ -51,9 +52,14 @@ def own_motion(
     starts: list[tuple[float, float]] = []
     for record in records:
         problem = Problem(
-            structure, [record], scales, bias=bias, fixed=parameters, free_states=free_states,
+            structure,
+            [record],
+            scales,
+            bias=bias,
+            fixed=parameters,
+            free_states=free_states,
             steps_per_period=steps_per_period,
-        )  # fmt: skip
+        )
         found = minimise(problem.normal, problem.start(parameters), *problem.bounds(), iterations=30)
         if not np.isfinite(found.normal.cost):
             raise HuskyError(

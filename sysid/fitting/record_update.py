@@ -13,8 +13,8 @@ from sysid.board import Board, BoardEffect
 from sysid.effects import effect
 from sysid.errors import HuskyError
 from sysid.files import sha256
-from sysid.fit_mjcf import JointFit
 from sysid.fitting.initial_state import fit_to_others
+from sysid.fitting.result import JointFit
 from sysid.quantity import Quantity
 
 

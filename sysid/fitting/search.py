@@ -9,8 +9,9 @@ import numpy as np
 from sysid.board import Board
 from sysid.effects._base import Scales
 from sysid.errors import HuskyError
-from sysid.fitting.problem import Bias, Problem, Record
-from sysid.joint.equations import Structure
+from sysid.fitting.problem import Problem
+from sysid.fitting.records import Bias, Record
+from sysid.joint.structure import Structure
 from sysid.least_squares import Minimum, minimise
 from sysid.roll import Array
 
@@ -147,7 +148,7 @@ def search(
     )  # fmt: skip
     horizons = [] if not structure.effects else _SHORT if kinked else _LONG
     early = [
-        replace_records(coarse, [first_swings(record, scales, periods) for record in records])
+        coarse.with_(records=[first_swings(record, scales, periods) for record in records])
         for periods in horizons
     ]
     evaluations = 0
@@ -163,10 +164,7 @@ def search(
         found.append((second.normal.cost, second.point))
     found.sort(key=lambda item: item[0])
     found[0] = _shaken(coarse, _parted(coarse, found[0]))
-    fine = Problem(
-        structure, records, scales, bias=bias, fixed=fixed, free_states=free_states,
-        steps_per_period=steps_per_period,
-    )  # fmt: skip
+    fine = coarse.with_(steps_per_period=steps_per_period, average=1)
     best: Minimum | None = None
     # On the coarse grid a kink falls between two points, so its costs rank neighbours only roughly.
     tried, near = (4, 3.0) if kinked else (2, 1.2)
@@ -243,14 +241,6 @@ def _parted(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]
     return best
 
 
-def replace_records(problem: Problem, records: Sequence[Record]) -> Problem:
-    """Return the same problem on other records."""
-    return Problem(
-        problem.structure, records, problem.scales, bias=problem.bias, fixed=problem.fixed,
-        free_states=problem.free_states, steps_per_period=problem.steps_per_period, average=problem.average,
-    )  # fmt: skip
-
-
 def first_swings(record: Record, scales: Scales, periods: float) -> Record:
     """Return the beginning of a record."""
     end = int(np.searchsorted(record.time, periods * 2 * np.pi / scales.frequency))
@@ -263,7 +253,7 @@ def fit_each(problem: Problem, minimum: Minimum) -> list[tuple[float, float]]:
     shared, own = len(problem.names), problem.own
     rows: list[tuple[float, float]] = []
     for index, record in enumerate(problem.records):
-        alone = replace_records(problem, [record])
+        alone = problem.with_(records=[record])
         start = np.r_[
             minimum.point[:shared], minimum.point[shared + index * own : shared + (index + 1) * own]
         ]

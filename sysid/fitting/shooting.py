@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid.joint.equations import Flow, unroll
+from sysid.joint.integrator import Flow, unroll
 from sysid.roll import Array
 
 

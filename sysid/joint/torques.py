@@ -6,8 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from sysid.effects import effect
-from sysid.effects._base import Motion, NumpyAlgebra
-from sysid.joint import JointLaw, simulate
+from sysid.effects._algebra import NumpyAlgebra
+from sysid.effects._base import Motion
+from sysid.joint.law import JointLaw
+from sysid.joint.trajectory import simulate
 from sysid.roll import Array
 
 

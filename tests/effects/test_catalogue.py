@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from sysid.effects import catalogue, effect, parameters_from
-from sysid.effects._base import Motion, NumpyAlgebra, Scales
+from sysid.effects._algebra import NumpyAlgebra
+from sysid.effects._base import Motion, Scales
 from sysid.errors import HuskyError
 from sysid.joint import JointLaw, simulate
 
@@ -51,8 +52,8 @@ def test_texts_units_and_bounds(name):
 def test_steps_are_as_fine_as_the_law_is_sharp(name):
     """With the steps of a final fit the integration changes χ² of 6000 samples at 0.04° by less than chance does."""
     from sysid.diagnosis.search import FINE
-    from sysid.joint.equations import build_flow, steps_for, unroll
     from sysid.joint.hermite import hermite_matrix
+    from sysid.joint.integrator import build_flow, steps_for, unroll
 
     law = BASE.with_effect(name, *effect(name).example)
     time = np.arange(0.0, 2.0, 1e-3)
@@ -73,7 +74,7 @@ def test_steps_are_as_fine_as_the_law_is_sharp(name):
 
 def test_an_effect_says_itself_that_it_is_kinked():
     """A joint is as sharp as its sharpest effect, and kinked if one is."""
-    from sysid.joint.equations import structure_of
+    from sysid.joint.structure import structure_of
 
     assert not structure_of(("coulomb", "cubic-stiffness")).kinked
     joint = structure_of(("coulomb", "freeplay"))

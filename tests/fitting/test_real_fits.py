@@ -9,7 +9,7 @@ import pytest
 from sysid.board import load_board
 from sysid.fit_mjcf import FitOptions, fit_joint
 from sysid.fitting.initial_state import own_motion
-from sysid.fitting.problem import make_records
+from sysid.fitting.records import make_records
 from sysid.logs import LogOptions, read_roll
 from sysid.noise.floor import noise_floor
 from sysid.quantity import Quantity

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from sysid.effects import catalogue
-from sysid.joint import law as joint
+from sysid import joint
 from sysid.synth import SynthOptions, synthesise
 from sysid.synth.effects import PARAMETERS
 from sysid.synth.sensors import Sensor
