@@ -87,9 +87,9 @@ def fit_joint(
     fixed = dict(options.fixed)
     if any(effect(name).role == "shift" or name == "sensor-bias" for name in effects):
         fixed.setdefault("rest_angle", board.rest_angle)
-    if options.use_rate or options.bias == "own":
+    if options.use_rate or options.bias == "per-release":
         fixed.setdefault("rest_angle", board.rest_angle)
-    fine = options.steps_per_period * (3 if structure.kinked else 1)
+    fine = options.steps_per_period * (3 if structure.nonsmooth else 1)
     problem, minimum, evaluations = search(
         structure, records, scales, bias=options.bias, fixed=fixed, steps_per_period=fine
     )

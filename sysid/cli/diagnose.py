@@ -68,7 +68,7 @@ def signal_of(releases: list[Release]) -> dict[str, Any]:
     origins = {release.origin for release in releases}
     if origins == {"gyro"} and all(release.rate is not None for release in releases):
         return {"use_rate": True}
-    return {"bias": "own" if origins & {"gyro", "imu"} else "shared"}
+    return {"bias": "per-release" if origins & {"gyro", "imu"} else "shared"}
 
 
 @contextmanager

@@ -61,7 +61,7 @@ def fit(
     """
     from sysid.decay.plausibility import amplitude_warnings, period_warnings, refuse_period
     from sysid.fit_mjcf import FitOptions, check_effects, fit_joint
-    from sysid.fitting.record_update import recorded, refuse_bad
+    from sysid.fitting.record_update import require_usable, updated_board
 
     printer = Printer(common)
     record = common.space.load_board(board)
@@ -81,14 +81,14 @@ def fit(
         refuse_period(frequency, record, log=named)
     for warning in (*odd, *period_warnings(frequency, record, log=named), *result.warnings):
         printer.warn(warning)
-    if result.kinked and not profile:
+    if result.nonsmooth and not profile:
         printer.note(
             "the intervals take the cost for smooth, but dry friction and stops put kinks into it: add --profile to "
             "walk along the cost itself"
         )
-    refuse_bad(result)
+    require_usable(result)
     heldout = result.heldout_rmse()
-    new = recorded(record, result, {common.space.named(log): log for log in logs}, heldout=heldout)
+    new = updated_board(record, result, {common.space.named(log): log for log in logs}, heldout=heldout)
     rungs = _ladder(releases, record, names, options, result, heldout)
     scene: Compensation | None = None
     if in_scene:

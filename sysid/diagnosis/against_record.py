@@ -64,7 +64,7 @@ def _shift(
     model: Model, board: Board, covariance: np.ndarray, names: list[str], named: tuple[str, ...]
 ) -> Deviation:
     """Name the rest angle if it moved; what moved it cannot be told. `named` is said already and may explain it."""
-    if "rest_angle" not in names or model.problem.bias == "own" or "gravity" in model.effects:
+    if "rest_angle" not in names or model.problem.bias == "per-release" or "gravity" in model.effects:
         return Deviation()
     if model.problem.records[0].is_rate:
         return Deviation()

@@ -33,7 +33,7 @@ def judge_prediction(case: Case) -> Judgement:
     if not few:
         return _unexplained(case, case.base, 0.0)
     # Internal states that are fitted to the very release that is to be predicted make that easier.
-    fair = [m for m in few if not (m.problem.free_states and m.problem.structure.memories)] or few
+    fair = [m for m in few if not (m.problem.free_states and m.problem.structure.internal_states)] or few
     best = min(fair, key=lambda m: m.heldout_rmse)
     near = [
         m for m in few

@@ -98,7 +98,7 @@ def diagnose(
     with Crew(workers) as crew:
         searcher = Searcher(
             records=records, scales=scales, bias=bias, base=tuple(sorted(p.name for p in board.effects)),
-            fixed={"rest_angle": board.rest_angle} if bias == "own" or use_rate else {},
+            fixed={"rest_angle": board.rest_angle} if bias == "per-release" or use_rate else {},
             crew=crew, progress=progress,
         )  # fmt: skip
         models, final = _search(searcher, period)

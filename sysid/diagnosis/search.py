@@ -62,7 +62,7 @@ class Model:
     @property
     def size(self) -> int:
         """Number of parameters of the physics, and of internal states beyond roll and rate that were fitted."""
-        states = self.problem.own - 2 - (self.problem.bias == "own")
+        states = self.problem.n_local - 2 - (self.problem.bias == "per-release")
         return len(self.problem.names) + states * len(self.problem.records)
 
     @property
@@ -162,7 +162,7 @@ class Searcher:
         for known in (one, other):
             new = set(effects) - set(known.effects)
             # A model without friction gave the damper all of the loss.
-            left = FRICTIONLESS if structure_of(tuple(new)).turns else 1.0
+            left = FRICTIONLESS if structure_of(tuple(new)).has_dry_friction else 1.0
             damping = left * known.parameters["damping"]
             starts += [{**little, **known.parameters, "damping": damping} for little in self._little(new)]
         bounds = problem.bounds()
@@ -228,7 +228,7 @@ class Searcher:
             fine.normal, model.minimum.point, *fine.bounds(), iterations=30, tolerance=POLISHED
         )
         result = Model(effects=model.effects, problem=fine, minimum=minimum)
-        states = len(fine.structure.memories)
+        states = len(fine.structure.internal_states)
         if not states or fine.free_states:
             return result
         freed = fine.with_(free_states=True)
@@ -301,7 +301,7 @@ class Searcher:
                 rest = tuple(n for n in model.effects if n != part.name)
                 if len(rest) > len(self.base):
                     jobs.append((model, rest, [{}]))
-                for simpler, turned in part.becomes:
+                for simpler, turned in part.limiting_cases:
                     starts = [] if simpler in model.effects else turned(model.parameters)
                     if starts:
                         jobs.append((model, tuple(sorted((*rest, simpler))), starts))
@@ -333,7 +333,10 @@ class Searcher:
         for changed in changes:
             start = problem.start({**model.parameters, **changed})
             for index in range(len(self.records)):
-                mine, its = len(problem.names) + index * problem.own, len(larger.names) + index * larger.own
+                mine, its = (
+                    len(problem.names) + index * problem.n_local,
+                    len(larger.names) + index * larger.n_local,
+                )
                 start[mine : mine + 2] = model.minimum.point[its : its + 2]
             found.append(minimise(problem.normal, start, *problem.bounds(), iterations=20, tolerance=1e-5))
         return Model(effects=effects, problem=problem, minimum=min(found, key=lambda m: m.normal.cost))

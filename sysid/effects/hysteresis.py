@@ -4,13 +4,13 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import Effect, Motion, MujocoSupport, Parameter, State, rest_of
+from sysid.effects._base import Effect, JointState, MujocoSupport, Parameter, State, rest_of
 
 if TYPE_CHECKING:
     import mujoco
 
 
-def torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return -k₁ z, with z the stretch of the slider's spring [N*m]."""
     del m, motion
     return -parameters["stiffness"] * states[0]
@@ -67,7 +67,7 @@ EFFECT = Effect(
         Parameter(name="torque", unit="N*m", size=lambda s: s.torque, low=0.0, high=1.0, starts=(0.04,)),
     ),
     law="τ = -k₁ z, z follows x and slips at ±T/k₁",
-    source="Jenkin 1922; Iwan, J. Applied Mechanics 33 (1966)",
+    source="Jenkin 1922; Iwan, J. Applied EquationsOfMotion 33 (1966)",
     does="Wide swings lose a fixed torque like dry friction; small ones only see a stiffer spring.",
     look_alikes=("coulomb", "stribeck"),
     experiment="Release from 1°: a slider behind a spring swings on, dry friction stops.",
@@ -80,8 +80,8 @@ EFFECT = Effect(
     to_mjcf=to_mjcf,
     example=(8.0, 0.2),
     torque=torque,
-    states=(State(name="stretch", start=held, size=lambda s: 0.1 * s.amplitude, slip=slip),),
-    becomes=(("coulomb", as_coulomb),),
-    kinked=True,
+    states=(State(name="stretch", start=held, size=lambda s: 0.1 * s.amplitude, return_map=slip),),
+    limiting_cases=(("coulomb", as_coulomb),),
+    nonsmooth=True,
     sharpness=1.5,
 )

@@ -113,6 +113,6 @@ EFFECT = Effect(
     to_mjcf=to_mjcf,
     example=(0.08, 0.25, 0.5),
     friction=friction,
-    becomes=(("coulomb", as_coulomb),),
+    limiting_cases=(("coulomb", as_coulomb),),
     sharpness=2.0,
 )

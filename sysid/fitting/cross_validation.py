@@ -31,7 +31,7 @@ def rms(residuals: Sequence[Array]) -> float:
 
 def _left_out(problem: Problem, minimum: Minimum, index: int) -> Array:
     """Fit the physics to the other releases, then only roll and rate at release to this one."""
-    shared, own = len(problem.names), problem.own
+    shared, own = len(problem.names), problem.n_local
     others = [i for i in range(len(problem.records)) if i != index]
     training = problem.with_(records=[problem.records[i] for i in others])
     pick = np.r_[0:shared, *(np.arange(shared + i * own, shared + (i + 1) * own) for i in others)]

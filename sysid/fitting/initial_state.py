@@ -14,7 +14,7 @@ from sysid.least_squares import minimise
 from sysid.roll import Array
 
 
-def fit_to_others(
+def residuals_of_law(
     board: Board, records: Sequence[Record], *, bias: Bias = "shared", law: JointLaw | None = None
 ) -> list[Array]:
     """Return the residuals of a law that is given, with only roll and rate at each release fitted.
@@ -22,16 +22,16 @@ def fit_to_others(
     Args:
         board: Its law is taken, unless `law` is given.
         records: Releases.
-        bias: With 'own', the sensor zero of each release is fitted too.
+        bias: With 'per-release', the sensor zero of each release is fitted too.
         law: The joint.
 
     Returns:
         Model minus measurement of each record [rad or rad/s].
     """
-    return own_motion(law or JointLaw.from_board(board), records, bias=bias)[0]
+    return fit_initial_states(law or JointLaw.from_board(board), records, bias=bias)[0]
 
 
-def own_motion(
+def fit_initial_states(
     law: JointLaw, records: Sequence[Record], *, bias: Bias = "shared", steps_per_period: int = 120
 ) -> tuple[list[Array], list[tuple[float, float]]]:
     """Fit roll and rate at each release to a given law.
@@ -47,7 +47,7 @@ def own_motion(
     )  # fmt: skip
     parameters = dict(zip(structure.parameters, map(float, law.vector), strict=True))
     del parameters["inertia"]
-    free_states = bool(structure.memories) and any(r.release.hold <= 0 for r in records)
+    free_states = bool(structure.internal_states) and any(r.release.hold <= 0 for r in records)
     residuals: list[Array] = []
     starts: list[tuple[float, float]] = []
     for record in records:

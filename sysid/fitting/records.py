@@ -9,7 +9,7 @@ import numpy as np
 from sysid.noise.floor import sensor_step
 from sysid.roll import Array, Release
 
-Bias = Literal["shared", "own"]
+Bias = Literal["shared", "per-release"]
 """Sensor zero: one for all releases (it is then part of the rest angle), or one for each."""
 
 

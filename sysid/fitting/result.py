@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sysid.board import Board
-from sysid.fitting.covariance import doubts, parameter_quantities, total_covariance
+from sysid.fitting.covariance import identifiability_warnings, parameter_quantities, total_covariance
 from sysid.fitting.cross_validation import heldout_residuals, rms
 from sysid.fitting.problem import Problem
 from sysid.fitting.records import Record
@@ -52,10 +52,10 @@ class JointFit:
         return f"{self.minimum.status} after {self.evaluations} evaluations"
 
     @property
-    def kinked(self) -> bool:
+    def nonsmooth(self) -> bool:
         """Whether the cost has kinks, which an interval from the Jacobian does not see."""
         structure = self.law.structure
-        return structure.turns or structure.kinked
+        return structure.has_dry_friction or structure.nonsmooth
 
     @property
     def measured_rms(self) -> float:
@@ -89,7 +89,7 @@ def summarise(
     parameters = problem.parameters(minimum.point)
     covariance = total_covariance(problem, minimum, board)
     quantities = parameter_quantities(problem, minimum, board, covariance)
-    own = problem.own
+    own = problem.n_local
     begins = minimum.point[len(names) :] * problem.sizes()[len(names) :]
     vector = problem.vector_of(parameters)
     squares = sum(float(r @ r) for r in residuals)
@@ -103,7 +103,7 @@ def summarise(
         starts=tuple((float(begins[i * own]), float(begins[i * own + 1])) for i in range(len(problem.records))),
         residuals=tuple(residuals),
         evaluations=evaluations,
-        warnings=tuple(doubts(problem, minimum, quantities, covariance)),
+        warnings=tuple(identifiability_warnings(problem, minimum, quantities, covariance)),
         problem=problem,
         minimum=minimum,
     )  # fmt: skip
@@ -112,7 +112,7 @@ def summarise(
 def strength(problem: Problem, minimum: Minimum, effects: Sequence[str]) -> dict[str, float]:
     """Return the peak torque of effects over the peak torque of the joint, along the fitted motion."""
     law = JointLaw.from_vector(problem.structure, problem.vector_of(problem.parameters(minimum.point)))
-    own, shared = problem.own, len(problem.names)
+    own, shared = problem.n_local, len(problem.names)
     begins = (minimum.point * problem.sizes())[shared:]
     starts = [(begins[i * own], begins[i * own + 1]) for i in range(len(problem.records))]
     times = [record.time for record in problem.records]

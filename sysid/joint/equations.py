@@ -9,7 +9,7 @@ and dissipates exactly.
 from typing import Any
 
 from sysid.effects._algebra import Value
-from sysid.effects._base import Motion
+from sysid.effects._base import JointState
 from sysid.joint.structure import LINEAR, Structure
 
 _STILL = 1e-9
@@ -50,7 +50,7 @@ class CasadiAlgebra:
         return self._casadi.if_else(condition, yes, no)
 
 
-class Mechanics:
+class EquationsOfMotion:
     """The equations of one structure for given symbolic parameters."""
 
     def __init__(self, structure: Structure, parameters: Any) -> None:
@@ -60,32 +60,32 @@ class Mechanics:
         self._ca: Any = casadi
         self.m = CasadiAlgebra()
         self.inertia, self.stiffness, self.damping, self.rest = (parameters[i] for i in range(len(LINEAR)))
-        self.slots = [
+        self.layout = [
             (part, dict(zip(part.parameter_names, items_of(parameters, where), strict=True)), states)
-            for part, where, states in structure.slots()
+            for part, where, states in structure.layout()
         ]
-        for part, values, _ in self.slots:
+        for part, values, _ in self.layout:
             if part.name == "inertia":
                 self.inertia = self.inertia * values["ratio"]
             if part.name == "offset":
                 self.rest = self.rest + values["angle"]
-        self.support = next(((v, s) for part, v, s in self.slots if part.role == "support"), None)
+        self.support = next(((v, s) for part, v, s in self.layout if part.role == "support"), None)
 
-    def motion(self, y: Any) -> Motion:
+    def motion(self, y: Any) -> JointState:
         """Return where the joint is in state y."""
         roll, rate = y[0], y[1]
         tilt = roll - self.rest
         if self.support is not None:
             where = self.support[1].start
             tilt, rate = tilt - y[where], rate - y[where + 1]
-        return Motion(tilt, rate, roll, self.stiffness)
+        return JointState(tilt, rate, roll, self.stiffness)
 
     def torques(self, y: Any) -> tuple[Any, Any]:
         """Return (torque of the joint, torque on the deck alone) without dry friction [N*m]."""
         motion = self.motion(y)
         joint = -self.stiffness * motion.tilt - self.damping * motion.rate
         deck: Any = 0.0
-        for part, values, states in self.slots:
+        for part, values, states in self.layout:
             if part.role == "support":
                 continue
             torque = part.torque(self.m, motion, values, items_of(y, states))
@@ -99,7 +99,7 @@ class Mechanics:
         """Return the dry friction of all effects at that speed [N*m]."""
         levels = [
             part.friction(self.m, speed, values)
-            for part, values, _ in self.slots
+            for part, values, _ in self.layout
             if part.friction is not None
         ]
         return sum(levels[1:], levels[0]) if levels else 0.0
@@ -112,7 +112,7 @@ class Mechanics:
             joint = joint - slide * self.friction(self.m.abs(motion.rate))
         moving: Any = 1.0 if slide is None else slide * slide
         rates = [y[1] * moving, (joint + deck) / self.inertia * moving]
-        for part, values, states in self.slots:
+        for part, values, states in self.layout:
             if part.role == "support":
                 s, w = items_of(y, states)
                 push = -values["stiffness"] * s - values["damping"] * w - joint
@@ -126,10 +126,10 @@ class Mechanics:
         """Return y with its sliders carried along from `tilt_before` to the tilt of y."""
         moved = self.motion(y).tilt - tilt_before
         items = items_of(y, slice(0, y.shape[0]))
-        for part, values, states in self.slots:
+        for part, values, states in self.layout:
             for index, state in zip(range(states.start, states.stop), part.states, strict=True):
-                if state.slip is not None:
-                    items[index] = state.slip(self.m, items[index] + moved, values)
+                if state.return_map is not None:
+                    items[index] = state.return_map(self.m, items[index] + moved, values)
         return self._ca.vertcat(*items)
 
     def rk4(self, y: Any, h: Any, slide: Any) -> tuple[Any, Any]:
@@ -160,7 +160,7 @@ class Mechanics:
         turns = ca.logic_and(slide * self.motion(whole).rate < 0, ca.fabs(rate) > _STILL)
         return whole, start[1] if self.support is None else start[1] - start[self.support[1].start + 1], turns
 
-    def cut_step(self, y: Any, h: Any) -> Any:
+    def event_step(self, y: Any, h: Any) -> Any:
         """Return the state after a step that is cut where the rate passes through zero."""
         ca = self._ca
         whole, slope, _ = self.sliding_step(y, h)

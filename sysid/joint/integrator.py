@@ -4,18 +4,18 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from sysid.joint.equations import Mechanics, items_of
+from sysid.joint.equations import EquationsOfMotion, items_of
 from sysid.joint.structure import Structure
 
 
 @dataclass(frozen=True, slots=True)
-class Flow:
+class Stepper:
     """CasADi functions of one structure."""
 
     structure: Structure
     free_states: bool
     sensitivities: bool
-    begin: Any
+    initial: Any
     """(parameters, unknowns, hold) → state and sensitivities at release."""
     step: Any
     """(state and sensitivities, parameters and step) → the same one step later; output at its start."""
@@ -23,7 +23,7 @@ class Flow:
     @property
     def unknowns(self) -> int:
         """How many numbers each release has of its own: roll, rate and free internal states."""
-        return 2 + (len(self.structure.memories) if self.free_states else 0)
+        return 2 + (len(self.structure.internal_states) if self.free_states else 0)
 
     @property
     def columns(self) -> int:
@@ -32,7 +32,7 @@ class Flow:
 
 
 @cache
-def build_flow(structure: Structure, *, free_states: bool, sensitivities: bool) -> Flow:
+def build_stepper(structure: Structure, *, free_states: bool, sensitivities: bool) -> Stepper:
     """Build the functions of one structure; kept for the life of the process.
 
     Args:
@@ -45,14 +45,16 @@ def build_flow(structure: Structure, *, free_states: bool, sensitivities: bool) 
     ca: Any = casadi
     count, states = len(structure.parameters), len(structure.states)
     parameters = ca.SX.sym("parameters", count)
-    unknowns = ca.SX.sym("unknowns", 2 + (len(structure.memories) if free_states else 0))
+    unknowns = ca.SX.sym("unknowns", 2 + (len(structure.internal_states) if free_states else 0))
     hold, h = ca.SX.sym("hold"), ca.SX.sym("h")
-    mechanics = Mechanics(structure, parameters)
+    mechanics = EquationsOfMotion(structure, parameters)
 
     first = _first_state(mechanics, unknowns, hold, free_states=free_states)
     wanted = ca.vertcat(parameters[1:], unknowns)
     seed = ca.jacobian(first, wanted) if sensitivities else ca.SX(2 + states, 0)
-    begin = ca.Function("begin", [parameters, unknowns, hold], [ca.vertcat(first, ca.vec(ca.densify(seed)))])
+    initial = ca.Function(
+        "initial", [parameters, unknowns, hold], [ca.vertcat(first, ca.vec(ca.densify(seed)))]
+    )
 
     y = ca.SX.sym("y", 2 + states)
     columns = wanted.shape[0] if sensitivities else 0
@@ -71,16 +73,16 @@ def build_flow(structure: Structure, *, free_states: bool, sensitivities: bool) 
     if sensitivities:
         seen = ca.jacobian(out, y) @ carried + ca.horzcat(ca.jacobian(out, parameters[1:]), own)
     output = ca.densify(ca.vec(ca.horzcat(out, seen).T))
-    if not structure.turns:
+    if not structure.has_dry_friction:
         following = with_sensitivities(mechanics.rk4(y, h, None)[0])
         step = ca.Function("step", [accumulated, given], ca.cse([following, output]))
-        return Flow(structure, free_states, sensitivities, begin, step)
+        return Stepper(structure, free_states, sensitivities, initial, step)
 
     # A cut costs three steps and is rare, so it is computed only where the joint does turn.
     whole, _, turns = mechanics.sliding_step(y, h)
     slid = ca.SX.sym("slid", accumulated.shape[0])
     slide = ca.Function("slide", [accumulated, given], ca.cse([with_sensitivities(whole), output, turns]))
-    cut = with_sensitivities(mechanics.cut_step(y, h))
+    cut = with_sensitivities(mechanics.event_step(y, h))
     turn = ca.Function.if_else(
         "turn",
         ca.Function("cut", [accumulated, given, slid], ca.cse([cut])),
@@ -89,10 +91,10 @@ def build_flow(structure: Structure, *, free_states: bool, sensitivities: bool) 
     state, numbers = ca.MX.sym("state", accumulated.shape[0]), ca.MX.sym("numbers", given.shape[0])
     moved, read, turned = slide(state, numbers)
     step = ca.Function("step", [state, numbers], [turn(turned, state, numbers, moved), read])
-    return Flow(structure, free_states, sensitivities, begin, step)
+    return Stepper(structure, free_states, sensitivities, initial, step)
 
 
-def _first_state(mechanics: Mechanics, unknowns: Any, hold: Any, *, free_states: bool) -> Any:
+def _first_state(mechanics: EquationsOfMotion, unknowns: Any, hold: Any, *, free_states: bool) -> Any:
     """Return the state at release: what is unknown as it is, the rest as the hold left it."""
     import casadi
 
@@ -100,13 +102,13 @@ def _first_state(mechanics: Mechanics, unknowns: Any, hold: Any, *, free_states:
     tilt = unknowns[0] - mechanics.rest
     internal: list[Any] = []
     free = iter(items_of(unknowns, slice(2, unknowns.shape[0])))
-    for part, values, _ in mechanics.slots:
+    for part, values, _ in mechanics.layout:
         for state in part.states:
             if part.role == "measurement":
                 pull = -mechanics.stiffness * tilt / mechanics.inertia
                 internal.append(
-                    unknowns[0] if state.late is None
-                    else state.late(mechanics.m, unknowns[0], unknowns[1], pull, values)
+                    unknowns[0] if state.late_release is None
+                    else state.late_release(mechanics.m, unknowns[0], unknowns[1], pull, values)
                 )  # fmt: skip
             elif free_states:
                 internal.append(next(free))
@@ -115,12 +117,12 @@ def _first_state(mechanics: Mechanics, unknowns: Any, hold: Any, *, free_states:
     return ca.vertcat(unknowns[:2], *internal)
 
 
-def _output(structure: Structure, mechanics: Mechanics, y: Any) -> Any:
+def _output(structure: Structure, mechanics: EquationsOfMotion, y: Any) -> Any:
     """Return what the sensor sees and its rate, shape (2,)."""
     import casadi
 
     ca: Any = casadi
-    for part, values, states in mechanics.slots:
+    for part, values, states in mechanics.layout:
         if part.name == "lowpass":
             state = part.states[0]
             assert state.rate is not None
@@ -131,7 +133,7 @@ def _output(structure: Structure, mechanics: Mechanics, y: Any) -> Any:
 
 
 @cache
-def unroll(flow: Flow, steps: int) -> Any:
+def rollout(stepper: Stepper, steps: int) -> Any:
     """Return (start, parameters and step) → outputs at the start of each of `steps` steps, shape (·, steps).
 
     An output is what the sensor sees and its derivatives, then its rate and the same.
@@ -139,8 +141,8 @@ def unroll(flow: Flow, steps: int) -> Any:
     import casadi
 
     ca: Any = casadi
-    start, given = ca.MX.sym("start", flow.step.size1_in(0)), ca.MX.sym("given", flow.step.size1_in(1))
-    _, seen = flow.step.mapaccum("path", steps)(start, ca.repmat(given, 1, steps))
+    start, given = ca.MX.sym("start", stepper.step.size1_in(0)), ca.MX.sym("given", stepper.step.size1_in(1))
+    _, seen = stepper.step.mapaccum("path", steps)(start, ca.repmat(given, 1, steps))
     return ca.Function("path", [start, given], [seen])
 
 

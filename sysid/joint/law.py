@@ -45,7 +45,7 @@ class JointLaw:
         return cls(
             **dict(zip(LINEAR, map(float, vector), strict=False)),
             effects=tuple(
-                (part.name, tuple(float(v) for v in vector[where])) for part, where, _ in structure.slots()
+                (part.name, tuple(float(v) for v in vector[where])) for part, where, _ in structure.layout()
             ),
         )
 

@@ -35,15 +35,15 @@ class Structure:
         return tuple(state for part in self.parts for state in part.states)
 
     @property
-    def turns(self) -> bool:
+    def has_dry_friction(self) -> bool:
         """Whether something changes its branch when the rate passes through zero."""
         slides = any(part.friction is not None for part in self.parts)
-        return slides or any(state.slip is not None for state in self.states)
+        return slides or any(state.return_map is not None for state in self.states)
 
     @property
-    def kinked(self) -> bool:
+    def nonsmooth(self) -> bool:
         """Whether a torque bends where no turning point is."""
-        return any(part.kinked for part in self.parts)
+        return any(part.nonsmooth for part in self.parts)
 
     @property
     def sharpness(self) -> float:
@@ -51,11 +51,11 @@ class Structure:
         return max((part.sharpness for part in self.parts), default=1.0)
 
     @property
-    def memories(self) -> tuple[State, ...]:
+    def internal_states(self) -> tuple[State, ...]:
         """Internal states of the joint itself, which may be unknown at release; a filter starts settled."""
         return tuple(state for part in self.parts if part.role != "measurement" for state in part.states)
 
-    def slots(self) -> list[tuple[Effect, slice, slice]]:
+    def layout(self) -> list[tuple[Effect, slice, slice]]:
         """Return each effect with its slices of the parameter vector and of the state vector."""
         slots: list[tuple[Effect, slice, slice]] = []
         at_parameter, at_state = len(LINEAR), 2

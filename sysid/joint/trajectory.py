@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from sysid.errors import HuskyError
-from sysid.joint.equations import Mechanics
+from sysid.joint.equations import EquationsOfMotion
 from sysid.joint.hermite import hermite_matrix
-from sysid.joint.integrator import build_flow, steps_for, unroll
+from sysid.joint.integrator import build_stepper, rollout, steps_for
 from sysid.joint.law import JointLaw
 from sysid.roll import Array
 
@@ -45,13 +45,13 @@ def simulate(law: JointLaw, time: Array, angle: float, rate: float = 0.0, *, hol
     if "discretisation" in effects:
         return _simulate_steps(law, time, angle, rate, effects["discretisation"][0])
     ratio = effects.get("clock", (1.0,))[0]
-    flow = build_flow(law.structure, free_states=False, sensitivities=False)
+    stepper = build_stepper(law.structure, free_states=False, sensitivities=False)
     h = 2 * np.pi / law.frequency / STEPS_PER_PERIOD
     true_time = np.asarray(time, dtype=np.float64) / ratio
     steps = steps_for(float(true_time[-1]), h)
     vector = law.vector
-    start = flow.begin(vector, [angle, rate], hold)
-    seen = np.asarray(unroll(flow, steps)(start, np.append(vector, h)))
+    start = stepper.initial(vector, [angle, rate], hold)
+    seen = np.asarray(rollout(stepper, steps)(start, np.append(vector, h)))
     if not np.all(np.isfinite(seen)):
         raise HuskyError(
             f"the simulated roll grows without bound from {np.degrees(angle):.3g} degrees: "
@@ -70,14 +70,14 @@ def _simulate_steps(law: JointLaw, time: Array, angle: float, rate: float, h: fl
 
     ca: Any = casadi
     plain = replace(law, effects=tuple(item for item in law.effects if item[0] != "discretisation"))
-    if plain.structure.turns or plain.structure.states:
+    if plain.structure.has_dry_friction or plain.structure.states:
         raise HuskyError(
             f"effect 'discretisation' together with {', '.join(plain.structure.effects)}: the plain step loop "
             "holds smooth laws without memory only. Simulate the MJCF instead (husky-sysid mjcf)."
         )
     vector = plain.vector
     y, step = ca.SX.sym("y", 2), ca.SX.sym("h")
-    mechanics = Mechanics(plain.structure, ca.DM(vector))
+    mechanics = EquationsOfMotion(plain.structure, ca.DM(vector))
     joint, deck = mechanics.torques(y)
     slope = -ca.jacobian(joint, y)[1]
     next_rate = y[1] + step * (joint + deck) / (mechanics.inertia + step * slope)

@@ -139,7 +139,7 @@ def test_own_bias_takes_up_sensor_zeros(pink):
     releases = releases_of(HEAVY, 6)
     for shift, release in zip((0.02, -0.03, 0.01), releases, strict=True):
         release.roll[:] += shift
-    fit = fit_joint(releases, pink, options=FitOptions(bias="own"))
+    fit = fit_joint(releases, pink, options=FitOptions(bias="per-release"))
     assert fit.rmse == pytest.approx(fit.noise.std, rel=0.08)
     assert "rest_angle" not in fit.quantities  # it is not to be told from the zeros
     assert abs(fit.law.stiffness - 14.684) < 4 * fit.quantities["stiffness"].std

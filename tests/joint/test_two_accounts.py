@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sysid.effects import catalogue
 from sysid import joint
+from sysid.effects import catalogue
 from sysid.synth import SynthOptions, synthesise
 from sysid.synth.effects import PARAMETERS
 from sysid.synth.sensors import Sensor
