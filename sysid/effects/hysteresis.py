@@ -67,7 +67,7 @@ EFFECT = Effect(
         Parameter(name="torque", unit="N*m", size=lambda s: s.torque, low=0.0, high=1.0, starts=(0.04,)),
     ),
     law="τ = -k₁ z, z follows x and slips at ±T/k₁",
-    source="Jenkin 1922; Iwan, J. Applied EquationsOfMotion 33 (1966)",
+    source="Jenkin 1922; Iwan, J. Applied Mechanics 33 (1966)",
     does="Wide swings lose a fixed torque like dry friction; small ones only see a stiffer spring.",
     look_alikes=("coulomb", "stribeck"),
     experiment="Release from 1°: a slider behind a spring swings on, dry friction stops.",
