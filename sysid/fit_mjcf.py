@@ -46,17 +46,17 @@ def check_effects(names: Sequence[str]) -> None:
     """
     for name in names:
         part = effect(name)
-        if part.role == "record" or name == "clock":
+        if not part.identifiable_from_decay:
             raise HuskyError(
                 f"'{name}' cannot be fitted to a free decay: only k/I, d/I and torque/I show in it, so another "
                 f"stiffness and damping do the same. {part.experiment}"
             )
-    shifts = [n for n in names if n in ("offset", "preload", "sensor-bias")]
-    if len(shifts) > 1:
-        raise HuskyError(
-            f"{' and '.join(shifts)} cannot be told apart in a free decay: all of them move it by a constant. "
-            "Fit one of them."
-        )
+        alike = [other for other in names if other == name or other in part.same_as]
+        if len(alike) > 1:
+            raise HuskyError(
+                f"{' and '.join(alike)} cannot be told apart in a free decay: all of them move it by a constant. "
+                "Fit one of them."
+            )
 
 
 def fit_joint(
@@ -85,7 +85,7 @@ def fit_joint(
     scales = scales_of(records, board)
     structure = structure_of(effects)
     fixed = dict(options.fixed)
-    if any(effect(name).role == "shift" or name == "sensor-bias" for name in effects):
+    if any("rest_angle" in effect(name).same_as for name in effects):
         fixed.setdefault("rest_angle", board.rest_angle)
     if options.use_rate or options.bias == "per-release":
         fixed.setdefault("rest_angle", board.rest_angle)

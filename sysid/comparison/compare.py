@@ -3,7 +3,7 @@
 Only roll and rate at each release are fitted here; the law is the board's as it stands.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -188,7 +188,7 @@ def compare(
 
 
 def _compared(law: JointLaw, record: Record, residual: Array, start: tuple[float, float]) -> ComparedRelease:
-    path = simulate(law, record.time, *start, hold=max(record.release.hold, 0.0))
+    path = simulate(law, record.time, *start, hold=max(record.release.hold, 0.0), begin=record.release.start)
     return ComparedRelease(
         log=record.release.log,
         number=record.release.number,
@@ -328,10 +328,12 @@ def _derivatives(time: Array, roll: Array, law: JointLaw) -> tuple[Array, Array,
 def _torque_left(law: JointLaw, time: Array, motion: tuple[Array, Array, Array]) -> Array:
     """Return I φ̈ less the law's torques without memory [N*m]."""
     roll, rate, acceleration = motion
-    effects: Mapping[str, tuple[float, ...]] = dict(law.effects)
-    ratio = effects.get("inertia", (1.0,))[0]
-    left = ratio * law.inertia * acceleration + law.stiffness * (roll - law.rest_angle) + law.damping * rate
-    for name in effects:
+    left = (
+        law.inertia_ratio * law.inertia * acceleration
+        + law.stiffness * (roll - law.rest_angle)
+        + law.damping * rate
+    )
+    for name, _ in law.effects:
         if effect(name).role == "torque" and not effect(name).states:
             left = left - effect_torque(law, name, time, roll, rate)
     return left

@@ -13,7 +13,6 @@ from sysid.diagnosis.search import Model
 from sysid.effects import catalogue, effect
 from sysid.fitting.covariance import parameter_covariance
 from sysid.fitting.problem import Problem
-from sysid.fitting.search import FRICTION
 from sysid.joint.structure import structure_of
 from sysid.least_squares import Normal, minimise
 from sysid.noise.floor import correlation_length, sensor_step
@@ -109,7 +108,7 @@ def _worse(model: Model, rest_angle: float, *more: str) -> float:
         fixed={**problem.fixed, "rest_angle": rest_angle},
     )
     known = {**dict.fromkeys(held.names, 0.0), **model.parameters}
-    rough = [name for name in FRICTION if name in held.names]
+    rough = [name for name in held.structure.rough if name in held.names]
     starts = [
         held.start({**known, **{name: share * known[name] for name in rough}})
         for share in ((0.6, 0.8, 1.0, 1.25, 1.6) if rough else (1.0,))

@@ -1,7 +1,7 @@
 """The catalogue of physical effects: one file an effect.
 
-A new effect is a new file in this folder that ends in `EFFECT = Effect(...)`, and a test; the
-catalogue finds it.
+A new effect is a new file in this folder that ends in `EFFECT = TorqueEffect(...)`, `SensorEffect(...)` or
+`SupportEffect(...)`, and a test; the catalogue finds it.
 """
 
 import importlib
@@ -17,7 +17,7 @@ from sysid.errors import HuskyError, did_you_mean
 @cache
 def catalogue() -> Mapping[str, Effect]:
     """Return every effect by name, sorted by name."""
-    modules = (name for _, name, _ in pkgutil.iter_modules(__path__) if name != "base" and name[0] != "_")
+    modules = (name for _, name, _ in pkgutil.iter_modules(__path__) if name[0] != "_")
     effects = [importlib.import_module(f"{__name__}.{name}").EFFECT for name in modules]
     return MappingProxyType({effect.name: effect for effect in sorted(effects, key=lambda e: e.name)})
 

@@ -106,9 +106,13 @@ def starting_points(structure: Structure, scales: Scales, *, most: int = 12) -> 
     for choice in itertools.islice(itertools.product(*lists), most):
         point = {**linear, **dict(choice)}
         # What others add to the stiffness or take from it, the spring makes up for.
-        if "second-mode.stiffness" in point:
-            point["stiffness"] *= 1.0 / (1.0 - linear["stiffness"] / point["second-mode.stiffness"])
-        point["stiffness"] -= min(point.get("gravity.moment", 0.0), 0.98 * linear["stiffness"])
+        for part in structure.supports:
+            point["stiffness"] *= 1.0 / (
+                1.0 - linear["stiffness"] / point[f"{part.name}.{part.series_stiffness}"]
+            )
+        for part in structure.torques:
+            added = point.get(f"{part.name}.{part.adds_stiffness}", 0.0)
+            point["stiffness"] -= min(added, 0.98 * linear["stiffness"])
         points.append(point)
     if structure.has_dry_friction:
         # The linear fit gave the damper all of the loss; dry friction takes its share of that, more or less.
@@ -163,7 +167,7 @@ def search(
         evaluations += second.evaluations
         found.append((second.normal.cost, second.point))
     found.sort(key=lambda item: item[0])
-    found[0] = _shaken(coarse, _parted(coarse, found[0]))
+    found[0] = scan_rough_parameters(coarse, _restarted(coarse, found[0]))
     fine = coarse.with_(steps_per_period=steps_per_period, average=1)
     best: Minimum | None = None
     # On the coarse grid a kink falls between two points, so its costs rank neighbours only roughly.
@@ -179,29 +183,24 @@ def search(
     return fine, best, evaluations
 
 
-FRICTION = ("coulomb.torque", "stribeck.torque", "hysteresis.torque")
-_SHAKES = (0.6, 0.75, 0.87, 1.15, 1.35, 1.65)
+_SHARES = (0.6, 0.75, 0.87, 1.15, 1.35, 1.65)
+"""Of a rough parameter, at which it is held on the way out of a false valley."""
 
 
-_PARTS = ((0.7, 1.3), (0.3, 1.3))
-_SPEEDS = (0.05, 0.2, 0.5)
-"""Sliding and static friction in units of the common one, and the Stribeck speed in units of its size."""
+def scan_rough_parameters(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]:
+    """Walk along rough parameters out of a false valley: hold one elsewhere, let the rest follow, then free it.
 
-
-def _shaken(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]:
-    """Walk along the friction out of a false valley: hold it elsewhere, let the rest follow, then free it.
-
-    The cost is rough along the friction, because it decides in which half swing each release stops; a
+    The cost is rough along a friction, because it decides in which half swing each release stops; a
     descent gets caught, a walk that re-fits everything else does not. At the noise there is nothing to gain.
     """
-    names = [problem.names.index(name) for name in FRICTION if name in problem.names]
+    names = [problem.names.index(name) for name in problem.structure.rough if name in problem.names]
     low, high = problem.bounds()
     for index in names:
         for _ in range(4):
             if found[0] < 0.55 * problem.samples:
                 return found
             best = found
-            for factor in _SHAKES:
+            for factor in _SHARES:
                 pinned_low, pinned_high = low.copy(), high.copy()
                 value = np.clip(found[1][index] * factor, low[index], high[index])
                 pinned_low[index] = pinned_high[index] = value
@@ -217,27 +216,20 @@ def _shaken(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]
     return found
 
 
-def _parted(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]:
-    """Part static from sliding friction again where a search let them fall together.
-
-    Below the sliding friction the static one has no effect, so a search that steps there never comes back.
-    """
-    if "stribeck.torque" not in problem.names or "stribeck.static_torque" not in problem.names:
-        return found
-    sliding, static, velocity = (
-        problem.names.index(f"stribeck.{name}") for name in ("torque", "static_torque", "velocity")
-    )
-    level = found[1][sliding]
-    if found[1][static] > level:
-        return found
+def _restarted(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]:
+    """Search again from where effects say that a search which ended there has to."""
     low, high = problem.bounds()
     best = found
-    for below, above in _PARTS:
-        for speed in _SPEEDS:
+    for part in problem.structure.torques:
+        names = [f"{part.name}.{name}" for name in part.parameter_names]
+        if part.restarts is None or any(name not in problem.names for name in names):
+            continue
+        where = [problem.names.index(name) for name in names]
+        for start in part.restarts(part.named([float(value) for value in found[1][where]])):
             point = found[1].copy()
-            point[[sliding, static, velocity]] = below * level, above * level, speed
-            parted = minimise(problem.normal, point, low, high, iterations=15, tolerance=1e-5)
-            best = min(best, (parted.normal.cost, parted.point), key=lambda item: item[0])
+            point[where] = [start[name] for name in part.parameter_names]
+            again = minimise(problem.normal, point, low, high, iterations=15, tolerance=1e-5)
+            best = min(best, (again.normal.cost, again.point), key=lambda item: item[0])
     return best
 
 
