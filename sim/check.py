@@ -98,6 +98,16 @@ class SceneCheck:
         return max((release.rest_error for release in self.releases), key=abs)
 
     @property
+    def only_rest_is_off(self) -> bool:
+        """Whether the scene would pass if it rested where the log does: it moves right, about another angle."""
+        weights = [len(release.time) for release in self.releases]
+        moving = [release.error_power - release.rest_error**2 for release in self.releases]
+        return (
+            not self.passed
+            and float(np.average(moving, weights=weights)) <= (self.tolerance * self.motion) ** 2
+        )
+
+    @property
     def motion(self) -> float:
         """RMS of the measured roll about rest over all releases, without noise [rad]."""
         weights = [len(release.time) for release in self.releases]
@@ -161,7 +171,8 @@ def _compare(board: Board, scene: HeldScene, release: Release) -> ReleaseCheck:
     step = float(np.median(np.diff(time)))
     error_power, error_power_std = smooth_power(residual, step)
     power, _ = smooth_power(measured - release.rest, step)
-    rest_error = _rest_error(board, release, float(found.x[2]))
+    covariance = np.linalg.pinv(found.jac.T @ found.jac) * float(np.mean(residual**2))
+    rest_error = _rest_error(board, release, float(found.x[2]), math.sqrt(covariance[2, 2]))
     return ReleaseCheck(
         log=release.log,
         number=release.number,
@@ -192,11 +203,12 @@ def _inside(release: Release, tilt_range: float) -> int:
     return first
 
 
-def _rest_error(board: Board, release: Release, zero: float) -> float:
-    """Return by how much the scene rests elsewhere than the log, beyond the 95 % interval of the recorded rest angle."""
+def _rest_error(board: Board, release: Release, zero: float, zero_std: float) -> float:
+    """Return by how much the scene rests elsewhere than the log, beyond the 95 % interval of the difference [rad]."""
     if release.origin != "angle":
         return 0.0  # an integrated rate, a sensor glued on or a camera held at an angle: their zero is not the deck's
-    return math.copysign(max(abs(zero) - Z95 * board.tilt["rest_angle"].std, 0.0), zero)
+    allowed = Z95 * math.hypot(board.tilt["rest_angle"].std, zero_std)
+    return zero - min(max(zero, -allowed), allowed)
 
 
 def smooth_power(signal: Array, step: float) -> tuple[float, float]:

@@ -86,11 +86,10 @@ def check(
     additions = scene_additions(record, scene)
     unwritten = substituted(record)
     reasons = (*unwritten, *additions.reasons(record, record.tilt["range"].value))
-    if abs(result.rest_error) > tolerance * result.motion:
+    if result.only_rest_is_off:
         reasons = (
             f"the deck rests {math.degrees(result.rest_error):.2g}° from where the record lets the scene rest (fit the "
             "record to these logs, or level the sensor)",
-            *reasons,
         )
     _print(printer, record, scene, result, additions)
     printer.result(_json(record, scene, result, additions, () if result.passed else reasons))

@@ -17,6 +17,7 @@ from sysid.board import (
     DECAY_UNITS,
     GEOMETRY_UNITS,
     MASS_UNITS,
+    PHYSICAL,
     PUBLISHED_UNITS,
     TILT_UNITS,
     Board,
@@ -162,13 +163,15 @@ def test_mutated_record_is_read_or_refused_in_one_line(data: st.DataObject) -> N
 
 # --- writing -----------------------------------------------------------------------------------
 
-numbers = st.floats(1e-9, 1e9)
 texts = st.text(st.characters(codec="utf-8", exclude_categories=["Cs"]), max_size=20)
 
 
 def quantities(units):
     return st.fixed_dictionaries(
-        {key: st.builds(Quantity, numbers, st.floats(0, 1e6), st.just(unit)) for key, unit in units.items()}
+        {
+            key: st.builds(Quantity, st.floats(*PHYSICAL[unit]), st.floats(0, 1e6), st.just(unit))
+            for key, unit in units.items()
+        }
     )
 
 
@@ -185,7 +188,7 @@ boards = st.builds(
     source=texts,
     geometry=quantities(GEOMETRY_UNITS),
     mass=quantities(MASS_UNITS),
-    inertia=st.builds(Quantity, numbers, st.floats(0, 1e6), st.just("kg*m^2"), texts),
+    inertia=st.builds(Quantity, st.floats(*PHYSICAL["kg*m^2"]), st.floats(0, 1e6), st.just("kg*m^2"), texts),
     tilt=quantities(TILT_UNITS),
     decay=st.just({}) | quantities(DECAY_UNITS),
     published=st.just({}) | quantities(PUBLISHED_UNITS),
