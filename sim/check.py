@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.board.bench import swing
-from sim.compensation.scene import HeldScene
+from sim.compensation.scene import ClampedScene
 from sysid.board import Board
 from sysid.errors import HuskyError
 from sysid.quantity import Z95
@@ -115,7 +115,7 @@ class SceneCheck:
 
 
 def check_scene(
-    board: Board, scene: HeldScene, releases: Sequence[Release], *, tolerance: float = 0.02
+    board: Board, scene: ClampedScene, releases: Sequence[Release], *, tolerance: float = 0.02
 ) -> SceneCheck:
     """Release the deck in a scene as it was released in the logs, and compare.
 
@@ -134,7 +134,7 @@ def check_scene(
     return SceneCheck(tuple(_compare(board, scene, release) for release in releases), tolerance)
 
 
-def _compare(board: Board, scene: HeldScene, release: Release) -> ReleaseCheck:
+def _compare(board: Board, scene: ClampedScene, release: Release) -> ReleaseCheck:
     from scipy.optimize import least_squares
 
     inside = _inside(release, scene.tilt_range)

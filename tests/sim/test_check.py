@@ -12,7 +12,7 @@ import pytest
 
 from sim.board.scene import board_spec
 from sim.check import check_scene, smooth_power
-from sim.compensation.parasitics import measure, scene_additions
+from sim.compensation.parasitics import measure, measure_parasitics
 from sim.compensation.scene import compensate_in_scene, scene_from_file, training_scene
 from sim.compensation.step import compensate_step
 from sysid.board import Board, BoardEffect, load_board
@@ -118,7 +118,7 @@ def test_what_the_scene_adds_is_found_where_it_was_put(board: Board):
         servo = spec.add_actuator(name=f"{end}_servo", target=f"{end}_truck_joint")
         servo.trntype = mujoco.mjtTrn.mjTRN_JOINT
         servo.set_to_position(kp=1.0, kv=0.02)
-    found = scene_additions(board, replace(spec_scene, model=spec.compile()))
+    found = measure_parasitics(board, replace(spec_scene, model=spec.compile()))
     assert dict(found.parts)["servos"].stiffness == pytest.approx(2 * 1.0 * 3.0, rel=0.03)
     assert dict(found.parts)["servos"].damping == pytest.approx(2 * 0.02 * 3.0, rel=0.3)
     assert any("servos +" in reason for reason in found.reasons(board, 0.2))
@@ -131,7 +131,7 @@ def test_effects_of_the_record_are_not_blamed_on_the_scene(board: Board):
     )
     rich = replace(board, effects=effects)
     scene = training_scene(compensate_in_scene(rich).board)
-    assert scene_additions(rich, scene).reasons(rich, 0.2) == ()
+    assert measure_parasitics(rich, scene).reasons(rich, 0.2) == ()
     assert check_scene(rich, scene, [measured(rich)]).nrmse < 0.01
 
 
