@@ -55,7 +55,7 @@ def write_marker_page(path: Path, number: int) -> None:
     axes.text(105, 128, "100 mm", ha="center", fontsize=10)
     line = 112.0
     for step, words in HOW_TO.items():
-        axes.text(20, line, step, va="top", fontsize=9, weight="bold")
+        axes.text(20, line, step, va="top", fontsize=9, weight="bold", linespacing=1.5)
         axes.text(40, line, words, va="top", fontsize=9, linespacing=1.5)
         line -= 5.5 * (2 + words.count("\n")) - 3
     with atomic_path(path) as temporary:
