@@ -1,7 +1,7 @@
 """`husky-sysid check`: the gate between a measured board and training."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import replace
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -86,10 +86,15 @@ def check(
     additions = measure_parasitics(record, scene)
     unwritten = substituted(record)
     reasons = (*unwritten, *additions.reasons(record, record.tilt["range"].value))
+    if result.only_rest_is_off:
+        reasons = (
+            f"the deck rests {math.degrees(result.rest_error):.2g}° from where the record lets the scene rest (fit the "
+            "record to these logs, or level the sensor)",
+        )
     _print(printer, record, scene, result, additions)
     printer.result(_json(record, scene, result, additions, () if result.passed else reasons))
     if scene_file is None:
-        path = common.space.save_board(replace(record, check=_entry(scene, result, logs)))
+        path = common.space.save_board(record.checked(_entry(scene, result, logs)), since=record)
         printer.note(f"written into {path}")
     else:
         printer.note("the board record is unchanged: its [check] speaks of the scene that the tool builds")
@@ -228,6 +233,7 @@ def _json(
                 "nrmse": release.nrmse,
                 "rmse_rad": release.rmse,
                 "zero_rad": release.zero,
+                "rest_error_rad": release.rest_error,
             }
             for release in result.releases
         ],

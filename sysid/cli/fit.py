@@ -101,9 +101,8 @@ def fit(
     for line in scene.lines() if scene else ():
         printer.say(line)
     picture = _draw(common, new, rungs, result)
-    path = common.space.save_board(
-        new
-    )  # last: what fails or is broken off before leaves the record as it was
+    # Last: what fails or is broken off before leaves the record as it was.
+    path = common.space.save_board(new, since=record)
     printer.say(f"written: {path}, {picture}")
     content = {**_to_json(new, result, heldout, rungs), **intervals}
     printer.result({**content, "in_scene": scene.entry()} if scene else content)
