@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from types import MappingProxyType
 
-from sysid.effects._base import Effect
+from sysid.effects._base import DecaySign, Effect
 from sysid.errors import HuskyError, did_you_mean
 
 
@@ -34,6 +34,12 @@ def effect(name: str) -> Effect:
             f"unknown effect '{name}'.{did_you_mean(name, known)} Known effects: {', '.join(known)}."
         )
     return known[name]
+
+
+def showing(sign: DecaySign) -> tuple[str, ...]:
+    """Return the effects that make the peaks of a decay show something, the likeliest first."""
+    found = [(part.decay_signs[sign], name) for name, part in catalogue().items() if sign in part.decay_signs]
+    return tuple(name for _, name in sorted(found))
 
 
 def parameters_from(name: str, values: Sequence[float]) -> dict[str, float]:
