@@ -248,7 +248,8 @@ class Problem:
         angle, rate = at[:n], at[n:]
         reading, slopes = path.reader(angle[:, 0], rate[:, 0], path.clock, vector)
         by = np.asarray(slopes)[is_rate].reshape(n, -1)
-        result = by[:, :1] * angle + by[:, 1:2] * rate
+        with np.errstate(all="ignore"):  # a joint that runs away; `normal` refuses it
+            result = by[:, :1] * angle + by[:, 1:2] * rate
         result[:, 0] = np.asarray(reading)[is_rate]
         for column, name in enumerate(self.names, start=1):
             result[:, column] += by[:, 1 + self.structure.parameters.index(name)]
