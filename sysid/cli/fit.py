@@ -66,7 +66,7 @@ def fit(
     recordings = load_recordings(logs, arguments, printer)
     result = fit_recordings(recordings, record, effect, plain=plain, robust=robust, any_period=any_period)
     printer.warnings(result.warnings, recordings)
-    if result.joint.kinked and not profile:
+    if result.joint.nonsmooth and not profile:
         printer.note(
             "the intervals take the cost for smooth, but dry friction and stops put kinks into it: add --profile to "
             "walk along the cost itself"
@@ -84,7 +84,7 @@ def fit(
         printer.say(line)
     picture = _draw(common, result)
     # Last: what fails or is broken off before leaves the record as it was.
-    path = common.space.save_board(new)
+    path = common.space.save_board(new, since=record)
     printer.say(f"written: {path}, {picture}")
     content = {**result.to_json(), **intervals}
     printer.result({**content, "in_scene": scene.entry()} if scene else content)

@@ -13,7 +13,8 @@ from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
 from sysid.recording import Recording, refuse_duplicates
 from sysid.roll import Roll
-from sysid.video.options import VIDEO_SUFFIXES, Method, VideoOptions
+from sysid.video.options import VIDEO_SUFFIXES, VideoOptions
+from sysid.video.trackers import Method
 
 
 @Parameter(name="*")

@@ -16,9 +16,8 @@ from sysid.comparison.force_surface import MissingTorque, missing_torque
 from sysid.comparison.release import ComparedRelease
 from sysid.decay.plausibility import amplitude_warnings
 from sysid.files import sha256
-from sysid.fitting.initial_state import own_motion
-from sysid.fitting.problem import Record, make_records
-from sysid.fitting.records import Signal, signal_of
+from sysid.fitting.initial_state import fit_initial_states
+from sysid.fitting.records import Record, Signal, make_records, signal_of
 from sysid.joint import JointLaw, simulate
 from sysid.noise.floor import NoiseFloor, noise_floor
 from sysid.quantity import Z95
@@ -138,7 +137,7 @@ def compare(
     noise = noise_floor(releases, rate=use_rate)
     records = make_records(releases, noise.std, rate=use_rate)
     law = law or JointLaw.from_board(board)
-    residuals, starts = own_motion(law, records, bias=chosen["bias"])
+    residuals, starts = fit_initial_states(law, records, bias=chosen["bias"])
     compared = tuple(
         _compared(law, record, residual, start)
         for record, residual, start in zip(records, residuals, starts, strict=True)
