@@ -172,7 +172,7 @@ def test_an_effect_is_one_file(name, value, printed, rate):
 
     import numpy as np
 
-    from sysid.fit_mjcf import FitOptions, fit_joint
+    from sysid.fitting.joint import FitOptions, fit_joint
     from sysid.joint import JointLaw, simulate
     from sysid.roll import Release
     from sysid.workspace import Workspace
