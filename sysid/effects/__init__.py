@@ -38,7 +38,9 @@ def effect(name: str) -> Effect:
 
 def showing(sign: DecaySign) -> tuple[str, ...]:
     """Return the effects that make the peaks of a decay show something, the likeliest first."""
-    found = [(part.decay_signs[sign], name) for name, part in catalogue().items() if sign in part.decay_signs]
+    found = [
+        (rank, name) for name, part in catalogue().items() for seen, rank in part.decay_signs if seen == sign
+    ]
     return tuple(name for _, name in sorted(found))
 
 

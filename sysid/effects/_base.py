@@ -10,7 +10,7 @@ The law of the tilt joint, with roll φ, tilt x = φ - rest angle and rate v:
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
@@ -274,7 +274,7 @@ class Effect:
     """Tilt that a log must reach to tell it from the linear law [rad]."""
     record_direction: tuple[float, float] | None = None
     """In which proportion it changes ln k and ln d against the record; None where it does more than that."""
-    decay_signs: Mapping[DecaySign, int] = field(default_factory=dict[DecaySign, int])
+    decay_signs: tuple[tuple[DecaySign, int], ...] = ()
     """What the peaks of a decay show of it, and its place among the effects that show the same, the likeliest first."""
 
     @property

@@ -61,5 +61,5 @@ EFFECT = TorqueEffect(
     to_mjcf=to_mjcf,
     example=(0.15,),
     friction=friction,
-    decay_signs={"constant loss": 1},
+    decay_signs=(("constant loss", 1),),
 )

@@ -48,5 +48,5 @@ EFFECT = TorqueEffect(
     to_mjcf=to_mjcf,
     example=(0.02,),
     torque=torque,
-    decay_signs={"growing loss": 2},
+    decay_signs=(("growing loss", 2),),
 )

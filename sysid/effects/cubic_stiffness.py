@@ -48,5 +48,5 @@ EFFECT = TorqueEffect(
     to_mjcf=to_mjcf,
     example=(200.0,),
     torque=torque,
-    decay_signs={"longer period": 2, "shorter period": 1},
+    decay_signs=(("longer period", 2), ("shorter period", 1)),
 )

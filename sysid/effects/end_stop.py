@@ -91,6 +91,6 @@ EFFECT = TorqueEffect(
     acts_during_hold=True,
     limiting_cases=(("freeplay", as_freeplay),),
     nonsmooth=True,
-    decay_signs={"shorter period": 3},
+    decay_signs=(("shorter period", 3),),
     sharpness=4.0,
 )

@@ -55,6 +55,6 @@ EFFECT = TorqueEffect(
     example=(0.02,),
     torque=torque,
     nonsmooth=True,
-    decay_signs={"shorter period": 2},
+    decay_signs=(("shorter period", 2),),
     sharpness=4.0,
 )

@@ -69,5 +69,5 @@ EFFECT = TorqueEffect(
     adds_stiffness="moment",
     minimum_amplitude=0.6,
     record_direction=(1.0, 0.0),
-    decay_signs={"longer period": 1},
+    decay_signs=(("longer period", 1),),
 )

@@ -34,5 +34,5 @@ EFFECT = SensorEffect(
     example=(0.02,),
     observe=observe,
     excludes=("lowpass",),
-    decay_signs={"moving level": 1},
+    decay_signs=(("moving level", 1),),
 )

@@ -206,3 +206,8 @@ def test_the_page_of_effects_is_what_the_catalogue_says():
     assert (docs / "effects.md").read_text(encoding="utf-8") == page
     for name in NAMES:
         assert (docs / "effects" / f"{name}.png").is_file()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_effect_can_be_part_of_a_structure_that_functions_are_kept_for(name):
+    assert hash(effect(name)) == hash(effect(name))
