@@ -134,6 +134,7 @@ def fit(
     plain: bool = False,
     robust: bool = False,
     fixed: Mapping[str, float] | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
     signal: Signal = "auto",
     any_period: bool = False,
 ) -> Fit:
@@ -148,6 +149,7 @@ def fit(
         plain: Drop the effects that the record has.
         robust: Let outliers of the sensor count less.
         fixed: Parameters held at a value, by 'stiffness', 'damping', 'rest_angle' or 'effect.parameter'.
+        bounds: Lowest and highest value of parameters, by the same names.
         signal: What is fitted.
         any_period: Accept a natural period above 100 s or below 1 ms, else taken for a wrong unit of time.
 
@@ -157,7 +159,7 @@ def fit(
     recordings, releases = unpack(data)
     check_effects(effects)
     kept = () if plain else tuple(part.name for part in board.effects)
-    options = FitOptions(robust=robust, fixed=fixed or {}, **signal_of(releases, signal))
+    options = FitOptions(robust=robust, fixed=fixed or {}, bounds=bounds or {}, **signal_of(releases, signal))
     odd = amplitude_warnings(releases, board)
     joint = fit_joint(releases, board, tuple(dict.fromkeys((*kept, *effects))), options)
     named, frequency = ", ".join(dict.fromkeys(release.log for release in releases)), joint.law.frequency

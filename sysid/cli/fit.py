@@ -9,6 +9,7 @@ from cyclopts import Parameter
 from sysid.cli.console import Common, Printer
 from sysid.cli.fit_intervals import show_intervals
 from sysid.cli.log_options import LogArguments, load_recordings
+from sysid.cli.parameter_options import parse_bounds, parse_fixed
 from sysid.files import atomic_path
 
 if TYPE_CHECKING:
@@ -25,6 +26,8 @@ def fit(
     *,
     board: Annotated[str, Parameter(name=("--board", "-b"))],
     effect: Annotated[tuple[str, ...], Parameter(name="--effect", negative="")] = (),
+    fix: Annotated[tuple[str, ...], Parameter(name="--fix", negative="")] = (),
+    bound: Annotated[tuple[str, ...], Parameter(name="--bound", negative="")] = (),
     plain: bool = False,
     robust: bool = False,
     in_scene: Annotated[bool, Parameter(name="--in-scene", negative="")] = False,
@@ -42,6 +45,9 @@ def fit(
         logs: Logs of one board.
         board: Name of the board.
         effect: Effect to add to those of the record; repeat it for several.
+        fix: Hold a parameter, as NAME=VALUE in SI units: stiffness, damping, rest, or EFFECT.PARAMETER; repeat it for
+            several.
+        bound: Keep a parameter within NAME=LOW:HIGH.
         plain: Drop the effects that the record has.
         robust: Let outliers of the sensor count less.
         in_scene: Also find what must be written into the training scene (implicitfast at 5 ms, wheels on the
@@ -59,12 +65,22 @@ def fit(
     printer = Printer(common)
     record = common.space.load_board(board)
     check_effects(effect)
+    fixed, bounds = parse_fixed(fix), parse_bounds(bound)
     if bootstrap:
         from sysid.fitting.bootstrap import require_enough
 
         require_enough(bootstrap)
     recordings = load_recordings(logs, arguments, printer)
-    result = fit_recordings(recordings, record, effect, plain=plain, robust=robust, any_period=any_period)
+    result = fit_recordings(
+        recordings,
+        record,
+        effect,
+        plain=plain,
+        robust=robust,
+        fixed=fixed,
+        bounds=bounds,
+        any_period=any_period,
+    )
     printer.warnings(result.warnings, recordings)
     if result.joint.nonsmooth and not profile:
         printer.note(

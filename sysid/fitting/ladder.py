@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from sysid.board import Board
 from sysid.fitting.joint import FitOptions, fit_joint
 from sysid.fitting.result import JointFit
+from sysid.joint.structure import structure_of
 from sysid.roll import Array, Release
 
 PLAIN = "spring and damper"
@@ -56,8 +57,21 @@ def ladder(
         SysidError: A model cannot be fitted; those before it have been returned.
     """
     for count in range(len(effects) + 1):
-        fitted = fit_joint(releases, board, effects[:count], options)
+        fitted = fit_joint(releases, board, effects[:count], _without_missing(options, effects[:count]))
         yield rung_of(effects[:count], fitted, fitted.heldout_rmse() if heldout else math.nan)
+
+
+def _without_missing(options: FitOptions, effects: Sequence[str]) -> FitOptions:
+    """Return options for a joint that lacks effects: what is said of those is left out, and so is a spring that is none."""
+    structure = structure_of(effects)
+    kept = set(structure.parameters)
+    if not any(part.adds_stiffness for part in structure.torques):
+        kept -= {"stiffness"} if options.fixed.get("stiffness") == 0 else set()
+    return replace(
+        options,
+        fixed={name: value for name, value in options.fixed.items() if name in kept},
+        bounds={name: ends for name, ends in options.bounds.items() if name in kept},
+    )
 
 
 def rung_of(effects: Sequence[str], fitted: JointFit, heldout: float) -> Rung:

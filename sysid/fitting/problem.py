@@ -63,6 +63,8 @@ class Problem:
     bias: Bias = "shared"
     fixed: Mapping[str, float] = field(default_factory=dict[str, float])
     """Parameters held at a value, by the structure's names."""
+    bounded: Mapping[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
+    """Bounds of free parameters instead of their own, in their units."""
     free_states: bool = True
     steps_per_period: int = 40
     average: int = 1
@@ -180,6 +182,9 @@ class Problem:
             own += [(-10.0, 10.0)] * len(self.structure.internal_states)
         own += [(-2.0, 2.0)] if self.bias == "per-release" else []
         pairs = np.array([known[name] for name in self.names] + own * len(self.records))
+        for index, name in enumerate(self.names):
+            if name in self.bounded:
+                pairs[index] = np.array(self.bounded[name]) / self.sizes()[index]
         return pairs[:, 0], pairs[:, 1]
 
     def start(self, parameters: Mapping[str, float]) -> Array:

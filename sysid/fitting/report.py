@@ -77,6 +77,12 @@ def to_json(fit: "Fit") -> dict[str, Any]:
             {"model": r.label, "rmse_rad": per * r.rmse, "heldout_rmse_rad": per * r.heldout_rmse}
             for r in fit.ladder
         ],
+        **({"fixed": dict(fit.options.fixed)} if fit.options.fixed else {}),
+        **(
+            {"bounds": {name: list(ends) for name, ends in fit.options.bounds.items()}}
+            if fit.options.bounds
+            else {}
+        ),
         "status": fit.status,
         "warnings": list(fit.joint.warnings),
     }

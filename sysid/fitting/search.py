@@ -47,7 +47,9 @@ def scales_of(records: Sequence[Record], board: Board) -> Scales:
 def _linear_scales(records: Sequence[Record], known: Scales, bias: Bias) -> Scales:
     """Return the sizes with the linear joint's stiffness and damping that fit best, from several starts."""
     rest = _rest(records)
-    guesses = [(known.stiffness / known.inertia, known.damping / known.inertia)]
+    guesses = (
+        [(known.stiffness / known.inertia, known.damping / known.inertia)] if known.stiffness > 0 else []
+    )
     guesses += [guess for record in records if (guess := linear_guess(record)) is not None]
     best: tuple[float, Scales] | None = None
     for square, decay in guesses:
@@ -95,8 +97,18 @@ def linear_guess(record: Record) -> tuple[float, float] | None:
     return (square, max(decay, 0.0)) if square > 0 else None
 
 
-def starting_points(structure: Structure, scales: Scales, *, most: int = 12) -> list[dict[str, float]]:
-    """Return the starts from which a structure is searched: all combinations of its parameters' starts."""
+def starting_points(
+    structure: Structure, scales: Scales, fixed: Mapping[str, float] | None = None, *, most: int = 12
+) -> list[dict[str, float]]:
+    """Return the starts from which a structure is searched: all combinations of its parameters' starts.
+
+    Args:
+        structure: The joint.
+        scales: Of the problem.
+        fixed: Parameters that are held.
+        most: Number of combinations.
+    """
+    held = fixed or {}
     linear = {"stiffness": scales.stiffness, "damping": max(scales.damping, 0.0), "rest_angle": 0.0}
     lists: list[list[tuple[str, float]]] = []
     for part in structure.parts:
@@ -113,6 +125,8 @@ def starting_points(structure: Structure, scales: Scales, *, most: int = 12) -> 
         for part in structure.torques:
             added = point.get(f"{part.name}.{part.adds_stiffness}", 0.0)
             point["stiffness"] -= min(added, 0.98 * linear["stiffness"])
+            if "stiffness" in held and part.adds_stiffness:  # a spring that is held leaves it the rest
+                point[f"{part.name}.{part.adds_stiffness}"] = linear["stiffness"] - held["stiffness"]
         points.append(point)
     if structure.has_dry_friction:
         # The linear fit gave the damper all of the loss; dry friction takes its share of that, more or less.
@@ -127,6 +141,7 @@ def search(
     *,
     bias: Bias = "shared",
     fixed: Mapping[str, float] | None = None,
+    bounded: Mapping[str, tuple[float, float]] | None = None,
     steps_per_period: int = 60,
     starts: Sequence[Mapping[str, float]] | None = None,
     average: int = 1,
@@ -143,11 +158,11 @@ def search(
     fixed = dict(fixed or {})
     rest = _rest(records)
     free_states = bool(structure.internal_states) and any(record.release.hold <= 0 for record in records)
-    starts = starting_points(structure, scales) if starts is None else starts
+    starts = starting_points(structure, scales, fixed) if starts is None else starts
     nonsmooth = structure.nonsmooth
     coarse_steps = min(60 if nonsmooth else 24, steps_per_period)
     coarse = Problem(
-        structure, records, scales, bias=bias, fixed=fixed, free_states=free_states,
+        structure, records, scales, bias=bias, fixed=fixed, bounded=dict(bounded or {}), free_states=free_states,
         steps_per_period=coarse_steps, average=average,
     )  # fmt: skip
     horizons = [] if not structure.effects else _SHORT if nonsmooth else _LONG

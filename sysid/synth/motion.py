@@ -302,6 +302,7 @@ def _longest_step(law: TrueLaw) -> float:
     inertia = min(law.inertia, law.support_inertia or law.inertia)
     stiffness = law.stiffness + law.slider_stiffness + law.arm_stiffness
     stiffness += law.support_stiffness + (law.stop_stiffness if math.isfinite(law.stop_angle) else 0.0)
+    stiffness = stiffness or abs(law.gravity)  # a pendulum
     return 1.0 / math.sqrt(stiffness / inertia)
 
 
