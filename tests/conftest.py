@@ -22,6 +22,28 @@ def real_logs() -> Path:
 
 
 @pytest.fixture(scope="session")
+def film_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where rendered films are kept; skips where nothing can be rendered."""
+    try:
+        import mujoco
+
+        mujoco.Renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 8, 8).close()
+    except Exception as error:  # noqa: BLE001  whatever a machine without OpenGL raises
+        pytest.skip(
+            f"films cannot be rendered here ({error}); install EGL (libegl1 libgl1-mesa-dri) or set MUJOCO_GL"
+        )
+    return tmp_path_factory.mktemp("films")
+
+
+@pytest.fixture(scope="session")
+def marker_film(film_folder: Path) -> Any:
+    """One release of a board with a marker, filmed by a good camera (`films.TestFilm`)."""
+    from films import SMALL, make_film
+
+    return make_film(film_folder, "marker", "marker", SMALL)
+
+
+@pytest.fixture(scope="session")
 def model() -> Any:
     """The G1 by itself, compiled; it comes with mjlab."""
     from sim.skate.robot import g1

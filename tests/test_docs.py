@@ -17,6 +17,7 @@ import shutil
 import subprocess
 import sys
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -51,14 +52,15 @@ class Block:
 def blocks(text: str) -> list[Block]:
     """Return the console blocks of a document with what is quoted up to the next one."""
     found = []
-    matches = list(BLOCK.finditer(text))
-    for match, following in zip(matches, [*matches[1:], None], strict=True):
+    for match, following in pairwise([*BLOCK.finditer(text), None]):
         if match["skip"]:
             assert match["reason"].strip(), "'not run' needs a reason"
             continue
         commands = _commands(match["body"], text[: match.start("body")].count("\n") + 1)
         below = text[match.end() : following.start() if following else None]
-        quotes = (quote["text"] or re.sub("^> ?", "", quote["quote"], flags=re.M) for quote in QUOTE.finditer(below))
+        quotes = (
+            quote["text"] or re.sub("^> ?", "", quote["quote"], flags=re.M) for quote in QUOTE.finditer(below)
+        )
         found.append(Block(tuple(commands), tuple(line for quote in quotes for line in quote.splitlines())))
     return found
 
@@ -100,7 +102,7 @@ def plain(text: str) -> str:
 def missing(quoted: tuple[str, ...], printed: str) -> list[str]:
     """Return the quoted lines that are not in what was printed, each looked for after the one before."""
     printed, lost = plain(printed), []
-    for line in map(plain, quoted):
+    for line in filter(None, map(plain, quoted)):
         before, found, after = printed.partition(line)
         printed = after if found else before
         if not found:
@@ -111,7 +113,11 @@ def missing(quoted: tuple[str, ...], printed: str) -> list[str]:
 def files(folder: Path) -> dict[Path, bytes]:
     """Return what git would see in a clone: path and content of every file outside `runs`."""
     paths = (path for path in folder.rglob("*") if path.is_file())
-    return {path.relative_to(folder): path.read_bytes() for path in paths if path.relative_to(folder).parts[0] != "runs"}
+    return {
+        path.relative_to(folder): path.read_bytes()
+        for path in paths
+        if path.relative_to(folder).parts[0] != "runs"
+    }
 
 
 def faults(text: str, folder: Path, *, named: bool = True) -> list[str]:

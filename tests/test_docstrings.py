@@ -41,7 +41,9 @@ def silent(source: str) -> list[str]:
     return found
 
 
-ROOMS = sorted(path.name for path in SYSID.iterdir() if path.suffix == ".py" or (path / "__init__.py").is_file())
+ROOMS = sorted(
+    path.name for path in SYSID.iterdir() if path.suffix == ".py" or (path / "__init__.py").is_file()
+)
 
 
 @pytest.mark.parametrize("room", ROOMS)

@@ -6,16 +6,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from command_line import husky
 
 from sysid.cli import COMMANDS, EXIT_CODES
 
 HEAVY = {"numpy", "pandas", "scipy", "matplotlib", "casadi", "mujoco", "cv2", "rerun", "torch", "control"}
-
-
-def husky(*arguments, cwd=None):
-    return subprocess.run(
-        [sys.executable, "-m", "sysid.cli", *arguments], capture_output=True, text=True, cwd=cwd, check=False
-    )
 
 
 def heavy_modules_after(statement):
@@ -26,7 +21,7 @@ def heavy_modules_after(statement):
 
 
 def test_help_names_every_command_and_the_exit_codes():
-    result = husky("--help")
+    result = subprocess.run([sys.executable, "-m", "sysid.cli", "--help"], capture_output=True, text=True)
     assert result.returncode == 0
     assert set(COMMANDS) <= set(result.stdout.split())
     assert EXIT_CODES.split(";")[0] in result.stdout

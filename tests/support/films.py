@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pytest
 from film import Camera, film
 from film_set import Mark, Motion, rock
 
@@ -15,6 +16,10 @@ REALISTIC = Camera(
     width=640, height=360, focal=1.4, yaw_deg=5.0, pitch_deg=7.0, roll_deg=1.5, exposure=1 / 240, noise=2.0,
     jitter=0.1, readout=0.01, shake_deg=0.08,
 )  # fmt: skip
+
+
+GROUP = pytest.mark.xdist_group("films")
+"""Tests that share the films of `conftest.py`: one process renders them once."""
 
 
 @dataclass(frozen=True)
