@@ -8,8 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from sysid.decay.linear_fit import decay_basis
-from sysid.decay.numbers import t95
-from sysid.quantity import Quantity
+from sysid.quantity import Quantity, t95
 from sysid.releases.extrema import find_swing
 from sysid.roll import Array, Release
 
