@@ -1,7 +1,9 @@
 """Fixtures shared by all tests."""
 
 import ctypes.util
+import functools
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -36,11 +38,17 @@ def film_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
-def marker_film(film_folder: Path) -> Any:
-    """One release of a board with a marker, filmed by a good camera (`films.TestFilm`)."""
-    from films import SMALL, make_film
+def film_of(film_folder: Path) -> Callable[[str], Any]:
+    """The film of that name in `films.FILMS`, a `films.TestFilm`; rendered when it is first asked for."""
+    from films import FILMS, make_film
 
-    return make_film(film_folder, "marker", "marker", SMALL)
+    return functools.cache(lambda name: make_film(film_folder, name, *FILMS[name]))
+
+
+@pytest.fixture
+def marker_film(film_of: Callable[[str], Any]) -> Any:
+    """One release of a board with a marker, filmed by a good camera."""
+    return film_of("marker")
 
 
 @pytest.fixture(scope="session")

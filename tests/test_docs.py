@@ -173,10 +173,10 @@ $ ls
 table
 $ husky-sysid boards nobody  # exit 1
 ```
-> | "name": "pink", |
+> | "board": "pink", |
 > |---|---|
 > unknown board
-> 'nobody'.
+> 'nobody'
 ```bash
 $ husky-sysid nothing
 ```
@@ -197,7 +197,7 @@ def test_which_lines_are_commands() -> None:
                 Command(3, "husky-sysid boards --json -     | grep pink", 0),
                 Command(7, "husky-sysid boards nobody", 1),
             ),
-            ('| "name": "pink", |', "|---|---|", "unknown board", "'nobody'."),
+            ('| "board": "pink", |', "|---|---|", "unknown board", "'nobody'"),
         ),
         Block((Command(21, "husky-sysid boards > runs/boards.txt", 0),), ()),
     ]
@@ -208,12 +208,21 @@ def test_which_lines_are_commands() -> None:
 def test_the_runner_can_fail(tmp_path: Path) -> None:
     (tmp_path / "runs").mkdir()
     assert faults(SAMPLE, tmp_path) == []
-    for right, wrong in (
+    wrong = SAMPLE
+    for right, other in (
+        ("grep pink", "grep purple"),
         ("# exit 1", ""),
-        ("grep pink", "grep purple"),  # which fails, and prints nothing of what is quoted
         ("unknown board\n> 'nobody'", "'nobody'\n> unknown board"),
         ("runs/boards.txt", "boards.txt"),
     ):
-        (fault, *_) = faults(SAMPLE.replace(right, wrong), tmp_path, named=False)
-        assert fault.startswith(("line 3", "line 7", "line 21")), wrong
-    assert faults(SAMPLE.replace("runs/boards.txt", "boards.txt"), tmp_path) == []
+        assert right in wrong
+        wrong = wrong.replace(right, other)
+    first, second, quotes, file = faults(wrong, tmp_path, named=False)
+    assert first.startswith("line 3: ")
+    assert "exit 1, expected 0" in first
+    assert second.startswith("line 7: ")
+    assert quotes == 'line 3: quoted but not printed:\n  "board": "pink",\n  unknown board'
+    assert file.startswith("line 21: ")
+    assert file.endswith("writes boards.txt")
+    (tmp_path / "boards.txt").unlink()
+    assert "boards.txt" not in "".join(faults(wrong, tmp_path))

@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import os
 import sys
 import warnings
 from dataclasses import dataclass
@@ -27,6 +28,7 @@ def husky(*arguments: object, cwd: Path | None = None) -> Done:
         contextlib.redirect_stdout(out),
         contextlib.redirect_stderr(err),
         contextlib.chdir(cwd or Path()),
+        mock.patch.dict(os.environ, {"COLUMNS": "100", "NO_COLOR": "1"}),
         mock.patch.object(sys, "argv", ["husky-sysid", *map(str, arguments)]),
         warnings.catch_warnings(),
     ):

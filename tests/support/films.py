@@ -1,6 +1,6 @@
 """Small rendered films with known roll, made once for the whole test run."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +18,16 @@ REALISTIC = Camera(
 )  # fmt: skip
 
 
+FILMS: dict[str, tuple[Mark, Camera]] = {
+    "marker": ("marker", SMALL),
+    "realistic": ("marker", REALISTIC),
+    "dots": ("dots", replace(SMALL, noise=2.0)),
+    "edge": ("edge", replace(SMALL, noise=2.0)),
+    "features": ("none", replace(SMALL, noise=2.0)),
+}
+"""What more than one test looks at: `film_of` of `conftest.py` renders each once."""
 GROUP = pytest.mark.xdist_group("films")
-"""Tests that share the films of `conftest.py`: one process renders them once."""
+"""Tests of these films: one process for all."""
 
 
 @dataclass(frozen=True)
