@@ -4,16 +4,17 @@ Run:  python benchmarks/decay_cold_start.py [ROUNDS]
 
 Importing `sysid` and printing the help are held against an interpreter that does nothing and one that imports numpy.
 `decay` gets a log of 60 s at 1 kHz with twenty releases; its yardstick imports numpy, pandas and scipy.optimize and
-reads the same file with pandas. All run as fresh processes, by turns, so that a busy machine slows all; the medians and
-their ratios are recorded in benchmarks/results/decay_cold_start.md.
+reads the same file with pandas. All run as fresh processes, by turns, and processor time is taken, which a busy machine
+lengthens least; the medians and their ratios are recorded in benchmarks/results/decay_cold_start.md.
 """
 
+import os
 import platform
+import resource
 import statistics
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
@@ -44,9 +45,13 @@ def write_log(path: Path) -> None:
 
 
 def seconds(command: list[str], folder: str) -> float:
-    start = time.perf_counter()
-    subprocess.run(command, check=True, capture_output=True, cwd=folder)
-    return time.perf_counter() - start
+    """Return the processor time of a process [s]."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run(
+        command, check=True, capture_output=True, cwd=folder, env=os.environ | {"OMP_NUM_THREADS": "1"}
+    )
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def main() -> None:
@@ -76,7 +81,7 @@ def main() -> None:
         [
             "# Cold starts",
             "",
-            f"Python {platform.python_version()}, medians of {rounds} rounds, by turns; made by",
+            f"Processor time, Python {platform.python_version()}, medians of {rounds} rounds, by turns; made by",
             "`benchmarks/decay_cold_start.py`.",
             "",
             *table(medians, names[:4], "import numpy"),

@@ -42,6 +42,7 @@ def milliseconds(tmp_path):
     return log
 
 
+@pytest.mark.slow
 def test_fit_saves_no_period_that_nothing_has(milliseconds, tmp_path, capsys):
     with pytest.raises(HuskyError, match=r"natural period is 15\d(\.\d)? s.*record is unchanged.*--rate"):
         run("fit", milliseconds, "--board", "pink", "--workspace", tmp_path)
