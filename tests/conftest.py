@@ -25,7 +25,7 @@ def real_logs() -> Path:
 
 @pytest.fixture(scope="session")
 def film_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where rendered films are kept; skips where nothing can be rendered."""
+    """One folder of rendered films for all processes of a test run; skips where nothing can be rendered."""
     try:
         import mujoco
 
@@ -34,15 +34,18 @@ def film_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         pytest.skip(
             f"films cannot be rendered here ({error}); install EGL (libegl1 libgl1-mesa-dri) or set MUJOCO_GL"
         )
-    return tmp_path_factory.mktemp("films")
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "films"
+    folder.mkdir(exist_ok=True)
+    return folder
 
 
 @pytest.fixture(scope="session")
 def film_of(film_folder: Path) -> Callable[[str], Any]:
     """The film of that name in `films.FILMS`, a `films.TestFilm`; rendered when it is first asked for."""
-    from films import FILMS, make_film
+    from films import shared_film
 
-    return functools.cache(lambda name: make_film(film_folder, name, *FILMS[name]))
+    return functools.partial(shared_film, film_folder)
 
 
 @pytest.fixture

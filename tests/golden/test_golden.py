@@ -10,7 +10,6 @@ import shutil
 from pathlib import Path
 
 import pytest
-from films import GROUP
 from golden_cases import FILMED, STORE, cases, differences, machine, make_logs, read, run
 
 RTOL, ATOL = 1e-6, 2e-10
@@ -39,8 +38,7 @@ def filmed(tmp_path_factory, film_of) -> Path:
 
 
 def marked(case):
-    group = GROUP if case.needs == "film" else pytest.mark.xdist_group("golden")  # the logs are made once
-    return pytest.param(case, id=case.name, marks=[group, pytest.mark.slow] if case.slow else [group])
+    return pytest.param(case, id=case.name, marks=[pytest.mark.slow] if case.slow else [])
 
 
 @pytest.mark.parametrize("case", [marked(case) for case in cases()])

@@ -1,12 +1,9 @@
 """Pictures of a film on the time line of its roll."""
 
 import numpy as np
-from films import GROUP
 
 from reports.rerun.film_frames import read_film
 from sysid.logs import LogOptions
-
-pytestmark = GROUP
 
 
 def test_a_film_comes_with_its_pictures_in_step_with_its_roll(marker_film):

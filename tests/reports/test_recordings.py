@@ -23,8 +23,6 @@ from sysid.recording import Recording
 from sysid.releases import find_releases
 from sysid.workspace import Workspace
 
-pytestmark = pytest.mark.xdist_group("recording")  # one gathered evidence, one recording of it
-
 rerun_chunk = pytest.importorskip("rerun.chunk", reason="rerun-sdk is not installed")
 
 

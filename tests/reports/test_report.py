@@ -16,8 +16,6 @@ from reports.page.page import Page, choices, figure, table
 from sysid.cli import build_app
 from sysid.errors import HuskyError
 
-pytestmark = pytest.mark.xdist_group("page")  # one fitted workspace, one browser
-
 REPORTS = Path(__file__).parents[2] / "reports"
 
 

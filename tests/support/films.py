@@ -1,10 +1,11 @@
 """Small rendered films with known roll, made once for the whole test run."""
 
+import fcntl
+import pickle
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 from film import Camera, film
 from film_set import Mark, Motion, rock
 
@@ -25,9 +26,7 @@ FILMS: dict[str, tuple[Mark, Camera]] = {
     "edge": ("edge", replace(SMALL, noise=2.0)),
     "features": ("none", replace(SMALL, noise=2.0)),
 }
-"""What more than one test looks at: `film_of` of `conftest.py` renders each once."""
-GROUP = pytest.mark.xdist_group("films")
-"""Tests of these films: one process for all."""
+"""What more than one test looks at: mark and camera."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +49,16 @@ class TestFilm:
             return difference - np.median(difference[-10:])
 
         return error(min(np.linspace(-0.006, 0.006, 121), key=lambda o: np.sum((error(o) / roll.std) ** 2)))
+
+
+def shared_film(folder: Path, name: str) -> TestFilm:
+    """Return a film of `FILMS`; of all processes that share the folder, the first to ask renders it."""
+    made = folder / f"{name}.pickle"
+    with (folder / f"{name}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not made.exists():
+            made.write_bytes(pickle.dumps(make_film(folder, name, *FILMS[name])))
+    return pickle.loads(made.read_bytes())
 
 
 def make_film(folder: Path, name: str, mark: Mark, camera: Camera, duration: float = 0.9) -> TestFilm:

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from film_container import turned
-from films import GROUP, SMALL, TestFilm, make_film
+from films import SMALL, TestFilm, make_film
 
 from sysid.errors import HuskyError
 from sysid.logs.clock_offset import clock_offset
@@ -25,8 +25,6 @@ from sysid.video.film.frames import Frame, open_clip
 from sysid.video.film.shake import fit_rotations, seen_places, whole_shake
 from sysid.video.options import VIDEO_SUFFIXES
 from sysid.video_roll import VideoOptions, roll_from_video
-
-pytestmark = GROUP
 
 LIMIT = {"marker": 0.15, "dots": 0.3, "edge": 0.3, "features": 0.5}
 """Allowed RMSE [deg]."""
