@@ -206,6 +206,7 @@ SIZES = (
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(data=st.data())
 def test_any_effects_make_a_finite_log_or_one_clear_refusal(data: st.DataObject) -> None:
