@@ -9,7 +9,6 @@ from cyclopts import Parameter
 
 from sysid.board import Board
 from sysid.cli.console import Common, Printer, require_share
-from sysid.cli.diagnose import signal_of
 from sysid.cli.log_options import LogArguments, keep_logs
 from sysid.cli.view import read_logs, write_recording
 from sysid.files import atomic_path, sha256, write_json
@@ -50,6 +49,7 @@ def compare(
     from reports.evidence import find_logs
     from sysid.comparison.compare import compare as compare_releases
     from sysid.decay.plausibility import amplitude_warnings
+    from sysid.fitting.records import signal_of
 
     require_share("--tolerance", tolerance)
     printer = Printer(common)

@@ -139,7 +139,7 @@ def decay_json(board: str, roll: "Roll", result: "FreeDecay") -> dict[str, Any]:
             "unit": "rad" if result.trace.signal == "roll" else "rad/s",
             "linear": result.linear,
         },
-        "patterns": [{"effects": list(p.effects), "text": p.text} for p in result.patterns],
+        "patterns": [{"effects": list(p.effects), "text": p.text} for p in result.nonlinearities],
         "notes": list(roll.notes),
         "warnings": [*roll.warnings, *result.warnings],
     }
@@ -207,7 +207,7 @@ def _plain(value: float) -> str:
 
 def _verdict(result: "FreeDecay") -> str:
     ratio = result.trace.noise / result.floor.std if result.floor.std > 0 else float("inf")
-    if any(pattern.misleads for pattern in result.patterns):
+    if any(found.hidden_by_linear_fit for found in result.nonlinearities):
         levels = ", ".join(f"{_degrees(rest.value):+.2f}°" for rest in result.rest_angles[:6])
         return (
             f"✗ not a linear decay: it rests at {levels}, where a spring and a damper come back to one angle; k and d "

@@ -13,7 +13,6 @@ from sysid.board import Board
 from sysid.cli.console import Common, Printer
 from sysid.cli.log_options import LogArguments, load_releases
 from sysid.files import write_json
-from sysid.roll import Release
 
 if TYPE_CHECKING:
     from sysid.diagnosis.diagnose import Candidate, Diagnosis
@@ -45,6 +44,7 @@ def diagnose(
         common: Options of every command.
     """
     from sysid.diagnosis.diagnose import diagnose as search
+    from sysid.fitting.records import signal_of
 
     printer = Printer(common)
     record = common.space.load_board(board)
@@ -61,14 +61,6 @@ def diagnose(
     printer.say(f"written: {path}")
     printer.result(content)
     return 0
-
-
-def signal_of(releases: list[Release]) -> dict[str, Any]:
-    """Return which signal to fit: the rate where roll is only its integral, own zeros where roll was fused."""
-    origins = {release.origin for release in releases}
-    if origins == {"gyro"} and all(release.rate is not None for release in releases):
-        return {"use_rate": True}
-    return {"bias": "own" if origins & {"gyro", "imu"} else "shared"}
 
 
 @contextmanager

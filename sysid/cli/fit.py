@@ -9,7 +9,6 @@ from cyclopts import Parameter
 
 from sysid.board import Board
 from sysid.cli.console import Common, Printer
-from sysid.cli.diagnose import signal_of
 from sysid.cli.fit_intervals import show_intervals
 from sysid.cli.log_options import LogArguments, load_releases
 from sysid.files import atomic_path
@@ -61,6 +60,7 @@ def fit(
     from sysid.decay.plausibility import amplitude_warnings, period_warnings, refuse_period
     from sysid.fit_mjcf import FitOptions, check_effects, fit_joint, heldout_rmse
     from sysid.fitting.record_update import recorded, refuse_bad
+    from sysid.fitting.records import signal_of
 
     printer = Printer(common)
     record = common.space.load_board(board)

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from sysid.cli.console import Common, Printer
-from sysid.cli.diagnose import progress_bar, signal_of
+from sysid.cli.diagnose import progress_bar
 from sysid.cli.log_options import LogArguments, keep_logs
 from sysid.cli.view import no_logs, read_logs
 from sysid.errors import HuskyError
@@ -44,6 +44,7 @@ def report(
     from reports.evidence import find_logs, gather
     from reports.page.board import Provenance, board_report
     from sysid.fit_mjcf import FitOptions
+    from sysid.fitting.records import signal_of
 
     printer = Printer(common)
     space = common.space

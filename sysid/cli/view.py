@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from sysid.board import Board
 from sysid.cli.console import Common, Printer
-from sysid.cli.diagnose import progress_bar, signal_of
+from sysid.cli.diagnose import progress_bar
 from sysid.cli.log_options import LogArguments, keep_logs, load_roll, say_notes
 from sysid.errors import HuskyError
 from sysid.roll import Release, Roll
@@ -164,6 +164,7 @@ def write_recording(
     from reports.rerun.decay import comparison_recording
     from reports.rerun.stream import need_rerun
     from sysid.fit_mjcf import FitOptions
+    from sysid.fitting.records import signal_of
 
     need_rerun()
     options = FitOptions(**signal_of(list(material.releases)))

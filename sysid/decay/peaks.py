@@ -10,7 +10,7 @@ import numpy as np
 from sysid.decay.linear_fit import decay_basis
 from sysid.decay.numbers import t95
 from sysid.quantity import Quantity
-from sysid.releases.extrema import find_swing
+from sysid.releases.extrema import smooth_signal
 from sysid.roll import Array, Release
 
 WINDOW = 0.7
@@ -26,7 +26,7 @@ class Peak:
     """One turning point of a free decay."""
 
     number: int
-    """Half-cycles since the release; 0 is the release itself, where the deck was held still before."""
+    """Half-swings since the release; 0 is the release itself, where the deck was held still before."""
     time: float
     """[s] on the log's clock."""
     time_std: float
@@ -63,11 +63,11 @@ def find_peaks(release: Release, rest: float, omega_n: float, omega_d: float, no
         release: The free decay; its roll without drift.
         rest: Rest angle [rad].
         omega_n: Natural frequency, for the width of the local fits [rad/s].
-        omega_d: Frequency of the oscillation, for the numbers of the half-cycles [rad/s].
+        omega_d: Frequency of the oscillation, for the numbers of the half-swings [rad/s].
         noise: Standard deviation of one sample [rad], positive.
     """
-    swing = find_swing(release.time, release.roll, noise)
-    offset = np.interp(release.time, swing.time, swing.roll) - rest
+    signal = smooth_signal(release.time, release.roll, noise)
+    offset = np.interp(release.time, signal.time, signal.roll) - rest
     first = _release_peak(release, rest, omega_n, omega_d, noise) if release.hold > 0 else None
     peaks = [] if first is None else [first]
     passages = np.flatnonzero(np.diff(np.sign(offset)) != 0)

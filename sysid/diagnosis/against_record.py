@@ -16,7 +16,8 @@ from sysid.fitting.problem import Problem
 from sysid.fitting.search import FRICTION
 from sysid.joint.equations import structure_of
 from sysid.least_squares import Normal, minimise
-from sysid.noise.floor import correlation_length, sensor_step
+from sysid.noise.floor import sensor_step
+from sysid.noise.whiteness import correlation_length
 from sysid.quantity import Quantity
 from sysid.roll import Array
 
