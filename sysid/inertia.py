@@ -14,8 +14,7 @@ import numpy as np
 from sysid.board import Board, BoardEffect
 from sysid.decay.numbers import decay_from_peaks
 from sysid.errors import HuskyError
-from sysid.propagation import propagate
-from sysid.quantity import Quantity
+from sysid.quantity import Quantity, propagate
 
 UNIT = "kg*m^2"
 GRAVITY = Quantity(9.80665, 0.013, "m/s^2")

@@ -17,9 +17,7 @@ from scipy.integrate import solve_ivp
 from sysid import inertia
 from sysid.board import Board, BoardEffect
 from sysid.errors import HuskyError
-from sysid.propagation import error_budget, propagate
-from sysid.quantity import Z95, Quantity
-from sysid.quantity_text import parse_quantity
+from sysid.quantity import Z95, Quantity, error_budget, parse_quantity, propagate
 from sysid.static_tilt import TiltTest, Weighing, static_tilt
 from sysid.workspace import Workspace
 

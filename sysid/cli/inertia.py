@@ -11,8 +11,7 @@ from cyclopts import App, Parameter
 
 from sysid.cli.console import Common, Printer
 from sysid.errors import HuskyError
-from sysid.quantity import Quantity
-from sysid.quantity_text import parse_quantity
+from sysid.quantity import Quantity, parse_quantity
 
 NOTES = """Quantities are written 2.58, 2.58±0.05 or 2.58+-0.05 in SI units (± is the 95 % interval), or with a unit: 20±0.2cm,
 184ms, 3.1deg, 6.5Hz. Distances are from the tilt axis. Every method takes --json PATH and --workspace DIR, and
@@ -296,7 +295,7 @@ def _report(name: str, method: Callable[..., Quantity], given: Mapping[str, str]
 
 
 def _budget(method: Callable[..., Quantity], inputs: Mapping[str, Quantity]) -> dict[str, float]:
-    from sysid.propagation import error_budget
+    from sysid.quantity import error_budget
 
     return error_budget(method, inputs)
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from sysid.errors import HuskyError
-from sysid.quantity import Z95, Quantity
+from sysid.quantity import Quantity, t95
 from sysid.roll import Array
 
 UNITS = {
@@ -143,23 +143,6 @@ def numbers_from_decrement(
     return decay_numbers(
         omega_n, zeta, covariance, inertia, degrees_of_freedom=degrees_of_freedom, method=method
     )
-
-
-def t95(degrees_of_freedom: float) -> float:
-    """Half-width of a 95 % interval in standard deviations: Student's t, 1.96 for many samples.
-
-    With t = √ν tan θ the density of θ is cos^(ν-1) θ, so the quantile is read off its running integral;
-    for many degrees of freedom Cornish and Fisher's series is right to 4e-5. Neither needs scipy, whose
-    import would take longer than the whole fit.
-    """
-    nu = max(degrees_of_freedom, 1.0)
-    if nu > 40:
-        z = Z95
-        return z + (z**3 + z) / (4 * nu) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * nu**2)
-    theta = np.linspace(0, math.pi / 2, 20_001)
-    density = np.cos(theta) ** (nu - 1)
-    share = np.concatenate([[0.0], np.cumsum(density[1:] + density[:-1])])
-    return math.sqrt(nu) * math.tan(float(np.interp(0.95 * share[-1], share, theta)))
 
 
 def _from_decrement(delta: float, period: float) -> tuple[float, float, Array]:

@@ -8,8 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from sysid.decay.linear_fit import decay_basis
-from sysid.decay.numbers import t95
-from sysid.quantity import Quantity
+from sysid.quantity import Quantity, t95
 from sysid.releases.extrema import smooth_signal
 from sysid.roll import Array, Release
 
@@ -26,7 +25,7 @@ class Peak:
     """One turning point of a free decay."""
 
     number: int
-    """Half-swings since the release; 0 is the release itself, where the deck was held still before."""
+    """Half-cycles since the release; 0 is the release itself, where the deck was held still before."""
     time: float
     """[s] on the log's clock."""
     time_std: float
@@ -63,7 +62,7 @@ def find_peaks(release: Release, rest: float, omega_n: float, omega_d: float, no
         release: The free decay; its roll without drift.
         rest: Rest angle [rad].
         omega_n: Natural frequency, for the width of the local fits [rad/s].
-        omega_d: Frequency of the oscillation, for the numbers of the half-swings [rad/s].
+        omega_d: Frequency of the oscillation, for the numbers of the half-cycles [rad/s].
         noise: Standard deviation of one sample [rad], positive.
     """
     signal = smooth_signal(release.time, release.roll, noise)

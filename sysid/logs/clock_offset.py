@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from sysid.decay.numbers import t95
 from sysid.errors import HuskyError
-from sysid.quantity import Quantity
+from sysid.quantity import Quantity, t95
 from sysid.roll import Array, Roll
 
 LARGEST = 60.0

@@ -12,11 +12,11 @@ from scipy.special import stdtrit
 
 from sysid.decay.linear_fit import decay_basis, fit_traces
 from sysid.decay.nonlinearity import find_nonlinearities
-from sysid.decay.numbers import decay_numbers, numbers_from_decrement, t95
+from sysid.decay.numbers import decay_numbers, numbers_from_decrement
 from sysid.decay.peaks import Peak, find_peaks
 from sysid.errors import HuskyError
 from sysid.free_decay import decay_from_peaks, free_decay, log_decrement_two_peaks
-from sysid.quantity import Quantity
+from sysid.quantity import Quantity, t95
 from sysid.releases import find_releases, settling_time
 from sysid.roll import Release, Roll
 
