@@ -16,7 +16,7 @@ from sysid.fitting.shooting import Shooting
 from sysid.joint.equations import Structure, build_flow, steps_for
 from sysid.joint.hermite import hermite_matrix
 from sysid.least_squares import Normal
-from sysid.noise.floor import sensor_step
+from sysid.noise.floor import pooled_step
 from sysid.roll import Array, Release
 
 Bias = Literal["shared", "own"]
@@ -49,7 +49,8 @@ def make_records(
         settled: Keep what a coarse sensor shows of the rest: rounded, but where a deck sticks tells its friction.
     """
     records: list[Record] = []
-    coarse = COARSE_STEPS * sensor_step(releases, rate=rate)
+    step = pooled_step(releases, rate=rate)
+    coarse = COARSE_STEPS * step if step > std else 0.0
     for release in releases:
         measured = release.rate if rate and release.rate is not None else release.roll
         end = _end_of_motion(release, measured, std)

@@ -8,6 +8,7 @@ from math import comb
 import numpy as np
 
 from sysid.errors import HuskyError
+from sysid.noise.sensor import quantisation_step
 from sysid.quantity import Z95
 from sysid.roll import Array, Release
 
@@ -104,7 +105,7 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
         )
     std = float(np.sqrt(squares / count))
     unit = "rad/s" if rate else "rad"
-    level = sensor_step(releases, rate=rate)
+    level = pooled_step(releases, rate=rate)
     if level / np.sqrt(12) > std:
         return NoiseFloor(level / float(np.sqrt(12)), f"from the sensor's steps of {level:.3g} {unit}")
     spread = float(np.sqrt(still / resting)) if resting > 50 else 0.0
@@ -142,11 +143,6 @@ def _signal(release: Release, *, rate: bool) -> Array:
     return release.rate if rate and release.rate is not None else release.roll
 
 
-def sensor_step(releases: Sequence[Release], *, rate: bool) -> float:
-    """Return the step of a sensor that has one (most neighbours are equal or one step apart), else 0."""
-    jumps = np.concatenate([np.abs(np.diff(_signal(r, rate=rate))) for r in releases])
-    moving = jumps[jumps > 1e-12]
-    if len(moving) < 8 or len(moving) > 0.95 * len(jumps):
-        return 0.0
-    step = float(moving.min())
-    return step if np.mean(np.abs(moving / step - np.round(moving / step)) < 0.02) > 0.95 else 0.0
+def pooled_step(releases: Sequence[Release], *, rate: bool) -> float:
+    """Return the quantisation step of the sensor behind some releases [rad or rad/s], 0 where none can be seen."""
+    return quantisation_step(np.concatenate([np.diff(_signal(release, rate=rate)) for release in releases]))

@@ -6,6 +6,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from sysid.noise.sensor import quantisation_step
 from sysid.roll import Array, Release
 
 SMOOTHING_REACH = 0.25
@@ -72,14 +73,8 @@ def noise_level(roll: Array) -> float:
     """
     if len(roll) < 8:
         return 0.0
-    third = np.abs(np.diff(roll, 3))
-    steps = np.abs(np.diff(roll))
-    scale = float(np.ptp(roll))
-    moving = steps[steps > 1e-9 * scale] if scale > 0 else steps[:0]
-    noise = 1.4826 * float(np.median(third)) / np.sqrt(20.0)
-    if 0 < len(moving) < 0.7 * len(steps):  # values repeat: an encoder, or a file with few decimals
-        noise = max(noise, float(np.percentile(moving, 5)) / np.sqrt(12.0))
-    return noise
+    noise = 1.4826 * float(np.median(np.abs(np.diff(roll, 3)))) / np.sqrt(20.0)
+    return max(noise, quantisation_step(np.diff(roll)) / np.sqrt(12.0))
 
 
 def smooth_signal(time: Array, roll: Array, std: float) -> SmoothedSignal:
