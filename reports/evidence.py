@@ -11,7 +11,8 @@ from sysid.comparison.compare import Comparison, compare
 from sysid.diagnosis.signatures import LookAlikes, Start, look_alikes
 from sysid.errors import HuskyError
 from sysid.files import sha256
-from sysid.fit_mjcf import FitOptions, JointFit, fit_joint, heldout_rmse
+from sysid.fit_mjcf import FitOptions, fit_joint
+from sysid.fitting.result import JointFit
 from sysid.joint import JointLaw
 from sysid.releases import Phase, log_phases
 from sysid.roll import Array, Release, Roll
@@ -161,7 +162,7 @@ def gather(
             record.signal + residual for record, residual in zip(fit.records, fit.residuals, strict=True)
         )
         rungs.append(
-            Rung(label, fit.law, fit.rmse, heldout_rmse(fit) if heldout else float("nan"), simulated)
+            Rung(label, fit.law, fit.rmse, fit.heldout_rmse() if heldout else float("nan"), simulated)
         )
     if fit is not None:
         warnings += fit.warnings

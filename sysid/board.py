@@ -4,6 +4,8 @@ The record holds what was measured with its uncertainty, what was fitted from wh
 the simulator passed the comparison, and one history line a refit.
 """
 
+import hashlib
+import math
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -35,6 +37,18 @@ TILT_UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "rest_angle": "rad
 """`range` is the largest tilt to either side; `rest_angle` is a roll (right edge down is positive)."""
 DECAY_UNITS = {"period": "s", "first_peak": "rad", "second_peak": "rad"}
 PUBLISHED_UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad"}
+
+PHYSICAL = {
+    "m": (1e-4, 10.0),
+    "kg": (1e-4, 1e3),
+    "kg*m^2": (1e-9, 1e3),
+    "rad": (1e-6, math.pi),
+    "s": (1e-3, 100.0),
+    "N*m/rad": (1e-6, 1e6),
+    "N*m*s/rad": (1e-9, 1e5),
+}
+"""Smallest and largest size of a record's quantities by unit: from a watch's balance wheel to a lorry's axle. Outside,
+a simulation takes for ever or divides by nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +99,24 @@ class Board:
     @property
     def passed(self) -> bool:
         """Whether `check` accepted the board as it is recorded now."""
-        return bool(self.check.get("passed", False))
+        return bool(self.check.get("passed", False)) and not self.check_is_stale
+
+    @property
+    def check_is_stale(self) -> bool:
+        """Whether the record says something else than when it was checked: another fit, or an edit by hand."""
+        return bool(self.check) and self.check.get("digest") != self.digest
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of everything that a check judges: geometry, masses, inertia, tilt joint and effects."""
+        judged = replace(
+            self, description="", source="", decay={}, published={}, fit={}, check={}, history=()
+        )
+        return hashlib.sha256(board_to_toml(judged).encode()).hexdigest()
+
+    def checked(self, entry: Mapping[str, Any]) -> Self:
+        """Return a copy with the verdict of a check on it, which counts as long as what was judged stays as it is."""
+        return replace(self, check={**entry, "digest": self.digest})
 
     def with_tilt(self, **quantities: Quantity) -> Self:
         """Return a copy with some quantities of the tilt joint replaced."""
@@ -103,7 +134,7 @@ def load_board(path: Path) -> Board:
         raw = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         raise HuskyError(f"{path}: cannot read the board record ({error}).") from error
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise HuskyError(f"{path}: not a TOML file ({error}).") from error
     return _Reader(path).board(raw)
 
@@ -251,11 +282,18 @@ class _Reader:
             numbers[key] = float(number)
         if raw.get("unit") != unit and not (unit is None and isinstance(raw.get("unit"), str)):
             raise HuskyError(f"{self.path}: field '{where}.unit' is {raw.get('unit')!r}; expected {unit!r}.")
-        if numbers["std"] < 0:
+        if not 0 <= numbers["std"] < math.inf:
             raise HuskyError(f"{self.path}: field '{where}.std' is {numbers['std']}; expected 0 or more.")
-        if not abs(numbers["value"]) < float("inf") or (positive and numbers["value"] <= 0):
+        if not math.isfinite(numbers["value"]) or (positive and numbers["value"] <= 0):
             kind = "a positive number" if positive else "a finite number"
             raise HuskyError(f"{self.path}: field '{where}.value' is {numbers['value']}; expected {kind}.")
+        least, most = PHYSICAL.get(str(unit), (0.0, math.inf))
+        size = abs(numbers["value"])
+        if (positive and size < least) or size > most:
+            raise HuskyError(
+                f"{self.path}: field '{where}.value' is {numbers['value']:g} {unit}; expected {least:g} to {most:g}, as of "
+                "anything that a hand can rock. Is it in another unit?"
+            )
         return Quantity(numbers["value"], numbers["std"], str(raw["unit"]))
 
     def _table(self, raw: Mapping[str, Any], key: str, where: str = "") -> Mapping[str, Any]:

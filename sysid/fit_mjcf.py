@@ -12,15 +12,14 @@ import numpy as np
 from sysid.board import Board
 from sysid.effects import effect
 from sysid.errors import HuskyError
-from sysid.fitting.covariance import doubts, parameter_quantities, total_covariance
-from sysid.fitting.problem import Bias, Problem, Record, make_records
+from sysid.fitting.problem import Problem
+from sysid.fitting.records import Bias, make_records
+from sysid.fitting.result import JointFit, summarise
 from sysid.fitting.search import scales_of, search
-from sysid.joint import JointLaw
-from sysid.joint.equations import structure_of
+from sysid.joint.structure import structure_of
 from sysid.least_squares import Minimum, minimise
-from sysid.noise.floor import NoiseFloor, noise_floor
-from sysid.quantity import Quantity
-from sysid.roll import Array, Release
+from sysid.noise.floor import noise_floor
+from sysid.roll import Release
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,61 +36,6 @@ class FitOptions:
     """Parameters held at a value, by 'stiffness', 'damping', 'rest_angle' or 'effect.parameter'."""
     steps_per_period: int = 60
     """Of the integrator, in the final fit."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JointFit:
-    """A fitted joint, with what is known of its uncertainty."""
-
-    law: JointLaw
-    quantities: Mapping[str, Quantity]
-    """'stiffness', 'damping', 'rest_angle' and 'effect.parameter', with the inertia's uncertainty in them."""
-    covariance: Array
-    """Of `quantities`, in their order, shape (q, q)."""
-    rmse: float
-    """Root mean square residual over all samples [rad; rad/s if the rate was fitted]."""
-    noise: NoiseFloor
-    records: tuple[Record, ...]
-    starts: tuple[tuple[float, float], ...]
-    """Roll [rad] and rate [rad/s] at each release."""
-    residuals: tuple[Array, ...]
-    """Model minus measurement of each record."""
-    evaluations: int
-    warnings: tuple[str, ...] = ()
-    problem: Problem = field(repr=False)
-    minimum: Minimum = field(repr=False)
-
-    @property
-    def correlation(self) -> Array:
-        """Correlation of the quantities, shape (q, q)."""
-        deviation = np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))
-        return self.covariance / np.outer(deviation, deviation)
-
-    @property
-    def status(self) -> str:
-        """How the search ended, in words."""
-        return f"{self.minimum.status} after {self.evaluations} evaluations"
-
-    @property
-    def kinked(self) -> bool:
-        """Whether the cost has kinks, which an interval from the Jacobian does not see."""
-        structure = self.law.structure
-        return structure.turns or structure.kinked
-
-    @property
-    def measured_rms(self) -> float:
-        """RMS of the measured signal about rest, of all records together."""
-        total, count = 0.0, 0
-        for record in self.records:
-            rest = 0.0 if record.is_rate else self.law.rest_angle
-            total += float(np.sum((record.signal - rest) ** 2))
-            count += len(record.signal)
-        return float(np.sqrt(total / count))
-
-    @property
-    def nrmse(self) -> float:
-        """RMSE over the RMS of the measurement about rest."""
-        return self.rmse / self.measured_rms
 
 
 def check_effects(names: Sequence[str]) -> None:
@@ -143,9 +87,9 @@ def fit_joint(
     fixed = dict(options.fixed)
     if any(effect(name).role == "shift" or name == "sensor-bias" for name in effects):
         fixed.setdefault("rest_angle", board.rest_angle)
-    if options.use_rate or options.bias == "own":
+    if options.use_rate or options.bias == "per-release":
         fixed.setdefault("rest_angle", board.rest_angle)
-    fine = options.steps_per_period * (3 if structure.kinked else 1)
+    fine = options.steps_per_period * (3 if structure.nonsmooth else 1)
     problem, minimum, evaluations = search(
         structure, records, scales, bias=options.bias, fixed=fixed, steps_per_period=fine
     )
@@ -156,18 +100,6 @@ def fit_joint(
     if not np.isfinite(minimum.normal.cost):
         raise HuskyError("the fit found no parameters with a bounded motion. Check the unit of the log.")
     return summarise(problem, minimum, board, noise, evaluations)
-
-
-def heldout_rmse(fit: JointFit) -> float:
-    """Return the error on releases that were left out, one after another [rad or rad/s].
-
-    With one release it is the second half of its motion, predicted from the first.
-    """
-    from sysid.diagnosis.search import Model, Searcher
-
-    searcher = Searcher(records=fit.records, scales=fit.problem.scales, bias=fit.problem.bias)
-    model = Model(effects=fit.problem.structure.effects, problem=fit.problem, minimum=fit.minimum)
-    return searcher.predicted(model).heldout_rmse
 
 
 def _plainest(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimum, int]:
@@ -182,11 +114,7 @@ def _plainest(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimum, int
             name = f"{part.name}.{parameter.name}"
             if parameter.default is None or name not in problem.names:
                 continue
-            simpler = Problem(
-                problem.structure, problem.records, problem.scales, bias=problem.bias,
-                fixed={**problem.fixed, name: parameter.default}, free_states=problem.free_states,
-                steps_per_period=problem.steps_per_period,
-            )  # fmt: skip
+            simpler = problem.with_(fixed={**problem.fixed, name: parameter.default})
             start = np.delete(minimum.point, problem.names.index(name))
             without = minimise(simpler.normal, start, *simpler.bounds())
             evaluations += without.evaluations
@@ -209,44 +137,3 @@ def _robust(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimum]:
         if done:
             break
     return problem, minimum
-
-
-def summarise(
-    problem: Problem, minimum: Minimum, board: Board, noise: NoiseFloor, evaluations: int
-) -> JointFit:
-    """Turn a minimum into quantities with uncertainty."""
-    names = problem.names
-    residuals = problem.residuals(minimum.point)
-    parameters = problem.parameters(minimum.point)
-    covariance = total_covariance(problem, minimum, board)
-    quantities = parameter_quantities(problem, minimum, board, covariance)
-    own = problem.own
-    begins = minimum.point[len(names) :] * problem.sizes()[len(names) :]
-    vector = problem.vector_of(parameters)
-    squares = sum(float(r @ r) for r in residuals)
-    return JointFit(
-        law=JointLaw.from_vector(problem.structure, vector),
-        quantities=quantities,
-        covariance=covariance,
-        rmse=float(np.sqrt(squares / problem.samples)),
-        noise=noise,
-        records=tuple(problem.records),
-        starts=tuple((float(begins[i * own]), float(begins[i * own + 1])) for i in range(len(problem.records))),
-        residuals=tuple(residuals),
-        evaluations=evaluations,
-        warnings=tuple(doubts(problem, minimum, quantities, covariance)),
-        problem=problem,
-        minimum=minimum,
-    )  # fmt: skip
-
-
-def strength(problem: Problem, minimum: Minimum, effects: Sequence[str]) -> dict[str, float]:
-    """Return the peak torque of effects over the peak torque of the joint, along the fitted motion."""
-    from sysid.joint.torques import torque_shares
-
-    law = JointLaw.from_vector(problem.structure, problem.vector_of(problem.parameters(minimum.point)))
-    own, shared = problem.own, len(problem.names)
-    begins = (minimum.point * problem.sizes())[shared:]
-    starts = [(begins[i * own], begins[i * own + 1]) for i in range(len(problem.records))]
-    times = [record.time for record in problem.records]
-    return torque_shares(law, times, starts, effects)

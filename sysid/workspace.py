@@ -1,11 +1,12 @@
 """Where boards are found and outputs land."""
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from sysid.board import Board, load_board, save_board
 from sysid.errors import HuskyError, did_you_mean
+from sysid.files import locked
 
 
 def shipped_data() -> Path:
@@ -59,14 +60,36 @@ class Workspace:
             raise HuskyError(f"{path}: field 'name' is '{board.name}'; expected '{path.stem}', as the file.")
         return board
 
-    def save_board(self, board: Board) -> Path:
+    def save_board(self, board: Board, *, since: Board | None = None) -> Path:
         """Write a board into the workspace and return its path; in a clone that is where the shipped ones are, too.
 
+        Commands run for minutes, and others may write the record meanwhile. What they added to its history stays; only
+        a refit, which finds the whole joint anew, may replace a joint that has changed since.
+
+        Args:
+            board: The record to write.
+            since: The record as it was read, which `board` was made from; None to write whatever is there.
+
         Raises:
-            HuskyError: The folder cannot be written to.
+            HuskyError: The folder cannot be written to, or what `board` says was found for a joint that has changed
+                since.
         """
         path = self.boards / f"{board.name}.toml"
-        save_board(board, path)
+        with locked(path):
+            if since is None:
+                save_board(board, path)
+                return path
+            now = self.load_board(board.name)
+            is_refit = len(board.history) > len(since.history) and all(
+                getattr(now, name) == getattr(since, name) for name in ("geometry", "mass", "inertia")
+            )
+            if now.digest != since.digest and not is_refit:
+                raise HuskyError(
+                    f"{path}: the joint was changed by another command while this one ran, so what this one found is "
+                    "not true of it. The record stays as the other wrote it; run this again."
+                )
+            new = board.history[len(since.history) :]
+            save_board(replace(board, history=(*now.history, *new)), path)
         return path
 
     def named(self, path: Path) -> str:

@@ -26,6 +26,7 @@ COMMANDS = {
     "boards": "List boards, their parameters and whether they passed the check.",
     "synth": "Make a synthetic log with a known truth.",
     "report": "Write one self-contained HTML file with everything known of a board.",
+    "marker": "Print a page with markers for films, and how to fix and film them.",
     "view": "Show logs and model of a board in Rerun.",
     "motions": "List, plot and play reference motions.",
     "train": "Train a policy for a board.",

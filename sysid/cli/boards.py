@@ -205,6 +205,8 @@ def verdict(board: Board) -> str:
         return "not run"
     nrmse = board.check.get("nrmse")
     error = f" (nrmse {100 * nrmse:.2g} %)" if isinstance(nrmse, int | float) else ""
+    if board.check_is_stale:
+        return "out of date: the record was changed since; run the check again"
     return ("passed" if board.passed else "failed") + error
 
 

@@ -1,7 +1,7 @@
 """`husky-sysid check`: the gate between a measured board and training."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import replace
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -15,8 +15,8 @@ from sysid.errors import HuskyError, QualityGateError
 
 if TYPE_CHECKING:
     from sim.check import SceneCheck
-    from sim.compensation.parasitics import SceneAdditions, TiltJoint
-    from sim.compensation.scene import HeldScene
+    from sim.compensation.parasitics import Parasitics, TiltJoint
+    from sim.compensation.scene import ClampedScene
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
@@ -60,7 +60,7 @@ def check(
         QualityGateError: The scene does not decay as measured.
     """
     from sim.check import check_scene
-    from sim.compensation.parasitics import scene_additions
+    from sim.compensation.parasitics import measure_parasitics
     from sim.mjcf import substituted
 
     require_share("--tolerance", tolerance)
@@ -83,13 +83,18 @@ def check(
             record, 0.005 if timestep is None else timestep, integrator, coupling, export, printer
         )
     result = check_scene(record, scene, releases, tolerance=tolerance)
-    additions = scene_additions(record, scene)
+    additions = measure_parasitics(record, scene)
     unwritten = substituted(record)
     reasons = (*unwritten, *additions.reasons(record, record.tilt["range"].value))
+    if result.only_rest_is_off:
+        reasons = (
+            f"the deck rests {math.degrees(result.rest_error):.2g}° from where the record lets the scene rest (fit the "
+            "record to these logs, or level the sensor)",
+        )
     _print(printer, record, scene, result, additions)
     printer.result(_json(record, scene, result, additions, () if result.passed else reasons))
     if scene_file is None:
-        path = common.space.save_board(replace(record, check=_entry(scene, result, logs)))
+        path = common.space.save_board(record.checked(_entry(scene, result, logs)), since=record)
         printer.note(f"written into {path}")
     else:
         printer.note("the board record is unchanged: its [check] speaks of the scene that the tool builds")
@@ -120,7 +125,7 @@ def _own_scene(
     coupling: Literal["equality", "direct"],
     export: str,
     printer: Printer,
-) -> "HeldScene":
+) -> "ClampedScene":
     from sim.compensation.scene import compensate_in_scene, training_scene
     from sim.compensation.step import compensate_step
 
@@ -136,7 +141,7 @@ def _own_scene(
 
 
 def _print(
-    printer: Printer, record: Board, scene: "HeldScene", result: "SceneCheck", additions: "SceneAdditions"
+    printer: Printer, record: Board, scene: "ClampedScene", result: "SceneCheck", additions: "Parasitics"
 ) -> None:
     printer.say(f"board {record.name} in: {scene.name}; the chassis is held, as on a bench")
     for release in result.releases:
@@ -184,7 +189,7 @@ def _rounded(part: "TiltJoint", wanted: "TiltJoint") -> "TiltJoint":
     )
 
 
-def _entry(scene: "HeldScene", result: "SceneCheck", logs: Sequence[Path]) -> dict[str, Any]:
+def _entry(scene: "ClampedScene", result: "SceneCheck", logs: Sequence[Path]) -> dict[str, Any]:
     return {
         "passed": result.passed,
         "nrmse": float(f"{result.nrmse:.4g}"),
@@ -197,9 +202,9 @@ def _entry(scene: "HeldScene", result: "SceneCheck", logs: Sequence[Path]) -> di
 
 def _json(
     record: Board,
-    scene: "HeldScene",
+    scene: "ClampedScene",
     result: "SceneCheck",
-    additions: "SceneAdditions",
+    additions: "Parasitics",
     reasons: Sequence[str],
 ) -> dict[str, Any]:
     def numbers(joint: "TiltJoint") -> dict[str, float]:
@@ -228,6 +233,7 @@ def _json(
                 "nrmse": release.nrmse,
                 "rmse_rad": release.rmse,
                 "zero_rad": release.zero,
+                "rest_error_rad": release.rest_error,
             }
             for release in result.releases
         ],

@@ -17,7 +17,8 @@ from sysid.roll import Release
 if TYPE_CHECKING:
     from reports.figures.ladder import Rung
     from sim.compensation.step import Compensation
-    from sysid.fit_mjcf import FitOptions, JointFit
+    from sysid.fit_mjcf import FitOptions
+    from sysid.fitting.result import JointFit
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
@@ -58,8 +59,8 @@ def fit(
         common: Options of every command.
     """
     from sysid.decay.plausibility import amplitude_warnings, period_warnings, refuse_period
-    from sysid.fit_mjcf import FitOptions, check_effects, fit_joint, heldout_rmse
-    from sysid.fitting.record_update import recorded, refuse_bad
+    from sysid.fit_mjcf import FitOptions, check_effects, fit_joint
+    from sysid.fitting.record_update import require_usable, updated_board
     from sysid.fitting.records import signal_of
 
     printer = Printer(common)
@@ -80,14 +81,14 @@ def fit(
         refuse_period(frequency, record, log=named)
     for warning in (*odd, *period_warnings(frequency, record, log=named), *result.warnings):
         printer.warn(warning)
-    if result.kinked and not profile:
+    if result.nonsmooth and not profile:
         printer.note(
             "the intervals take the cost for smooth, but dry friction and stops put kinks into it: add --profile to "
             "walk along the cost itself"
         )
-    refuse_bad(result)
-    heldout = heldout_rmse(result)
-    new = recorded(record, result, {common.space.named(log): log for log in logs}, heldout=heldout)
+    require_usable(result)
+    heldout = result.heldout_rmse()
+    new = updated_board(record, result, {common.space.named(log): log for log in logs}, heldout=heldout)
     rungs = _ladder(releases, record, names, options, result, heldout)
     scene: Compensation | None = None
     if in_scene:
@@ -100,9 +101,8 @@ def fit(
     for line in scene.lines() if scene else ():
         printer.say(line)
     picture = _draw(common, new, rungs, result)
-    path = common.space.save_board(
-        new
-    )  # last: what fails or is broken off before leaves the record as it was
+    # Last: what fails or is broken off before leaves the record as it was.
+    path = common.space.save_board(new, since=record)
     printer.say(f"written: {path}, {picture}")
     content = {**_to_json(new, result, heldout, rungs), **intervals}
     printer.result({**content, "in_scene": scene.entry()} if scene else content)
@@ -119,13 +119,13 @@ def _ladder(
 ) -> "list[Rung]":
     """Return the errors from the linear joint up, one effect more on each rung."""
     from reports.figures.ladder import Rung
-    from sysid.fit_mjcf import fit_joint, heldout_rmse
+    from sysid.fit_mjcf import fit_joint
 
     rungs: list[Rung] = []
     for count in range(len(names)):
         step = fit_joint(releases, board, names[:count], options)
         label = f"+ {names[count - 1]}" if count else "spring and\ndamper"
-        rungs.append(Rung(label, step.rmse, heldout_rmse(step)))
+        rungs.append(Rung(label, step.rmse, step.heldout_rmse()))
     label = f"+ {names[-1]}" if names else "spring and\ndamper"
     return [*rungs, Rung(label, result.rmse, heldout)]
 

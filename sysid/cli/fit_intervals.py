@@ -7,9 +7,9 @@ from sysid.cli.console import Common, Printer
 from sysid.files import atomic_path
 
 if TYPE_CHECKING:
-    from sysid.fit_mjcf import JointFit
     from sysid.fitting.bootstrap import Bootstrap
     from sysid.fitting.profile import Profile
+    from sysid.fitting.result import JointFit
 
 
 def show_intervals(

@@ -346,7 +346,7 @@ def _save(board: str, result: Quantity, outcome: Outcome, printer: Printer) -> s
 
     old = outcome.space.load_board(board)
     new = with_inertia(old, result)
-    path = outcome.space.save_board(new)
+    path = outcome.space.save_board(new, since=old)
     for name in ("stiffness", "damping"):
         printer.note(
             f"{board}: {name} {old.tilt[name]} → {new.tilt[name]}, as the decay fixes its ratio to I"

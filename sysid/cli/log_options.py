@@ -14,7 +14,8 @@ from sysid.logs import LogOptions, read_roll
 from sysid.logs.sources.registry import sources
 from sysid.roll import Release, Roll
 from sysid.same_log import refuse_twice
-from sysid.video.options import VIDEO_SUFFIXES, Method, VideoOptions
+from sysid.video.options import VIDEO_SUFFIXES, VideoOptions
+from sysid.video.trackers import Method
 
 
 @Parameter(name="*")

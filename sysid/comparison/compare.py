@@ -11,8 +11,8 @@ import numpy as np
 
 from sysid.board import Board
 from sysid.effects import effect
-from sysid.fitting.initial_state import own_motion
-from sysid.fitting.problem import Bias, Record, make_records
+from sysid.fitting.initial_state import fit_initial_states
+from sysid.fitting.records import Bias, Record, make_records
 from sysid.joint import JointLaw, simulate
 from sysid.joint.torques import effect_torque
 from sysid.noise.floor import NoiseFloor, noise_floor
@@ -155,7 +155,7 @@ def compare(
     noise = noise_floor(releases, rate=use_rate)
     records = make_records(releases, noise.std, rate=use_rate)
     law = law or JointLaw.from_board(board)
-    residuals, starts = own_motion(law, records, bias=bias)
+    residuals, starts = fit_initial_states(law, records, bias=bias)
     compared = tuple(
         _compared(law, record, residual, start)
         for record, residual, start in zip(records, residuals, starts, strict=True)

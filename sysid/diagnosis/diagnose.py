@@ -22,7 +22,7 @@ from sysid.diagnosis.verdict import Case, Judgement, Verdict, heldout_nrmse
 from sysid.diagnosis.workers import Crew
 from sysid.errors import HuskyError
 from sysid.fitting.covariance import parameter_quantities
-from sysid.fitting.problem import Bias, make_records
+from sysid.fitting.records import Bias, make_records
 from sysid.fitting.search import scales_of
 from sysid.noise.floor import NoiseFloor, noise_floor
 from sysid.quantity import Quantity
@@ -98,7 +98,7 @@ def diagnose(
     with Crew(workers) as crew:
         searcher = Searcher(
             records=records, scales=scales, bias=bias, base=tuple(sorted(p.name for p in board.effects)),
-            fixed={"rest_angle": board.rest_angle} if bias == "own" or use_rate else {},
+            fixed={"rest_angle": board.rest_angle} if bias == "per-release" or use_rate else {},
             crew=crew, progress=progress,
         )  # fmt: skip
         models, final = _search(searcher, period)

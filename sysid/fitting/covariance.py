@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.board import Board
-from sysid.fitting.problem import Problem, Record
-from sysid.joint.equations import Structure
+from sysid.fitting.problem import Problem
+from sysid.fitting.records import Record
+from sysid.joint.structure import Structure
 from sysid.least_squares import Minimum
 from sysid.noise.autoregression import ResidualNoise, residual_noise
 from sysid.noise.lasting import kept_after, own_std
@@ -112,7 +113,7 @@ class Sensitivity:
 
 def sensitivity_of(problem: Problem, minimum: Minimum) -> Sensitivity:
     """Return the Jacobian at a minimum and the inverse of its square."""
-    shared, own, sizes = len(problem.names), problem.own, problem.sizes()
+    shared, own, sizes = len(problem.names), problem.n_local, problem.sizes()
     free = ~minimum.at_bound
     rows: list[Array] = []
     square = np.zeros((len(sizes), len(sizes)))
@@ -150,7 +151,7 @@ def _inverse(matrix: Array) -> Array:
     return (vectors / floored) @ vectors.T * np.outer(scale, scale)
 
 
-def doubts(
+def identifiability_warnings(
     problem: Problem, minimum: Minimum, quantities: Mapping[str, Quantity], covariance: Array
 ) -> list[str]:
     """Say what the data do not fix."""
@@ -173,12 +174,14 @@ def doubts(
         if quantity.std > abs(quantity.value) and quantity.value != 0:
             lines.append(f"{name} is not different from zero within its uncertainty ({quantity})")
     lines += [
-        line for part in problem.structure.effects if (line := _combination(part, quantities, covariance))
+        line
+        for part in problem.structure.effects
+        if (line := identified_combination(part, quantities, covariance))
     ]
     return lines
 
 
-def _combination(effect: str, quantities: Mapping[str, Quantity], covariance: Array) -> str:
+def identified_combination(effect: str, quantities: Mapping[str, Quantity], covariance: Array) -> str:
     """Say which combination of an effect's parameters the data fix, where they fix none of them well.
 
     In logarithms a product of powers is a direction, and the best known one is the covariance's narrowest.

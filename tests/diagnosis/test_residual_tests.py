@@ -12,7 +12,7 @@ from sysid.diagnosis.residual_tests import LEFT, has_line, kind_of, whiteness
 from sysid.diagnosis.score_statistic import score_test
 from sysid.diagnosis.search import Searcher
 from sysid.errors import HuskyError
-from sysid.fitting.problem import make_records
+from sysid.fitting.records import make_records
 from sysid.fitting.search import scales_of
 from sysid.noise.autoregression import ResidualNoise, residual_noise
 from sysid.noise.floor import noise_floor, pooled_step

@@ -108,7 +108,7 @@ def test_a_kind_of_sensor_is_one_file(extended, decay, tmp_path):
     extended(sources_package, SOURCE, sources)
     roll = read_roll(log, LogOptions(source="toy"))
     np.testing.assert_allclose(roll.roll, decay[1], atol=1e-12)
-    assert signal_of(find_releases(roll)) == {"use_rate": False, "bias": "own"}
+    assert signal_of(find_releases(roll)) == {"use_rate": False, "bias": "per-release"}
     with pytest.raises(HuskyError, match="angle, imu, gyro, quaternion, toy"):
         read_roll(log, LogOptions(source="pot"))
 

@@ -25,7 +25,6 @@ from sysid.video.film.camera import Lens, lens_of, write_calibration
 from sysid.video.film.frames import Frame, open_clip
 from sysid.video.film.shake import fit_rotations, seen_places, whole_shake
 from sysid.video.options import VIDEO_SUFFIXES
-from sysid.video.trackers.marker import find_marker, marker_svg
 from sysid.video_roll import VideoOptions, roll_from_video
 
 LIMIT = {"marker": 0.15, "dots": 0.3, "edge": 0.3, "features": 0.5}
@@ -258,19 +257,6 @@ def test_red_apple(real_logs):
 
     fit, _ = curve_fit(decay, roll.time, roll.roll, [0, 0.01, 0.4, 3.0, 0.0])
     assert np.hypot(fit[3], fit[1]) == pytest.approx(3.024, rel=0.003)
-
-
-def test_the_printed_marker_is_the_one_that_is_found(tmp_path):
-    svg = marker_svg(11, 80.0)
-    assert 'width="106.7mm"' in svg
-    picture = np.full((400, 400, 3), 255, np.uint8)
-    for rectangle in svg.split("<rect ")[2:]:
-        values = dict(part.split("=") for part in rectangle.split("/>")[0].split())
-        x, y, w, h = (float(values[key].strip('"')) * 3.5 for key in ("x", "y", "width", "height"))
-        picture[round(y) : round(y + h), round(x) : round(x + w)] = 0
-    marker = find_marker(picture)
-    assert marker is not None
-    assert marker.number == 11
 
 
 # Files that are no films, or not of a board.
