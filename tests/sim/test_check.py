@@ -216,7 +216,7 @@ def test_a_scene_that_rests_elsewhere_fails_and_says_so(board: Board, angle: flo
     assert result.rest_error == pytest.approx(-angle, rel=0.05)
     known_no_better = rests_at(board, angle, std=angle)
     assert check_scene(known_no_better, scene, [release]).nrmse < 0.02
-    unknown_zero = replace(release, origin="imu")
+    unknown_zero = replace(release, zero="constant")
     assert check_scene(off, scene, [unknown_zero]).nrmse < 0.02
 
 
