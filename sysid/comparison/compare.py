@@ -153,7 +153,7 @@ def compare(
         HuskyError: The law's motion grows without bound.
     """
     noise = noise_floor(releases, rate=use_rate)
-    records = make_records(releases, noise.std, rate=use_rate)
+    records = make_records(releases, noise.std, rate=use_rate, settled=True)
     law = law or JointLaw.from_board(board)
     residuals, starts = fit_initial_states(law, records, bias=bias)
     compared = tuple(
