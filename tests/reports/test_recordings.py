@@ -17,9 +17,9 @@ from sysid.board import BoardEffect
 from sysid.cli import build_app
 from sysid.effects import catalogue
 from sysid.errors import HuskyError
-from sysid.fit_mjcf import FitOptions
-from sysid.free_decay import free_decay
+from sysid.free_decay import fit_decay
 from sysid.quantity import Quantity
+from sysid.recording import Recording
 from sysid.releases import find_releases
 from sysid.workspace import Workspace
 
@@ -39,7 +39,7 @@ def board():
 @pytest.fixture(scope="module")
 def evidence(board):
     roll = make_roll(Recipe(sampling=500, amplitudes=(0.2, -0.15)))
-    return gather(board, [roll], find_releases(roll), FitOptions(), heldout=False)
+    return gather(board, [Recording.of(roll)], heldout=False)
 
 
 @pytest.fixture(scope="module")
@@ -158,7 +158,7 @@ def test_a_film_comes_with_its_pictures_in_step_with_its_roll(tmp_path):
 
 def test_the_decay_recording_holds_log_fit_and_peaks(tmp_path):
     roll = make_roll(Recipe(sampling=500, amplitudes=(0.2, -0.15)))
-    decay = free_decay(find_releases(roll), Quantity(8.7e-3, 1e-4, "kg*m^2"))
+    decay = fit_decay(find_releases(roll), Quantity(8.7e-3, 1e-4, "kg*m^2"))
     path = tmp_path / "decay.rrd"
     decay_recording(path, roll, decay, decay_summary("pink", decay))
     logged = series(path)
