@@ -189,4 +189,5 @@ def _compared(law: JointLaw, record: Record, residual: Array, start: tuple[float
         roll=path.roll,
         rate=path.rate,
         rmse=float(np.sqrt(np.mean(residual**2))),
+        measures_rate=record.is_rate,
     )
