@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from sysid.board import Board
 from sysid.cli.console import Common, Printer, require_share
-from sysid.cli.log_options import LogArguments, keep_logs, load_recordings
+from sysid.cli.log_options import LogArguments, load_recordings, refuse_overwriting_logs
 from sysid.errors import HuskyError, QualityGateError
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def check(
         raise HuskyError(f"--timestep {timestep:g}: expected seconds between 0 and 0.05, such as 0.005.")
     printer = Printer(common)
     record = common.space.load_board(board)
-    keep_logs([*logs, *([] if scene_file is None else [scene_file])], arguments, printer)
+    refuse_overwriting_logs([*logs, *([] if scene_file is None else [scene_file])], arguments, printer)
     recordings = load_recordings(logs, arguments, printer)
     releases = [release for recording in recordings for release in recording.releases]
     if scene_file is not None:

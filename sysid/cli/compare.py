@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from sysid.cli.console import Common, Printer, require_share
-from sysid.cli.log_options import LogArguments, keep_logs
+from sysid.cli.log_options import LogArguments, refuse_overwriting_logs
 from sysid.cli.view import read_logs, write_recording
 from sysid.files import atomic_path, write_json
 
@@ -45,7 +45,7 @@ def compare(
 
     require_share("--tolerance", tolerance)
     printer = Printer(common)
-    keep_logs(logs, arguments, printer, {"--rerun": rerun})
+    refuse_overwriting_logs(logs, arguments, printer, {"--rerun": rerun})
     record = common.space.load_board(board)
     files = find_logs(record, logs, common.space) if logs else []
     material = read_logs(files, arguments, printer, films=rerun is not None)

@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from sysid.cli.console import Common, Printer
-from sysid.cli.log_options import LogArguments, keep_logs, load_recordings
+from sysid.cli.log_options import LogArguments, load_recordings, refuse_overwriting_logs
 from sysid.files import atomic_path, write_json
 
 _NO_ARGUMENTS = LogArguments()
@@ -40,7 +40,7 @@ def decay(
     from sysid.free_decay import fit_decay
 
     printer = Printer(common)
-    keep_logs([log], arguments, printer, {"--rerun": rerun})
+    refuse_overwriting_logs([log], arguments, printer, {"--rerun": rerun})
     record = common.space.load_board(board)
     recordings = load_recordings([log], arguments, printer)
     result = fit_decay(recordings, board=record)

@@ -116,7 +116,7 @@ class LogArguments:
         )
 
 
-def keep_logs(
+def refuse_overwriting_logs(
     logs: Iterable[Path],
     arguments: LogArguments,
     printer: Printer,
@@ -158,7 +158,7 @@ def load_roll(log: Path, arguments: LogArguments, printer: Printer) -> Roll:
     Raises:
         SysidError: The log cannot be read as roll, or would be overwritten.
     """
-    keep_logs([log], arguments, printer)
+    refuse_overwriting_logs([log], arguments, printer)
     if unused := unused_options(log, arguments):
         kind = "a film" if is_film(log) else "no film"
         printer.warn(f"{log}: not used: {', '.join(unused)}; this is {kind}")
@@ -182,7 +182,7 @@ def load_recordings(logs: Sequence[Path], arguments: LogArguments, printer: Prin
     """
     if not logs:
         raise SysidError("no log was given.")
-    keep_logs(logs, arguments, printer)
+    refuse_overwriting_logs(logs, arguments, printer)
     refuse_duplicates(logs)
     return [recording_of(load_roll(log, arguments, printer), arguments) for log in logs]
 

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from sysid.cli.console import Common, Printer
 from sysid.cli.diagnose import progress_bar
-from sysid.cli.log_options import LogArguments, keep_logs
+from sysid.cli.log_options import LogArguments, refuse_overwriting_logs
 from sysid.cli.view import no_logs, read_logs
 from sysid.errors import HuskyError
 from sysid.files import write_atomically
@@ -50,7 +50,9 @@ def report(
     files = find_logs(record, logs, space)
     if not files:
         raise HuskyError(no_logs(record))
-    keep_logs([file.found for file in files if file.found], arguments, printer, {"--output": output})
+    refuse_overwriting_logs(
+        [file.found for file in files if file.found], arguments, printer, {"--output": output}
+    )
     for file in files:
         if file.found is None:
             printer.warn(f"{file.path}: {file.state}")

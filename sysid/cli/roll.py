@@ -8,7 +8,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from sysid.cli.console import Common, Printer
-from sysid.cli.log_options import LogArguments, keep_logs, load_roll
+from sysid.cli.log_options import LogArguments, load_roll, refuse_overwriting_logs
 from sysid.errors import HuskyError
 from sysid.files import atomic_path
 
@@ -40,7 +40,9 @@ def roll(
     overlay = arguments.video.overlay
     if overlay is not None and overlay.resolve() == output.resolve():
         raise HuskyError(f"--overlay {overlay}: --output is the same file. Give each its own name.")
-    keep_logs([log, *([] if align is None else [align])], arguments, printer, {"--output": output})
+    refuse_overwriting_logs(
+        [log, *([] if align is None else [align])], arguments, printer, {"--output": output}
+    )
     signal = load_roll(log, arguments, printer)
     offset = None
     if align is not None:

@@ -12,7 +12,14 @@ from cyclopts import Parameter
 from sysid.board import Board
 from sysid.cli.console import Common, Printer
 from sysid.cli.diagnose import progress_bar
-from sysid.cli.log_options import LogArguments, is_film, keep_logs, load_roll, recording_of, say_notes
+from sysid.cli.log_options import (
+    LogArguments,
+    is_film,
+    load_roll,
+    recording_of,
+    refuse_overwriting_logs,
+    say_notes,
+)
 from sysid.errors import SysidError
 from sysid.recording import Recording, refuse_duplicates
 
@@ -47,7 +54,9 @@ def view(
     printer = Printer(common)
     record = common.space.load_board(board)
     files = find_logs(record, logs, common.space)
-    keep_logs([file.found for file in files if file.found], arguments, printer, {"--output": output})
+    refuse_overwriting_logs(
+        [file.found for file in files if file.found], arguments, printer, {"--output": output}
+    )
     for file in files:
         if file.found is None:
             printer.warn(f"{file.path}: {file.state}")
