@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.cli.diagnose import progress_bar
 from sysid.cli.log_options import LogArguments, refuse_overwriting_logs
 from sysid.cli.view import no_logs, read_logs
@@ -23,7 +23,7 @@ _NO_COMMON = Common()
 def report(
     *logs: Path,
     board: Annotated[str, Parameter(name=("--board", "-b"))],
-    output: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None,
+    output: Annotated[Path | None, Parameter(name=("--output", "-o"), group=OUTPUT)] = None,
     tolerance: float = 0.02,
     arguments: LogArguments = _NO_ARGUMENTS,
     common: Common = _NO_COMMON,

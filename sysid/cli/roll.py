@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from cyclopts import Parameter
 
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.cli.log_options import LogArguments, load_roll, refuse_overwriting_logs
 from sysid.errors import HuskyError
 from sysid.files import atomic_path
@@ -22,7 +22,7 @@ def roll(
     log: Path,
     /,
     *,
-    output: Annotated[Path, Parameter(name=("--output", "-o"))],
+    output: Annotated[Path, Parameter(name=("--output", "-o"), group=OUTPUT)],
     align: Annotated[Path | None, Parameter(name="--align")] = None,
     arguments: LogArguments = _NO_ARGUMENTS,
     common: Common = _NO_COMMON,

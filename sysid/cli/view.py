@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from sysid.board import Board
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.cli.diagnose import progress_bar
 from sysid.cli.log_options import (
     LogArguments,
@@ -34,7 +34,7 @@ _NO_COMMON = Common()
 def view(
     *logs: Path,
     board: Annotated[str, Parameter(name=("--board", "-b"))],
-    output: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None,
+    output: Annotated[Path | None, Parameter(name=("--output", "-o"), group=OUTPUT)] = None,
     arguments: LogArguments = _NO_ARGUMENTS,
     common: Common = _NO_COMMON,
 ) -> int:
