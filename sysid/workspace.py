@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sysid.board import Board, boards_folder, find_record, record_names, save_board
 from sysid.errors import SysidError
-from sysid.files import locked
+from sysid.files import locked, write_atomically
 from sysid.files import shipped_data as shipped_data
 
 
@@ -58,7 +58,7 @@ class Workspace:
         path = self.boards / f"{board.name}.toml"
         with locked(path):
             if since is None:
-                save_board(board, path)
+                self._replace(board, path)
                 return path
             now = self.load_board(board.name)
             is_refit = len(board.history) > len(since.history) and all(
@@ -70,7 +70,44 @@ class Workspace:
                     "not true of it. The record stays as the other wrote it; run this again."
                 )
             new = board.history[len(since.history) :]
-            save_board(replace(board, history=(*now.history, *new)), path)
+            self._replace(replace(board, history=(*now.history, *new)), path)
+        return path
+
+    def _replace(self, board: Board, path: Path) -> None:
+        """Write a record, and keep the one that it replaces for `undo`."""
+        try:
+            old = self.board_path(board.name).read_bytes()
+        except SysidError:  # there is none
+            save_board(board, path)
+            return
+        kept = self.earlier(board.name)
+        number = int(kept[-1].stem) + 1 if kept else 1
+        write_atomically(self._earlier(board.name) / f"{number:04d}.toml", old)
+        save_board(board, path)
+
+    def _earlier(self, name: str) -> Path:
+        return self.boards / ".earlier" / name
+
+    def earlier(self, name: str) -> list[Path]:
+        """Return the records that a board had before, oldest first."""
+        return sorted(self._earlier(name).glob("*.toml"))
+
+    def undo(self, name: str) -> Path:
+        """Put a board's record back to what it was before it was last written, and return its path.
+
+        Raises:
+            SysidError: It was never changed here.
+        """
+        path = self.boards / f"{name}.toml"
+        with locked(path):
+            kept = self.earlier(name)
+            if not kept:
+                raise SysidError(
+                    f"board '{name}' was never changed in this workspace, so there is nothing to go back to. Is it in another "
+                    "(--workspace)?"
+                )
+            write_atomically(path, kept[-1].read_bytes())
+            kept[-1].unlink()
         return path
 
     def named(self, path: Path) -> str:

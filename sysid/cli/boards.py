@@ -123,9 +123,9 @@ def _show(space: Workspace, name: str, printer: Printer) -> None:
             "mass": _json(board.mass),
             "tilt": _json(board.tilt),
             "effect": [{"name": e.name, "parameters": _json(e.parameters)} for e in board.effects],
-            "fit": _plain(board.fit),
-            "check": _plain(board.check),
-            "history": [_plain(line) for line in board.history],
+            "fit": plain(board.fit),
+            "check": plain(board.check),
+            "history": [plain(line) for line in board.history],
         }
     )
 
@@ -244,12 +244,12 @@ def _json(quantities: Mapping[str, Quantity]) -> dict[str, object]:
     return {key: quantity.to_json() for key, quantity in quantities.items()}
 
 
-def _plain(content: Any) -> Any:
+def plain(content: Any) -> Any:
     """TOML values as JSON has them: dates become text, NaN becomes null."""
     if isinstance(content, Mapping):
-        return {str(key): _plain(value) for key, value in content.items()}
+        return {str(key): plain(value) for key, value in content.items()}
     if isinstance(content, list | tuple):
-        return [_plain(value) for value in content]
+        return [plain(value) for value in content]
     if isinstance(content, float) and not math.isfinite(content):
         return None
     return content if isinstance(content, bool | int | float | str) else str(content)
