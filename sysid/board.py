@@ -92,12 +92,9 @@ class Board:
         Raises:
             SysidError: There is no such board, or its record is not valid.
         """
-        is_file = Path(name).suffix == ".toml"
-        path = Path(name) if is_file else find_record(str(name), Path(workspace))
-        board = load_board(path)
-        if not is_file and board.name != path.stem:
-            raise HuskyError(f"{path}: field 'name' is '{board.name}'; expected '{path.stem}', as the file.")
-        return board
+        return (
+            load_board(Path(name)) if Path(name).suffix == ".toml" else load_named(str(name), Path(workspace))
+        )
 
     def save(self, path: str | Path) -> None:
         """Write the record into a TOML file, in one step: a crash at any moment leaves an old one whole.
@@ -176,6 +173,19 @@ def find_record(name: str, workspace: Path) -> Path:
         f"unknown board '{name}'.{did_you_mean(name, names)} Known boards: {', '.join(names)}. "
         f"A new one is a file {own / f'{name}.toml'}."
     )
+
+
+def load_named(name: str, workspace: Path) -> Board:
+    """Read the record that a name means, which is no path.
+
+    Raises:
+        SysidError: There is no such board, or its record is not valid.
+    """
+    path = find_record(name, workspace)
+    board = load_board(path)
+    if board.name != path.stem:
+        raise HuskyError(f"{path}: field 'name' is '{board.name}'; expected '{path.stem}', as the file.")
+    return board
 
 
 def load_board(path: Path) -> Board:

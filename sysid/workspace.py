@@ -4,7 +4,7 @@ import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from sysid.board import Board, boards_folder, find_record, record_names, save_board
+from sysid.board import Board, boards_folder, find_record, load_named, record_names, save_board
 from sysid.errors import SysidError
 from sysid.files import locked, write_atomically
 from sysid.files import shipped_data as shipped_data
@@ -39,7 +39,7 @@ class Workspace:
         Raises:
             SysidError: There is no such board, or its record is not valid.
         """
-        return Board.load(name, self.root)
+        return load_named(name, self.root)
 
     def save_board(self, board: Board, *, since: Board | None = None) -> Path:
         """Write a board into the workspace and return its path; in a clone that is where the shipped ones are, too.
