@@ -8,23 +8,13 @@ from cyclopts import Parameter
 
 from sysid.board import Board
 from sysid.cli.console import Common, Printer
+from sysid.decay.report import LABELS
 from sysid.errors import HuskyError, did_you_mean
 from sysid.quantity import Quantity
 from sysid.workspace import Workspace
 
 if TYPE_CHECKING:
     from sysid.free_decay import DecayNumbers
-
-SYMBOLS = {
-    "log_decrement": "log decrement δ",
-    "damping_ratio": "damping ratio ζ",
-    "period": "period T",
-    "omega_d": "damped frequency ω_d",
-    "omega_n": "natural frequency ω_n",
-    "inertia": "roll inertia I",
-    "stiffness": "stiffness k = I ω_n²",
-    "damping": "damping d = 2ζ√(kI)",
-}
 
 
 def boards(
@@ -94,7 +84,7 @@ def _show(space: Workspace, name: str, printer: Printer) -> None:
     if (numbers := derivation(board)) is not None:
         decay = [(key.replace("_", " "), quantity) for key, quantity in board.decay.items()]
         printer.quantities([*decay, ("roll inertia", board.inertia)], "measured decay")
-        printer.quantities([(SYMBOLS[key], quantity) for key, quantity in numbers.items()], "derived from it")
+        printer.quantities([(LABELS[key], quantity) for key, quantity in numbers.items()], "derived from it")
         printer.say(derivation_line(board))
     if board.effects:
         printer.quantities(

@@ -101,8 +101,8 @@ def check(
         printer.note("the board record is unchanged: its [check] speaks of the scene that the tool builds")
     if result.passed:
         printer.say(
-            f"passed: NRMSE {100 * result.nrmse:.2f} % (tolerance {100 * tolerance:g} %; the noise of the logs hides less "
-            f"than {100 * result.hidden:.1f} %)"
+            f"passed: NRMSE {100 * result.nrmse:.2f} % (tolerance {100 * tolerance:g} %; an error below "
+            f"{100 * result.hidden:.1f} % could not be seen in this noise)"
         )
         for line in unwritten:
             printer.warn(f"{line}: the scene passes all the same")
@@ -166,7 +166,9 @@ def _print(
         ],
     )
     rows = [("wanted at this step", additions.wanted), ("the scene as a whole", additions.whole)]
-    rows += [(name if name == "deck alone" else f"of that: {name}", part) for name, part in additions.parts]
+    rows += [
+        (name if name == "deck alone" else f"contribution of {name}", part) for name, part in additions.parts
+    ]
     printer.table(
         ("tilt joint", "stiffness N·m/rad", "damping N·m·s/rad", "inertia kg·m²"),
         [

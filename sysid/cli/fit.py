@@ -69,10 +69,7 @@ def fit(
     result = fit_recordings(recordings, record, effect, plain=plain, robust=robust, any_period=any_period)
     printer.warnings(result.warnings, recordings)
     if result.joint.nonsmooth and not profile:
-        printer.note(
-            "the intervals take the cost for smooth, but dry friction and stops put kinks into it: add --profile to "
-            "walk along the cost itself"
-        )
+        printer.note("With friction or stops the intervals may be lopsided; --profile computes them exactly.")
     new = result.updated_board({common.space.named(log): log for log in logs})
     scene: Compensation | None = None
     if in_scene:

@@ -169,7 +169,7 @@ def load_roll(log: Path, arguments: LogArguments, printer: Printer) -> Roll:
 
 def say_notes(log: Path, roll: Roll, printer: Printer) -> None:
     """Say on stderr what was inferred while reading a log, and what is wrong with it."""
-    printer.note(f"{log}: " + "; ".join(roll.notes))
+    printer.note("\n".join((str(log), *(f"  {note}" for note in roll.notes))))
     for warning in roll.warnings:
         printer.warn(f"{log}: {warning}")
 
