@@ -23,6 +23,8 @@ class Command(NamedTuple):
     """Command lines, without the program's name."""
     page: str
     """Where to read on, in docs/."""
+    has_parts: bool = False
+    """Whether it is an application of its own, with commands in it."""
 
 
 COMMANDS = {
@@ -68,6 +70,7 @@ COMMANDS = {
             "inertia bifilar --mass 2.58 --separation 150mm --length 1.2 --period 1.692±0.005 --save pink",
         ),
         "inertia.md",
+        has_parts=True,
     ),
     "boards": Command(
         "List boards, their parameters and whether they passed the check.",
@@ -97,6 +100,11 @@ COMMANDS = {
         "Show logs and model of a board in Rerun.",
         ("view --board pink", "view film.mp4 --board pink -o film.rrd"),
         "tutorial.md",
+    ),
+    "marker": Command(
+        "Print a page with markers for films, and how to fix and film them.",
+        ("marker", "marker --number 4 -o marker.png"),
+        "video.md",
     ),
     "motions": Command(
         "List, plot and play reference motions.", ("motions", "motions --plot motions.png"), "training.md"
@@ -130,6 +138,13 @@ COMMANDS = {
 """Every command, in the order of the help."""
 
 
+def epilogue(name: str) -> str:
+    """Return what stands below the options in a command's help: examples, and where to read on."""
+    command = COMMANDS[name]
+    lines = "\n".join(f"husky-sysid {example}" for example in command.examples)
+    return f"Examples:\n\n```\n{lines}\n```\n\nRead on: docs/{command.page}"
+
+
 def build_app() -> "cyclopts.App":
     """Return the application; commands are named here and imported when called."""
     from importlib.metadata import version
@@ -142,13 +157,8 @@ def build_app() -> "cyclopts.App":
         version=lambda: version("husky-sysid"),
     )
     for name, command in COMMANDS.items():
-        lines = "\n".join(f"husky-sysid {example}" for example in command.examples)
-        app.command(
-            f"sysid.cli.{name}:{name}",
-            name=name,
-            help=command.help,
-            help_epilogue=f"Examples:\n\n```\n{lines}\n```\n\nRead on: docs/{command.page}",
-        )
+        more = {} if command.has_parts else {"help_epilogue": epilogue(name)}
+        app.command(f"sysid.cli.{name}:{name}", name=name, help=command.help, **more)
     return app
 
 
