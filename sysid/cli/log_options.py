@@ -4,13 +4,14 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
 from sysid.cli.console import FILM, LOG, Printer
 from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
+from sysid.logs.sources.registry import sources
 from sysid.recording import Recording, refuse_duplicates
 from sysid.roll import Roll
 from sysid.video.options import VIDEO_SUFFIXES, VideoOptions
@@ -67,6 +68,10 @@ class VideoArguments:
 STEEPEST = 45.0
 """Largest angle between the line of sight and the deck's axis [deg]."""
 _NO_VIDEO = VideoArguments()
+if TYPE_CHECKING:
+    _Source = str
+else:
+    _Source = Literal[("auto", *sources())]
 
 
 @Parameter(name="*", group=LOG)
@@ -84,9 +89,7 @@ class LogArguments:
     """Sampling or film frame rate in Hz, where the file's own is missing or wrong (slow motion)."""
     time_column: Annotated[str | None, Parameter(name="--time-column")] = None
     """Column with the time: its name, or its number counted from 1."""
-    source: Annotated[Literal["auto", "angle", "gyro", "imu", "quaternion"], Parameter(name="--source")] = (
-        "auto"
-    )
+    source: Annotated[_Source, Parameter(name="--source")] = "auto"
     """What to make roll from, where a log holds several."""
     lever_arm: Annotated[
         tuple[float, float, float] | None,

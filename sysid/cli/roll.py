@@ -75,7 +75,7 @@ def roll(
         f"{output}: {rows} rows, {signal.sampling_rate:.4g} Hz, roll {low:.2f}° to {high:.2f}°, "
         f"noise {np.rad2deg(np.median(signal.std[inside])):.2g}°"
     )
-    if signal.origin == "video":
+    if signal.errors_last:
         printer.note(
             "a film's errors last from frame to frame, which a table does not tell: give `decay` and `fit` the film itself"
         )

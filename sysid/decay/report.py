@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sysid.quantity import Quantity
-from sysid.releases.find import log_phases
+from sysid.releases.phases import log_phases
 from sysid.text import DEGREES, WIDTH, short, table
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ def report(decay: "FreeDecay", width: int = WIDTH) -> str:
     """Return logs, releases, quantities, law and verdict."""
     named = f" · {decay.board}" if decay.board else ""
     lines = [
-        f"{roll.log} · {len(roll.time)} samples · {roll.sampling_rate:.4g} Hz · {roll.time[-1]:.3g} s{named}"
+        f"{roll.log} · {len(roll.time)} samples · {roll.sampling_rate:.4g} Hz · {roll.time[-1] - roll.time[0]:.3g} s{named}"
         for roll in (recording.roll for recording in decay.recordings)
     ]
     several = len(decay.recordings) > 1
@@ -100,7 +100,7 @@ def equation(decay: "FreeDecay") -> str:
 def verdict(decay: "FreeDecay") -> str:
     """Say whether the decay is a linear one, and what the intervals are made of."""
     ratio = decay.trace.noise / decay.floor.std if decay.floor.std > 0 else float("inf")
-    if any(pattern.misleads for pattern in decay.patterns):
+    if any(found.hidden_by_linear_fit for found in decay.nonlinearities):
         levels = ", ".join(f"{DEGREES * rest.value:+.2f}°" for rest in decay.rest_angles[:6])
         return (
             f"✗ not a linear decay: it rests at {levels}, where a spring and a damper come back to one angle; k and d "
@@ -179,7 +179,7 @@ def to_json(decay: "FreeDecay") -> dict[str, Any]:
             "unit": "rad" if decay.trace.signal == "roll" else "rad/s",
             "linear": decay.linear,
         },
-        "patterns": [{"effects": list(p.effects), "text": p.text} for p in decay.patterns],
+        "patterns": [{"effects": list(p.effects), "text": p.text} for p in decay.nonlinearities],
         "notes": [note for recording in decay.recordings for note in recording.notes],
         "warnings": list(decay.warnings),
     }

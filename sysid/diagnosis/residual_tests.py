@@ -12,7 +12,8 @@ import numpy as np
 from sysid.diagnosis.score_statistic import score_test
 from sysid.diagnosis.search import Model
 from sysid.noise.autoregression import ResidualNoise, residual_noise
-from sysid.noise.floor import FROM_SCATTER, NoiseFloor, autocorrelation, band_excess, correlation_length
+from sysid.noise.floor import FROM_SCATTER, NoiseFloor
+from sysid.noise.whiteness import autocorrelation, band_excess, correlation_length
 from sysid.roll import Array
 
 WHITE = 1e-3

@@ -21,7 +21,17 @@ def gyro_roll():
     angle, rate = linear_decay(time, 15.0, 0.03, 0.2)
     rate = rate + np.random.default_rng(0).normal(0, 0.01, len(time))
     std = np.full(len(time), 0.01)
-    return Roll(log="g", time=time, roll=angle, std=std / 100, origin="gyro", rate=rate, rate_std=std)
+    return Roll(
+        log="g",
+        time=time,
+        roll=angle,
+        std=std / 100,
+        origin="gyro",
+        zero="drifting",
+        measured="rate",
+        rate=rate,
+        rate_std=std,
+    )
 
 
 ROLLS = {

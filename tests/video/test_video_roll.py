@@ -165,7 +165,7 @@ def test_clock_offset_between_film_and_imu(marker_film):
     truth = marker_film.motion.at(time + started + marker_film.stamps[0])
     imu = Roll(
         log="imu", time=time[: len(truth)], roll=truth + 0.002 * rng.normal(size=len(time)),
-        std=np.full(len(time), 0.002), origin="imu",
+        std=np.full(len(time), 0.002), origin="imu", zero="drifting",
     )  # fmt: skip
     offset = clock_offset(film, imu)
     assert offset.value == pytest.approx(started, abs=0.002)
@@ -200,7 +200,14 @@ def test_the_command_puts_a_film_on_the_clock_of_a_log(marker_film, tmp_path):
 def test_clock_offset_refuses_different_motions(marker_film):
     film = roll_from_video(marker_film.path, VideoOptions(readout=0.0))
     time = np.arange(0, 2, 0.005)
-    other = Roll(log="other", time=time, roll=0.1 * np.sin(97 * time), std=np.full(400, 1e-3), origin="imu")
+    other = Roll(
+        log="other",
+        time=time,
+        roll=0.1 * np.sin(97 * time),
+        std=np.full(400, 1e-3),
+        origin="imu",
+        zero="drifting",
+    )
     with pytest.raises(HuskyError, match=r"do not show the same motion|nothing to align by"):
         clock_offset(film, other)
 
