@@ -207,7 +207,7 @@ def _inside(release: Release, tilt_range: float) -> int:
 
 def _rest_error(board: Board, release: Release, zero: float, zero_std: float) -> float:
     """Return by how much the scene rests elsewhere than the log, beyond the 95 % interval of the difference [rad]."""
-    if release.origin != "angle":
+    if release.zero != "known":
         return 0.0  # an integrated rate, a sensor glued on or a camera held at an angle: their zero is not the deck's
     allowed = Z95 * math.hypot(board.tilt["rest_angle"].std, zero_std)
     return zero - min(max(zero, -allowed), allowed)

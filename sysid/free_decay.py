@@ -14,8 +14,8 @@ import numpy as np
 from sysid.board import Board
 from sysid.decay import report as decay_report
 from sysid.decay.linear_fit import BEST_SENSOR, TraceFit, decay_basis, fit_traces
-from sysid.decay.misfit import widened
-from sysid.decay.nonlinearity import Pattern, find_patterns
+from sysid.decay.misfit import inflate_covariance
+from sysid.decay.nonlinearity import Nonlinearity, find_nonlinearities
 from sysid.decay.numbers import DecayNumbers as DecayNumbers
 from sysid.decay.numbers import decay_from_peaks as decay_from_peaks
 from sysid.decay.numbers import decay_numbers, numbers_from_decrement
@@ -23,7 +23,8 @@ from sysid.decay.peaks import Peak, PeakLine, find_peaks, fit_peak_line
 from sysid.decay.peaks import log_decrement_two_peaks as log_decrement_two_peaks
 from sysid.decay.plausibility import amplitude_warnings, period_warnings, record_warnings
 from sysid.errors import HuskyError
-from sysid.noise.floor import NoiseFloor, ljung_box, noise_floor
+from sysid.noise.floor import NoiseFloor, noise_floor
+from sysid.noise.whiteness import ljung_box
 from sysid.quantity import Quantity
 from sysid.recording import Data, Recording, reading_warnings, unpack
 from sysid.roll import Array, Release
@@ -62,7 +63,7 @@ class FreeDecay:
     """Rest angle of each release [rad]."""
     floor: NoiseFloor
     """Sensor noise of what the trace was fitted to."""
-    patterns: tuple[Pattern, ...]
+    nonlinearities: tuple[Nonlinearity, ...]
     """Deviations from a linear decay that peaks and rest levels show."""
     wider: float
     """Growth of the intervals for a residual beyond the noise; 1 where it may be noise."""
@@ -142,7 +143,7 @@ def _fit(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
     trace = fit_traces(releases)
     floor = noise_floor(releases, rate=trace.signal == "rate")
     _refuse_nonsense(releases, trace)
-    trace, wider = widened(trace, floor)
+    trace, wider = inflate_covariance(trace, floor)
     count = f"{len(releases)} release{'s' if len(releases) > 1 else ''}"
     numbers = decay_numbers(
         trace.omega_n,
@@ -161,8 +162,8 @@ def _fit(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
     ]
     line = fit_peak_line(peaks, [rest.std for rest in rests])
     levels = rests if trace.signal == "roll" else ()
-    patterns = tuple(find_patterns(steady, peaks, noise, levels))
-    linear = _is_linear(trace, floor) and not any(pattern.misleads for pattern in patterns)
+    nonlinearities = tuple(find_nonlinearities(steady, peaks, noise, levels))
+    linear = _is_linear(trace, floor) and not any(found.hidden_by_linear_fit for found in nonlinearities)
     decay = FreeDecay(
         releases=tuple(steady),
         numbers=numbers,
@@ -173,7 +174,7 @@ def _fit(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
         two_peaks=_two_peaks(peaks, rests),
         rest_angles=tuple(rests),
         floor=floor,
-        patterns=patterns,
+        nonlinearities=nonlinearities,
         wider=wider,
         linear=linear,
         warnings=(),
@@ -216,7 +217,7 @@ def _rest_angles(
     if trace.signal == "roll":
         rests = [Quantity(f.level, f.level_std, "rad", "whole trace") for f in trace.releases]
         finest = BEST_SENSOR * max(release.amplitude for release in releases)
-        stated = max(fitted.trace.stated for fitted in trace.releases)
+        stated = max(fitted.trace.known_std for fitted in trace.releases)
         return list(releases), rests, max(floor.std, finest, stated)
     steady: list[Release] = []
     rests: list[Quantity] = []
@@ -284,9 +285,9 @@ def _not_linear(decay: FreeDecay) -> str | None:
         return None
     unit = "rad" if decay.trace.signal == "roll" else "rad/s"
     reasons = (
-        "; ".join(pattern.text for pattern in decay.patterns) or "the residual has a shape, see the picture"
+        "; ".join(found.text for found in decay.nonlinearities) or "the residual has a shape, see the picture"
     )
-    if any(pattern.misleads for pattern in decay.patterns):
+    if any(found.hidden_by_linear_fit for found in decay.nonlinearities):
         return (
             f"a linear decay is the wrong model, though it leaves {decay.trace.noise:.2g} {unit} in noise of "
             f"{decay.floor.std:.2g} {unit} only: {reasons}. A level for each release takes that up, and k and d can "
@@ -301,7 +302,7 @@ def _not_linear(decay: FreeDecay) -> str | None:
 
 def _drift(decay: FreeDecay) -> str | None:
     """Say that the sensor's zero moves where a linear decay is right otherwise."""
-    drift = next((pattern for pattern in decay.patterns if pattern.sign == "moving level"), None)
+    drift = next((found for found in decay.nonlinearities if found.sign == "moving level"), None)
     if drift is None or not decay.linear:
         return None
     return f"{drift.text}. Each release has a level of its own here, so k and d do not depend on it"
@@ -322,8 +323,8 @@ def _disagreement(decay: FreeDecay) -> str | None:
 
 
 def _why(decay: FreeDecay) -> str:
-    if decay.patterns:
-        return decay.patterns[0].text
+    if decay.nonlinearities:
+        return decay.nonlinearities[0].text
     used = [
         (group, rest) for group, rest in zip(decay.peaks, decay.rest_angles, strict=True) if len(group) > 1
     ]

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Self
 
 from sysid.errors import SysidError
 from sysid.files import sha256
-from sysid.logs.read import LogOptions, Source, read_roll
-from sysid.releases.find import Phase, find_releases, log_phases
+from sysid.logs.read import read_roll
+from sysid.logs.table.options import LogOptions
+from sysid.releases.find import find_releases
+from sysid.releases.phases import Phase, log_phases
 from sysid.roll import Release, Roll
 from sysid.video.options import VideoOptions
 
@@ -35,7 +37,7 @@ class Recording:
         axis: str | None = None,
         rate: float | None = None,
         time_column: str | None = None,
-        source: Source = "auto",
+        source: str = "auto",
         lever_arm: tuple[float, float, float] | None = None,
         video: VideoOptions | None = None,
         start: float | None = None,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import FIT, Common, Printer
 from sysid.cli.fit_intervals import show_intervals
 from sysid.cli.log_options import LogArguments, load_recordings
 from sysid.cli.parameter_options import parse_bounds, parse_fixed
@@ -25,15 +25,19 @@ def fit(
     /,
     *,
     board: Annotated[str, Parameter(name=("--board", "-b"))],
-    effect: Annotated[tuple[str, ...], Parameter(name="--effect", negative="")] = (),
-    fix: Annotated[tuple[str, ...], Parameter(name="--fix", negative="")] = (),
-    bound: Annotated[tuple[str, ...], Parameter(name="--bound", negative="")] = (),
-    plain: bool = False,
-    robust: bool = False,
-    in_scene: Annotated[bool, Parameter(name="--in-scene", negative="")] = False,
-    profile: Annotated[bool, Parameter(name="--profile", negative="")] = False,
-    bootstrap: int = 0,
-    any_period: Annotated[bool, Parameter(name="--any-period", negative="")] = False,
+    effect: Annotated[
+        tuple[str, ...], Parameter(name="--effect", negative="", group=FIT, show_default=False)
+    ] = (),
+    fix: Annotated[tuple[str, ...], Parameter(name="--fix", negative="", group=FIT, show_default=False)] = (),
+    bound: Annotated[
+        tuple[str, ...], Parameter(name="--bound", negative="", group=FIT, show_default=False)
+    ] = (),
+    plain: Annotated[bool, Parameter(negative="", group=FIT)] = False,
+    robust: Annotated[bool, Parameter(negative="", group=FIT)] = False,
+    in_scene: Annotated[bool, Parameter(name="--in-scene", negative="", group=FIT)] = False,
+    profile: Annotated[bool, Parameter(name="--profile", negative="", group=FIT)] = False,
+    bootstrap: Annotated[int, Parameter(group=FIT)] = 0,
+    any_period: Annotated[bool, Parameter(name="--any-period", negative="", group=FIT)] = False,
     arguments: LogArguments = _NO_ARGUMENTS,
     common: Common = _NO_COMMON,
 ) -> int:
@@ -83,10 +87,7 @@ def fit(
     )
     printer.warnings(result.warnings, recordings)
     if result.joint.nonsmooth and not profile:
-        printer.note(
-            "the intervals take the cost for smooth, but dry friction and stops put kinks into it: add --profile to "
-            "walk along the cost itself"
-        )
+        printer.note("With friction or stops the intervals may be lopsided; --profile computes them exactly.")
     new = result.updated_board({common.space.named(log): log for log in logs})
     scene: Compensation | None = None
     if in_scene:

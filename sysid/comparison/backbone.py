@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.comparison.force_surface import derivatives
+from sysid.comparison.force_surface import derivatives, filter_length
 from sysid.comparison.release import ComparedRelease
 from sysid.joint.law import JointLaw
 from sysid.roll import Array
@@ -35,7 +35,9 @@ def backbone_of(
         noise: Standard deviation of the signals [rad].
     """
     parts = [
-        _half_swings(release.time, signal - law.rest_angle, law, noise)
+        _half_swings(
+            release.time, signal - law.rest_angle, filter_length(release.time, release.measured, law), noise
+        )
         for release, signal in zip(compared, signals, strict=True)
     ]
     amplitude, period, damping = (np.concatenate([part[i] for part in parts]) for i in range(3))
@@ -43,16 +45,15 @@ def backbone_of(
     return Backbone(amplitude[order], period[order], damping[order])
 
 
-def _half_swings(time: Array, tilt: Array, law: JointLaw, noise: float) -> tuple[Array, Array, Array]:
+def _half_swings(time: Array, tilt: Array, window: int | None, noise: float) -> tuple[Array, Array, Array]:
     """Return amplitude, period and damping ratio of each half swing between turning points."""
     from scipy.signal import find_peaks
 
-    smooth = derivatives(time, tilt, law)
-    if smooth is None:
+    if window is None:
         return np.empty(0), np.empty(0), np.empty(0)
-    y = smooth[0]
+    y = derivatives(time, tilt, window)[0]
     least = max(6 * noise, 0.01 * float(np.abs(tilt).max()))
-    gap = max(1, int(0.3 * 2 * np.pi / law.frequency / float(np.median(np.diff(time)))))
+    gap = 2 * window  # a third of a period
     peaks = np.sort(np.concatenate([find_peaks(sign * y, height=least, distance=gap)[0] for sign in (1, -1)]))
     if len(peaks) < 2:
         return np.empty(0), np.empty(0), np.empty(0)

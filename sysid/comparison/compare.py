@@ -135,7 +135,7 @@ def compare(
     use_rate = chosen["use_rate"]
     odd = amplitude_warnings(releases, board)
     noise = noise_floor(releases, rate=use_rate)
-    records = make_records(releases, noise.std, rate=use_rate)
+    records = make_records(releases, noise.std, rate=use_rate, settled=True)
     law = law or JointLaw.from_board(board)
     residuals, starts = fit_initial_states(law, records, bias=chosen["bias"])
     compared = tuple(
@@ -189,4 +189,5 @@ def _compared(law: JointLaw, record: Record, residual: Array, start: tuple[float
         roll=path.roll,
         rate=path.rate,
         rmse=float(np.sqrt(np.mean(residual**2))),
+        measures_rate=record.is_rate,
     )

@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 
+from sysid.comparison.force_surface import derivatives, filter_length
 from sysid.comparison.release import ComparedRelease
 from sysid.joint.law import JointLaw
 from sysid.noise.floor import NoiseFloor
@@ -36,8 +37,8 @@ def locate_error(compared: Sequence[ComparedRelease], law: JointLaw, noise: Nois
     least = max(AT_THE_FLOOR * noise.std, noise.highest)
     if total <= 0 or total < (least**2 - noise.std**2) * len(error):
         return ()
-    tilt = np.concatenate([c.roll - law.rest_angle for c in compared])
-    rate = np.concatenate([c.rate for c in compared])
+    # Where the joint really was, not where a wrong model has it.
+    tilt, rate = (np.concatenate(parts) for parts in zip(*(_motion(c, law) for c in compared), strict=True))
     time = np.concatenate([c.time for c in compared])
     swing = np.hypot(tilt, rate / law.frequency)
     places: list[Place] = []
@@ -54,6 +55,15 @@ def locate_error(compared: Sequence[ComparedRelease], law: JointLaw, noise: Nois
         share = float(error[tilt * rate * sign > 0].sum()) / total
         places.append(Place("phase", (sign, sign), share, text))
     return tuple(sorted(places, key=lambda p: -p.share))
+
+
+def _motion(release: ComparedRelease, law: JointLaw) -> tuple[Array, Array]:
+    """Return tilt about rest [rad] and rate [rad/s] as measured, or as simulated where that cannot be differentiated."""
+    window = None if release.measures_rate else filter_length(release.time, release.measured, law)
+    if window is None:
+        return release.roll - law.rest_angle, release.rate
+    roll, rate, _ = derivatives(release.time, release.measured, window)
+    return roll - law.rest_angle, rate
 
 
 def _range_text(axis: str, low: float, high: float, *, last: bool) -> str:

@@ -21,6 +21,8 @@ class ComparedRelease:
     rate: Array
     """Simulated rate [rad/s]."""
     rmse: float
+    measures_rate: bool = False
+    """Whether the rate was compared."""
 
     @property
     def residual(self) -> Array:

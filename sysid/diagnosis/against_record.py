@@ -16,7 +16,8 @@ from sysid.fitting.problem import Problem
 from sysid.joint.sampled import sampled_k_d
 from sysid.joint.structure import structure_of
 from sysid.least_squares import Normal, minimise
-from sysid.noise.floor import correlation_length, sensor_step
+from sysid.noise.floor import pooled_step
+from sysid.noise.whiteness import correlation_length
 from sysid.quantity import Quantity
 from sysid.roll import Array
 
@@ -70,7 +71,7 @@ def _shift(
         return Deviation()
     index = names.index("rest_angle")
     moved = model.parameters["rest_angle"] - board.rest_angle
-    rounding = sensor_step([r.release for r in model.problem.records], rate=False) / np.sqrt(12)
+    rounding = pooled_step([r.release for r in model.problem.records], rate=False) / np.sqrt(12)
     known = board.tilt["rest_angle"].std
     deviation = float(np.sqrt(covariance[index, index] + known**2 + rounding**2))
     if abs(moved) < SURE * deviation or abs(moved) < 0.1 * model.problem.records[0].std:

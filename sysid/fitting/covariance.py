@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.board import Board
-from sysid.decay.trace import kept_after, own_std
 from sysid.fitting.problem import Problem
 from sysid.fitting.records import Record
 from sysid.joint.structure import Structure
 from sysid.least_squares import Minimum
 from sysid.noise.autoregression import ResidualNoise, residual_noise
+from sysid.noise.lasting import kept_after, own_std
 from sysid.quantity import Quantity
 from sysid.roll import Array
 
@@ -84,7 +84,7 @@ def parameter_covariance(problem: Problem, minimum: Minimum, residuals: Sequence
         return (sensitivity.inverse @ meat @ sensitivity.inverse)[:shared, :shared]
 
     covariance = sandwich([noise] * len(sensitivity.rows))
-    if any(record.release.origin == "video" for record in problem.records):
+    if any(record.release.errors_last for record in problem.records):
         stated = sandwich([_stated_noise(record, problem) or noise for record in problem.records])
         covariance = max(covariance, stated, key=lambda matrix: float(np.trace(matrix)))
     return covariance * np.outer(sizes[:shared], sizes[:shared])
@@ -93,7 +93,7 @@ def parameter_covariance(problem: Problem, minimum: Minimum, residuals: Sequence
 def _stated_noise(record: Record, problem: Problem) -> ResidualNoise | None:
     """Return the noise that a film states of itself, which lasts from frame to frame; None for a sensor."""
     release = record.release
-    if release.origin != "video":
+    if not release.errors_last:
         return None
     std = float(np.median(own_std(release)))
     step = problem.average * np.median(np.diff(record.time), keepdims=True)

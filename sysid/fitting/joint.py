@@ -15,7 +15,8 @@ from sysid.fitting.result import JointFit, summarise
 from sysid.fitting.search import scales_of, search
 from sysid.joint.structure import Structure, structure_of
 from sysid.least_squares import Minimum, minimise
-from sysid.noise.floor import correlation_length, noise_floor
+from sysid.noise.floor import noise_floor
+from sysid.noise.whiteness import correlation_length
 from sysid.roll import Release
 
 

@@ -6,14 +6,14 @@ from typing import Literal, TypedDict
 
 import numpy as np
 
-from sysid.noise.floor import sensor_step
+from sysid.noise.floor import pooled_step
 from sysid.roll import Array, Release
 
 Bias = Literal["shared", "per-release"]
 """Sensor zero: one for all releases (it is then part of the rest angle), or one for each."""
 Signal = Literal["auto", "roll", "rate", "per-release"]
 """What is fitted or compared: the roll, with one zero for all releases; the measured rate; or the roll with a zero for
-each release. 'auto' chooses by what the roll was made from."""
+each release. 'auto' chooses by what the sensor measured and whether its zero drifts."""
 
 
 class SignalOptions(TypedDict):
@@ -33,12 +33,10 @@ def signal_of(releases: Sequence[Release], signal: Signal = "auto") -> SignalOpt
         releases: From one board.
         signal: 'auto', or what the caller wants.
     """
-    origins = {release.origin for release in releases}
     if signal == "auto":
-        if origins == {"gyro"} and all(release.rate is not None for release in releases):
-            signal = "rate"
-        else:
-            signal = "per-release" if origins & {"gyro", "imu"} else "roll"
+        drifting = any(release.zero == "drifting" for release in releases)
+        integrals = all(release.measured == "rate" for release in releases)
+        signal = "rate" if integrals else "per-release" if drifting else "roll"
     return {"use_rate": signal == "rate", "bias": "per-release" if signal == "per-release" else "shared"}
 
 
@@ -68,7 +66,8 @@ def make_records(
         settled: Keep what a coarse sensor shows of the rest: rounded, but where a deck sticks tells its friction.
     """
     records: list[Record] = []
-    coarse = COARSE_STEPS * sensor_step(releases, rate=rate)
+    step = pooled_step(releases, rate=rate)
+    coarse = COARSE_STEPS * step if step > std else 0.0
     for release in releases:
         measured = release.rate if rate and release.rate is not None else release.roll
         end = _end_of_motion(release, measured, std)

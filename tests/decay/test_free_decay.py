@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.special import stdtrit
 
 from sysid.decay.linear_fit import decay_basis, fit_traces
-from sysid.decay.nonlinearity import find_patterns
+from sysid.decay.nonlinearity import find_nonlinearities
 from sysid.decay.numbers import decay_numbers, numbers_from_decrement
 from sysid.decay.peaks import Peak, find_peaks
 from sysid.errors import HuskyError
@@ -180,7 +180,7 @@ def test_a_gyro_is_fitted_as_a_rate_with_its_bias():
     measured = rate + 0.3 + rng.normal(0, 0.02, len(time))
     roll = np.concatenate([[0], np.cumsum((measured[1:] + measured[:-1]) / 2) * 0.002])
     release = Release(
-        log="g", number=1, time=time, roll=roll, std=np.full(len(time), 1e-3), origin="gyro",
+        log="g", number=1, time=time, roll=roll, std=np.full(len(time), 1e-3), origin="gyro", zero="drifting", measured="rate",
         rate=measured, rate_std=np.full(len(time), 0.02), rest=-0.2, hold=0.0, end="log",
     )  # fmt: skip
     decay = fit_decay([release], INERTIA)
@@ -469,7 +469,7 @@ def test_levels_within_the_noise_are_no_friction():
         levels = rng.normal(0, 1e-4, 4)
         releases = [clean_release(*PINK, start=0.1 * (-1) ** i, noise=0.0) for i in range(4)]
         rests = [Quantity(level, 1e-4, "rad") for level in levels]
-        assert find_patterns(releases, [[], [], [], []], 1e-4, rests) == []
+        assert find_nonlinearities(releases, [[], [], [], []], 1e-4, rests) == []
 
 
 def with_misfit(seed, size):

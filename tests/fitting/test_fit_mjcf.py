@@ -19,7 +19,8 @@ from sysid.fitting.search import scales_of, starting_points
 from sysid.joint import JointLaw, simulate
 from sysid.joint.structure import structure_of
 from sysid.least_squares import Normal, minimise
-from sysid.noise.floor import band_excess, correlation_length, difference_std, ljung_box, noise_floor
+from sysid.noise.floor import difference_std, noise_floor
+from sysid.noise.whiteness import band_excess, correlation_length, ljung_box
 from sysid.quantity import Quantity
 from sysid.roll import Release
 from sysid.workspace import shipped_data

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from sysid.errors import HuskyError
 from sysid.logs import LogOptions, read_roll
 from sysid.releases import Phase, find_releases, log_phases, settling_time
-from sysid.releases.extrema import crossing_time, find_swing, legs_of, noise_level
+from sysid.releases.extrema import crossing_time, half_cycles_of, noise_level, smooth_signal
 from sysid.roll import Roll
 from sysid.workspace import shipped_data
 
@@ -48,7 +48,7 @@ def test_release_time_is_right_to_one_percent_of_a_period():
 
 
 def test_rough_logs_are_read_nearly_always():
-    """Hand tremor, 0.3° noise, 9 samples a cycle, encoders, hands at the end: 120 logs, most of them hard."""
+    """Hand tremor, 0.3° noise, 9 samples a swing, encoders, hands at the end: 120 logs, most of them hard."""
     rng = np.random.default_rng(5)
     wrong = 0
     for _ in range(120):
@@ -219,9 +219,9 @@ def test_noise_level_sees_noise_and_not_motion():
 
 def test_legs_of_a_swing():
     time = np.arange(1000) / 500
-    legs = legs_of(find_swing(time, 0.1 * np.cos(2 * np.pi * time), 1e-5))
-    assert [leg.size for leg in legs] == pytest.approx([0.2] * 4, rel=1e-3)
-    assert [leg.duration for leg in legs] == pytest.approx([0.295] * 4, rel=0.02)
+    swings = half_cycles_of(smooth_signal(time, 0.1 * np.cos(2 * np.pi * time), 1e-5))
+    assert [swing.size for swing in swings] == pytest.approx([0.2] * 4, rel=1e-3)
+    assert [swing.duration for swing in swings] == pytest.approx([0.295] * 4, rel=0.02)
     assert crossing_time(time, np.sin(time), 0.5) == pytest.approx(np.arcsin(0.5), abs=1e-5)
 
 

@@ -70,7 +70,7 @@ def test_typed_in_numbers_fail_the_gate(board: Board):
 def test_noise_and_an_unknown_zero_do_not_count_against_the_scene(board: Board):
     scene = training_scene(compensate_step(board, timestep=0.005).board, coupling="direct")
     clean = check_scene(board, scene, [measured(board)])
-    glued_on_askew = replace(measured(board, noise=0.003, bias=0.05), origin="imu")
+    glued_on_askew = replace(measured(board, noise=0.003, bias=0.05), zero="constant")
     noisy = check_scene(board, scene, [glued_on_askew])
     assert noisy.rmse > 0.0025
     assert clean.hidden < 0.005 < noisy.hidden
@@ -216,7 +216,7 @@ def test_a_scene_that_rests_elsewhere_fails_and_says_so(board: Board, angle: flo
     assert result.rest_error == pytest.approx(-angle, rel=0.05)
     known_no_better = rests_at(board, angle, std=angle)
     assert check_scene(known_no_better, scene, [release]).nrmse < 0.02
-    unknown_zero = replace(release, origin="imu")
+    unknown_zero = replace(release, zero="constant")
     assert check_scene(off, scene, [unknown_zero]).nrmse < 0.02
 
 

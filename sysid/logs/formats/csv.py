@@ -26,6 +26,7 @@ from sysid.logs.formats.dialect import (
     split_line,
     unique_names,
 )
+from sysid.logs.formats.registry import Format
 from sysid.roll import Array
 
 
@@ -224,3 +225,6 @@ def _free_memory() -> float | None:
         return None
     found = re.search(r"MemAvailable:\s*(\d+) kB", text)
     return float(found[1]) * 1024 if found else None
+
+
+FORMAT = Format(name="text table", order=9, sniff=lambda path, head: True, open=open_csv)

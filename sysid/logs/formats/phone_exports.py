@@ -1,63 +1,22 @@
-"""Logs in which each sensor has a clock of its own, and the exports of phone apps (phyphox, Sensor Logger)."""
+"""The exports of phone apps (phyphox, Sensor Logger): one table a sensor, in a zip archive or a folder."""
 
 import re
 import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from sysid.errors import HuskyError
 from sysid.logs.formats.csv import open_csv
+from sysid.logs.formats.registry import Format
+from sysid.logs.formats.tables import SensorTables
 from sysid.logs.table.clock import time_scale
 from sysid.logs.table.names import ACCEL_UNITS, parse_column
 from sysid.roll import Array
 
-TIME = "time (s)"
 MAX_UNPACKED = 8 << 30
-
-
-@dataclass(frozen=True, slots=True)
-class SensorTables:
-    """Several sensors; what is read together comes on the clock of the first one that is asked for."""
-
-    path: Path
-    clocks: Mapping[str, Array]
-    """Time of each sensor [s], shape (n_sensor,)."""
-    columns: Mapping[str, tuple[str, Array]]
-    """Sensor and values of each column."""
-    notes: tuple[str, ...]
-    has_header: bool = True
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the columns, the common time first."""
-        return (TIME, *self.columns)
-
-    @property
-    def units(self) -> tuple[str | None, ...]:
-        """No units apart from the names."""
-        return (None,) * len(self.names)
-
-    def read(self, names: Sequence[str]) -> dict[str, Array]:
-        """Return columns at the times of the first one's sensor; others are interpolated, NaN outside their record."""
-        base, _ = self.columns[next(name for name in names if name != TIME)]
-        clock = self.clocks[base]
-        result: dict[str, Array] = {}
-        for name in names:
-            if name == TIME:
-                result[name] = clock.copy()
-                continue
-            sensor, values = self.columns[name]
-            if sensor != base:
-                order = np.argsort(self.clocks[sensor], kind="stable")
-                values = np.interp(
-                    clock, self.clocks[sensor][order], values[order], left=np.nan, right=np.nan
-                )
-            result[name] = values
-        return result
 
 
 def open_zip(path: Path) -> SensorTables:
@@ -85,18 +44,17 @@ def open_zip(path: Path) -> SensorTables:
 
 
 def open_folder(path: Path) -> SensorTables:
-    """Open a folder: an unpacked phone export, or a ROS 2 recording with one MCAP file.
+    """Open an unpacked phone export.
 
     Raises:
-        HuskyError: It holds neither.
+        HuskyError: It holds no tables of motion sensors.
     """
-    from sysid.logs.formats.mcap import open_mcap
+    return _merge(path, sorted(file for file in path.iterdir() if file.is_file() and _is_table(file)))
 
-    recordings = sorted(path.glob("*.mcap"))
-    if len(recordings) == 1:
-        return open_mcap(recordings[0])
-    files = sorted(file for file in path.iterdir() if file.is_file() and _is_table(file))
-    return _merge(path, files)
+
+def open_export(path: Path) -> SensorTables:
+    """Open a phone's export as it came, or unpacked."""
+    return open_folder(path) if path.is_dir() else open_zip(path)
 
 
 def _is_table(file: Path) -> bool:
@@ -187,3 +145,11 @@ def _axes(data: Mapping[str, Array]) -> list[str]:
 def _holds_gravity(data: Mapping[str, Array], names: Sequence[str]) -> bool:
     norm = float(np.nanmedian(np.sqrt(sum(data[name] ** 2 for name in names))))
     return any(0.8 < norm * unit / ACCEL_UNITS["g"] < 1.25 for unit in (1.0, ACCEL_UNITS["g"]))
+
+
+FORMAT = Format(
+    name="phone export",
+    order=3,
+    sniff=lambda path, head: head.startswith(b"PK") or path.is_dir(),
+    open=open_export,
+)
