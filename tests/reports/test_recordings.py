@@ -135,27 +135,6 @@ def test_film_frames_are_on_the_same_time_line(compared, film):
     assert bytes(blobs[0]) == film.pictures[0]
 
 
-def test_a_film_comes_with_its_pictures_in_step_with_its_roll(tmp_path):
-    from films import SMALL, make_film
-
-    from reports.rerun.film_frames import read_film
-    from sysid.logs import LogOptions
-
-    try:
-        made = make_film(tmp_path, "marker", "marker", SMALL)
-    except (ImportError, RuntimeError) as error:
-        pytest.skip(f"MuJoCo draws no pictures here: {error}")
-    roll, frames = read_film(made.path, LogOptions())
-    assert len(frames.pictures) == len(frames.time)
-    # Frame for frame the same time as the sample made of it.
-    np.testing.assert_allclose(
-        frames.time[np.searchsorted(frames.time, roll.time - 1e-4)], roll.time, atol=1e-3
-    )
-    assert all(picture[:2] == b"\xff\xd8" for picture in frames.pictures)
-    later = frames.aligned(0.4)
-    np.testing.assert_allclose(later.time, frames.time - 0.4)
-
-
 def test_the_decay_recording_holds_log_fit_and_peaks(tmp_path):
     roll = make_roll(Recipe(sampling=500, amplitudes=(0.2, -0.15)))
     decay = fit_decay(find_releases(roll), Quantity(8.7e-3, 1e-4, "kg*m^2"))
