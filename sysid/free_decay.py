@@ -22,7 +22,7 @@ from sysid.errors import HuskyError
 from sysid.noise.floor import NoiseFloor, noise_floor
 from sysid.noise.whiteness import ljung_box
 from sysid.quantity import Quantity
-from sysid.roll import Array, Release
+from sysid.roll import Array, Release, shown
 
 DISAGREE = 2.58
 """Two estimates disagree from this many standard deviations of their difference on (1 % by chance)."""
@@ -123,7 +123,7 @@ def _refuse_noise(releases: Sequence[Release]) -> None:
         noise = float(np.median(release.std))
         if release.amplitude < 5.0 * noise:
             raise HuskyError(
-                f"{release.log}: the release at {release.start:.4g} s has an amplitude of "
+                f"{release.log}: the release at {shown(release.start)} has an amplitude of "
                 f"{math.degrees(release.amplitude):.2g}° in noise of {math.degrees(noise):.2g}°: too little to "
                 "fit. Tip the deck further, or use a better sensor."
             )
@@ -210,7 +210,7 @@ def _warnings(decay: FreeDecay) -> list[str]:
         cycles = (release.time[-1] - release.start) / (2 * math.pi / decay.trace.omega_n)
         if release.end != "rest" and cycles < 1:
             warnings.append(
-                f"the release at {release.start:.4g} s is {release.end if release.end != 'log' else 'cut off'} after "
+                f"the release at {shown(release.start)} is {release.end if release.end != 'log' else 'cut off'} after "
                 f"{cycles:.2f} of a period: its intervals are wide"
             )
     return warnings

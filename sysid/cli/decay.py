@@ -147,7 +147,7 @@ def decay_json(board: str, roll: "Roll", result: "FreeDecay") -> dict[str, Any]:
 
 def _print(printer: Printer, board: str, roll: "Roll", result: "FreeDecay") -> None:
     printer.say(
-        f"{roll.log} · {len(roll.time)} samples · {roll.sampling_rate:.4g} Hz · {roll.time[-1]:.3g} s · {board}"
+        f"{roll.log} · {len(roll.time)} samples · {roll.sampling_rate:.4g} Hz · {roll.time[-1] - roll.time[0]:.3g} s · {board}"
     )
     printer.table(
         ("release", "t [s]", "side", "first amplitude", "held before", "until", "end", "peaks"),

@@ -14,14 +14,13 @@ from sysid.errors import HuskyError
 from sysid.logs.formats.registry import open_log
 from sysid.logs.sources.registry import Reading, choose_source
 from sysid.logs.table.choose import Choice, columns_of
-from sysid.logs.table.clock import Clock, even_clock, repair_clock, usual_step
+from sysid.logs.table.clock import MIN_SAMPLES, Clock, even_clock, repair_clock, usual_step
 from sysid.logs.table.names import Column
 from sysid.logs.table.options import LogOptions
 from sysid.logs.table.remarks import Remarks, warning
 from sysid.roll import Array, Roll
 from sysid.video.options import VIDEO_SUFFIXES, VideoOptions
 
-MIN_SAMPLES = 8
 LARGEST, LARGEST_STAMP = 1e12, 1e21
 """Beyond these a signal or a time stamp is damage, not a number; nanoseconds since 1970 are 1.8e18."""
 
@@ -62,7 +61,7 @@ def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
     except HuskyError as error:
         raise HuskyError(f"{path}: {error}") from None
     rate = 1 / usual_step(roll.time)
-    sampling = f"{roll.time.size} samples in {roll.time[-1]:.4g} s at {rate:.4g} Hz"
+    sampling = f"{roll.time.size} samples in {roll.time[-1] - roll.time[0]:.4g} s at {rate:.4g} Hz"
     return replace(
         roll,
         notes=(*log.notes, *choice.remarks.notes, *roll.notes, *clock.notes, sampling),

@@ -200,7 +200,14 @@ def test_the_command_puts_a_film_on_the_clock_of_a_log(marker_film, tmp_path):
 def test_clock_offset_refuses_different_motions(marker_film):
     film = roll_from_video(marker_film.path, VideoOptions(readout=0.0))
     time = np.arange(0, 2, 0.005)
-    other = Roll(log="other", time=time, roll=0.1 * np.sin(97 * time), std=np.full(400, 1e-3), origin="imu", zero="drifting")
+    other = Roll(
+        log="other",
+        time=time,
+        roll=0.1 * np.sin(97 * time),
+        std=np.full(400, 1e-3),
+        origin="imu",
+        zero="drifting",
+    )
     with pytest.raises(HuskyError, match=r"do not show the same motion|nothing to align by"):
         clock_offset(film, other)
 

@@ -203,7 +203,10 @@ def open_csv(path: Path) -> CsvTable:
     return CsvTable(
         path=path,
         names=names,
-        units=tuple(units[:width]) if units else (None,) * width,
+        units=tuple(
+            "s" if name in dates else unit
+            for name, unit in zip(names, units[:width] if units else [None] * width, strict=True)
+        ),
         has_header=bool(header),
         delimiter=delimiter,
         decimal=decimal,

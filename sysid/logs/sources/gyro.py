@@ -157,7 +157,7 @@ def estimate_bias(time: Array, rate: Array, noise: float) -> Bias:
         value = float(np.average((b0, b1), weights=weights))
         return Bias(np.full(rate.size, value), float(weights.sum() ** -0.5), "from the rest at both ends")
     if rests:
-        where = "beginning" if rests[0][0] < time[-1] / 2 else "end"
+        where = "beginning" if rests[0][0] < 0.5 * (time[0] + time[-1]) else "end"
         return Bias(np.full(rate.size, rests[0][1]), rests[0][2], f"from the rest at the {where}")
     level = oscillation_level(rate)
     if level is None:
