@@ -30,6 +30,8 @@ TRIFLE = 0.005
 """Two decrements this close, relatively, are never said to disagree: a local cubic is no closer."""
 ABOVE_NOISE = 1.15
 """Residuals above this multiple of the noise floor are looked at."""
+CLEAR_AMPLITUDE = 5.0
+"""First amplitude over the noise of a sample from which on a release is fitted: below, chance makes half its peaks."""
 WORTH_NAMING = 0.007
 """Misfit below this share of the amplitude is not worth a warning."""
 
@@ -39,7 +41,7 @@ class FreeDecay:
     """Everything that free decays of one board say about it."""
 
     releases: tuple[Release, ...]
-    """The free decays; a gyro's roll without its drift."""
+    """The free decays that stand clear of the noise; a gyro's roll without its drift."""
     numbers: DecayNumbers
     """The result: from the whole traces."""
     trace: TraceFit
@@ -73,7 +75,7 @@ def free_decay(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
     Raises:
         HuskyError: The decays hold too little to say anything, or do not look like a decay at all.
     """
-    _refuse_noise(releases)
+    releases, weak = _clear_of_noise(releases)
     trace = fit_traces(releases)
     floor = noise_floor(releases, rate=trace.signal == "rate")
     _refuse_nonsense(releases, trace)
@@ -113,20 +115,30 @@ def free_decay(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
         linear=linear,
         warnings=(),
     )
-    return replace(decay, warnings=tuple(_warnings(decay)))
+    return replace(decay, warnings=(*weak, *_warnings(decay)))
 
 
-def _refuse_noise(releases: Sequence[Release]) -> None:
+def _clear_of_noise(releases: Sequence[Release]) -> tuple[list[Release], list[str]]:
+    """Return the releases that stand clear of their noise, and what is said of the others.
+
+    Raises:
+        HuskyError: None does.
+    """
     if not releases:
         raise HuskyError("no free decay was given.")
+    clear, weak = [], []
     for release in releases:
         noise = float(np.median(release.std))
-        if release.amplitude < 5.0 * noise:
-            raise HuskyError(
-                f"{release.log}: the release at {shown(release.start)} has an amplitude of "
-                f"{math.degrees(release.amplitude):.2g}° in noise of {math.degrees(noise):.2g}°: too little to "
-                "fit. Tip the deck further, or use a better sensor."
-            )
+        if release.amplitude >= CLEAR_AMPLITUDE * noise:
+            clear.append(release)
+            continue
+        weak.append(
+            f"{release.log}: the release at {shown(release.start)} has an amplitude of "
+            f"{math.degrees(release.amplitude):.2g}° in noise of {math.degrees(noise):.2g}°: too little to fit"
+        )
+    if not clear:
+        raise HuskyError(f"{weak[0]}. Tip the deck further, or use a better sensor.")
+    return clear, [f"{text}, so it is left out" for text in weak]
 
 
 def _refuse_nonsense(releases: Sequence[Release], trace: TraceFit) -> None:

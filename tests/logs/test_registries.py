@@ -114,5 +114,7 @@ def test_a_kind_of_sensor_is_one_file(extended, decay, tmp_path):
 
 
 def test_formats_and_sensors_keep_their_order():
-    assert [form.name for form in formats()] == ["elsewhere", "Parquet", "MCAP", "phone export", "text table"]
+    assert [form.name for form in formats()] == [
+        *("elsewhere", "Parquet", "MCAP", "phone export", "compressed", "MATLAB", "text table")
+    ]
     assert list(sources()) == ["angle", "imu", "gyro", "quaternion"]

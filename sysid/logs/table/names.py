@@ -175,7 +175,9 @@ def _words(label: str) -> list[str]:
     words: list[str] = []
     for word in re.split(r"[^0-9a-z°µμ²]+", label.lower()):
         glued = _GLUED.fullmatch(word)
-        if glued:
+        if numbered := re.fullmatch(r"(?:q|quat|quaternion)([0-3])", word):
+            words += ["quat", "wxyz"[int(numbered[1])]]
+        elif glued:
             words += [_GLUED_WORD.get(glued[1], glued[1]), glued[2]]
         elif word:
             words.append(word)
