@@ -98,12 +98,12 @@ def roll_from_rate(reading: Reading, rate: Array, remarks: Remarks) -> Roll:
     the integral is a random walk; fits should use `Roll.rate`, whose errors are independent.
     """
     time = reading.time
-    noise = estimate_noise(rate)
-    bias = estimate_bias(time, rate, noise.std)
-    free = rate - bias.value
+    noise, counted = estimate_noise(rate), reading.counted
+    bias = estimate_bias(time[counted], rate[counted], noise.std)
+    free = rate - np.interp(time, time[counted], bias.value)
     steps = np.diff(time)
     angle = np.concatenate(([0.0], np.cumsum(0.5 * (free[1:] + free[:-1]) * steps)))
-    angle -= resting_level(angle)
+    angle -= resting_level(angle[counted])
     walk = noise.std * np.sqrt(np.cumsum(np.concatenate((steps[:1], steps))) * np.median(steps))
     rate_std = np.full(rate.size, noise.std)
     excess = saturated(rate, noise)
@@ -178,7 +178,17 @@ def find_rest(time: Array, rate: Array, noise: float, direction: int) -> slice |
     count = len(blocks) if quiet.all() else int(np.argmin(quiet))
     if count in (0, len(blocks)) or abs(means[0]) > 0.3 * np.abs(rate).max():
         return None
+    if count * size < half_cycle(rate):
+        return None  # a slow swing stands as still where its rate is largest
     return slice(0, count * size) if direction == 1 else slice(rate.size - count * size, rate.size)
+
+
+def half_cycle(rate: Array) -> float:
+    """Return how many rows a half cycle of the oscillation takes; 0 where nothing oscillates."""
+    swing = rate - np.median(rate)
+    large = np.flatnonzero(np.abs(swing) > 0.2 * np.abs(swing).max())
+    turns = large[np.flatnonzero(np.diff(np.signbit(swing[large]))) + 1]
+    return float(np.median(np.diff(turns))) if turns.size > 1 else 0.0
 
 
 def _std_of_mean(time: Array, still: Array) -> float:

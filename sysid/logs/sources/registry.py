@@ -17,6 +17,7 @@ import numpy as np
 from sysid.errors import HuskyError, did_you_mean
 from sysid.logs import sources as package
 from sysid.logs.table.choose import Choice, find_column, parse_axis
+from sysid.logs.table.clock import MIN_SAMPLES
 from sysid.logs.table.file import LogFile
 from sysid.logs.table.names import ANGLE_UNITS, RATE_UNITS, Column, parse_unit, unit_kind
 from sysid.logs.table.options import LogOptions
@@ -39,6 +40,15 @@ class Reading:
     std: Array | None
     """The column of their standard deviation, shape (n,), where there is one."""
     options: LogOptions
+
+    @property
+    def counted(self) -> slice:
+        """The rows between `LogOptions.start` and `.stop`; all where too few lie there."""
+        low = 0 if self.options.start is None else int(np.searchsorted(self.time, self.options.start))
+        high = (
+            None if self.options.stop is None else int(np.searchsorted(self.time, self.options.stop, "right"))
+        )
+        return slice(low, high) if self.time[low:high].size >= MIN_SAMPLES else slice(None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
