@@ -7,9 +7,12 @@ peaks. Where they disagree, or the trace is not a linear decay, a warning names 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sysid.board import Board
+from sysid.decay import report as decay_report
 from sysid.decay.linear_fit import BEST_SENSOR, TraceFit, decay_basis, fit_traces
 from sysid.decay.misfit import inflate_covariance
 from sysid.decay.nonlinearity import Nonlinearity, find_nonlinearities
@@ -18,11 +21,17 @@ from sysid.decay.numbers import decay_from_peaks as decay_from_peaks
 from sysid.decay.numbers import decay_numbers, numbers_from_decrement
 from sysid.decay.peaks import Peak, PeakLine, find_peaks, fit_peak_line
 from sysid.decay.peaks import log_decrement_two_peaks as log_decrement_two_peaks
+from sysid.decay.plausibility import amplitude_warnings, period_warnings, record_warnings
 from sysid.errors import HuskyError
 from sysid.noise.floor import NoiseFloor, noise_floor
 from sysid.noise.whiteness import ljung_box
 from sysid.quantity import Quantity
+from sysid.recording import Data, Recording, reading_warnings, unpack
 from sysid.roll import Array, Release, shown
+from sysid.text import WIDTH, quantity_frame
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 DISAGREE = 2.58
 """Two estimates disagree from this many standard deviations of their difference on (1 % by chance)."""
@@ -41,7 +50,7 @@ class FreeDecay:
     """Everything that free decays of one board say about it."""
 
     releases: tuple[Release, ...]
-    """The free decays that stand clear of the noise; a gyro's roll without its drift."""
+    """The free decays; a gyro's roll without its drift."""
     numbers: DecayNumbers
     """The result: from the whole traces."""
     trace: TraceFit
@@ -63,18 +72,81 @@ class FreeDecay:
     linear: bool
     """Whether a linear decay explains the traces but for noise and at most a trifle, with one rest level."""
     warnings: tuple[str, ...]
+    """What is wrong with the logs, with the decay, and with what the board's record says of both."""
+    recordings: tuple[Recording, ...] = ()
+    """The logs, where they were given whole."""
+    board: str | None = None
+    """Name of the board, where its record was given."""
+
+    @property
+    def has_inertia(self) -> bool:
+        """Whether the roll inertia was given; without it there is no k and no d."""
+        return math.isfinite(self.numbers.inertia.value)
+
+    @property
+    def known(self) -> bool:
+        """Whether the interval of ω_n², and so of k/I, is narrower than its value."""
+        omega = self.numbers.omega_n
+        return omega.ci95[1] - omega.value < omega.value / 2
+
+    @property
+    def status(self) -> str:
+        """Whether the decay is 'linear' or 'not linear'."""
+        return "linear" if self.linear else "not linear"
+
+    def report(self, width: int = WIDTH) -> str:
+        """Return what `husky-sysid decay` prints, in tables of at most `width` characters."""
+        return decay_report.report(self, width)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what `husky-sysid decay --json` writes: SI, radians, each quantity with its 95 % interval."""
+        return decay_report.to_json(self)
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return one row a quantity: value, std, low and high end of the 95 % interval, unit, how."""
+        return quantity_frame(dict(self.numbers.items()))
 
 
-def free_decay(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
+NO_INERTIA = Quantity(math.nan, math.nan, "kg*m^2", "not given")
+"""A free decay holds k/I and d/I only."""
+
+
+def fit_decay(data: Data, inertia: Quantity | None = None, *, board: Board | None = None) -> FreeDecay:
     """Identify a linear tilt joint from its free decays.
 
     Args:
-        releases: Free decays of one board, from one log or several.
-        inertia: Roll inertia about the tilt axis [kg*m^2]; its uncertainty goes into k and d.
+        data: Free decays of one board: a recording, several, or releases.
+        inertia: Roll inertia about the tilt axis [kg*m^2]; its uncertainty goes into k and d. Without it, and without
+            a board, the numbers are ω, ζ and δ only, and k and d are NaN.
+        board: The record; gives the inertia where that is left out, and is held against the decay.
 
     Raises:
-        HuskyError: The decays hold too little to say anything, or do not look like a decay at all.
+        SysidError: The decays hold too little to say anything, or do not look like a decay at all.
     """
+    recordings, releases = unpack(data)
+    if board is None:
+        decay = _fit(releases, inertia or NO_INERTIA)
+        doubts = decay.warnings
+    else:
+        odd = amplitude_warnings(releases, board)
+        decay = _fit(releases, inertia or board.inertia)
+        log = ", ".join(dict.fromkeys(release.log for release in releases))
+        doubts = (
+            *odd,
+            *decay.warnings,
+            *period_warnings(decay.numbers.omega_n.value, board, log=log),
+            *record_warnings(decay.numbers, board, log=log, linear=decay.linear),
+        )
+    return replace(
+        decay,
+        warnings=(*reading_warnings(recordings), *doubts),
+        recordings=recordings,
+        board=None if board is None else board.name,
+    )
+
+
+def _fit(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
+    """Fit a linear decay to all releases together, three ways."""
     releases, weak = _clear_of_noise(releases)
     trace = fit_traces(releases)
     floor = noise_floor(releases, rate=trace.signal == "rate")
@@ -122,11 +194,10 @@ def _clear_of_noise(releases: Sequence[Release]) -> tuple[list[Release], list[st
     """Return the releases that stand clear of their noise, and what is said of the others.
 
     Raises:
-        HuskyError: None does.
+        SysidError: None does.
     """
-    if not releases:
-        raise HuskyError("no free decay was given.")
-    clear, weak = [], []
+    clear: list[Release] = []
+    weak: list[str] = []
     for release in releases:
         noise = float(np.median(release.std))
         if release.amplitude >= CLEAR_AMPLITUDE * noise:
@@ -216,7 +287,13 @@ def _is_linear(trace: TraceFit, floor: NoiseFloor) -> bool:
 
 
 def _warnings(decay: FreeDecay) -> list[str]:
-    texts = (_not_linear(decay), _drift(decay), _disagreement(decay), _damping_regime(decay))
+    texts = (
+        _not_known(decay),
+        _not_linear(decay),
+        _drift(decay),
+        _disagreement(decay),
+        _damping_regime(decay),
+    )
     warnings = [text for text in texts if text]
     for release in decay.releases:
         cycles = (release.time[-1] - release.start) / (2 * math.pi / decay.trace.omega_n)
@@ -226,6 +303,15 @@ def _warnings(decay: FreeDecay) -> list[str]:
                 f"{cycles:.2f} of a period: its intervals are wide"
             )
     return warnings
+
+
+def _not_known(decay: FreeDecay) -> str | None:
+    if decay.known:
+        return None
+    return (
+        f"the interval of the frequency ({decay.numbers.omega_n}) makes that of k wider than k itself: the log does not "
+        "tell it. Is it the right column (--column) and the right part (--from, --to)? Else record faster, or more releases"
+    )
 
 
 def _not_linear(decay: FreeDecay) -> str | None:

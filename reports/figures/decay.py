@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from reports.figures.palette import NOISE, REAL, SIM
+from reports.figures.palette import BAD, NOISE, REAL, SIM
 from reports.figures.svg import thin
 from sysid.decay.linear_fit import FittedTrace
 from sysid.free_decay import FreeDecay
@@ -103,26 +103,35 @@ def draw_traces(axes: "Axes", decay: FreeDecay) -> "Axes":
     decay_rate = decay.trace.omega_n * decay.trace.damping_ratio
     shown, height = _shown(decay), 0.0
     largest = max(decay.trace.releases, key=lambda fitted: float(np.ptp(fitted.modelled)))
+    # Rest levels that differ are the sign of friction, and not to be hidden by shifting each to zero.
+    common = None if decay.linear else float(np.median([fitted.level for fitted in decay.trace.releases]))
     for i, (release, fitted) in enumerate(zip(decay.releases, decay.trace.releases, strict=True)):
         whole = release.roll if decay.trace.signal == "roll" or release.rate is None else release.rate
-        measured = scale * (whole - fitted.level)
+        level = fitted.level if common is None else common
+        measured = scale * (whole - level)
         height = max(height, float(np.abs(measured[release.time - release.start <= shown]).max()))
         axes.plot(
             *thin(release.time - release.start, measured), color=REAL, lw=2.2, label=None if i else "measured"
         )
         since = fitted.trace.time - release.start
-        modelled = scale * (fitted.modelled - fitted.level)
+        modelled = scale * (fitted.modelled - level)
         axes.plot(*thin(since, modelled), color=SIM, lw=0.9, label=None if i else "linear decay")
         if fitted is largest:
             envelope = scale * _envelope(fitted, since, decay_rate)
-            axes.plot(*thin(since, envelope), color=NOISE, lw=0.8, ls=(0, (4, 3)), label="envelope")
-            axes.plot(*thin(since, -envelope), color=NOISE, lw=0.8, ls=(0, (4, 3)))
+            middle = scale * (fitted.level - level)
+            axes.plot(*thin(since, middle + envelope), color=NOISE, lw=0.8, ls=(0, (4, 3)), label="envelope")
+            axes.plot(*thin(since, middle - envelope), color=NOISE, lw=0.8, ls=(0, (4, 3)))
     name = "roll about rest [°]" if decay.trace.signal == "roll" else f"roll rate [{unit}]"
     axes.set(ylabel=name, xlim=(0, shown))
     axes.set_ylim(-1.15 * height, 1.15 * height)
     axes.legend(loc="upper right", ncols=3, handlelength=1.6, columnspacing=1.2)
     numbers = decay.numbers
-    axes.set_title(f"ωₙ = {numbers.omega_n}    ζ = {numbers.damping_ratio}")
+    if decay.linear:
+        axes.set_title(f"ωₙ = {numbers.omega_n}    ζ = {numbers.damping_ratio}")
+    else:
+        axes.set_title(
+            "✗ not a linear decay: the line is the nearest one, its k and d are not the joint's", color=BAD
+        )
     return axes
 
 

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from sysid.board import Board
 from sysid.cli.console import Common, Printer, require_share
-from sysid.cli.log_options import LogArguments, keep_logs, load_releases
+from sysid.cli.log_options import LogArguments, keep_logs, load_recordings
 from sysid.errors import HuskyError, QualityGateError
 
 if TYPE_CHECKING:
@@ -69,7 +69,8 @@ def check(
     printer = Printer(common)
     record = common.space.load_board(board)
     keep_logs([*logs, *([] if scene_file is None else [scene_file])], arguments, printer)
-    releases = load_releases(logs, arguments, printer)
+    recordings = load_recordings(logs, arguments, printer)
+    releases = [release for recording in recordings for release in recording.releases]
     if scene_file is not None:
         from sim.compensation.scene import scene_from_file
 

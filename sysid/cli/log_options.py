@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from sysid.cli.console import Printer
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
 from sysid.logs.sources.registry import sources
-from sysid.roll import Release, Roll
-from sysid.same_log import refuse_twice
+from sysid.recording import Recording, refuse_duplicates
+from sysid.roll import Roll
 from sysid.video.options import VIDEO_SUFFIXES, VideoOptions
 from sysid.video.trackers import Method
 
@@ -49,7 +49,7 @@ class VideoArguments:
         """The same, with angles in rad."""
         angle = self.camera_angle
         if angle is not None and not max(map(abs, angle)) <= STEEPEST:
-            raise HuskyError(
+            raise SysidError(
                 f"--camera-angle {angle[0]:g} {angle[1]:g}: expected degrees of at most {STEEPEST:g} to either side; "
                 "from farther aside a deck shows its roll too little to be measured."
             )
@@ -136,7 +136,7 @@ def keep_logs(
         outputs: What else the command writes, by option.
 
     Raises:
-        HuskyError: An output is a log.
+        SysidError: An output is a log.
     """
     calibration = arguments.video.calibration
     inputs = [*logs, *(() if calibration is None else (calibration,))]
@@ -161,7 +161,7 @@ def load_roll(log: Path, arguments: LogArguments, printer: Printer) -> Roll:
     """Read one log and say on stderr what was inferred and what is wrong with it.
 
     Raises:
-        HuskyError: The log cannot be read as roll, or would be overwritten.
+        SysidError: The log cannot be read as roll, or would be overwritten.
     """
     keep_logs([log], arguments, printer)
     if unused := unused_options(log, arguments):
@@ -179,22 +179,23 @@ def say_notes(log: Path, roll: Roll, printer: Printer) -> None:
         printer.warn(f"{log}: {warning}")
 
 
-def load_releases(logs: Sequence[Path], arguments: LogArguments, printer: Printer) -> list[Release]:
-    """Read logs and return the free decays in all of them.
+def load_recordings(logs: Sequence[Path], arguments: LogArguments, printer: Printer) -> list[Recording]:
+    """Read logs and find the free decays in them.
 
     Raises:
-        HuskyError: A log cannot be read, holds no free decay, was given twice, or would be overwritten.
+        SysidError: A log cannot be read, holds no free decay, was given twice, or would be overwritten.
     """
-    from sysid.releases import find_releases
-
     if not logs:
-        raise HuskyError("no log was given.")
+        raise SysidError("no log was given.")
     keep_logs(logs, arguments, printer)
-    refuse_twice(logs)
-    releases: list[Release] = []
-    for log in logs:
-        roll = load_roll(log, arguments, printer)
-        releases += find_releases(
-            roll, start=arguments.start, stop=arguments.stop, releases=arguments.release
-        )
-    return releases
+    refuse_duplicates(logs)
+    return [recording_of(load_roll(log, arguments, printer), arguments) for log in logs]
+
+
+def recording_of(roll: Roll, arguments: LogArguments) -> Recording:
+    """Find the releases in the part of a roll that the user named.
+
+    Raises:
+        SysidError: There is none.
+    """
+    return Recording.of(roll, start=arguments.start, stop=arguments.stop, release=arguments.release)

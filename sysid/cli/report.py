@@ -43,8 +43,6 @@ def report(
     """
     from reports.evidence import find_logs, gather
     from reports.page.board import Provenance, board_report
-    from sysid.fit_mjcf import FitOptions
-    from sysid.fitting.records import signal_of
 
     printer = Printer(common)
     space = common.space
@@ -58,12 +56,10 @@ def report(
             printer.warn(f"{file.path}: {file.state}")
     material = read_logs(files, arguments, printer)
     evidence = None
-    if material.rolls:
+    if material.recordings:
         with progress_bar(printer) as progress:
             evidence = gather(
-                record, material.rolls, material.releases,
-                FitOptions(**signal_of(list(material.releases))),
-                files=files, tolerance=tolerance, progress=progress,
+                record, material.recordings, files=files, tolerance=tolerance, progress=progress
             )  # fmt: skip
     provenance = Provenance(
         command=shlex.join(["husky-sysid", *sys.argv[1:]]),

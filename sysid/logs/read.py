@@ -39,7 +39,7 @@ def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
         return roll_from_video(path, replace(options.video or VideoOptions(), rate=options.rate))
     log = open_log(path)
     time, columns = columns_of(log, options)
-    source, choice = choose_source(log, columns, options)
+    source, choice = choose_source(log, columns, time, options)
     names = [name for name in (*choice.columns, time and time.name, choice.std) if name]
     data = log.read(names)
     try:

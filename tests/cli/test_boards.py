@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from command_line import husky
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -37,12 +38,6 @@ SHIPPED = shipped_data() / "boards"
 @pytest.fixture
 def pink() -> Board:
     return load_board(SHIPPED / "pink.toml")
-
-
-def husky(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "sysid.cli", *arguments], capture_output=True, text=True, cwd=cwd, check=False
-    )
 
 
 # --- the shipped records -----------------------------------------------------------------------

@@ -10,7 +10,7 @@ from decay_truth import linear_decay
 from sysid.decay.linear_fit import fit_traces
 from sysid.decay.trace import Trace, head, traces_of, with_ar1_errors
 from sysid.fit_mjcf import FitOptions, fit_joint
-from sysid.free_decay import free_decay
+from sysid.free_decay import fit_decay
 from sysid.noise.lasting import LASTS
 from sysid.quantity import Quantity
 from sysid.roll import Release
@@ -74,7 +74,7 @@ def test_a_small_residual_does_not_promise_more_than_the_film_states():
     smooth = [replace(one, roll=linear_decay(one.time, OMEGA, ZETA, one.roll[0])[0]) for one in filmed(0)]
     still, noisy = (stiffness(releases)[1] for releases in (smooth, filmed(0)))
     assert still == pytest.approx(noisy, rel=0.2)
-    numbers = free_decay(smooth, Quantity(8.7e-3, 0.0, "kg*m^2")).numbers
+    numbers = fit_decay(smooth, Quantity(8.7e-3, 0.0, "kg*m^2")).numbers
     assert 0.005 < numbers.stiffness.std / numbers.stiffness.value < 0.03
 
 
@@ -101,9 +101,9 @@ def test_errors_larger_than_stated_widen_the_interval_by_as_much():
     for seed in range(40):
         honest = filmed(seed)
         bold = [replace(one, std=one.std / 4, own_std=np.full(len(one.time), STD / 4)) for one in honest]
-        k = free_decay(bold, exact).numbers.stiffness
+        k = fit_decay(bold, exact).numbers.stiffness
         scores.append((k.value / (exact.value * OMEGA**2) - 1) * k.value / k.std)
-        grown.append(k.std / free_decay(honest, exact).numbers.stiffness.std)
+        grown.append(k.std / fit_decay(honest, exact).numbers.stiffness.std)
     assert np.mean(np.abs(scores) < 1.96) >= 0.85
     assert 0.7 < np.median(grown) < 1.6
 

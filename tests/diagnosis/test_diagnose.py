@@ -260,6 +260,7 @@ def test_a_board_that_changed_between_releases_is_said(pink):
     assert "contradict each other" in verdict.explanation
 
 
+@pytest.mark.slow
 def test_command_line_gives_the_binding_json(tmp_path):
     log = shipped_data() / "decays" / "pink_hidden.csv"
     done = subprocess.run(

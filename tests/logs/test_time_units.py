@@ -7,7 +7,7 @@ import pytest
 from rocking import OMEGA, rocking, write_csv
 
 from sysid.errors import HuskyError
-from sysid.free_decay import free_decay
+from sysid.free_decay import fit_decay
 from sysid.logs import LogOptions, read_roll
 from sysid.quantity import Quantity
 from sysid.releases import find_releases
@@ -21,7 +21,7 @@ def swing(time, **motion):
 
 
 def frequency(path, **options):
-    return free_decay(find_releases(read_roll(path, LogOptions(**options))), INERTIA).numbers.omega_n.value
+    return fit_decay(find_releases(read_roll(path, LogOptions(**options))), INERTIA).numbers.omega_n.value
 
 
 @pytest.mark.parametrize("pause", [60.0, 1800.0, 36000.0])

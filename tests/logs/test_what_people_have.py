@@ -13,7 +13,7 @@ import pytest
 from rocking import OMEGA, imu, rocking, write_csv
 
 from sysid.errors import HuskyError
-from sysid.free_decay import free_decay
+from sysid.free_decay import fit_decay
 from sysid.logs import read_roll
 from sysid.quantity import Quantity
 from sysid.releases import find_releases
@@ -28,7 +28,7 @@ def swing(**motion):
 
 def right(path, tolerance=2e-3):
     """Whether a plain reading of the log finds the deck's frequency."""
-    found = free_decay(find_releases(read_roll(path)), INERTIA).numbers.omega_n.value
+    found = fit_decay(find_releases(read_roll(path)), INERTIA).numbers.omega_n.value
     assert found == pytest.approx(OMEGA, rel=tolerance)
     return read_roll(path)
 
@@ -85,11 +85,11 @@ def test_imu_rows_of_their_own_are_brought_together(tmp_path):
 def test_a_weak_release_does_not_refuse_the_others():
     releases = find_releases(read_roll_of(swing()))
     weak = find_releases(read_roll_of(swing(amplitude=0.003)))
-    result = free_decay([*releases, *weak], INERTIA)
+    result = fit_decay([*releases, *weak], INERTIA)
     assert len(result.releases) == 1
     assert any("left out" in text for text in result.warnings)
     with pytest.raises(HuskyError, match="too little to fit"):
-        free_decay(weak, INERTIA)
+        fit_decay(weak, INERTIA)
 
 
 def read_roll_of(angle):

@@ -228,6 +228,7 @@ def test_turns_are_drawn_anew_in_every_cycle():
     np.testing.assert_allclose(recording.target_heading[begins], expected)
 
 
+@pytest.mark.slow
 def test_evaluation_is_the_same_whatever_the_workers():
     world_or_skip()
     one = evaluate_policy("zero", pink(), episodes=3, seeds=(0, 1), workers=1)

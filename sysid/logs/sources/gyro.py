@@ -30,11 +30,11 @@ class Bias:
     how: str
 
 
-def find_gyro(columns: Sequence[Column], axis: str, sign: float) -> Choice | None:
+def find_gyro(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]:
     """Return the three rates of one gyro, or else the one rate whose name is the plainest."""
     gyro = triple(columns, "rate", "xyz")
     if gyro is not None:
-        return Choice(
+        choice = Choice(
             columns=tuple(column.name for column in gyro),
             unit=gyro[0].unit,
             doubt=gyro[0].doubt,
@@ -42,17 +42,19 @@ def find_gyro(columns: Sequence[Column], axis: str, sign: float) -> Choice | Non
             sign=sign,
             remarks=note(f"roll from gyro '{gyro[0].name}'..., integrated"),
         )
+        return [choice]
     rates = [c for c in columns if c.kind == "rate" and (not axis or (c.axis or "x") == axis)]
     if not rates:
-        return None
+        return []
     rates.sort(key=lambda c: (c.doubt, c.axis in ("y", "z"), not c.is_roll, c.unit is None))
-    return Choice(
+    choice = Choice(
         columns=(rates[0].name,),
         unit=rates[0].unit,
         doubt=rates[0].doubt,
         sign=sign,
         remarks=note(f"roll from the rate '{rates[0].name}', integrated"),
     )
+    return [choice]
 
 
 def gyro_from(column: Column, columns: Sequence[Column], sign: float) -> Choice:
@@ -75,6 +77,13 @@ def roll_from_gyro(reading: Reading) -> Roll:
         return roll_from_rate(reading, rates[:, 0] * choice.sign, remarks)
     axis = find_roll_axis(rates, choice)
     return roll_from_rate(reading, rates @ axis.vector, remarks + axis.remarks)
+
+
+def gyro_turning(choice: Choice, signals: Sequence[Array], period: float) -> Array:
+    """Return the rate about the axis of most rotation [rad/s], shape (n,)."""
+    rates = np.stack(signals, axis=1)
+    rates = (rates - np.median(rates, axis=0)) * rate_scale(rates, choice)[0]
+    return rates @ np.linalg.eigh(rates.T @ rates)[1][:, -1]
 
 
 def rate_scale(rates: Array, choice: Choice) -> tuple[float, Remarks]:
@@ -184,11 +193,13 @@ def find_rest(time: Array, rate: Array, noise: float, direction: int) -> slice |
 
 
 def half_cycle(rate: Array) -> float:
-    """Return how many rows a half cycle of the oscillation takes; 0 where nothing oscillates."""
+    """Return how many rows a half cycle of the oscillation takes, as it does where the rate is large."""
     swing = rate - np.median(rate)
-    large = np.flatnonzero(np.abs(swing) > 0.2 * np.abs(swing).max())
-    turns = large[np.flatnonzero(np.diff(np.signbit(swing[large]))) + 1]
-    return float(np.median(np.diff(turns))) if turns.size > 1 else 0.0
+    side = np.where(np.abs(swing) > 0.2 * np.abs(swing).max(), np.sign(swing), 0.0)
+    edges = np.flatnonzero(np.diff(side, prepend=0.0, append=0.0))
+    lengths = np.diff(edges)[side[edges[:-1]] != 0]
+    # A sine is beyond a fifth of its amplitude for 87 % of a half cycle; noise at that edge makes runs of a row or two.
+    return float(np.median(lengths[lengths > 2])) / 0.87 if np.any(lengths > 2) else 0.0
 
 
 def _std_of_mean(time: Array, still: Array) -> float:
@@ -240,5 +251,6 @@ SOURCE = Source(
     quantity="rate",
     find=find_gyro,
     to_roll=roll_from_gyro,
+    turning=gyro_turning,
     from_column=gyro_from,
 )

@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 STANDARD_GRAVITY = ACCEL_UNITS["g"]
 
 
-def find_imu(columns: Sequence[Column], axis: str, sign: float) -> Choice | None:
+def find_imu(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]:
     """Return the three rates of a gyro and the three accelerations beside it."""
     gyro, accel = triple(columns, "rate", "xyz"), triple(columns, "accel", "xyz")
     if gyro is None or accel is None:
-        return None
-    return Choice(
+        return []
+    choice = Choice(
         columns=tuple(column.name for column in (*gyro, *accel)),
         unit=gyro[0].unit,
         accel_unit=accel[0].unit,
@@ -37,6 +37,7 @@ def find_imu(columns: Sequence[Column], axis: str, sign: float) -> Choice | None
             f"roll from gyro '{gyro[0].name}'... and accelerometer '{accel[0].name}'..., smoothed together"
         ),
     )
+    return [choice]
 
 
 def roll_from_imu(reading: Reading) -> Roll:

@@ -15,18 +15,19 @@ from sysid.noise.sensor import estimate_noise
 from sysid.roll import Roll
 
 
-def find_quaternion(columns: Sequence[Column], axis: str, sign: float) -> Choice | None:
+def find_quaternion(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]:
     """Return the columns w, x, y, z of one orientation."""
     found = triple(columns, "quaternion", "wxyz")
     if found is None:
-        return None
-    return Choice(
+        return []
+    choice = Choice(
         columns=tuple(column.name for column in found),
         doubt=found[0].doubt,
         axis=axis,
         sign=sign,
         remarks=note(f"roll from the orientation '{found[0].name}'..., taken as sensor to earth"),
     )
+    return [choice]
 
 
 def roll_from_quaternion(reading: Reading) -> Roll:

@@ -64,7 +64,7 @@ def time_scale(stamps: Array, unit: str | None) -> tuple[float, str]:
     """
     if unit is not None:
         return TIME_UNITS[unit], f"in {unit}, by its name"
-    first, step = abs(float(stamps[0])), _typical_step(stamps)
+    first, step = abs(float(stamps[0])), typical_step(stamps)
     if first > 1e8:
         for unit, low, high in (("ns", 1e17, 1e20), ("us", 1e14, 1e17), ("ms", 1e11, 1e14), ("s", 1e8, 1e11)):
             if low <= first < high and 2e-4 <= step * TIME_UNITS[unit] <= 0.2:
@@ -75,7 +75,7 @@ def time_scale(stamps: Array, unit: str | None) -> tuple[float, str]:
     return TIME_UNITS["ns"], f"in ns, by the step of {step:.4g}"
 
 
-def _typical_step(stamps: Array) -> float:
+def typical_step(stamps: Array) -> float:
     """Return the step of most stamps, shape (n,): neither a pause nor stamps that come in bursts move it."""
     width = max(1, min(WINDOW, stamps.size // 8))
     while width < stamps.size:
