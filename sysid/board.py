@@ -15,7 +15,7 @@ from typing import Any, Self
 import tomlkit
 
 from sysid.errors import HuskyError, did_you_mean
-from sysid.files import write_atomically
+from sysid.files import shipped_data, write_atomically
 from sysid.quantity import Quantity
 
 SCHEMA = 1
@@ -81,6 +81,29 @@ class Board:
     check: Mapping[str, Any] = field(default_factory=dict[str, Any])
     history: tuple[Mapping[str, Any], ...] = ()
 
+    @classmethod
+    def load(cls, name: str | Path, workspace: str | Path = ".") -> "Board":
+        """Read the record of a board.
+
+        Args:
+            name: A board of the workspace, or one that ships with the tool; or a file, NAME.toml.
+            workspace: Folder with the user's boards, in data/boards.
+
+        Raises:
+            SysidError: There is no such board, or its record is not valid.
+        """
+        return (
+            load_board(Path(name)) if Path(name).suffix == ".toml" else load_named(str(name), Path(workspace))
+        )
+
+    def save(self, path: str | Path) -> None:
+        """Write the record into a TOML file, in one step: a crash at any moment leaves an old one whole.
+
+        Raises:
+            SysidError: The folder cannot be written to.
+        """
+        save_board(self, Path(path))
+
     @property
     def stiffness(self) -> float:
         """Linear tilt stiffness k [N*m/rad]."""
@@ -121,6 +144,48 @@ class Board:
     def with_tilt(self, **quantities: Quantity) -> Self:
         """Return a copy with some quantities of the tilt joint replaced."""
         return replace(self, tilt={**self.tilt, **quantities})
+
+
+def boards_folder(workspace: Path) -> Path:
+    """Return where a workspace keeps the records of its boards."""
+    return workspace / "data" / "boards"
+
+
+def record_names(workspace: Path) -> list[str]:
+    """Return the names of all boards: the workspace's and the shipped ones."""
+    folders = (boards_folder(workspace), shipped_data() / "boards")
+    return sorted({path.stem for folder in folders for path in folder.glob("*.toml")})
+
+
+def find_record(name: str, workspace: Path) -> Path:
+    """Return the record that a name means: the workspace's, else the shipped one.
+
+    Raises:
+        SysidError: There is no board of that name.
+    """
+    own = boards_folder(workspace)
+    for folder in (own, shipped_data() / "boards"):
+        path = folder / f"{name}.toml"
+        if name and Path(name).name == name and path.is_file():
+            return path
+    names = record_names(workspace)
+    raise HuskyError(
+        f"unknown board '{name}'.{did_you_mean(name, names)} Known boards: {', '.join(names)}. "
+        f"A new one is a file {own / f'{name}.toml'}."
+    )
+
+
+def load_named(name: str, workspace: Path) -> Board:
+    """Read the record that a name means, which is no path.
+
+    Raises:
+        SysidError: There is no such board, or its record is not valid.
+    """
+    path = find_record(name, workspace)
+    board = load_board(path)
+    if board.name != path.stem:
+        raise HuskyError(f"{path}: field 'name' is '{board.name}'; expected '{path.stem}', as the file.")
+    return board
 
 
 def load_board(path: Path) -> Board:

@@ -12,6 +12,13 @@ from pathlib import Path
 from sysid.errors import HuskyError
 
 
+def shipped_data() -> Path:
+    """Return the data folder that ships with the tool: in an installed wheel, or in the repository."""
+    package = Path(__file__).resolve().parent
+    installed = package / "_data"
+    return installed if installed.is_dir() else package.parent / "data"
+
+
 @contextmanager
 def atomic_path(path: Path) -> Generator[Path]:
     """Yield a temporary path beside `path`, and rename it to `path` only if the block succeeds.

@@ -1,6 +1,7 @@
 """Tables and small words of a report: plain text, the same in a terminal, a pipe and a notebook."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -43,6 +44,24 @@ def quantity_frame(quantities: "Mapping[str, Quantity]") -> "pd.DataFrame":
         for q in quantities.values()
     ]
     return pd.DataFrame(rows, index=pd.Index(quantities, name="quantity"))
+
+
+@dataclass(frozen=True, slots=True)
+class Display:
+    """How people are shown a roll or its rate."""
+
+    unit: str
+    scale: float
+    """Of one rad, or rad/s, in `unit`."""
+
+    def __call__(self, value: float, digits: int = 4) -> str:
+        """Return a roll [rad] or rate [rad/s] in `unit`."""
+        return f"{self.scale * value:.{digits}g}{self.unit}"
+
+
+def display(*, is_rate: bool) -> Display:
+    """Return how errors of a roll, or of a measured rate, are shown."""
+    return Display(" rad/s", 1.0) if is_rate else Display("°", DEGREES)
 
 
 def count(number: int, noun: str) -> str:

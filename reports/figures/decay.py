@@ -1,6 +1,7 @@
 """The picture of a free-decay identification: the log, the decays with their fit, residual and peaks."""
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,16 +31,18 @@ STYLE: dict[Any, Any] = {
 }
 LEFT = 0.095
 """Margin, wide enough for a label beside ticks of five figures."""
+MOST_LOGS = 4
+"""Whole logs drawn side by side."""
 MOST_MARKED = 12
 """Releases numbered in the overview; more would overlap."""
 
 
-def decay_figure(roll: Roll, decay: FreeDecay, title: str) -> "Figure":
-    """Draw the whole log, the aligned decays with their fit, the residual, and ln(amplitude).
+def decay_figure(rolls: Sequence[Roll], decay: FreeDecay, title: str) -> "Figure":
+    """Draw the whole logs, the aligned decays with their fit, the residual, and ln(amplitude).
 
     Args:
-        roll: The whole log.
-        decay: What was identified from it.
+        rolls: The whole logs; the first few are drawn.
+        decay: What was identified from them.
         title: Board and log, for the heading.
     """
     import matplotlib as mpl
@@ -48,7 +51,8 @@ def decay_figure(roll: Roll, decay: FreeDecay, title: str) -> "Figure":
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.0, 7.2))
         # Fixed margins: finding them by trial would draw everything twice.
-        upper = figure.add_gridspec(1, 1, left=LEFT, right=0.985, top=0.93, bottom=0.71)
+        shown = rolls[:MOST_LOGS]
+        upper = figure.add_gridspec(1, len(shown), left=LEFT, right=0.985, top=0.93, bottom=0.71)
         lower = figure.add_gridspec(
             2,
             2,
@@ -62,7 +66,9 @@ def decay_figure(roll: Roll, decay: FreeDecay, title: str) -> "Figure":
             width_ratios=(1.75, 1),
         )
         figure.suptitle(title, x=0.01, y=0.985, ha="left", fontsize=11)
-        draw_log(figure.add_subplot(upper[0, 0]), roll, decay)
+        for column, roll in enumerate(shown):
+            axes = draw_log(figure.add_subplot(upper[0, column]), roll, decay)
+            axes.set_ylabel("" if column else "roll [°]")
         trace = figure.add_subplot(lower[0, 0])
         draw_traces(trace, decay)
         residual = figure.add_subplot(lower[1, 0], sharex=trace)

@@ -230,7 +230,7 @@ def _no_coupling(model: mujoco.MjModel, joint: str) -> bool:
 _SWITCHES: tuple[tuple[str, Callable[[mujoco.MjModel, str], bool]], ...] = (
     ("servos", _no_servos),
     ("wheels on the ground", _no_contacts),
-    ("coupling with all that hangs on it", _no_coupling),
+    ("the truck steering linkage", _no_coupling),
 )
 
 

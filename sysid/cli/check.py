@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from sysid.board import Board
 from sysid.cli.console import Common, Printer, require_share
-from sysid.cli.log_options import LogArguments, keep_logs, load_recordings
+from sysid.cli.log_options import LogArguments, load_recordings, refuse_overwriting_logs
 from sysid.errors import HuskyError, QualityGateError
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def check(
         raise HuskyError(f"--timestep {timestep:g}: expected seconds between 0 and 0.05, such as 0.005.")
     printer = Printer(common)
     record = common.space.load_board(board)
-    keep_logs([*logs, *([] if scene_file is None else [scene_file])], arguments, printer)
+    refuse_overwriting_logs([*logs, *([] if scene_file is None else [scene_file])], arguments, printer)
     recordings = load_recordings(logs, arguments, printer)
     releases = [release for recording in recordings for release in recording.releases]
     if scene_file is not None:
@@ -101,8 +101,8 @@ def check(
         printer.note("the board record is unchanged: its [check] speaks of the scene that the tool builds")
     if result.passed:
         printer.say(
-            f"passed: NRMSE {100 * result.nrmse:.2f} % (tolerance {100 * tolerance:g} %; the noise of the logs hides less "
-            f"than {100 * result.hidden:.1f} %)"
+            f"passed: NRMSE {100 * result.nrmse:.2f} % (tolerance {100 * tolerance:g} %; an error below "
+            f"{100 * result.hidden:.1f} % could not be seen in this noise)"
         )
         for line in unwritten:
             printer.warn(f"{line}: the scene passes all the same")
@@ -166,7 +166,9 @@ def _print(
         ],
     )
     rows = [("wanted at this step", additions.wanted), ("the scene as a whole", additions.whole)]
-    rows += [(name if name == "deck alone" else f"of that: {name}", part) for name, part in additions.parts]
+    rows += [
+        (name if name == "deck alone" else f"contribution of {name}", part) for name, part in additions.parts
+    ]
     printer.table(
         ("tilt joint", "stiffness N·m/rad", "damping N·m·s/rad", "inertia kg·m²"),
         [

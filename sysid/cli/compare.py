@@ -5,8 +5,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sysid.cli.console import Common, Printer, require_share
-from sysid.cli.log_options import LogArguments, keep_logs
+from sysid.cli.console import OUTPUT, Common, Printer, require_share
+from sysid.cli.log_options import LogArguments, refuse_overwriting_logs
 from sysid.cli.view import read_logs, write_recording
 from sysid.files import atomic_path, write_json
 
@@ -20,8 +20,8 @@ def compare(
     *,
     board: Annotated[str, Parameter(name=("--board", "-b"))],
     tolerance: float = 0.02,
-    picture: bool = True,
-    rerun: Annotated[Path | None, Parameter(name="--rerun")] = None,
+    picture: Annotated[bool, Parameter(group=OUTPUT)] = True,
+    rerun: Annotated[Path | None, Parameter(name="--rerun", group=OUTPUT)] = None,
     arguments: LogArguments = _NO_ARGUMENTS,
     common: Common = _NO_COMMON,
 ) -> int:
@@ -45,7 +45,7 @@ def compare(
 
     require_share("--tolerance", tolerance)
     printer = Printer(common)
-    keep_logs(logs, arguments, printer, {"--rerun": rerun})
+    refuse_overwriting_logs(logs, arguments, printer, {"--rerun": rerun})
     record = common.space.load_board(board)
     files = find_logs(record, logs, common.space) if logs else []
     material = read_logs(files, arguments, printer, films=rerun is not None)

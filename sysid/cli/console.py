@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import Parameter
+from cyclopts import Group, Parameter
 from rich.console import Console
 
 from sysid.errors import SysidError
@@ -20,7 +20,13 @@ if TYPE_CHECKING:
     from sysid.recording import Recording
 
 
-@Parameter(name="*")
+LOG, FILM, FIT, OUTPUT = (
+    Group(name, sort_key=place) for place, name in enumerate(("Log", "Film", "Fit", "Output"), 1)
+)
+"""What options belong to, in the order of a command's help."""
+
+
+@Parameter(name="*", group=OUTPUT)
 @dataclass(frozen=True, kw_only=True)
 class Common:
     """Options of every command."""

@@ -1,68 +1,85 @@
 """`husky-sysid decay`: a log of a rocking board in, its stiffness and damping out."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from sysid.cli.console import Common, Printer
-from sysid.cli.log_options import LogArguments, keep_logs, load_recordings
+from sysid.cli.console import OUTPUT, Common, Printer
+from sysid.cli.log_options import LogArguments, load_recordings, refuse_overwriting_logs
+from sysid.errors import SysidError
 from sysid.files import atomic_path, write_json
+
+if TYPE_CHECKING:
+    from sysid.free_decay import FreeDecay
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
 
 
 def decay(
-    log: Path,
+    logs: list[Path],
     /,
     *,
-    board: Annotated[str, Parameter(name=("--board", "-b"))],
-    picture: bool = True,
-    rerun: Annotated[Path | None, Parameter(name="--rerun")] = None,
+    board: Annotated[str | None, Parameter(name=("--board", "-b"))] = None,
+    picture: Annotated[bool, Parameter(group=OUTPUT)] = True,
+    rerun: Annotated[Path | None, Parameter(name="--rerun", group=OUTPUT)] = None,
     arguments: LogArguments = _NO_ARGUMENTS,
     common: Common = _NO_COMMON,
 ) -> int:
     """Identify the board's tilt joint from its free decays.
 
-    Finds the releases in the log, fits a linear decay to all of them together, and prints logarithmic
+    Finds the releases in the logs, fits a linear decay to all of them together, and prints logarithmic
     decrement, damping ratio, frequencies, stiffness and damping with 95 % intervals. Writes decay.json
     and decay.png into reports/BOARD of the workspace.
 
     Args:
-        log: CSV, Parquet, MCAP, phone export (zip or folder) or video.
-        board: Board that was recorded; its record gives the roll inertia.
+        logs: CSV, Parquet, MCAP, phone exports (zip or folder) or videos of one board.
+        board: Board that was recorded; its record gives the roll inertia. Without, there is no stiffness and no
+            damping, and nothing is written but what --json and --rerun name.
         picture: Draw decay.png.
         rerun: Write a Rerun recording (.rrd) here.
-        arguments: How the log is read.
+        arguments: How the logs are read.
         common: Options of every command.
     """
     from sysid.free_decay import fit_decay
 
     printer = Printer(common)
-    keep_logs([log], arguments, printer, {"--rerun": rerun})
-    record = common.space.load_board(board)
-    recordings = load_recordings([log], arguments, printer)
+    if rerun is not None and len(logs) > 1:
+        raise SysidError(
+            f"--rerun {rerun}: {len(logs)} logs; a recording of a decay shows one. Give one, or use `view`."
+        )
+    refuse_overwriting_logs(logs, arguments, printer, {"--rerun": rerun})
+    record = None if board is None else common.space.load_board(board)
+    recordings = load_recordings(logs, arguments, printer)
     result = fit_decay(recordings, board=record)
     printer.warnings(result.warnings, recordings)
     printer.say(result.report(printer.width))
     content = result.to_json()
-    folder = common.space.outputs(board)
-    write_json(folder / "decay.json", content)
-    written = [folder / "decay.json"]
-    roll = recordings[0].roll
-    if picture:
-        from reports.figures.decay import decay_figure
-
-        with atomic_path(folder / "decay.png") as temporary:
-            decay_figure(roll, result, f"{board}: free decay in {log.name}").savefig(temporary, dpi=140)
-        written.append(folder / "decay.png")
+    written: list[Path] = []
+    if board is not None:
+        folder = common.space.outputs(board)
+        written.append(folder / "decay.json")
+        write_json(written[-1], content)
+        if picture:
+            written.append(folder / "decay.png")
+            _draw(written[-1], result)
     if rerun is not None:
         from reports.page.summary import decay_summary
         from reports.rerun.decay import decay_recording
 
-        decay_recording(rerun, roll, result, decay_summary(board, result))
+        decay_recording(rerun, recordings[0].roll, result, decay_summary(board or "a board", result))
         written.append(rerun)
-    printer.say("written: " + ", ".join(str(path) for path in written))
+    if written:
+        printer.say("written: " + ", ".join(str(path) for path in written))
     printer.result(content)
     return 0
+
+
+def _draw(path: Path, result: "FreeDecay") -> None:
+    from reports.figures.decay import decay_figure
+
+    names = ", ".join(recording.path.name for recording in result.recordings)
+    rolls = [recording.roll for recording in result.recordings]
+    with atomic_path(path) as temporary:
+        decay_figure(rolls, result, f"{result.board}: free decay in {names}").savefig(temporary, dpi=140)

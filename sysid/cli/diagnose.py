@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter, validators
 
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import FIT, Common, Printer
 from sysid.cli.log_options import LogArguments, load_recordings
 from sysid.files import write_json
 
@@ -23,7 +23,7 @@ def diagnose(
     /,
     *,
     board: Annotated[str, Parameter(name=("--board", "-b"))],
-    workers: Annotated[int, Parameter(name="--workers", validator=validators.Number(gte=1))] = 2,
+    workers: Annotated[int, Parameter(name="--workers", group=FIT, validator=validators.Number(gte=1))] = 2,
     arguments: LogArguments = _NO_ARGUMENTS,
     common: Common = _NO_COMMON,
 ) -> int:

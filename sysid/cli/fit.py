@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import FIT, Common, Printer
 from sysid.cli.fit_intervals import show_intervals
 from sysid.cli.log_options import LogArguments, load_recordings
 from sysid.files import atomic_path
@@ -24,13 +24,15 @@ def fit(
     /,
     *,
     board: Annotated[str, Parameter(name=("--board", "-b"))],
-    effect: Annotated[tuple[str, ...], Parameter(name="--effect", negative="")] = (),
-    plain: bool = False,
-    robust: bool = False,
-    in_scene: Annotated[bool, Parameter(name="--in-scene", negative="")] = False,
-    profile: Annotated[bool, Parameter(name="--profile", negative="")] = False,
-    bootstrap: int = 0,
-    any_period: Annotated[bool, Parameter(name="--any-period", negative="")] = False,
+    effect: Annotated[
+        tuple[str, ...], Parameter(name="--effect", negative="", group=FIT, show_default=False)
+    ] = (),
+    plain: Annotated[bool, Parameter(negative="", group=FIT)] = False,
+    robust: Annotated[bool, Parameter(negative="", group=FIT)] = False,
+    in_scene: Annotated[bool, Parameter(name="--in-scene", negative="", group=FIT)] = False,
+    profile: Annotated[bool, Parameter(name="--profile", negative="", group=FIT)] = False,
+    bootstrap: Annotated[int, Parameter(group=FIT)] = 0,
+    any_period: Annotated[bool, Parameter(name="--any-period", negative="", group=FIT)] = False,
     arguments: LogArguments = _NO_ARGUMENTS,
     common: Common = _NO_COMMON,
 ) -> int:
@@ -67,10 +69,7 @@ def fit(
     result = fit_recordings(recordings, record, effect, plain=plain, robust=robust, any_period=any_period)
     printer.warnings(result.warnings, recordings)
     if result.joint.nonsmooth and not profile:
-        printer.note(
-            "the intervals take the cost for smooth, but dry friction and stops put kinks into it: add --profile to "
-            "walk along the cost itself"
-        )
+        printer.note("With friction or stops the intervals may be lopsided; --profile computes them exactly.")
     new = result.updated_board({common.space.named(log): log for log in logs})
     scene: Compensation | None = None
     if in_scene:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from sysid.cli.console import Printer
+from sysid.cli.console import FILM, LOG, Printer
 from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
 from sysid.logs.sources.registry import sources
@@ -18,31 +18,31 @@ from sysid.video.options import VIDEO_SUFFIXES, VideoOptions
 from sysid.video.trackers import Method
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=FILM)
 @dataclass(frozen=True, kw_only=True)
 class VideoArguments:
     """How a film is read, where the inference needs help."""
 
     method: Annotated[Method, Parameter(name="--method")] = "auto"
-    """Film: what to follow."""
+    """What to follow."""
     roi: Annotated[tuple[int, int, int, int] | None, Parameter(name="--roi", negative="")] = None
-    """Film: left, top, width and height in px of where the board moves."""
+    """Left, top, width and height in px of where the board moves."""
     calibration: Annotated[Path | None, Parameter(name="--calibration")] = None
-    """Film: camera calibration, a file or a film of a chessboard."""
+    """Camera calibration, a file or a film of a chessboard."""
     readout: Annotated[float | None, Parameter(name="--readout")] = None
-    """Film: time from the sensor's first to its last row in s; 0 for a global shutter."""
+    """Time from the sensor's first to its last row in s; 0 for a global shutter."""
     camera_angle: Annotated[
         tuple[float, float] | None, Parameter(name="--camera-angle", negative="", allow_leading_hyphen=True)
     ] = None
-    """Film: where the deck's axis points, to the right and down from the line of sight, in degrees."""
+    """Where the deck's axis points, to the right and down from the line of sight, in degrees."""
     pivot: Annotated[
         tuple[float, float] | None, Parameter(name="--pivot", negative="", allow_leading_hyphen=True)
     ] = None
-    """Film: point in px that a single dot turns about."""
+    """Point in px that a single dot turns about."""
     front: Annotated[bool, Parameter(name="--front", negative="")] = False
-    """Film: taken from the front of the board, not from behind."""
+    """Taken from the front of the board, not from behind."""
     overlay: Annotated[Path | None, Parameter(name="--overlay")] = None
-    """Film: write one in which what was followed is drawn."""
+    """Write a film in which what was followed is drawn."""
 
     @property
     def options(self) -> VideoOptions:
@@ -74,7 +74,7 @@ else:
     _Source = Literal[("auto", *sources())]
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=LOG)
 @dataclass(frozen=True, kw_only=True)
 class LogArguments:
     """How a log is read, where the inference needs help; and which part of it counts."""
@@ -86,7 +86,7 @@ class LogArguments:
     axis: Annotated[str | None, Parameter(name="--axis", allow_leading_hyphen=True)] = None
     """Sensor axis that points forward (x, -y, ...), or the angle to take (roll, -pitch, ...)."""
     rate: Annotated[float | None, Parameter(name="--rate")] = None
-    """Sampling rate in Hz, for a log without a usable time column."""
+    """Sampling or film frame rate in Hz, where the file's own is missing or wrong (slow motion)."""
     time_column: Annotated[str | None, Parameter(name="--time-column")] = None
     """Column with the time: its name, or its number counted from 1."""
     source: Annotated[_Source, Parameter(name="--source")] = "auto"
@@ -100,7 +100,7 @@ class LogArguments:
     """Ignore the log before this time in s."""
     stop: Annotated[float | None, Parameter(name="--to")] = None
     """Ignore the log after this time in s."""
-    release: Annotated[tuple[float, ...], Parameter(name="--release", negative="")] = ()
+    release: Annotated[tuple[float, ...], Parameter(name="--release", negative="", show_default=False)] = ()
     """Time of a release in s, instead of finding it; repeat it for several."""
     video: VideoArguments = _NO_VIDEO
 
@@ -121,7 +121,7 @@ class LogArguments:
         )
 
 
-def keep_logs(
+def refuse_overwriting_logs(
     logs: Iterable[Path],
     arguments: LogArguments,
     printer: Printer,
@@ -163,7 +163,7 @@ def load_roll(log: Path, arguments: LogArguments, printer: Printer) -> Roll:
     Raises:
         SysidError: The log cannot be read as roll, or would be overwritten.
     """
-    keep_logs([log], arguments, printer)
+    refuse_overwriting_logs([log], arguments, printer)
     if unused := unused_options(log, arguments):
         kind = "a film" if is_film(log) else "no film"
         printer.warn(f"{log}: not used: {', '.join(unused)}; this is {kind}")
@@ -174,7 +174,7 @@ def load_roll(log: Path, arguments: LogArguments, printer: Printer) -> Roll:
 
 def say_notes(log: Path, roll: Roll, printer: Printer) -> None:
     """Say on stderr what was inferred while reading a log, and what is wrong with it."""
-    printer.note(f"{log}: " + "; ".join(roll.notes))
+    printer.note("\n".join((str(log), *(f"  {note}" for note in roll.notes))))
     for warning in roll.warnings:
         printer.warn(f"{log}: {warning}")
 
@@ -187,7 +187,7 @@ def load_recordings(logs: Sequence[Path], arguments: LogArguments, printer: Prin
     """
     if not logs:
         raise SysidError("no log was given.")
-    keep_logs(logs, arguments, printer)
+    refuse_overwriting_logs(logs, arguments, printer)
     refuse_duplicates(logs)
     return [recording_of(load_roll(log, arguments, printer), arguments) for log in logs]
 

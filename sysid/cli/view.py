@@ -10,9 +10,16 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from sysid.board import Board
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.cli.diagnose import progress_bar
-from sysid.cli.log_options import LogArguments, is_film, keep_logs, load_roll, recording_of, say_notes
+from sysid.cli.log_options import (
+    LogArguments,
+    is_film,
+    load_roll,
+    recording_of,
+    refuse_overwriting_logs,
+    say_notes,
+)
 from sysid.errors import SysidError
 from sysid.recording import Recording, refuse_duplicates
 
@@ -27,7 +34,7 @@ _NO_COMMON = Common()
 def view(
     *logs: Path,
     board: Annotated[str, Parameter(name=("--board", "-b"))],
-    output: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None,
+    output: Annotated[Path | None, Parameter(name=("--output", "-o"), group=OUTPUT)] = None,
     arguments: LogArguments = _NO_ARGUMENTS,
     common: Common = _NO_COMMON,
 ) -> int:
@@ -47,7 +54,9 @@ def view(
     printer = Printer(common)
     record = common.space.load_board(board)
     files = find_logs(record, logs, common.space)
-    keep_logs([file.found for file in files if file.found], arguments, printer, {"--output": output})
+    refuse_overwriting_logs(
+        [file.found for file in files if file.found], arguments, printer, {"--output": output}
+    )
     for file in files:
         if file.found is None:
             printer.warn(f"{file.path}: {file.state}")

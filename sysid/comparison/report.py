@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sysid.comparison.backbone import Backbone
-from sysid.text import DEGREES, WIDTH, table
+from sysid.text import WIDTH, display, table
 
 if TYPE_CHECKING:
     from sysid.comparison.compare import Comparison
@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 
 def report(result: "Comparison", width: int = WIDTH) -> str:
     """Return each release's error, the whole, where it sits, and the verdict."""
-    scale, unit = (1.0, " rad/s") if result.is_rate else (DEGREES, "°")
+    show = display(is_rate=result.is_rate)
     releases = table(
         ("release", "error", "error / noise"),
         [
             (
                 f"{Path(r.log).name} {r.number}",
-                f"{scale * r.rmse:.4g}{unit}",
+                show(r.rmse),
                 f"{r.rmse / result.noise.std:.2f}",
             )
             for r in result.releases
@@ -29,13 +29,13 @@ def report(result: "Comparison", width: int = WIDTH) -> str:
     )
     lines = [
         releases,
-        f"error {scale * result.rmse:.4g}{unit} = {100 * result.nrmse:.2f} % of the RMS motion; noise floor "
-        f"{scale * result.noise.std:.4g}{unit} ({result.noise.how})",
+        f"error {show(result.rmse)} = {100 * result.nrmse:.2f} % of the RMS motion; sensor noise "
+        f"{show(result.noise.std)}, {result.noise.how}",
         result.summary,
         f"{'✓' if result.passed else '✗'} {result.status}: {result.verdict()}",
     ]
     if not result.passed:
-        lines.append("what is missing: husky-sysid diagnose")
+        lines.append("to learn what is missing: husky-sysid diagnose")
     return "\n".join(lines)
 
 

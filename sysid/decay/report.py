@@ -1,5 +1,6 @@
 """A free decay in words, tables and JSON."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sysid.quantity import Quantity
@@ -30,11 +31,12 @@ def report(decay: "FreeDecay", width: int = WIDTH) -> str:
         f"{roll.log} · {len(roll.time)} samples · {roll.sampling_rate:.4g} Hz · {roll.time[-1] - roll.time[0]:.3g} s{named}"
         for roll in (recording.roll for recording in decay.recordings)
     ]
+    several = len(decay.recordings) > 1
     releases = table(
         ("release", "t [s]", "side", "first amplitude", "held before", "until", "end", "peaks"),
         [
             (
-                str(release.number),
+                f"{Path(release.log).name} {release.number}" if several else str(release.number),
                 f"{release.start:.3f}",
                 release.side,
                 f"{release.amplitude:.4f} rad ({DEGREES * release.amplitude:.2f}°)",
@@ -49,7 +51,13 @@ def report(decay: "FreeDecay", width: int = WIDTH) -> str:
     )
     value = "value ± 95 %" if decay.linear else "value ± 95 % of a linear decay, which this is not"
     quantities = table(("quantity", value, "unit", "how"), _rows(decay), width=width)
-    lines += [releases, quantities, equation(decay), verdict(decay)]
+    lines += [
+        releases,
+        "peaks: turning points that stand above the noise",
+        quantities,
+        equation(decay),
+        verdict(decay),
+    ]
     if not decay.has_inertia:
         lines.append(
             "k and d need the roll inertia I about the tilt axis: k = I ω_n², d = 2 ζ ω_n I (husky-sysid inertia)"
@@ -102,21 +110,20 @@ def verdict(decay: "FreeDecay") -> str:
         )
     if not decay.linear:
         return (
-            f"✗ not a linear decay: the residual is {ratio:.3g} × the sensor noise; see the warnings, and run "
+            f"✗ not a linear decay: the residual is {ratio:.3g} × the estimated sensor noise; see the warnings, and run "
             "`husky-sysid diagnose`"
         )
     share = inertia_share(decay)
     closing = f"; {100 * share:.0f} % of k's variance comes from I" if share > 0.5 else ""
-    wider = (
-        f"; the intervals are {decay.wider:.2g} × wider for it, as what follows the motion does not average out"
-        if decay.wider > 1.05
-        else ""
-    )
+    wider = f"; the intervals are {decay.wider:.2g} × wider for it" if decay.wider > 1.05 else ""
     if ratio > 1.15:
         size = max(float(abs(fitted.modelled - fitted.level).max()) for fitted in decay.trace.releases)
         left = 100 * decay.trace.noise / size
-        return f"✓ linear decay but for {left:.2g} % of the amplitude ({ratio:.3g} × the sensor noise){wider}{closing}"
-    return f"✓ linear decay: the residual is {ratio:.2f} × the sensor noise{closing}"
+        return (
+            f"✓ linear to {left:.2g} % of the amplitude; what remains is {ratio:.3g} × the estimated sensor noise"
+            f"{wider}{closing}"
+        )
+    return f"✓ linear decay: the residual is {ratio:.2f} × the estimated sensor noise{closing}"
 
 
 def inertia_share(decay: "FreeDecay") -> float:
@@ -139,9 +146,11 @@ def to_json(decay: "FreeDecay") -> dict[str, Any]:
     ]
     return {
         "board": decay.board,
+        "logs": logs,
         "log": ", ".join(logs or dict.fromkeys(release.log for release in decay.releases)),
         "releases": [
             {
+                "log": release.log,
                 "number": release.number,
                 "t_start_s": release.start,
                 "t_end_s": float(release.time[-1]),

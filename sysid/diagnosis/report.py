@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from sysid.effects import effect
-from sysid.text import DEGREES, WIDTH, percent, table
+from sysid.text import WIDTH, count, display, percent, table
 
 if TYPE_CHECKING:
     from sysid.diagnosis.diagnose import Candidate, Diagnosis
@@ -22,14 +22,15 @@ def fittable(names: Sequence[str]) -> tuple[str, ...]:
 def report(result: "Diagnosis", width: int = WIDTH) -> str:
     """Return the ranked models, the verdict, how well unseen releases are predicted, and what to do next."""
     verdict, floor = result.verdict, result.noise
-    unit = "°" if result.swing_frequency is None else "°/s"
+    show = display(is_rate=result.swing_frequency is not None)
     rows = [_row(candidate, floor.std) for candidate in result.candidates[:SHOWN]]
     if not any(candidate.effects == () for candidate in result.candidates[:SHOWN]):
         rows.append(_row(result.baseline, floor.std))
     lines = [
-        f"{result.board} · {result.releases} release(s) · noise floor {DEGREES * floor.std:.3g}{unit} ({floor.how})",
-        table(("missing", "error / noise", "held out / noise", "score (0 is best)"), rows, width=width),
-        f"{verdict.status}: {', '.join(verdict.effects) or '-'} (confidence {percent(verdict.confidence)})",
+        f"{result.board} · {count(result.releases, 'release')} · sensor noise {show(floor.std, 3)}, {floor.how}",
+        table(("missing", "error / noise", "held out / noise", "score"), rows, width=width),
+        "held out: error on releases that a model had not seen; score: 0 is best, from 8 on a model is ruled out",
+        f"Result: {_headline(result)} (confidence {percent(verdict.confidence)})",
         verdict.explanation,
         _predicted(result),
     ]
@@ -42,6 +43,17 @@ def report(result: "Diagnosis", width: int = WIDTH) -> str:
         flags = " ".join(f"--effect {name}" for name in result.effects)
         lines.append(f"to add it: husky-sysid fit LOG... --board {result.board} {flags}")
     return "\n".join(lines)
+
+
+def _headline(result: "Diagnosis") -> str:
+    names = " and ".join(result.verdict.effects)
+    if result.status == "none-missing":
+        return "no effect is missing"
+    if result.status == "missing":
+        return f"{names} {'is' if len(result.verdict.effects) == 1 else 'are'} missing"
+    return "something is missing that no effect of the catalogue explains" + (
+        f"; nearest: {names}" if names else ""
+    )
 
 
 def _row(candidate: "Candidate", floor: float) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sysid.text import DEGREES, WIDTH, table
+from sysid.text import WIDTH, count, display, table
 
 if TYPE_CHECKING:
     from sysid.fit_mjcf import Fit, JointFit
@@ -15,9 +15,13 @@ if TYPE_CHECKING:
     from sysid.fitting.profile import Profile
 
 
+HELD_OUT = "held out: error on releases that the fit had not seen"
+"""Below the ladder."""
+
+
 def report(fit: "Fit", width: int = WIDTH) -> str:
     """Return the quantities before and after, and the errors from the linear joint up."""
-    scale, unit = (1.0, "rad/s") if fit.is_rate else (DEGREES, "°")
+    show = display(is_rate=fit.is_rate)
     known = {
         **{name: quantity for name, quantity in fit.before.tilt.items() if name != "range"},
         **{
@@ -36,8 +40,8 @@ def report(fit: "Fit", width: int = WIDTH) -> str:
         [
             (
                 rung.label,
-                f"{scale * rung.rmse:.4g}{unit}",
-                f"{scale * rung.heldout_rmse:.4g}{unit}",
+                show(rung.rmse),
+                show(rung.heldout_rmse),
                 f"{rung.rmse / fit.noise.std:.3f}",
             )
             for rung in fit.ladder
@@ -45,11 +49,11 @@ def report(fit: "Fit", width: int = WIDTH) -> str:
         width=width,
     )
     heading = (
-        f"{fit.before.name} · {len(fit.joint.records)} release(s) · {fit.status} · noise floor "
-        f"{scale * fit.noise.std:.3g}{unit} ({fit.noise.how})"
+        f"{fit.before.name} · {count(len(fit.joint.records), 'release')} · {fit.status} · sensor noise "
+        f"{show(fit.noise.std, 3)}, {fit.noise.how}"
     )
     return "\n".join(
-        (heading, quantities, rungs, f"record as it stood: error {scale * fit.rmse_before:.4g}{unit}")
+        (heading, quantities, rungs, HELD_OUT, f"record as it stood: error {show(fit.rmse_before)}")
     )
 
 

@@ -20,6 +20,10 @@ _NEIGHBOURS = comb(4 * _ORDERS[-1], 2 * _ORDERS[-1]) / comb(2 * _ORDERS[-1], _OR
 """Σ ρ² of differences of the highest order: so many of them say as much as one independent sample."""
 
 
+FROM_SCATTER = "estimated from the sample-to-sample scatter"
+"""How a noise floor was found that no smooth motion can have made."""
+
+
 @dataclass(frozen=True, slots=True)
 class NoiseFloor:
     """Standard deviation of the sensor noise, and how it was found."""
@@ -117,7 +121,7 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
         )
     return NoiseFloor(
         std,
-        f"from high-order differences of {count} samples: what no smooth motion can do",
+        f"{FROM_SCATTER} of {count} samples",
         float(np.sqrt(0.5 * _NEIGHBOURS / max(count - _ORDERS[-1] * len(releases), 8))),
     )
 

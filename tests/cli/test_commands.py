@@ -1,6 +1,8 @@
 """The command line as a whole: every command is there, usage errors exit with 2, failures with 1."""
 
 import importlib
+import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -8,9 +10,11 @@ from pathlib import Path
 import pytest
 from command_line import husky
 
-from sysid.cli import COMMANDS, EXIT_CODES
+from sysid.cli import COMMANDS, EXIT_CODES, build_app
 
 HEAVY = {"numpy", "pandas", "scipy", "matplotlib", "casadi", "mujoco", "cv2", "rerun", "torch", "control"}
+
+ROOT = Path(__file__).parents[2]
 
 
 def heavy_modules_after(statement):
@@ -81,3 +85,24 @@ def test_unknown_board_is_an_error_with_a_suggestion(tmp_path):
     assert "Did you mean 'pink'?" in result.stderr
     assert "Traceback" not in result.stderr
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_examples_of_the_help_are_commands(name):
+    app = build_app()
+    assert COMMANDS[name].examples
+    for example in COMMANDS[name].examples:
+        app.parse_args(shlex.split(example), exit_on_error=False, print_error=False)
+    assert (ROOT / "docs" / COMMANDS[name].page).is_file()
+
+
+def test_options_stand_in_their_groups():
+    help_text = husky("fit", "--help").stdout
+    titles = ("─ Log ─", "─ Film ─", "─ Fit ─", "─ Output ─")
+    places = [help_text.index(title) for title in titles]
+    assert places == sorted(places)
+    panels = re.split(r"╭─ (\w+) ─+╮", help_text[: help_text.index("Examples:")])
+    text = dict(zip(panels[1::2], panels[2::2], strict=True))
+    for option, group in (("--column", "Log"), ("--roi", "Film"), ("--effect", "Fit"), ("--json", "Output")):
+        assert [title for title in text if f"{option} " in text[title]] == [group]
+    assert "husky-sysid fit tip.csv --board pink" in help_text

@@ -275,7 +275,7 @@ def run(case: Case, folder: Path) -> dict[str, Any]:
         files = {
             path.relative_to(workspace).as_posix(): _file(path)
             for path in sorted(workspace.rglob("*"))
-            if path.is_file()
+            if path.is_file() and ".earlier" not in path.parts
         }
     return {"steps": steps, "files": files}
 

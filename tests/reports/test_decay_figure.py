@@ -49,7 +49,7 @@ ROLLS = {
 def test_every_kind_of_decay_has_its_picture(name, tmp_path):
     roll = ROLLS[name]()
     decay = fit_decay(find_releases(roll), INERTIA)
-    figure = decay_figure(roll, decay, "a title")
+    figure = decay_figure([roll], decay, "a title")
     log, trace, residual, line = figure.axes
     assert len(log.patches) == len(decay.releases)  # a shade each
     marked = sum(len(drawn.get_xdata()) for drawn in log.lines if drawn.get_marker() == "o")
@@ -69,7 +69,7 @@ def test_nothing_measured_is_cut_off_and_the_residual_is_simulated_minus_measure
     """The deck is widest before the hand has surely left it, and there the fit has not begun."""
     roll = make_roll(Recipe(sampling=500, amplitudes=(0.35, -0.15)))
     decay = fit_decay(find_releases(roll), INERTIA)
-    _, trace, residual, _ = decay_figure(roll, decay, "a title").axes
+    _, trace, residual, _ = decay_figure([roll], decay, "a title").axes
     low, high = trace.get_ylim()
     span = trace.get_xlim()[1]
     for release, fitted, drawn in zip(decay.releases, decay.trace.releases, residual.lines, strict=False):
@@ -83,7 +83,7 @@ def test_nothing_measured_is_cut_off_and_the_residual_is_simulated_minus_measure
 @pytest.mark.parametrize("noise", [0.1, 1e-3, 1e-5])
 def test_no_label_leaves_the_picture(noise):
     roll = make_roll(Recipe(sampling=500, amplitudes=(0.2, -0.18), noise=noise * DEGREE))
-    figure = decay_figure(roll, fit_decay(find_releases(roll), INERTIA), "a title")
+    figure = decay_figure([roll], fit_decay(find_releases(roll), INERTIA), "a title")
     figure.draw_without_rendering()
     for axes in figure.axes:
         for text in (axes.xaxis.label, axes.yaxis.label, axes.title):
@@ -95,7 +95,7 @@ def test_a_single_peak_has_a_whole_number():
     roll = make_roll(Recipe(sampling=500))
     decay = fit_decay(find_releases(roll), INERTIA)
     alone = replace(decay, peaks=tuple(group[:1] for group in decay.peaks), line=None)
-    line = decay_figure(roll, alone, "a title").axes[3]
+    line = decay_figure([roll], alone, "a title").axes[3]
     low, high = line.get_xlim()
     ticks = [tick for tick in line.get_xticks() if low <= tick <= high]
     assert ticks
