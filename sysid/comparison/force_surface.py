@@ -1,6 +1,6 @@
 """The torque that a model lacks: over tilt and rate, and averaged over either."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -152,10 +152,12 @@ def derivatives(time: Array, roll: Array, window: int) -> tuple[Array, Array, Ar
 def _torque_left(law: JointLaw, time: Array, motion: tuple[Array, Array, Array]) -> Array:
     """Return I φ̈ less the law's torques without memory [N*m]."""
     roll, rate, acceleration = motion
-    effects: Mapping[str, tuple[float, ...]] = dict(law.effects)
-    ratio = effects.get("inertia", (1.0,))[0]
-    left = ratio * law.inertia * acceleration + law.stiffness * (roll - law.rest_angle) + law.damping * rate
-    for name in effects:
+    left = (
+        law.inertia_ratio * law.inertia * acceleration
+        + law.stiffness * (roll - law.rest_angle)
+        + law.damping * rate
+    )
+    for name, _ in law.effects:
         if effect(name).role == "torque" and not effect(name).states:
             left = left - effect_torque(law, name, time, roll, rate)
     return left
