@@ -42,7 +42,7 @@ def test_a_fit_sees_what_the_simulation_shows(name):
     assert starts[0][0] == pytest.approx(0.2, abs=1e-4)
 
 
-@pytest.mark.parametrize("name", set(SENSORS) - {"clock"})
+@pytest.mark.parametrize("name", [name for name in SENSORS if name != "clock"])
 def test_the_gate_senses_what_the_simulation_shows(name):
     law = LAW.with_effect(name, *SENSORS[name])
     seen = sense(law, 3.0 + TIME, simulate(LAW, TIME, 0.2).roll)
