@@ -110,8 +110,8 @@ def _profile(at: Array, torque: Array, together: float) -> TorqueProfile:
     parts = np.array_split(np.argsort(at), bins)
     std = [float(np.std(torque[part])) / np.sqrt(max(len(part) / together, 1.0)) for part in parts]
     return TorqueProfile(
-        np.array([np.mean(at[part]) for part in parts]),
-        np.array([np.mean(torque[part]) for part in parts]),
+        np.array([float(np.mean(at[part])) for part in parts]),
+        np.array([float(np.mean(torque[part])) for part in parts]),
         np.array(std),
     )
 
