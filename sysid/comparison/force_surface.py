@@ -95,7 +95,12 @@ def missing_torque(
         mean = np.where(count > 2, total / np.maximum(count, 1), np.nan)
     together = float(np.mean(windows))
     return MissingTorque(
-        a, b, mean, count, _profile(tilt, torque, together), _profile(rate, torque, together)
+        a,
+        b,
+        np.asarray(mean, np.float64),
+        np.asarray(count, np.float64),
+        _profile(tilt, torque, together),
+        _profile(rate, torque, together),
     )
 
 
@@ -103,10 +108,10 @@ def _profile(at: Array, torque: Array, together: float) -> TorqueProfile:
     """Average a torque over bins of as many samples each; `together` neighbouring samples say the same."""
     bins = int(np.clip(len(at) / (FEW_A_BIN * together), 3, MOST_BINS))
     parts = np.array_split(np.argsort(at), bins)
-    std = [np.std(torque[part]) / np.sqrt(max(len(part) / together, 1.0)) for part in parts]
+    std = [float(np.std(torque[part])) / np.sqrt(max(len(part) / together, 1.0)) for part in parts]
     return TorqueProfile(
-        np.array([np.mean(at[part]) for part in parts]),
-        np.array([np.mean(torque[part]) for part in parts]),
+        np.array([float(np.mean(at[part])) for part in parts]),
+        np.array([float(np.mean(torque[part])) for part in parts]),
         np.array(std),
     )
 

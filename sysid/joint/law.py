@@ -11,9 +11,7 @@ from sysid.effects import effect
 from sysid.effects._base import LinearJoint, TorqueEffect
 from sysid.joint.structure import LINEAR, Structure, structure_of
 from sysid.roll import Array
-
-LEAST_REST = 5e-4
-"""A rest angle below this, half the last digit that is printed, is left out of the printed law [rad]."""
+from sysid.text import linear_law
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,10 +104,8 @@ class JointLaw:
         return [(part, part.named(values)) for part, values in parts if isinstance(part, TorqueEffect)]
 
     def __str__(self) -> str:
-        """The law as it would be written on a board, e.g. '0.0087 φ̈ + 0.402 φ̇ + 14.68 φ + 0.15 sgn φ̇ = 0'."""
-        rest = self.rest_angle
-        tilt = "φ" if abs(rest) < LEAST_REST else f"(φ {'-' if rest > 0 else '+'} {abs(rest):.4f})"
-        terms = [f"{self.inertia:.3g} φ̈ + {self.damping:.3g} φ̇ + {self.stiffness:.4g} {tilt}"]
+        """The law as it would be written on a board, e.g. '8.70e-3 φ̈ + 0.402 φ̇ + 14.68 φ + 0.15 sgn φ̇ = 0'."""
+        terms = [linear_law(self.inertia, self.damping, self.stiffness, self.rest_angle)]
         terms += [term for name, values in self.effects if (term := effect(name).term(values))]
         others = [name for name, _ in self.effects if not effect(name).formula]
         return f"{' '.join(terms)} = {' + '.join(f'τ({name})' for name in others) or '0'}"

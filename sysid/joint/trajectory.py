@@ -1,9 +1,11 @@
 """What a joint does after it is let go."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sysid.board import Board
 from sysid.errors import HuskyError
 from sysid.joint.hermite import hermite_matrix
 from sysid.joint.integrator import build_stepper, rollout, steps_for
@@ -11,6 +13,9 @@ from sysid.joint.law import JointLaw
 from sysid.joint.sampled import stepped
 from sysid.joint.sensor import clock_ratio, read
 from sysid.roll import Array
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 STEPS_PER_PERIOD = 120
 """RK4 steps in one natural period: the local error is then below 1e-8 of the amplitude."""
@@ -27,14 +32,26 @@ class Trajectory:
     rate: Array
     """Its rate [rad/s], shape (n,)."""
 
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return a table: time_s, roll_rad, rate_rad_s."""
+        import pandas as pd
+
+        return pd.DataFrame({"time_s": self.time, "roll_rad": self.roll, "rate_rad_s": self.rate})
+
 
 def simulate(
-    law: JointLaw, time: Array, angle: float, rate: float = 0.0, *, hold: float = 1e3, begin: float = 0.0
+    law: JointLaw | Board,
+    time: Array,
+    angle: float,
+    rate: float = 0.0,
+    *,
+    hold: float = 1e3,
+    begin: float = 0.0,
 ) -> Trajectory:
     """Let go of the deck and watch it.
 
     Args:
-        law: The joint.
+        law: The joint, or a board whose joint it is.
         time: Times since the release at which to look [s], shape (n,), ascending, from 0 on.
         angle: Roll at release [rad].
         rate: Roll rate at release [rad/s].
@@ -44,6 +61,7 @@ def simulate(
     Raises:
         HuskyError: The motion grows without bound: the law has no stable rest there.
     """
+    law = JointLaw.from_board(law) if isinstance(law, Board) else law
     if law.timestep:
         return Trajectory(np.asarray(time), *stepped(law, time, angle, rate))
     structure, vector = law.structure, law.vector
