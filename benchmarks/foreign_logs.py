@@ -97,8 +97,7 @@ def real(folder: Path, board_name: str, only: str, part: slice) -> None:
         begin = time.process_time()
         try:
             releases = find_releases(read_roll(folder / name, LogOptions()), **where)
-            rate = {r.origin for r in releases} == {"gyro"}
-            result = diagnose(releases, board, use_rate=rate)
+            result = diagnose(releases, board)
         except Exception as error:  # noqa: BLE001 - one log that cannot be read must not end the table
             print(f"BAD {name}: {type(error).__name__}: {error}", flush=True)
             continue

@@ -31,7 +31,7 @@ def work(path):
         pass
 """
 FOLLOW = """
-import pathlib, sysid.video.choose, sysid.video.track
+import pathlib, sysid.video.select
 from sysid.video_roll import VideoOptions, roll_from_video
 def work(path):
     roll_from_video(pathlib.Path(path), VideoOptions(method="marker"))

@@ -121,6 +121,8 @@ def _verdict(board: Board, evidence: Evidence | None, files: "Sequence[LogFile]"
         warnings.append(
             f"not checked in the training scene yet: husky-sysid check LOG... --board {board.name}"
         )
+    elif board.check_is_stale:
+        warnings.append("the record was changed since it was checked: check it again")
     elif not board.passed:
         warnings.append("the training scene does not decay like the board (see the check below)")
     parts.append(warning_list(warnings) if warnings else paragraph("No warnings."))
@@ -293,9 +295,10 @@ def _look_alikes(board: Board, evidence: Evidence | None, diagnosis: Mapping[str
 def _weakest(alike: LookAlikes, index: int) -> str:
     """Return the strength at which an effect would be seen: its signature is taken as proportional to it."""
     name, value = next(iter(alike.strength[index].items()))
-    unit = effect(alike.names[index]).parameters[0].unit.replace("*", "·")
+    first = effect(alike.names[index]).parameters[0]
+    unit = first.unit.replace("*", "·")
     share = SEEN / float(alike.visibility[index])
-    if name in ("angle", "inertia"):  # an end stop or a support does not grow with its first parameter
+    if first.neutral != 0.0:  # an end stop or a support does not grow with its first parameter
         return "shows here" if share < 1 else "too weak to show here"
     if share > HOPELESS:
         return "too weak to show here"
@@ -387,6 +390,10 @@ def _check(board: Board) -> list[str]:
                 "that policies train in, and compares.",
                 good=False,
             )
+        ]
+    if board.check_is_stale:
+        return [
+            verdict("Out of date: the record was changed since it was checked. Check it again.", good=False)
         ]
     tolerance = check.get("tolerance", 0.02)
     text = (

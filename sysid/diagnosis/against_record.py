@@ -13,10 +13,11 @@ from sysid.diagnosis.search import Candidate
 from sysid.effects import catalogue, effect
 from sysid.fitting.covariance import parameter_covariance
 from sysid.fitting.problem import Problem
-from sysid.fitting.search import FRICTION
-from sysid.joint.equations import structure_of
+from sysid.joint.sampled import sampled_k_d
+from sysid.joint.structure import structure_of
 from sysid.least_squares import Normal, minimise
-from sysid.noise.floor import correlation_length, sensor_step
+from sysid.noise.floor import pooled_step
+from sysid.noise.whiteness import correlation_length
 from sysid.quantity import Quantity
 from sysid.roll import Array
 
@@ -66,13 +67,13 @@ def _shift(
     model: Candidate, board: Board, covariance: np.ndarray, names: list[str], named: tuple[str, ...]
 ) -> Deviation:
     """Name the rest angle if it moved; what moved it cannot be told. `named` is said already and may explain it."""
-    if "rest_angle" not in names or model.problem.bias == "own" or "gravity" in model.effects:
+    if "rest_angle" not in names or model.problem.bias == "per-release" or "gravity" in model.effects:
         return Deviation()
     if model.problem.records[0].is_rate:
         return Deviation()
     index = names.index("rest_angle")
     moved = model.parameters["rest_angle"] - board.rest_angle
-    rounding = sensor_step([r.release for r in model.problem.records], rate=False) / np.sqrt(12)
+    rounding = pooled_step([r.release for r in model.problem.records], rate=False) / np.sqrt(12)
     known = board.tilt["rest_angle"].std
     deviation = float(np.sqrt(max(covariance[index, index], 0.0) + known**2 + rounding**2))
     if abs(moved) < SURE * deviation or abs(moved) < SMALLEST_SHIFT * model.problem.scales.amplitude:
@@ -106,13 +107,12 @@ def _shift(
 def _worse(model: Candidate, rest_angle: float, *more: str) -> float:
     """Return how much worse a model fits with its rest angle held, and with effects more, in χ² of the residual."""
     problem = model.problem
-    held = Problem(
-        structure_of(tuple(sorted((*model.effects, *more)))), problem.records, problem.scales, bias=problem.bias,
-        fixed={**problem.fixed, "rest_angle": rest_angle}, free_states=problem.free_states,
-        steps_per_period=problem.steps_per_period,
-    )  # fmt: skip
+    held = problem.with_(
+        structure=structure_of(tuple(sorted((*model.effects, *more)))),
+        fixed={**problem.fixed, "rest_angle": rest_angle},
+    )
     known = {**dict.fromkeys(held.names, 0.0), **model.parameters}
-    rough = [name for name in FRICTION if name in held.names]
+    rough = [name for name in held.structure.rough if name in held.names]
     starts = [
         held.start({**known, **{name: share * known[name] for name in rough}})
         for share in ((0.6, 0.8, 1.0, 1.25, 1.6) if rough else (1.0,))
@@ -173,10 +173,7 @@ def _faithful(model: Candidate, board: Board) -> list[tuple[str, float]]:
             or name in (*model.effects, "gravity", *_SHIFTING)
         ):
             continue
-        richer = Problem(
-            structure_of((*model.effects, name)), problem.records, problem.scales, bias=problem.bias,
-            fixed=problem.fixed, free_states=problem.free_states, steps_per_period=problem.steps_per_period,
-        )  # fmt: skip
+        richer = problem.with_(structure=structure_of((*model.effects, name)))
         prior = [(richer.names.index(key), board.tilt[key]) for key in ("stiffness", "damping")]
         sizes = richer.sizes()
 
@@ -229,16 +226,6 @@ def _explanations(logs: np.ndarray, spread: np.ndarray, board: Board) -> list[tu
 
 
 def stepped_logs(board: Board, h: float) -> tuple[float, float]:
-    """Return ln(k'/k) and ln(d'/d) of the continuous joint that moves like the record stepped by implicitfast.
-
-    The step's map has determinant a = 1/(1 + h d/I) and trace 1 + a - h² a k/I; its poles are those of
-    a continuous joint with the same decay and frequency at the samples.
-    """
-    inertia, k, d = board.inertia.value, board.stiffness, board.damping
-    a = 1.0 / (1.0 + h * d / inertia)
-    cosine = (1.0 + a - h * h * a * k / inertia) / (2.0 * np.sqrt(a))
-    if abs(cosine) >= 1:
-        return float("nan"), float("nan")
-    decay, frequency = -0.5 * np.log(a) / h, np.arccos(cosine) / h
-    square = decay**2 + frequency**2
-    return float(np.log(square * inertia / k)), float(np.log(2 * decay * inertia / d))
+    """Return ln(k'/k) and ln(d'/d) of the continuous joint that moves like the record stepped by implicitfast."""
+    stiffness, damping = sampled_k_d(board.inertia.value, board.stiffness, board.damping, h)
+    return float(np.log(stiffness / board.stiffness)), float(np.log(damping / board.damping))

@@ -6,16 +6,18 @@ from the best is taken, and named if what it adds matters and explains most of w
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from sysid.board import Board
 from sysid.decay.plausibility import amplitude_warnings
+from sysid.diagnosis import report as diagnosis_report
 from sysid.diagnosis.against_record import record_deviation
 from sysid.diagnosis.experiment import deciding
 from sysid.diagnosis.importance import Importance, importance
 from sysid.diagnosis.judgement import INEXACT, PRICE, TIE, Field, Scored, families_of, rest_of
+from sysid.diagnosis.report import fittable
 from sysid.diagnosis.search import Candidate as Model
 from sysid.diagnosis.search import Progress, Search, best_of
 from sysid.diagnosis.surrogates import LAWS, surrogates
@@ -30,13 +32,19 @@ from sysid.diagnosis.wording import (
 )
 from sysid.diagnosis.workers import Crew
 from sysid.effects import effect
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.fitting.covariance import parameter_quantities
-from sysid.fitting.problem import Bias, make_records
+from sysid.fitting.joint import FitOptions, check_parameters
+from sysid.fitting.records import Signal, make_records, signal_of
 from sysid.fitting.search import scales_of
 from sysid.noise.floor import NoiseFloor, noise_floor
 from sysid.quantity import Quantity
+from sysid.recording import Data, Recording, reading_warnings, unpack
 from sysid.roll import Release
+from sysid.text import WIDTH
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 EXPLAINED = 0.8
 """Share of the squared held-out error beyond the noise that must be taken away for an effect to be named."""
@@ -110,7 +118,8 @@ class Diagnosis:
     verdict: Verdict
     shares: Mapping[str, float]
     """Peak torque of each missing effect over the peak torque of the joint."""
-    warnings: tuple[str, ...]
+    doubts: tuple[str, ...]
+    """What is odd about the releases for this board, or doubtful about the verdict."""
     heldout_before: tuple[float, ...]
     """Error of predicting each release from the others, over its RMS motion: without what is missing."""
     heldout_after: tuple[float, ...]
@@ -119,39 +128,93 @@ class Diagnosis:
     base: Model = field(repr=False)
     swing_frequency: float | None = None
     """Where a rate was fitted, and errors are rates: the joint's natural frequency [rad/s]."""
+    board: str
+    releases: int
+    """How many were judged."""
+    recordings: tuple[Recording, ...] = ()
+    """The logs, where they were given whole."""
+    logs: tuple[str, ...]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is wrong with the logs, or doubtful about them for this board and this verdict."""
+        return (*reading_warnings(self.recordings), *self.doubts)
+
+    @property
+    def status(self) -> Status:
+        """'none-missing', 'missing' or 'unexplained'."""
+        return self.verdict.status
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """What `fit` should add: the effects that are missing, if the verdict names any."""
+        return fittable(self.verdict.effects) if self.status == "missing" else ()
+
+    @property
+    def held(self) -> Mapping[str, float]:
+        """What `fit` should hold meanwhile: the spring at zero where gravity takes its place."""
+        return {"stiffness": 0.0} if self.effects and self.best.problem.fixed.get("stiffness") == 0 else {}
+
+    def report(self, width: int = WIDTH) -> str:
+        """Return what `husky-sysid diagnose` prints, in tables of at most `width` characters."""
+        return diagnosis_report.report(self, width)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what `husky-sysid diagnose --json` writes."""
+        return diagnosis_report.to_json(self)
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return one row a model, best first: effects, rmse, heldout_rmse [rad or rad/s], score."""
+        import pandas as pd
+
+        return pd.DataFrame(
+            [
+                {
+                    "effects": c.effects,
+                    "rmse": c.rmse,
+                    "heldout_rmse": c.heldout_rmse,
+                    "score": c.score,
+                    **{name: quantity.value for name, quantity in c.parameters.items()},
+                }
+                for c in self.candidates
+            ]
+        )
 
 
 def diagnose(
-    releases: Sequence[Release],
+    data: Data,
     board: Board,
     *,
-    bias: Bias = "shared",
-    use_rate: bool = False,
+    signal: Signal = "auto",
     fixed: Mapping[str, float] | None = None,
     workers: int = 1,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Fit the catalogue to releases and judge what the board's record is missing.
+    """Fit the catalogue to recordings and judge what the board's record is missing.
 
     Args:
-        releases: Free decays of one board; with one only, each third of it is predicted from the others.
+        data: Free decays of one board: a recording, several, or releases; of one release only, each third of its motion
+            is predicted from the others.
         board: The record; its effects are in every model.
-        bias: One sensor zero for all releases, or one each.
-        use_rate: Fit the measured rate instead of the roll.
+        signal: What is fitted.
         fixed: Parameters held in every model, such as {"stiffness": 0.0} for a pendulum.
         workers: Processes; with more than one, a script must guard its main part.
         progress: Called as the search goes on.
 
     Raises:
-        HuskyError: The releases are too short, or their unit is wrong.
+        SysidError: The releases are too short, or their unit is wrong.
     """
+    recordings, releases = unpack(data)
+    chosen = signal_of(releases, signal)
+    bias, use_rate = chosen["bias"], chosen["use_rate"]
     noise = noise_floor(releases, rate=use_rate)
     records = make_records(releases, noise.std, rate=use_rate)
     scales = scales_of(records, board)
     period = 2 * np.pi / scales.frequency
     warnings = check_releases(releases, board, period)
     held = dict(fixed or {})
-    if bias == "own" or use_rate:
+    check_parameters([part.name for part in board.effects], FitOptions(fixed=held))
+    if bias == "per-release" or use_rate:
         held.setdefault("rest_angle", board.rest_angle)
     with Crew(workers) as crew:
         search = Search(
@@ -192,7 +255,11 @@ def diagnose(
         ),
         verdict=_with_errors(verdict, base, best),
         shares={} if verdict.matters is None else verdict.matters.each,
-        warnings=tuple(warnings),
+        doubts=tuple(warnings),
+        board=board.name,
+        releases=len(releases),
+        recordings=recordings,
+        logs=tuple(dict.fromkeys(release.log for release in releases)),
         heldout_before=heldout_nrmse(everything.base.model),
         heldout_after=heldout_nrmse(winner),
         best=best,
@@ -205,13 +272,13 @@ def check_releases(releases: Sequence[Release], board: Board, period: float) -> 
     """Refuse what no verdict can be made from, and say what looks odd.
 
     Raises:
-        HuskyError: Angles that cannot be radians of a board, or releases shorter than a swing.
+        SysidError: Angles that cannot be radians of a board, or releases shorter than a swing.
     """
     warnings = amplitude_warnings(releases, board)
     longest = max(float(r.time[-1] - r.time[0]) for r in releases)
     samples = max(len(r.time) for r in releases)
     if longest < 0.6 * period or samples < 24:
-        raise HuskyError(
+        raise SysidError(
             f"the longest release has {samples} samples over {longest:.3g} s, and one swing takes {period:.3g} s: "
             "too short for a verdict. Record until the deck rests, and three releases or more."
         )

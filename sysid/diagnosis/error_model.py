@@ -73,8 +73,8 @@ def blocks_of(
     """Cut releases into periods.
 
     Args:
-        signals: Model of each release about rest [rad or rad/s].
-        rates: Its time derivative.
+        signals: Model of each release about rest [rad or rad/s], shape (n,) each.
+        rates: Its time derivative, shape (n,) each.
         steps: Sampling period of each [s].
         period: Of the joint [s].
     """
@@ -97,7 +97,12 @@ def blocks_of(
 
 
 def fit_errors(blocks: Blocks, errors: Sequence[Array]) -> Fitted:
-    """Fit the error model to one error, by Fisher scoring on the logarithms of its sizes."""
+    """Fit the error model to one error, by Fisher scoring on the logarithms of its sizes.
+
+    Args:
+        blocks: Of the motion.
+        errors: Of each release [rad or rad/s], shape (n,) each.
+    """
     power = np.maximum(blocks.coefficients(errors) ** 2, 1e-300)
     size = float(np.mean(power))
     swing, rate = (max(float(np.sqrt(np.mean(x**2))), 1e-300) for x in (blocks.amplitude, blocks.rate))

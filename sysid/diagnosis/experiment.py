@@ -6,8 +6,9 @@ import numpy as np
 
 from sysid.diagnosis.error_model import Fitted
 from sysid.diagnosis.search import Candidate
-from sysid.errors import HuskyError
-from sysid.joint import JointLaw, simulate
+from sysid.errors import SysidError
+from sysid.joint.law import JointLaw
+from sysid.joint.trajectory import simulate
 
 DECIDED = float(np.log(19.0))
 """Log of the odds at 95 %."""
@@ -50,7 +51,7 @@ def deciding(one: Candidate, other: Candidate, errors: Fitted) -> Experiment | N
             rest = laws[0].rest_angle
             try:
                 first, second = (simulate(law, time, rest + side * float(angle)) for law in laws)
-            except HuskyError:
+            except SysidError:
                 continue
             pairs = (first.rate, second.rate) if record.is_rate else (first.roll, second.roll)
             missed = pairs[0] - pairs[1]

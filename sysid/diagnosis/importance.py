@@ -7,9 +7,10 @@ import numpy as np
 
 from sysid.diagnosis.search import Candidate
 from sysid.effects import effect
-from sysid.errors import HuskyError
-from sysid.joint import JointLaw, simulate
+from sysid.errors import SysidError
+from sysid.joint.law import JointLaw
 from sysid.joint.torques import effect_torque, torque_shares
+from sysid.joint.trajectory import simulate
 from sysid.roll import Array
 
 TORQUE, ENERGY, AMPLITUDE, SIGNAL = 0.01, 0.03, 0.01, 0.01
@@ -60,7 +61,7 @@ def importance(model: Candidate, names: Sequence[str], base: Candidate) -> Impor
     """
     problem, point = model.problem, model.minimum.point
     law = JointLaw.from_vector(problem.structure, problem.vector_of(problem.parameters(point)))
-    own, shared = problem.own, len(problem.names)
+    own, shared = problem.n_local, len(problem.names)
     begins = (point * problem.sizes())[shared:]
     starts = [(float(begins[i * own]), float(begins[i * own + 1])) for i in range(len(problem.records))]
     times = [record.time for record in problem.records]
@@ -121,7 +122,7 @@ def _amplitude_share(law: JointLaw, starts: Sequence[tuple[float, float]], names
     for angle, _ in starts:
         try:
             spans = [float(np.ptp(simulate(one, grid, angle).roll[late])) / 2 for one in (plain, without)]
-        except HuskyError:
+        except SysidError:
             return 1.0
         largest = max(largest, abs(spans[0] - spans[1]) / max(abs(angle - law.rest_angle), 1e-9))
     return min(largest, 1.0)

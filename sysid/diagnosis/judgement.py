@@ -90,7 +90,7 @@ class Field:
         return max(TIE, float(np.std(difference)) * float(np.sqrt(len(difference))))
 
     def by_block(self, each: Array) -> Array:
-        """Return sums over the blocks, shape (blocks,)."""
+        """Return sums over the blocks in the same unit, shape (blocks,)."""
         starts = np.cumsum([0, *(b - a for _, a, b in self.blocks.cuts[:-1])])
         return np.add.reduceat(each, starts)
 

@@ -10,14 +10,15 @@ from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
+from sysid.diagnosis.pendulum import hanging, hanging_start
 from sysid.diagnosis.workers import Crew
 from sysid.effects import catalogue, effect
 from sysid.effects._base import Scales
-from sysid.fitting.cross_validation import held_out
-from sysid.fitting.pendulum import hanging, hanging_start
-from sysid.fitting.problem import Bias, Problem, Record
-from sysid.fitting.search import first_swings, replace_records, search
-from sysid.joint.equations import structure_of
+from sysid.fitting.cross_validation import heldout_residuals, rms
+from sysid.fitting.problem import Problem
+from sysid.fitting.records import Bias, Record
+from sysid.fitting.search import first_swings, search
+from sysid.joint.structure import structure_of
 from sysid.least_squares import Minimum, minimise
 from sysid.roll import Array
 
@@ -34,12 +35,10 @@ EARLY = 4.0
 """Periods of each release by which starts are ranked."""
 FRICTIONLESS = 0.4
 """Share of a model's damping that is left to it where dry friction joins."""
-WIDE = 0.6
-"""Tilt from which the sine of gravity bends enough to tell it from a stiffness [rad]."""
 HANGS = 1.1
 """Ratio of squared errors up to which a joint with a spring beside gravity is no better than one without: 5 % of error."""
 ASIDE = (0.7, 1.5)
-"""Factors of a kinked effect's parameters from which it is searched again on the fine grid, where it is not at the noise."""
+"""Factors of a nonsmooth effect's parameters from which it is searched again on the fine grid, where it is not at the noise."""
 BEATEN, FAR = 6, 60.0
 """A union is given up when this many others have reached less than it promises, by that much of χ²."""
 
@@ -63,8 +62,8 @@ class Candidate:
         """Root mean square of what is missed of held-out releases; inf where a prediction ran away."""
         if self.heldout is None:
             return float("inf")
-        errors = np.concatenate(self.heldout)
-        return float(np.sqrt(np.mean(errors**2))) if np.all(np.abs(errors) < 1e6) else float("inf")
+        ran_away = any(np.abs(errors).max() >= 1e6 or np.isnan(errors).any() for errors in self.heldout)
+        return float("inf") if ran_away else rms(self.heldout)
 
     @property
     def samples(self) -> int:
@@ -90,7 +89,7 @@ class Candidate:
     @property
     def size(self) -> int:
         """Number of parameters of the physics, and of internal states beyond roll and rate that were fitted."""
-        states = self.problem.own - 2 - (self.problem.bias == "own")
+        states = self.problem.n_local - 2 - (self.problem.bias == "per-release")
         return len(self.problem.names) + states * len(self.problem.records)
 
     @property
@@ -100,7 +99,7 @@ class Candidate:
 
     @property
     def residuals(self) -> list[Array]:
-        """Model minus measurement of each release."""
+        """Model minus measurement of each release [rad or rad/s], shape (n,)."""
         return self.problem.residuals(self.minimum.point)
 
 
@@ -139,10 +138,11 @@ class Search:
     def names(self) -> list[str]:
         """Return the effects that a free decay can show, which are worth a fit here."""
         known = catalogue()
-        chosen = [n for n, e in known.items() if e.role in ("torque", "support")]
+        roles = ("torque", "support")
+        chosen = [
+            n for n, e in known.items() if e.role in roles and e.minimum_amplitude <= self.scales.amplitude
+        ]
         chosen += ["lowpass", "sensor-drift"] if self.bias == "shared" else []
-        if self.scales.amplitude < WIDE:
-            chosen.remove("gravity")
         return sorted(set(chosen) - set(self.base))
 
     def problem(self, effects: Sequence[str], *, free_states: bool = False) -> Problem:
@@ -184,12 +184,12 @@ class Search:
         for known in (one, other):
             new = set(effects) - set(known.effects)
             # A model without friction gave the damper all of the loss.
-            left = FRICTIONLESS if structure_of(tuple(new)).turns else 1.0
+            left = FRICTIONLESS if structure_of(tuple(new)).has_dry_friction else 1.0
             damping = left * known.parameters["damping"]
             starts += [{**little, **known.parameters, "damping": damping} for little in self._little(new)]
         bounds = problem.bounds()
         # A start that is a little off is far off after many swings, so the first ones rank starts better, and sooner.
-        early = replace_records(problem, [first_swings(r, self.scales, EARLY) for r in self.records])
+        early = problem.with_(records=[first_swings(r, self.scales, EARLY) for r in self.records])
         first = [
             minimise(early.normal, early.start(completed(early, start)), *bounds, iterations=1)
             for start in starts
@@ -308,7 +308,7 @@ class Search:
                 rest = tuple(n for n in model.effects if n != part.name)
                 if len(rest) > len(self.base):
                     jobs.append((model, rest, [{}]))
-                for simpler, turned in part.becomes:
+                for simpler, turned in part.limiting_cases:
                     starts = [] if simpler in model.effects else turned(model.parameters)
                     if starts:
                         jobs.append((model, tuple(sorted((*rest, simpler))), starts))
@@ -353,7 +353,7 @@ class Search:
     def finalist(self, model: Candidate, parents: Sequence[Candidate]) -> Candidate:
         """Return a model fitted on the fine grid, from where it is and from simpler ones, and its predictions."""
         fine = self.fine(model, parents)
-        return replace(fine, heldout=held_out(fine.problem, fine.minimum))
+        return replace(fine, heldout=heldout_residuals(fine.problem, fine.minimum))
 
     def fine(
         self, model: Candidate, parents: Sequence[Candidate] = (), *, average: int | None = None
@@ -376,7 +376,7 @@ class Search:
             return minimise(problem.normal, start, *problem.bounds(), iterations=30, tolerance=small)
 
         best = fitted(model.minimum.point)
-        if old.structure.kinked and best.normal.cost > 0.55 * problem.samples:
+        if old.structure.nonsmooth and best.normal.cost > 0.55 * problem.samples:
             best = _walked(problem, best, fitted)
         for known in parents:
             if known.minimum.normal.cost < best.normal.cost:  # else it ends in no better valley
@@ -392,7 +392,7 @@ def _walked(problem: Problem, found: Minimum, fitted: Callable[[Array], Minimum]
         found: Where a fit ended.
         fitted: The fit from a start.
     """
-    kinks = [f"{e.name}.{p.name}" for e in problem.structure.parts if e.kinked for p in e.parameters]
+    kinks = [f"{e.name}.{p.name}" for e in problem.structure.parts if e.nonsmooth for p in e.parameters]
     best = found
     for name, factor in itertools.product(kinks, ASIDE):
         if name in problem.names:
@@ -414,7 +414,7 @@ def best_of(models: Sequence[Candidate], count: int) -> list[Candidate]:
 
 
 def inherited(problem: Problem, known: Candidate) -> Array:
-    """Return a start at a simpler model's optimum: what the richer one has more vanishes there."""
+    """Return a start at a simpler model's optimum, where what the richer one has more vanishes, in units of sizes, shape (p,)."""
     start = problem.start(completed(problem, known.parameters))
     _take_motion(problem, start, known)
     return start
@@ -441,17 +441,17 @@ def _take_motion(problem: Problem, start: Array, known: Candidate) -> None:
     """Copy each release's roll and rate from another model into a start, in place."""
     other = known.problem
     for index in range(len(problem.records)):
-        mine, its = len(problem.names) + index * problem.own, len(other.names) + index * other.own
+        mine, its = len(problem.names) + index * problem.n_local, len(other.names) + index * other.n_local
         start[mine : mine + 2] = known.minimum.point[its : its + 2]
-        if problem.bias == "own":
-            start[mine + problem.own - 1] = known.minimum.point[its + other.own - 1]
+        if problem.bias == "per-release":
+            start[mine + problem.n_local - 1] = known.minimum.point[its + other.n_local - 1]
 
 
 def _sensible(one: Candidate, other: Candidate) -> bool:
-    """Whether no two effects are of one family: variants say the same, and a sensor's two errors too."""
+    """Whether no two effects are of one family, whose variants say the same, and none rules another out."""
     names = {*one.effects, *other.effects}
     families = [effect(name).family for name in names]
-    return len(set(families)) == len(families) and not {"drift", "lowpass"} <= set(families)
+    return len(set(families)) == len(families) and not any(names & {*effect(name).excludes} for name in names)
 
 
 def _promise(model: Candidate) -> float:

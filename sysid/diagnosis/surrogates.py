@@ -8,19 +8,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from sysid.diagnosis.search import COARSE, Candidate, Search, completed, inherited
-from sysid.effects._base import (
-    Algebra,
-    Effect,
-    Motion,
-    MujocoSupport,
-    Parameter,
-    State,
-    Value,
-    Values,
-    belongs_to_log,
-)
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import JointState, MujocoSupport, Parameter, State, TorqueEffect, belongs_to_log
 from sysid.fitting.problem import Problem
-from sysid.joint.equations import Structure
+from sysid.joint.structure import Structure
 from sysid.least_squares import minimise
 
 Shape = Callable[[Algebra, Value, Value, Value], Value]
@@ -71,7 +62,7 @@ def surrogate(search: Search, model: Candidate, kept: tuple[str, ...], shape: st
     """
     inside = search.problem(kept, free_states=model.problem.free_states)
     structure = Structure(inside.structure.effects, (_effect(shape),))
-    free = model.problem.free_states and bool(inside.structure.memories)
+    free = model.problem.free_states and bool(inside.structure.internal_states)
     fixed = {
         **inside.fixed, "surrogate.amplitude": search.scales.amplitude, "surrogate.speed": search.scales.rate,
         "surrogate.duration": search.scales.duration,
@@ -107,10 +98,10 @@ def surrogates(search: Search, model: Candidate) -> list[Candidate]:
     return [search.finalist(m, []) for m in best]
 
 
-def _effect(name: str) -> Effect:
+def _effect(name: str) -> TorqueEffect:
     terms = LAWS[name].terms
 
-    def torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Value:
+    def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
         x, v = motion.tilt / parameters["amplitude"], motion.rate / parameters["speed"]
         t = states[0] / parameters["duration"] if states else 0.0
         parts = [parameters[f"strength_{i}"] * shape(m, x, v, t) for i, shape in enumerate(terms)]
@@ -129,7 +120,7 @@ def _effect(name: str) -> Effect:
         Parameter(name="speed", unit="rad/s", size=lambda s: s.rate, low=0.0, high=2.0),
         Parameter(name="duration", unit="s", size=lambda s: s.duration, low=0.0, high=2.0),
     ]
-    return Effect(
+    return TorqueEffect(
         name="surrogate", title=LAWS[name].words, family="hardening", parameters=(*strengths, *sizes), law=name, source="",
         does="", look_alikes=(), experiment="", mujoco=MujocoSupport(means="", since="", warp=False),
         to_mjcf=belongs_to_log, example=(), torque=torque, states=(clock,) if LAWS[name].changes else (),

@@ -10,7 +10,7 @@ from concurrent.futures.process import BrokenProcessPool
 from types import TracebackType
 from typing import Self, TypeVar
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 
 T = TypeVar("T")
 
@@ -49,7 +49,7 @@ class Crew:
         """Yield the results of a function for each tuple of arguments, in order.
 
         Raises:
-            HuskyError: A process died.
+            SysidError: A process died.
         """
         if self._pool is None:
             yield from (function(*one) for one in arguments)
@@ -59,7 +59,7 @@ class Crew:
             for future in futures:
                 yield future.result()
         except BrokenProcessPool as error:
-            raise HuskyError(
+            raise SysidError(
                 f"one of {self._workers} processes that search died (out of memory, or a script without "
                 "'if __name__ == \"__main__\"'). Try one worker (--workers 1)."
             ) from error

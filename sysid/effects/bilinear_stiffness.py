@@ -3,16 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from sysid.effects._base import (
-    Algebra,
-    Effect,
-    Motion,
-    MujocoSupport,
-    Parameter,
-    Value,
-    Values,
-    rest_of,
-)
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect, rest_of
 
 if TYPE_CHECKING:
     import mujoco
@@ -21,7 +13,7 @@ _FAR = 10.0
 """Tilt that no joint reaches [rad]: a tendon that is slack up to there never pulls on that side."""
 
 
-def torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return -b |x| [N*m]: the stiffness is k + b with the right edge down, k - b with the left."""
     del states
     return -parameters["difference"] * m.abs(motion.tilt)
@@ -44,7 +36,7 @@ def to_mjcf(
     )
 
 
-EFFECT = Effect(
+EFFECT = TorqueEffect(
     name="bilinear-stiffness",
     title="one side stiffer than the other",
     family="asymmetry",
@@ -59,6 +51,7 @@ EFFECT = Effect(
         ),
     ),
     law="τ = -b |x|; the stiffness is k + b with the right edge down and k - b with the left",
+    formula="{difference} |φ|",
     source="piecewise linear oscillator, Shaw and Holmes, J. Sound and Vibration 90 (1983)",
     does="Half swings to one side are wider and longer than to the other by the same share at every amplitude.",
     look_alikes=("asymmetric-stiffness", "offset", "preload", "sensor-bias"),

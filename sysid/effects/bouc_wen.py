@@ -4,19 +4,20 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from sysid.effects import hysteresis
-from sysid.effects._base import Algebra, Effect, Motion, MujocoSupport, Parameter, State, Value, Values
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import JointState, MujocoSupport, Parameter, State, TorqueEffect
 
 if TYPE_CHECKING:
     import mujoco
 
 
-def torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return -T z, with z between -1 and 1 the share of the yield torque that is reached [N*m]."""
     del m, motion
     return -parameters["torque"] * states[0]
 
 
-def share_rate(m: Algebra, motion: Motion, z: Value, parameters: Values) -> Value:
+def share_rate(m: Algebra, motion: JointState, z: Value, parameters: Values) -> Value:
     """Return (v - u |v| z - (1 - u) v |z|) / a: steep after a turn, flat where the torque has yielded [1/s]."""
     rate, u = motion.rate, parameters["unloading"]
     return (rate - u * m.abs(rate) * z - (1 - u) * rate * m.abs(z)) / parameters["reach"]
@@ -40,7 +41,7 @@ def to_mjcf(
     )
 
 
-EFFECT = Effect(
+EFFECT = TorqueEffect(
     name="bouc-wen",
     title="hysteresis with round corners (Bouc–Wen)",
     family="hysteresis",

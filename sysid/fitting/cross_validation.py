@@ -6,12 +6,10 @@ as the sensor's noise on the others leaves them: they may move towards it within
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from sysid.fitting.problem import Problem
-from sysid.fitting.search import replace_records
 from sysid.least_squares import Minimum, Normal, minimise
 from sysid.roll import Array
 
@@ -19,13 +17,13 @@ PIECES = 3
 """Stretches of one release alone, each of which is predicted from the others."""
 
 
-def held_out(problem: Problem, minimum: Minimum) -> tuple[Array, ...]:
+def heldout_residuals(problem: Problem, minimum: Minimum) -> tuple[Array, ...]:
     """Return what is missed of each release, predicted from the others; of one alone, of each third of it.
 
     Roll and rate at a release cannot be predicted, so those are fitted to the release itself.
 
     Returns:
-        Prediction minus measurement [rad or rad/s], one array a release.
+        Prediction minus measurement [rad or rad/s], shape (n,) for each release.
     """
     if len(problem.records) > 1:
         return tuple(_left_out(problem, minimum, index) for index in range(len(problem.records)))
@@ -34,12 +32,12 @@ def held_out(problem: Problem, minimum: Minimum) -> tuple[Array, ...]:
 
 def _left_out(problem: Problem, minimum: Minimum, index: int) -> Array:
     """Predict one release from the others."""
-    shared, own = len(problem.names), problem.own
+    shared, own = len(problem.names), problem.n_local
     others = [i for i in range(len(problem.records)) if i != index]
-    training = replace_records(problem, [problem.records[i] for i in others])
+    training = problem.with_(records=[problem.records[i] for i in others])
     pick = np.r_[0:shared, *(np.arange(shared + i * own, shared + (i + 1) * own) for i in others)]
     fitted = minimise(training.normal, minimum.point[pick], *training.bounds(), iterations=10, tolerance=1e-5)
-    held = replace_records(problem, [problem.records[index]])
+    held = problem.with_(records=[problem.records[index]])
     begin = minimum.point[shared + index * own : shared + (index + 1) * own]
     known = np.zeros((shared + own, shared + own))
     known[:shared, :shared] = _information(fitted, shared)
@@ -59,10 +57,10 @@ def _interrupted(problem: Problem, minimum: Minimum) -> Array:
     for begin, end in itertools.pairwise(np.linspace(first, count, PIECES + 1).astype(int)):
         hidden = np.zeros(count)
         hidden[begin:end] = 1.0
-        training = replace(problem, weights=[1.0 - hidden])
+        training = problem.with_(weights=[1.0 - hidden])
         fitted = minimise(training.normal, minimum.point, *training.bounds(), iterations=15, tolerance=1e-5)
         known = _information(fitted, len(fitted.point))
-        missed[begin:end] = _predicted(replace(problem, weights=[hidden]), fitted.point, known)[begin:end]
+        missed[begin:end] = _predicted(problem.with_(weights=[hidden]), fitted.point, known)[begin:end]
     return missed
 
 
@@ -86,6 +84,6 @@ def _predicted(problem: Problem, start: Array, known: Array) -> Array:
     return problem.residuals(found.point)[0]
 
 
-def pooled(errors: Sequence[Array]) -> float:
-    """Return the root mean square of what was missed."""
-    return float(np.sqrt(np.mean(np.concatenate(list(errors)) ** 2)))
+def rms(residuals: Sequence[Array]) -> float:
+    """Return the root mean square of residuals, shape (n,) each, all samples alike [their unit]."""
+    return float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))

@@ -5,119 +5,21 @@ on request its own sensor bias. Unknowns are scaled by their sizes, so that one 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-from sysid.effects._base import Scales
+from sysid.effects._base import Scales, SensorEffect
+from sysid.fitting.records import LETTING_GO, UNSURE_START, Bias, Record
 from sysid.fitting.shooting import Shooting
-from sysid.joint.equations import Structure, build_flow, steps_for
 from sysid.joint.hermite import hermite_matrix
+from sysid.joint.integrator import build_stepper, steps_for
+from sysid.joint.sensor import at_samples, clock_ratio, reader
+from sysid.joint.structure import Structure
 from sysid.least_squares import Normal
-from sysid.noise.floor import sensor_step
 from sysid.roll import Array, Release
-
-Bias = Literal["shared", "own"]
-"""Sensor zero: one for all releases (it is then part of the rest angle), or one for each."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Record:
-    """What is fitted of one release."""
-
-    release: Release
-    time: Array
-    """Since the release [s], shape (n,)."""
-    signal: Array
-    """Measured roll [rad], or roll rate [rad/s] if `is_rate`, shape (n,)."""
-    is_rate: bool
-    std: float
-    """Noise of the signal, one number [rad or rad/s]."""
-
-
-def make_records(
-    releases: Sequence[Release], std: float, *, rate: bool, settled: bool = False
-) -> tuple[Record, ...]:
-    """Cut the tails at rest that say nothing new and return what is to be fitted.
-
-    Args:
-        releases: From one board.
-        std: Noise floor of the signal [rad or rad/s].
-        rate: Fit the measured rate (the roll is only its integral) instead of the roll.
-        settled: Keep what a coarse sensor shows of the rest: rounded, but where a deck sticks tells its friction.
-    """
-    records: list[Record] = []
-    coarse = COARSE_STEPS * sensor_step(releases, rate=rate)
-    for release in releases:
-        measured = release.rate if rate and release.rate is not None else release.roll
-        end = _end_of_motion(release, measured, std)
-        begin = _onset(release)
-        if not settled:
-            offset = measured[:end] - (0.0 if rate else release.rest)
-            end = max(min(end, begin + 32), _last_seen(offset, std, coarse))
-        time = release.time[begin:end] - release.time[0]
-        records.append(Record(release=release, time=time, signal=measured[begin:end], is_rate=rate, std=std))
-    return tuple(records)
-
-
-COARSE_STEPS = 3.0
-"""Steps of a coarse sensor within which a swing is not fitted: what it rounds there is no noise any more."""
-FAINT = 3.0
-"""Swing over the noise of a sample below which it is not fitted: a hand that stops the deck there is not seen, and would pass
-for dry friction."""
-LETTING_GO = 0.004
-"""For how long a hand still drags while it lets go [s]."""
-UNSURE_START = 0.002
-"""How well the instant of a release from a hold is known [s]."""
-
-
-def _last_seen(offset: Array, std: float, coarse: float) -> int:
-    """Return how many samples there are until the swing is lost in the sensor's steps or noise.
-
-    Args:
-        offset: Signal about rest, shape (n,).
-        std: Noise of a sample.
-        coarse: Swing that steps hide; 0 for a fine sensor.
-    """
-    if coarse > 0:
-        seen = np.flatnonzero(np.abs(offset) > coarse)
-    else:
-        window = min(16, max(1, len(offset) // 64))
-        power = np.convolve(offset**2, np.ones(window) / window, mode="same")
-        seen = np.flatnonzero(2 * power > (FAINT**2 + 2) * std**2)
-    return int(seen[-1]) + 1 if len(seen) else 0
-
-
-def _onset(release: Release) -> int:
-    """Return the first sample without a hand on the deck.
-
-    A finger that slides off rounds the start just as a filter in the sensor would. The motion still begins at
-    the release, where rubber and sliders are as the hold left them; roll and rate there are fitted.
-    """
-    if release.hold <= 0:
-        return 0
-    return int(np.searchsorted(release.time - release.time[0], LETTING_GO))
-
-
-def _end_of_motion(release: Release, signal: Array, std: float) -> int:
-    """Return how many samples to keep: the motion, and as long again of the rest after it.
-
-    A long rest would outweigh the motion and teach nothing: a joint that sticks is still. The last tenth
-    of a release that came to rest, or was caught, may hold the hand that comes for the next one, and is left
-    out.
-    """
-    n = len(signal)
-    if release.end == "log":
-        return n
-    quiet = max(16, int(0.9 * n))
-    level = float(np.median(signal[int(0.7 * quiet) : quiet]))
-    window = max(1, n // 100)
-    smooth = np.convolve(signal[:quiet] - level, np.ones(window) / window, mode="same")
-    moving = np.flatnonzero(np.abs(smooth[: quiet - window]) > 5.0 * std / np.sqrt(window))
-    last = int(moving[-1]) if len(moving) else quiet
-    return min(quiet, 2 * last + 16)
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +31,8 @@ class _Path:
     clock: Array
     std: float
     """Signal, time on the log's clock and noise of the samples, or of means of neighbours; shape (n,)."""
+    reader: Any
+    """What the sensor does to samples, a CasADi function; None where it does nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +54,7 @@ class Problem:
     """Least squares of one structure on some records.
 
     The vector of unknowns is: free parameters of the joint, then for each record its roll, rate, free
-    internal states and, with bias 'own', its bias; each in units of its size.
+    internal states and, with bias 'per-release', its bias; each in units of its size.
     """
 
     structure: Structure
@@ -159,12 +63,18 @@ class Problem:
     bias: Bias = "shared"
     fixed: Mapping[str, float] = field(default_factory=dict[str, float])
     """Parameters held at a value, by the structure's names."""
+    bounded: Mapping[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
+    """Bounds of free parameters instead of their own, in their units."""
     free_states: bool = True
     steps_per_period: int = 40
     average: int = 1
     """Neighbouring samples whose means are fitted instead of each: nearly as good, and quicker."""
     weights: Sequence[Array] | None = None
     """Of each sample of each record, for robust losses; None for all ones."""
+
+    def with_(self, **changes: Any) -> "Problem":
+        """Return the problem with some of its fields changed; weights belong to the records and do not go along."""
+        return replace(self, **{"weights": None, **changes})
 
     @property
     def step(self) -> float:
@@ -174,19 +84,28 @@ class Problem:
     @cached_property
     def _paths(self) -> list[_Path]:
         """Grids, functions and buffers: made when first needed, and left behind when a problem is pickled."""
-        flow = build_flow(self.structure, free_states=self.free_states, sensitivities=True)
+        stepper = build_stepper(self.structure, free_states=self.free_states, sensitivities=True)
         paths: list[_Path] = []
+        sensed = bool(at_samples(self.structure))
+        ratio = clock_ratio(self.structure, self.fixed)
         for record in self.records:
-            steps = steps_for(float(record.time[-1]), self.step)
-            at = hermite_matrix(record.time, self.step, steps, slope=record.is_rate)
-            mean = _averaging(len(record.time), self.average)
-            release = record.release
+            time, release = record.time / ratio, record.release
+            steps = steps_for(float(time[-1]), self.step)
+            mean = _averaging(len(time), self.average)
+            slopes = (False, True) if sensed else (record.is_rate,)
+            at = [mean @ hermite_matrix(time, self.step, steps, slope=slope) for slope in slopes]
+            signal = mean @ record.signal
             paths.append(
                 _Path(
-                    Shooting(flow, steps, mean @ at, max(release.hold, 0.0)),
-                    mean @ record.signal, mean @ (record.time + float(release.time[0])), record.std / float(np.sqrt(self.average)),
+                    shooting=Shooting(stepper, steps, at, max(release.hold, 0.0)),
+                    signal=signal,
+                    clock=mean @ (record.time + float(release.time[0])),
+                    std=record.std / float(np.sqrt(self.average)),
+                    reader=reader(self.structure).map("readings", "serial", len(signal), [3], [])
+                    if sensed
+                    else None,
                 )
-            )  # fmt: skip
+            )
         return paths
 
     @cached_property
@@ -197,7 +116,7 @@ class Problem:
             release = record.release
             sampling = float(np.median(np.diff(release.time[:32])))
             pull = self.scales.frequency**2 * release.amplitude
-            if any(part.leaned_on for part in self.structure.parts):  # else only the spring has set it off
+            if self.structure.acts_during_hold:  # else only the spring has set it off
                 pull = max(pull, _first_pull(release))
             unsure = max(UNSURE_START, 0.5 * sampling)
             std = record.std / (self.scales.frequency if record.is_rate else 1.0)
@@ -216,14 +135,14 @@ class Problem:
         return tuple(n for n in self.structure.parameters[1:] if n not in self.fixed)
 
     @property
-    def own(self) -> int:
+    def n_local(self) -> int:
         """How many unknowns each record has of its own."""
-        return self._motion + (self.bias == "own")
+        return self._motion + (self.bias == "per-release")
 
     @property
     def _motion(self) -> int:
         """How many of them are roll, rate and internal states."""
-        return 2 + (len(self.structure.memories) if self.free_states else 0)
+        return 2 + (len(self.structure.internal_states) if self.free_states else 0)
 
     @cached_property
     def _columns(self) -> list[int]:
@@ -239,7 +158,7 @@ class Problem:
 
     @property
     def observed(self) -> list[Array]:
-        """What is fitted of each record: its samples, or means of neighbours [rad or rad/s]."""
+        """What is fitted of each record: its samples, or means of neighbours [rad or rad/s], shape (n,)."""
         return [path.signal for path in self._paths]
 
     def sizes(self) -> Array:
@@ -254,8 +173,8 @@ class Problem:
             known.update({f"{part.name}.{p.name}": p.size(s) for p in part.parameters})
         own = [s.amplitude, s.rate]
         if self.free_states:
-            own += [state.size(s) for state in self.structure.memories]
-        own += [s.amplitude] if self.bias == "own" else []
+            own += [state.size(s) for state in self.structure.internal_states]
+        own += [s.amplitude] if self.bias == "per-release" else []
         return np.array([known[name] for name in self.names] + own * len(self.records))
 
     def bounds(self) -> tuple[Array, Array]:
@@ -265,9 +184,12 @@ class Problem:
             known.update({f"{part.name}.{p.name}": (p.low, p.high) for p in part.parameters})
         own = [(-4.0, 4.0)] * 2
         if self.free_states:
-            own += [(-10.0, 10.0)] * len(self.structure.memories)
-        own += [(-2.0, 2.0)] if self.bias == "own" else []
+            own += [(-10.0, 10.0)] * len(self.structure.internal_states)
+        own += [(-2.0, 2.0)] if self.bias == "per-release" else []
         pairs = np.array([known[name] for name in self.names] + own * len(self.records))
+        for index, name in enumerate(self.names):
+            if name in self.bounded:
+                pairs[index] = np.array(self.bounded[name]) / self.sizes()[index]
         return pairs[:, 0], pairs[:, 1]
 
     def start(self, parameters: Mapping[str, float]) -> Array:
@@ -277,12 +199,14 @@ class Problem:
         for record in self.records:
             roll, rate = _first_motion(record)
             own = [roll, rate]
-            if self.free_states and self.structure.memories:
-                held = build_flow(self.structure, free_states=False, sensitivities=False)
-                start = np.asarray(held.begin(vector, own, max(record.release.hold, 0.0))).ravel()[2:]
-                kept = [part.role != "measurement" for part in self.structure.parts for _ in part.states]
+            if self.free_states and self.structure.internal_states:
+                held = build_stepper(self.structure, free_states=False, sensitivities=False)
+                start = np.asarray(held.initial(vector, own, max(record.release.hold, 0.0))).ravel()[2:]
+                kept = [
+                    not isinstance(part, SensorEffect) for part in self.structure.parts for _ in part.states
+                ]
                 own += list(start[kept])
-            values += own + ([0.0] if self.bias == "own" else [])
+            values += own + ([0.0] if self.bias == "per-release" else [])
         return np.array(values) / self.sizes()
 
     def vector_of(self, parameters: Mapping[str, float]) -> Array:
@@ -306,7 +230,7 @@ class Problem:
         The Jacobian's columns are the free parameters and then the record's own unknowns.
         """
         values = unknowns * self.sizes()
-        shared, own, motion = len(self.names), self.own, self._motion
+        shared, own, motion = len(self.names), self.n_local, self._motion
         parameters = self.parameters(unknowns)
         vector = self.vector_of(parameters)
         result: list[tuple[Array, Array]] = []
@@ -315,32 +239,35 @@ class Problem:
             at = path.shooting.read(vector, mine[:motion], self.step)
             if len(self._columns) < at.shape[1]:
                 at = at[:, self._columns]
-            result.append(self._observed(path, at, mine, parameters))
+            result.append(self._observed(path, at, mine, vector))
         return result
 
-    def _observed(
-        self, path: _Path, at: Array, mine: Array, values: Mapping[str, float]
-    ) -> tuple[Array, Array]:
-        """Subtract the measurement and add what the sensor adds of its own."""
+    def _observed(self, path: _Path, at: Array, mine: Array, vector: Array) -> tuple[Array, Array]:
+        """Turn what leaves the filters of the sensor into what it reads, and subtract the measurement."""
+        if path.reader is not None:
+            at = self._read(path, at, vector)
         residual, jacobian = at[:, 0] - path.signal, at[:, 1:]
-        is_rate = self.records[0].is_rate
-        columns = {
-            "sensor-bias.angle": 0.0 if is_rate else 1.0,
-            "sensor-drift.rate": 1.0 if is_rate else path.clock,
-        }
-        for name, column in columns.items():
-            if name in values:
-                residual = residual + column * values[name]
-            if name in self.names:
-                jacobian[:, self.names.index(name)] += column
-        if self.bias == "own":
+        if self.bias == "per-release":
             residual = residual + mine[-1]
             jacobian = np.column_stack([jacobian, np.ones(len(residual))])
         return residual, jacobian
 
+    def _read(self, path: _Path, at: Array, vector: Array) -> Array:
+        """Apply what the sensor does to samples: from angles above rates, shape (2n, c), to its reading, shape (n, c)."""
+        n, is_rate = len(path.signal), int(self.records[0].is_rate)
+        angle, rate = at[:n], at[n:]
+        reading, slopes = path.reader(angle[:, 0], rate[:, 0], path.clock, vector)
+        by = np.asarray(slopes)[is_rate].reshape(n, -1)
+        with np.errstate(all="ignore"):  # a joint that runs away; `normal` refuses it
+            result = by[:, :1] * angle + by[:, 1:2] * rate
+        result[:, 0] = np.asarray(reading)[is_rate]
+        for column, name in enumerate(self.names, start=1):
+            result[:, column] += by[:, 1 + self.structure.parameters.index(name)]
+        return result
+
     def normal(self, unknowns: Array) -> Normal:
         """Return cost and normal equations, residuals in units of their noise."""
-        shared, own = len(self.names), self.own
+        shared, own = len(self.names), self.n_local
         sizes = self.sizes()
         gradient = np.zeros(len(sizes))
         hessian = np.zeros((len(sizes), len(sizes)))
@@ -376,7 +303,7 @@ class Problem:
         begin = self._starts[index]
         if begin.unsure == 0 or begin.pull == 0:
             return 0.0, 0.0
-        at = len(self.names) + index * self.own + 1
+        at = len(self.names) + index * self.n_local + 1
         slope = begin.inward * float(self.sizes()[at]) / self._spread(begin, unknowns)
         return (slope * unknowns[at], slope) if slope * unknowns[at] > 0 else (0.0, 0.0)
 
@@ -385,10 +312,10 @@ class Problem:
         late = begin.unsure
         for part in self.structure.parts:
             for state in part.states:
-                if state.hides is not None:
+                if state.detection_delay is not None:
                     known = self.parameters(unknowns)
                     own = {p.name: known[f"{part.name}.{p.name}"] for p in part.parameters}
-                    late = float(np.hypot(late, state.hides(begin.pull, begin.std, own)))
+                    late = float(np.hypot(late, state.detection_delay(begin.pull, begin.std, own)))
         return late * begin.pull
 
     def start_penalty(self, unknowns: Array) -> float:

@@ -13,12 +13,12 @@ from sysid.board import Board, BoardEffect
 from sysid.effects import effect
 from sysid.errors import HuskyError
 from sysid.files import sha256
-from sysid.fit_mjcf import JointFit
-from sysid.fitting.initial_state import fit_to_others
+from sysid.fitting.initial_state import residuals_of_law
+from sysid.fitting.result import JointFit
 from sysid.quantity import Quantity
 
 
-def refuse_bad(fit: JointFit) -> None:
+def require_usable(fit: JointFit) -> None:
     """Accept a fit that may be recorded.
 
     Raises:
@@ -32,7 +32,7 @@ def refuse_bad(fit: JointFit) -> None:
     names = list(fit.quantities)
     for name, at_bound in zip(names, fit.minimum.at_bound, strict=False):
         value = fit.quantities[name]
-        if not at_bound:
+        if not at_bound or name in fit.problem.bounded:
             continue
         vanished = "." in name and abs(value.value) < 1e-12
         alone = sum(other.startswith(name.split(".")[0] + ".") for other in names) == 1
@@ -49,7 +49,7 @@ def refuse_bad(fit: JointFit) -> None:
         if name in fit.quantities and fit.quantities[name].value <= 0:
             raise HuskyError(
                 f"{name} came out as {fit.quantities[name].value:.4g}, which no passive joint has; the record is "
-                "unchanged. Ask husky-sysid diagnose what the logs do show."
+                f"unchanged. Ask husky-sysid diagnose what the logs do show, or hold it (--fix {name}=0)."
             )
     for name, quantity in fit.quantities.items():
         if quantity.std > 3 * max(abs(quantity.value), 1e-9) and name != "rest_angle":
@@ -62,7 +62,7 @@ def _advice(name: str) -> str:
     return effect(name.split(".")[0]).experiment if "." in name else "Record more releases, to both sides."
 
 
-def recorded(
+def updated_board(
     board: Board,
     fit: JointFit,
     logs: Mapping[str, Path],
@@ -85,7 +85,11 @@ def recorded(
         if name in fit.quantities:
             kept[name] = replace(fit.quantities[name], method="")
         elif name in fit.problem.fixed:
-            kept[name] = replace(kept[name], value=fit.problem.fixed[name], std=0.0, method="held")
+            kept[name] = Quantity(
+                fit.problem.fixed[name],
+                kept[name].std if fit.problem.fixed[name] == kept[name].value else 0.0,
+                kept[name].unit,
+            )
     effects = tuple(BoardEffect(name, _parameters(fit, name, values)) for name, values in fit.law.effects)
     names = [name for name, _ in fit.law.effects]
     line: dict[str, Any] = {
@@ -127,5 +131,5 @@ def _parameters(fit: JointFit, name: str, values: Sequence[float]) -> Mapping[st
 
 def error_of(board: Board, fit: JointFit) -> float:
     """Return the RMSE of the record as it stands on the fitted releases, roll and rate at release free."""
-    residuals = fit_to_others(board, fit.records, bias=fit.problem.bias)
+    residuals = residuals_of_law(board, fit.records, bias=fit.problem.bias)
     return float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))

@@ -1,11 +1,12 @@
 """One record against one joint: from parameters and start to what the sensor would have read, with slopes."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from sysid.joint.equations import Flow, unroll
+from sysid.joint.integrator import Stepper, rollout
 from sysid.roll import Array
 
 
@@ -17,10 +18,10 @@ class Shooting:
     computes, without a copy in or out. Not for two threads at once.
     """
 
-    flow: Flow
+    stepper: Stepper
     steps: int
-    at: Any
-    """Sparse matrix from grid values and slopes to the samples, shape (n, 2 steps)."""
+    at: Sequence[Any]
+    """Sparse matrices from grid values and slopes to what is wanted at the samples, shape (n, 2 steps) each."""
     hold: float
     """For how long the deck was held before [s]."""
     _begin: "_Buffered" = field(init=False)
@@ -28,11 +29,11 @@ class Shooting:
 
     def __post_init__(self) -> None:
         """Allocate the buffers."""
-        self._begin = _Buffered(self.flow.begin)
-        self._path = _Buffered(unroll(self.flow, self.steps))
+        self._begin = _Buffered(self.stepper.initial)
+        self._path = _Buffered(rollout(self.stepper, self.steps))
 
     def read(self, vector: Array, own: Array, step: float) -> Array:
-        """Return reading and sensitivities at the samples, shape (n, 1 + columns of the flow).
+        """Return values and sensitivities, shape (n, 1 + columns of the stepper) for each of `at`, one below another.
 
         Args:
             vector: The structure's parameters, shape (p,).
@@ -46,7 +47,7 @@ class Shooting:
         given[:-1], given[-1] = vector, step
         grid = self._path.run().reshape(2 * self.steps, -1)
         with np.errstate(all="ignore"):
-            return np.asarray(self.at @ grid)
+            return np.concatenate([np.asarray(at @ grid) for at in self.at])
 
 
 class _Buffered:

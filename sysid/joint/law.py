@@ -2,18 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
 from sysid.board import Board
-from sysid.errors import HuskyError
-from sysid.joint.equations import LINEAR, Structure, build_flow, steps_for, structure_of, unroll
-from sysid.joint.hermite import hermite_matrix
+from sysid.effects import effect
+from sysid.effects._base import LinearJoint, TorqueEffect
+from sysid.joint.structure import LINEAR, Structure, structure_of
 from sysid.roll import Array
-
-STEPS_PER_PERIOD = 120
-"""RK4 steps in one natural period: the local error is then below 1e-8 of the amplitude."""
+from sysid.text import linear_law
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,7 +48,7 @@ class JointLaw:
         return cls(
             **dict(zip(LINEAR, map(float, vector), strict=False)),
             effects=tuple(
-                (part.name, tuple(float(v) for v in vector[where])) for part, where, _ in structure.slots()
+                (part.name, tuple(float(v) for v in vector[where])) for part, where, _ in structure.layout()
             ),
         )
 
@@ -58,6 +56,11 @@ class JointLaw:
     def structure(self) -> Structure:
         """Which effects the law has."""
         return structure_of([name for name, _ in self.effects])
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """The parameters by the structure's names."""
+        return dict(zip(self.structure.parameters, map(float, self.vector), strict=True))
 
     @property
     def vector(self) -> Array:
@@ -73,80 +76,36 @@ class JointLaw:
 
     @property
     def frequency(self) -> float:
-        """Natural frequency of the linear part, gravity included [rad/s]."""
-        moment = dict(self.effects).get("gravity", (0.0,))[0]
-        return float(np.sqrt(max(abs(self.stiffness + moment), 1e-9) / self.inertia))
+        """Natural frequency at small tilts, with what effects add to the stiffness [rad/s]."""
+        stiffness = self.stiffness
+        for part, values in self._torques():
+            stiffness += values.get(part.adds_stiffness, 0.0)
+        return float(np.sqrt(max(abs(stiffness), 1e-9) / self.inertia))
 
+    @property
+    def inertia_ratio(self) -> float:
+        """By how much effects multiply the roll inertia [1]."""
+        joint = LinearJoint(1.0, self.stiffness, self.damping, self.rest_angle)
+        for part, values in self._torques():
+            joint = joint if part.modifies is None else part.modifies(joint, values)
+        return joint.inertia
 
-@dataclass(frozen=True, slots=True)
-class Trajectory:
-    """A simulated release."""
+    @property
+    def timestep(self) -> float:
+        """Time step of the simulator that the law stands for [s]; 0 where it is continuous."""
+        return sum(values.get(part.timestep, 0.0) for part, values in self._torques())
 
-    time: Array
-    """Time since the release [s], shape (n,)."""
-    roll: Array
-    """What an angle sensor would read [rad], shape (n,)."""
-    rate: Array
-    """Its rate [rad/s], shape (n,)."""
+    def of_joint(self) -> Self:
+        """Return the law without what belongs to the log or to a simulator."""
+        return replace(self, effects=tuple(item for item in self.effects if effect(item[0]).part_of_joint))
 
+    def _torques(self) -> list[tuple[TorqueEffect, dict[str, float]]]:
+        parts = ((effect(name), values) for name, values in self.effects)
+        return [(part, part.named(values)) for part, values in parts if isinstance(part, TorqueEffect)]
 
-def simulate(law: JointLaw, time: Array, angle: float, rate: float = 0.0, *, hold: float = 1e3) -> Trajectory:
-    """Let go of the deck and watch it.
-
-    Args:
-        law: The joint.
-        time: Times since the release at which to look [s], shape (n,), ascending, from 0 on.
-        angle: Roll at release [rad].
-        rate: Roll rate at release [rad/s].
-        hold: For how long the deck was held there before [s]; only rubber that creeps remembers it.
-
-    Raises:
-        HuskyError: The motion grows without bound: the law has no stable rest there.
-    """
-    effects = dict(law.effects)
-    if "discretisation" in effects:
-        return _simulate_steps(law, time, angle, rate, effects["discretisation"][0])
-    ratio = effects.get("clock", (1.0,))[0]
-    flow = build_flow(law.structure, free_states=False, sensitivities=False)
-    h = 2 * np.pi / law.frequency / STEPS_PER_PERIOD
-    true_time = np.asarray(time, dtype=np.float64) / ratio
-    steps = steps_for(float(true_time[-1]), h)
-    vector = law.vector
-    start = flow.begin(vector, [angle, rate], hold)
-    seen = np.asarray(unroll(flow, steps)(start, np.append(vector, h)))
-    if not np.all(np.isfinite(seen)):
-        raise HuskyError(
-            f"the simulated roll grows without bound from {np.degrees(angle):.3g} degrees: "
-            "the law has no stable rest. Check the signs and sizes of its effects."
-        )
-    grid = seen.T.ravel()
-    roll = hermite_matrix(true_time, h, steps) @ grid
-    roll_rate = hermite_matrix(true_time, h, steps, slope=True) @ grid / ratio
-    roll = roll + effects.get("sensor-bias", (0.0,))[0] + effects.get("sensor-drift", (0.0,))[0] * true_time
-    return Trajectory(np.asarray(time), roll, roll_rate)
-
-
-def _simulate_steps(law: JointLaw, time: Array, angle: float, rate: float, h: float) -> Trajectory:
-    """Move as implicitfast does at step h: rate first, implicit in the damping, then roll with that rate."""
-    import casadi
-
-    from sysid.joint.equations import Mechanics
-
-    ca: Any = casadi
-    plain = replace(law, effects=tuple(item for item in law.effects if item[0] != "discretisation"))
-    if plain.structure.turns or plain.structure.states:
-        raise HuskyError(
-            f"effect 'discretisation' together with {', '.join(plain.structure.effects)}: the plain step loop "
-            "holds smooth laws without memory only. Simulate the MJCF instead (husky-sysid mjcf)."
-        )
-    vector = plain.vector
-    y, step = ca.SX.sym("y", 2), ca.SX.sym("h")
-    mechanics = Mechanics(plain.structure, ca.DM(vector))
-    joint, deck = mechanics.torques(y)
-    slope = -ca.jacobian(joint, y)[1]
-    next_rate = y[1] + step * (joint + deck) / (mechanics.inertia + step * slope)
-    move = ca.Function("move", [y, step], [ca.vertcat(y[0] + step * next_rate, next_rate)])
-    count = int(float(time[-1]) / h) + 2
-    path = np.column_stack([[angle, rate], np.asarray(move.mapaccum("moves", count)([angle, rate], h))])
-    grid = h * np.arange(count + 1)
-    return Trajectory(np.asarray(time), np.interp(time, grid, path[0]), np.interp(time, grid, path[1]))
+    def __str__(self) -> str:
+        """The law as it would be written on a board, e.g. '8.70e-3 φ̈ + 0.402 φ̇ + 14.68 φ + 0.15 sgn φ̇ = 0'."""
+        terms = [linear_law(self.inertia, self.damping, self.stiffness, self.rest_angle)]
+        terms += [term for name, values in self.effects if (term := effect(name).term(values))]
+        others = [name for name, _ in self.effects if not effect(name).formula]
+        return f"{' '.join(terms)} = {' + '.join(f'τ({name})' for name in others) or '0'}"

@@ -72,13 +72,13 @@ def test_what_the_record_has_is_not_missing_any_more(tmp_path):
     assert all("coulomb" not in candidate.effects for candidate in result.candidates)
 
 
-def test_what_json_cannot_hold_becomes_null(pink):
+def test_what_json_cannot_hold_becomes_null():
     """A model that runs away has an infinite error; the file says null."""
     from types import SimpleNamespace
 
-    from sysid.cli.diagnose import to_json
     from sysid.diagnosis.diagnose import Candidate, Hint, Verdict
     from sysid.diagnosis.importance import Importance
+    from sysid.diagnosis.report import to_json
 
     lost = Candidate(
         effects=("freeplay",), rmse=np.inf, heldout_rmse=-np.inf, score=np.nan,
@@ -94,9 +94,9 @@ def test_what_json_cannot_hold_becomes_null(pink):
     )  # fmt: skip
     result = SimpleNamespace(
         noise=SimpleNamespace(std=1e-3), baseline=lost, candidates=(lost,), verdict=verdict,
-        shares={"freeplay": np.nan}, warnings=(), swing_frequency=None, heldout_before=(np.inf,), heldout_after=(0.1,),
+        shares={"freeplay": np.nan}, doubts=(), board="pink", logs=("a.csv",), swing_frequency=None, heldout_before=(np.inf,), heldout_after=(0.1,),
     )  # fmt: skip
-    content = json.loads(json.dumps(to_json(result, pink, ["a.csv"]), allow_nan=False))
+    content = json.loads(json.dumps(to_json(result), allow_nan=False))
     first = content["candidates"][0]
     assert first["rmse_rad"] is first["heldout_rmse_rad"] is first["score"] is None
     assert first["parameters"]["stiffness"]["value"] is None
@@ -167,7 +167,7 @@ def test_what_acts_at_the_start_is_named_alone(name, seed, effects, tmp_path):
 def slider(tmp_path_factory):
     """Releases of a slider, with the search that a diagnosis makes of them."""
     from sysid.diagnosis.search import Search
-    from sysid.fitting.problem import make_records
+    from sysid.fitting.records import make_records
     from sysid.fitting.search import scales_of
     from sysid.noise.floor import noise_floor
 
@@ -221,7 +221,7 @@ def test_a_start_faster_than_from_rest_is_charged(slider):
 def test_what_a_start_is_charged_builds_no_integrator(slider):
     """A hundred models are reported; building the functions of each would cost more than reporting it."""
     from sysid.fitting.problem import Problem
-    from sysid.joint.equations import structure_of
+    from sysid.joint.structure import structure_of
 
     problem = Problem(structure_of(("stribeck", "end-stop")), slider.records, slider.scales)
     problem.start_penalty(np.zeros(len(problem.sizes())))
@@ -265,6 +265,7 @@ def test_a_board_that_changed_between_releases_is_unexplained(pink):
     assert diagnose(releases, pink).verdict.status == "unexplained"
 
 
+@pytest.mark.slow
 def test_command_line_gives_the_binding_json(tmp_path):
     log = shipped_data() / "decays" / "pink_hidden.csv"
     done = subprocess.run(

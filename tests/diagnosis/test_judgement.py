@@ -9,7 +9,7 @@ from sysid.diagnosis.experiment import DECIDED, deciding
 from sysid.diagnosis.importance import importance
 from sysid.diagnosis.judgement import Field, families_of
 from sysid.diagnosis.search import Search
-from sysid.fitting.problem import make_records
+from sysid.fitting.records import make_records
 from sysid.fitting.search import scales_of
 from sysid.joint import JointLaw, simulate
 from sysid.roll import Release

@@ -10,9 +10,9 @@ from sysid.board import load_board
 from sysid.cli.console import Common
 from sysid.cli.fit import fit as fit_command
 from sysid.errors import HuskyError
-from sysid.fit_mjcf import fit_joint
 from sysid.fitting.bootstrap import Bootstrap, block_length, blocks, bootstrap, corrected_percentiles
 from sysid.fitting.intervals import agreements
+from sysid.fitting.joint import fit_joint
 from sysid.fitting.profile import Profile, profile, profiles
 from sysid.joint import JointLaw, simulate
 from sysid.least_squares import Normal, minimise
@@ -122,6 +122,7 @@ def test_the_inertias_uncertainty_is_in_the_profile():
     assert np.diff(shape.interval)[0] > 2 * Z95 * 0.0004 / 0.0087 * 14.6
 
 
+@pytest.mark.slow
 def test_drawing_blocks_foretells_the_scatter():
     """Of fits to other logs of the same board, white and correlated noise."""
     for rho in (0.0, 0.8):

@@ -12,14 +12,14 @@ from sysid.errors import HuskyError
 from sysid.video.film.frames import Frame
 from sysid.video.film.shake import still, still_places
 from sysid.video.film.track import Track
-from sysid.video.pose.angle import fit_turning
-from sysid.video.pose.camera_state import Unknowns
-from sysid.video.pose.outliers import lone_frames
-from sysid.video.pose.prior import Solid
+from sysid.video.pose.angle import fit_angle
+from sysid.video.pose.camera_state import CameraState
+from sysid.video.pose.outliers import outlier_frames
+from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.rectify import rectify
-from sysid.video.pose.rigid_group import belonging
+from sysid.video.pose.rigid_group import rigid_group
 from sysid.video.pose.view import View
-from sysid.video.trackers.dots import Dot, DotTracker
+from sysid.video.trackers.dots import Dot, DotFollower
 from sysid.video.trackers.edge.slope import best_path
 from sysid.video_roll import _refuse_contradiction
 
@@ -40,18 +40,18 @@ def deck_and_wall():
     return points
 
 
-def turned(points, solid):
+def turned(points, prior):
     track = Track(TIME, points.astype(np.float32), still(len(TIME), 1000.0, 0j), np.arange(len(TIME)), 0)
     view = View(track, lambda points: points, lambda points: points[..., 1] / 720)
     matrix = np.array([[1000.0, 0, 640], [0, 1000, 360], [0, 0, 1]])
-    return fit_turning(view, matrix, Unknowns(np.zeros(4), np.diag([0.07, 0.07, 0.06, 0.0])), solid)
+    return fit_angle(view, matrix, CameraState(np.zeros(4), np.diag([0.07, 0.07, 0.06, 0.0])), prior)
 
 
 def test_patches_of_the_wall_do_not_hold_the_deck():
     points = deck_and_wall()
-    ours = belonging(points, 10)
+    ours = rigid_group(points, 10)
     assert np.flatnonzero(ours).tolist() == list(range(18))
-    texture = Solid(centre_std=0.03, shows_lens=False)
+    texture = BodyPrior(centre_std=0.03, shows_lens=False)
     turning = turned(points[:, ours], texture)
     seen = np.isfinite(turning.angle)
     assert np.flatnonzero(~seen).tolist() == [18, 19, 20, 21]
@@ -67,7 +67,7 @@ def test_a_picture_that_compression_repeats_is_less_certain():
     place = np.exp(1j * ROLL)[:, None] * shape
     points = np.stack([place.real, place.imag], axis=-1) + [640, 360] + 0.05 * rng.normal(size=(90, 20, 2))
     points[70:] = points[70]
-    turning = turned(points, Solid(dead_zone=0.15, shows_lens=False))
+    turning = turned(points, BodyPrior(dead_zone=0.15, shows_lens=False))
     assert turning.std[71:].min() > 2 * np.median(turning.std[55:69])
 
 
@@ -86,9 +86,9 @@ def test_lone_frames_are_told_from_a_release():
     rng = np.random.default_rng(4)
     angle = ROLL + 0.001 * rng.normal(size=90)
     std = np.full(90, 0.001)
-    assert not lone_frames(TIME, angle, std).any()
+    assert not outlier_frames(TIME, angle, std).any()
     angle[50] += 0.05
-    off = lone_frames(TIME, angle, std)
+    off = outlier_frames(TIME, angle, std)
     assert np.flatnonzero(off).tolist() == [50]
     assert off[50] == pytest.approx(0.05, rel=0.2)
 
@@ -103,7 +103,7 @@ def test_a_dot_that_is_covered_in_part_is_not_seen():
 
     lab = cv2.cvtColor(np.float32([[[110, 20, 240]]]) / 255, cv2.COLOR_BGR2LAB)[0, 0, 1:]
     dots = tuple(Dot(np.array([x, 100.0]), 12.0, np.float64(lab)) for x in (80, 240))
-    tracker = DotTracker(dots, (0, 0, 320, 200))
+    tracker = DotFollower(dots, (0, 0, 320, 200))
     assert tracker.update(Frame(0, 0.0, picture(0))) is not None
     # Half of it is hidden: the middle of what is left is 5 px off.
     assert tracker.update(Frame(1, 0.02, picture(60))) is None

@@ -7,14 +7,14 @@ from hypothesis import strategies as st
 
 from sysid.video.film.shake import still
 from sysid.video.film.track import Track
-from sysid.video.pose.angle import fit_turning
-from sysid.video.pose.camera_state import Unknowns
-from sysid.video.pose.prior import Solid
+from sysid.video.pose.angle import fit_angle
+from sysid.video.pose.camera_state import CameraState
+from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.rectify import rectify
 from sysid.video.pose.view import View
 from sysid.video.trackers.dots import fit_pivot
 
-SQUARE_BODY = Solid(square=True)
+SQUARE_BODY = BodyPrior(square=True)
 MATRIX = np.array([[1000.0, 0, 640], [0, 1000, 360], [0, 0, 1]])
 SQUARE = np.array([[-0.04, -0.14], [0.04, -0.14], [0.04, -0.06], [-0.04, -0.06]])
 
@@ -47,14 +47,14 @@ def known(yaw=np.nan, pitch=np.nan, focal=0.0, readout=0.0):
     """Direction not known where it is NaN; the rest given."""
     value = np.array([yaw, pitch, focal, readout])
     std = np.where(np.isnan(value), np.radians(15), 0.0)
-    return Unknowns(np.nan_to_num(value), np.diag(std**2))
+    return CameraState(np.nan_to_num(value), np.diag(std**2))
 
 
 @settings(deadline=None, max_examples=15)
 @given(st.floats(-0.25, 0.25), st.floats(-0.25, 0.25))
 def test_exact_points_give_the_exact_angle_from_any_camera(yaw, pitch):
     angle = swing()
-    turning = fit_turning(view(picture(angle, yaw, pitch)), MATRIX, known(), SQUARE_BODY)
+    turning = fit_angle(view(picture(angle, yaw, pitch)), MATRIX, known(), SQUARE_BODY)
     error = turning.angle - angle
     assert np.abs(error - np.median(error)).max() < 2e-3
 
@@ -62,17 +62,17 @@ def test_exact_points_give_the_exact_angle_from_any_camera(yaw, pitch):
 def test_a_camera_at_a_slant_matters_and_is_found():
     angle = swing()
     points = picture(angle, 0.25, 0.05)
-    naive = fit_turning(view(points), MATRIX, known(0.0, 0.0)).angle - angle
-    turning = fit_turning(view(points), MATRIX, known(), SQUARE_BODY)
+    naive = fit_angle(view(points), MATRIX, known(0.0, 0.0)).angle - angle
+    turning = fit_angle(view(points), MATRIX, known(), SQUARE_BODY)
     assert np.ptp(naive) > 5 * np.ptp(turning.angle - angle)
-    assert turning.unknowns.value[0] == pytest.approx(0.25, abs=0.02)
+    assert turning.camera_state.value[0] == pytest.approx(0.25, abs=0.02)
 
 
 def test_points_at_different_depths_still_turn_about_one_axis():
     angle = swing()
     depth = np.array([0.0, 0.02, 0.02, 0.0])
-    turning = fit_turning(
-        view(picture(angle, 0.1, 0.1, depth=depth)), MATRIX, known(), Solid(centre_std=0.03)
+    turning = fit_angle(
+        view(picture(angle, 0.1, 0.1, depth=depth)), MATRIX, known(), BodyPrior(centre_std=0.03)
     )
     error = turning.angle - angle
     assert np.abs(error - np.median(error)).max() < 4e-3
@@ -81,7 +81,7 @@ def test_points_at_different_depths_still_turn_about_one_axis():
 def test_shifts_of_the_body_are_no_angle():
     angle = swing()
     shift = 0.01 * np.sin(np.arange(150))[:, None]
-    turning = fit_turning(view(picture(angle, 0.0, 0.0, shift=shift)), MATRIX, known(), SQUARE_BODY)
+    turning = fit_angle(view(picture(angle, 0.0, 0.0, shift=shift)), MATRIX, known(), SQUARE_BODY)
     error = turning.angle - angle
     assert np.abs(error - np.median(error)).max() < 1e-3
 
@@ -94,7 +94,7 @@ def test_stated_deviations_are_true(noise):
         rng = np.random.default_rng(seed)
         points = picture(angle, 0.1, 0.15)
         noisy = points + noise * rng.normal(size=points.shape)
-        turning = fit_turning(view(noisy), MATRIX, known(), SQUARE_BODY)
+        turning = fit_angle(view(noisy), MATRIX, known(), SQUARE_BODY)
         error = turning.angle - angle
         scores.append((error - np.median(error[-60:])) / turning.std)
     scores = np.concatenate(scores)
@@ -107,7 +107,7 @@ def test_frames_with_wrong_points_are_left_out():
     points = picture(angle, 0.0, 0.1)
     points = points + 0.05 * np.random.default_rng(0).normal(size=points.shape)
     points[120, 0] += 30
-    turning = fit_turning(view(points), MATRIX, known(), SQUARE_BODY)
+    turning = fit_angle(view(points), MATRIX, known(), SQUARE_BODY)
     assert turning.outliers == 1
     assert np.isnan(turning.angle[120])
 
@@ -132,10 +132,10 @@ def test_rolling_shutter_is_undone():
         times = stamps[:, None] + readout * share
         rows = np.stack([picture(angle_at(times[:, j]), 0, 0)[:, j] for j in range(4)], axis=1)
     sheared = view(rows, fps)
-    turning = fit_turning(sheared, MATRIX, known(0.0, 0.0, 0.0, readout), SQUARE_BODY)
+    turning = fit_angle(sheared, MATRIX, known(0.0, 0.0, 0.0, readout), SQUARE_BODY)
     error = (turning.angle - angle_at(sheared.time(readout)))[2:-2]
     assert np.abs(error - np.median(error)).max() < 2e-3
-    raw = fit_turning(sheared, MATRIX, known(0.0, 0.0), SQUARE_BODY).angle - angle_at(stamps)
+    raw = fit_angle(sheared, MATRIX, known(0.0, 0.0), SQUARE_BODY).angle - angle_at(stamps)
     assert np.ptp(raw) > 0.02
 
 
@@ -160,7 +160,7 @@ def test_an_unknown_shutter_is_found():
         rows = np.stack([picture(angle_at(times[:, j]), 0.05, 0.1)[:, j] for j in range(4)], axis=1)
     rows = rows + 0.05 * np.random.default_rng(0).normal(size=rows.shape)
     std = np.array([0.25, 0.25, 0.2, 0.0024])
-    before = Unknowns(np.array([0.0, 0.0, 0.0, 1 / 240]), np.diag(std**2), 1 / 60)
-    after = fit_turning(view(rows, fps), MATRIX, before, SQUARE_BODY).unknowns
+    before = CameraState(np.array([0.0, 0.0, 0.0, 1 / 240]), np.diag(std**2), 1 / 60)
+    after = fit_angle(view(rows, fps), MATRIX, before, SQUARE_BODY).camera_state
     assert after.std[3] < 0.5 * std[3]
     assert abs(after.readout - readout) < 3 * after.std[3] + 2e-4

@@ -4,16 +4,16 @@ import cv2
 import numpy as np
 import pytest
 
-from sysid.video.film.edge_profile import PIECES
 from sysid.video.film.frames import Frame
 from sysid.video.film.shake import still
 from sysid.video.film.survey import Survey
 from sysid.video.film.track import Track
-from sysid.video.pose.camera_state import Unknowns
+from sysid.video.pose.camera_state import CameraState
 from sysid.video.pose.view import View
+from sysid.video.trackers._edge_profile import PIECES
 from sysid.video.trackers.edge.body import fit_edges
 from sysid.video.trackers.edge.find import find_deck_end
-from sysid.video.trackers.edge.tracker import EdgeTracker
+from sysid.video.trackers.edge.follower import EdgeFollower
 from sysid.video.trackers.edge.turn import fit_direction
 
 TIME = np.arange(90) / 60
@@ -72,7 +72,7 @@ def test_a_rolling_shutter_is_taken_out_by_the_turn_about_the_pivot():
     truth = np.interp(TIME + readout * view.share, TIME, roll)
     errors = []
     for given in (readout, 0.0):
-        known = Unknowns(np.array([0, 0, 0, given]), np.zeros((4, 4)))
+        known = CameraState(np.array([0, 0, 0, given]), np.zeros((4, 4)))
         turning = fit_direction(view, matrix, known, pivot=np.array([330.0, 185.0]))
         error = np.degrees(turning.angle - truth)[1:-1]
         errors.append(np.std(error))
@@ -125,7 +125,7 @@ def test_its_edges_are_followed_into_attitudes_that_were_not_looked_at(swing):
     _, look, slopes = swing
     end = find_deck_end(look, slopes)
     assert end is not None
-    tracker = EdgeTracker(end, look.pictures[0], look.box)
+    tracker = EdgeFollower(end, look.pictures[0], look.box)
     rolls = np.linspace(-0.45, 0.42, 14)
     points = [
         tracker.update(Frame(n, n / 60, cv2.cvtColor(picture(roll), cv2.COLOR_GRAY2BGR)))
@@ -141,6 +141,6 @@ def test_a_picture_without_the_deck_shows_no_edge(swing):
     _, look, slopes = swing
     end = find_deck_end(look, slopes)
     assert end is not None
-    tracker = EdgeTracker(end, look.pictures[0], look.box)
+    tracker = EdgeFollower(end, look.pictures[0], look.box)
     wall = np.random.default_rng(2).normal(120, 4, (HEIGHT, WIDTH, 3)).clip(0, 255).astype(np.uint8)
     assert tracker.update(Frame(0, 0.0, wall)) is None

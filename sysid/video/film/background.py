@@ -9,23 +9,23 @@ import numpy.typing as npt
 from sysid.errors import HuskyError
 from sysid.roll import Array
 from sysid.video.film.camera import Lens
-from sysid.video.film.frames import Frame, Picture, crop, grey
-from sysid.video.film.shake import FEWEST, Shake, Sights, fit_rotations, still, whole_shake
-from sysid.video.pose.rectify import Complex
+from sysid.video.film.frames import Frame, crop, grey
+from sysid.video.film.shake import MIN_PATCHES, Shake, Sights, fit_rotations, still, whole_shake
+from sysid.video.types import Complex, Picture
 
-GRID = (5, 4)
+PATCH_GRID = (5, 4)
 """At most one patch of background in each cell of a grid this wide and high."""
-HALF = 16
+HALF_PATCH = 16
 """Half a patch [px]."""
-REACH = 24
+MAX_STEP = 24
 """How far a patch may move between two frames, against what the last frame suggests [px]."""
-TOGETHER = 256
+BATCH_FRAMES = 256
 """Frames that are worked out at once."""
 CUT_CHANGE = 12.0
 """Mean change of brightness from frame to frame above which a cut is suspected [grey levels]."""
 CUT_LIKENESS = 0.5
 """Correlation of two neighbouring frames below which the scene has been cut."""
-PRECISION = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 15, 0.01)
+FLOW_CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 15, 0.01)
 
 
 @dataclass(slots=True)
@@ -55,17 +55,17 @@ class Background:
         if self._reference is None:
             self._choose(frame.picture)
         self._count += 1
-        if len(self._anchors) < FEWEST:
+        if len(self._anchors) < MIN_PATCHES:
             return
         self._waiting.append(self._follow(frame.picture))
-        if len(self._waiting) == TOGETHER:
+        if len(self._waiting) == BATCH_FRAMES:
             self._work_out()
 
     def result(self) -> Shake:
         """Return the motion over all frames so far."""
         if self._waiting:
             self._work_out()
-        if len(self._anchors) < FEWEST:
+        if len(self._anchors) < MIN_PATCHES:
             return still(self._count, self._focal, self._centre)
         return whole_shake(self._sights, self._focal, self._centre, known=self.lens.known)
 
@@ -106,12 +106,12 @@ class Background:
         small = cv2.resize(dark, (width // scale, height // scale), interpolation=cv2.INTER_AREA)
         quality = cv2.cornerMinEigenVal(cv2.GaussianBlur(small, (0, 0), 1.0), 7)
         left, top, right, bottom = (value // scale for value in self.exclude)
-        margin = (HALF + REACH) // scale + 2
+        margin = (HALF_PATCH + MAX_STEP) // scale + 2
         quality[max(top - margin, 0) : bottom + margin, max(left - margin, 0) : right + margin] = 0
         quality[:margin], quality[-margin:], quality[:, :margin], quality[:, -margin:] = 0, 0, 0, 0
         anchors: list[tuple[int, int]] = []
-        for rows in np.array_split(np.arange(quality.shape[0]), GRID[1]):
-            for columns in np.array_split(np.arange(quality.shape[1]), GRID[0]):
+        for rows in np.array_split(np.arange(quality.shape[0]), PATCH_GRID[1]):
+            for columns in np.array_split(np.arange(quality.shape[1]), PATCH_GRID[0]):
                 cell = quality[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
                 row, column = np.unravel_index(np.argmax(cell), cell.shape)
                 if cell[row, column] > 1e-4:
@@ -124,17 +124,17 @@ class Background:
         """Find every patch near where it was last, shape (m, 2) [px]; NaN where it is not found."""
         centre = np.round(self._places)
         inside = np.all((centre >= 0) & (centre < np.array(picture.shape[1::-1])), axis=1)
-        size = 2 * (HALF + REACH) + 1
-        middle = np.arange(len(centre)) * size + HALF + REACH
-        start = np.stack([middle, np.full(len(centre), HALF + REACH)], axis=1).astype(np.float32)
+        size = 2 * (HALF_PATCH + MAX_STEP) + 1
+        middle = np.arange(len(centre)) * size + HALF_PATCH + MAX_STEP
+        start = np.stack([middle, np.full(len(centre), HALF_PATCH + MAX_STEP)], axis=1).astype(np.float32)
         assert self._reference is not None
         moved, good, _ = cv2.calcOpticalFlowPyrLK(
             self._reference, self._mosaic(picture, centre), start[:, None], start[:, None].copy(),
-            winSize=(2 * HALF + 1, 2 * HALF + 1), maxLevel=2,
-            criteria=PRECISION, flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+            winSize=(2 * HALF_PATCH + 1, 2 * HALF_PATCH + 1), maxLevel=2,
+            criteria=FLOW_CRITERIA, flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
         )  # fmt: skip
         step = (moved[:, 0] - start).astype(np.float64)
-        found = (good.ravel() > 0) & inside & (np.abs(step).max(axis=1) < REACH)
+        found = (good.ravel() > 0) & inside & (np.abs(step).max(axis=1) < MAX_STEP)
         seen = centre + step
         if found.any():
             # The camera takes all along: one that is lost is looked for where the others went.
@@ -144,7 +144,7 @@ class Background:
 
     def _mosaic(self, picture: Picture, centres: Array) -> Picture:
         """Put the surroundings of every place side by side, in grey."""
-        reach = HALF + REACH
+        reach = HALF_PATCH + MAX_STEP
         size = 2 * reach + 1
         mosaic = np.zeros((size, size * len(centres), *picture.shape[2:]), np.uint8)
         for number, (x, y) in enumerate(centres.astype(int).tolist()):

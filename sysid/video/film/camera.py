@@ -9,8 +9,9 @@ import numpy as np
 
 from sysid.errors import HuskyError
 from sysid.roll import Array
-from sysid.video.film.frames import Clip, Picture, grey, open_clip
+from sysid.video.film.frames import Clip, grey, open_clip
 from sysid.video.options import VIDEO_SUFFIXES
+from sysid.video.types import Picture
 
 USUAL_FOCAL = 0.9
 """Focal length of a phone's main camera in film mode, in long sides of the picture (58 degrees)."""

@@ -10,19 +10,16 @@ from threading import Event, Thread
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from sysid.errors import HuskyError
 from sysid.roll import Array
+from sysid.video.types import Picture
 
-Picture = npt.NDArray[np.uint8]
-"""A picture as OpenCV holds it: (height, width, 3) in the order blue, green, red, or (height, width) grey."""
-
-LARGEST = (4096, 2304)
+MAX_SIZE = (4096, 2304)
 """Largest picture that is read [px]: 4K; 8K would take seconds a frame and tell no more."""
-AHEAD = 3
+FRAMES_AHEAD = 3
 """Frames that are decoded ahead of the one that is worked on."""
-LOST_SHARE = 0.05
+MAX_MISSING_SHARE = 0.05
 """Share of the announced frames that may be missing before a file counts as cut off."""
 
 
@@ -74,7 +71,7 @@ class Clip:
                     yield Frame(count, time, np.asarray(picture, np.uint8))
                 count += 1
         missing = self.announced - count
-        if missing > max(2, LOST_SHARE * self.announced):
+        if missing > max(2, MAX_MISSING_SHARE * self.announced):
             raise HuskyError(
                 f"{self.path}: the file announces {self.announced} frames and ends after {count}: it is cut off. "
                 "Copy it again from the camera."
@@ -86,7 +83,7 @@ class Clip:
         Raises:
             HuskyError: As `frames` does.
         """
-        ready: Queue[Frame | BaseException | None] = Queue(maxsize=AHEAD)
+        ready: Queue[Frame | BaseException | None] = Queue(maxsize=FRAMES_AHEAD)
         stop = Event()
 
         def put(item: Frame | BaseException | None) -> bool:
@@ -144,9 +141,9 @@ def open_clip(path: Path) -> Clip:
         )
         if width <= 0 or height <= 0:
             raise HuskyError(f"{path}: no pictures in it (sound only?). Give the film of the board.")
-        if max(width, height) > LARGEST[0] or min(width, height) > LARGEST[1]:
+        if max(width, height) > MAX_SIZE[0] or min(width, height) > MAX_SIZE[1]:
             raise HuskyError(
-                f"{path}: pictures of {width}x{height} are larger than {LARGEST[0]}x{LARGEST[1]}. Film in 4K or "
+                f"{path}: pictures of {width}x{height} are larger than {MAX_SIZE[0]}x{MAX_SIZE[1]}. Film in 4K or "
                 "less: a higher frame rate tells more than more pixels."
             )
         announced = max(0, int(capture.get(cv2.CAP_PROP_FRAME_COUNT)))

@@ -4,9 +4,9 @@ import numpy as np
 
 from sysid.roll import Array
 
-WINDOW = 40
+WINDOW_FRAMES = 40
 """Frames after the fastest one that are looked at: the deck is free there, a hand is slower."""
-RATIOS = np.array([0.003, 0.05, 0.15, 0.3, 0.45, 0.6, 0.75])
+DAMPING_RATIOS = np.array([0.003, 0.05, 0.15, 0.3, 0.45, 0.6, 0.75])
 """Damping ratios that are tried."""
 
 
@@ -22,14 +22,14 @@ def frames_per_period(time: Array, roll: Array, std: Array) -> float | None:
         return None
     rate = np.abs(step) / np.diff(time)
     begin = int(np.argmax(rate))
-    stop = min(begin + WINDOW, len(roll))
+    stop = min(begin + WINDOW_FRAMES, len(roll))
     moved = np.abs(roll[begin:stop] - np.median(roll[begin:stop]))
     if stop - begin < 6 or moved.max() < 4 * np.median(std):
         return None
     interval = float(np.median(np.diff(time)))
     count = (time[begin:stop] - time[begin]) / interval
-    period = np.repeat(np.geomspace(2.1, 150, 90), len(RATIOS))
-    ratio = np.tile(RATIOS, 90)
+    period = np.repeat(np.geomspace(2.1, 150, 90), len(DAMPING_RATIOS))
+    ratio = np.tile(DAMPING_RATIOS, 90)
     decay = ratio / np.sqrt(1 - ratio**2)
     wave = np.exp((2 * np.pi / period * (1j - decay))[:, None] * count)
     basis, _ = np.linalg.qr(np.stack([np.ones_like(wave.real), wave.real, wave.imag], axis=2))

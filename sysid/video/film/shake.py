@@ -14,27 +14,24 @@ patches on one side tell another rotation than those on the other. Where the foc
 from dataclasses import dataclass, fields
 
 import numpy as np
-import numpy.typing as npt
 
 from sysid.roll import Array
-from sysid.video.pose.rectify import Complex
+from sysid.video.types import Complex, Rows
 
-Rows = npt.NDArray[np.intp]
-
-FEWEST = 4
+MIN_PATCHES = 4
 """Least number of patches that show a rotation."""
-LARGEST_SCATTER = 1.5
+MAX_SCATTER = 1.5
 """Scatter of the patches about a common rotation above which they show none [px]."""
-LEAST_SEEN = 0.8
+MIN_FRAMES_SEEN = 0.8
 """Share of the frames that must show the background for any of it to count."""
-POOLED = 20.0
+POOLED_FREEDOM = 20.0
 """Degrees of freedom that the clip's mean scatter counts for beside each frame's own."""
 KAPPA_SPREAD = 0.5
 """Standard deviation of κ, as a share of it: twice that of the logarithm of a phone's focal length."""
-DISTORTED = 0.1
+DISTORTION_DOUBT = 0.1
 """Standard deviation of the logarithm of the focal length, as a lens that bends the picture itself hides it:
 what a first coefficient of 0.03, usual in phones, does."""
-ALIKE = 10.0
+CORRELATED_FRAMES = 10.0
 """Frames in a row whose patches err alike, so that they count as one where κ is concerned."""
 
 
@@ -160,7 +157,7 @@ def fit_rotations(home: Complex, seen: Complex, focal: float) -> Sights:
     bend = -(inverse @ _inner(design, bent)[:, :, None])[..., 0]
     own = bent + (design @ bend[:, :, None])[..., 0] * good
     freedom = 2.0 * good.sum(axis=1) - 4
-    lost = (good.sum(axis=1) < FEWEST) | (scale > LARGEST_SCATTER)
+    lost = (good.sum(axis=1) < MIN_PATCHES) | (scale > MAX_SCATTER)
     motion[lost] = np.nan
     return Sights(
         motion,
@@ -185,20 +182,20 @@ def whole_shake(sights: list[Sights], focal: float, centre: complex, *, known: b
         np.concatenate([getattr(sight, field.name) for sight in sights]) for field in fields(Sights)
     )
     seen = np.asarray(np.isfinite(motion).all(axis=1), np.bool_)
-    if seen.mean() <= LEAST_SEEN:
+    if seen.mean() <= MIN_FRAMES_SEEN:
         return still(len(seen), focal, centre)
     before = 1 / focal**2
     change, doubt, left = 0.0, 0.0, own[seen]
     for _ in range(0 if known else 3):  # the scatter about the right bend is less
         mean = max(float(np.average(left, weights=freedom[seen])), 1e-4)
-        information = kappa[seen].sum(axis=0) / (ALIKE * mean)
+        information = kappa[seen].sum(axis=0) / (CORRELATED_FRAMES * mean)
         prior = 1 / (KAPPA_SPREAD * before) ** 2
         change = float(np.clip(information[1] / (information[0] + prior), -0.9 * before, 3 * before))
         doubt = float(1 / np.sqrt(information[0] + prior))
         less = (change**2 * kappa[seen, 0] - 2 * change * kappa[seen, 1]) / freedom[seen]
         left = np.maximum(own[seen] + less, 0)
     mean = float(np.average(left, weights=freedom[seen]))
-    variance = (freedom[seen] * left + POOLED * mean) / (freedom[seen] + POOLED)
+    variance = (freedom[seen] * left + POOLED_FREEDOM * mean) / (freedom[seen] + POOLED_FREEDOM)
     std = np.zeros(len(seen))
     std[seen] = np.hypot(np.sqrt(variance * spread[seen, 1]), doubt * bend[seen, 2])
     motion = motion + change * bend
@@ -208,7 +205,7 @@ def whole_shake(sights: list[Sights], focal: float, centre: complex, *, known: b
     motion = np.stack([np.interp(number, known_at, column[seen]) for column in motion.T], axis=1)
     shift_std = float(np.sqrt(mean * np.median(spread[seen, 0])))
     kappa_found = before + change
-    focal_std = 0.0 if known else float(np.hypot(doubt / kappa_found / 2, DISTORTED))
+    focal_std = 0.0 if known else float(np.hypot(doubt / kappa_found / 2, DISTORTION_DOUBT))
     return Shake(motion, std, shift_std, float(kappa_found**-0.5), focal_std, centre, True)
 
 

@@ -7,15 +7,16 @@ import numpy as np
 import numpy.typing as npt
 
 from sysid.errors import HuskyError
-from sysid.video.film.frames import Clip, Frame, Picture, grey
+from sysid.video.film.frames import Clip, Frame, grey
+from sysid.video.types import Picture
 
-FRAMES = 40
+SURVEY_FRAMES = 40
 """Frames that are looked at, spread over the clip."""
-MEMORY = 60_000_000
+SURVEY_BYTES = 60_000_000
 """Bytes of full pictures that are kept at most, in grey."""
-SMALL = 480
+SURVEY_SIDE = 480
 """Long side of the pictures in which motion is looked for [px]."""
-LEAST_CHANGE = 18.0
+MIN_CHANGE = 18.0
 """Change of brightness that counts as motion [grey levels]."""
 
 
@@ -41,9 +42,9 @@ def survey(clip: Clip, roi: tuple[int, int, int, int] | None) -> Survey:
         HuskyError: Nothing moves, or the region of interest lies outside the picture.
     """
     given = None if roi is None else box_of(clip, roi)
-    every = max(1, clip.announced // FRAMES) if clip.announced else 5
-    scale = min(1.0, SMALL / max(clip.width, clip.height))
-    keep = max(6, min(FRAMES, MEMORY // (clip.width * clip.height)))
+    every = max(1, clip.announced // SURVEY_FRAMES) if clip.announced else 5
+    scale = min(1.0, SURVEY_SIDE / max(clip.width, clip.height))
+    keep = max(6, min(SURVEY_FRAMES, SURVEY_BYTES // (clip.width * clip.height)))
     first: Frame | None = None
     start: Picture | None = None
     low = high = np.zeros(0, np.float32)
@@ -51,7 +52,7 @@ def survey(clip: Clip, roi: tuple[int, int, int, int] | None) -> Survey:
     indices: list[int] = []
     for number, frame in enumerate(clip.frames(every)):
         dark = grey(frame.picture)
-        if number % max(1, FRAMES // keep) == 0 and len(pictures) < keep:
+        if number % max(1, SURVEY_FRAMES // keep) == 0 and len(pictures) < keep:
             pictures.append(dark)
             indices.append(frame.index)
         small = np.asarray(
@@ -117,14 +118,14 @@ def _held(small: Picture, start: Picture) -> npt.NDArray[np.float32]:
     dark = cv2.cvtColor(small, cv2.COLOR_BGR2GRAY).astype(np.float32)
     window = cv2.createHanningWindow((small.shape[1], small.shape[0]), cv2.CV_32F)
     shift, _ = cv2.phaseCorrelate(start.astype(np.float32), dark, window)
-    if max(abs(shift[0]), abs(shift[1])) > 0.05 * SMALL:
+    if max(abs(shift[0]), abs(shift[1])) > 0.05 * SURVEY_SIDE:
         return small.astype(np.float32)
     move = np.array([[1, 0, -shift[0]], [0, 1, -shift[1]]])
     held = cv2.warpAffine(
         small, move, (small.shape[1], small.shape[0]), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
     )
     unlike = [cv2.absdiff(grey(np.asarray(one, np.uint8)), start) for one in (small, held)]
-    plain, shifted = (float(np.minimum(one, LEAST_CHANGE).mean()) for one in unlike)
+    plain, shifted = (float(np.minimum(one, MIN_CHANGE).mean()) for one in unlike)
     return np.asarray(held if shifted < plain else small, np.float32)
 
 
@@ -133,7 +134,7 @@ def _moving(
 ) -> npt.NDArray[np.bool_]:
     """Threshold the range of each pixel; keep the largest patch, in a box, and what is a fifth as large or more."""
     amount = cv2.GaussianBlur(change.max(axis=2), (0, 0), 1.5)
-    level = max(LEAST_CHANGE, 3 * float(np.median(amount)))
+    level = max(MIN_CHANGE, 3 * float(np.median(amount)))
     mask = cv2.morphologyEx((amount > level).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     mask = cv2.dilate(mask, np.ones((5, 5), np.uint8))
     if box is not None:

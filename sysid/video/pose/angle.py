@@ -11,19 +11,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.pose.angle_uncertainty import common_variance, either_slant, stuck
-from sysid.video.pose.camera_state import Unknowns
+from sysid.video.pose.angle_uncertainty import common_variance, repeated_picture, slant_ambiguity
+from sysid.video.pose.camera_state import CameraState
 from sysid.video.pose.circles import fit_circles
-from sysid.video.pose.keyframes import telling_frames
+from sysid.video.pose.keyframes import keyframes_of
 from sysid.video.pose.placed_body import in_view
 from sysid.video.pose.point_noise import BLUR_SHARE, enough_points, point_speed
-from sysid.video.pose.prior import FLOOR, Solid
-from sysid.video.pose.rectify import Complex, smear, unwrap
+from sysid.video.pose.prior import POINT_FLOOR, BodyPrior
+from sysid.video.pose.rectify import smear, unwrap
 from sysid.video.pose.view import View
+from sysid.video.types import Complex
 
 
 @dataclass(frozen=True, slots=True)
-class Turning:
+class AngleTrack:
     """How a body turned, as seen by the camera."""
 
     angle: Array
@@ -31,7 +32,7 @@ class Turning:
     std: Array
     """Standard deviation of each angle [rad], shape (n,): noise, blur and what is unknown of the camera;
     not a common offset."""
-    unknowns: Unknowns
+    camera_state: CameraState
     """What was found of direction, lens and shutter."""
     noise: float
     """Standard deviation of a point's position at rest [px]."""
@@ -43,26 +44,26 @@ class Turning:
     """Share of `std` that is not common to all frames [rad], shape (n,); all of it if None."""
 
 
-def fit_turning(view: View, matrix: Array, before: Unknowns, solid: Solid | None = None) -> Turning:
+def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior | None = None) -> AngleTrack:
     """Estimate the angle of a rigid body in every frame.
 
     Args:
         view: The points.
         matrix: Camera matrix [px], shape (3, 3).
         before: Direction of the axis, focal length and read-out, as known beforehand.
-        solid: What is known of the body.
+        prior: What is known of the body.
 
     Returns:
         The angles. Zero is arbitrary here: the attitude in one of the frames.
     """
-    solid = solid or Solid()
-    some = telling_frames(view, solid.still)
-    found = fit_circles(view, some, matrix, before, solid, before)
+    prior = prior or BodyPrior()
+    some = keyframes_of(view, prior.still)
+    found = fit_circles(view, some, matrix, before, prior, before)
     other = None
     if {0, 1} <= set(before.free):
         # From afar, a slant to one side and to the other look alike: the search may have ended in the wrong one.
-        away = found.unknowns.value * [-1, -1, 1, 1] + before.value * [2, 2, 0, 0]
-        other = fit_circles(view, some, matrix, before, solid, found.unknowns.at(away))
+        away = found.camera_state.value * [-1, -1, 1, 1] + before.value * [2, 2, 0, 0]
+        other = fit_circles(view, some, matrix, before, prior, found.camera_state.at(away))
         found, other = (other, found) if other.cost < found.cost else (found, other)
     n = len(view)
     angle, misfit, size, speed = np.full(n, np.nan), np.full(n, np.nan), np.ones(n), np.zeros(n)
@@ -74,18 +75,18 @@ def fit_turning(view: View, matrix: Array, before: Unknowns, solid: Solid | None
         misfit[rows] = np.where(good, np.sqrt(square) * seen.scale, np.nan)
         size[rows] = np.where(good, (np.abs(seen.turned) ** 2).sum(axis=1) * seen.scale**2, 1.0)
         speed[rows] = point_speed(view, rows)
-    wrong = misfit > 12 * (float(np.nanmedian(misfit)) + FLOOR) + BLUR_SHARE * speed
+    wrong = misfit > 12 * (float(np.nanmedian(misfit)) + POINT_FLOOR) + BLUR_SHARE * speed
     angle[wrong] = np.nan
-    variance = found.noise.variance(speed) * solid.alike / size + stuck(view, found, solid) ** 2
+    variance = found.noise.variance(speed) * prior.alike / size + repeated_picture(view, found, prior) ** 2
     variance += smear(angle) ** 2
     common = common_variance(view, angle, matrix, found)
     if other is not None:
-        common += either_slant(view, angle, matrix, found, other)
+        common += slant_ambiguity(view, angle, matrix, found, other)
     seen = np.isfinite(angle)
-    return Turning(
+    return AngleTrack(
         unwrap(angle),
         np.where(seen, np.sqrt(variance + common), np.nan),
-        found.unknowns,
+        found.camera_state,
         float(np.sqrt(found.noise.rest)),
         int(wrong.sum()),
         found.body.shape,

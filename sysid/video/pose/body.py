@@ -16,12 +16,9 @@ common, c, q and a few numbers that z itself depends on, is one least-squares pr
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from sysid.roll import Array
-from sysid.video.pose.rectify import Complex
-
-Mask = npt.NDArray[np.bool_]
+from sysid.video.types import Complex, Mask
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,29 +7,29 @@ import numpy as np
 
 from sysid.roll import Array
 from sysid.video.pose.body import Body, common_problem
-from sysid.video.pose.camera_state import Unknowns
-from sysid.video.pose.keyframes import TellingFrames
-from sysid.video.pose.placed_body import Found, lay_body
-from sysid.video.pose.point_noise import BLUR_SHARE, MANY, PointNoise, near_ones, point_noise
-from sysid.video.pose.prior import Solid, add_priors
-from sysid.video.pose.rectify import Complex
+from sysid.video.pose.camera_state import CameraState
+from sysid.video.pose.keyframes import Keyframes
+from sysid.video.pose.placed_body import Found, fit_pose
+from sysid.video.pose.point_noise import BLUR_SHARE, MANY_POINTS, PointNoise, near_ones, point_noise
+from sysid.video.pose.prior import BodyPrior, add_priors
 from sysid.video.pose.view import View
+from sysid.video.types import Complex
 
-ROUNDS = 3
+NOISE_ROUNDS = 3
 """Times that the noise is found anew."""
-MOST_STEPS = 25
-HELD = 1e9
+MAX_STEPS = 25
+FIXED_WEIGHT = 1e9
 """Weight that holds what is not to be found."""
-ENOUGH = 1e-2
+MIN_GAIN = 1e-2
 """Steps end where they gain less than this of the sum of squares, which is in units of the noise."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Trial:
-    """Body and unknowns, and how well they fit."""
+    """Body and camera, and how well they fit."""
 
     body: Body
-    unknowns: Unknowns
+    camera_state: CameraState
     rest: Complex
     """What does not fit, shape (m, N)."""
     cost: float
@@ -38,60 +38,60 @@ class _Trial:
 
 
 def fit_circles(
-    view: View, some: TellingFrames, matrix: Array, before: Unknowns, solid: Solid, start: Unknowns
+    view: View, some: Keyframes, matrix: Array, before: CameraState, prior: BodyPrior, start: CameraState
 ) -> Found:
-    """Find body and unknowns by damped Gauss-Newton steps; three times, as the noise weighs the frames."""
+    """Find body and camera by damped Gauss-Newton steps; three times, as the noise weighs the frames."""
     points, shear = view.points(some.rows), view.shear(some.rows)
     free = before.free
     limit = np.array([0.15, 0.15, 0.4, np.inf])[free]
     now = before.at(start.value)
-    _, body = lay_body(points, shear, some.mask, matrix, now, None)
+    _, body = fit_pose(points, shear, some.mask, matrix, now, None)
     noise, doubt = PointNoise(0.05**2, 0.0), np.ones(len(points))
     trial = None
-    lens = 4 * len(body.shape) + free.index(2) if 2 in free and not solid.shows_lens else None
-    for _ in range(ROUNDS):
-        weight = some.share * doubt / (noise.variance(some.speed) * solid.alike)
+    lens = 4 * len(body.shape) + free.index(2) if 2 in free and not prior.shows_lens else None
+    for _ in range(NOISE_ROUNDS):
+        weight = some.share * doubt / (noise.variance(some.speed) * prior.alike)
 
-        at = partial(_try, points, shear, some, matrix, before, solid, weight)
+        at = partial(_try, points, shear, some, matrix, before, prior, weight)
         trial = at(body, now)
         damping = 0.0
-        for _ in range(MOST_STEPS):
+        for _ in range(MAX_STEPS):
             damped = trial.normal + damping * np.diag(np.diag(trial.normal))
             if lens is not None:
-                damped[lens, lens] *= HELD
+                damped[lens, lens] *= FIXED_WEIGHT
             step = np.asarray(np.linalg.solve(damped, trial.pull), np.float64)
             bold = np.abs(step[len(step) - len(free) :])
             step *= min(1.0, float(np.min(limit / np.maximum(bold, 1e-12), initial=1.0)))
-            value = trial.unknowns.value.copy()
+            value = trial.camera_state.value.copy()
             value[free] += step[len(step) - len(free) :]
             other = at(trial.body.moved(step), now.at(value))
-            # The body once more for these unknowns: a slant shortens it by more than in proportion.
+            # The body once more for this camera: a slant shortens it by more than in proportion.
             own = 4 * len(body.shape)
             refit = np.asarray(np.linalg.solve(other.normal[:own, :own], other.pull[:own]), np.float64)
-            settled = at(other.body.moved(refit), other.unknowns)
+            settled = at(other.body.moved(refit), other.camera_state)
             other = settled if settled.cost < other.cost else other
             gain = trial.cost - other.cost
             if gain >= 0:
                 trial, damping = other, damping / 10
             else:
                 damping = max(10 * damping, 1e-3)
-            if not abs(gain) >= ENOUGH:
+            if not abs(gain) >= MIN_GAIN:
                 break
-        body, now = trial.body, trial.unknowns
-        noise, doubt = point_noise(trial.rest, some.mask, some.share, some.speed, len(free), solid)
-        if len(body.shape) >= MANY:
+        body, now = trial.body, trial.camera_state
+        noise, doubt = point_noise(trial.rest, some.mask, some.share, some.speed, len(free), prior)
+        if len(body.shape) >= MANY_POINTS:
             some = replace(some, mask=near_ones(some.mask, trial.rest, noise.variance(some.speed)))
     assert trial is not None
     covariance = _covariance(trial.normal, lens, before)
     unknown = np.zeros((4, 4))
     unknown[np.ix_(free, free)] = covariance[len(covariance) - len(free) :, len(covariance) - len(free) :]
     # One noise for all solutions, so that they can be compared.
-    usual = some.share / (solid.alike * (solid.floor**2 + (BLUR_SHARE * some.speed) ** 2))
-    cost = _try(points, shear, some, matrix, before, solid, usual, body, now).cost
+    usual = some.share / (prior.alike * (prior.floor**2 + (BLUR_SHARE * some.speed) ** 2))
+    cost = _try(points, shear, some, matrix, before, prior, usual, body, now).cost
     return Found(replace(now, covariance=unknown), body, noise, covariance, cost)
 
 
-def _covariance(normal: Array, lens: int | None, before: Unknowns) -> Array:
+def _covariance(normal: Array, lens: int | None, before: CameraState) -> Array:
     """Of all that is common; a focal length that the points do not tell is as uncertain as it was before."""
     if lens is None:
         return np.asarray(np.linalg.inv(normal), np.float64)
@@ -107,17 +107,17 @@ def _covariance(normal: Array, lens: int | None, before: Unknowns) -> Array:
 def _try(
     points: Array,
     shear: Array,
-    some: TellingFrames,
+    some: Keyframes,
     matrix: Array,
-    before: Unknowns,
-    solid: Solid,
+    before: CameraState,
+    prior: BodyPrior,
     weight: Array,
     body: Body,
-    unknowns: Unknowns,
+    camera_state: CameraState,
 ) -> _Trial:
-    seen, _ = lay_body(points, shear, some.mask, matrix, unknowns, body)
+    seen, _ = fit_pose(points, shear, some.mask, matrix, camera_state, body)
     scaled = weight * seen.scale**2
     normal, pull = common_problem(seen.rest, seen.angle, seen.turned, some.mask, scaled, seen.slopes)
     cost = float(np.sum(scaled[:, None] * np.abs(seen.rest) ** 2))
-    cost += add_priors(normal, pull, body, unknowns, before, solid, matrix[0, 0])
-    return _Trial(body, unknowns, seen.rest * seen.scale[:, None], cost, normal, pull)
+    cost += add_priors(normal, pull, body, camera_state, before, prior, matrix[0, 0])
+    return _Trial(body, camera_state, seen.rest * seen.scale[:, None], cost, normal, pull)

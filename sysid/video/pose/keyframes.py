@@ -5,18 +5,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.pose.point_noise import MANY, Mask, all_finite, enough_points, point_speed
-from sysid.video.pose.view import Rows, View
+from sysid.video.pose.point_noise import MANY_POINTS, all_finite, enough_points, point_speed
+from sysid.video.pose.view import View
+from sysid.video.types import Mask, Rows
 
-SAME = 4
+MAX_REPEATS = 4
 """Frames of a still picture that are used at most."""
-MOST_ROWS = 300
-"""Frames that are used at most to find the unknowns; the angle is found in all."""
+MAX_KEYFRAMES = 300
+"""Frames that are used at most to find what is unknown of the camera; the angle is found in all."""
 
 
 @dataclass(frozen=True, slots=True)
-class TellingFrames:
-    """The frames that tell the unknowns, and how much each does."""
+class Keyframes:
+    """The frames that tell where the camera stands, and how much each does."""
 
     rows: Rows
     mask: Mask
@@ -26,7 +27,7 @@ class TellingFrames:
     """Mean speed of the points [px/frame], shape (m,)."""
 
 
-def telling_frames(view: View, still: float) -> TellingFrames:
+def keyframes_of(view: View, still: float) -> Keyframes:
     """Choose frames: few of those that show one and the same picture, many of those turned furthest."""
     seen = np.zeros(len(view), bool)
     run = np.zeros(len(view), int)
@@ -40,7 +41,7 @@ def telling_frames(view: View, still: float) -> TellingFrames:
             away = np.abs(points - anchor)
         known = np.isfinite(away)
         # Of many points some slip: the picture is another one if half of them have moved.
-        moved = np.median if len(points) >= MANY else np.max
+        moved = np.median if len(points) >= MANY_POINTS else np.max
         if not known.any() or moved(away[known]) > still:
             anchor, number = points, number + 1
         run[row] = number
@@ -54,15 +55,15 @@ def telling_frames(view: View, still: float) -> TellingFrames:
     _, first, count = np.unique(run[usable], return_index=True, return_counts=True)
     kept = np.concatenate(
         [
-            usable[begin + np.unique(np.linspace(0, many - 1, min(many, SAME)).astype(int))]
+            usable[begin + np.unique(np.linspace(0, many - 1, min(many, MAX_REPEATS)).astype(int))]
             for begin, many in zip(first, count, strict=True)
         ]
     )
-    if len(kept) > MOST_ROWS:
+    if len(kept) > MAX_KEYFRAMES:
         direction = np.angle(place[kept] @ np.array([1, 1j]))
         away = np.abs(np.angle(np.exp(1j * (direction - np.median(direction)))))
-        far = np.argsort(-away)[: 2 * MOST_ROWS // 3]
-        even = np.linspace(0, len(kept) - 1, MOST_ROWS // 3).astype(int)
+        far = np.argsort(-away)[: 2 * MAX_KEYFRAMES // 3]
+        even = np.linspace(0, len(kept) - 1, MAX_KEYFRAMES // 3).astype(int)
         kept = kept[np.unique(np.concatenate([far, even]))]
     _, inverse, count = np.unique(run[kept], return_inverse=True, return_counts=True)
-    return TellingFrames(kept, all_finite(view.points(kept)), 1 / count[inverse], point_speed(view, kept))
+    return Keyframes(kept, all_finite(view.points(kept)), 1 / count[inverse], point_speed(view, kept))

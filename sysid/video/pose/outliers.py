@@ -8,15 +8,15 @@ import numpy as np
 
 from sysid.roll import Array
 
-PATTERN = np.array([1 / 6, -2 / 3, 1.0, -2 / 3, 1 / 6])
+SPIKE_PATTERN = np.array([1 / 6, -2 / 3, 1.0, -2 / 3, 1 / 6])
 """What one wrong frame does to the deviations of five from the cubics through their neighbours."""
-LIKENESS = 0.9
+SPIKE_LIKENESS = 0.9
 """Correlation of the deviations with that pattern: a letting go, or a fast swing, has another one."""
-BEYOND = 5.0
+SPIKE_STDS = 5.0
 """Deviation that is no noise, in standard deviations."""
 
 
-def lone_frames(time: Array, angle: Array, std: Array) -> Array:
+def outlier_frames(time: Array, angle: Array, std: Array) -> Array:
     """Return how far each frame is off from what its neighbours say [rad], shape (n,); 0 for all but lone ones.
 
     Args:
@@ -34,11 +34,11 @@ def lone_frames(time: Array, angle: Array, std: Array) -> Array:
     noise = np.sqrt(2.0) * std[seen]
     for row in range(4, len(x) - 4):
         five = off[row - 2 : row + 3]
-        size = float(five @ PATTERN / (PATTERN @ PATTERN))
-        likeness = abs(float(five @ PATTERN)) / max(
-            float(np.linalg.norm(five) * np.linalg.norm(PATTERN)), 1e-15
+        size = float(five @ SPIKE_PATTERN / (SPIKE_PATTERN @ SPIKE_PATTERN))
+        likeness = abs(float(five @ SPIKE_PATTERN)) / max(
+            float(np.linalg.norm(five) * np.linalg.norm(SPIKE_PATTERN)), 1e-15
         )
-        if likeness > LIKENESS and abs(size) > BEYOND * np.median(noise[row - 4 : row + 5]):
+        if likeness > SPIKE_LIKENESS and abs(size) > SPIKE_STDS * np.median(noise[row - 4 : row + 5]):
             wrong[seen[row]] = abs(size)
     return wrong
 

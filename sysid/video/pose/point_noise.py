@@ -3,18 +3,15 @@
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from sysid.roll import Array
-from sysid.video.pose.prior import FLOOR, Solid
-from sysid.video.pose.rectify import Complex
-from sysid.video.pose.view import Rows, View
-
-Mask = npt.NDArray[np.bool_]
+from sysid.video.pose.prior import POINT_FLOOR, BodyPrior
+from sysid.video.pose.view import View
+from sysid.video.types import Complex, Mask, Rows
 
 BLUR_SHARE = 0.06
 """Distance from where they should be that is allowed to points in motion, in steps from frame to frame."""
-MANY, ASTRAY = 8, 3.0
+MANY_POINTS, OUTLIER_STDS = 8, 3.0
 """Of so many points those are left out that are so many standard deviations off."""
 
 
@@ -31,7 +28,7 @@ class PointNoise:
 
 
 def point_noise(
-    rest: Complex, mask: Mask, share: Array, speed: Array, unknowns: int, solid: Solid
+    rest: Complex, mask: Mask, share: Array, speed: Array, unknowns: int, prior: BodyPrior
 ) -> tuple[PointNoise, Array]:
     """Find the noise, and how much each frame is to be believed, from 0 to 1.
 
@@ -41,17 +38,17 @@ def point_noise(
         share: One over how many frames show the same still picture, shape (m,).
         speed: Mean speed of the points [px/frame], shape (m,).
         unknowns: How many numbers of the camera were found beside the body.
-        solid: What is known of the body.
+        prior: What is known of the body.
     """
     freedom = np.maximum(2 * mask.sum(axis=1) - 3, 1)
     square = (np.abs(rest) ** 2).sum(axis=1) / freedom
-    typical = float(np.median(square)) + FLOOR**2 + (BLUR_SHARE * speed) ** 2
+    typical = float(np.median(square)) + POINT_FLOOR**2 + (BLUR_SHARE * speed) ** 2
     doubt = 1 / (1 + square / (9 * typical)) ** 2
     weight = freedom * share
     spent = min(0.7, (4 * mask.shape[1] - 5 + unknowns) / float(weight.sum()))
     used = square < 25 * typical
     slow = used & (speed <= np.median(speed[used]))
-    at_rest = float(np.average(square[slow], weights=weight[slow])) / (1 - spent) + solid.floor**2
+    at_rest = float(np.average(square[slow], weights=weight[slow])) / (1 - spent) + prior.floor**2
     fast = used & (speed > 0.5)
     blur = 0.0
     if fast.sum() >= 3:
@@ -64,11 +61,11 @@ def point_noise(
 def near_ones(mask: Mask, rest: Complex, variance: Array) -> Mask:
     """Points that are about where the body has them: of many, some slip. The better half where most seem to."""
     distance = np.where(mask, np.abs(rest), np.inf)
-    near = mask & (distance < ASTRAY * np.sqrt(2 * variance)[:, None])
+    near = mask & (distance < OUTLIER_STDS * np.sqrt(2 * variance)[:, None])
     count = mask.sum(axis=1)
-    most = near.sum(axis=1) >= np.maximum(0.5 * count, MANY)
+    most = near.sum(axis=1) >= np.maximum(0.5 * count, MANY_POINTS)
     half = np.sort(distance, axis=1)[
-        np.arange(len(count)), np.minimum(np.maximum(count // 2, MANY), mask.shape[1] - 1)
+        np.arange(len(count)), np.minimum(np.maximum(count // 2, MANY_POINTS), mask.shape[1] - 1)
     ]
     return np.asarray(np.where(most[:, None], near, mask & (distance <= half[:, None])), np.bool_)
 

@@ -1,11 +1,9 @@
 """Pictures as a camera along the board's axis would take them, and angles in them."""
 
 import numpy as np
-import numpy.typing as npt
 
 from sysid.roll import Array
-
-Complex = npt.NDArray[np.complex128]
+from sysid.video.types import Complex
 
 
 def rectify(points: Array, matrix: Array, yaw: float, pitch: float) -> Complex:

@@ -9,16 +9,16 @@ import numpy as np
 import numpy.typing as npt
 
 from sysid.roll import Array
-from sysid.video.pose.rectify import Complex
+from sysid.video.types import Complex
 
-ATTITUDE = np.radians(2.0)
+ATTITUDE_STEP = np.radians(2.0)
 """Turns this far apart are different attitudes."""
-SHARE = 0.4
+ATTITUDES_SEEN = 0.4
 """Share of the attitudes in which a patch of the board is seen, against one that is seen in most."""
-ROUNDS = 8
+REWEIGHTINGS = 8
 
 
-def belonging(points: Array, fewest: int) -> npt.NDArray[np.bool_]:
+def rigid_group(points: Array, fewest: int) -> npt.NDArray[np.bool_]:
     """Tell which points belong to the body that turns.
 
     Args:
@@ -35,11 +35,11 @@ def belonging(points: Array, fewest: int) -> npt.NDArray[np.bool_]:
     enough = common.sum(axis=1) >= 3
     if not enough.any():
         return np.ones(points.shape[1], np.bool_)
-    attitude = np.round(rough_turn(home, place[enough], common[enough]) / ATTITUDE).astype(int)
+    attitude = np.round(rough_turn(home, place[enough], common[enough]) / ATTITUDE_STEP).astype(int)
     shown = np.array([seen[enough][attitude == one].mean(axis=0) > 0.5 for one in np.unique(attitude)])
     count = shown.sum(axis=0)
     most = np.sort(count)[-fewest:].min()
-    return np.asarray(count >= min(most, SHARE * count.max()), np.bool_)
+    return np.asarray(count >= min(most, ATTITUDES_SEEN * count.max()), np.bool_)
 
 
 def rough_turn(home: Complex, place: Complex, seen: npt.NDArray[np.bool_]) -> Array:
@@ -52,7 +52,7 @@ def rough_turn(home: Complex, place: Complex, seen: npt.NDArray[np.bool_]) -> Ar
     """
     weight = seen.astype(np.float64)
     turn = np.ones(len(place), np.complex128)
-    for _ in range(ROUNDS):
+    for _ in range(REWEIGHTINGS):
         total = weight.sum(axis=1, keepdims=True)
         arm = home - (weight * home).sum(axis=1, keepdims=True) / total
         here = place - (weight * place).sum(axis=1, keepdims=True) / total

@@ -7,14 +7,13 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from sysid.roll import Array
 from sysid.video.film.shutter import velocity
 from sysid.video.film.track import Track
+from sysid.video.types import Rows
 
-Rows = npt.NDArray[np.intp]
-CHUNK = 256
+CHUNK_FRAMES = 256
 """Frames that are worked on at once."""
 
 
@@ -50,8 +49,8 @@ class View:
 
     def chunks(self) -> Iterator[Rows]:
         """Yield the frames' numbers, a few hundred at a time."""
-        for begin in range(0, len(self), CHUNK):
-            yield np.arange(begin, min(begin + CHUNK, len(self)))
+        for begin in range(0, len(self), CHUNK_FRAMES):
+            yield np.arange(begin, min(begin + CHUNK_FRAMES, len(self)))
 
     def time(self, readout: float) -> Array:
         """Return when the sensor reads the middle of the points [s], shape (n,)."""

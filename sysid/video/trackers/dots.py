@@ -1,26 +1,33 @@
 """Coloured stickers: two on the deck's end, or one dot that swings about a pivot."""
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from sysid.errors import HuskyError
 from sysid.roll import Array
-from sysid.video.film.frames import Frame, Picture, crop
+from sysid.video.film.frames import Frame, crop
 from sysid.video.film.survey import Survey
-from sysid.video.pose.angle import Turning
-from sysid.video.pose.camera_state import Unknowns, spread_by
-from sysid.video.pose.rectify import Complex, longer, rectify, smear, unwrap
+from sysid.video.pose.angle import AngleTrack, fit_angle
+from sysid.video.pose.camera_state import CameraState, spread_by
+from sysid.video.pose.prior import BodyPrior
+from sysid.video.pose.rectify import longer, rectify, smear, unwrap
 from sysid.video.pose.view import View
+from sysid.video.trackers._base import DEAD_ZONE, Scene, Target, Tracker, level_angle
+from sysid.video.types import Complex, Picture
 
 Chroma = npt.NDArray[np.float32]
 
-LEAST_CHROMA = 28.0
+MIN_CHROMA = 28.0
 """Distance from grey, in CIELAB units, from which a colour is taken as a sticker's."""
-SMALLEST, LARGEST = 40, 0.02
+MIN_AREA, MAX_AREA_SHARE = 40, 0.02
 """Area of a dot: least [px], and largest as a share of the picture."""
-COVERED = 0.85
+PLACE_FLOOR = 0.08
+"""Least standard deviation of a dot's place [px]: films hold colour at half the resolution of brightness."""
+MIN_UNCOVERED = 0.85
 """A dot of which less than this share is left is covered in part."""
 
 
@@ -55,7 +62,7 @@ def find_dots(look: Survey) -> tuple[Dot, ...]:
 
 
 @dataclass(slots=True)
-class DotTracker:
+class DotFollower:
     """Follows dots by their colour; the centre of each is a mean weighted by how much dot a pixel holds."""
 
     dots: tuple[Dot, ...]
@@ -96,7 +103,7 @@ class DotTracker:
             if found is not None and self.confined and not self._inside(found[0]):
                 continue
             # A hand in front of a part of a dot moves the middle of what is left; blur only spreads it.
-            if found is not None and not found[1] < COVERED * self._size[number]:
+            if found is not None and not found[1] < MIN_UNCOVERED * self._size[number]:
                 places[number], sizes[number] = found
         if not np.isfinite(places).all() or not self._plausible(places):
             self._lost += 1
@@ -160,8 +167,8 @@ class DotTracker:
 
 
 def fit_pivot(
-    view: View, matrix: Array, before: Unknowns, *, pivot: tuple[float, float] | None = None
-) -> Turning:
+    view: View, matrix: Array, before: CameraState, *, pivot: tuple[float, float] | None = None
+) -> AngleTrack:
     """Angle of one dot about a pivot: given, or the centre of the circle that the dot runs on.
 
     One dot shows neither direction of the axis nor read-out: they stay as they are known beforehand.
@@ -186,7 +193,7 @@ def fit_pivot(
     unknown = spread_by(before, angle, angle_at, view.share, view.time(before.readout))
     std = np.sqrt(variance + unknown + smear(angle) ** 2)
     std = np.where(np.isfinite(angle), std, np.nan)
-    return Turning(unwrap(angle), std, before, circle.noise * matrix[0, 0], 0, np.array([1 + 0j]))
+    return AngleTrack(unwrap(angle), std, before, circle.noise * matrix[0, 0], 0, np.array([1 + 0j]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,18 +263,18 @@ def _dot_share(part: Picture, dot: Dot) -> Chroma:
 def _patches(part: Picture, corner: tuple[int, int], look: Survey) -> list[Dot]:
     chroma = _chroma(np.asarray(cv2.GaussianBlur(part, (0, 0), 1.0), np.uint8))
     strength = np.linalg.norm(chroma - np.median(chroma.reshape(-1, 2), axis=0), axis=-1)
-    strong = strength[strength > LEAST_CHROMA]
-    if len(strong) < SMALLEST:
+    strong = strength[strength > MIN_CHROMA]
+    if len(strong) < MIN_AREA:
         return []
     # Relative to the strongest colour, so that a wooden deck is no dot where a sticker shines.
-    level = max(LEAST_CHROMA, 0.6 * float(np.sort(strong)[-SMALLEST]))
+    level = max(MIN_CHROMA, 0.6 * float(np.sort(strong)[-MIN_AREA]))
     mask = cv2.morphologyEx((strength > level).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     count, labels, stats, centres = cv2.connectedComponentsWithStats(mask)
     whole = look.first.picture.shape[0] * look.first.picture.shape[1]
     dots: list[Dot] = []
     for label in range(1, count):
         _, _, width, height, area = stats[label]
-        if not SMALLEST <= area <= LARGEST * whole or not 0.5 < width / height < 2:
+        if not MIN_AREA <= area <= MAX_AREA_SHARE * whole or not 0.5 < width / height < 2:
             continue
         if area < 0.55 * width * height:  # a disc fills 0.79 of its box
             continue
@@ -277,3 +284,48 @@ def _patches(part: Picture, corner: tuple[int, int], look: Survey) -> list[Dot]:
         colour = np.median(chroma[labels == label], axis=0).astype(np.float64)
         dots.append(Dot(place, float(np.sqrt(area / np.pi)), colour))
     return dots
+
+
+def _find(scene: Scene) -> Target | None:
+    options, look = scene.options, scene.look
+    dots = find_dots(look)
+    if not dots:
+        return None
+    follower = DotFollower(dots, look.box, confined=options.roi is not None)
+    size = ", ".join(f"{2 * dot.radius:.0f} px wide at {dot.place[0]:.0f},{dot.place[1]:.0f}" for dot in dots)
+    if len(dots) == 2:
+        if options.pivot is not None:
+            raise HuskyError(
+                f"--pivot {options.pivot[0]:g} {options.pivot[1]:g}: it is what a single dot turns about, and two dots "
+                "move here, which need none. Leave it out, or give the region of the one with --roi LEFT TOP WIDTH HEIGHT."
+            )
+        return Target(
+            follower=follower,
+            what="the pair of dots",
+            why=f"follows two coloured dots ({size})",
+            solve=partial(fit_angle, prior=BodyPrior(floor=PLACE_FLOOR, dead_zone=DEAD_ZONE)),
+            zero=_level_pair,
+            joined=((0, 1),),
+            zero_note="roll zero is where the line between the dots is level in the picture",
+        )
+    return Target(
+        follower=follower,
+        what="the dot",
+        why=f"follows one coloured dot ({size}) about a {'fitted' if options.pivot is None else 'given'} pivot",
+        solve=partial(fit_pivot, pivot=options.pivot),
+        zero=partial(level_angle, direction=1 + 0j, symmetry=4),
+        zero_note="roll zero is where the dot is straight below, above or beside the pivot in the picture",
+        finds_direction=False,
+    )
+
+
+def _level_pair(track: AngleTrack) -> float:
+    return level_angle(track, complex(track.shape[1] - track.shape[0]), 2)
+
+
+TRACKER = Tracker(
+    rank=1,
+    find=_find,
+    not_found="no coloured dot that moves is seen{where}. Use stickers of a colour that nothing else has",
+    takes_pivot=True,
+)

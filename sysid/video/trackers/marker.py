@@ -1,6 +1,7 @@
 """An ArUco or AprilTag marker on the deck's end: found once, then followed edge by edge."""
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import cv2
@@ -8,9 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from sysid.roll import Array
-from sysid.video.film.edge_profile import corners, find_edges
-from sysid.video.film.frames import Frame, Picture, crop, grey
-from sysid.video.film.track import Box
+from sysid.video.film.frames import Frame, crop, grey
+from sysid.video.pose.angle import AngleTrack, fit_angle
+from sysid.video.pose.prior import BodyPrior
+from sysid.video.trackers._base import Scene, Target, Tracker, level_angle
+from sysid.video.trackers._edge_profile import corners, find_edges
+from sysid.video.types import Box, Picture
 
 DICTIONARIES = {
     "ArUco 4x4": cv2.aruco.DICT_4X4_50,
@@ -20,11 +24,13 @@ DICTIONARIES = {
     "AprilTag 16h5": cv2.aruco.DICT_APRILTAG_16h5,
     "AprilTag 25h9": cv2.aruco.DICT_APRILTAG_25h9,
 }
-SMALLEST = 24
+SEARCH_FRAMES = 20
+"""Frames in which a marker is looked for."""
+MIN_SIDE = 24
 """Shortest side of a marker that is followed [px]."""
-MATCH = 0.6
+MIN_LIKENESS = 0.6
 """Least correlation of a marker's cells with what its number says."""
-CLOSE = 0.15
+CONVERGED = 0.15
 """Edges are measured once more where that moves the corners by more than this [px]."""
 FULL_SEARCH_EVERY = 5
 """A lost marker is looked for in the whole picture in every so many frames: that is slow."""
@@ -59,7 +65,7 @@ def find_marker(picture: Picture, region: Box | None = None) -> Marker | None:
 
 
 @dataclass(slots=True)
-class MarkerTracker:
+class MarkerFollower:
     """Follows one marker: its four edges from frame to frame, found anew where that fails."""
 
     marker: Marker
@@ -137,7 +143,7 @@ class MarkerTracker:
         margin = 0.8 * np.ptp(self._corners, axis=0).max() * (1 + self._lost)
         low, high = both.min(axis=0) - margin, both.max(axis=0) + margin
         part, corner = crop(picture, (int(low[0]), int(low[1]), int(high[0]), int(high[1])))
-        if part.size == 0 or min(part.shape[:2]) < SMALLEST:
+        if part.size == 0 or min(part.shape[:2]) < MIN_SIDE:
             return None
         return self._detect_in(part, corner)
 
@@ -151,7 +157,7 @@ class MarkerTracker:
     def _refine(self, picture: Picture, rough: Array, corner: tuple[int, int] = (0, 0)) -> Array | None:
         """Fit the four edges near `rough`; None where the picture does not show this marker there."""
         side = np.linalg.norm(np.roll(rough, -1, axis=0) - rough, axis=1)
-        if side.min() < SMALLEST / 2 or side.max() > 3 * side.min():
+        if side.min() < MIN_SIDE / 2 or side.max() > 3 * side.min():
             return None
         cell = side.mean() / len(self.cells)
         margin = int(cell) + 6
@@ -162,7 +168,7 @@ class MarkerTracker:
         dark = grey(part)
         place = rough - shift
         reach, moved, passes = min(0.75 * cell, 3.0 + 3.0 * self._miss, 12.0), np.inf, 0
-        while moved > CLOSE and passes < 3:
+        while moved > CONVERGED and passes < 3:
             before, passes = place, passes + 1
             edges = find_edges(dark, np.stack([place, np.roll(place, -1, axis=0)], axis=1), reach)
             if edges.used.min() < 0.5 or edges.contrast.min() < 12 or edges.scatter.max() > 0.2 * cell:
@@ -171,7 +177,7 @@ class MarkerTracker:
             if not np.isfinite(place).all() or np.abs(place - rough + shift).max() > 2 * cell:
                 return None
             moved, reach = float(np.abs(place - before).max()), min(0.6 * cell, 5.0)
-        if self._likeness(dark, place) < MATCH:
+        if self._likeness(dark, place) < MIN_LIKENESS:
             return None
         return place + shift + corner
 
@@ -187,7 +193,7 @@ class MarkerTracker:
 
 def _detect(dark: Picture, kind: str, dictionary: int) -> list[Marker]:
     parameters = cv2.aruco.DetectorParameters()
-    parameters.minMarkerPerimeterRate = 4 * SMALLEST / max(dark.shape)
+    parameters.minMarkerPerimeterRate = 4 * MIN_SIDE / max(dark.shape)
     # Thresholding windows up to a marker's cell: blurred and small markers both.
     parameters.adaptiveThreshWinSizeMin, parameters.adaptiveThreshWinSizeMax = 5, 37
     parameters.adaptiveThreshWinSizeStep = 16
@@ -202,23 +208,44 @@ def _detect(dark: Picture, kind: str, dictionary: int) -> list[Marker]:
     ]
 
 
-def marker_svg(number: int = 0, side_mm: float = 80.0) -> str:
-    """Return a printable ArUco 4x4 marker as SVG in true size, with its white margin.
+def marker_cells(number: int) -> npt.NDArray[np.uint8]:
+    """Return the cells of an ArUco 4x4 marker, black border included: 0 black, 255 white, shape (6, 6).
 
     Args:
         number: 0 to 49.
-        side_mm: Side of the black square [mm].
     """
     dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARIES["ArUco 4x4"])
-    cells = dictionary.generateImageMarker(number, dictionary.markerSize + 2)
-    unit = side_mm / len(cells)
-    page = side_mm + 2 * unit
-    squares = "".join(
-        f'<rect x="{(column + 1) * unit:.4g}" y="{(row + 1) * unit:.4g}" width="{unit:.4g}" height="{unit:.4g}"/>'
-        for row, column in np.argwhere(cells == 0)
+    return np.asarray(dictionary.generateImageMarker(number, dictionary.markerSize + 2), np.uint8)
+
+
+def _find(scene: Scene) -> Target | None:
+    clip = scene.clip
+    region = scene.region or (0, 0, clip.width, clip.height)
+    for frame in clip.frames(max(1, clip.announced // SEARCH_FRAMES)):
+        marker = find_marker(frame.picture, region)
+        if marker is not None:
+            break
+    else:
+        return None
+    return Target(
+        follower=MarkerFollower(marker, region),
+        what=f"{marker.kind} marker {marker.number}",
+        why=f"follows {marker.kind} marker {marker.number}",
+        solve=partial(fit_angle, prior=BodyPrior(square=True)),
+        zero=_level_square,
+        joined=((0, 1), (1, 2), (2, 3), (3, 0)),
+        zero_note="roll zero is where the marker's edges are level in the picture",
     )
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" width="{page:.4g}mm" height="{page:.4g}mm" '
-        f'viewBox="0 0 {page:.6g} {page:.6g}" shape-rendering="crispEdges">'
-        f'<rect width="100%" height="100%" fill="white"/>{squares}</svg>\n'
-    )
+
+
+def _level_square(track: AngleTrack) -> float:
+    upper_left = np.exp(1j * np.pi / 4 * np.array([-3, -1, 1, 3]))
+    return level_angle(track, complex(np.vdot(upper_left, track.shape)), 4)
+
+
+TRACKER = Tracker(
+    rank=0,
+    find=_find,
+    not_found="no ArUco or AprilTag marker is seen{where}. Print a larger one with a white margin, film it sharp and "
+    "large (50 px or more)",
+)

@@ -15,20 +15,20 @@ import numpy as np
 import numpy.typing as npt
 
 from sysid.roll import Array
-from sysid.video.pose.rectify import Complex
+from sysid.video.types import Complex
 
 Edge = npt.NDArray[np.intp]
-NOISE = 0.2
+POINT_STD = 0.2
 """Usual error of a point [px]."""
-SHIFT = 0.7
+SHIFT_STD = 0.7
 """Standard deviation of what shake and soft trucks shift the body by [px]."""
-OWN = 0.3
+EDGE_SHIFT_STD = 0.3
 """Standard deviation of what shade and compression shift one edge by [px]."""
-PIVOT = 40.0
+PIVOT_STD = 40.0
 """Standard deviation of where the pivot is taken to be [px]."""
-ATTITUDES = 12
+ATTITUDE_BINS = 12
 """Attitudes that count alike, over the range of turns, when the body is learned."""
-SCALES = (2.0, 2.0, 1.5, 1.0, 0.7, 0.5, 0.4, 0.4, 0.4, 0.4)
+LOSS_SCALES = (2.0, 2.0, 1.5, 1.0, 0.7, 0.5, 0.4, 0.4, 0.4, 0.4)
 """Distance from where the body has them at which points count half, round by round [px]."""
 
 
@@ -63,7 +63,7 @@ def fit_edges(z: Complex, edge: Edge, pivot: complex) -> EdgeBody:
     turned = np.exp(-1j * angle)[:, None] * place
     centre, height = np.zeros(len(edge), np.complex128), np.nan_to_num(_medians(turned.imag, seen))
     along, rest, weight = turned.real, turned.imag - height, seen.astype(np.float64)
-    for scale in (*SCALES, SCALES[-1]):
+    for scale in (*LOSS_SCALES, LOSS_SCALES[-1]):
         for _ in range(3):
             weight = seen / (1 + (rest / scale) ** 2) ** 2
             centre, height = _body(np.exp(-1j * angle)[:, None] * place, angle, weight, edge)
@@ -100,7 +100,7 @@ def moments(weight: Array, edge: Edge, *values: Array) -> list[Array]:
 
 def _attitudes(angle: Array) -> Array:
     """One over how many frames show about the same attitude, shape (n,)."""
-    number = np.round((angle - angle.min()) / max(float(np.ptp(angle)) / ATTITUDES, 1e-6)).astype(int)
+    number = np.round((angle - angle.min()) / max(float(np.ptp(angle)) / ATTITUDE_BINS, 1e-6)).astype(int)
     return 1 / np.bincount(number)[number]
 
 
@@ -125,7 +125,9 @@ def _body(turned: Complex, angle: Array, weight: Array, edge: Edge) -> tuple[Com
         w, some, there = weight[:, own], total[own], mean[own]
         normal = (design * w.sum(axis=1)[:, None]).T @ design - (there * some[:, None]).T @ there
         pull = design.T @ (w * turned.imag[:, own]).sum(axis=1) - there.T @ (some * y[own])
-        prior = w.shape[1] * (NOISE / PIVOT) ** 2 * np.eye(2)  # all points of an attitude may err alike
+        prior = (
+            w.shape[1] * (POINT_STD / PIVOT_STD) ** 2 * np.eye(2)
+        )  # all points of an attitude may err alike
         centre[own] = complex(*np.linalg.solve(normal + prior, pull))
     return centre, y + mean[:, 0] * -centre.real - mean[:, 1] * centre.imag
 
@@ -136,9 +138,9 @@ def _turn_step(rest: Array, along: Array, shift: Array, weight: Array, edge: Edg
     total = np.maximum(total, 1e-9)
     inside, pull = (xx - x**2 / total).sum(axis=1), (xy - x * y / total).sum(axis=1)
     # An edge as a whole may be off by more than its points suggest.
-    trust = 1 / (1 / total + (OWN / NOISE) ** 2)
+    trust = 1 / (1 / total + (EDGE_SHIFT_STD / POINT_STD) ** 2)
     x, y = x / total, y / total
-    tight = (NOISE / SHIFT) ** 2
+    tight = (POINT_STD / SHIFT_STD) ** 2
     a, b, d = inside + (trust * x**2).sum(axis=1), (trust * x).sum(axis=1), trust.sum(axis=1) + tight
     p, q = pull + (trust * x * y).sum(axis=1), (trust * y).sum(axis=1) - tight * shift
     determinant = np.maximum(a * d - b**2, 1e-6)

@@ -11,38 +11,38 @@ import cv2
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.film.brightness_steps import Steps, steps_of, without_still
 from sysid.video.film.still_picture import camera_shift
 from sysid.video.film.survey import Survey
+from sysid.video.trackers.edge.brightness_steps import Steps, steps_of, without_still
 
-SHORTEST = 0.06
+MIN_LENGTH = 0.06
 """Shortest edge that is followed, in widths of the picture."""
-MOST = 4
+MAX_EDGES = 4
 """Edges that are followed at most."""
-STEEP = 8.0
+MAX_SLOPE = 8.0
 """Slope of brightness beyond which more is no better [grey levels/px]: the deck's end against its own upper side
 tells as much as against a bright wall."""
-STRAIGHT = 15
+STRAIGHT_LENGTH = 15
 """Length over which brightness must step alike, so that it is an edge rather than texture [px]."""
-NEAR = (9.0, 18.0)
+PIVOT_GRID = (9.0, 18.0)
 """How near to the pivot, across and down, pictures turned back begin to coincide, in small pictures [px]."""
-ATTITUDE = np.radians(3.0)
+ATTITUDE_STEP = np.radians(3.0)
 """Turns that are one attitude."""
-ACROSS, DOWN = 3.0, 1.0
+GRID_ACROSS, GRID_DOWN = 3.0, 1.0
 """Steps of the grid that turns with the deck [px]."""
-FAINTEST = 0.2
+MIN_STRENGTH = 0.2
 """What an edge must show of the best one's steps of brightness."""
-OUTSIDE, WIDER = 0.2, 0.4
+TRIMMED_SHARE, BOX_MARGIN = 0.2, 0.4
 """Share of the steps of brightness that are left out at either end, and what is added again, in widths of the rest."""
-IN_MOST = 0.35
+MISSING_ATTITUDES = 0.35
 """Share of the attitudes in which an edge of the deck may be weaker than it counts: against a dark floor, say."""
-THERE = 0.3
+MIN_ALONG_SHARE = 0.3
 """What an edge must show anywhere along it of what it shows at its best."""
-WIDEST = np.radians(40.0)
+MAX_TURN = np.radians(40.0)
 """Largest slope that is looked for."""
-BESIDE = 3
+HALF_RIDGE = 3
 """Half the width of the ridge that an edge is when all pictures are laid on each other, in steps of the grid."""
-APART = 4
+MIN_SPACING = 4
 """Distance of two edges [px]."""
 
 
@@ -74,15 +74,15 @@ def find_deck_end(look: Survey, slopes: Array) -> DeckEnd | None:
         return None
     left, top, right, bottom = box
     size = right - left
-    if size < SHORTEST * look.pictures[0].shape[1]:
+    if size < MIN_LENGTH * look.pictures[0].shape[1]:
         return None
     unit = 1 / every[0].scale
-    x = np.arange(-0.55 * size, 0.55 * size, ACROSS * unit)
-    y = np.arange(-0.2 * size, 0.2 * size, DOWN * unit)
+    x = np.arange(-0.55 * size, 0.55 * size, GRID_ACROSS * unit)
+    y = np.arange(-0.2 * size, 0.2 * size, GRID_DOWN * unit)
     grid = np.stack(np.meshgrid(x, y), axis=-1)
     pivot = np.array([left + right, top + bottom]) / 2
     reach = np.array([0.25 * size, 0.5 * (bottom - top)])
-    steps = 2 * np.ceil(reach / (unit * np.array(NEAR))).astype(int) + 1
+    steps = 2 * np.ceil(reach / (unit * np.array(PIVOT_GRID))).astype(int) + 1
     coarse = grid[:, ::3]
     for round_ in range(4):
         weight = _attitudes(turns)
@@ -105,7 +105,7 @@ def find_deck_end(look: Survey, slopes: Array) -> DeckEnd | None:
             for one, shift, turn in zip(every, shifts, turns, strict=True)
         ])  # fmt: skip
     always = _in_most_attitudes(every, shifts, turns, pivot, grid)
-    ends = _lines(always, x, y, SHORTEST * look.pictures[0].shape[1])
+    ends = _lines(always, x, y, MIN_LENGTH * look.pictures[0].shape[1])
     return DeckEnd(pivot, ends, turns) if len(ends) else None
 
 
@@ -116,7 +116,7 @@ def _usual_box(
 
     The horizon is as level as a deck at rest, so that pictures of a tilted one tell.
     """
-    tilted = np.abs(slopes - np.median(slopes)) > 2 * ATTITUDE
+    tilted = np.abs(slopes - np.median(slopes)) > 2 * ATTITUDE_STEP
     sides: list[Array] = []
     for one, turn in zip(every, slopes, strict=True):
         if tilted.sum() > 1 and not tilted[len(sides)]:
@@ -125,26 +125,26 @@ def _usual_box(
         left, top, right, bottom = np.round(np.array(box) * one.scale).astype(int)
         across = np.abs(np.cos(turn) * one.down - np.sin(turn) * one.right)
         along = np.abs(np.cos(turn) * one.right + np.sin(turn) * one.down)
-        amount = ((across > STEEP / 2) & (along < ATTITUDE * across))[top:bottom, left:right]
+        amount = ((across > MAX_SLOPE / 2) & (along < ATTITUDE_STEP * across))[top:bottom, left:right]
         if not amount.any():
             sides.append(np.full(4, np.nan))
             continue
         ends: list[float] = []
         for axis, begin in ((0, left), (1, top)):
             share = np.cumsum(amount.sum(axis=axis))
-            low, high = np.searchsorted(share, share[-1] * np.array([OUTSIDE, 1 - OUTSIDE]))
+            low, high = np.searchsorted(share, share[-1] * np.array([TRIMMED_SHARE, 1 - TRIMMED_SHARE]))
             ends += [(begin + low) / one.scale, (begin + high) / one.scale]
         sides.append(np.array(ends))
     if not np.isfinite(sides).all(axis=1).any():
         return None
     left, right, top, bottom = np.nanmedian(sides, axis=0)
-    wide, high = WIDER * (right - left), WIDER * (bottom - top)
+    wide, high = BOX_MARGIN * (right - left), BOX_MARGIN * (bottom - top)
     return left - wide, top - high, right + wide, bottom + high
 
 
 def _attitudes(turns: Array) -> Array:
     """One over how many pictures show about the same attitude."""
-    number = np.round((turns - turns.min()) / ATTITUDE).astype(int)
+    number = np.round((turns - turns.min()) / ATTITUDE_STEP).astype(int)
     weight = 1 / np.sqrt(np.bincount(number)[number])
     return weight / weight.sum()
 
@@ -157,8 +157,8 @@ def turned(place: Array, turn: float) -> Array:
 def _shown(one: Steps, shift: Array, turn: float, pivot: Array, grid: Array) -> Array:
     """How much of an edge one picture shows at each place of the grid that turns with the deck."""
     step = one.across(pivot + shift + turned(grid, turn), np.array(turn))
-    width = max(1, round(STRAIGHT / (one.scale * float(grid[0, 1, 0] - grid[0, 0, 0]))))
-    return np.minimum(np.abs(cv2.blur(step, (width, 1))), STEEP)
+    width = max(1, round(STRAIGHT_LENGTH / (one.scale * float(grid[0, 1, 0] - grid[0, 0, 0]))))
+    return np.minimum(np.abs(cv2.blur(step, (width, 1))), MAX_SLOPE)
 
 
 def _mean(every: list[Steps], shifts: Array, turns: Array, weight: Array, pivot: Array, grid: Array) -> Array:
@@ -171,7 +171,7 @@ def _mean(every: list[Steps], shifts: Array, turns: Array, weight: Array, pivot:
 
 def _in_most_attitudes(every: list[Steps], shifts: Array, turns: Array, pivot: Array, grid: Array) -> Array:
     """What shows of an edge in all attitudes but a few: the horizon does where the deck rests."""
-    attitude = np.round(turns / (2 * ATTITUDE)).astype(int)
+    attitude = np.round(turns / (2 * ATTITUDE_STEP)).astype(int)
     each = [
         _mean(
             [every[k] for k in some],
@@ -183,7 +183,7 @@ def _in_most_attitudes(every: list[Steps], shifts: Array, turns: Array, pivot: A
         )
         for some in (np.flatnonzero(attitude == one) for one in np.unique(attitude))
     ]
-    return np.asarray(np.quantile(each, IN_MOST, axis=0), np.float64)
+    return np.asarray(np.quantile(each, MISSING_ATTITUDES, axis=0), np.float64)
 
 
 def _sharpness(mean: Array) -> float:
@@ -193,9 +193,9 @@ def _sharpness(mean: Array) -> float:
 
 def _ridges(mean: Array) -> Array:
     """How much more of an edge there is than above and below."""
-    beside = np.maximum(np.roll(mean, BESIDE, axis=0), np.roll(mean, -BESIDE, axis=0))
+    beside = np.maximum(np.roll(mean, HALF_RIDGE, axis=0), np.roll(mean, -HALF_RIDGE, axis=0))
     ridge = np.maximum(mean - beside, 0.0)
-    ridge[:BESIDE] = ridge[-BESIDE:] = 0.0
+    ridge[:HALF_RIDGE] = ridge[-HALF_RIDGE:] = 0.0
     return ridge
 
 
@@ -225,7 +225,7 @@ def _best_turn(
         return float(turns[int(np.argmax(score))])
 
     if wide:
-        turn = best(np.arange(-WIDEST, WIDEST, np.radians(1.5)))
+        turn = best(np.arange(-MAX_TURN, MAX_TURN, np.radians(1.5)))
     turn = best(turn + np.radians(np.arange(-1.5, 1.6, 0.5)))
     return best(turn + np.radians(np.arange(-0.4, 0.5, 0.2)))
 
@@ -237,14 +237,14 @@ def _lines(mean: Array, x: Array, y: Array, shortest: float) -> Array:
     ridge = np.maximum(ridge, np.maximum(np.roll(ridge, 1, axis=0), np.roll(ridge, -1, axis=0)))
     found: list[Array] = []
     for row in np.argsort(-strength):
-        rows = slice(max(0, row - APART), row + APART + 1)
+        rows = slice(max(0, row - MIN_SPACING), row + MIN_SPACING + 1)
         if (
             strength[row] < strength[rows].max()
-            or strength[row] < FAINTEST * strength.max()
-            or len(found) == MOST
+            or strength[row] < MIN_STRENGTH * strength.max()
+            or len(found) == MAX_EDGES
         ):
             continue
-        there = np.flatnonzero(ridge[row] > THERE * np.quantile(ridge[row], 0.9))
+        there = np.flatnonzero(ridge[row] > MIN_ALONG_SHARE * np.quantile(ridge[row], 0.9))
         if len(there) < 2:
             continue
         a, b = np.quantile(there, [0.02, 0.98]).astype(int)

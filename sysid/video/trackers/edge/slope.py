@@ -12,36 +12,37 @@ import numpy as np
 import numpy.typing as npt
 
 from sysid.roll import Array
-from sysid.video.film.frames import Clip, Picture, crop, grey
+from sysid.video.film.frames import Clip, crop, grey
 from sysid.video.film.still_picture import camera_shift
 from sysid.video.film.survey import Survey
+from sysid.video.types import Picture
 
-SHORTEST = 0.03
+MIN_LENGTH = 0.03
 """Shortest line that counts, in widths of the picture."""
-STEEPEST = np.radians(50)
+MAX_SLOPE = np.radians(50)
 """A line steeper than this is not across the deck."""
-PARALLEL = np.radians(2.0)
+PARALLEL_WITHIN = np.radians(2.0)
 """Lines across the deck differ by less than this in direction, for perspective."""
-ALONE = 0.5
+UNPAIRED_SHARE = 0.5
 """Share of a line's score that counts only where others are parallel to it."""
-STRONG = 60.0
+MAX_CONTRAST = 60.0
 """Contrast beyond which more is no better [grey levels]."""
-COMPARED = 16
+COMPARED_PICTURES = 16
 """Pictures that lines are looked for in, to tell those of the background."""
-MOVED, LEAST = 0.5, 0.2
+FULLY_MOVED_SHARE, MIN_MOVED_WEIGHT = 0.5, 0.2
 """Share of the pictures in which a line must be gone to count fully, and what one counts at least that is gone in
 few: a deck that rests for most of a film."""
-STILL, NEVER = 0.92, 0.03
+STATIC_SHARE, STATIC_WEIGHT = 0.92, 0.03
 """Share of the pictures in which a line is that never moves, though a hand may pass; what it counts."""
-SHAKEN = 4
+MAX_SHAKE = 4
 """Shift of the picture up to which a still line is known again [px]."""
-GAP = 2.0
+SIDE_DISTANCE = 2.0
 """Distance from a line at which brightness is read on its two sides [px]."""
 CANDIDATES = 5
 """Slopes that are weighed for each frame."""
-STEP = np.radians(6.0)
+SLOPE_STEP = np.radians(6.0)
 """Change of slope from frame to frame that costs as much as a slope without any line gains."""
-UNSEEN = 0.3
+UNSEEN_GAIN = 0.3
 """What a frame gains whose lines are left aside, of what the best slope in it gains."""
 
 
@@ -53,7 +54,7 @@ def deck_slopes(clip: Clip, look: Survey) -> Array:
     """
     slopes: list[Array] = []
     scores: list[Array] = []
-    others = look.pictures[:: max(1, len(look.pictures) // COMPARED)]
+    others = look.pictures[:: max(1, len(look.pictures) // COMPARED_PICTURES)]
     shifts = [camera_shift(look.pictures[0], other) for other in others]
     for frame in clip.ahead():
         slope, score = _candidates(grey(frame.picture), look, others, shifts)
@@ -82,14 +83,14 @@ def best_path(slope: Array, score: Array) -> Array:
     total[0] = np.concatenate([np.where(seen[0], score[0], -1e9), np.full(m, -1e8)])
     for row in range(1, n):
         here = np.where(seen[row], slope[row], 0.0)
-        cost = ((here[:, None] - state[row - 1]) / STEP) ** 2
+        cost = ((here[:, None] - state[row - 1]) / SLOPE_STEP) ** 2
         gain = total[row - 1] - np.minimum(cost, 25.0)
         before[row, :m] = np.argmax(gain, axis=1)
         total[row, :m] = np.where(seen[row], score[row] + gain.max(axis=1), -1e9)
         state[row, :m] = here
         last = np.argsort(-total[row - 1])[:m]
         before[row, m:], state[row, m:] = last, state[row - 1, last]
-        total[row, m:] = total[row - 1, last] + UNSEEN
+        total[row, m:] = total[row - 1, last] + UNSEEN_GAIN
     path = np.zeros(n, int)
     path[-1] = int(np.argmax(total[-1]))
     for row in range(n - 1, 0, -1):
@@ -105,7 +106,7 @@ def segments(dark: Picture, box: tuple[int, int, int, int], shortest: float) -> 
         return np.zeros((0, 2, 2))
     ends = np.asarray(found, np.float64).reshape(-1, 2, 2) + corner
     along = ends[:, 1] - ends[:, 0]
-    good = (np.linalg.norm(along, axis=1) > shortest) & (np.abs(slope_of(ends)) < STEEPEST)
+    good = (np.linalg.norm(along, axis=1) > shortest) & (np.abs(slope_of(ends)) < MAX_SLOPE)
     return ends[good]
 
 
@@ -121,8 +122,8 @@ def parallel_to(slope: Array, score: Array) -> tuple[npt.NDArray[np.bool_], Arra
 
     What several lines agree on counts, rather than one long one: a long side of the deck.
     """
-    parallel = np.abs(slope[:, None] - slope) < PARALLEL
-    return parallel, parallel @ score - ALONE * np.max(parallel * score, axis=1, initial=0.0)
+    parallel = np.abs(slope[:, None] - slope) < PARALLEL_WITHIN
+    return parallel, parallel @ score - UNPAIRED_SHARE * np.max(parallel * score, axis=1, initial=0.0)
 
 
 def still_there(contrast: Array, ends: Array, others: Sequence[Picture], shifts: Sequence[Array]) -> Array:
@@ -135,7 +136,7 @@ def still_there(contrast: Array, ends: Array, others: Sequence[Picture], shifts:
         shifts: How far a shaking camera has shifted those [px], each (2,).
     """
     normal = normals(ends)
-    reach = np.arange(-SHAKEN, SHAKEN + 0.5)
+    reach = np.arange(-MAX_SHAKE, MAX_SHAKE + 0.5)
     moved = (ends[:, None] + reach[None, :, None, None] * normal[:, None, None]).reshape(-1, 2, 2)
     there: list[Array] = []
     for other, shift in zip(others, shifts, strict=True):
@@ -157,7 +158,7 @@ def sides_of(picture: Picture, ends: Array, middle: Callable[..., Array] = np.me
     share = np.linspace(0.08, 0.92, 36)[None, :, None]
     line = ends[:, None, 0] + share * (ends[:, None, 1] - ends[:, None, 0])
     normal = normals(ends)
-    places = [(line + side * GAP * normal[:, None]).astype(np.float32) for side in (1, -1)]
+    places = [(line + side * SIDE_DISTANCE * normal[:, None]).astype(np.float32) for side in (1, -1)]
     seen = [
         cv2.remap(picture, place[..., 0], place[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         for place in places
@@ -170,13 +171,15 @@ def _candidates(
     dark: Picture, look: Survey, others: Sequence[Picture], shifts: Sequence[Array]
 ) -> tuple[Array, Array]:
     slopes, scores = np.full(CANDIDATES, np.nan), np.zeros(CANDIDATES)
-    ends = segments(dark, look.box, SHORTEST * dark.shape[1])
+    ends = segments(dark, look.box, MIN_LENGTH * dark.shape[1])
     if not len(ends):
         return slopes, scores
     step = np.abs(np.subtract(*sides_of(dark, ends).T))
     still = still_there(step, ends - camera_shift(look.pictures[0], dark), others, shifts).mean(axis=0)
-    score = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) * np.minimum(step, STRONG)
-    share = np.where(still > STILL, NEVER, np.clip((1 - still) / MOVED, LEAST, 1.0))
+    score = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) * np.minimum(step, MAX_CONTRAST)
+    share = np.where(
+        still > STATIC_SHARE, STATIC_WEIGHT, np.clip((1 - still) / FULLY_MOVED_SHARE, MIN_MOVED_WEIGHT, 1.0)
+    )
     score = score * _moving(look, ends) * share
     slope = slope_of(ends)
     parallel, together = parallel_to(slope, score)

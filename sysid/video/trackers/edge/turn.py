@@ -6,30 +6,31 @@ from dataclasses import replace
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.film.edge_profile import PIECES
-from sysid.video.pose.angle import Turning
-from sysid.video.pose.camera_state import Unknowns, rate_of, spread_by
-from sysid.video.pose.rectify import Complex, longer, rectify, smear, unwrap
+from sysid.video.pose.angle import AngleTrack
+from sysid.video.pose.camera_state import CameraState, rate_of, spread_by
+from sysid.video.pose.rectify import longer, rectify, smear, unwrap
 from sysid.video.pose.view import View
+from sysid.video.trackers._edge_profile import PIECES
 from sysid.video.trackers.edge.body import Edge, EdgeBody, fit_edges, moments
+from sysid.video.types import Complex
 
-FEWEST, USUAL = 6, 0.45
+MIN_POINTS, MIN_USUAL_SHARE = 6, 0.45
 """Points that must lie where the body has them in a frame that is believed: so many, and this share of what is
 usual in the film."""
-FLOOR = 0.05
+POINT_FLOOR = 0.05
 """Least standard deviation of a point [px]."""
-BIAS = 0.05
+EDGE_BIAS = 0.05
 """What shade, background and compression may shift an edge's points by, growing along it [px]: it is the same as
 long as the deck stands still, so that no scatter shows it."""
-SEVERAL = 1.3
+SEVERAL_EDGES = 1.3
 """So many edges a frame, as they count, tell how far edges turn from each other."""
-SLANTS, SHARES = np.sqrt(3.0) * np.array([-1.0, 0.0, 1.0]), np.array([1.0, 4.0, 1.0]) / 6
+SLANT_NODES, SLANT_WEIGHTS = np.sqrt(3.0) * np.array([-1.0, 0.0, 1.0]), np.array([1.0, 4.0, 1.0]) / 6
 """Slants at which an unknown direction is tried, in its standard deviations, and their weights."""
-ROUNDS = 2
+SHUTTER_ROUNDS = 2
 """Times that the shutter's correction is made, the second time with the turn that is known by then."""
 
 
-def fit_direction(view: View, matrix: Array, before: Unknowns, *, pivot: Array) -> Turning:
+def fit_direction(view: View, matrix: Array, before: CameraState, *, pivot: Array) -> AngleTrack:
     """Turn of the edges of the deck's end, as seen along its axis.
 
     Lines across the axis show neither its direction nor focal length nor read-out: they stay as they are
@@ -48,7 +49,7 @@ def fit_direction(view: View, matrix: Array, before: Unknowns, *, pivot: Array) 
     z = _along_axis(still, matrix, before.value)
     about = complex(_along_axis(pivot, matrix, before.value))
     body = fit_edges(z, edge, about)
-    for _ in range(ROUNDS if before.readout else 0):
+    for _ in range(SHUTTER_ROUNDS if before.readout else 0):
         body = fit_edges(z - _moved(body, z, time, late * before.readout), edge, about)
 
     def angle_at(value: Array) -> Array:
@@ -60,15 +61,15 @@ def fit_direction(view: View, matrix: Array, before: Unknowns, *, pivot: Array) 
     unknown += _slant_spread(before, seen, angle_at)
     noise = _variance(body, edge)
     trusted = body.weight.sum(axis=1)
-    wrong = trusted < max(FEWEST, USUAL * float(np.median(trusted)))
+    wrong = trusted < max(MIN_POINTS, MIN_USUAL_SHARE * float(np.median(trusted)))
     angle = np.where(wrong, np.nan, body.angle)
     own = noise + smear(angle) ** 2
-    return Turning(
+    return AngleTrack(
         unwrap(angle),
         np.where(wrong, np.nan, np.sqrt(own + unknown)),
         before,
         float(np.sqrt(np.average(body.rest**2, weights=body.weight))),
-        int((wrong & (np.isfinite(z).sum(axis=1) >= FEWEST)).sum()),
+        int((wrong & (np.isfinite(z).sum(axis=1) >= MIN_POINTS)).sum()),
         np.array([1 + 0j]),
         np.where(wrong, np.nan, np.sqrt(own)),
     )
@@ -98,14 +99,14 @@ def _turned(z: Complex, edge: Edge, body: EdgeBody) -> Array:
     return (xy - x * y / total).sum(axis=1) / np.maximum((xx - x**2 / total).sum(axis=1), 1e-9)
 
 
-def _of_known_direction(before: Unknowns) -> Unknowns:
-    """Unknowns but for yaw and pitch."""
+def _of_known_direction(before: CameraState) -> CameraState:
+    """CameraState but for yaw and pitch."""
     covariance = before.covariance.copy()
     covariance[:2], covariance[:, :2] = 0.0, 0.0
     return replace(before, covariance=covariance)
 
 
-def _slant_spread(before: Unknowns, angle: Array, angle_at: Callable[[Array], Array]) -> Array:
+def _slant_spread(before: CameraState, angle: Array, angle_at: Callable[[Array], Array]) -> Array:
     """What a direction that is not known leaves open of an angle, less what it does at rest [rad²], shape (n,).
 
     A slant squeezes the picture by its square: the derivative where a camera looks along the axis shows
@@ -115,8 +116,8 @@ def _slant_spread(before: Unknowns, angle: Array, angle_at: Callable[[Array], Ar
     square = np.zeros(len(angle))
     if yaw == 0 and pitch == 0:
         return square
-    for right, share in zip(SLANTS, SHARES, strict=True):
-        for down, part in zip(SLANTS, SHARES, strict=True):
+    for right, share in zip(SLANT_NODES, SLANT_WEIGHTS, strict=True):
+        for down, part in zip(SLANT_NODES, SLANT_WEIGHTS, strict=True):
             aside = np.array([right * yaw, down * pitch, 0.0, 0.0])
             change = np.angle(np.exp(1j * (angle_at(before.value + aside) - angle)))
             square += share * part * (change - np.nanmedian(change)) ** 2
@@ -132,14 +133,14 @@ def _variance(body: EdgeBody, edge: Edge) -> Array:
     inside = xx - x**2 / total
     lever, points = np.maximum(inside.sum(axis=1), 1e-9), total.sum(axis=1)
     edges = np.maximum(lever**2 / np.maximum((inside**2).sum(axis=1), 1e-9), 1.0)
-    noise = np.maximum(square.sum(axis=1) / np.maximum(points - 3, 1), FLOOR**2)
+    noise = np.maximum(square.sum(axis=1) / np.maximum(points - 3, 1), POINT_FLOOR**2)
     alike = _alike(body, edge)
     if (
-        edges.mean() > SEVERAL
+        edges.mean() > SEVERAL_EDGES
     ):  # how much further edges turn from each other than points that err alone make them
         apart = (xy - x * y / total) ** 2 / np.maximum(inside, 1e-9)
         alike = max(alike, float(apart.sum() / (noise * (edges - 1)).sum()))
-    return noise * alike / lever + BIAS**2 * points / lever / edges
+    return noise * alike / lever + EDGE_BIAS**2 * points / lever / edges
 
 
 def _alike(body: EdgeBody, edge: Edge) -> float:

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.film.frames import Picture
+from sysid.video.types import Picture
 
 PIECES = 16
 """Points along an edge that are told apart."""

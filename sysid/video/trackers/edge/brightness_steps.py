@@ -6,11 +6,11 @@ import cv2
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.film.frames import Picture
+from sysid.video.types import Picture
 
-SMALL = 640
+STEPS_WIDTH = 640
 """Width of the pictures in which edges are looked for [px]."""
-STILL = 1.5
+MOVING_RATIO = 1.5
 """What is seen in one picture must be so much stronger than what is seen there in all of them."""
 
 
@@ -43,7 +43,7 @@ class Steps:
 
 def steps_of(dark: Picture) -> Steps:
     """Return the slopes of brightness in a picture."""
-    scale = min(1.0, SMALL / max(dark.shape))
+    scale = min(1.0, STEPS_WIDTH / max(dark.shape))
     small = cv2.resize(dark, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1 else dark
     smooth = cv2.GaussianBlur(small.astype(np.float32), (0, 0), 1.0)
     return Steps(cv2.Scharr(smooth, cv2.CV_32F, 1, 0) / 32, cv2.Scharr(smooth, cv2.CV_32F, 0, 1) / 32, scale)
@@ -72,6 +72,6 @@ def without_still(every: list[Steps], shifts: Array) -> list[Steps]:
     for one, move in zip(every, moves, strict=True):
         there = cv2.warpAffine(least, move, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         amount = np.hypot(one.right, one.down)
-        moving = np.clip(amount / np.maximum(STILL * there, 1e-3) - 1, 0, 1)
+        moving = np.clip(amount / np.maximum(MOVING_RATIO * there, 1e-3) - 1, 0, 1)
         cleared.append(Steps(one.right * moving, one.down * moving, one.scale))
     return cleared

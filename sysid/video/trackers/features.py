@@ -5,33 +5,43 @@ reference frame whatever the roll, and only a small rest is left to be measured.
 never changes, nothing drifts.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from sysid.roll import Array
-from sysid.video.film.frames import Frame, Picture, crop, grey
+from sysid.video.film.frames import Frame, crop, grey
 from sysid.video.film.still_picture import camera_shift
 from sysid.video.film.survey import Survey
-from sysid.video.pose.rectify import Complex
+from sysid.video.film.track import Track
+from sysid.video.pose.angle import AngleTrack, fit_angle
+from sysid.video.pose.camera_state import CameraState
+from sysid.video.pose.prior import BodyPrior
+from sysid.video.pose.rigid_group import rigid_group
+from sysid.video.pose.view import View
+from sysid.video.trackers._base import DEAD_ZONE, Scene, Target, Tracker
+from sysid.video.types import Complex, Mask, Picture
 
-Mask = npt.NDArray[np.bool_]
-
-MOST, FEWEST = 60, 10
+MAX_FEATURES, MIN_FEATURES = 60, 10
 """Patches that are followed at most, and at least."""
 WINDOW = 21
 """Side of a patch [px]."""
-TOGETHER = 80.0
+CORRELATION_LENGTH = 80.0
 """Distance over which the errors of patches are alike, in a triangle [px]."""
 STATIC_LIKENESS = 0.75
 """Correlation with the same place in other frames above which a patch stands still; noise lowers it, so that it
 counts against the highest that the patch reaches."""
-GUESSES = np.radians([0.0, 6.0, -6.0, 12.0, -12.0, 20.0, -20.0])
+TURN_GUESSES = np.radians([0.0, 6.0, -6.0, 12.0, -12.0, 20.0, -20.0])
 """Turns that are tried, added to the expected one, where too few patches are found again."""
-NEAR = 1.2
+CENTRE_STD = 0.03
+"""Standard deviation of the circles' centres where points may lie anywhere on the deck, in focal lengths: a
+tenth of a focal length aside, at depths that differ by a third."""
+SAME_ERRORS = 3.0
+"""Motion up to which patches of texture err alike [px]: as the deck turns they are seen at another slant, of which
+the reference knows nothing."""
+INLIER_DISTANCE = 1.2
 """Distance from the common motion within which a patch takes part in it [px]."""
 
 
@@ -44,20 +54,20 @@ def find_features(look: Survey) -> Array:
     mask[~look.moving] = 0
     edge = WINDOW // 2 + 3
     mask[:edge], mask[-edge:], mask[:, :edge], mask[:, -edge:] = 0, 0, 0, 0
-    spacing = max(6.0, 0.5 * np.sqrt(max(int((mask > 0).sum()), 1) / MOST))
+    spacing = max(6.0, 0.5 * np.sqrt(max(int((mask > 0).sum()), 1) / MAX_FEATURES))
     corners: Any = cv2.goodFeaturesToTrack(
-        cv2.GaussianBlur(dark, (0, 0), 0.8), 4 * MOST, 0.01, spacing, mask=mask
+        cv2.GaussianBlur(dark, (0, 0), 0.8), 4 * MAX_FEATURES, 0.01, spacing, mask=mask
     )
     if corners is None:
         return np.zeros((0, 2))
     places = np.asarray(corners, np.float64).reshape(-1, 2)
     shifts = [camera_shift(dark, other) for other in look.pictures]
     moved = np.array([_moves(dark, look.pictures, shifts, place) for place in places])
-    return places[moved][:MOST] if moved.any() else np.zeros((0, 2))
+    return places[moved][:MAX_FEATURES] if moved.any() else np.zeros((0, 2))
 
 
 @dataclass(slots=True)
-class FeatureTracker:
+class FeatureFollower:
     """Follows patches of texture that move as one rigid body."""
 
     reference: Picture
@@ -68,7 +78,7 @@ class FeatureTracker:
     _pose: Complex = field(default_factory=lambda: np.array([1 + 0j, 0j]))
     """The body's motion since the reference, x' = pose[0] x + pose[1] in complex pixels."""
     _rate: Array = field(default_factory=lambda: np.zeros(2))
-    """Turning rate [rad/s], and nothing more: the shift follows from the middle's velocity."""
+    """AngleTrack rate [rad/s], and nothing more: the shift follows from the middle's velocity."""
     _velocity: complex = 0j
     _time: float | None = None
     _corner: tuple[int, int] = (0, 0)
@@ -93,7 +103,7 @@ class FeatureTracker:
         middle = complex(*self.places.mean(axis=0))
         now = self._pose[0] * middle + self._pose[1]
         best: tuple[int, Complex, Array] | None = None
-        for guess in GUESSES:
+        for guess in TURN_GUESSES:
             turn = self._pose[0] * np.exp(1j * (self._rate[0] * interval + guess))
             pose = np.array([turn, now + self._velocity * interval - turn * middle])
             found = self._measure(frame.picture, pose)
@@ -101,7 +111,7 @@ class FeatureTracker:
                 best = found
             if best is not None and best[0] > 0.6 * len(self.places):
                 break
-        if best is None or best[0] < max(FEWEST // 2, 0.3 * len(self.places)):
+        if best is None or best[0] < max(MIN_FEATURES // 2, 0.3 * len(self.places)):
             self._rate[:], self._velocity = 0, 0j
             return None
         _, pose, points = best
@@ -117,12 +127,12 @@ class FeatureTracker:
         near = good
         for _ in range(2):
             matches = self._match(picture, pose)
-            if matches is None or matches[0].sum() < FEWEST // 2:
+            if matches is None or matches[0].sum() < MIN_FEATURES // 2:
                 return None
             good, seen = matches
             home = self.places[:, 0] + 1j * self.places[:, 1]
             pose, near = _rigid(home, seen, good)
-            if near.sum() < FEWEST // 2:
+            if near.sum() < MIN_FEATURES // 2:
                 return None
         places = np.stack([np.real(seen), np.imag(seen)], axis=1)
         points = np.where(near[:, None], places, np.nan)
@@ -173,7 +183,7 @@ def _rigid(home: Complex, seen: Complex, good: Mask) -> tuple[Complex, Mask]:
         turn = (seen[one] - seen[other]) / (home[one] - home[other])
         if not 0.8 < abs(turn) < 1.25:
             continue
-        near = good & (np.abs(seen - turn * home - (seen[one] - turn * home[one])) < 2 * NEAR)
+        near = good & (np.abs(seen - turn * home - (seen[one] - turn * home[one])) < 2 * INLIER_DISTANCE)
         if near.sum() > best.sum():
             best = near
     for _ in range(3):
@@ -184,7 +194,7 @@ def _rigid(home: Complex, seen: Complex, good: Mask) -> tuple[Complex, Mask]:
         pose = np.array([turn, b - turn * a])
         # The body is deep and the camera near: patches may leave the common motion a little.
         distance = np.abs(seen - turn * home - pose[1])
-        best = good & (distance < max(NEAR, 3 * float(np.median(distance[best]))))
+        best = good & (distance < max(INLIER_DISTANCE, 3 * float(np.median(distance[best]))))
     return pose, best
 
 
@@ -198,7 +208,7 @@ def count_alike(places: Array) -> float:
         places: Centres of the patches [px], shape (N, 2).
     """
     apart = np.abs(places[:, None] - places[None])
-    common = np.prod(np.maximum(1 - apart / TOGETHER, 0), axis=2)
+    common = np.prod(np.maximum(1 - apart / CORRELATION_LENGTH, 0), axis=2)
     # The angle is a sum of the errors across each patch's arm, weighted by the arm.
     arm = places - places.mean(axis=0)
     return float(np.einsum("ia,ij,ja->", arm, common, arm) / np.sum(arm**2))
@@ -220,3 +230,44 @@ def _moves(dark: Picture, others: tuple[Picture, ...], shifts: list[Array], plac
     # The first of them is the frame itself.
     low, high = np.quantile(sorted(likeness)[:-1], [0.1, 0.9])
     return bool(low < STATIC_LIKENESS * min(float(high), 1.0))
+
+
+def _find(scene: Scene) -> Target | None:
+    look = scene.look
+    places = find_features(look)
+    if len(places) < MIN_FEATURES:
+        return None
+    return Target(
+        follower=FeatureFollower(grey(look.first.picture), places, look.box),
+        what="the deck's texture",
+        why=f"follows {len(places)} patches of texture that move",
+        settle=_those_of_the_board,
+        solve=_fit,
+        zero=_rest_at_the_end,
+        zero_note="roll zero is where the deck is at the end of the film (its last tenth): texture shows no horizontal",
+    )
+
+
+def _those_of_the_board(track: Track) -> Track:
+    return replace(track, points=track.points[:, rigid_group(track.points.astype(np.float64), MIN_FEATURES)])
+
+
+def _fit(view: View, matrix: Array, before: CameraState) -> AngleTrack:
+    points = view.track.points
+    most = points[int(np.argmax(np.isfinite(points).all(axis=2).sum(axis=1)))].astype(np.float64)
+    alike = count_alike(most[np.isfinite(most).all(axis=1)])
+    prior = BodyPrior(
+        centre_std=CENTRE_STD, alike=alike, dead_zone=DEAD_ZONE, still=SAME_ERRORS, shows_lens=False
+    )
+    return fit_angle(view, matrix, before, prior)
+
+
+def _rest_at_the_end(track: AngleTrack) -> float:
+    return -float(np.nanmedian(track.angle[-max(5, len(track.angle) // 10) :]))
+
+
+TRACKER = Tracker(
+    rank=2,
+    find=_find,
+    not_found=f"fewer than {MIN_FEATURES} patches of texture move as one{{where}}. Film the deck larger or in more light",
+)
