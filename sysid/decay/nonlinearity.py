@@ -8,6 +8,8 @@ from itertools import combinations, pairwise
 import numpy as np
 
 from sysid.decay.peaks import Peak
+from sysid.effects import effects_with
+from sysid.effects._base import DecaySign
 from sysid.quantity import Quantity
 from sysid.roll import Array, Release
 
@@ -23,12 +25,17 @@ LEVELS_APART = 0.01
 class Nonlinearity:
     """One systematic deviation from a linear decay."""
 
-    effects: tuple[str, ...]
-    """Effects of the catalogue that make it."""
+    sign: DecaySign
+    """What it is called where effects say what they make of a decay."""
     text: str
     """What is seen and what it means, one clause."""
     hidden_by_linear_fit: bool = False
     """Whether a linear decay can hide it within the noise, with wrong stiffness and damping."""
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Effects of the catalogue that make it."""
+        return effects_with(self.sign)
 
 
 def find_nonlinearities(
@@ -74,7 +81,7 @@ def _levels(releases: Sequence[Release], rests: Sequence[Quantity]) -> Nonlinear
         f"{math.degrees(CERTAIN * math.hypot(*np.sort(std)[-2:])):.1g}°"
     )
     if _drifts(releases, value, std):
-        return Nonlinearity(("sensor-drift",), f"{seen}, and further the later: the sensor's zero drifts")
+        return Nonlinearity("rest drifts", f"{seen}, and further the later: the sensor's zero drifts")
     sides = {release.side for release in releases}
     means = {
         side: [level for release, level in zip(releases, value, strict=True) if release.side == side]
@@ -88,7 +95,7 @@ def _levels(releases: Sequence[Release], rests: Sequence[Quantity]) -> Nonlinear
         if by_side
         else "dry friction holds it there, or else the sensor's zero wanders"
     )
-    return Nonlinearity(("coulomb", "stribeck"), f"{seen}, {cause}", hidden_by_linear_fit=True)
+    return Nonlinearity("rests apart", f"{seen}, {cause}", hidden_by_linear_fit=True)
 
 
 def _drifts(releases: Sequence[Release], value: Array, std: Array) -> bool:
@@ -122,12 +129,12 @@ def _loss(peaks: Sequence[Sequence[Peak]]) -> Nonlinearity | None:
         return None
     if intercept > 0:
         return Nonlinearity(
-            ("coulomb", "stribeck"),
+            "constant loss",
             "each swing loses nearly the same angle however small it is, so the log-amplitude line bends down: "
             "dry friction",
         )
     return Nonlinearity(
-        ("quadratic-damping", "cubic-damping"),
+        "loss grows",
         "large swings lose more than their share, so the log-amplitude line bends up: damping that grows with "
         "the speed",
     )
@@ -155,12 +162,12 @@ def _period(peaks: Sequence[Sequence[Peak]]) -> Nonlinearity | None:
         return None
     if slope > 0:
         return Nonlinearity(
-            ("gravity", "cubic-stiffness"),
+            "softens",
             f"the period is {100 * change:.1f} % longer at the largest swing than at the smallest: stiffness that "
             "softens with the angle, as gravity on a pendulum",
         )
     return Nonlinearity(
-        ("cubic-stiffness", "freeplay", "end-stop"),
+        "hardens",
         f"the period is {-100 * change:.1f} % shorter at the largest swing than at the smallest: stiffness that "
         "hardens with the angle, or free play about rest",
     )
@@ -180,7 +187,7 @@ def _stop(releases: Sequence[Release], peaks: Sequence[Sequence[Peak]], noise: f
         off = release.rest - middle
         if abs(off) > max(CERTAIN * math.hypot(middle_std, noise / 3), 0.015 * release.amplitude):
             return Nonlinearity(
-                ("coulomb", "stribeck"),
+                "stops aside",
                 f"it stops {math.degrees(abs(off)):.2g}° beside the middle of its swing: dry friction holds it there",
             )
     return None

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from types import MappingProxyType
 
-from sysid.effects._base import Effect
+from sysid.effects._base import DecaySign, Effect
 from sysid.errors import HuskyError, did_you_mean
 
 
@@ -34,6 +34,11 @@ def effect(name: str) -> Effect:
             f"unknown effect '{name}'.{did_you_mean(name, known)} Known effects: {', '.join(known)}."
         )
     return known[name]
+
+
+def effects_with(sign: DecaySign) -> tuple[str, ...]:
+    """Return the effects that make a decay look so, by name."""
+    return tuple(name for name, effect in catalogue().items() if sign in effect.decay_signs)
 
 
 def parameters_from(name: str, values: Sequence[float]) -> dict[str, float]:

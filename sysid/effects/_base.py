@@ -110,7 +110,10 @@ class State:
     """For rate-independent states: z follows the tilt, and `return_map(m, z, parameters)` limits it."""
 
 
-Runner = Literal["native", "native since 3.7", "native since 4.0", "substitute", "no"]
+DecaySign = Literal[
+    "constant loss", "loss grows", "softens", "hardens", "stops aside", "rests apart", "rest drifts"
+]
+"""What the peaks and rest levels of decays show of an effect (`sysid.decay.nonlinearity`)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -213,6 +216,8 @@ class Effect:
     """Where the law comes from."""
     does: str
     """What it does to a decay, in one sentence."""
+    decay_signs: tuple[DecaySign, ...] = ()
+    """How it shows in the peaks and rest levels of a decay, as far as that is told."""
     look_alikes: tuple[str, ...]
     """Effects that make nearly the same decay."""
     experiment: str

@@ -44,6 +44,7 @@ EFFECT = Effect(
     law="τ = -F sgn v; sticks while the other torques stay within ±F",
     source="Coulomb 1785; Feeny and Liang, J. Sound and Vibration 195 (1996): decrement of dry friction",
     does="Amplitude falls by the same amount 4F/k each period, then the deck stops, not always at rest.",
+    decay_signs=("constant loss", "stops aside", "rests apart"),
     look_alikes=("hysteresis", "stribeck"),
     experiment="Release from 1° and from 10°: dry friction stops the small one at once, within ±F/k of rest.",
     mujoco=MujocoSupport(

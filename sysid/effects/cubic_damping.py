@@ -41,6 +41,7 @@ EFFECT = Effect(
     law="τ = -c v³",
     source="Dalzell, J. Ship Research 22 (1978): cubic in place of quadratic roll damping",
     does="The damping ratio falls with the square of the amplitude; small swings are damped linearly.",
+    decay_signs=("loss grows",),
     look_alikes=("quadratic-damping",),
     experiment="Release from 3°, 7° and 12°: damping rises with amplitude for v|v|, with its square for v³.",
     mujoco=MujocoSupport(means="joint damping polynomial, third coefficient", since="3.7", warp=True),

@@ -41,6 +41,7 @@ EFFECT = Effect(
     law="τ = -c x³; c > 0 hardens, c < 0 softens",
     source="Duffing 1918; Nayfeh and Mook, Nonlinear Oscillations (1979): ω = ω₀(1 + 3c a²/8k)",
     does="The period changes with amplitude: shorter when wide for hardening, longer for softening.",
+    decay_signs=("softens", "hardens"),
     look_alikes=("gravity", "end-stop", "freeplay"),
     experiment="Release from 3°, 7° and 12°: a cubic changes the period with the square of the amplitude.",
     mujoco=MujocoSupport(means="joint stiffness polynomial, third coefficient", since="3.7", warp=True),

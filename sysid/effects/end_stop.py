@@ -80,6 +80,7 @@ EFFECT = Effect(
     law="τ = -k_s (|x| - a) sgn x - d_s v beyond ±a",
     source="piecewise linear stop, Shaw and Holmes, J. Sound and Vibration 90 (1983)",
     does="Wide swings turn round early and run fast; below the angle of the stop nothing changes.",
+    decay_signs=("hardens",),
     look_alikes=("cubic-stiffness",),
     experiment="Release from below and above the angle of the stop: below it the period is constant.",
     mujoco=MujocoSupport(

@@ -58,6 +58,7 @@ EFFECT = Effect(
     law="τ = -M sin φ; M = m g h with the centre of mass h below the axis",
     source="physical pendulum; Huygens 1673",
     does="Adds M to the stiffness; only wide swings (beyond 30°) show the sine by a longer period.",
+    decay_signs=("softens",),
     look_alikes=("cubic-stiffness", "stiffness of the record"),
     experiment="Turn the board over, or tilt the floor by 2°: only weight pulls towards the vertical.",
     mujoco=MujocoSupport(means="position of the body's centre of mass", since="3.0", warp=True),

@@ -41,6 +41,7 @@ EFFECT = Effect(
     law="τ = -c v|v|",
     source="Froude 1874; ITTC 7.5-02-07-04.5, roll decay: p₁ + p₂|v|",
     does="The damping ratio falls in proportion to amplitude: fast decay at first, slow later.",
+    decay_signs=("loss grows",),
     look_alikes=("cubic-damping",),
     experiment="Release from 3°, 7° and 12°: damping rises with amplitude for v|v|, with its square for v³.",
     mujoco=MujocoSupport(means="joint damping polynomial, second coefficient", since="3.7", warp=True),

@@ -19,6 +19,7 @@ EFFECT = Effect(
     law="measured = φ + r t, t on the log's clock",
     source="integral of a constant gyro bias",
     does="The middle of the decay moves at a constant rate, also at rest.",
+    decay_signs=("rest drifts",),
     look_alikes=("viscoelastic",),
     experiment="Leave the deck alone for 30 s and look at the reading: a drifting sensor goes on.",
     mujoco=MujocoSupport(means="nothing: it belongs to the log", since="", warp=False),

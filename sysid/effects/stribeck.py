@@ -102,6 +102,7 @@ EFFECT = Effect(
     law="τ = -(Fc + (Fs - Fc) exp(-(v/vs)²)) sgn v; sticks while the other torques stay within ±Fs",
     source="Stribeck 1902; Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30 (1994)",
     does="Slow swings lose more than dry friction alone would take, and the deck stops early and off rest.",
+    decay_signs=("constant loss", "stops aside", "rests apart"),
     look_alikes=("coulomb", "hysteresis"),
     experiment="Pull the deck slowly with a spring balance: stiction shows as a jerk when it lets go.",
     mujoco=MujocoSupport(

@@ -5,7 +5,7 @@ import gzip
 import lzma
 import tempfile
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -53,7 +53,7 @@ def open_compressed(path: Path) -> CompressedLog:
 
 
 @contextmanager
-def _unpacked(path: Path) -> Iterator[LogFile]:
+def _unpacked(path: Path) -> Generator[LogFile]:
     """Unpack a log for a while; what is wrong with it is said of the file that the user named."""
     with path.open("rb") as file:
         head = file.read(16)

@@ -87,7 +87,7 @@ class CsvTable:
     def _number(self, cell: str) -> float:
         return float("nan") if is_missing(cell) else read_number(cell, self.decimal)
 
-    def _frame(self, wanted: Sequence[int], *, texts: Sequence[int]) -> Any:
+    def _frame(self, wanted: list[int], *, texts: Sequence[int]) -> Any:
         """Return columns by their index: those of `texts` as they are written, the others as numbers."""
         import pandas as pd
 
