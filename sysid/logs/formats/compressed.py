@@ -36,7 +36,7 @@ class CompressedLog:
     notes: tuple[str, ...]
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
-        """Return whole columns of float64, shape (n,) each; missing values are NaN."""
+        """Return whole columns of float64, shape (n,) each, in the log's units; missing values are NaN."""
         with _unpacked(self.path) as log:
             return log.read(names)
 

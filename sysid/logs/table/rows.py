@@ -32,7 +32,7 @@ def measured_rows(
     """Return the rows, out of n, that are measurements in every signal, None for all; and what the others are.
 
     Args:
-        signals: Columns by their names, shape (n,) each.
+        signals: Columns by their names, shape (n,) each, in the log's units.
         stamps: Their time stamps, shape (n,), or None.
     """
     limits = [
@@ -61,7 +61,7 @@ def measured_rows(
 
 
 def on_common_rows(data: Mapping[str, Array], stamps: Array | None) -> tuple[dict[str, Array], Remarks]:
-    """Return the columns, shape (n,) each, with those of sensors that write rows of their own brought together.
+    """Return the columns, shape (n,) each in the log's units, with those of sensors that write rows of their own brought together.
 
     Where hardly a row holds all of them, each is interpolated to the rows of the first.
     """
