@@ -27,7 +27,7 @@ from sysid.noise.floor import NoiseFloor, noise_floor
 from sysid.noise.whiteness import ljung_box
 from sysid.quantity import Quantity
 from sysid.recording import Data, Recording, reading_warnings, unpack
-from sysid.roll import Array, Release
+from sysid.roll import Array, Release, shown
 from sysid.text import WIDTH, quantity_frame
 
 if TYPE_CHECKING:
@@ -39,6 +39,8 @@ TRIFLE = 0.005
 """Two decrements this close, relatively, are never said to disagree: a local cubic is no closer."""
 ABOVE_NOISE = 1.15
 """Residuals above this multiple of the noise floor are looked at."""
+CLEAR_AMPLITUDE = 5.0
+"""First amplitude over the noise of a sample from which on a release is fitted: below, chance makes half its peaks."""
 WORTH_NAMING = 0.007
 """Misfit below this share of the amplitude is not worth a warning."""
 
@@ -80,6 +82,12 @@ class FreeDecay:
     def has_inertia(self) -> bool:
         """Whether the roll inertia was given; without it there is no k and no d."""
         return math.isfinite(self.numbers.inertia.value)
+
+    @property
+    def known(self) -> bool:
+        """Whether the interval of ω_n², and so of k/I, is narrower than its value."""
+        omega = self.numbers.omega_n
+        return omega.ci95[1] - omega.value < omega.value / 2
 
     @property
     def status(self) -> str:
@@ -139,7 +147,7 @@ def fit_decay(data: Data, inertia: Quantity | None = None, *, board: Board | Non
 
 def _fit(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
     """Fit a linear decay to all releases together, three ways."""
-    _refuse_noise(releases)
+    releases, weak = _clear_of_noise(releases)
     trace = fit_traces(releases)
     floor = noise_floor(releases, rate=trace.signal == "rate")
     _refuse_nonsense(releases, trace)
@@ -179,18 +187,29 @@ def _fit(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
         linear=linear,
         warnings=(),
     )
-    return replace(decay, warnings=tuple(_warnings(decay)))
+    return replace(decay, warnings=(*weak, *_warnings(decay)))
 
 
-def _refuse_noise(releases: Sequence[Release]) -> None:
+def _clear_of_noise(releases: Sequence[Release]) -> tuple[list[Release], list[str]]:
+    """Return the releases that stand clear of their noise, and what is said of the others.
+
+    Raises:
+        SysidError: None does.
+    """
+    clear: list[Release] = []
+    weak: list[str] = []
     for release in releases:
         noise = float(np.median(release.std))
-        if release.amplitude < 5.0 * noise:
-            raise HuskyError(
-                f"{release.log}: the release at {release.start:.4g} s has an amplitude of "
-                f"{math.degrees(release.amplitude):.2g}° in noise of {math.degrees(noise):.2g}°: too little to "
-                "fit. Tip the deck further, or use a better sensor."
-            )
+        if release.amplitude >= CLEAR_AMPLITUDE * noise:
+            clear.append(release)
+            continue
+        weak.append(
+            f"{release.log}: the release at {shown(release.start)} has an amplitude of "
+            f"{math.degrees(release.amplitude):.2g}° in noise of {math.degrees(noise):.2g}°: too little to fit"
+        )
+    if not clear:
+        raise HuskyError(f"{weak[0]}. Tip the deck further, or use a better sensor.")
+    return clear, [f"{text}, so it is left out" for text in weak]
 
 
 def _refuse_nonsense(releases: Sequence[Release], trace: TraceFit) -> None:
@@ -268,16 +287,31 @@ def _is_linear(trace: TraceFit, floor: NoiseFloor) -> bool:
 
 
 def _warnings(decay: FreeDecay) -> list[str]:
-    texts = (_not_linear(decay), _drift(decay), _disagreement(decay), _damping_regime(decay))
+    texts = (
+        _not_known(decay),
+        _not_linear(decay),
+        _drift(decay),
+        _disagreement(decay),
+        _damping_regime(decay),
+    )
     warnings = [text for text in texts if text]
     for release in decay.releases:
         cycles = (release.time[-1] - release.start) / (2 * math.pi / decay.trace.omega_n)
         if release.end != "rest" and cycles < 1:
             warnings.append(
-                f"the release at {release.start:.4g} s is {release.end if release.end != 'log' else 'cut off'} after "
+                f"the release at {shown(release.start)} is {release.end if release.end != 'log' else 'cut off'} after "
                 f"{cycles:.2f} of a period: its intervals are wide"
             )
     return warnings
+
+
+def _not_known(decay: FreeDecay) -> str | None:
+    if decay.known:
+        return None
+    return (
+        f"the interval of the frequency ({decay.numbers.omega_n}) makes that of k wider than k itself: the log does not "
+        "tell it. Is it the right column (--column) and the right part (--from, --to)? Else record faster, or more releases"
+    )
 
 
 def _not_linear(decay: FreeDecay) -> str | None:

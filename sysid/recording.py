@@ -65,7 +65,7 @@ class Recording:
         """
         options = LogOptions(
             column=column, unit=unit, axis=axis, rate=rate, time_column=time_column, source=source,
-            lever_arm=lever_arm, video=video,
+            lever_arm=lever_arm, start=start, stop=stop, video=video,
         )  # fmt: skip
         return cls.of(read_roll(Path(path), options), start=start, stop=stop, release=release)
 

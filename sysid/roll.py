@@ -12,6 +12,13 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+
+
+def shown(time: float) -> str:
+    """Return a time [s] of a log in words: as it is typed for `--from`, `--to` and `--release`."""
+    return f"{time:.4g} s" if abs(time) < 1000 else f"{time:.1f} s"
+
+
 Rows = slice | npt.NDArray[np.bool_] | npt.NDArray[np.intp]
 
 
@@ -52,7 +59,7 @@ class Signal:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Roll(Signal):
-    """One log's roll; its time counts from the first sample."""
+    """One log's roll."""
 
     notes: tuple[str, ...] = ()
     """What was inferred while reading (column, unit, sampling rate, clock repairs), for people."""

@@ -143,3 +143,46 @@ def test_installed_outside_the_clone(tip, tmp_path_factory):
         cwd=tip,
     )
     assert where.stdout.startswith(str(home))
+
+
+@pytest.mark.parametrize("dialect", ["gyro", "imu"])
+def test_library_and_command_say_the_same(tmp_path, dialect):
+    """The roll of a gyro is an integral that drifts, that of an IMU has a zero that wanders: both must know."""
+    import json
+
+    from sysid.cli import build_app
+    from sysid.synth import SynthOptions, synthesise
+
+    pink, log = sysid.Board.load("pink"), tmp_path / "log.csv"
+    options = SynthOptions(angles=(0.17, -0.15), rate=400.0, dialect=dialect)
+    synthesise(pink, {}, options).save(log)
+    recording = sysid.Recording.read(log)
+    results = {
+        "decay": sysid.fit_decay(recording, board=pink),
+        "fit": sysid.fit(recording, pink),
+        "compare": sysid.compare(recording, pink),
+    }
+    for command, result in results.items():
+        build_app()(
+            [command, str(log), "--board", "pink", "--workspace", str(tmp_path / command), "--json", str(tmp_path / "j")],
+            result_action="return_value", exit_on_error=False, print_error=False,
+        )  # fmt: skip
+        assert json.loads((tmp_path / "j").read_text()) == json.loads(json.dumps(result.to_json())), command
+    assert results["fit"].is_rate == (dialect == "gyro")
+
+
+def test_results_become_tables_and_texts(tmp_path):
+    log = sysid.Recording.read(DECAYS / "pink.csv")
+    decay = sysid.fit_decay(log)
+    assert decay.board is None
+    assert decay.to_json()["stiffness"]["value"] is None
+    assert "k and d need the roll inertia" in decay.report()
+    assert decay.to_dataframe().loc["omega_n", "low"] < 41.1 < decay.to_dataframe().loc["omega_n", "high"]
+    assert len(log.to_dataframe()) == len(log.roll.time)
+    assert {phase.kind for phase in log.phases} >= {"held", "free", "rest"}
+    one = sysid.fit_decay(log.releases[0], board=sysid.Board.load("pink"))
+    assert len(one.releases) == 1
+    with pytest.raises(sysid.SysidError, match="given twice"):
+        sysid.fit_decay([log, log])
+    with pytest.raises(sysid.SysidError, match="no release was given"):
+        sysid.fit_decay([])

@@ -115,6 +115,8 @@ class LogArguments:
             time_column=self.time_column,
             source=self.source,
             lever_arm=self.lever_arm,
+            start=self.start,
+            stop=self.stop,
             video=self.video.options,
         )
 

@@ -100,6 +100,8 @@ def equation(decay: "FreeDecay") -> str:
 def verdict(decay: "FreeDecay") -> str:
     """Say whether the decay is a linear one, and what the intervals are made of."""
     ratio = decay.trace.noise / decay.floor.std if decay.floor.std > 0 else float("inf")
+    if not decay.known:
+        return "✗ this log does not tell k and d: their intervals are wider than themselves; see the warnings"
     if any(found.hidden_by_linear_fit for found in decay.nonlinearities):
         levels = ", ".join(f"{DEGREES * rest.value:+.2f}°" for rest in decay.rest_angles[:6])
         return (

@@ -8,22 +8,18 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from sysid.errors import HuskyError
 from sysid.logs.formats.registry import open_log
 from sysid.logs.sources.registry import Reading, choose_source
 from sysid.logs.table.choose import Choice, columns_of
-from sysid.logs.table.clock import Clock, even_clock, repair_clock, usual_step
+from sysid.logs.table.clock import MIN_SAMPLES, Clock, even_clock, repair_clock, usual_step
 from sysid.logs.table.names import Column
 from sysid.logs.table.options import LogOptions
-from sysid.logs.table.remarks import Remarks, warning
+from sysid.logs.table.remarks import Remarks
+from sysid.logs.table.rows import measured_rows, on_common_rows
 from sysid.roll import Array, Roll
 from sysid.video.options import VIDEO_SUFFIXES, VideoOptions
-
-MIN_SAMPLES = 8
-LARGEST, LARGEST_STAMP = 1e12, 1e21
-"""Beyond these a signal or a time stamp is damage, not a number; nanoseconds since 1970 are 1.8e18."""
 
 
 def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
@@ -43,11 +39,11 @@ def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
         return roll_from_video(path, replace(options.video or VideoOptions(), rate=options.rate))
     log = open_log(path)
     time, columns = columns_of(log, options)
-    source, choice = choose_source(log, columns, options)
+    source, choice = choose_source(log, columns, time, options)
     names = [name for name in (*choice.columns, time and time.name, choice.std) if name]
     data = log.read(names)
     try:
-        clock, data, dropped = _clean(choice, time, data, options)
+        clock, data, cleaned = _clean(choice, time, data, options)
         roll = source.to_roll(
             Reading(
                 log=str(path),
@@ -62,11 +58,11 @@ def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
     except HuskyError as error:
         raise HuskyError(f"{path}: {error}") from None
     rate = 1 / usual_step(roll.time)
-    sampling = f"{roll.time.size} samples in {roll.time[-1]:.4g} s at {rate:.4g} Hz"
+    sampling = f"{roll.time.size} samples in {roll.time[-1] - roll.time[0]:.4g} s at {rate:.4g} Hz"
     return replace(
         roll,
-        notes=(*log.notes, *choice.remarks.notes, *roll.notes, *clock.notes, sampling),
-        warnings=(*clock.warnings, *dropped.warnings, *choice.remarks.warnings, *roll.warnings),
+        notes=(*log.notes, *choice.remarks.notes, *cleaned.notes, *roll.notes, *clock.notes, sampling),
+        warnings=(*clock.warnings, *cleaned.warnings, *choice.remarks.warnings, *roll.warnings),
     )
 
 
@@ -75,24 +71,19 @@ def _clean(
 ) -> tuple[Clock, dict[str, Array], Remarks]:
     """Drop rows without numbers and repair the clock; the returned columns have the clock's rows."""
     stamps = data.pop(time.name) if time else None
-    signals = [data[name] for name in choice.columns]
-    rows = signals[0].size
-    limits = [
-        *((column, LARGEST) for column in signals),
-        *(() if stamps is None else ((stamps, LARGEST_STAMP),)),
-    ]
-    kept = _sound_rows(limits) if rows else None
+    data, joined = on_common_rows(data, stamps)
+    signals = {name: data[name] for name in choice.columns}
+    rows = signals[choice.columns[0]].size
+    kept, dropped = measured_rows(signals, stamps)
     count = rows if kept is None else kept.size
     if count < MIN_SAMPLES:
         raise HuskyError(
             f"{count} of {rows} rows hold numbers in {', '.join(map(repr, choice.columns))}; "
             f"at least {MIN_SAMPLES} are needed. Is it the right file and column?"
         )
-    dropped = Remarks()
     if kept is not None:
         data = {name: column[kept] for name, column in data.items()}
         stamps = stamps if stamps is None else stamps[kept]
-        dropped = warning(f"{rows - count} of {rows} rows without a number in them: dropped")
     liveliest = data[max(choice.columns, key=lambda name: float(np.std(data[name][:200_000])))]
     if liveliest.min() == liveliest.max():
         raise HuskyError(
@@ -103,18 +94,7 @@ def _clean(
         clock = even_clock(rows, options.rate or 1.0, kept)
     else:
         clock = repair_clock(stamps, liveliest, time.unit, time.name, computed=choice.std is not None)
-    return clock, {name: clock.of(column) for name, column in data.items()}, dropped
-
-
-def _sound_rows(limits: list[tuple[Array, float]]) -> npt.NDArray[np.intp] | None:
-    """Return the rows in which every column is a number within its limit; None if all are."""
-    # One pass without a copy for the usual case; NaN makes both comparisons false.
-    if all(-limit < column.min() and column.max() < limit for column, limit in limits):
-        return None
-    sound = np.ones(limits[0][0].size, dtype=np.bool_)
-    for column, limit in limits:
-        sound &= np.abs(column) < limit
-    return np.flatnonzero(sound)
+    return clock, {name: clock.of(column) for name, column in data.items()}, joined + dropped
 
 
 def _checked(roll: Roll) -> Roll:

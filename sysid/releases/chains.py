@@ -18,6 +18,12 @@ SMALLEST_RELEASE = 0.08
 """Segments below this share of the largest one's first swing are not counted as releases."""
 SMALLEST_OF_LOG = 0.12
 """Nor are they where the largest one's first swing is below this share of the log's whole range."""
+WANDER = 0.03
+"""Share of the first swing by which the zero of a sensor may move within one swing: a gyro's integral, a warm IMU."""
+STILL_HELD = 1.0
+"""A deck that has not left this many swings' 10 to 90 % times after the given release was not let go then."""
+SHARE_OF_HALF = 0.59
+"""10 to 90 % time of a swing over half a period, lightly damped."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +89,7 @@ def _shrinking_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list
     begin = 0
     while begin < len(swings):
         finish = begin + 1
-        while finish < len(swings) and _continues(signal, swings[finish - 1], swings[finish]):
+        while finish < len(swings) and _continues(signal, swings[begin], swings[finish - 1], swings[finish]):
             finish += 1
         segment = _segment(signal, swings, begin, finish)
         if segment is not None:
@@ -93,12 +99,23 @@ def _shrinking_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list
     return segments
 
 
-def _continues(signal: SmoothedSignal, one: HalfCycle, other: HalfCycle) -> bool:
+def _continues(signal: SmoothedSignal, first: HalfCycle, one: HalfCycle, other: HalfCycle) -> bool:
     """Whether the next swing is a shorter one back, of about the same pace, and follows without a stay."""
-    shorter = other.size < one.size + 6.0 * signal.noise
+    shorter = other.size < one.size + _room(signal, first, one)
     return (
         shorter and _same_pace(signal, one.duration, other) and one.way * other.way < 0 and not one.to_plateau
     )
+
+
+def _room(signal: SmoothedSignal, first: HalfCycle, one: HalfCycle) -> float:
+    """Return by how much the swing after `one` may be longer without a hand [rad], in a segment that begins with `first`.
+
+    Noise, a zero that wanders, and few samples about a turning point: the largest of n in half a cycle falls short of
+    the turn by up to 1 - cos(π / 2n) of the amplitude.
+    """
+    interval = float(signal.time[1] - signal.time[0])
+    count = max(one.duration / (SHARE_OF_HALF * interval), 2.0)
+    return max(6.0 * signal.noise, WANDER * first.size, one.size * (1 - math.cos(math.pi / (2 * count))))
 
 
 def _same_pace(signal: SmoothedSignal, pace: float, swing: HalfCycle) -> bool:
@@ -121,7 +138,7 @@ def _segment(signal: SmoothedSignal, swings: list[HalfCycle], begin: int, finish
     while finish < len(swings):
         swing = swings[finish]
         homeward = (rest - swing.origin) * swing.way > 0.3 * swing.size**2
-        shorter = swing.size < chosen[-1].size + 6.0 * signal.noise
+        shorter = swing.size < chosen[-1].size + _room(signal, chosen[0], chosen[-1])
         goes_on = homeward and shorter and _same_pace(signal, chosen[0].duration, swing)
         away = max(swing.size if homeward else 0.0, abs(swing.target - rest))
         if not goes_on and away > 2.0 * signal.min_movement:
@@ -156,7 +173,7 @@ def _first_swing_is_odd(swings: list[HalfCycle]) -> bool:
 
 
 def given_segment(signal: SmoothedSignal, swings: list[HalfCycle], time: float, log: str) -> Segment:
-    """Return the segment that begins at a given time."""
+    """Return the segment that begins at a given time; the next one where the deck is still held then."""
     later = [swing for swing in swings if signal.time[swing.reached] > time]
     if not later or time < signal.time[0]:
         raise HuskyError(
@@ -164,10 +181,17 @@ def given_segment(signal: SmoothedSignal, swings: list[HalfCycle], time: float, 
             f"to {signal.time[-1]:.6g} s."
         )
     index = int(np.searchsorted(signal.time, time))
+    if later[0].left - index > STILL_HELD * later[0].duration / float(signal.time[1] - signal.time[0]):
+        # Nobody had let go yet: the release is the one that follows, from when the deck leaves.
+        follows = [
+            found for found in free_segments(signal, swings) if signal.time[found.swings[0].left] >= time
+        ]
+        if follows:
+            return follows[0]
     if later[0].left < index:
         later[0] = replace(later[0], begin=index, left=index, origin=float(signal.roll[index]))
     finish = 1
-    while finish < len(later) and _continues(signal, later[finish - 1], later[finish]):
+    while finish < len(later) and _continues(signal, later[0], later[finish - 1], later[finish]):
         finish += 1
     segment = _segment(signal, later, 0, finish)
     if segment is None:

@@ -11,6 +11,8 @@ from sysid.roll import Array, Release
 
 SMOOTHING_REACH = 0.25
 """Half-width of the smoothing window in radians of the fastest motion's phase."""
+PAUSE = 30.0
+"""A pause of the record is looked at as if it were no longer than this [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,7 +20,7 @@ class SmoothedSignal:
     """A roll signal on an even time grid, smoothed just enough that its turning points stand out."""
 
     time: Array
-    """Even time grid [s], shape (m,)."""
+    """Time grid [s], shape (m,), even but for pauses of the record."""
     roll: Array
     """Smoothed roll [rad], shape (m,)."""
     noise: float
@@ -86,8 +88,10 @@ def smooth_signal(time: Array, roll: Array, std: float) -> SmoothedSignal:
         std: Standard deviation of a sample as the reader knows it [rad].
     """
     interval = float(np.median(np.diff(time)))
+    own, time = time, _without_pauses(time, interval)
     grid = time[0] + interval * np.arange(int((time[-1] - time[0]) / interval + 1.5))
     even = np.interp(grid, time, roll)
+    grid = grid if own is time else np.interp(grid, time, own)
     span = float(np.percentile(even, 99.9) - np.percentile(even, 0.1)) or float(np.ptp(even))
     speed = _top_speed(even, interval, std)
     quickness = 2.0 * speed / span if span > 0 else 0.0
@@ -103,6 +107,15 @@ def smooth_signal(time: Array, roll: Array, std: float) -> SmoothedSignal:
 
 
 _SMOOTHED: WeakKeyDictionary[Release, SmoothedSignal] = WeakKeyDictionary()
+
+
+def _without_pauses(time: Array, interval: float) -> Array:
+    """Return a clock that runs through pauses of more than `PAUSE` in that time: an hour off needs no million samples."""
+    longest = max(PAUSE, 100 * interval)
+    steps = np.diff(time)
+    if steps.max() <= longest:
+        return time
+    return time - np.concatenate(([0.0], np.cumsum(np.maximum(steps - longest, 0.0))))
 
 
 def smoothed(release: Release) -> SmoothedSignal:

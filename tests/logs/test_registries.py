@@ -52,7 +52,7 @@ from sysid.roll import Roll
 
 def find(columns, axis, sign):
     volts = [column for column in columns if column.name.endswith("_V")]
-    return Choice(columns=(volts[0].name,), sign=sign, remarks=note("roll from a toy")) if volts else None
+    return [Choice(columns=(volts[0].name,), sign=sign, remarks=note("roll from a toy"))] if volts else []
 
 
 def to_roll(reading):
@@ -114,5 +114,7 @@ def test_a_kind_of_sensor_is_one_file(extended, decay, tmp_path):
 
 
 def test_formats_and_sensors_keep_their_order():
-    assert [form.name for form in formats()] == ["elsewhere", "Parquet", "MCAP", "phone export", "text table"]
+    assert [form.name for form in formats()] == [
+        *("elsewhere", "Parquet", "MCAP", "phone export", "compressed", "MATLAB", "text table")
+    ]
     assert list(sources()) == ["angle", "imu", "gyro", "quaternion"]

@@ -9,8 +9,11 @@ from sysid.logs.formats.registry import Format
 ADVICE = {
     b"SQLite format 3": "a ROS 2 recording in SQLite. Convert it: mcap convert recording.db3 recording.mcap.",
     b"#ROSBAG": "a ROS 1 bag. Convert it: mcap convert recording.bag recording.mcap.",
-    b"\x1f\x8b": "compressed with gzip. Unpack it first.",
-    b"\xd0\xcf\x11\xe0": "an Excel sheet. Save it as CSV.",
+    b"\xd0\xcf\x11\xe0": "an Excel sheet (phyphox offers CSV beside it). "
+    "Convert it: libreoffice --headless --convert-to csv FILE.",
+    b"\x89HDF": "an HDF5 file. Write its columns out as text: h5dump -d DATASET -y -w 0 -o log.csv FILE; "
+    "or in Python: pandas.read_hdf(FILE).to_csv('log.csv').",
+    b"MATLAB 7.3": "a MATLAB file of version 7.3. In MATLAB: save('log.mat', '-v7'), or writetable.",
 }
 """First bytes, and what to do."""
 
@@ -32,7 +35,9 @@ def refuse(path: Path) -> Never:
     with path.open("rb") as file:
         head = file.read(16)
     advice = next((text for start, text in ADVICE.items() if head.startswith(start)), None)
-    raise HuskyError(f"{path}: {advice or 'a spreadsheet. Save it as CSV.'}")
+    raise HuskyError(
+        f"{path}: {advice or 'a spreadsheet. Convert it: libreoffice --headless --convert-to csv FILE.'}"
+    )
 
 
 FORMAT = Format(name="elsewhere", order=0, sniff=_sniff, open=refuse)

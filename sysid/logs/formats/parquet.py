@@ -18,13 +18,10 @@ class ParquetTable:
 
     path: Path
     names: tuple[str, ...]
+    units: tuple[str | None, ...]
+    """Seconds for time stamps; None for numbers."""
     notes: tuple[str, ...] = ("Parquet table",)
     has_header: bool = True
-
-    @property
-    def units(self) -> tuple[str | None, ...]:
-        """No units apart from the names."""
-        return (None,) * len(self.names)
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
         """Return whole columns, missing values as NaN, time stamps as seconds.
@@ -69,7 +66,8 @@ def open_parquet(path: Path) -> ParquetTable:
         schema = pq.read_schema(path)
     except (pa.ArrowException, OSError) as error:
         raise HuskyError(f"{path}: not a readable Parquet file ({_first_line(error)}).") from error
-    return ParquetTable(path, tuple(schema.names))
+    clocks = [pa.types.is_timestamp(kind) or pa.types.is_duration(kind) for kind in schema.types]
+    return ParquetTable(path, tuple(schema.names), tuple("s" if clock else None for clock in clocks))
 
 
 def _first_line(error: Exception) -> str:

@@ -1,10 +1,14 @@
 """The exports of phone apps (phyphox, Sensor Logger): one table a sensor, in a zip archive or a folder."""
 
+import lzma
 import re
+import struct
 import tempfile
 import zipfile
-from collections.abc import Mapping, Sequence
+import zlib
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -16,30 +20,45 @@ from sysid.logs.table.clock import time_scale
 from sysid.logs.table.names import ACCEL_UNITS, parse_column
 from sysid.roll import Array
 
-MAX_UNPACKED = 8 << 30
+T = TypeVar("T")
+MAX_UNPACKED = 1 << 30
+"""An hour of seven sensors at 1 kHz is 0.3 GiB as text."""
+MAX_MEMBERS = 10_000
+_DAMAGE = (RuntimeError, NotImplementedError, EOFError, OSError, ValueError, OverflowError)
+_MOTION = re.compile(r"gyro|acc|orient|attitude|grav|motion|raw|rotation", re.I)
+"""Names of the tables of motion sensors; a GPS or a microphone beside them is left alone."""
 
 
 def open_zip(path: Path) -> SensorTables:
     """Open the zip export of a phone app: one CSV file a sensor.
 
+    Its directory tells what to unpack; nothing else is.
+
     Raises:
-        HuskyError: The archive is damaged, or holds no tables.
+        HuskyError: The archive is damaged, too large, or holds no tables.
     """
     try:
         with tempfile.TemporaryDirectory() as folder, zipfile.ZipFile(path) as archive:
-            members = [m for m in archive.infolist() if _is_table(Path(m.filename)) and not m.is_dir()]
-            if sum(member.file_size for member in members) > MAX_UNPACKED:
+            listed = archive.infolist()
+            if len(listed) > MAX_MEMBERS:
                 raise HuskyError(
-                    f"{path}: unpacks to more than 8 GiB. Unpack it and name the one file in it."
+                    f"{path}: {len(listed)} files in one archive, so no phone's export. Unpack it and name the log in it."
+                )
+            tables = [m for m in listed if not m.is_dir() and _is_table(Path(m.filename))]
+            needed = _of_motion(tables, lambda member: Path(member.filename))
+            if sum(member.file_size for member in needed) > MAX_UNPACKED:
+                raise HuskyError(
+                    f"{path}: unpacks to more than 1 GiB. Unpack it and name the one file in it."
                 )
             files: list[Path] = []
-            for number, member in enumerate(members):
+            for number, member in enumerate(needed):
                 target = Path(folder) / str(number) / Path(member.filename).name
                 target.parent.mkdir()
-                target.write_bytes(archive.read(member))
+                with archive.open(member) as packed:
+                    target.write_bytes(packed.read(member.file_size))
                 files.append(target)
             return _merge(path, files)
-    except (zipfile.BadZipFile, RuntimeError, NotImplementedError, EOFError, OSError) as error:
+    except (*(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error), *_DAMAGE) as error:
         raise HuskyError(f"{path}: damaged or locked archive ({error}). Export it again.") from error
 
 
@@ -62,14 +81,15 @@ def _is_table(file: Path) -> bool:
     return file.suffix.lower() in (".csv", ".tsv", ".txt") and not hidden and file.stem.lower() != "metadata"
 
 
+def _of_motion(tables: Sequence[T], name: Callable[[T], Path]) -> list[T]:
+    """Return the tables of motion sensors; a single one whatever it is called."""
+    return [table for table in tables if len(tables) == 1 or _MOTION.search(name(table).stem)]
+
+
 def _merge(path: Path, files: Sequence[Path]) -> SensorTables:
     """Read the motion sensors among the files of an export."""
     tables: dict[str, tuple[Array, dict[str, Array]]] = {}
-    for file in files:
-        if len(files) > 1 and not re.search(
-            r"gyro|acc|orient|attitude|grav|motion|raw|rotation", file.stem, re.I
-        ):
-            continue
+    for file in _of_motion(files, lambda file: file):
         table = open_csv(file)
         columns = [parse_column(name, unit) for name, unit in zip(table.names, table.units, strict=True)]
         times = sorted((c for c in columns if c.kind == "time"), key=lambda c: c.unit is None)

@@ -1,6 +1,7 @@
 """Roll from an angle: an encoder, or what a fusion filter has made of its sensors."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,11 +13,9 @@ from sysid.noise.sensor import estimate_noise, saturated
 from sysid.roll import Array, Roll
 
 
-def find_angle(columns: Sequence[Column], axis: str, sign: float) -> Choice | None:
-    """Return the angle whose name is the plainest, about an axis if one is given."""
+def find_angle(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]:
+    """Return the angles, about an axis if one is given, the one whose name is the plainest first."""
     angles = [c for c in columns if c.kind == "angle" and (not axis or (c.axis or "x") == axis)]
-    if not angles:
-        return None
 
     def rank(column: Column) -> tuple[object, ...]:
         aside = not axis and column.axis in ("y", "z")
@@ -30,21 +29,34 @@ def find_angle(columns: Sequence[Column], axis: str, sign: float) -> Choice | No
         )
 
     angles.sort(key=rank)
-    best = angles[0]
-    rivals = [c.name for c in angles[1:]]
-    why = f" rather than {', '.join(map(repr, rivals[:4]))}: {_why(best, angles[1])}" if rivals else ""
-    choice = Choice(
-        columns=(best.name,),
-        unit=best.unit,
-        sign=sign,
-        doubt=best.doubt,
-        std=std_of(best, columns),
-        remarks=note(f"roll from '{best.name}'{why}"),
-    )
-    if not axis and best.axis in ("y", "z"):
-        aside = f"'{best.name}' is the only angle and taken as roll, though its name says otherwise"
-        choice = choice.with_remarks(warning(aside))
-    return choice
+    choices = [
+        Choice(
+            columns=(column.name,),
+            unit=column.unit,
+            sign=sign,
+            doubt=column.doubt,
+            std=std_of(column, columns),
+            remarks=note(f"roll from '{column.name}'"),
+        )
+        for column in angles
+    ]
+    if len(angles) > 1:
+        rivals = ", ".join(repr(column.name) for column in angles[1:5])
+        why = f"roll from '{angles[0].name}' rather than {rivals}: {_why(angles[0], angles[1])}"
+        choices[0] = replace(choices[0], remarks=note(why))
+    if angles and not axis and angles[0].axis in ("y", "z"):
+        aside = f"'{angles[0].name}' is the only angle and taken as roll, though its name says otherwise"
+        choices[0] = choices[0].with_remarks(warning(aside))
+    return choices
+
+
+def angle_turning(choice: Choice, signals: Sequence[Array], period: float) -> Array:
+    """Return the slope of an angle [rad/s], shape (n,); in doubt it is in degrees, as filters write it."""
+    (angle,) = signals
+    scale = choice.scale or ANGLE_UNITS[choice.unit or "deg"]
+    slope = scale / period * np.gradient(angle)
+    largest = float(np.percentile(np.abs(slope), 99.9))  # where it wraps it does not turn
+    return np.clip(slope, -largest, largest)
 
 
 def _why(best: Column, other: Column) -> str:
@@ -143,5 +155,6 @@ SOURCE = Source(
     quantity="angle",
     find=find_angle,
     to_roll=roll_from_angle,
+    turning=angle_turning,
     from_column=angle_from,
 )

@@ -30,11 +30,11 @@ class Bias:
     how: str
 
 
-def find_gyro(columns: Sequence[Column], axis: str, sign: float) -> Choice | None:
+def find_gyro(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]:
     """Return the three rates of one gyro, or else the one rate whose name is the plainest."""
     gyro = triple(columns, "rate", "xyz")
     if gyro is not None:
-        return Choice(
+        choice = Choice(
             columns=tuple(column.name for column in gyro),
             unit=gyro[0].unit,
             doubt=gyro[0].doubt,
@@ -42,17 +42,19 @@ def find_gyro(columns: Sequence[Column], axis: str, sign: float) -> Choice | Non
             sign=sign,
             remarks=note(f"roll from gyro '{gyro[0].name}'..., integrated"),
         )
+        return [choice]
     rates = [c for c in columns if c.kind == "rate" and (not axis or (c.axis or "x") == axis)]
     if not rates:
-        return None
+        return []
     rates.sort(key=lambda c: (c.doubt, c.axis in ("y", "z"), not c.is_roll, c.unit is None))
-    return Choice(
+    choice = Choice(
         columns=(rates[0].name,),
         unit=rates[0].unit,
         doubt=rates[0].doubt,
         sign=sign,
         remarks=note(f"roll from the rate '{rates[0].name}', integrated"),
     )
+    return [choice]
 
 
 def gyro_from(column: Column, columns: Sequence[Column], sign: float) -> Choice:
@@ -77,6 +79,13 @@ def roll_from_gyro(reading: Reading) -> Roll:
     return roll_from_rate(reading, rates @ axis.vector, remarks + axis.remarks)
 
 
+def gyro_turning(choice: Choice, signals: Sequence[Array], period: float) -> Array:
+    """Return the rate about the axis of most rotation [rad/s], shape (n,)."""
+    rates = np.stack(signals, axis=1)
+    rates = (rates - np.median(rates, axis=0)) * rate_scale(rates, choice)[0]
+    return rates @ np.linalg.eigh(rates.T @ rates)[1][:, -1]
+
+
 def rate_scale(rates: Array, choice: Choice) -> tuple[float, Remarks]:
     """Return rad/s per unit of the rates, shape (n, m), and how that is known."""
     if choice.scale is not None:
@@ -98,12 +107,12 @@ def roll_from_rate(reading: Reading, rate: Array, remarks: Remarks) -> Roll:
     the integral is a random walk; fits should use `Roll.rate`, whose errors are independent.
     """
     time = reading.time
-    noise = estimate_noise(rate)
-    bias = estimate_bias(time, rate, noise.std)
-    free = rate - bias.value
+    noise, counted = estimate_noise(rate), reading.counted
+    bias = estimate_bias(time[counted], rate[counted], noise.std)
+    free = rate - np.interp(time, time[counted], bias.value)
     steps = np.diff(time)
     angle = np.concatenate(([0.0], np.cumsum(0.5 * (free[1:] + free[:-1]) * steps)))
-    angle -= resting_level(angle)
+    angle -= resting_level(angle[counted])
     walk = noise.std * np.sqrt(np.cumsum(np.concatenate((steps[:1], steps))) * np.median(steps))
     rate_std = np.full(rate.size, noise.std)
     excess = saturated(rate, noise)
@@ -157,7 +166,7 @@ def estimate_bias(time: Array, rate: Array, noise: float) -> Bias:
         value = float(np.average((b0, b1), weights=weights))
         return Bias(np.full(rate.size, value), float(weights.sum() ** -0.5), "from the rest at both ends")
     if rests:
-        where = "beginning" if rests[0][0] < time[-1] / 2 else "end"
+        where = "beginning" if rests[0][0] < 0.5 * (time[0] + time[-1]) else "end"
         return Bias(np.full(rate.size, rests[0][1]), rests[0][2], f"from the rest at the {where}")
     level = oscillation_level(rate)
     if level is None:
@@ -178,7 +187,19 @@ def find_rest(time: Array, rate: Array, noise: float, direction: int) -> slice |
     count = len(blocks) if quiet.all() else int(np.argmin(quiet))
     if count in (0, len(blocks)) or abs(means[0]) > 0.3 * np.abs(rate).max():
         return None
+    if count * size < half_cycle(rate):
+        return None  # a slow swing stands as still where its rate is largest
     return slice(0, count * size) if direction == 1 else slice(rate.size - count * size, rate.size)
+
+
+def half_cycle(rate: Array) -> float:
+    """Return how many rows a half cycle of the oscillation takes, as it does where the rate is large."""
+    swing = rate - np.median(rate)
+    side = np.where(np.abs(swing) > 0.2 * np.abs(swing).max(), np.sign(swing), 0.0)
+    edges = np.flatnonzero(np.diff(side, prepend=0.0, append=0.0))
+    lengths = np.diff(edges)[side[edges[:-1]] != 0]
+    # A sine is beyond a fifth of its amplitude for 87 % of a half cycle; noise at that edge makes runs of a row or two.
+    return float(np.median(lengths[lengths > 2])) / 0.87 if np.any(lengths > 2) else 0.0
 
 
 def _std_of_mean(time: Array, still: Array) -> float:
@@ -230,5 +251,6 @@ SOURCE = Source(
     quantity="rate",
     find=find_gyro,
     to_roll=roll_from_gyro,
+    turning=gyro_turning,
     from_column=gyro_from,
 )

@@ -9,7 +9,7 @@ from sysid.logs.sources.axis import ONE_AXIS, RollAxis, angle_about, find_roll_a
 from sysid.logs.sources.gyro import find_rest, rate_scale, roll_from_rate
 from sysid.logs.sources.registry import Reading, Source
 from sysid.logs.table.choose import Choice, triple
-from sysid.logs.table.names import ACCEL_UNITS, RATE_UNITS, Column
+from sysid.logs.table.names import ACCEL_UNITS, Column
 from sysid.logs.table.options import LogOptions
 from sysid.logs.table.remarks import Remarks, note, warning
 from sysid.noise.sensor import estimate_noise, saturated
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 STANDARD_GRAVITY = ACCEL_UNITS["g"]
 
 
-def find_imu(columns: Sequence[Column], axis: str, sign: float) -> Choice | None:
+def find_imu(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]:
     """Return the three rates of a gyro and the three accelerations beside it."""
     gyro, accel = triple(columns, "rate", "xyz"), triple(columns, "accel", "xyz")
     if gyro is None or accel is None:
-        return None
-    return Choice(
+        return []
+    choice = Choice(
         columns=tuple(column.name for column in (*gyro, *accel)),
         unit=gyro[0].unit,
         accel_unit=accel[0].unit,
@@ -37,6 +37,7 @@ def find_imu(columns: Sequence[Column], axis: str, sign: float) -> Choice | None
             f"roll from gyro '{gyro[0].name}'... and accelerometer '{accel[0].name}'..., smoothed together"
         ),
     )
+    return [choice]
 
 
 def roll_from_imu(reading: Reading) -> Roll:
@@ -87,7 +88,8 @@ def _gravity(time: Array, rates: Array, accel: Array, axis: RollAxis, options: L
     from sysid.logs.sources.gravity_smoother import smooth_gravity
 
     noise = float(np.mean([estimate_noise(rates[:, k]).std for k in range(3)]))
-    rest = find_rest(time, rates @ axis.vector, estimate_noise(rates @ axis.vector).std, 1)
+    about = rates @ axis.vector
+    rest = find_rest(time, about, estimate_noise(about).std, 1)
     return smooth_gravity(
         time,
         rates,
@@ -135,38 +137,13 @@ def _saturation(choice: Choice, columns: Array) -> Remarks:
 
 def imu_rate_scale(time: Array, rates: Array, accel: Array | None, choice: Choice) -> tuple[float, Remarks]:
     """Return rad/s per unit of the rates, shape (n, 3), and how that is known; gravity tells where names do not."""
-    silent = choice.scale is None and choice.unit is None
-    if silent and accel is not None and (unit := _unit_by_gravity(time, rates, accel)) is not None:
-        return RATE_UNITS[unit], note(f"rates in {unit}, because so they turn the accelerometer's vertical")
+    if choice.scale is None and choice.unit is None and accel is not None:
+        from sysid.logs.sources.gyro_unit import scale_by_gravity
+
+        found = scale_by_gravity(time, rates, accel)
+        if found is not None:
+            return found
     return rate_scale(rates, choice)
-
-
-def _unit_by_gravity(time: Array, rates: Array, accel: Array) -> str | None:
-    """Return the unit in which the rates turn gravity as the accelerometer sees it: g' = -ω × g."""
-    period = float(np.median(np.diff(time)))
-    found = 0.0
-    for seconds in (
-        0.2,
-        0.02,
-    ):  # slow motions drown in noise over short blocks, fast ones average out over long ones
-        size = max(1, round(seconds / period))
-        count = time.size // size
-        if count < 8:
-            continue
-        mean_rate, mean_accel = (
-            values[: count * size].reshape(count, size, 3).mean(axis=1)
-            for values in (rates - np.median(rates, axis=0), accel)
-        )
-        change = np.diff(mean_accel, axis=0) / (size * period)
-        turned = np.cross(0.5 * (mean_accel[1:] + mean_accel[:-1]), 0.5 * (mean_rate[1:] + mean_rate[:-1]))
-        agreement = float(np.sum(change * turned))
-        if agreement > 0.3 * np.linalg.norm(change) * np.linalg.norm(turned) > 0:
-            found = agreement / float(np.sum(turned**2))
-            break
-    if not found:
-        return None
-    unit = min(RATE_UNITS, key=lambda name: abs(np.log(RATE_UNITS[name] / found)))
-    return unit if abs(np.log(RATE_UNITS[unit] / found)) < np.log(2) else None
 
 
 SOURCE = Source(name="imu", order=1, quantity="rate", find=find_imu, to_roll=roll_from_imu)

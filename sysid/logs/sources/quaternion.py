@@ -15,18 +15,19 @@ from sysid.noise.sensor import estimate_noise
 from sysid.roll import Roll
 
 
-def find_quaternion(columns: Sequence[Column], axis: str, sign: float) -> Choice | None:
+def find_quaternion(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]:
     """Return the columns w, x, y, z of one orientation."""
     found = triple(columns, "quaternion", "wxyz")
     if found is None:
-        return None
-    return Choice(
+        return []
+    choice = Choice(
         columns=tuple(column.name for column in found),
         doubt=found[0].doubt,
         axis=axis,
         sign=sign,
         remarks=note(f"roll from the orientation '{found[0].name}'..., taken as sensor to earth"),
     )
+    return [choice]
 
 
 def roll_from_quaternion(reading: Reading) -> Roll:
@@ -37,10 +38,12 @@ def roll_from_quaternion(reading: Reading) -> Roll:
     """
     choice, quaternion = reading.choice, np.stack(reading.signals, axis=1)
     norm = np.linalg.norm(quaternion, axis=1)
-    if not np.all(np.abs(norm - 1) < 0.1):
+    usual = float(np.median(norm))
+    off = np.count_nonzero(~(np.abs(norm - usual) < 0.1 * usual))
+    if off:
         raise HuskyError(
-            f"{', '.join(map(repr, choice.columns))}: {np.count_nonzero(np.abs(norm - 1) >= 0.1)} rows are no "
-            "orientation (their norm is not 1). Is the order w, x, y, z and the file whole?"
+            f"{', '.join(map(repr, choice.columns))}: {off} rows are no orientation (their norm is not that of the "
+            "others). Is the order w, x, y, z and the file whole?"
         )
     attitude = quaternion_matrices(quaternion)
     turned = rotation_angles(attitude[:-1].transpose(0, 2, 1) @ attitude[1:])

@@ -23,5 +23,9 @@ class LogOptions:
     """What to make roll from, where a log holds several: 'auto', or a name of `sysid.logs.sources`."""
     lever_arm: tuple[float, float, float] | None = None
     """From the tilt axis to the accelerometer, in sensor axes [m]; None estimates it."""
+    start: float | None = None
+    """What is before this time [s] says nothing of the sensor either; it is read all the same."""
+    stop: float | None = None
+    """Nor does what is after this time [s]."""
     video: VideoOptions | None = None
     """How a film is read; its `rate` is the one above."""
