@@ -13,7 +13,7 @@ from sysid.errors import HuskyError
 from sysid.logs import LogOptions, read_roll
 from sysid.roll import Release, Roll
 from sysid.same_log import refuse_twice
-from sysid.video.options import VIDEO_SUFFIXES, VideoOptions
+from sysid.video.options import VideoOptions, is_film
 from sysid.video.trackers import Method
 
 
@@ -38,6 +38,8 @@ class VideoArguments:
         tuple[float, float] | None, Parameter(name="--pivot", negative="", allow_leading_hyphen=True)
     ] = None
     """Film: point in px that a single dot turns about."""
+    no_shake: Annotated[bool, Parameter(name="--no-shake", negative="")] = False
+    """Film: the camera stands still; take no shake out."""
     front: Annotated[bool, Parameter(name="--front", negative="")] = False
     """Film: taken from the front of the board, not from behind."""
     overlay: Annotated[Path | None, Parameter(name="--overlay")] = None
@@ -59,6 +61,7 @@ class VideoArguments:
             readout=self.readout,
             camera_angle=None if angle is None else (math.radians(angle[0]), math.radians(angle[1])),
             pivot=self.pivot,
+            no_shake=self.no_shake,
             front=self.front,
             overlay=self.overlay,
         )
@@ -136,11 +139,6 @@ def keep_logs(
     calibration = arguments.video.calibration
     inputs = [*logs, *(() if calibration is None else (calibration,))]
     printer.keep(inputs, {"--overlay": arguments.video.overlay, **(outputs or {})})
-
-
-def is_film(log: Path) -> bool:
-    """Return whether a log is read as a film."""
-    return log.suffix.lower() in VIDEO_SUFFIXES
 
 
 def unused_options(log: Path, arguments: LogArguments) -> list[str]:

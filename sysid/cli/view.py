@@ -16,6 +16,7 @@ from sysid.cli.log_options import LogArguments, keep_logs, load_roll, say_notes
 from sysid.errors import HuskyError
 from sysid.roll import Release, Roll
 from sysid.same_log import refuse_twice
+from sysid.video.options import is_film
 
 if TYPE_CHECKING:
     from reports.evidence import Evidence, LogFile
@@ -116,7 +117,7 @@ def read_logs(
     for file in files:
         if file.found is None:
             continue
-        if films and _is_film(file.found):
+        if films and is_film(file.found):
             from reports.rerun.film_frames import read_film
 
             roll, frames = read_film(file.found, arguments.options)
@@ -129,12 +130,6 @@ def read_logs(
             roll, start=arguments.start, stop=arguments.stop, releases=arguments.release
         )
     return Material(tuple(rolls), tuple(releases), pictures)
-
-
-def _is_film(path: Path) -> bool:
-    from sysid.video.options import VIDEO_SUFFIXES
-
-    return path.suffix.lower() in VIDEO_SUFFIXES
 
 
 def write_recording(

@@ -17,7 +17,7 @@ from sysid.logs.table.choose import Choice, angle_scale, choose_columns
 from sysid.logs.table.clock import Clock, even_clock, repair_clock, usual_step
 from sysid.noise.sensor import estimate_noise, saturated
 from sysid.roll import Array, Roll
-from sysid.video.options import VIDEO_SUFFIXES, VideoOptions
+from sysid.video.options import VideoOptions, is_film
 
 MIN_SAMPLES = 8
 LARGEST, LARGEST_STAMP = 1e12, 1e21
@@ -58,7 +58,7 @@ def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
         raise HuskyError(f"--rate {options.rate}: a sampling rate is a positive number of hertz.")
     if not path.exists():
         raise HuskyError(f"{path}: there is no such file.")
-    if path.suffix.lower() in VIDEO_SUFFIXES:
+    if is_film(path):
         from sysid.video_roll import roll_from_video
 
         return roll_from_video(path, replace(options.video or VideoOptions(), rate=options.rate))

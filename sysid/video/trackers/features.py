@@ -244,6 +244,7 @@ def _find(scene: Scene) -> Target | None:
         settle=_those_of_the_board,
         solve=_fit,
         zero=_rest_at_the_end,
+        shows_level=False,
         zero_note="roll zero is where the deck is at the end of the film (its last tenth): texture shows no horizontal",
     )
 

@@ -38,6 +38,7 @@ def _find(scene: Scene) -> Target | None:
 
 TRACKER = Tracker(
     rank=3,
+    last_resort=True,
     find=_find,
     not_found="no straight edge that moves is seen{where}. Give its region with --roi LEFT TOP WIDTH HEIGHT",
 )
