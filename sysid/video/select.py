@@ -14,15 +14,19 @@ from sysid.video.film.frames import Clip
 from sysid.video.film.track import Track
 from sysid.video.follow import follow
 from sysid.video.options import VideoOptions
-from sysid.video.pose.angle import AngleTrack
-from sysid.video.pose.camera_state import before_looking
+from sysid.video.pose.angle import AngleTrack, fit_angle
+from sysid.video.pose.camera_state import CameraState, before_looking
+from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.view import View
-from sysid.video.trackers._base import Scene, Target, Tracker
+from sysid.video.registration import register
+from sysid.video.trackers._base import DEAD_ZONE, Scene, Target, Tracker
 
 MIN_SEEN_SHARE = 0.6
 """Share of the frames in which what is followed must be seen."""
 CLEARLY = 0.8
 """What is tried first is left for another one only if that has less than this share of its uncertainty."""
+SHARED_FILM = 2.0
+"""Variance of what one tells of the camera, for another that looks at the same film, over what it states."""
 MAX_DISAGREEMENT = 0.1
 """Share of the swing by which two that are followed may differ and still be parts of one board."""
 
@@ -65,7 +69,8 @@ def follow_board(clip: Clip, lens: Lens, options: VideoOptions) -> tuple[Target,
             else:
                 failed.append(f"{target.what} is seen in only {count} of {len(track.time)} frames")
         if seen:
-            return _best(clip, lens, options, seen)
+            best = _best(clip, lens, options, seen)
+            return _whole_body(scene, *best) or best
     raise HuskyError(
         f"{clip.path}: {'; '.join(failed)}. Keep the board in the picture, film in more light (less blur), or "
         "follow something else (--method)."
@@ -106,6 +111,37 @@ def _best(
             target, zero=partial(_level_of, first.level), zero_note=first.target.zero_note, shows_level=True
         )
     return target, best.track
+
+
+def _whole_body(scene: Scene, target: Target, track: Track) -> tuple[Target, Track] | None:
+    """Let everything that turns with a target tell the angle; its level, and what it says of the camera, are kept."""
+    whole = register(scene.clip, scene.look, track) if target.shows_body else None
+    if whole is None or len(whole.time) - whole.lost < MIN_SEEN_SHARE * len(whole.time):
+        return None
+    return (
+        replace(
+            target,
+            what=f"the body of {target.what}",
+            why=f"{target.why}; the angle is that of everything that turns with it",
+            solve=partial(_solve_whole, target, track),
+            zero=_as_it_is,
+            joined=((0, 1), (1, 2), (2, 3), (3, 0)),
+        ),
+        whole,
+    )
+
+
+def _solve_whole(target: Target, track: Track, view: View, matrix: Array, before: CameraState) -> AngleTrack:
+    """Return the angle of the whole body, with zero where the target that led to it has it."""
+    led = target.solve(View(track, view.straighten, view.row_share), matrix, before)
+    # Both see the same film: what the one says of the camera counts half beside the other.
+    camera = replace(led.camera_state, covariance=SHARED_FILM * led.camera_state.covariance)
+    found = fit_angle(view, matrix, camera, BodyPrior(dead_zone=DEAD_ZONE))
+    return replace(found, angle=found.angle + _level_of(led.angle + target.zero(led), found))
+
+
+def _as_it_is(found: AngleTrack) -> float:
+    return 0.0
 
 
 def _same_swing(one: Array, other: Array) -> bool:

@@ -83,6 +83,8 @@ class Target:
     finds_direction: bool = True
     """Whether the points show from where the camera looks."""
     warnings: tuple[str, ...] = ()
+    shows_body: bool = True
+    """Whether two or more of its points stay where they are on the board, so that they tell how all of it moved."""
     settle: Callable[[Track], Track] | None = None
     """What to leave out of the track once the whole film is known."""
     joined: tuple[tuple[int, int], ...] = ()

@@ -323,6 +323,7 @@ def _find(scene: Scene) -> Target | None:
         zero=partial(level_angle, direction=1 + 0j, symmetry=4),
         zero_note="roll zero is where the dot is straight below, above or beside the pivot in the picture",
         shows_level=False,
+        shows_body=False,
         finds_direction=False,
     )
 

@@ -32,6 +32,7 @@ def _find(scene: Scene) -> Target | None:
         zero_note="roll zero is where the edge is level in the picture",
         joined=tuple((point, point + 1) for point in range(PIECES * count) if (point + 1) % PIECES),
         finds_direction=False,
+        shows_body=False,
         warnings=warnings,
     )
 
