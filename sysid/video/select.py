@@ -27,6 +27,9 @@ CLEARLY = 0.8
 """What is tried first is left for another one only if that has less than this share of its uncertainty."""
 SHARED_FILM = 2.0
 """Variance of what one tells of the camera, for another that looks at the same film, over what it states."""
+BODY_FLOOR = 0.04
+"""Least standard deviation of the body's points [px]: what compression does to a picture lasts as long as the board is
+held there, and shifts all of it. With this, 95 % intervals hold the truth in 30 rendered films of 0.18 bit a pixel."""
 MAX_DISAGREEMENT = 0.1
 """Share of the swing by which two that are followed may differ and still be parts of one board."""
 
@@ -134,10 +137,22 @@ def _whole_body(scene: Scene, target: Target, track: Track) -> tuple[Target, Tra
 def _solve_whole(target: Target, track: Track, view: View, matrix: Array, before: CameraState) -> AngleTrack:
     """Return the angle of the whole body, with zero where the target that led to it has it."""
     led = target.solve(View(track, view.straighten, view.row_share), matrix, before)
-    # Both see the same film: what the one says of the camera counts half beside the other.
-    camera = replace(led.camera_state, covariance=SHARED_FILM * led.camera_state.covariance)
-    found = fit_angle(view, matrix, camera, BodyPrior(dead_zone=DEAD_ZONE))
-    return replace(found, angle=found.angle + _level_of(led.angle + target.zero(led), found))
+    camera = before
+    if target.knows_shape:
+        # Both see the same film: what the one says of the camera counts half beside the other.
+        camera = replace(led.camera_state, covariance=SHARED_FILM * led.camera_state.covariance)
+    found = fit_angle(view, matrix, camera, BodyPrior(floor=BODY_FLOOR, dead_zone=DEAD_ZONE))
+    level = led.angle + target.zero(led)
+    # Where the body is not made out, for a hand before it say, the points may be.
+    whole = np.isfinite(found.angle)
+    return replace(
+        found,
+        angle=np.where(whole, found.angle + _level_of(level, found), level),
+        std=np.where(whole, found.std, led.std),
+        own=np.where(
+            whole, found.std if found.own is None else found.own, led.std if led.own is None else led.own
+        ),
+    )
 
 
 def _as_it_is(found: AngleTrack) -> float:
