@@ -98,7 +98,9 @@ def draw_film(
     with film_writer(path, SIZE, np.arange(len(roll)) / fps, bits, fps) as write:
         for number, angle in enumerate(roll):
             write(
-                _frame(look(number), body, float(angle), (0.0, 0.0) if move is None else move(number), noise, rng)
+                _frame(
+                    look(number), body, float(angle), (0.0, 0.0) if move is None else move(number), noise, rng
+                )
             )
     return path
 
