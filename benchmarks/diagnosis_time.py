@@ -16,7 +16,7 @@ from hidden_truths import TRUTHS, board_of, make
 
 from sysid.diagnosis.diagnose import diagnose
 from sysid.diagnosis.search import Searcher
-from sysid.fitting.problem import make_records
+from sysid.fitting.records import make_records
 from sysid.fitting.search import scales_of
 from sysid.noise.floor import noise_floor
 

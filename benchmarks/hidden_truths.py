@@ -151,8 +151,8 @@ def visibility(truth: Truth, seed: int, std: float, effects: Sequence[str]) -> f
     from tempfile import TemporaryDirectory
 
     from sysid.diagnosis.search import Searcher
-    from sysid.fitting.initial_state import own_motion
-    from sysid.fitting.problem import make_records
+    from sysid.fitting.initial_state import fit_initial_states
+    from sysid.fitting.records import make_records
     from sysid.fitting.search import scales_of
 
     with TemporaryDirectory() as folder:
@@ -162,7 +162,9 @@ def visibility(truth: Truth, seed: int, std: float, effects: Sequence[str]) -> f
     if not effects and set(truth.effects) & AGAINST_RECORD:
         from sysid.joint import JointLaw
 
-        return float(sum(np.sum((r / std) ** 2) for r in own_motion(JointLaw.from_board(board), records)[0]))
+        return float(
+            sum(np.sum((r / std) ** 2) for r in fit_initial_states(JointLaw.from_board(board), records)[0])
+        )
     searcher = Searcher(records=records, scales=scales_of(records, board), bias="shared")
     model = searcher.alone(tuple(effects[:1]))
     for name in effects[1:]:

@@ -28,7 +28,7 @@ from film_set import Motion, rock
 
 from sysid.board import Board
 from sysid.errors import HuskyError
-from sysid.free_decay import free_decay
+from sysid.free_decay import fit_decay
 from sysid.releases import find_releases
 from sysid.roll import Array, Roll
 from sysid.video.film.camera import USUAL_FOCAL, Lens, lens_of, write_calibration
@@ -272,7 +272,7 @@ def k_and_d(roll: Roll, motion: Motion, board: Board) -> tuple[tuple[float, floa
     std = np.full(len(angle), 1e-5)
     truth = Roll(log="truth", time=motion.time[part], roll=angle, std=std, origin="angle")
     try:
-        film, true = (free_decay(find_releases(signal), board.inertia).numbers for signal in (roll, truth))
+        film, true = (fit_decay(find_releases(signal), board.inertia).numbers for signal in (roll, truth))
     except (HuskyError, np.linalg.LinAlgError):
         return (np.nan, np.nan), []
     pairs = ((film.stiffness, true.stiffness), (film.damping, true.damping))

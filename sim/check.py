@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.board.bench import swing
-from sim.compensation.scene import HeldScene
+from sim.compensation.scene import ClampedScene
 from sysid.board import Board
 from sysid.errors import HuskyError
+from sysid.quantity import Z95
 from sysid.roll import Array, Release
 
 WITHIN_RANGE = 0.97
@@ -33,14 +34,18 @@ class ReleaseCheck:
     """[rad], shape (n,); with the log's own zero."""
     zero: float
     """The log's zero against the scene's [rad]."""
+    rest_error: float
+    """How far from the log's rest the scene rests, beyond what the record's uncertainty of it allows [rad]; 0 where the
+    log's zero is that of a mounting that nobody knows."""
     start: tuple[float, float]
     """Fitted roll [rad] and rate [rad/s] at the first sample, about the scene's zero."""
     cut: float
     """Time left out at the beginning because the deck was beyond the scene's tilt range [s]."""
     error_power: float
-    """Mean square of the residual without the sensor's noise [rad²]; may come out slightly negative."""
+    """Mean square of the residual without the sensor's noise, and the square of `rest_error` [rad²]; may come out
+    slightly negative."""
     power: float
-    """Mean square of the measured roll about rest without the sensor's noise [rad²]."""
+    """Mean square of the measured roll about the log's own rest without the sensor's noise [rad²]."""
     error_power_std: float
     """Standard deviation of `error_power` that the noise leaves [rad²]."""
 
@@ -67,8 +72,7 @@ class SceneCheck:
         """RMS of all residuals over RMS of all measured roll about rest, both without noise."""
         weights = [len(release.time) for release in self.releases]
         error = np.average([release.error_power for release in self.releases], weights=weights)
-        power = np.average([release.power for release in self.releases], weights=weights)
-        return math.sqrt(max(float(error), 0.0) / float(power))
+        return math.sqrt(max(float(error), 0.0)) / self.motion
 
     @property
     def hidden(self) -> float:
@@ -76,7 +80,7 @@ class SceneCheck:
         weights = np.array([len(release.time) for release in self.releases], dtype=np.float64)
         weights /= weights.sum()
         std = math.sqrt(float(np.sum((weights * [r.error_power_std for r in self.releases]) ** 2)))
-        return math.sqrt(1.645 * std / float(weights @ [release.power for release in self.releases]))
+        return math.sqrt(1.645 * std) / self.motion
 
     @property
     def rmse(self) -> float:
@@ -88,9 +92,30 @@ class SceneCheck:
         """Whether the scene decays as measured, within the tolerance."""
         return self.nrmse <= self.tolerance
 
+    @property
+    def rest_error(self) -> float:
+        """Largest distance between the log's and the scene's rest that nothing allows [rad]."""
+        return max((release.rest_error for release in self.releases), key=abs)
+
+    @property
+    def only_rest_is_off(self) -> bool:
+        """Whether the scene would pass if it rested where the log does: it moves right, about another angle."""
+        weights = [len(release.time) for release in self.releases]
+        moving = [release.error_power - release.rest_error**2 for release in self.releases]
+        return (
+            not self.passed
+            and float(np.average(moving, weights=weights)) <= (self.tolerance * self.motion) ** 2
+        )
+
+    @property
+    def motion(self) -> float:
+        """RMS of the measured roll about rest over all releases, without noise [rad]."""
+        weights = [len(release.time) for release in self.releases]
+        return math.sqrt(float(np.average([release.power for release in self.releases], weights=weights)))
+
 
 def check_scene(
-    board: Board, scene: HeldScene, releases: Sequence[Release], *, tolerance: float = 0.02
+    board: Board, scene: ClampedScene, releases: Sequence[Release], *, tolerance: float = 0.02
 ) -> SceneCheck:
     """Release the deck in a scene as it was released in the logs, and compare.
 
@@ -109,13 +134,19 @@ def check_scene(
     return SceneCheck(tuple(_compare(board, scene, release) for release in releases), tolerance)
 
 
-def _compare(board: Board, scene: HeldScene, release: Release) -> ReleaseCheck:
+def _compare(board: Board, scene: ClampedScene, release: Release) -> ReleaseCheck:
     from scipy.optimize import least_squares
 
     inside = _inside(release, scene.tilt_range)
     time, measured = release.time[inside:], release.roll[inside:]
     duration = float(time[-1] - time[0])
     rest = board.rest_angle
+    if abs(rest) > scene.tilt_range:
+        raise HuskyError(
+            f"board '{board.name}' rests at {rest:.3g} rad, and its tilt range ends at ±{scene.tilt_range:.3g} rad: the scene "
+            "would lean on its stop. Correct tilt.rest_angle or tilt.range in the record, or fit it to a log whose zero "
+            "is level."
+        )
 
     def simulated(unknown: Array) -> Array:
         angle, rate, zero = unknown
@@ -139,7 +170,9 @@ def _compare(board: Board, scene: HeldScene, release: Release) -> ReleaseCheck:
     residual = np.asarray(found.fun)
     step = float(np.median(np.diff(time)))
     error_power, error_power_std = smooth_power(residual, step)
-    power, _ = smooth_power(measured - rest - float(found.x[2]), step)
+    power, _ = smooth_power(measured - release.rest, step)
+    covariance = np.linalg.pinv(found.jac.T @ found.jac) * float(np.mean(residual**2))
+    rest_error = _rest_error(board, release, float(found.x[2]), math.sqrt(covariance[2, 2]))
     return ReleaseCheck(
         log=release.log,
         number=release.number,
@@ -148,9 +181,10 @@ def _compare(board: Board, scene: HeldScene, release: Release) -> ReleaseCheck:
         measured=measured,
         simulated=measured + residual,
         zero=float(found.x[2]),
+        rest_error=rest_error,
         start=(float(found.x[0]), float(found.x[1])),
         cut=float(time[0] - release.time[0]),
-        error_power=error_power,
+        error_power=error_power + rest_error**2,
         power=max(power, 1e-12),
         error_power_std=error_power_std,
     )
@@ -167,6 +201,14 @@ def _inside(release: Release, tilt_range: float) -> int:
             "tilt.range in the board record."
         )
     return first
+
+
+def _rest_error(board: Board, release: Release, zero: float, zero_std: float) -> float:
+    """Return by how much the scene rests elsewhere than the log, beyond the 95 % interval of the difference [rad]."""
+    if release.zero != "known":
+        return 0.0  # an integrated rate, a sensor glued on or a camera held at an angle: their zero is not the deck's
+    allowed = Z95 * math.hypot(board.tilt["rest_angle"].std, zero_std)
+    return zero - min(max(zero, -allowed), allowed)
 
 
 def smooth_power(signal: Array, step: float) -> tuple[float, float]:

@@ -126,6 +126,8 @@ def roll_from_track(
         std=signal.std,
         own_std=signal.own,
         origin="video",
+        zero="constant",
+        errors_last=True,
         notes=tuple(notes),
         warnings=tuple(warnings),
     )

@@ -12,8 +12,8 @@ import numpy as np
 from policy_runtime.motion.motions import WINDOW, Motion, load_motions, windows
 from sim.skate.options import SkateOptions
 from sim.skate.robot.g1 import JOINTS
+from sysid.files import shipped_data
 from sysid.roll import Array
-from sysid.workspace import shipped_data
 
 STRETCHES = ("push", "mount", "dismount")
 

@@ -19,9 +19,8 @@ from pathlib import Path
 import numpy as np
 
 from sysid.errors import HuskyError, did_you_mean
-from sysid.files import atomic_path
+from sysid.files import atomic_path, shipped_data
 from sysid.roll import Array
-from sysid.workspace import shipped_data
 
 FRAME_RATE = 50.0
 """Frames a second [Hz]: one a policy step."""

@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reports.evidence import Evidence, Rung
+from reports.evidence import Evidence
 from reports.figures.palette import HELD_OUT, NOISE, REAL, SIM
 from reports.figures.svg import thin
 from sysid.comparison.compare import Comparison
 from sysid.diagnosis.signatures import LookAlikes
 from sysid.effects import effect
+from sysid.fit_mjcf import Rung
 from sysid.joint import JointLaw
 from sysid.joint.torques import effect_torque
 from sysid.roll import Array
@@ -175,7 +176,7 @@ def ladder_figure(rungs: Sequence[Rung], result: Comparison) -> "Figure":
     figure = _figure(2.9, width=min(WIDTH, 3.2 + 1.5 * len(rungs)))
     axes = figure.subplots()
     x = np.arange(len(rungs))
-    for shift, name, colour in ((-0.18, "rmse", SIM), (0.18, "heldout", HELD_OUT)):
+    for shift, name, colour in ((-0.18, "rmse", SIM), (0.18, "heldout_rmse", HELD_OUT)):
         values = [scale * getattr(rung, name) for rung in rungs]
         axes.bar(
             x + shift, values, 0.34, color=colour, label="fitted" if name == "rmse" else "predicted, left out"

@@ -1,5 +1,7 @@
-"""The picture of a comparison: decays, residuals, the missing torque, and the backbone."""
+"""The picture of a comparison: decays, residuals, the missing torque against rate and tilt, and the backbone."""
 
+from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -8,6 +10,8 @@ from reports.figures.decay import STYLE
 from reports.figures.palette import NOISE, REAL, SIM
 from reports.figures.svg import thin
 from sysid.comparison.compare import Comparison
+from sysid.comparison.force_surface import TorqueProfile
+from sysid.quantity import Z95
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,21 +34,24 @@ def compare_figure(result: Comparison, title: str) -> "Figure":
     shown = result.releases[:MOST]
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.6, 7.4), layout="constrained")
-        heading = figure.suptitle(f"{title}\n{result.summary}", fontsize=10)
+        count = len(result.releases)
+        left_out = f" ({MOST} of {count} releases drawn)" if count > MOST else ""
+        heading = figure.suptitle(f"{title}{left_out}\n{result.summary}", fontsize=10)
         heading.set(x=0.01, ha="left")
-        halves: Any = figure.subfigures(2, 1, height_ratios=(1.25, 1))
-        top, bottom = halves
-        upper = top.subplots(2, len(shown), sharex="col", sharey="row", squeeze=False, height_ratios=(2, 1))
+        lower = _lower_panels(result)
+        halves: Any = figure.subfigures(2, 1, height_ratios=(1.25, 1)) if lower else (figure,)
+        upper = halves[0].subplots(
+            2, len(shown), sharex="col", sharey="row", squeeze=False, height_ratios=(2, 1)
+        )
         for column, release in enumerate(shown):
             _release(upper[:, column], result, column)
-            upper[0, column].set_title(f"release {release.number}: error {_size(result, release.rmse)}")
+            upper[0, column].set_title(f"{_name(result, column)}: error {_size(result, release.rmse)}")
         upper[0, 0].set_ylabel("rate [rad/s]" if result.is_rate else "roll [°]")
         upper[1, 0].set_ylabel("sim - real [rad/s]" if result.is_rate else "sim - real [°]")
         upper[0, 0].legend(loc="best")
-        lower = bottom.subplots(1, 3, width_ratios=(1.35, 1, 1))
-        _surface(lower[0], result)
-        _backbone(lower[1], result, "period", "period [s]")
-        _backbone(lower[2], result, "damping_ratio", "damping ratio")
+        if lower:
+            for draw, axes in zip(lower, halves[1].subplots(1, len(lower), squeeze=False)[0], strict=True):
+                draw(axes)
     return figure
 
 
@@ -70,32 +77,56 @@ def _release(axes: "list[Axes]", result: Comparison, index: int) -> None:
     axes[1].locator_params(axis="x", nbins=4)
 
 
-def _surface(axes: "Axes", result: Comparison) -> None:
-    axes.set_title(
-        "torque that the model lacks" if result.where else "torque that the model lacks: only noise"
+def _name(result: Comparison, index: int) -> str:
+    """Return what a release is called where there may be several logs."""
+    release = result.releases[index]
+    several = len({other.log for other in result.releases}) > 1
+    return f"{Path(release.log).name}, release {release.number}" if several else f"release {release.number}"
+
+
+def _lower_panels(result: Comparison) -> "list[Callable[[Axes], None]]":
+    """Return what there is to draw below the decays; nothing is drawn empty."""
+    panels: list[Callable[[Axes], None]] = []
+    if result.missing is not None:
+        missing, only_noise = result.missing, "" if result.where else ": only noise"
+        panels.append(
+            lambda axes: draw_profile(
+                axes, missing.over_rate, "rate [rad/s]", f"torque that the model lacks{only_noise}"
+            )
+        )
+        panels.append(
+            lambda axes: draw_profile(axes, missing.over_angle, "tilt [°]", scale=float(np.degrees(1.0)))
+        )
+    if len(result.measured_backbone.amplitude):
+        panels.append(lambda axes: _backbone(axes, result, "period", "period [s]"))
+        panels.append(lambda axes: _backbone(axes, result, "damping_ratio", "damping ratio"))
+    return panels
+
+
+def draw_profile(
+    axes: "Axes", profile: TorqueProfile, label: str, title: str = "", scale: float = 1.0
+) -> None:
+    """Draw a missing torque with its 95 % band.
+
+    Args:
+        axes: To draw on.
+        profile: The torque [N*m].
+        label: Of the horizontal axis.
+        title: Heading.
+        scale: From SI to the label's unit.
+    """
+    band = Z95 * profile.std
+    axes.axhline(0, color=NOISE, lw=0.8)
+    axes.fill_between(
+        scale * profile.at, profile.torque - band, profile.torque + band, color=REAL, alpha=0.25, linewidth=0
     )
-    axes.set_xlabel("tilt [°]")
-    axes.set_ylabel("rate [rad/s]")
-    missing = result.missing
-    if missing is None:
-        axes.text(0.5, 0.5, "too few samples a swing", ha="center", transform=axes.transAxes)
-        return
-    largest = float(np.nanquantile(np.abs(missing.torque), 0.98)) or 1.0
-    mesh = axes.pcolormesh(
-        np.degrees(missing.angle), missing.rate, missing.torque.T, cmap="PuOr", vmin=-largest, vmax=largest
-    )
-    axes.grid(visible=False)
-    axes.figure.colorbar(mesh, ax=axes, label="N·m (hatched: no data)")
-    axes.patch.set(facecolor="#e8e8e8", edgecolor="#cccccc", hatch="////")
+    axes.plot(scale * profile.at, profile.torque, ".-", color=REAL, lw=1.2)
+    axes.set(xlabel=label, ylabel="missing torque [N·m]", title=title)
 
 
 def _backbone(axes: "Axes", result: Comparison, what: str, label: str) -> None:
     axes.set_title(f"{label.split(' [')[0]} by amplitude")
     axes.set_xlabel("amplitude [°]")
-    if not len(result.measured_backbone.amplitude):
-        axes.text(0.5, 0.5, "no two real swings\nabove the noise", ha="center", transform=axes.transAxes)
-        axes.set(xticks=[], yticks=[])
-        return
     for backbone, colour, name, size in (
         (result.measured_backbone, REAL, "real", 7),
         (result.simulated_backbone, SIM, "sim", 3.5),

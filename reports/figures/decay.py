@@ -1,11 +1,12 @@
 """The picture of a free-decay identification: the log, the decays with their fit, residual and peaks."""
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from reports.figures.palette import NOISE, REAL, SIM
+from reports.figures.palette import BAD, NOISE, REAL, SIM
 from reports.figures.svg import thin
 from sysid.decay.linear_fit import FittedTrace
 from sysid.free_decay import FreeDecay
@@ -30,16 +31,18 @@ STYLE: dict[Any, Any] = {
 }
 LEFT = 0.095
 """Margin, wide enough for a label beside ticks of five figures."""
+MOST_LOGS = 4
+"""Whole logs drawn side by side."""
 MOST_MARKED = 12
 """Releases numbered in the overview; more would overlap."""
 
 
-def decay_figure(roll: Roll, decay: FreeDecay, title: str) -> "Figure":
-    """Draw the whole log, the aligned decays with their fit, the residual, and ln(amplitude).
+def decay_figure(rolls: Sequence[Roll], decay: FreeDecay, title: str) -> "Figure":
+    """Draw the whole logs, the aligned decays with their fit, the residual, and ln(amplitude).
 
     Args:
-        roll: The whole log.
-        decay: What was identified from it.
+        rolls: The whole logs; the first few are drawn.
+        decay: What was identified from them.
         title: Board and log, for the heading.
     """
     import matplotlib as mpl
@@ -48,7 +51,8 @@ def decay_figure(roll: Roll, decay: FreeDecay, title: str) -> "Figure":
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(9.0, 7.2))
         # Fixed margins: finding them by trial would draw everything twice.
-        upper = figure.add_gridspec(1, 1, left=LEFT, right=0.985, top=0.93, bottom=0.71)
+        shown = rolls[:MOST_LOGS]
+        upper = figure.add_gridspec(1, len(shown), left=LEFT, right=0.985, top=0.93, bottom=0.71)
         lower = figure.add_gridspec(
             2,
             2,
@@ -62,7 +66,9 @@ def decay_figure(roll: Roll, decay: FreeDecay, title: str) -> "Figure":
             width_ratios=(1.75, 1),
         )
         figure.suptitle(title, x=0.01, y=0.985, ha="left", fontsize=11)
-        draw_log(figure.add_subplot(upper[0, 0]), roll, decay)
+        for column, roll in enumerate(shown):
+            axes = draw_log(figure.add_subplot(upper[0, column]), roll, decay)
+            axes.set_ylabel("" if column else "roll [°]")
         trace = figure.add_subplot(lower[0, 0])
         draw_traces(trace, decay)
         residual = figure.add_subplot(lower[1, 0], sharex=trace)
@@ -103,26 +109,35 @@ def draw_traces(axes: "Axes", decay: FreeDecay) -> "Axes":
     decay_rate = decay.trace.omega_n * decay.trace.damping_ratio
     shown, height = _shown(decay), 0.0
     largest = max(decay.trace.releases, key=lambda fitted: float(np.ptp(fitted.modelled)))
+    # Rest levels that differ are the sign of friction, and not to be hidden by shifting each to zero.
+    common = None if decay.linear else float(np.median([fitted.level for fitted in decay.trace.releases]))
     for i, (release, fitted) in enumerate(zip(decay.releases, decay.trace.releases, strict=True)):
         whole = release.roll if decay.trace.signal == "roll" or release.rate is None else release.rate
-        measured = scale * (whole - fitted.level)
+        level = fitted.level if common is None else common
+        measured = scale * (whole - level)
         height = max(height, float(np.abs(measured[release.time - release.start <= shown]).max()))
         axes.plot(
             *thin(release.time - release.start, measured), color=REAL, lw=2.2, label=None if i else "measured"
         )
         since = fitted.trace.time - release.start
-        modelled = scale * (fitted.modelled - fitted.level)
+        modelled = scale * (fitted.modelled - level)
         axes.plot(*thin(since, modelled), color=SIM, lw=0.9, label=None if i else "linear decay")
         if fitted is largest:
             envelope = scale * _envelope(fitted, since, decay_rate)
-            axes.plot(*thin(since, envelope), color=NOISE, lw=0.8, ls=(0, (4, 3)), label="envelope")
-            axes.plot(*thin(since, -envelope), color=NOISE, lw=0.8, ls=(0, (4, 3)))
+            middle = scale * (fitted.level - level)
+            axes.plot(*thin(since, middle + envelope), color=NOISE, lw=0.8, ls=(0, (4, 3)), label="envelope")
+            axes.plot(*thin(since, middle - envelope), color=NOISE, lw=0.8, ls=(0, (4, 3)))
     name = "roll about rest [°]" if decay.trace.signal == "roll" else f"roll rate [{unit}]"
     axes.set(ylabel=name, xlim=(0, shown))
     axes.set_ylim(-1.15 * height, 1.15 * height)
     axes.legend(loc="upper right", ncols=3, handlelength=1.6, columnspacing=1.2)
     numbers = decay.numbers
-    axes.set_title(f"ωₙ = {numbers.omega_n}    ζ = {numbers.damping_ratio}")
+    if decay.linear:
+        axes.set_title(f"ωₙ = {numbers.omega_n}    ζ = {numbers.damping_ratio}")
+    else:
+        axes.set_title(
+            "✗ not a linear decay: the line is the nearest one, its k and d are not the joint's", color=BAD
+        )
     return axes
 
 

@@ -1,7 +1,6 @@
 """The ladder: how the error falls as one effect after another is added."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,19 +11,10 @@ from reports.figures.palette import HELD_OUT, NOISE, SIM
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-
-@dataclass(frozen=True, slots=True)
-class Rung:
-    """One model of the ladder."""
-
-    label: str
-    rmse: float
-    """On the releases that were fitted [rad or rad/s]."""
-    heldout: float
-    """On releases that were left out."""
+    from sysid.fit_mjcf import Rung
 
 
-def ladder_figure(rungs: Sequence[Rung], floor: float, title: str, unit: str = "rad") -> "Figure":
+def ladder_figure(rungs: "Sequence[Rung]", floor: float, title: str, unit: str = "rad") -> "Figure":
     """Draw training and held-out error of each rung against the noise floor.
 
     Args:
@@ -44,11 +34,11 @@ def ladder_figure(rungs: Sequence[Rung], floor: float, title: str, unit: str = "
         axes = figure.add_subplot()
         axes.bar(x - 0.18, [scale * r.rmse for r in rungs], 0.34, color=SIM, label="fitted releases")
         axes.bar(
-            x + 0.18, [scale * r.heldout for r in rungs], 0.34, color=HELD_OUT, label="held-out releases"
+            x + 0.18, [scale * r.heldout_rmse for r in rungs], 0.34, color=HELD_OUT, label="held-out releases"
         )
         axes.axhline(scale * floor, color=NOISE, linestyle="--", linewidth=1.2, label="noise floor")
         for place, rung in zip(x, rungs, strict=True):
-            for shift, value in ((-0.18, rung.rmse), (0.18, rung.heldout)):
+            for shift, value in ((-0.18, rung.rmse), (0.18, rung.heldout_rmse)):
                 axes.annotate(
                     f"{scale * value:.3g}",
                     (place + shift, scale * value),
@@ -56,7 +46,7 @@ def ladder_figure(rungs: Sequence[Rung], floor: float, title: str, unit: str = "
                     va="bottom",
                     fontsize=7.5,
                 )
-        axes.set_xticks(x, [rung.label for rung in rungs])
+        axes.set_xticks(x, [rung.label.replace("and ", "and\n") for rung in rungs])
         axes.set_ylabel(f"RMS error [{shown}]")
         axes.set_title(title)
         axes.margins(y=0.16)

@@ -121,6 +121,8 @@ def _verdict(board: Board, evidence: Evidence | None, files: "Sequence[LogFile]"
         warnings.append(
             f"not checked in the training scene yet: husky-sysid check LOG... --board {board.name}"
         )
+    elif board.check_is_stale:
+        warnings.append("the record was changed since it was checked: check it again")
     elif not board.passed:
         warnings.append("the training scene does not decay like the board (see the check below)")
     parts.append(warning_list(warnings) if warnings else paragraph("No warnings."))
@@ -387,6 +389,10 @@ def _check(board: Board) -> list[str]:
                 "that policies train in, and compares.",
                 good=False,
             )
+        ]
+    if board.check_is_stale:
+        return [
+            verdict("Out of date: the record was changed since it was checked. Check it again.", good=False)
         ]
     tolerance = check.get("tolerance", 0.02)
     text = (

@@ -217,7 +217,7 @@ def _peaks(release: Release, result: Comparison) -> list[tuple[float, float]]:
     if decay >= law.frequency:
         return []
     damped = float(np.sqrt(law.frequency**2 - decay**2))
-    rest = law.rest_angle if release.origin == "angle" else release.rest
+    rest = law.rest_angle if release.zero == "known" else release.rest
     found = find_peaks(release, rest, law.frequency, damped, result.noise.std)
     return [(peak.time - release.start, peak.roll) for peak in found]
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from sim.board.bench import rig_spec, swing
 from sim.board.scene import integrator_name
-from sim.compensation.scene import HeldScene
+from sim.compensation.scene import ClampedScene
 from sim.compensation.step import compensate_step
 from sysid.board import Board
 from sysid.errors import HuskyError
@@ -53,7 +53,7 @@ class TiltJoint:
 
 
 @dataclass(frozen=True, slots=True)
-class SceneAdditions:
+class Parasitics:
     """The whole scene's tilt joint, the one that the record asks for, and what each part adds."""
 
     wanted: TiltJoint
@@ -114,7 +114,7 @@ class SceneAdditions:
         ]
 
 
-def scene_additions(board: Board, scene: HeldScene) -> SceneAdditions:
+def measure_parasitics(board: Board, scene: ClampedScene) -> Parasitics:
     """Measure the scene's tilt joint with everything on, and with one part off at a time.
 
     Args:
@@ -127,7 +127,7 @@ def scene_additions(board: Board, scene: HeldScene) -> SceneAdditions:
     timestep, integrator = float(scene.model.opt.timestep), integrator_name(scene.model)
     needed = compensate_step(board, timestep=timestep, integrator=integrator).board
     bench = rig_spec(needed, timestep=timestep, integrator=integrator).compile()
-    wanted = measure(board, HeldScene(model=bench, name="bench"))
+    wanted = measure(board, ClampedScene(model=bench, name="bench"))
     whole = measure(board, scene)
     parts: list[tuple[str, TiltJoint]] = []
     for name, switch in _SWITCHES:
@@ -140,10 +140,10 @@ def scene_additions(board: Board, scene: HeldScene) -> SceneAdditions:
     parts.append((DECK, measure(board, replace(scene, model=bare, after_step=None))))
     root = scene.model.body_rootid[scene.model.jnt_bodyid[scene.model.joint(scene.joint).id]]
     mass = float(scene.model.body_subtreemass[root])
-    return SceneAdditions(wanted, whole, tuple(parts), _reach(scene), mass)
+    return Parasitics(wanted, whole, tuple(parts), _reach(scene), mass)
 
 
-def measure(board: Board, scene: HeldScene) -> TiltJoint:
+def measure(board: Board, scene: ClampedScene) -> TiltJoint:
     """Measure stiffness, damping and inertia of a scene's tilt joint from outside.
 
     Args:
@@ -186,7 +186,7 @@ def _frictionless(model: mujoco.MjModel, joint: str) -> mujoco.MjModel:
     return smooth
 
 
-def _static(scene: HeldScene, torque: float) -> float:
+def _static(scene: ClampedScene, torque: float) -> float:
     """Return the roll under a constant torque [rad]."""
     model = scene.model
     data = mujoco.MjData(model)
@@ -230,11 +230,11 @@ def _no_coupling(model: mujoco.MjModel, joint: str) -> bool:
 _SWITCHES: tuple[tuple[str, Callable[[mujoco.MjModel, str], bool]], ...] = (
     ("servos", _no_servos),
     ("wheels on the ground", _no_contacts),
-    ("coupling with all that hangs on it", _no_coupling),
+    ("the truck steering linkage", _no_coupling),
 )
 
 
-def _reach(scene: HeldScene) -> float:
+def _reach(scene: ClampedScene) -> float:
     """Return the tilt at which the first truck meets its limit [rad]."""
     model = scene.model
     tilt, reach = model.joint(scene.joint).id, float("inf")

@@ -15,7 +15,7 @@ import numpy as np
 from sim.board.bench import AfterStep
 from sim.board.bodies import FREE_JOINT, TILT_JOINT, Coupling
 from sim.board.scene import board_spec, integrator_name, set_trucks
-from sim.compensation.step import Compensation, closed_form, fit_inertia_and_damping, judge
+from sim.compensation.step import Compensation, closed_form, evaluate, fit_inertia_and_damping
 from sysid.board import Board
 from sysid.errors import HuskyError, did_you_mean
 from sysid.roll import Array
@@ -25,7 +25,7 @@ SETTLING = 1.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HeldScene:
+class ClampedScene:
     """A compiled scene with its chassis held, ready for a release."""
 
     model: mujoco.MjModel
@@ -48,7 +48,7 @@ def training_scene(
     timestep: float = 0.005,
     integrator: str = "implicitfast",
     coupling: Coupling = "equality",
-) -> HeldScene:
+) -> ClampedScene:
     """Build our scene of a board as written (compensated or not) and hold its chassis.
 
     Raises:
@@ -56,14 +56,14 @@ def training_scene(
     """
     spec = board_spec(board, timestep=timestep, integrator=integrator, coupling=coupling)
     hold(spec, TILT_JOINT)
-    return HeldScene(
+    return ClampedScene(
         model=spec.compile(),
         name=f"board on its wheels, {coupling} coupling, {integrator} at {1e3 * timestep:g} ms",
         after_step=_set_trucks(board) if coupling == "direct" else None,
     )
 
 
-def scene_from_file(path: Path, *, joint: str = TILT_JOINT, timestep: float | None = None) -> HeldScene:
+def scene_from_file(path: Path, *, joint: str = TILT_JOINT, timestep: float | None = None) -> ClampedScene:
     """Read any MJCF scene with a board in it and hold its chassis.
 
     Args:
@@ -94,7 +94,7 @@ def scene_from_file(path: Path, *, joint: str = TILT_JOINT, timestep: float | No
         spec.option.timestep = timestep
     hold(spec, joint)
     model = spec.compile()
-    return HeldScene(
+    return ClampedScene(
         model=model,
         joint=joint,
         name=f"{path.name}, {integrator_name(model)} at {1e3 * model.opt.timestep:g} ms",
@@ -159,7 +159,7 @@ def compensate_in_scene(
     start = closed_form(board, timestep=timestep, integrator=integrator)
     written = fit_inertia_and_damping(board, start, build, amplitudes, after_step=after_step)
     how = f"compensated in the scene ({coupling} coupling, wheels on the ground)"
-    return judge(board, written, build, amplitudes, how, after_step=after_step)
+    return evaluate(board, written, build, amplitudes, how, after_step=after_step)
 
 
 def _builder(

@@ -107,9 +107,9 @@ def compensate_step(
     plain = all(part.name in MEASUREMENT_EFFECTS or part.name == "inertia" for part in board.effects)
     amplitudes = release_amplitudes(board)
     if plain:
-        return judge(board, first, build, amplitudes, "compensated in closed form")
+        return evaluate(board, first, build, amplitudes, "compensated in closed form")
     fitted = fit_inertia_and_damping(board, first, build, amplitudes)
-    return judge(board, fitted, build, amplitudes, "compensated numerically")
+    return evaluate(board, fitted, build, amplitudes, "compensated numerically")
 
 
 def uncompensated(
@@ -122,7 +122,7 @@ def uncompensated(
             candidate, timestep=timestep, integrator=integrator, exact_effects=exact_effects
         ).compile()
 
-    return judge(board, board, build, release_amplitudes(board), "physical parameters")
+    return evaluate(board, board, build, release_amplitudes(board), "physical parameters")
 
 
 def closed_form(board: Board, *, timestep: float, integrator: str = "implicitfast") -> Board:
@@ -224,7 +224,7 @@ def fit_inertia_and_damping(
     return _knobs(start, found.x)
 
 
-def judge(
+def evaluate(
     board: Board,
     written: Board,
     build: Callable[[Board], mujoco.MjModel],
@@ -323,7 +323,8 @@ def _residual(model: mujoco.MjModel, release: _Release, rate: float, after_step:
 def _static_error(board: Board, build: Callable[[Board], mujoco.MjModel], written: Board) -> float:
     """Compare MuJoCo's torque at the full tilt, at rest, with the law's; effects with memory left out."""
     from sysid.effects import effect
-    from sysid.effects._base import Motion, NumpyAlgebra
+    from sysid.effects._algebra import NumpyAlgebra
+    from sysid.effects._base import JointState
 
     elastic = tuple(part for part in board.effects if not effect(part.name).states)
     model = build(replace(written, effects=elastic))
@@ -337,7 +338,7 @@ def _static_error(board: Board, build: Callable[[Board], mujoco.MjModel], writte
         simulated += math.copysign(1.0, x) * float(
             data.qfrc_passive[dof] - data.qfrc_bias[dof] + data.qfrc_actuator[dof]
         )
-        motion = Motion(np.float64(x), np.float64(0.0), np.float64(board.rest_angle + x), board.stiffness)
+        motion = JointState(np.float64(x), np.float64(0.0), np.float64(board.rest_angle + x), board.stiffness)
         torque = -board.stiffness * x
         for part in elastic:
             values = {name: quantity.value for name, quantity in part.parameters.items()}

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.errors import HuskyError
 from sysid.quantity import Quantity
 
@@ -26,7 +26,7 @@ def evaluate(
     randomised: bool = False,
     workers: int | None = None,
     breakdown: bool = False,
-    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"], group=OUTPUT)] = None,
     force: bool = False,
     common: Common = Common(),
 ) -> int:

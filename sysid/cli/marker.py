@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.errors import HuskyError
 
 _NO_COMMON = Common()
@@ -13,7 +13,7 @@ _NO_COMMON = Common()
 
 def marker(
     *,
-    output: Annotated[Path, Parameter(name=("--output", "-o"))] = Path("marker.pdf"),
+    output: Annotated[Path, Parameter(name=("--output", "-o"), group=OUTPUT)] = Path("marker.pdf"),
     number: Annotated[int, Parameter(name="--number")] = 0,
     common: Common = _NO_COMMON,
 ) -> int:

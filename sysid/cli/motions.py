@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.errors import HuskyError
 
 if TYPE_CHECKING:
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 def motions(
     *motion: Path,
-    plot: Annotated[Path | None, Parameter(name="--plot")] = None,
-    rerun: Annotated[Path | None, Parameter(name="--rerun")] = None,
+    plot: Annotated[Path | None, Parameter(name="--plot", group=OUTPUT)] = None,
+    rerun: Annotated[Path | None, Parameter(name="--rerun", group=OUTPUT)] = None,
     common: Common = Common(),
 ) -> int:
     """List reference motions and what they do; draw them, or play them in Rerun.

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.cli.ride_options import RideOptions, choose_renderer, prepare, write_ride
 
 
@@ -14,7 +14,7 @@ def play(
     /,
     *,
     options: RideOptions = RideOptions(),
-    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"], group=OUTPUT)] = None,
     viewer: bool = False,
     common: Common = Common(),
 ) -> int:

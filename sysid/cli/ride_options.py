@@ -117,7 +117,7 @@ def prepare(policy: str, options: RideOptions, printer: Printer, *, visuals: boo
         printer.note(note)
     if not board.passed:
         printer.warn(
-            f"board '{board.name}' has not passed `check`: its tilt joint may not move like the real one."
+            f"board '{board.name}' has not passed `check` as it is recorded now: its tilt joint may not move like the real one."
         )
     world.reset(speed=options.start_speed)
     return Ride(board, rider, world, commands)

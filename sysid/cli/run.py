@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.cli.ride_options import Ride, RideOptions, choose_renderer, prepare, write_ride
 from sysid.errors import HuskyError, QualityGateError
 
@@ -31,7 +31,7 @@ def run(
     keyboard: bool = False,
     viewer: bool = False,
     record: bool = False,
-    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"], group=OUTPUT)] = None,
     common: Common = Common(),
 ) -> int:
     """Run a policy in real time: 50 decisions a second over servos at 500 Hz.

@@ -199,7 +199,7 @@ def _gate(record: Board, force: bool, printer: Printer) -> None:
         return
     if not force:
         raise QualityGateError(
-            f"board '{record.name}' has not passed `husky-sysid check`: what is trained on it may not fit the real "
+            f"board '{record.name}' has not passed `husky-sysid check` as it is recorded now: what is trained on it may not fit the real "
             "board. Check it first, or train anyway with --force."
         )
     printer.warn(f"board '{record.name}' has not passed its check; training anyway")

@@ -15,9 +15,9 @@ from typing import Literal
 
 import numpy as np
 
-from sysid.decay.trace import Trace, head, lasting, traces_of
+from sysid.decay.trace import Trace, head, traces_of, with_ar1_errors
 from sysid.errors import HuskyError
-from sysid.releases.extrema import find_swing, legs_of
+from sysid.releases.extrema import half_cycles_of, smoothed
 from sysid.roll import Array, Release
 
 BEST_SENSOR = 1e-6
@@ -78,10 +78,10 @@ def fit_traces(releases: Sequence[Release]) -> TraceFit:
             "Record faster, or mark longer decays (--release, --to)."
         )
     poles = _start(traces, releases)
-    traces = [lasting(trace, math.sqrt(poles[0] ** 2 + poles[1])) for trace in traces]
+    traces = [with_ar1_errors(trace, math.sqrt(poles[0] ** 2 + poles[1])) for trace in traces]
     longest = max(float(trace.time[-1] - trace.time[0]) for trace in traces)
-    for cycles in (2.0, 5.0, 15.0):  # growing windows: a long trace has many wrong frequencies to lock on to
-        span = 2 * math.pi * cycles / math.sqrt(poles[0] ** 2 + poles[1])
+    for swings in (2.0, 5.0, 15.0):  # growing windows: a long trace has many wrong frequencies to lock on to
+        span = 2 * math.pi * swings / math.sqrt(poles[0] ** 2 + poles[1])
         if span < longest:
             poles = _search([head(trace, span) for trace in traces], poles)
     poles = _search(traces, poles)
@@ -108,16 +108,16 @@ def decay_basis(time: Array, a: float, q: float) -> tuple[Array, Array]:
 
 
 def _start(traces: Sequence[Trace], releases: Sequence[Release]) -> Array:
-    """Return a first (a, q): the best of a coarse grid on the first swings, paced by their legs."""
+    """Return a first (a, q): the best of a coarse grid on the first swings, paced by their swings."""
     paces: list[float] = []
     for trace, release in zip(traces, releases, strict=True):
-        legs = legs_of(find_swing(release.time, release.roll, float(np.median(release.std))))
-        large = [leg.duration for leg in legs if leg.size > 0.3 * max(leg.size for leg in legs)]
+        swings = half_cycles_of(smoothed(release))
+        large = [swing.duration for swing in swings if swing.size > 0.3 * max(swing.size for swing in swings)]
         paces += large[:6] or [float(trace.time[-1] - trace.time[0]) / 4]
     pace = float(np.median(paces))
     largest = sorted(traces, key=lambda trace: -float(np.ptp(trace.measured)))[:3]
     heads = [head(trace, 8.0 * pace) for trace in largest]
-    # A leg's 10 to 90 % time is 1.85/ω undamped and 2.6/ω near critical damping.
+    # A swing's 10 to 90 % time is 1.85/ω undamped and 2.6/ω near critical damping.
     grid = [
         np.array([zeta * omega, omega**2 * (1 - zeta**2)])
         for omega in np.array([1.4, 1.6, 1.8, 2.0, 2.3, 2.7]) / pace
@@ -136,9 +136,9 @@ def _project(trace: Trace, poles: Array) -> tuple[float, Array, Array, Array, Ar
     a, q = float(poles[0]), float(poles[1])
     time = trace.time - trace.time[0]
     u, v = decay_basis(time, a, q)
-    basis = trace.news(np.column_stack([u, v, np.ones_like(time)]))
+    basis = trace.whiten(np.column_stack([u, v, np.ones_like(time)]))
     orthogonal, triangle = np.linalg.qr(basis)
-    target = trace.news(trace.measured)
+    target = trace.whiten(trace.measured)
     if abs(np.diag(triangle)).min() < 1e-12 * abs(triangle).max():
         return math.inf, target, np.zeros((len(time), 2)), np.zeros(3), np.zeros((3, 3))
     inverse = np.linalg.inv(triangle)
@@ -146,7 +146,7 @@ def _project(trace: Trace, poles: Array) -> tuple[float, Array, Array, Array, Ar
     residual = target - basis @ coefficients
     by_q = (time * u - v) / (2 * q) if abs(q) * time[-1] ** 2 > 1e-3 else -np.exp(-a * time) * time**3 / 6
     c, s = coefficients[0], coefficients[1]
-    slope = trace.news(np.column_stack([-time * (c * u + s * v), -c * time * v / 2 + s * by_q]))
+    slope = trace.whiten(np.column_stack([-time * (c * u + s * v), -c * time * v / 2 + s * by_q]))
     jacobian = -(slope - orthogonal @ (orthogonal.T @ slope))
     return float(residual @ residual), residual, jacobian, coefficients, inverse @ inverse.T
 
@@ -192,7 +192,7 @@ def _with_uncertainty(traces: Sequence[Trace], poles: Array, signal: Literal["ro
     left = [trace.weight * (trace.measured - model) for trace, model in zip(traces, fitted, strict=True)]
     noise = max(sum(float(residual @ residual) for residual in left) / free, finest**2)
     # What a film's angle is off by lasts, so that a fit takes it up: the least is what the film itself states.
-    stated = float(np.mean([trace.stated**2 for trace in traces]))
+    stated = float(np.mean([trace.known_std**2 for trace in traces]))
     variance = max(sum(float(residual @ residual) for residual in residuals) / free, finest**2, stated)
     bread = np.asarray(np.linalg.inv(sum((j.T @ j for j in jacobians), np.zeros((2, 2)))), dtype=np.float64)
     rho = _correlation(residuals)

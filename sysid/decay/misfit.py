@@ -22,7 +22,7 @@ FEWEST = 1.5
 """Independent values that the fit leaves at least; it takes five up in a release alone."""
 
 
-def widened(trace: TraceFit, floor: NoiseFloor) -> tuple[TraceFit, float]:
+def inflate_covariance(trace: TraceFit, floor: NoiseFloor) -> tuple[TraceFit, float]:
     """Widen the covariance where the residual is surely more than noise.
 
     Args:
@@ -40,17 +40,17 @@ def widened(trace: TraceFit, floor: NoiseFloor) -> tuple[TraceFit, float]:
         since = fitted.trace.time - fitted.trace.time[0]
         moving = fitted.residual[since <= FADED / decay]
         power, count = power + float(moving @ moving), count + len(moving)
-        noise += len(moving) * max(floor.highest, fitted.trace.stated) ** 2
+        noise += len(moving) * max(floor.highest, fitted.trace.known_std) ** 2
         values += 1.0 + PER_PERIOD * min(float(since[-1]), FADED / decay) * trace.omega_n / (2 * math.pi)
     # Noise alone has no more than this: its square scatters by √(2/n) about a floor that is uncertain itself.
     noise *= 1.0 + Z95 * math.sqrt(2.0 / max(count, 1))
     if power <= noise:
         return trace, 1.0
-    if all(fitted.trace.stated for fitted in trace.releases):
+    if all(fitted.trace.known_std for fitted in trace.releases):
         # How long a film's errors last is in the covariance already: they are only larger than stated.
         larger = math.sqrt(power / noise)
         return replace(trace, covariance=trace.covariance * larger**2), larger
-    size = max(trace.noise**2, *(fitted.trace.stated**2 for fitted in trace.releases))
+    size = max(trace.noise**2, *(fitted.trace.known_std**2 for fitted in trace.releases))
     left = max(values - 2 - 3 * len(trace.releases), FEWEST)
     covariance = trace.white_covariance * (1.0 + (power - noise) / (left * size))
     growth = math.sqrt(float(np.mean(np.diag(covariance) / np.diag(trace.covariance))))

@@ -20,23 +20,23 @@ LEVELS_APART = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class Pattern:
+class Nonlinearity:
     """One systematic deviation from a linear decay."""
 
     effects: tuple[str, ...]
     """Effects of the catalogue that make it."""
     text: str
     """What is seen and what it means, one clause."""
-    misleads: bool = False
+    hidden_by_linear_fit: bool = False
     """Whether a linear decay can hide it within the noise, with wrong stiffness and damping."""
 
 
-def find_patterns(
+def find_nonlinearities(
     releases: Sequence[Release],
     peaks: Sequence[Sequence[Peak]],
     noise: float,
     rests: Sequence[Quantity] = (),
-) -> list[Pattern]:
+) -> list[Nonlinearity]:
     """Return the deviations that the peaks and rest levels show beyond their noise.
 
     Args:
@@ -49,7 +49,7 @@ def find_patterns(
     return [pattern for pattern in found if pattern is not None]
 
 
-def _levels(releases: Sequence[Release], rests: Sequence[Quantity]) -> Pattern | None:
+def _levels(releases: Sequence[Release], rests: Sequence[Quantity]) -> Nonlinearity | None:
     """Whether the releases come to rest at different angles.
 
     A spring brings the deck back to one angle. Dry friction F holds it anywhere within F/k of it, and a
@@ -74,7 +74,7 @@ def _levels(releases: Sequence[Release], rests: Sequence[Quantity]) -> Pattern |
         f"{math.degrees(CERTAIN * math.hypot(*np.sort(std)[-2:])):.1g}°"
     )
     if _drifts(releases, value, std):
-        return Pattern(("sensor-drift",), f"{seen}, and further the later: the sensor's zero drifts")
+        return Nonlinearity(("sensor-drift",), f"{seen}, and further the later: the sensor's zero drifts")
     sides = {release.side for release in releases}
     means = {
         side: [level for release, level in zip(releases, value, strict=True) if release.side == side]
@@ -88,7 +88,7 @@ def _levels(releases: Sequence[Release], rests: Sequence[Quantity]) -> Pattern |
         if by_side
         else "dry friction holds it there, or else the sensor's zero wanders"
     )
-    return Pattern(("coulomb", "stribeck"), f"{seen}, {cause}", misleads=True)
+    return Nonlinearity(("coulomb", "stribeck"), f"{seen}, {cause}", hidden_by_linear_fit=True)
 
 
 def _drifts(releases: Sequence[Release], value: Array, std: Array) -> bool:
@@ -102,7 +102,7 @@ def _drifts(releases: Sequence[Release], value: Array, std: Array) -> bool:
     return bool(np.abs(left).max() < CERTAIN and np.abs(left * std).max() < 0.2 * np.ptp(value))
 
 
-def _loss(peaks: Sequence[Sequence[Peak]]) -> Pattern | None:
+def _loss(peaks: Sequence[Sequence[Peak]]) -> Nonlinearity | None:
     """How the amplitude lost per cycle depends on the amplitude.
 
     A linear decay loses in proportion. Dry friction adds a constant, so a line through (amplitude, loss)
@@ -121,19 +121,19 @@ def _loss(peaks: Sequence[Sequence[Peak]]) -> Pattern | None:
     if abs(intercept) < CERTAIN * intercept_std or share < 0.1:
         return None
     if intercept > 0:
-        return Pattern(
+        return Nonlinearity(
             ("coulomb", "stribeck"),
             "each swing loses nearly the same angle however small it is, so the log-amplitude line bends down: "
             "dry friction",
         )
-    return Pattern(
+    return Nonlinearity(
         ("quadratic-damping", "cubic-damping"),
         "large swings lose more than their share, so the log-amplitude line bends up: damping that grows with "
         "the speed",
     )
 
 
-def _period(peaks: Sequence[Sequence[Peak]]) -> Pattern | None:
+def _period(peaks: Sequence[Sequence[Peak]]) -> Nonlinearity | None:
     """How the time between peaks depends on the amplitude."""
     points = [
         (
@@ -154,23 +154,23 @@ def _period(peaks: Sequence[Sequence[Peak]]) -> Pattern | None:
     if abs(slope) < CERTAIN * slope_std or abs(change) < 0.004:
         return None
     if slope > 0:
-        return Pattern(
+        return Nonlinearity(
             ("gravity", "cubic-stiffness"),
             f"the period is {100 * change:.1f} % longer at the largest swing than at the smallest: stiffness that "
             "softens with the angle, as gravity on a pendulum",
         )
-    return Pattern(
+    return Nonlinearity(
         ("cubic-stiffness", "freeplay", "end-stop"),
         f"the period is {-100 * change:.1f} % shorter at the largest swing than at the smallest: stiffness that "
         "hardens with the angle, or free play about rest",
     )
 
 
-def _stop(releases: Sequence[Release], peaks: Sequence[Sequence[Peak]], noise: float) -> Pattern | None:
+def _stop(releases: Sequence[Release], peaks: Sequence[Sequence[Peak]], noise: float) -> Nonlinearity | None:
     """Whether a decay stops beside the angle that it swung about."""
     for release, group in zip(releases, peaks, strict=True):
         chosen = [peak for peak in group if peak.number > 0 or len(group) < 4][:3]
-        if release.end != "rest" or len(chosen) < 3 or release.origin == "gyro":
+        if release.end != "rest" or len(chosen) < 3 or release.measured == "rate":
             continue
         a, b, c = (peak.roll for peak in chosen)
         bend = a + c - 2 * b
@@ -179,7 +179,7 @@ def _stop(releases: Sequence[Release], peaks: Sequence[Sequence[Peak]], noise: f
         middle_std = float(np.linalg.norm(gains * np.array([peak.std for peak in chosen])))
         off = release.rest - middle
         if abs(off) > max(CERTAIN * math.hypot(middle_std, noise / 3), 0.015 * release.amplitude):
-            return Pattern(
+            return Nonlinearity(
                 ("coulomb", "stribeck"),
                 f"it stops {math.degrees(abs(off)):.2g}° beside the middle of its swing: dry friction holds it there",
             )

@@ -9,7 +9,7 @@ import numpy as np
 
 from sysid.decay.linear_fit import decay_basis
 from sysid.quantity import Quantity, t95
-from sysid.releases.extrema import find_swing
+from sysid.releases.extrema import smooth_signal
 from sysid.roll import Array, Release
 
 WINDOW = 0.7
@@ -65,8 +65,8 @@ def find_peaks(release: Release, rest: float, omega_n: float, omega_d: float, no
         omega_d: Frequency of the oscillation, for the numbers of the half-cycles [rad/s].
         noise: Standard deviation of one sample [rad], positive.
     """
-    swing = find_swing(release.time, release.roll, noise)
-    offset = np.interp(release.time, swing.time, swing.roll) - rest
+    signal = smooth_signal(release.time, release.roll, noise)
+    offset = np.interp(release.time, signal.time, signal.roll) - rest
     first = _release_peak(release, rest, omega_n, omega_d, noise) if release.hold > 0 else None
     peaks = [] if first is None else [first]
     passages = np.flatnonzero(np.diff(np.sign(offset)) != 0)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from sysid.board import Board
 from sysid.decay.numbers import DecayNumbers
 from sysid.errors import HuskyError
-from sysid.roll import Release
+from sysid.roll import Release, shown
 
 APART = 3.0
 """A number lies outside the record from this many standard deviations of the difference on."""
@@ -33,7 +33,7 @@ def amplitude_warnings(releases: Sequence[Release], board: Board) -> list[str]:
     """
     largest = max(releases, key=lambda release: release.amplitude)
     limit = board.tilt["range"].value
-    where = f"{largest.log}: the release at {largest.start:.4g} s starts"
+    where = f"{largest.log}: the release at {shown(largest.start)} starts"
     if largest.amplitude > math.pi:
         raise HuskyError(
             f"{where} {largest.amplitude:.4g} rad from rest, more than half a turn; the joint of board "

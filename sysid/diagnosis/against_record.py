@@ -14,9 +14,10 @@ from sysid.effects import catalogue, effect
 from sysid.fitting.covariance import parameter_covariance
 from sysid.fitting.problem import Problem
 from sysid.fitting.search import FRICTION
-from sysid.joint.equations import structure_of
+from sysid.joint.structure import structure_of
 from sysid.least_squares import Normal, minimise
-from sysid.noise.floor import correlation_length, sensor_step
+from sysid.noise.floor import pooled_step
+from sysid.noise.whiteness import correlation_length
 from sysid.quantity import Quantity
 from sysid.roll import Array
 
@@ -64,13 +65,13 @@ def _shift(
     model: Model, board: Board, covariance: np.ndarray, names: list[str], named: tuple[str, ...]
 ) -> Deviation:
     """Name the rest angle if it moved; what moved it cannot be told. `named` is said already and may explain it."""
-    if "rest_angle" not in names or model.problem.bias == "own" or "gravity" in model.effects:
+    if "rest_angle" not in names or model.problem.bias == "per-release" or "gravity" in model.effects:
         return Deviation()
     if model.problem.records[0].is_rate:
         return Deviation()
     index = names.index("rest_angle")
     moved = model.parameters["rest_angle"] - board.rest_angle
-    rounding = sensor_step([r.release for r in model.problem.records], rate=False) / np.sqrt(12)
+    rounding = pooled_step([r.release for r in model.problem.records], rate=False) / np.sqrt(12)
     known = board.tilt["rest_angle"].std
     deviation = float(np.sqrt(covariance[index, index] + known**2 + rounding**2))
     if abs(moved) < SURE * deviation or abs(moved) < 0.1 * model.problem.records[0].std:
@@ -104,11 +105,10 @@ def _shift(
 def _worse(model: Model, rest_angle: float, *more: str) -> float:
     """Return how much worse a model fits with its rest angle held, and with effects more, in χ² of the residual."""
     problem = model.problem
-    held = Problem(
-        structure_of(tuple(sorted((*model.effects, *more)))), problem.records, problem.scales, bias=problem.bias,
-        fixed={**problem.fixed, "rest_angle": rest_angle}, free_states=problem.free_states,
-        steps_per_period=problem.steps_per_period,
-    )  # fmt: skip
+    held = problem.with_(
+        structure=structure_of(tuple(sorted((*model.effects, *more)))),
+        fixed={**problem.fixed, "rest_angle": rest_angle},
+    )
     known = {**dict.fromkeys(held.names, 0.0), **model.parameters}
     rough = [name for name in FRICTION if name in held.names]
     starts = [
@@ -171,10 +171,7 @@ def _faithful(model: Model, board: Board) -> list[tuple[str, float]]:
             or name in (*model.effects, "gravity", *_SHIFTING)
         ):
             continue
-        richer = Problem(
-            structure_of((*model.effects, name)), problem.records, problem.scales, bias=problem.bias,
-            fixed=problem.fixed, free_states=problem.free_states, steps_per_period=problem.steps_per_period,
-        )  # fmt: skip
+        richer = problem.with_(structure=structure_of((*model.effects, name)))
         prior = [(richer.names.index(key), board.tilt[key]) for key in ("stiffness", "damping")]
         sizes = richer.sizes()
 

@@ -14,7 +14,7 @@ from sysid.diagnosis.outside_catalogue import Unnamed, unnamed_torques
 from sysid.diagnosis.search import Model
 from sysid.diagnosis.verdict import TIE, Case, Judgement, verdict_on
 from sysid.diagnosis.wording import deciding_experiment, is_or_are, it_or_them, listed, shares_in_words
-from sysid.fit_mjcf import strength
+from sysid.fitting.result import strength
 from sysid.fitting.search import fit_each
 
 BEYOND_DOUBT = 6.0

@@ -11,7 +11,7 @@ import numpy as np
 from sysid.diagnosis.search import Model
 from sysid.diagnosis.verdict import Case, Judgement, motion_rms, verdict_on
 from sysid.diagnosis.wording import deciding_experiment, is_or_are, it_or_them, listed, shares_in_words
-from sysid.fit_mjcf import strength
+from sysid.fitting.result import strength
 
 PRECISE = 10.0
 """Residual over noise floor from which the sensor sees more than any model of a joint holds."""
@@ -33,7 +33,7 @@ def judge_prediction(case: Case) -> Judgement:
     if not few:
         return _unexplained(case, case.base, 0.0)
     # Internal states that are fitted to the very release that is to be predicted make that easier.
-    fair = [m for m in few if not (m.problem.free_states and m.problem.structure.memories)] or few
+    fair = [m for m in few if not (m.problem.free_states and m.problem.structure.internal_states)] or few
     best = min(fair, key=lambda m: m.heldout_rmse)
     near = [
         m for m in few

@@ -8,25 +8,33 @@ counts, and the simplest model within one standard error of the best prediction 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from sysid.board import Board
 from sysid.decay.plausibility import amplitude_warnings
+from sysid.diagnosis import report as diagnosis_report
 from sysid.diagnosis.by_likelihood import judge_noise, likeliest
 from sysid.diagnosis.by_prediction import judge_prediction
+from sysid.diagnosis.report import fittable
 from sysid.diagnosis.residual_tests import WHITE, noise_left, whiteness
 from sysid.diagnosis.scores import extended_bic, yardstick
 from sysid.diagnosis.search import Model, Progress, Searcher
-from sysid.diagnosis.verdict import Case, Judgement, Verdict, heldout_nrmse
+from sysid.diagnosis.verdict import Case, Judgement, Status, Verdict, heldout_nrmse
 from sysid.diagnosis.workers import Crew
 from sysid.errors import HuskyError
 from sysid.fitting.covariance import parameter_quantities
-from sysid.fitting.problem import Bias, make_records
+from sysid.fitting.records import Signal, make_records, signal_of
 from sysid.fitting.search import scales_of
 from sysid.noise.floor import NoiseFloor, noise_floor
 from sysid.quantity import Quantity
+from sysid.recording import Data, Recording, reading_warnings, unpack
 from sysid.roll import Release
+from sysid.text import WIDTH
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FAR = 30.0
 """Difference of score while screening from which a model is out of the running."""
@@ -57,7 +65,8 @@ class Diagnosis:
     verdict: Verdict
     shares: Mapping[str, float]
     """Peak torque of each missing effect over the peak torque of the joint."""
-    warnings: tuple[str, ...]
+    doubts: tuple[str, ...]
+    """What is odd about the releases for this board, or doubtful about the verdict."""
     heldout_before: tuple[float, ...]
     """Error of predicting each release from the others, over its RMS motion: without what is missing."""
     heldout_after: tuple[float, ...]
@@ -66,30 +75,78 @@ class Diagnosis:
     base: Model = field(repr=False)
     swing_frequency: float | None = None
     """Where a rate was fitted, and errors are rates: the joint's natural frequency [rad/s]."""
+    board: str
+    releases: int
+    """How many were judged."""
+    recordings: tuple[Recording, ...] = ()
+    """The logs, where they were given whole."""
+    logs: tuple[str, ...]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is wrong with the logs, or doubtful about them for this board and this verdict."""
+        return (*reading_warnings(self.recordings), *self.doubts)
+
+    @property
+    def status(self) -> Status:
+        """'none-missing', 'missing' or 'unexplained'."""
+        return self.verdict.status
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """What `fit` should add: the effects that are missing, if the verdict names any."""
+        return fittable(self.verdict.effects) if self.status == "missing" else ()
+
+    def report(self, width: int = WIDTH) -> str:
+        """Return what `husky-sysid diagnose` prints, in tables of at most `width` characters."""
+        return diagnosis_report.report(self, width)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what `husky-sysid diagnose --json` writes."""
+        return diagnosis_report.to_json(self)
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return one row a model, best first: effects, rmse, heldout_rmse [rad or rad/s], score."""
+        import pandas as pd
+
+        return pd.DataFrame(
+            [
+                {
+                    "effects": c.effects,
+                    "rmse": c.rmse,
+                    "heldout_rmse": c.heldout_rmse,
+                    "score": c.score,
+                    **{name: quantity.value for name, quantity in c.parameters.items()},
+                }
+                for c in self.candidates
+            ]
+        )
 
 
 def diagnose(
-    releases: Sequence[Release],
+    data: Data,
     board: Board,
     *,
-    bias: Bias = "shared",
-    use_rate: bool = False,
+    signal: Signal = "auto",
     workers: int = 1,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Fit the catalogue to releases and judge what the board's record is missing.
+    """Fit the catalogue to recordings and judge what the board's record is missing.
 
     Args:
-        releases: Free decays of one board; with one only, its second half is predicted from its first.
+        data: Free decays of one board: a recording, several, or releases; of one release only, its second half is
+            predicted from its first.
         board: The record; its effects are in every model.
-        bias: One sensor zero for all releases, or one each.
-        use_rate: Fit the measured rate instead of the roll.
+        signal: What is fitted.
         workers: Processes; with more than one, a script must guard its main part.
         progress: Called as the search goes on.
 
     Raises:
         HuskyError: The releases are too short, or their unit is wrong.
     """
+    recordings, releases = unpack(data)
+    chosen = signal_of(releases, signal)
+    bias, use_rate = chosen["bias"], chosen["use_rate"]
     noise = noise_floor(releases, rate=use_rate)
     records = make_records(releases, noise.std, rate=use_rate)
     scales = scales_of(records, board)
@@ -98,7 +155,7 @@ def diagnose(
     with Crew(workers) as crew:
         searcher = Searcher(
             records=records, scales=scales, bias=bias, base=tuple(sorted(p.name for p in board.effects)),
-            fixed={"rest_angle": board.rest_angle} if bias == "own" or use_rate else {},
+            fixed={"rest_angle": board.rest_angle} if bias == "per-release" or use_rate else {},
             crew=crew, progress=progress,
         )  # fmt: skip
         models, final = _search(searcher, period)
@@ -120,7 +177,11 @@ def diagnose(
         candidates=tuple(_candidate(case, m) for m in (*final, *others)),
         verdict=verdict,
         shares=shares,
-        warnings=tuple(warnings),
+        doubts=tuple(warnings),
+        board=board.name,
+        releases=len(releases),
+        recordings=recordings,
+        logs=tuple(dict.fromkeys(release.log for release in releases)),
         heldout_before=heldout_nrmse(base),
         heldout_after=heldout_nrmse(best),
         best=best,

@@ -9,19 +9,10 @@ from dataclasses import dataclass
 
 from sysid.diagnosis.score_statistic import SHAPES, Shape
 from sysid.diagnosis.search import COARSE, FINE, Model, Searcher, defaults
-from sysid.effects._base import (
-    Algebra,
-    Effect,
-    Motion,
-    MujocoSupport,
-    Parameter,
-    State,
-    Value,
-    Values,
-    belongs_to_log,
-)
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import Effect, JointState, MujocoSupport, Parameter, State, belongs_to_log
 from sysid.fitting.problem import Problem
-from sysid.joint.equations import Structure
+from sysid.joint.structure import Structure
 from sysid.least_squares import minimise
 
 UNNAMED: dict[str, str] = {
@@ -112,7 +103,7 @@ def unnamed_model(
         begin: The same, fitted to averages; it is refined to single samples.
     """
     structure = Structure(kept, (_shaped(shape),))
-    memory = bool(Structure(kept).memories)
+    memory = bool(Structure(kept).internal_states)
     steps = int((COARSE if begin is None else FINE) * structure.sharpness)
     problem = Problem(
         structure, searcher.records, searcher.scales, bias=searcher.bias, steps_per_period=steps,
@@ -135,7 +126,7 @@ def unnamed_model(
 def _shaped(name: str) -> Effect:
     terms = (SHAPES[name], *_BENT.get(name, ()))
 
-    def torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Value:
+    def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
         x, v = motion.tilt / parameters["amplitude"], motion.rate / parameters["speed"]
         t = states[0] / parameters["duration"] if states else 0.0
         parts = [parameters[f"strength_{i}"] * shape(m, x, v, t) for i, shape in enumerate(terms)]

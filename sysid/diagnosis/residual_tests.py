@@ -12,7 +12,8 @@ import numpy as np
 from sysid.diagnosis.score_statistic import score_test
 from sysid.diagnosis.search import Model
 from sysid.noise.autoregression import ResidualNoise, residual_noise
-from sysid.noise.floor import NoiseFloor, autocorrelation, band_excess, correlation_length
+from sysid.noise.floor import FROM_SCATTER, NoiseFloor
+from sysid.noise.whiteness import autocorrelation, band_excess, correlation_length
 from sysid.roll import Array
 
 WHITE = 1e-3
@@ -105,7 +106,7 @@ def noise_left(model: Model, floor: NoiseFloor, period: float) -> NoiseFloor:
 
     Only where differences agree; a sensor that smooths or has steps keeps its own estimate.
     """
-    if not floor.how.startswith("from high-order differences"):
+    if not floor.how.startswith(FROM_SCATTER):
         return floor
     if kind_of(model, period) == "coloured":
         length = (

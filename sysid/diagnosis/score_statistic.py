@@ -13,19 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from sysid.effects._base import (
-    Algebra,
-    Effect,
-    Motion,
-    MujocoSupport,
-    Parameter,
-    State,
-    Value,
-    Values,
-    belongs_to_log,
-)
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import Effect, JointState, MujocoSupport, Parameter, State, belongs_to_log
 from sysid.fitting.problem import Problem
-from sysid.joint.equations import Structure
+from sysid.joint.structure import Structure
 from sysid.noise.autoregression import ResidualNoise
 from sysid.roll import Array
 
@@ -79,23 +70,20 @@ def score_test(problem: Problem, point: Array, noise: ResidualNoise | None = Non
         "probe.speed": scales.rate,
         "probe.duration": scales.duration,
     }
-    probed = Problem(
-        Structure(problem.structure.effects, (_PROBE,)), problem.records, scales, bias=problem.bias, fixed=fixed,
-        free_states=problem.free_states, steps_per_period=problem.steps_per_period,
-    )  # fmt: skip
+    probed = problem.with_(structure=Structure(problem.structure.effects, (_PROBE,)), fixed=fixed)
     shared = len(problem.names)
-    count, own = len(probed.names) - shared, problem.own
-    extra = probed.own - own  # the probes' clock, where internal states are free
+    count, own = len(probed.names) - shared, problem.n_local
+    extra = probed.n_local - own  # the probes' clock, where internal states are free
     begins = np.reshape(point[shared:], (len(problem.records), own))
-    at = 2 + len(problem.structure.memories) if problem.free_states else own
+    at = 2 + len(problem.structure.internal_states) if problem.free_states else own
     begins = np.insert(begins, [at] * extra, 0.0, axis=1)
     unknowns = np.concatenate([point[:shared], np.zeros(count), begins.ravel()])
     sizes = probed.sizes()
     rows, values = [], []
     for index, (residual, jacobian) in enumerate(probed.linearise(unknowns)):
         std = problem.records[index].std
-        first = shared + count + index * probed.own
-        where = np.r_[0 : shared + count, first : first + probed.own]
+        first = shared + count + index * probed.n_local
+        where = np.r_[0 : shared + count, first : first + probed.n_local]
         block = np.zeros((len(residual), len(sizes)))
         block[:, where] = jacobian * sizes[where] / std
         rows.append(_whitened(block, noise))
@@ -141,7 +129,7 @@ def _basis(table: Array, small: float) -> Array:
     return vectors[:, sizes > small * sizes[0]]
 
 
-def _torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Any:
+def _torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Any:
     x, v = motion.tilt / parameters["amplitude"], motion.rate / parameters["speed"]
     t = states[0] / parameters["duration"]
     terms = [parameters[f"c{index}"] * shape(m, x, v, t) for index, shape in enumerate(SHAPES.values())]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.diagnosis.search import Model
-from sysid.noise.floor import correlation_length
+from sysid.noise.whiteness import correlation_length
 
 
 @dataclass(frozen=True, slots=True)

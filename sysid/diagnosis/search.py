@@ -12,9 +12,11 @@ import numpy as np
 from sysid.diagnosis.workers import Crew
 from sysid.effects import catalogue
 from sysid.effects._base import Scales
-from sysid.fitting.problem import Bias, Problem, Record
-from sysid.fitting.search import first_swings, replace_records, search
-from sysid.joint.equations import structure_of
+from sysid.fitting.cross_validation import heldout_residuals
+from sysid.fitting.problem import Problem
+from sysid.fitting.records import Bias, Record
+from sysid.fitting.search import first_swings, search
+from sysid.joint.structure import structure_of
 from sysid.least_squares import Minimum, minimise
 from sysid.roll import Array
 
@@ -60,7 +62,7 @@ class Model:
     @property
     def size(self) -> int:
         """Number of parameters of the physics, and of internal states beyond roll and rate that were fitted."""
-        states = self.problem.own - 2 - (self.problem.bias == "own")
+        states = self.problem.n_local - 2 - (self.problem.bias == "per-release")
         return len(self.problem.names) + states * len(self.problem.records)
 
     @property
@@ -160,12 +162,12 @@ class Searcher:
         for known in (one, other):
             new = set(effects) - set(known.effects)
             # A model without friction gave the damper all of the loss.
-            left = FRICTIONLESS if structure_of(tuple(new)).turns else 1.0
+            left = FRICTIONLESS if structure_of(tuple(new)).has_dry_friction else 1.0
             damping = left * known.parameters["damping"]
             starts += [{**little, **known.parameters, "damping": damping} for little in self._little(new)]
         bounds = problem.bounds()
         # A start that is a little off is far off after many swings, so the first ones rank starts better, and sooner.
-        early = replace_records(problem, [first_swings(r, self.scales, EARLY) for r in self.records])
+        early = problem.with_(records=[first_swings(r, self.scales, EARLY) for r in self.records])
         first = [minimise(early.normal, early.start(start), *bounds, iterations=1) for start in starts]
         first.sort(key=lambda trial: trial.normal.cost)
         trials = [
@@ -221,21 +223,15 @@ class Searcher:
 
     def polished(self, model: Model) -> Model:
         """Refine a model on the fine grid, and see whether free internal states at release fit better."""
-        fine = Problem(
-            model.problem.structure, self.records, self.scales, bias=self.bias, fixed=model.problem.fixed,
-            steps_per_period=_fine(model.effects), free_states=model.problem.free_states,
-        )  # fmt: skip
+        fine = model.problem.with_(steps_per_period=_fine(model.effects), average=1)
         minimum = minimise(
             fine.normal, model.minimum.point, *fine.bounds(), iterations=30, tolerance=POLISHED
         )
         result = Model(effects=model.effects, problem=fine, minimum=minimum)
-        states = len(fine.structure.memories)
+        states = len(fine.structure.internal_states)
         if not states or fine.free_states:
             return result
-        freed = Problem(
-            fine.structure, self.records, self.scales, bias=self.bias, fixed=fine.fixed,
-            steps_per_period=fine.steps_per_period, free_states=True,
-        )  # fmt: skip
+        freed = fine.with_(free_states=True)
         start = freed.start(result.parameters)
         start[: len(fine.names)] = minimum.point[: len(fine.names)]
         other = Model(
@@ -305,7 +301,7 @@ class Searcher:
                 rest = tuple(n for n in model.effects if n != part.name)
                 if len(rest) > len(self.base):
                     jobs.append((model, rest, [{}]))
-                for simpler, turned in part.becomes:
+                for simpler, turned in part.limiting_cases:
                     starts = [] if simpler in model.effects else turned(model.parameters)
                     if starts:
                         jobs.append((model, tuple(sorted((*rest, simpler))), starts))
@@ -327,15 +323,20 @@ class Searcher:
             changes: For each start, parameters that are elsewhere, or that the model did not have.
         """
         larger = model.problem
-        problem = Problem(
-            structure_of(effects), self.records, self.scales, bias=self.bias, steps_per_period=_coarse(effects),
-            fixed={**defaults(effects), **self.fixed}, average=self.average, free_states=larger.free_states,
-        )  # fmt: skip
+        problem = larger.with_(
+            structure=structure_of(effects),
+            steps_per_period=_coarse(effects),
+            fixed={**defaults(effects), **self.fixed},
+            average=self.average,
+        )
         found: list[Minimum] = []
         for changed in changes:
             start = problem.start({**model.parameters, **changed})
             for index in range(len(self.records)):
-                mine, its = len(problem.names) + index * problem.own, len(larger.names) + index * larger.own
+                mine, its = (
+                    len(problem.names) + index * problem.n_local,
+                    len(larger.names) + index * larger.n_local,
+                )
                 start[mine : mine + 2] = model.minimum.point[its : its + 2]
             found.append(minimise(problem.normal, start, *problem.bounds(), iterations=20, tolerance=1e-5))
         return Model(effects=effects, problem=problem, minimum=min(found, key=lambda m: m.normal.cost))
@@ -346,38 +347,7 @@ class Searcher:
 
     def predicted(self, model: Model) -> Model:
         """Return the model with its held-out residuals."""
-        if len(self.records) == 1:
-            return replace(model, heldout=(self._forecast(model),))
-        return replace(
-            model, heldout=tuple(self._left_out(model, index) for index in range(len(self.records)))
-        )
-
-    def _left_out(self, model: Model, index: int) -> Array:
-        """Fit the physics to the other releases, then only roll and rate at release to this one."""
-        problem, shared, own = model.problem, len(model.problem.names), model.problem.own
-        others = [i for i in range(len(self.records)) if i != index]
-        training = replace_records(problem, [self.records[i] for i in others])
-        pick = np.r_[0:shared, *(np.arange(shared + i * own, shared + (i + 1) * own) for i in others)]
-        fitted = minimise(
-            training.normal, model.minimum.point[pick], *training.bounds(), iterations=10, tolerance=1e-5
-        )
-        held = Problem(
-            problem.structure, [self.records[index]], self.scales, bias=self.bias,
-            fixed={**problem.fixed, **training.parameters(fitted.point)},
-            free_states=problem.free_states, steps_per_period=problem.steps_per_period,
-        )  # fmt: skip
-        start = model.minimum.point[shared + index * own : shared + (index + 1) * own]
-        found = minimise(held.normal, start, *held.bounds(), iterations=12)
-        return held.residuals(found.point)[0]
-
-    def _forecast(self, model: Model) -> Array:
-        """Fit the first half of the motion and predict the second."""
-        problem, record = model.problem, self.records[0]
-        half = len(record.time) // 2
-        first = replace(record, time=record.time[:half], signal=record.signal[:half])
-        training = replace_records(problem, [first])
-        fitted = minimise(training.normal, model.minimum.point, *training.bounds(), iterations=25)
-        return problem.residuals(fitted.point)[0][half:]
+        return replace(model, heldout=heldout_residuals(model.problem, model.minimum))
 
 
 def _coarse(effects: Sequence[str]) -> int:

@@ -10,77 +10,18 @@ The law of the tilt joint, with roll φ, tilt x = φ - rest angle and rate v:
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
+
+from sysid.effects._algebra import Algebra, Value, Values
 
 if TYPE_CHECKING:
     import mujoco
 
-Value = Any
-"""A CasADi expression or a numpy array: laws are written once for both."""
-Values = Mapping[str, Value]
-"""An effect's parameters by name."""
-
-
-class Algebra(Protocol):
-    """The functions that a torque law may use beyond + - * / **."""
-
-    def sin(self, x: Value) -> Value:
-        """Sine."""
-        ...
-
-    def exp(self, x: Value) -> Value:
-        """Exponential."""
-        ...
-
-    def abs(self, x: Value) -> Value:
-        """Absolute value."""
-        ...
-
-    def minimum(self, a: Value, b: Value) -> Value:
-        """The smaller."""
-        ...
-
-    def maximum(self, a: Value, b: Value) -> Value:
-        """The larger."""
-        ...
-
-    def where(self, condition: Value, yes: Value, no: Value) -> Value:
-        """`yes` where the condition holds, else `no`."""
-        ...
-
-
-class NumpyAlgebra:
-    """Torque laws on plain numbers and arrays."""
-
-    def sin(self, x: Value) -> Value:
-        """Sine."""
-        return np.sin(x)
-
-    def exp(self, x: Value) -> Value:
-        """Exponential."""
-        return np.exp(x)
-
-    def abs(self, x: Value) -> Value:
-        """Absolute value."""
-        return np.abs(x)
-
-    def minimum(self, a: Value, b: Value) -> Value:
-        """The smaller."""
-        return np.minimum(a, b)
-
-    def maximum(self, a: Value, b: Value) -> Value:
-        """The larger."""
-        return np.maximum(a, b)
-
-    def where(self, condition: Value, yes: Value, no: Value) -> Value:
-        """`yes` where the condition holds, else `no`."""
-        return np.where(condition, yes, no)
-
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class JointState:
     """Where the joint is, as a torque law sees it."""
 
     tilt: Value
@@ -158,15 +99,15 @@ class State:
     """`start(m, tilt, hold, stiffness, parameters)`: its value at release, after a hold of that length."""
     size: Callable[[Scales], float]
     """Its typical size, for scaling when it is fitted."""
-    rate: Callable[[Algebra, Motion, Value, Values], Value] | None = None
+    rate: Callable[[Algebra, JointState, Value, Values], Value] | None = None
     """`rate(m, motion, z, parameters)`: its time derivative."""
-    late: Callable[[Algebra, Value, Value, Value, Values], Value] | None = None
-    """For a sensor's: `late(m, roll, rate, acceleration, parameters)`, its value at a release noticed late, when the deck
+    late_release: Callable[[Algebra, Value, Value, Value, Values], Value] | None = None
+    """For a sensor's: `late_release(m, roll, rate, acceleration, parameters)`, its value at a release noticed late, when the deck
     has that rate already."""
-    hides: Callable[[float, float, Mapping[str, float]], float] | None = None
-    """For a sensor's: `hides(acceleration, noise, parameters)`, for how long a release does not show in its reading [s]."""
-    slip: Callable[[Algebra, Value, Values], Value] | None = None
-    """For rate-independent states: z follows the tilt, and `slip(m, z, parameters)` limits it."""
+    detection_delay: Callable[[float, float, Mapping[str, float]], float] | None = None
+    """For a sensor's: `detection_delay(acceleration, noise, parameters)`, for how long a release does not show in its reading [s]."""
+    return_map: Callable[[Algebra, Value, Values], Value] | None = None
+    """For rate-independent states: z follows the tilt, and `return_map(m, z, parameters)` limits it."""
 
 
 Runner = Literal["native", "native since 3.7", "native since 4.0", "substitute", "no"]
@@ -246,7 +187,7 @@ def belongs_to_log(
     return ()
 
 
-def no_torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Value:
+def no_torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return zero torque."""
     del m, motion, parameters, states
     return 0.0
@@ -280,21 +221,21 @@ class Effect:
     to_mjcf: ToMjcf
     example: tuple[float, ...]
     """Parameters that show the effect clearly on the `pink` board, for pictures and tests."""
-    torque: Callable[[Algebra, Motion, Values, Sequence[Value]], Value] = no_torque
+    torque: Callable[[Algebra, JointState, Values, Sequence[Value]], Value] = no_torque
     """`torque(m, motion, parameters, states)` [N*m], without dry friction."""
     friction: Callable[[Algebra, Value, Values], Value] | None = None
     """`friction(m, speed, parameters)` [N*m] ≥ 0: dry friction at |v|; at speed 0, what it takes to slide."""
-    leaned_on: bool = False
+    acts_during_hold: bool = False
     """Whether a hand can hold the board against it, so that a release sets off faster than the spring alone makes it."""
-    becomes: tuple[tuple[str, Callable[[Values], Sequence[dict[str, float]]]], ...] = ()
+    limiting_cases: tuple[tuple[str, Callable[[Values], Sequence[dict[str, float]]]], ...] = ()
     """Simpler effects that this one turns into at the edge of its parameters, by name. The function takes all parameters of a
     joint ('stiffness', 'effect.parameter') and returns starts: those that change and those of the simpler effect; none far
     from the edge."""
-    kinked: bool = False
+    nonsmooth: bool = False
     """Whether its torque bends where no turning point is: a search then needs finer steps, and shorter first looks."""
     sharpness: float = 1.0
     """How many times the integration steps of a smooth joint it needs, for kinks or a mode of its own: with a sensor of
-    0.04° at 1 kHz the integration should then change χ² by less than one, or by less than ten where it is kinked."""
+    0.04° at 1 kHz the integration should then change χ² by less than one, or by less than ten where it is nonsmooth."""
     states: tuple[State, ...] = field(default=())
 
     @property

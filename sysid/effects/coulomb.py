@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from sysid.effects._base import Algebra, Effect, MujocoSupport, Parameter, Value, Values
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import Effect, MujocoSupport, Parameter
 
 if TYPE_CHECKING:
     import mujoco

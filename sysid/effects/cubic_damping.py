@@ -3,13 +3,14 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from sysid.effects._base import Algebra, Effect, Motion, MujocoSupport, Parameter, Value, Values
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import Effect, JointState, MujocoSupport, Parameter
 
 if TYPE_CHECKING:
     import mujoco
 
 
-def torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return -c v³ [N*m]."""
     del m, states
     return -parameters["coefficient"] * motion.rate**3

@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 from math import isnan
 from typing import TYPE_CHECKING
 
-from sysid.effects._base import Algebra, Effect, Motion, MujocoSupport, Parameter, Value, Values
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import Effect, JointState, MujocoSupport, Parameter
 
 if TYPE_CHECKING:
     import mujoco
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
 from sysid.errors import HuskyError
 
 
-def torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return -M sin φ [N*m]."""
     del states
     return -parameters["moment"] * m.sin(motion.roll)

@@ -3,23 +3,14 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from sysid.effects._base import (
-    Algebra,
-    Effect,
-    Motion,
-    MujocoSupport,
-    Parameter,
-    State,
-    Value,
-    Values,
-    rest_of,
-)
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import Effect, JointState, MujocoSupport, Parameter, State, rest_of
 
 if TYPE_CHECKING:
     import mujoco
 
 
-def torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return -k₁ z, with z the stretch of the slider's spring [N*m]."""
     del m, motion
     return -parameters["stiffness"] * states[0]
@@ -89,8 +80,8 @@ EFFECT = Effect(
     to_mjcf=to_mjcf,
     example=(8.0, 0.2),
     torque=torque,
-    states=(State(name="stretch", start=held, size=lambda s: 0.1 * s.amplitude, slip=slip),),
-    becomes=(("coulomb", as_coulomb),),
-    kinked=True,
+    states=(State(name="stretch", start=held, size=lambda s: 0.1 * s.amplitude, return_map=slip),),
+    limiting_cases=(("coulomb", as_coulomb),),
+    nonsmooth=True,
     sharpness=1.5,
 )

@@ -2,20 +2,11 @@
 
 from collections.abc import Mapping
 
-from sysid.effects._base import (
-    Algebra,
-    Effect,
-    Motion,
-    MujocoSupport,
-    Parameter,
-    State,
-    Value,
-    Values,
-    belongs_to_log,
-)
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import Effect, JointState, MujocoSupport, Parameter, State, belongs_to_log
 
 
-def reading_rate(m: Algebra, motion: Motion, reading: Value, parameters: Values) -> Value:
+def reading_rate(m: Algebra, motion: JointState, reading: Value, parameters: Values) -> Value:
     """Return (φ - reading)/T [rad/s]."""
     return (motion.roll - reading) / m.maximum(parameters["time_constant"], 1e-6)
 
@@ -26,7 +17,7 @@ def settled(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: 
     return tilt
 
 
-def late(m: Algebra, roll: Value, rate: Value, acceleration: Value, parameters: Values) -> Value:
+def late_release(m: Algebra, roll: Value, rate: Value, acceleration: Value, parameters: Values) -> Value:
     """Return the reading of a filter that was settled when a deck was let go, which has reached that rate since [rad].
 
     A filter hides the first milliseconds, so the release is noticed late, by δ = v/α, and the reading trails:
@@ -37,7 +28,7 @@ def late(m: Algebra, roll: Value, rate: Value, acceleration: Value, parameters: 
     return roll - acceleration * time_constant**2 * (u - 1.0 + m.exp(-u))
 
 
-def hides(acceleration: float, noise: float, parameters: Mapping[str, float]) -> float:
+def detection_delay(acceleration: float, noise: float, parameters: Mapping[str, float]) -> float:
     """Return when the reading has moved by its noise: after α t³/6T, to first order [s]."""
     return float((6 * max(parameters["time_constant"], 0.0) * noise / max(acceleration, 1e-9)) ** (1 / 3))
 
@@ -70,8 +61,8 @@ EFFECT = Effect(
             start=settled,
             size=lambda s: s.amplitude,
             rate=reading_rate,
-            late=late,
-            hides=hides,
+            late_release=late_release,
+            detection_delay=detection_delay,
         ),
     ),
 )

@@ -3,7 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from sysid.effects._base import Algebra, Effect, Motion, MujocoSupport, Parameter, Value, Values
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import Effect, JointState, MujocoSupport, Parameter
 
 if TYPE_CHECKING:
     import mujoco
@@ -12,7 +13,7 @@ SOFT = 1e-6
 """Stiffness of the tendon that pulls [N*m/rad]: the torque changes by this much per radian."""
 
 
-def torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return T [N*m]."""
     del m, states
     return parameters["torque"] + 0 * motion.tilt

@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from sysid.effects._base import Algebra, Effect, MujocoSupport, Parameter, State, Value, Values, rest_of
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import Effect, MujocoSupport, Parameter, State, rest_of
 
 if TYPE_CHECKING:
     import mujoco

@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from sysid.effects._base import Algebra, Effect, MujocoSupport, Parameter, Value, Values
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import Effect, MujocoSupport, Parameter
 
 if TYPE_CHECKING:
     import mujoco
@@ -112,6 +113,6 @@ EFFECT = Effect(
     to_mjcf=to_mjcf,
     example=(0.08, 0.25, 0.5),
     friction=friction,
-    becomes=(("coulomb", as_coulomb),),
+    limiting_cases=(("coulomb", as_coulomb),),
     sharpness=2.0,
 )

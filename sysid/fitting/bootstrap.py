@@ -16,10 +16,9 @@ import numpy as np
 
 from sysid.board import Board
 from sysid.errors import HuskyError
-from sysid.fit_mjcf import JointFit
 from sysid.fitting.covariance import noise_behind, torque_like
 from sysid.fitting.problem import Problem
-from sysid.fitting.search import replace_records
+from sysid.fitting.result import JointFit
 from sysid.least_squares import minimise
 from sysid.noise.autoregression import ResidualNoise
 from sysid.quantity import Z95
@@ -175,7 +174,7 @@ def _of_blocks(fit: JointFit, noise: ResidualNoise, block: int, rng: np.random.G
         replace(record, signal=record.signal + own - larger * (blocks(pool, len(own), block, rng) - mean))
         for record, own in zip(fit.records, fit.residuals, strict=True)
     ]
-    return replace_records(fit.problem, records)
+    return fit.problem.with_(records=records)
 
 
 def blocks(pool: Sequence[Array], count: int, length: int, rng: np.random.Generator) -> Array:
@@ -193,9 +192,9 @@ def blocks(pool: Sequence[Array], count: int, length: int, rng: np.random.Genera
 
 def _of_releases(fit: JointFit, rng: np.random.Generator) -> tuple[Problem, Array, tuple[Array, Array]]:
     """Return the problem on releases drawn with replacement, with its start and bounds."""
-    shared, own = len(fit.problem.names), fit.problem.own
+    shared, own = len(fit.problem.names), fit.problem.n_local
     drawn = rng.integers(0, len(fit.records), len(fit.records))
-    again = replace_records(fit.problem, [fit.records[i] for i in drawn])
+    again = fit.problem.with_(records=[fit.records[i] for i in drawn])
     point = fit.minimum.point
     start = [point[:shared], *(point[shared + i * own : shared + (i + 1) * own] for i in drawn)]
     return again, np.concatenate(start), again.bounds()

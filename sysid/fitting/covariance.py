@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.board import Board
-from sysid.decay.trace import kept_after, own_std
-from sysid.fitting.problem import Problem, Record
-from sysid.joint.equations import Structure
+from sysid.fitting.problem import Problem
+from sysid.fitting.records import Record
+from sysid.joint.structure import Structure
 from sysid.least_squares import Minimum
 from sysid.noise.autoregression import ResidualNoise, residual_noise
+from sysid.noise.lasting import kept_after, own_std
 from sysid.quantity import Quantity
 from sysid.roll import Array
 
@@ -83,7 +84,7 @@ def parameter_covariance(problem: Problem, minimum: Minimum, residuals: Sequence
         return (sensitivity.inverse @ meat @ sensitivity.inverse)[:shared, :shared]
 
     covariance = sandwich([noise] * len(sensitivity.rows))
-    if any(record.release.origin == "video" for record in problem.records):
+    if any(record.release.errors_last for record in problem.records):
         stated = sandwich([_stated_noise(record, problem) or noise for record in problem.records])
         covariance = max(covariance, stated, key=lambda matrix: float(np.trace(matrix)))
     return covariance * np.outer(sizes[:shared], sizes[:shared])
@@ -92,7 +93,7 @@ def parameter_covariance(problem: Problem, minimum: Minimum, residuals: Sequence
 def _stated_noise(record: Record, problem: Problem) -> ResidualNoise | None:
     """Return the noise that a film states of itself, which lasts from frame to frame; None for a sensor."""
     release = record.release
-    if release.origin != "video":
+    if not release.errors_last:
         return None
     std = float(np.median(own_std(release)))
     step = problem.average * np.median(np.diff(record.time), keepdims=True)
@@ -112,7 +113,7 @@ class Sensitivity:
 
 def sensitivity_of(problem: Problem, minimum: Minimum) -> Sensitivity:
     """Return the Jacobian at a minimum and the inverse of its square."""
-    shared, own, sizes = len(problem.names), problem.own, problem.sizes()
+    shared, own, sizes = len(problem.names), problem.n_local, problem.sizes()
     free = ~minimum.at_bound
     rows: list[Array] = []
     square = np.zeros((len(sizes), len(sizes)))
@@ -150,7 +151,7 @@ def _inverse(matrix: Array) -> Array:
     return (vectors / floored) @ vectors.T * np.outer(scale, scale)
 
 
-def doubts(
+def identifiability_warnings(
     problem: Problem, minimum: Minimum, quantities: Mapping[str, Quantity], covariance: Array
 ) -> list[str]:
     """Say what the data do not fix."""
@@ -173,12 +174,14 @@ def doubts(
         if quantity.std > abs(quantity.value) and quantity.value != 0:
             lines.append(f"{name} is not different from zero within its uncertainty ({quantity})")
     lines += [
-        line for part in problem.structure.effects if (line := _combination(part, quantities, covariance))
+        line
+        for part in problem.structure.effects
+        if (line := identified_combination(part, quantities, covariance))
     ]
     return lines
 
 
-def _combination(effect: str, quantities: Mapping[str, Quantity], covariance: Array) -> str:
+def identified_combination(effect: str, quantities: Mapping[str, Quantity], covariance: Array) -> str:
     """Say which combination of an effect's parameters the data fix, where they fix none of them well.
 
     In logarithms a product of powers is a direction, and the best known one is the covariance's narrowest.

@@ -7,13 +7,14 @@ import numpy as np
 from sysid.board import Board
 from sysid.effects._base import Scales
 from sysid.errors import HuskyError
-from sysid.fitting.problem import Bias, Problem, Record
+from sysid.fitting.problem import Problem
+from sysid.fitting.records import Bias, Record
 from sysid.joint import JointLaw
 from sysid.least_squares import minimise
 from sysid.roll import Array
 
 
-def fit_to_others(
+def residuals_of_law(
     board: Board, records: Sequence[Record], *, bias: Bias = "shared", law: JointLaw | None = None
 ) -> list[Array]:
     """Return the residuals of a law that is given, with only roll and rate at each release fitted.
@@ -21,16 +22,16 @@ def fit_to_others(
     Args:
         board: Its law is taken, unless `law` is given.
         records: Releases.
-        bias: With 'own', the sensor zero of each release is fitted too.
+        bias: With 'per-release', the sensor zero of each release is fitted too.
         law: The joint.
 
     Returns:
         Model minus measurement of each record [rad or rad/s].
     """
-    return own_motion(law or JointLaw.from_board(board), records, bias=bias)[0]
+    return fit_initial_states(law or JointLaw.from_board(board), records, bias=bias)[0]
 
 
-def own_motion(
+def fit_initial_states(
     law: JointLaw, records: Sequence[Record], *, bias: Bias = "shared", steps_per_period: int = 120
 ) -> tuple[list[Array], list[tuple[float, float]]]:
     """Fit roll and rate at each release to a given law.
@@ -46,14 +47,19 @@ def own_motion(
     )  # fmt: skip
     parameters = dict(zip(structure.parameters, map(float, law.vector), strict=True))
     del parameters["inertia"]
-    free_states = bool(structure.memories) and any(r.release.hold <= 0 for r in records)
+    free_states = bool(structure.internal_states) and any(r.release.hold <= 0 for r in records)
     residuals: list[Array] = []
     starts: list[tuple[float, float]] = []
     for record in records:
         problem = Problem(
-            structure, [record], scales, bias=bias, fixed=parameters, free_states=free_states,
+            structure,
+            [record],
+            scales,
+            bias=bias,
+            fixed=parameters,
+            free_states=free_states,
             steps_per_period=steps_per_period,
-        )  # fmt: skip
+        )
         found = minimise(problem.normal, problem.start(parameters), *problem.bounds(), iterations=30)
         if not np.isfinite(found.normal.cost):
             raise HuskyError(

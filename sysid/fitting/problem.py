@@ -5,100 +5,20 @@ on request its own sensor bias. Unknowns are scaled by their sizes, so that one 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from sysid.effects._base import Scales
+from sysid.fitting.records import LETTING_GO, UNSURE_START, Bias, Record
 from sysid.fitting.shooting import Shooting
-from sysid.joint.equations import Structure, build_flow, steps_for
 from sysid.joint.hermite import hermite_matrix
+from sysid.joint.integrator import build_stepper, steps_for
+from sysid.joint.structure import Structure
 from sysid.least_squares import Normal
-from sysid.noise.floor import sensor_step
 from sysid.roll import Array, Release
-
-Bias = Literal["shared", "own"]
-"""Sensor zero: one for all releases (it is then part of the rest angle), or one for each."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Record:
-    """What is fitted of one release."""
-
-    release: Release
-    time: Array
-    """Since the release [s], shape (n,)."""
-    signal: Array
-    """Measured roll [rad], or roll rate [rad/s] if `is_rate`, shape (n,)."""
-    is_rate: bool
-    std: float
-    """Noise of the signal, one number [rad or rad/s]."""
-
-
-def make_records(
-    releases: Sequence[Release], std: float, *, rate: bool, settled: bool = False
-) -> tuple[Record, ...]:
-    """Cut the tails at rest that say nothing new and return what is to be fitted.
-
-    Args:
-        releases: From one board.
-        std: Noise floor of the signal [rad or rad/s].
-        rate: Fit the measured rate (the roll is only its integral) instead of the roll.
-        settled: Keep what a coarse sensor shows of the rest: rounded, but where a deck sticks tells its friction.
-    """
-    records: list[Record] = []
-    coarse = COARSE_STEPS * sensor_step(releases, rate=rate)
-    for release in releases:
-        measured = release.rate if rate and release.rate is not None else release.roll
-        end = _end_of_motion(release, measured, std)
-        begin = _onset(release)
-        if coarse > 0 and not settled:
-            level = 0.0 if rate else release.rest
-            beyond = np.flatnonzero(np.abs(measured[:end] - level) > coarse)
-            end = max(min(end, begin + 32), int(beyond[-1]) + 1 if len(beyond) else 0)
-        time = release.time[begin:end] - release.time[0]
-        records.append(Record(release=release, time=time, signal=measured[begin:end], is_rate=rate, std=std))
-    return tuple(records)
-
-
-COARSE_STEPS = 3.0
-"""Steps of a coarse sensor within which a swing is not fitted: what it rounds there is no noise any more."""
-LETTING_GO = 0.004
-"""For how long a hand still drags while it lets go [s]."""
-UNSURE_START = 0.002
-"""How well the instant of a release from a hold is known [s]."""
-
-
-def _onset(release: Release) -> int:
-    """Return the first sample without a hand on the deck.
-
-    A finger that slides off rounds the start just as a filter in the sensor would. The motion still begins at
-    the release, where rubber and sliders are as the hold left them; roll and rate there are fitted.
-    """
-    if release.hold <= 0:
-        return 0
-    return int(np.searchsorted(release.time - release.time[0], LETTING_GO))
-
-
-def _end_of_motion(release: Release, signal: Array, std: float) -> int:
-    """Return how many samples to keep: the motion, and as long again of the rest after it.
-
-    A long rest would outweigh the motion and teach nothing: a joint that sticks is still. The last tenth
-    of a release that came to rest, or was caught, may hold the hand that comes for the next one, and is left
-    out.
-    """
-    n = len(signal)
-    if release.end == "log":
-        return n
-    quiet = max(16, int(0.9 * n))
-    level = float(np.median(signal[int(0.7 * quiet) : quiet]))
-    window = max(1, n // 100)
-    smooth = np.convolve(signal[:quiet] - level, np.ones(window) / window, mode="same")
-    moving = np.flatnonzero(np.abs(smooth[: quiet - window]) > 5.0 * std / np.sqrt(window))
-    last = int(moving[-1]) if len(moving) else quiet
-    return min(quiet, 2 * last + 16)
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +51,7 @@ class Problem:
     """Least squares of one structure on some records.
 
     The vector of unknowns is: free parameters of the joint, then for each record its roll, rate, free
-    internal states and, with bias 'own', its bias; each in units of its size.
+    internal states and, with bias 'per-release', its bias; each in units of its size.
     """
 
     structure: Structure
@@ -147,6 +67,10 @@ class Problem:
     weights: Sequence[Array] | None = None
     """Of each sample of each record, for robust losses; None for all ones."""
 
+    def with_(self, **changes: Any) -> "Problem":
+        """Return the problem with some of its fields changed; weights belong to the records and do not go along."""
+        return replace(self, **{"weights": None, **changes})
+
     @property
     def step(self) -> float:
         """Integration step [s]."""
@@ -155,7 +79,7 @@ class Problem:
     @cached_property
     def _paths(self) -> list[_Path]:
         """Grids, functions and buffers: made when first needed, and left behind when a problem is pickled."""
-        flow = build_flow(self.structure, free_states=self.free_states, sensitivities=True)
+        stepper = build_stepper(self.structure, free_states=self.free_states, sensitivities=True)
         paths: list[_Path] = []
         for record in self.records:
             steps = steps_for(float(record.time[-1]), self.step)
@@ -164,7 +88,7 @@ class Problem:
             release = record.release
             paths.append(
                 _Path(
-                    Shooting(flow, steps, mean @ at, max(release.hold, 0.0)),
+                    Shooting(stepper, steps, mean @ at, max(release.hold, 0.0)),
                     mean @ record.signal, mean @ (record.time + float(release.time[0])), record.std / float(np.sqrt(self.average)),
                 )
             )  # fmt: skip
@@ -178,7 +102,9 @@ class Problem:
             release = record.release
             sampling = float(np.median(np.diff(release.time[:32])))
             pull = self.scales.frequency**2 * release.amplitude
-            if any(part.leaned_on for part in self.structure.parts):  # else only the spring has set it off
+            if any(
+                part.acts_during_hold for part in self.structure.parts
+            ):  # else only the spring has set it off
                 pull = max(pull, _first_pull(release))
             unsure = max(UNSURE_START, 0.5 * sampling)
             std = record.std / (self.scales.frequency if record.is_rate else 1.0)
@@ -197,14 +123,14 @@ class Problem:
         return tuple(n for n in self.structure.parameters[1:] if n not in self.fixed)
 
     @property
-    def own(self) -> int:
+    def n_local(self) -> int:
         """How many unknowns each record has of its own."""
-        return self._motion + (self.bias == "own")
+        return self._motion + (self.bias == "per-release")
 
     @property
     def _motion(self) -> int:
         """How many of them are roll, rate and internal states."""
-        return 2 + (len(self.structure.memories) if self.free_states else 0)
+        return 2 + (len(self.structure.internal_states) if self.free_states else 0)
 
     @cached_property
     def _columns(self) -> list[int]:
@@ -230,8 +156,8 @@ class Problem:
             known.update({f"{part.name}.{p.name}": p.size(s) for p in part.parameters})
         own = [s.amplitude, s.rate]
         if self.free_states:
-            own += [state.size(s) for state in self.structure.memories]
-        own += [s.amplitude] if self.bias == "own" else []
+            own += [state.size(s) for state in self.structure.internal_states]
+        own += [s.amplitude] if self.bias == "per-release" else []
         return np.array([known[name] for name in self.names] + own * len(self.records))
 
     def bounds(self) -> tuple[Array, Array]:
@@ -241,8 +167,8 @@ class Problem:
             known.update({f"{part.name}.{p.name}": (p.low, p.high) for p in part.parameters})
         own = [(-4.0, 4.0)] * 2
         if self.free_states:
-            own += [(-10.0, 10.0)] * len(self.structure.memories)
-        own += [(-2.0, 2.0)] if self.bias == "own" else []
+            own += [(-10.0, 10.0)] * len(self.structure.internal_states)
+        own += [(-2.0, 2.0)] if self.bias == "per-release" else []
         pairs = np.array([known[name] for name in self.names] + own * len(self.records))
         return pairs[:, 0], pairs[:, 1]
 
@@ -253,12 +179,12 @@ class Problem:
         for record in self.records:
             roll, rate = _first_motion(record)
             own = [roll, rate]
-            if self.free_states and self.structure.memories:
-                held = build_flow(self.structure, free_states=False, sensitivities=False)
-                start = np.asarray(held.begin(vector, own, max(record.release.hold, 0.0))).ravel()[2:]
+            if self.free_states and self.structure.internal_states:
+                held = build_stepper(self.structure, free_states=False, sensitivities=False)
+                start = np.asarray(held.initial(vector, own, max(record.release.hold, 0.0))).ravel()[2:]
                 kept = [part.role != "measurement" for part in self.structure.parts for _ in part.states]
                 own += list(start[kept])
-            values += own + ([0.0] if self.bias == "own" else [])
+            values += own + ([0.0] if self.bias == "per-release" else [])
         return np.array(values) / self.sizes()
 
     def vector_of(self, parameters: Mapping[str, float]) -> Array:
@@ -282,7 +208,7 @@ class Problem:
         The Jacobian's columns are the free parameters and then the record's own unknowns.
         """
         values = unknowns * self.sizes()
-        shared, own, motion = len(self.names), self.own, self._motion
+        shared, own, motion = len(self.names), self.n_local, self._motion
         parameters = self.parameters(unknowns)
         vector = self.vector_of(parameters)
         result: list[tuple[Array, Array]] = []
@@ -309,14 +235,14 @@ class Problem:
                 residual = residual + column * values[name]
             if name in self.names:
                 jacobian[:, self.names.index(name)] += column
-        if self.bias == "own":
+        if self.bias == "per-release":
             residual = residual + mine[-1]
             jacobian = np.column_stack([jacobian, np.ones(len(residual))])
         return residual, jacobian
 
     def normal(self, unknowns: Array) -> Normal:
         """Return cost and normal equations, residuals in units of their noise."""
-        shared, own = len(self.names), self.own
+        shared, own = len(self.names), self.n_local
         sizes = self.sizes()
         gradient = np.zeros(len(sizes))
         hessian = np.zeros((len(sizes), len(sizes)))
@@ -352,7 +278,7 @@ class Problem:
         begin = self._starts[index]
         if begin.unsure == 0 or begin.pull == 0:
             return 0.0, 0.0
-        at = len(self.names) + index * self.own + 1
+        at = len(self.names) + index * self.n_local + 1
         slope = begin.inward * float(self.sizes()[at]) / self._spread(begin, unknowns)
         return (slope * unknowns[at], slope) if slope * unknowns[at] > 0 else (0.0, 0.0)
 
@@ -361,10 +287,10 @@ class Problem:
         late = begin.unsure
         for part in self.structure.parts:
             for state in part.states:
-                if state.hides is not None:
+                if state.detection_delay is not None:
                     known = self.parameters(unknowns)
                     own = {p.name: known[f"{part.name}.{p.name}"] for p in part.parameters}
-                    late = float(np.hypot(late, state.hides(begin.pull, begin.std, own)))
+                    late = float(np.hypot(late, state.detection_delay(begin.pull, begin.std, own)))
         return late * begin.pull
 
     def start_penalty(self, unknowns: Array) -> float:

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.board import Board
-from sysid.fit_mjcf import JointFit
 from sysid.fitting.covariance import parameter_covariance, torque_like
+from sysid.fitting.result import JointFit
 from sysid.least_squares import Minimum, Normal, minimise
 from sysid.quantity import Z95
 from sysid.roll import Array

@@ -13,12 +13,12 @@ from sysid.board import Board, BoardEffect
 from sysid.effects import effect
 from sysid.errors import HuskyError
 from sysid.files import sha256
-from sysid.fit_mjcf import JointFit
-from sysid.fitting.initial_state import fit_to_others
+from sysid.fitting.initial_state import residuals_of_law
+from sysid.fitting.result import JointFit
 from sysid.quantity import Quantity
 
 
-def refuse_bad(fit: JointFit) -> None:
+def require_usable(fit: JointFit) -> None:
     """Accept a fit that may be recorded.
 
     Raises:
@@ -62,7 +62,7 @@ def _advice(name: str) -> str:
     return effect(name.split(".")[0]).experiment if "." in name else "Record more releases, to both sides."
 
 
-def recorded(
+def updated_board(
     board: Board,
     fit: JointFit,
     logs: Mapping[str, Path],
@@ -125,5 +125,5 @@ def _parameters(fit: JointFit, name: str, values: Sequence[float]) -> Mapping[st
 
 def error_of(board: Board, fit: JointFit) -> float:
     """Return the RMSE of the record as it stands on the fitted releases, roll and rate at release free."""
-    residuals = fit_to_others(board, fit.records, bias=fit.problem.bias)
+    residuals = residuals_of_law(board, fit.records, bias=fit.problem.bias)
     return float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))

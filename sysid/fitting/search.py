@@ -9,8 +9,9 @@ import numpy as np
 from sysid.board import Board
 from sysid.effects._base import Scales
 from sysid.errors import HuskyError
-from sysid.fitting.problem import Bias, Problem, Record
-from sysid.joint.equations import Structure
+from sysid.fitting.problem import Problem
+from sysid.fitting.records import Bias, Record
+from sysid.joint.structure import Structure
 from sysid.least_squares import Minimum, minimise
 from sysid.roll import Array
 
@@ -38,7 +39,7 @@ def scales_of(records: Sequence[Record], board: Board) -> Scales:
     together = _linear_scales(records, rough, "shared")
     if records[0].is_rate or len(records) == 1:
         return together
-    apart = _linear_scales(records, rough, "own")
+    apart = _linear_scales(records, rough, "per-release")
     # One rest angle for all is right, unless the sensor drifts so far that the stiffness has to pay for it.
     return together if 1 / _ASTRAY < together.stiffness / apart.stiffness < _ASTRAY else apart
 
@@ -51,7 +52,7 @@ def _linear_scales(records: Sequence[Record], known: Scales, bias: Bias) -> Scal
     best: tuple[float, Scales] | None = None
     for square, decay in guesses:
         rough = replace(known, stiffness=known.inertia * square, damping=known.inertia * decay)
-        fixed = {"rest_angle": rest} if bias == "own" else {}
+        fixed = {"rest_angle": rest} if bias == "per-release" else {}
         problem = Problem(Structure(), records, rough, bias=bias, fixed=fixed, steps_per_period=30)
         start = problem.start({"stiffness": rough.stiffness, "damping": rough.damping, "rest_angle": rest})
         minimum = minimise(problem.normal, start, *problem.bounds(), iterations=25)
@@ -109,7 +110,7 @@ def starting_points(structure: Structure, scales: Scales, *, most: int = 12) -> 
             point["stiffness"] *= 1.0 / (1.0 - linear["stiffness"] / point["second-mode.stiffness"])
         point["stiffness"] -= min(point.get("gravity.moment", 0.0), 0.98 * linear["stiffness"])
         points.append(point)
-    if structure.turns:
+    if structure.has_dry_friction:
         # The linear fit gave the damper all of the loss; dry friction takes its share of that, more or less.
         points = [{**point, "damping": share * point["damping"]} for share in _VISCOUS for point in points]
     return points
@@ -137,17 +138,17 @@ def search(
     """
     fixed = dict(fixed or {})
     rest = _rest(records)
-    free_states = bool(structure.memories) and any(record.release.hold <= 0 for record in records)
+    free_states = bool(structure.internal_states) and any(record.release.hold <= 0 for record in records)
     starts = starting_points(structure, scales) if starts is None else starts
-    kinked = structure.kinked
-    coarse_steps = min(60 if kinked else 24, steps_per_period)
+    nonsmooth = structure.nonsmooth
+    coarse_steps = min(60 if nonsmooth else 24, steps_per_period)
     coarse = Problem(
         structure, records, scales, bias=bias, fixed=fixed, free_states=free_states,
         steps_per_period=coarse_steps, average=average,
     )  # fmt: skip
-    horizons = [] if not structure.effects else _SHORT if kinked else _LONG
+    horizons = [] if not structure.effects else _SHORT if nonsmooth else _LONG
     early = [
-        replace_records(coarse, [first_swings(record, scales, periods) for record in records])
+        coarse.with_(records=[first_swings(record, scales, periods) for record in records])
         for periods in horizons
     ]
     evaluations = 0
@@ -163,13 +164,10 @@ def search(
         found.append((second.normal.cost, second.point))
     found.sort(key=lambda item: item[0])
     found[0] = _shaken(coarse, _parted(coarse, found[0]))
-    fine = Problem(
-        structure, records, scales, bias=bias, fixed=fixed, free_states=free_states,
-        steps_per_period=steps_per_period,
-    )  # fmt: skip
+    fine = coarse.with_(steps_per_period=steps_per_period, average=1)
     best: Minimum | None = None
     # On the coarse grid a kink falls between two points, so its costs rank neighbours only roughly.
-    tried, near = (4, 3.0) if kinked else (2, 1.2)
+    tried, near = (4, 3.0) if nonsmooth else (2, 1.2)
     for cost, point in found[:tried]:
         if best is not None and cost > near * found[0][0]:
             break
@@ -243,14 +241,6 @@ def _parted(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]
     return best
 
 
-def replace_records(problem: Problem, records: Sequence[Record]) -> Problem:
-    """Return the same problem on other records."""
-    return Problem(
-        problem.structure, records, problem.scales, bias=problem.bias, fixed=problem.fixed,
-        free_states=problem.free_states, steps_per_period=problem.steps_per_period, average=problem.average,
-    )  # fmt: skip
-
-
 def first_swings(record: Record, scales: Scales, periods: float) -> Record:
     """Return the beginning of a record."""
     end = int(np.searchsorted(record.time, periods * 2 * np.pi / scales.frequency))
@@ -260,10 +250,10 @@ def first_swings(record: Record, scales: Scales, periods: float) -> Record:
 
 def fit_each(problem: Problem, minimum: Minimum) -> list[tuple[float, float]]:
     """Fit each record alone and return its stiffness and its sum of squared residuals in units of the noise."""
-    shared, own = len(problem.names), problem.own
+    shared, own = len(problem.names), problem.n_local
     rows: list[tuple[float, float]] = []
     for index, record in enumerate(problem.records):
-        alone = replace_records(problem, [record])
+        alone = problem.with_(records=[record])
         start = np.r_[
             minimum.point[:shared], minimum.point[shared + index * own : shared + (index + 1) * own]
         ]

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid.joint.equations import Flow, unroll
+from sysid.joint.integrator import Stepper, rollout
 from sysid.roll import Array
 
 
@@ -17,7 +17,7 @@ class Shooting:
     computes, without a copy in or out. Not for two threads at once.
     """
 
-    flow: Flow
+    stepper: Stepper
     steps: int
     at: Any
     """Sparse matrix from grid values and slopes to the samples, shape (n, 2 steps)."""
@@ -28,11 +28,11 @@ class Shooting:
 
     def __post_init__(self) -> None:
         """Allocate the buffers."""
-        self._begin = _Buffered(self.flow.begin)
-        self._path = _Buffered(unroll(self.flow, self.steps))
+        self._begin = _Buffered(self.stepper.initial)
+        self._path = _Buffered(rollout(self.stepper, self.steps))
 
     def read(self, vector: Array, own: Array, step: float) -> Array:
-        """Return reading and sensitivities at the samples, shape (n, 1 + columns of the flow).
+        """Return reading and sensitivities at the samples, shape (n, 1 + columns of the stepper).
 
         Args:
             vector: The structure's parameters, shape (p,).

@@ -144,7 +144,7 @@ def rollout_function(
     )
 
 
-def simulate(
+def simulate_steps(
     hinge: Hinge,
     start: tuple[float, float],
     steps: int,

@@ -6,8 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from sysid.effects import effect
-from sysid.effects._base import Motion, NumpyAlgebra
-from sysid.joint import JointLaw, simulate
+from sysid.effects._algebra import NumpyAlgebra
+from sysid.effects._base import JointState
+from sysid.joint.law import JointLaw
+from sysid.joint.trajectory import simulate
 from sysid.roll import Array
 
 
@@ -27,7 +29,7 @@ def effect_torque(law: JointLaw, name: str, time: Array, roll: Array, rate: Arra
     part, values = effect(name), dict(law.effects)[name]
     parameters = dict(zip(part.parameter_names, values, strict=True))
     m = NumpyAlgebra()
-    motion = Motion(roll - law.rest_angle, rate, roll, law.stiffness)
+    motion = JointState(roll - law.rest_angle, rate, roll, law.stiffness)
     if part.states:
         total = law.inertia * np.gradient(rate, time)
         rest = -law.stiffness * motion.tilt - law.damping * rate

@@ -1,4 +1,4 @@
-"""What a sensor cannot know: noise floor, correlation of residuals, and a test whether they are white."""
+"""The noise floor of releases: the standard deviation of what a sensor adds."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,6 +8,7 @@ from math import comb
 import numpy as np
 
 from sysid.errors import HuskyError
+from sysid.noise.sensor import quantisation_step
 from sysid.quantity import Z95
 from sysid.roll import Array, Release
 
@@ -17,6 +18,10 @@ _CONFIRMED = 1.02
 """Ratio up to which two orders agree; their common noise cancels in it."""
 _NEIGHBOURS = comb(4 * _ORDERS[-1], 2 * _ORDERS[-1]) / comb(2 * _ORDERS[-1], _ORDERS[-1]) ** 2
 """Σ ρ² of differences of the highest order: so many of them say as much as one independent sample."""
+
+
+FROM_SCATTER = "estimated from the sample-to-sample scatter"
+"""How a noise floor was found that no smooth motion can have made."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +109,7 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
         )
     std = float(np.sqrt(squares / count))
     unit = "rad/s" if rate else "rad"
-    level = sensor_step(releases, rate=rate)
+    level = pooled_step(releases, rate=rate)
     if level / np.sqrt(12) > std:
         return NoiseFloor(level / float(np.sqrt(12)), f"from the sensor's steps of {level:.3g} {unit}")
     spread = float(np.sqrt(still / resting)) if resting > 50 else 0.0
@@ -116,7 +121,7 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
         )
     return NoiseFloor(
         std,
-        f"from high-order differences of {count} samples: what no smooth motion can do",
+        f"{FROM_SCATTER} of {count} samples",
         float(np.sqrt(0.5 * _NEIGHBOURS / max(count - _ORDERS[-1] * len(releases), 8))),
     )
 
@@ -142,77 +147,6 @@ def _signal(release: Release, *, rate: bool) -> Array:
     return release.rate if rate and release.rate is not None else release.roll
 
 
-def sensor_step(releases: Sequence[Release], *, rate: bool) -> float:
-    """Return the step of a sensor that has one (most neighbours are equal or one step apart), else 0."""
-    jumps = np.concatenate([np.abs(np.diff(_signal(r, rate=rate))) for r in releases])
-    moving = jumps[jumps > 1e-12]
-    if len(moving) < 8 or len(moving) > 0.95 * len(jumps):
-        return 0.0
-    step = float(moving.min())
-    return step if np.mean(np.abs(moving / step - np.round(moving / step)) < 0.02) > 0.95 else 0.0
-
-
-def autocorrelation(residuals: Sequence[Array], lags: int) -> Array:
-    """Return the pooled autocorrelation of residuals for lags 0 to `lags`, shape (lags + 1,)."""
-    total = np.zeros(lags + 1)
-    for residual in residuals:
-        n = len(residual)
-        size = 1 << (2 * n - 1).bit_length()
-        spectrum = np.abs(np.fft.rfft(residual, size)) ** 2
-        covariance = np.fft.irfft(spectrum, size)[: min(lags + 1, n)]
-        total[: len(covariance)] += covariance
-    return total / max(total[0], 1e-300)
-
-
-def ljung_box(residuals: Sequence[Array], lags: int = 20) -> tuple[float, int]:
-    """Return the Ljung–Box statistic pooled over releases and its degrees of freedom (Biometrika 1978)."""
-    statistic, degrees = 0.0, 0
-    for residual in residuals:
-        n = len(residual)
-        count = min(lags, n // 5)
-        if count < 1:
-            continue
-        rho = autocorrelation([residual], count)[1:]
-        statistic += n * (n + 2) * float(np.sum(rho**2 / (n - np.arange(1, count + 1))))
-        degrees += count
-    return statistic, degrees
-
-
-def correlation_length(residuals: Sequence[Array]) -> float:
-    """Return over how many samples residuals are correlated: 1 + 2 Σ ρ up to the first lag within noise."""
-    n = sum(len(r) for r in residuals)
-    longest = max(2, min(max(len(r) for r in residuals) // 4, 2000))
-    rho = autocorrelation(residuals, longest)[1:]
-    small = np.flatnonzero(rho < 2.0 / np.sqrt(n))
-    end = int(small[0]) if len(small) else len(rho)
-    return float(1 + 2 * np.sum(rho[:end]))
-
-
-def band_excess(residuals: Sequence[Array], steps: Sequence[float], frequency: float) -> tuple[float, float]:
-    """Compare the power of residuals in the band of the motion with the power above it.
-
-    A model that lacks something leaves power where the joint moves; white noise has the same everywhere.
-    The test does not depend on the sampling rate, as one on the first lags does.
-
-    Args:
-        residuals: Of each release, evenly sampled.
-        steps: Sampling period of each [s].
-        frequency: Upper end of the band [Hz].
-
-    Returns:
-        Ratio of the mean powers (1 for white noise) and the probability of at least this ratio by chance.
-    """
-    from scipy.special import fdtrc
-
-    low = high = 0.0
-    in_low = in_high = 0
-    for residual, step in zip(residuals, steps, strict=True):
-        power = np.abs(np.fft.rfft(residual)) ** 2 / len(residual)
-        band = np.fft.rfftfreq(len(residual), step) <= frequency
-        band[: max(2, min(len(power) // 3, 4))] = True
-        low, high = low + float(power[band].sum()), high + float(power[~band].sum())
-        in_low, in_high = in_low + int(band.sum()), in_high + int((~band).sum())
-    if in_high < 4 or high == 0:
-        return 1.0, 1.0
-    ratio = (low / in_low) / (high / in_high)
-    return ratio, float(fdtrc(2 * in_low, 2 * in_high, ratio))
+def pooled_step(releases: Sequence[Release], *, rate: bool) -> float:
+    """Return the quantisation step of the sensor behind some releases [rad or rad/s], 0 where none can be seen."""
+    return quantisation_step(np.concatenate([np.diff(_signal(release, rate=rate)) for release in releases]))

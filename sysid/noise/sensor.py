@@ -36,7 +36,7 @@ def estimate_noise(signal: Array) -> Noise:
         signal: Evenly sampled signal, shape (n,).
     """
     blocks = _blocks(signal)
-    step = quantisation_step(blocks)
+    step = quantisation_step(np.diff(blocks, axis=1).ravel())
     differences = np.diff(blocks, DIFFERENCE, axis=1)
     high = float(np.median(np.sqrt(np.mean(differences**2, axis=1) / _GAIN)))
     scatter = np.sort(_scatter_about_line(blocks))
@@ -46,9 +46,9 @@ def estimate_noise(signal: Array) -> Noise:
     return Noise(std=max(high, quiet, step / np.sqrt(12)), step=step)
 
 
-def quantisation_step(blocks: Array) -> float:
-    """Return the step that all differences within the blocks, shape (m, b), are multiples of, or 0."""
-    changes = np.abs(np.diff(blocks, axis=1)).ravel()
+def quantisation_step(differences: Array) -> float:
+    """Return the step that nearly all differences of neighbouring samples, shape (n,), are multiples of, or 0."""
+    changes = np.abs(differences)
     size = float(changes.max(initial=0.0))
     changes = changes[changes > 1e-9 * size]
     if changes.size < 8:

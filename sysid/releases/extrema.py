@@ -1,37 +1,41 @@
-"""Turning points of a noisy swing: the smoothed signal, its pivots and the legs between them."""
+"""Turning points of a noisy swing: the smoothed signal, its pivots and the swings between them."""
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from sysid.roll import Array
+from sysid.noise.sensor import quantisation_step
+from sysid.roll import Array, Release
 
 SMOOTHING_REACH = 0.25
 """Half-width of the smoothing window in radians of the fastest motion's phase."""
+PAUSE = 30.0
+"""A pause of the record is looked at as if it were no longer than this [s]."""
 
 
 @dataclass(frozen=True, slots=True)
-class Swing:
+class SmoothedSignal:
     """A roll signal on an even time grid, smoothed just enough that its turning points stand out."""
 
     time: Array
-    """Even time grid [s], shape (m,)."""
+    """Time grid [s], shape (m,), even but for pauses of the record."""
     roll: Array
     """Smoothed roll [rad], shape (m,)."""
     noise: float
     """Standard deviation of what noise is left in `roll` [rad]."""
-    step: float
+    min_movement: float
     """Smallest movement that counts as one [rad]."""
-    stays: tuple[tuple[int, int], ...]
+    plateaus: tuple[tuple[int, int], ...]
     """First and last grid index of each stretch in which it stays where it is."""
     levels: tuple[float, ...]
     """Mean roll of each of these stretches [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
-class Leg:
-    """The way from one turning point to the next."""
+class HalfCycle:
+    """One swing: the way from one turning point to the next."""
 
     begin: int
     """Grid index of the turning point it comes from."""
@@ -47,10 +51,10 @@ class Leg:
     """Roll at the turning point it goes to [rad]."""
     duration: float
     """Time from 10 to 90 % of the way [s]."""
-    from_stay: bool
-    """Whether the deck stayed where the leg begins."""
-    to_stay: bool
-    """Whether the deck stays where the leg ends."""
+    from_plateau: bool
+    """Whether the deck stayed where the swing begins."""
+    to_plateau: bool
+    """Whether the deck stays where the swing ends."""
 
     @property
     def way(self) -> float:
@@ -71,17 +75,11 @@ def noise_level(roll: Array) -> float:
     """
     if len(roll) < 8:
         return 0.0
-    third = np.abs(np.diff(roll, 3))
-    steps = np.abs(np.diff(roll))
-    scale = float(np.ptp(roll))
-    moving = steps[steps > 1e-9 * scale] if scale > 0 else steps[:0]
-    noise = 1.4826 * float(np.median(third)) / np.sqrt(20.0)
-    if 0 < len(moving) < 0.7 * len(steps):  # values repeat: an encoder, or a file with few decimals
-        noise = max(noise, float(np.percentile(moving, 5)) / np.sqrt(12.0))
-    return noise
+    noise = 1.4826 * float(np.median(np.abs(np.diff(roll, 3)))) / np.sqrt(20.0)
+    return max(noise, quantisation_step(np.diff(roll)) / np.sqrt(12.0))
 
 
-def find_swing(time: Array, roll: Array, std: float) -> Swing:
+def smooth_signal(time: Array, roll: Array, std: float) -> SmoothedSignal:
     """Smooth a roll signal and find its turning points.
 
     Args:
@@ -90,8 +88,10 @@ def find_swing(time: Array, roll: Array, std: float) -> Swing:
         std: Standard deviation of a sample as the reader knows it [rad].
     """
     interval = float(np.median(np.diff(time)))
+    own, time = time, _without_pauses(time, interval)
     grid = time[0] + interval * np.arange(int((time[-1] - time[0]) / interval + 1.5))
     even = np.interp(grid, time, roll)
+    grid = grid if own is time else np.interp(grid, time, own)
     span = float(np.percentile(even, 99.9) - np.percentile(even, 0.1)) or float(np.ptp(even))
     speed = _top_speed(even, interval, std)
     quickness = 2.0 * speed / span if span > 0 else 0.0
@@ -101,32 +101,51 @@ def find_swing(time: Array, roll: Array, std: float) -> Swing:
     smooth, gain = _smooth(even, _least_reach(std, span, reach))
     noise = std * gain
     step = max(6.0 * noise, 0.02 * span)
-    stays = _stays(smooth, step, quickness * interval)
-    levels = tuple(float(smooth[first : last + 1].mean()) for first, last in stays)
-    return Swing(grid, smooth, noise, step, stays, levels)
+    plateaus = _plateaus(smooth, step, quickness * interval)
+    levels = tuple(float(smooth[first : last + 1].mean()) for first, last in plateaus)
+    return SmoothedSignal(grid, smooth, noise, step, plateaus, levels)
 
 
-def legs_of(swing: Swing) -> list[Leg]:
-    """Return the legs between turning points, in order of time; none where nothing moves.
+_SMOOTHED: WeakKeyDictionary[Release, SmoothedSignal] = WeakKeyDictionary()
 
-    A leg never passes through a stretch in which the deck stays: lifting on from rest is a leg of its
+
+def _without_pauses(time: Array, interval: float) -> Array:
+    """Return a clock that runs through pauses of more than `PAUSE` in that time: an hour off needs no million samples."""
+    longest = max(PAUSE, 100 * interval)
+    steps = np.diff(time)
+    if steps.max() <= longest:
+        return time
+    return time - np.concatenate(([0.0], np.cumsum(np.maximum(steps - longest, 0.0))))
+
+
+def smoothed(release: Release) -> SmoothedSignal:
+    """Return a release's roll smoothed; worked out once for each release."""
+    if release not in _SMOOTHED:
+        _SMOOTHED[release] = smooth_signal(release.time, release.roll, float(np.median(release.std)))
+    return _SMOOTHED[release]
+
+
+def half_cycles_of(signal: SmoothedSignal) -> list[HalfCycle]:
+    """Return the swings between turning points, in order of time; none where nothing moves.
+
+    A swing never passes through a stretch in which the deck stays: lifting on from rest is a swing of its
     own, even in the direction in which the decay came in.
     """
-    middles = ((first + last) // 2 for first, last in swing.stays)
-    stays = dict(zip(middles, swing.levels, strict=True))
+    middles = ((first + last) // 2 for first, last in signal.plateaus)
+    stays = dict(zip(middles, signal.levels, strict=True))
     bounds = sorted(stays)
-    if not swing.stays or swing.stays[0][0] > 0:
+    if not signal.plateaus or signal.plateaus[0][0] > 0:
         bounds.insert(0, 0)
-    if not swing.stays or swing.stays[-1][1] < len(swing.roll) - 1:
-        bounds.append(len(swing.roll) - 1)
-    legs: list[Leg] = []
+    if not signal.plateaus or signal.plateaus[-1][1] < len(signal.roll) - 1:
+        bounds.append(len(signal.roll) - 1)
+    swings: list[HalfCycle] = []
     for begin, finish in pairwise(bounds):
-        pivots = [begin + i for i in _pivots(swing.roll[begin : finish + 1], swing.step)]
+        pivots = [begin + i for i in _pivots(signal.roll[begin : finish + 1], signal.min_movement)]
         for a, b in pairwise(pivots):
             origin = stays.get(begin) if a == pivots[0] else None
             target = stays.get(finish) if b == pivots[-1] else None
-            legs.append(_leg(swing, a, b, origin, target))
-    return _without_slow_turns(swing, legs)
+            swings.append(_half_cycle(signal, a, b, origin, target))
+    return _without_slow_turns(signal, swings)
 
 
 def crossing_time(time: Array, level: Array, threshold: float) -> float:
@@ -141,40 +160,47 @@ def crossing_time(time: Array, level: Array, threshold: float) -> float:
     return float(time[i - 1] + share * (time[i] - time[i - 1]))
 
 
-def _without_slow_turns(swing: Swing, legs: list[Leg]) -> list[Leg]:
-    """Take back a stay that is no longer than a turning point of the legs about it."""
-    legs = list(legs)
-    for i, (one, other) in enumerate(pairwise(legs)):
-        pause = float(swing.time[other.left] - swing.time[one.reached])
+def _without_slow_turns(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[HalfCycle]:
+    """Take back a stay that is no longer than a turning point of the swings about it."""
+    swings = list(swings)
+    for i, (one, other) in enumerate(pairwise(swings)):
+        pause = float(signal.time[other.left] - signal.time[one.reached])
         shrinking = one.way * other.way < 0 and other.size < 0.8 * one.size
         longest = (2.2 if shrinking else 1.5) * min(one.duration, other.duration)
-        if one.to_stay and pause < longest:
-            legs[i], legs[i + 1] = replace(legs[i], to_stay=False), replace(other, from_stay=False)
-    return legs
+        if one.to_plateau and pause < longest:
+            swings[i], swings[i + 1] = (
+                replace(swings[i], to_plateau=False),
+                replace(other, from_plateau=False),
+            )
+    return swings
 
 
-def _leg(swing: Swing, a: int, b: int, stays_at: float | None, will_stay_at: float | None) -> Leg:
-    """Measure the leg between two pivots; where the deck stays, its level counts and not one extreme."""
-    origin = float(swing.roll[a]) if stays_at is None else stays_at
-    target = float(swing.roll[b]) if will_stay_at is None else will_stay_at
+def _half_cycle(
+    signal: SmoothedSignal, a: int, b: int, stays_at: float | None, will_stay_at: float | None
+) -> HalfCycle:
+    """Measure the swing between two pivots; where the deck stays, its level counts and not one extreme."""
+    origin = float(signal.roll[a]) if stays_at is None else stays_at
+    target = float(signal.roll[b]) if will_stay_at is None else will_stay_at
     size = max(abs(target - origin), 1e-15)
-    way = (swing.roll[a : b + 1] - origin) * np.sign(target - origin)
-    near = max(0.05 * size, min(2.5 * swing.noise, 0.3 * size))
+    way = (signal.roll[a : b + 1] - origin) * np.sign(target - origin)
+    near = max(0.05 * size, min(2.5 * signal.noise, 0.3 * size))
     low, high = np.flatnonzero(way <= near), np.flatnonzero(way >= size - near)
     left = a + int(low[-1] if len(low) else 0)
     later = high[high >= left - a]
     reached = a + int(later[0] if len(later) else len(way) - 1)
-    time = swing.time[left : b + 1]
+    time = signal.time[left : b + 1]
     way = way[left - a :]
-    # A leg leaves and arrives through these levels once only: `left` is the last time near its origin.
+    # A swing leaves and arrives through these levels once only: `left` is the last time near its origin.
     low, high = max(0.1 * size, near), min(0.9 * size, size - near)
     rise = crossing_time(time, way, high) - crossing_time(time, way, low)
     stretch = 0.8 / ((high - low) / size) if high > low else 1.0
-    duration = max(rise * stretch, float(swing.time[1] - swing.time[0]) / 2)
-    return Leg(a, left, reached, b, origin, target, duration, stays_at is not None, will_stay_at is not None)
+    duration = max(rise * stretch, float(signal.time[1] - signal.time[0]) / 2)
+    return HalfCycle(
+        a, left, reached, b, origin, target, duration, stays_at is not None, will_stay_at is not None
+    )
 
 
-def _stays(roll: Array, step: float, quickness: float) -> tuple[tuple[int, int], ...]:
+def _plateaus(roll: Array, step: float, quickness: float) -> tuple[tuple[int, int], ...]:
     """Return the stretches that go nowhere for about a radian of the fastest motion's phase."""
     if quickness <= 0:
         return ((0, len(roll) - 1),)

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from command_line import husky
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -17,6 +18,7 @@ from sysid.board import (
     DECAY_UNITS,
     GEOMETRY_UNITS,
     MASS_UNITS,
+    PHYSICAL,
     PUBLISHED_UNITS,
     TILT_UNITS,
     Board,
@@ -36,12 +38,6 @@ SHIPPED = shipped_data() / "boards"
 @pytest.fixture
 def pink() -> Board:
     return load_board(SHIPPED / "pink.toml")
-
-
-def husky(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "sysid.cli", *arguments], capture_output=True, text=True, cwd=cwd, check=False
-    )
 
 
 # --- the shipped records -----------------------------------------------------------------------
@@ -162,13 +158,15 @@ def test_mutated_record_is_read_or_refused_in_one_line(data: st.DataObject) -> N
 
 # --- writing -----------------------------------------------------------------------------------
 
-numbers = st.floats(1e-9, 1e9)
 texts = st.text(st.characters(codec="utf-8", exclude_categories=["Cs"]), max_size=20)
 
 
 def quantities(units):
     return st.fixed_dictionaries(
-        {key: st.builds(Quantity, numbers, st.floats(0, 1e6), st.just(unit)) for key, unit in units.items()}
+        {
+            key: st.builds(Quantity, st.floats(*PHYSICAL[unit]), st.floats(0, 1e6), st.just(unit))
+            for key, unit in units.items()
+        }
     )
 
 
@@ -185,7 +183,7 @@ boards = st.builds(
     source=texts,
     geometry=quantities(GEOMETRY_UNITS),
     mass=quantities(MASS_UNITS),
-    inertia=st.builds(Quantity, numbers, st.floats(0, 1e6), st.just("kg*m^2"), texts),
+    inertia=st.builds(Quantity, st.floats(*PHYSICAL["kg*m^2"]), st.floats(0, 1e6), st.just("kg*m^2"), texts),
     tilt=quantities(TILT_UNITS),
     decay=st.just({}) | quantities(DECAY_UNITS),
     published=st.just({}) | quantities(PUBLISHED_UNITS),
@@ -330,10 +328,9 @@ def test_boards_shows_a_fitted_board_whole(tmp_path: Path, pink: Board) -> None:
         published={},
         effects=(BoardEffect("coulomb", {"torque": Quantity(0.11, 0.01, "N*m")}),),
         fit={"timestep": 0.002, "logs": [{"path": "a.csv", "sha256": "00"}], "rmse": 0.0021},
-        check={"passed": True, "nrmse": 0.012},
         history=({"effects": "none", "rmse_before": 0.01}, {"effects": "coulomb", "rmse_after": 0.002}),
     )
-    Workspace(tmp_path).save_board(fitted)
+    Workspace(tmp_path).save_board(fitted.checked({"passed": True, "nrmse": 0.012}))
     result = husky("boards", "pink", "--json", "out.json", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     for text in ("fitted to 1 log, rmse 2.1 mrad", "coulomb: torque", "passed (nrmse 1.2 %)", "rmse_before"):
@@ -373,3 +370,65 @@ def test_json_on_stdout_is_alone(tmp_path: Path) -> None:
     result = husky("boards", "pink", "--json", "-", cwd=tmp_path)
     assert json.loads(result.stdout)["derivation"]["stiffness"]["unit"] == "N*m/rad"
     assert os.listdir(tmp_path) == []  # noqa: PTH208  looking changes nothing
+
+
+def test_a_check_does_not_survive_an_edit_by_hand(tmp_path: Path, pink: Board) -> None:
+    space = Workspace(tmp_path)
+    path = space.save_board(pink.checked({"passed": True, "nrmse": 0.012}))
+    assert space.load_board("pink").passed
+    path.write_text(path.read_text().replace("14.684", "24.684"))
+    edited = space.load_board("pink")
+    assert edited.stiffness == 24.684
+    assert not edited.passed
+    assert edited.check_is_stale
+    assert "out of date" in husky("boards", cwd=tmp_path).stdout
+
+
+def test_words_about_a_board_do_not_undo_its_check(pink: Board) -> None:
+    checked = pink.checked({"passed": True})
+    assert replace(checked, description="another", history=({"rmse": 1.0},)).passed
+
+
+def test_commands_beside_each_other_lose_nothing(tmp_path: Path, pink: Board) -> None:
+    space = Workspace(tmp_path)
+    space.save_board(pink)
+    fits = [
+        replace(pink.with_tilt(stiffness=Quantity(k, 0.1, "N*m/rad")), history=({"stiffness": k},))
+        for k in (15.0, 16.0)
+    ]
+    for fit in fits:  # both read the record before either wrote it
+        space.save_board(fit, since=pink)
+    with pytest.raises(HuskyError, match="changed by another command"):
+        space.save_board(pink.checked({"passed": True}), since=pink)
+    now = space.load_board("pink")
+    assert [line["stiffness"] for line in now.history] == [15.0, 16.0]
+    assert now.stiffness == 16.0
+    assert not now.check
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("value = 0.0087", "value = 1e-300"),
+        ("value = 0.0087", "value = 1e300"),
+        ("wheel_radius = {value = 0.03", "wheel_radius = {value = 1e-9"),
+        ("rake = {value = 1.0471975511965976", "rake = {value = 1e6"),
+        ("std = 0.0468", "std = nan"),
+        ("std = 0.0468", "std = inf"),
+        ("stiffness = {value = 14.684", "stiffness = {value = 1e8"),
+    ],
+)
+def test_absurd_numbers_are_refused_by_name(tmp_path: Path, old: str, new: str) -> None:
+    text = (shipped_data() / "boards" / "pink.toml").read_text()
+    assert text.count(old) == 1
+    path = tmp_path / "pink.toml"
+    path.write_text(text.replace(old, new))
+    with pytest.raises(HuskyError, match="expected"):
+        load_board(path)
+
+
+def test_a_record_nested_without_end_is_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "deep.toml"
+    path.write_text("x = " + "[" * 5000 + "]" * 5000)
+    with pytest.raises(HuskyError, match="not a TOML file"):
+        load_board(path)

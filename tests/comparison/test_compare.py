@@ -1,12 +1,14 @@
 """The comparison: right about how far, about where, and about the torque between."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from sysid.board import load_board
 from sysid.comparison.compare import compare
+from sysid.fit_mjcf import fit_joint
 from sysid.joint import JointLaw, simulate
 from sysid.logs import read_roll
 from sysid.releases import find_releases
@@ -156,3 +158,57 @@ def test_shipped_log_and_fit_agree_with_each_other():
     assert result.where == ()
     assert "to 2." in result.verdict() or "to 3." in result.verdict()
     assert "known to ±14 %" in result.verdict()
+
+
+def test_fit_and_comparison_look_at_one_window_of_a_coarse_log(pink):
+    releases = [replace(r, roll=np.round(r.roll / 0.02) * 0.02) for r in releases_of(LIGHT)]
+    fitted = fit_joint(releases, pink, ("coulomb",))
+    compared = compare(releases, pink)
+    for record, release in zip(fitted.records, compared.releases, strict=True):
+        np.testing.assert_array_equal(record.time, release.time)
+
+
+def test_missing_friction_shows_its_size_against_the_rate(pink):
+    """Averaged over the tilt, what is missing is the Coulomb step of a hand-computed 0.1 N*m."""
+    with_friction = replace(LIGHT, effects=(("coulomb", (0.1,)),))
+    result = compare(releases_of(with_friction, noise=np.radians(0.003)), pink, law=LIGHT)
+    profile = result.missing.over_rate
+    fast = np.abs(profile.at) > 0.5
+    assert fast.sum() >= 4
+    expected = -0.1 * np.sign(profile.at[fast])
+    assert np.abs(profile.torque[fast] - expected).max() < 0.03
+    right = compare(releases_of(LIGHT), pink, law=LIGHT).missing.over_rate
+    assert np.mean(np.abs(right.torque) < 3 * right.std) > 0.9
+
+
+def test_a_wrong_model_does_not_blind_the_backbone(pink):
+    """30 Hz sampling of a 0.6 s swing, under a model that swings in 0.185 s."""
+    slow = JointLaw(inertia=8.7e-3, stiffness=8.7e-3 * (2 * np.pi / 0.6) ** 2, damping=0.003)
+    releases = [replace(r, **every(r, 33)) for r in long_releases_of(slow)]
+    measured = compare(releases, pink).measured_backbone
+    assert len(measured.period) > 5
+    assert np.median(measured.period) == pytest.approx(0.6, rel=0.05)
+
+
+def test_where_is_told_by_where_the_joint_was(pink):
+    """A model that dies at once has its error at the measured amplitudes, not at its own."""
+    slow = JointLaw(inertia=8.7e-3, stiffness=2.0, damping=0.002)
+    where = compare(long_releases_of(slow), pink).where
+    small = next(p for p in where if p.axis == "amplitude" and p.range[0] == 0)
+    assert small.share < 0.2
+
+
+def every(release, n):
+    return {name: getattr(release, name)[::n] for name in ("time", "roll", "std")}
+
+
+def long_releases_of(law):
+    time = np.arange(0.0, 6.0, 1e-3)
+    noise = np.random.default_rng(3)
+    return [
+        Release(
+            log="made.csv", number=number, time=time, std=np.full(len(time), NOISE), origin="angle", rest=0.0,
+            roll=simulate(law, time, angle).roll + NOISE * noise.standard_normal(len(time)), hold=1.0, end="log",
+        )
+        for number, angle in enumerate((0.18, -0.15), start=1)
+    ]  # fmt: skip

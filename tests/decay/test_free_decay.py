@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from scipy.special import stdtrit
 
 from sysid.decay.linear_fit import decay_basis, fit_traces
-from sysid.decay.nonlinearity import find_patterns
+from sysid.decay.nonlinearity import find_nonlinearities
 from sysid.decay.numbers import decay_numbers, numbers_from_decrement
 from sysid.decay.peaks import Peak, find_peaks
 from sysid.errors import HuskyError
-from sysid.free_decay import decay_from_peaks, free_decay, log_decrement_two_peaks
+from sysid.free_decay import decay_from_peaks, fit_decay, log_decrement_two_peaks
 from sysid.quantity import Quantity, t95
 from sysid.releases import find_releases, settling_time
 from sysid.roll import Release, Roll
@@ -26,7 +26,7 @@ PINK, BLACK = (41.083, 0.56265), (69.815, 0.54088)
 
 
 def decay_of(recipe, inertia=INERTIA):
-    return free_decay(find_releases(make_roll(recipe)), inertia)
+    return fit_decay(find_releases(make_roll(recipe)), inertia)
 
 
 def clean_release(omega, zeta, *, start=0.2, duration=1.0, sampling=500, noise=1e-5, seed=0, hold=0.5):
@@ -119,7 +119,7 @@ def test_basis_solves_the_equation_on_both_sides_of_critical_damping(q):
 @pytest.mark.parametrize("omega", [2.5, 41.083, 69.815])
 def test_noise_free_truth_is_recovered(zeta, omega):
     release = clean_release(omega, zeta, duration=60 / omega, sampling=40 * omega, noise=0.0)
-    numbers = free_decay([release], INERTIA).numbers
+    numbers = fit_decay([release], INERTIA).numbers
     assert numbers.omega_n.value == pytest.approx(omega, rel=1e-6)
     assert numbers.damping_ratio.value == pytest.approx(zeta, rel=1e-6)
     assert numbers.stiffness.value == pytest.approx(INERTIA.value * omega**2, rel=1e-6)
@@ -158,7 +158,7 @@ def test_estimate_and_covariance_are_those_of_ordinary_least_squares():
     from scipy.optimize import least_squares
 
     release = clean_release(41.0, 0.3, noise=2e-3, seed=5)
-    decay = free_decay([release], INERTIA)
+    decay = fit_decay([release], INERTIA)
     fitted = decay.trace.releases[0]
     time = fitted.trace.time - fitted.trace.time[0]
 
@@ -180,10 +180,10 @@ def test_a_gyro_is_fitted_as_a_rate_with_its_bias():
     measured = rate + 0.3 + rng.normal(0, 0.02, len(time))
     roll = np.concatenate([[0], np.cumsum((measured[1:] + measured[:-1]) / 2) * 0.002])
     release = Release(
-        log="g", number=1, time=time, roll=roll, std=np.full(len(time), 1e-3), origin="gyro",
+        log="g", number=1, time=time, roll=roll, std=np.full(len(time), 1e-3), origin="gyro", zero="drifting", measured="rate",
         rate=measured, rate_std=np.full(len(time), 0.02), rest=-0.2, hold=0.0, end="log",
     )  # fmt: skip
-    decay = free_decay([release], INERTIA)
+    decay = fit_decay([release], INERTIA)
     assert decay.trace.signal == "rate"
     assert decay.trace.releases[0].level == pytest.approx(0.3, abs=0.005)
     assert abs(decay.numbers.omega_n.value - 15.0) < 3 * decay.numbers.omega_n.std < 0.05
@@ -213,7 +213,7 @@ def test_line_through_the_peaks_is_unbiased_and_its_interval_holds():
     for seed in range(80):
         rng = np.random.default_rng(seed)
         zeta = float(rng.choice([0.03, 0.1, 0.3]))
-        decay = free_decay(
+        decay = fit_decay(
             [clean_release(41.0, zeta, noise=float(rng.choice([5e-4, 3e-3])), seed=seed)], INERTIA
         )
         delta = 2 * math.pi * zeta / math.sqrt(1 - zeta**2)
@@ -238,7 +238,7 @@ def test_two_peaks():
 
 def test_the_second_peak_of_a_skateboard_is_a_thin_thread():
     """ζ = 0.56: 0.1° on a second peak of 0.6° moves the classic δ by more than the whole trace's interval."""
-    decay = free_decay([clean_release(*PINK, sampling=1000, noise=0.02 * DEGREE)], INERTIA)
+    decay = fit_decay([clean_release(*PINK, sampling=1000, noise=0.02 * DEGREE)], INERTIA)
     (peaks,) = decay.peaks
     moved = [replace(p, amplitude=p.amplitude - 0.1 * DEGREE) if p.number == 2 else p for p in peaks]
     shift = abs(log_decrement_two_peaks(moved).value - log_decrement_two_peaks(peaks).value)
@@ -287,7 +287,7 @@ def test_a_linear_decay_gets_no_warning():
 
 def test_overdamped_has_k_and_d_but_no_decrement():
     release = clean_release(41.0, 1.4, sampling=2000, noise=0.01 * DEGREE)
-    decay = free_decay([release], INERTIA)
+    decay = fit_decay([release], INERTIA)
     assert abs(decay.numbers.stiffness.value - INERTIA.value * 41**2) < 3 * decay.numbers.stiffness.std
     assert abs(decay.numbers.damping.value - 2 * 1.4 * 41 * INERTIA.value) < 3 * decay.numbers.damping.std
     content = decay.numbers.to_json()
@@ -304,7 +304,7 @@ def test_noise_alone_is_refused():
     for seed in range(12):
         roll = np.random.default_rng(seed).normal(0, 0.003, 5000)
         with pytest.raises(HuskyError):
-            free_decay(
+            fit_decay(
                 find_releases(Roll(log="n", time=time, roll=roll, std=np.full(5000, 0.003), origin="angle")),
                 INERTIA,
             )
@@ -312,19 +312,19 @@ def test_noise_alone_is_refused():
 
 def test_too_little_is_refused():
     with pytest.raises(HuskyError, match="too few to fit"):
-        free_decay([clean_release(41.0, 0.5, duration=0.012, sampling=500)], INERTIA)
-    with pytest.raises(HuskyError, match="no free decay was given"):
-        free_decay([], INERTIA)
+        fit_decay([clean_release(41.0, 0.5, duration=0.012, sampling=500)], INERTIA)
+    with pytest.raises(HuskyError, match="no release was given"):
+        fit_decay([], INERTIA)
     faint = clean_release(41.0, 0.5, start=0.005, noise=0.003)
     with pytest.raises(HuskyError, match=r"amplitude of .*° in noise of"):
-        free_decay([replace(faint, roll=faint.roll * 0 + 0.005)], INERTIA)
+        fit_decay([replace(faint, roll=faint.roll * 0 + 0.005)], INERTIA)
     short = clean_release(41.0, 0.5, duration=0.025, sampling=1000, noise=0.002)
     with pytest.raises(HuskyError, match="too short or too strongly damped"):
-        free_decay([short], INERTIA)
+        fit_decay([short], INERTIA)
 
 
 def test_less_than_a_cycle_is_said():
-    decay = free_decay([clean_release(41.0, 0.1, duration=0.11, sampling=2000, noise=1e-4)], INERTIA)
+    decay = fit_decay([clean_release(41.0, 0.1, duration=0.11, sampling=2000, noise=1e-4)], INERTIA)
     assert any("of a period" in warning for warning in decay.warnings)
     assert abs(decay.numbers.omega_n.value - 41) < 4 * decay.numbers.omega_n.std
 
@@ -339,7 +339,7 @@ def test_saturated_samples_count_for_little(tmp_path):
     np.savetxt(path, np.column_stack([roll.time, flat]), delimiter=",", header="time_s,roll_rad", comments="")
     read = read_roll(path)
     assert any("saturated" in warning for warning in read.warnings)
-    decay = free_decay(find_releases(read), INERTIA)
+    decay = fit_decay(find_releases(read), INERTIA)
     assert decay.numbers.omega_n.value == pytest.approx(41.083, rel=5e-3)
     assert decay.numbers.damping_ratio.value == pytest.approx(0.04, rel=0.1)
 
@@ -362,7 +362,7 @@ def coverage(omega, zeta, sampling, noise, m, *, seeds, inertia_std=0.0, correla
                 coloured[i] = correlation * coloured[i - 1] + white[i]
             roll = replace(roll, roll=roll.roll + coloured, std=np.full_like(white, noise * DEGREE))
         true_inertia = INERTIA.value + inertia_std * rng.normal()
-        numbers = free_decay(find_releases(roll), replace(INERTIA, std=inertia_std)).numbers
+        numbers = fit_decay(find_releases(roll), replace(INERTIA, std=inertia_std)).numbers
         found = (numbers.omega_n, numbers.damping_ratio, numbers.stiffness, numbers.damping)
         truth = np.array([omega, zeta, true_inertia * omega**2, 2 * zeta * omega * true_inertia])
         hits += [q.ci95[0] <= value <= q.ci95[1] for q, value in zip(found, truth, strict=True)]
@@ -425,7 +425,7 @@ def test_real_logs(real_logs, name):
     """ω within 1 % of what the source states, or else of where the spectrum peaks."""
     from sysid.logs import read_roll
 
-    decay = free_decay(find_releases(read_roll(real_logs / name)), INERTIA)
+    decay = fit_decay(find_releases(read_roll(real_logs / name)), INERTIA)
     stated, word = REAL[name]
     release = decay.releases[0]
     expected = stated or spectral_frequency(release)
@@ -469,7 +469,7 @@ def test_levels_within_the_noise_are_no_friction():
         levels = rng.normal(0, 1e-4, 4)
         releases = [clean_release(*PINK, start=0.1 * (-1) ** i, noise=0.0) for i in range(4)]
         rests = [Quantity(level, 1e-4, "rad") for level in levels]
-        assert find_patterns(releases, [[], [], [], []], 1e-4, rests) == []
+        assert find_nonlinearities(releases, [[], [], [], []], 1e-4, rests) == []
 
 
 def with_misfit(seed, size):
@@ -485,10 +485,10 @@ def with_misfit(seed, size):
 
 
 def test_intervals_grow_with_a_residual_beyond_the_noise_and_not_with_noise():
-    noise = [free_decay(with_misfit(seed, 0.0), INERTIA).wider for seed in range(40)]
+    noise = [fit_decay(with_misfit(seed, 0.0), INERTIA).wider for seed in range(40)]
     assert sum(factor > 1.0 for factor in noise) <= 2
     for seed in (1, 4, 5):  # where the correlation of neighbours alone says too little
-        decay = free_decay(with_misfit(seed, 0.02), INERTIA)
+        decay = fit_decay(with_misfit(seed, 0.02), INERTIA)
         plain = fit_traces(with_misfit(seed, 0.02))
         assert decay.wider > 1.1
         growth = np.sqrt(np.diag(decay.trace.covariance) / np.diag(plain.covariance))

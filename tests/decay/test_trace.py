@@ -8,9 +8,10 @@ import pytest
 from decay_truth import linear_decay
 
 from sysid.decay.linear_fit import fit_traces
-from sysid.decay.trace import LASTS, Trace, head, lasting, traces_of
+from sysid.decay.trace import Trace, head, traces_of, with_ar1_errors
 from sysid.fit_mjcf import FitOptions, fit_joint
-from sysid.free_decay import free_decay
+from sysid.free_decay import fit_decay
+from sysid.noise.lasting import LASTS
 from sysid.quantity import Quantity
 from sysid.roll import Release
 from sysid.workspace import Workspace
@@ -29,7 +30,7 @@ def errors(time, rng):
     return x
 
 
-def filmed(seed, *, rate=120.0, origin="video", own=True, slant=0.0, jitter=0.0):
+def filmed(seed, *, rate=120.0, lasting=True, own=True, slant=0.0, jitter=0.0):
     """Two releases with lasting errors; a slant shrinks the swing and widens the deviations with it."""
     rng = np.random.default_rng(seed)
     releases = []
@@ -41,7 +42,7 @@ def filmed(seed, *, rate=120.0, origin="video", own=True, slant=0.0, jitter=0.0)
             Release(
                 log="film.mp4", number=number, time=time, roll=(1 - slant) * roll + STD * errors(time, rng),
                 std=np.hypot(STD, 0.02 * np.abs(roll)), own_std=np.full(len(time), STD) if own else None,
-                origin=origin, rest=0.0, hold=0.2, end="rest",
+                origin="video", zero="constant", errors_last=lasting, rest=0.0, hold=0.2, end="rest",
             )
         )  # fmt: skip
     return releases
@@ -73,25 +74,25 @@ def test_a_small_residual_does_not_promise_more_than_the_film_states():
     smooth = [replace(one, roll=linear_decay(one.time, OMEGA, ZETA, one.roll[0])[0]) for one in filmed(0)]
     still, noisy = (stiffness(releases)[1] for releases in (smooth, filmed(0)))
     assert still == pytest.approx(noisy, rel=0.2)
-    numbers = free_decay(smooth, Quantity(8.7e-3, 0.0, "kg*m^2")).numbers
+    numbers = fit_decay(smooth, Quantity(8.7e-3, 0.0, "kg*m^2")).numbers
     assert 0.005 < numbers.stiffness.std / numbers.stiffness.value < 0.03
 
 
 def test_news_of_lasting_errors_is_white():
     rng = np.random.default_rng(0)
     time = np.cumsum(rng.uniform(0.003, 0.02, 400))
-    trace = lasting(Trace(time, time, np.ones(400), STD), OMEGA)
-    news = np.stack([trace.news(errors(time, rng)) for _ in range(300)])
+    trace = with_ar1_errors(Trace(time, time, np.ones(400), STD), OMEGA)
+    news = np.stack([trace.whiten(errors(time, rng)) for _ in range(300)])
     assert np.mean(news**2) == pytest.approx(1, abs=0.02)
     for lag in (1, 2, 5):
         assert abs(np.mean(news[:, lag:] * news[:, :-lag])) < 0.015
-    np.testing.assert_allclose(head(trace, 0.5).news(trace.time[: len(head(trace, 0.5).time)]),
-                               trace.news(trace.time)[: len(head(trace, 0.5).time)])  # fmt: skip
+    np.testing.assert_allclose(head(trace, 0.5).whiten(trace.time[: len(head(trace, 0.5).time)]),
+                               trace.whiten(trace.time)[: len(head(trace, 0.5).time)])  # fmt: skip
 
 
 def test_a_sensor_is_taken_as_before():
-    traces, _ = traces_of(filmed(0, origin="angle"))
-    assert all(lasting(trace, OMEGA) is trace and trace.kept is None for trace in traces)
+    traces, _ = traces_of(filmed(0, lasting=False))
+    assert all(with_ar1_errors(trace, OMEGA) is trace and trace.ar1 is None for trace in traces)
 
 
 def test_errors_larger_than_stated_widen_the_interval_by_as_much():
@@ -100,9 +101,9 @@ def test_errors_larger_than_stated_widen_the_interval_by_as_much():
     for seed in range(40):
         honest = filmed(seed)
         bold = [replace(one, std=one.std / 4, own_std=np.full(len(one.time), STD / 4)) for one in honest]
-        k = free_decay(bold, exact).numbers.stiffness
+        k = fit_decay(bold, exact).numbers.stiffness
         scores.append((k.value / (exact.value * OMEGA**2) - 1) * k.value / k.std)
-        grown.append(k.std / free_decay(honest, exact).numbers.stiffness.std)
+        grown.append(k.std / fit_decay(honest, exact).numbers.stiffness.std)
     assert np.mean(np.abs(scores) < 1.96) >= 0.85
     assert 0.7 < np.median(grown) < 1.6
 

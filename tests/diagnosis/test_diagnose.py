@@ -160,7 +160,7 @@ def test_what_acts_at_the_start_is_named_alone(name, seed, effects, tmp_path):
 def slider(tmp_path_factory):
     """Releases of a slider, with the search that a diagnosis makes of them."""
     from sysid.diagnosis.search import Searcher
-    from sysid.fitting.problem import make_records
+    from sysid.fitting.records import make_records
     from sysid.fitting.search import scales_of
     from sysid.noise.floor import noise_floor
 
@@ -214,7 +214,7 @@ def test_a_start_faster_than_from_rest_is_charged(slider):
 def test_what_a_start_is_charged_builds_no_integrator(slider):
     """A hundred models are reported; building the functions of each would cost more than reporting it."""
     from sysid.fitting.problem import Problem
-    from sysid.joint.equations import structure_of
+    from sysid.joint.structure import structure_of
 
     problem = Problem(structure_of(("stribeck", "end-stop")), slider.records, slider.scales)
     problem.start_penalty(np.zeros(len(problem.sizes())))
@@ -260,6 +260,7 @@ def test_a_board_that_changed_between_releases_is_said(pink):
     assert "contradict each other" in verdict.explanation
 
 
+@pytest.mark.slow
 def test_command_line_gives_the_binding_json(tmp_path):
     log = shipped_data() / "decays" / "pink_hidden.csv"
     done = subprocess.run(

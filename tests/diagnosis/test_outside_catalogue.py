@@ -10,7 +10,7 @@ from sysid.diagnosis.diagnose import diagnose
 from sysid.diagnosis.outside_catalogue import UNNAMED, unnamed_model, unnamed_torques
 from sysid.diagnosis.score_statistic import SHAPES
 from sysid.diagnosis.search import Searcher
-from sysid.fitting.problem import make_records
+from sysid.fitting.records import make_records
 from sysid.fitting.search import scales_of
 from sysid.noise.floor import noise_floor
 

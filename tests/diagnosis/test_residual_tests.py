@@ -12,10 +12,10 @@ from sysid.diagnosis.residual_tests import LEFT, has_line, kind_of, whiteness
 from sysid.diagnosis.score_statistic import score_test
 from sysid.diagnosis.search import Searcher
 from sysid.errors import HuskyError
-from sysid.fitting.problem import make_records
+from sysid.fitting.records import make_records
 from sysid.fitting.search import scales_of
 from sysid.noise.autoregression import ResidualNoise, residual_noise
-from sysid.noise.floor import noise_floor, sensor_step
+from sysid.noise.floor import noise_floor, pooled_step
 
 BY_NAME = {truth.name: truth for truth in truths.TRUTHS}
 SEED = 60
@@ -102,7 +102,7 @@ def test_the_last_of_a_swing_is_no_noise(tmp_path):
 def test_a_coarse_sensor_is_fitted_while_the_deck_moves_over_several_steps(tmp_path):
     truth = replace(BY_NAME["none, coarse steps"], noises=(0.1,), rates=(500.0,))
     releases = truths.make(truth, SEED, tmp_path)
-    step = sensor_step(releases, rate=False)
+    step = pooled_step(releases, rate=False)
     assert step == pytest.approx(np.radians(0.2))
     for record in make_records(releases, noise_floor(releases).std, rate=False):
         assert abs(record.signal[-1] - record.release.rest) > 2.5 * step

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from sysid.effects import catalogue, effect, parameters_from
-from sysid.effects._base import Motion, NumpyAlgebra, Scales
+from sysid.effects._algebra import NumpyAlgebra
+from sysid.effects._base import JointState, Scales
 from sysid.errors import HuskyError
 from sysid.joint import JointLaw, simulate
 
@@ -51,33 +52,33 @@ def test_texts_units_and_bounds(name):
 def test_steps_are_as_fine_as_the_law_is_sharp(name):
     """With the steps of a final fit the integration changes χ² of 6000 samples at 0.04° by less than chance does."""
     from sysid.diagnosis.search import FINE
-    from sysid.joint.equations import build_flow, steps_for, unroll
     from sysid.joint.hermite import hermite_matrix
+    from sysid.joint.integrator import build_stepper, rollout, steps_for
 
     law = BASE.with_effect(name, *effect(name).example)
     time = np.arange(0.0, 2.0, 1e-3)
 
     def roll(steps_per_period: float) -> np.ndarray:
-        flow = build_flow(law.structure, free_states=False, sensitivities=False)
+        stepper = build_stepper(law.structure, free_states=False, sensitivities=False)
         h = 2 * np.pi / law.frequency / steps_per_period
         steps = steps_for(float(time[-1]), h)
-        start = flow.begin(law.vector, [0.15, 0.0], 1.0)
+        start = stepper.initial(law.vector, [0.15, 0.0], 1.0)
         return (
             hermite_matrix(time, h, steps)
-            @ np.asarray(unroll(flow, steps)(start, np.append(law.vector, h))).T.ravel()
+            @ np.asarray(rollout(stepper, steps)(start, np.append(law.vector, h))).T.ravel()
         )
 
     coarse, fine = (roll(FINE * factor * law.structure.sharpness) for factor in (1, 8))
-    assert 3 * np.sum((coarse - fine) ** 2) < (10 if law.structure.kinked else 1) * np.radians(0.04) ** 2
+    assert 3 * np.sum((coarse - fine) ** 2) < (10 if law.structure.nonsmooth else 1) * np.radians(0.04) ** 2
 
 
-def test_an_effect_says_itself_that_it_is_kinked():
-    """A joint is as sharp as its sharpest effect, and kinked if one is."""
-    from sysid.joint.equations import structure_of
+def test_an_effect_says_itself_that_it_is_nonsmooth():
+    """A joint is as sharp as its sharpest effect, and nonsmooth if one is."""
+    from sysid.joint.structure import structure_of
 
-    assert not structure_of(("coulomb", "cubic-stiffness")).kinked
+    assert not structure_of(("coulomb", "cubic-stiffness")).nonsmooth
     joint = structure_of(("coulomb", "freeplay"))
-    assert joint.kinked
+    assert joint.nonsmooth
     assert joint.sharpness == effect("freeplay").sharpness > structure_of(()).sharpness == 1.0
 
 
@@ -102,13 +103,13 @@ def test_parameters_come_in_order_and_defaults_fill_the_end():
     ],
 )
 def test_torque_laws_by_hand(name, values, tilt, rate, torque):
-    motion = Motion(tilt, rate, tilt, 14.684)
+    motion = JointState(tilt, rate, tilt, 14.684)
     got = effect(name).torque(NumpyAlgebra(), motion, parameters_from(name, values), ())
     assert got == pytest.approx(torque, abs=1e-12)
 
 
 def test_gravity_pulls_by_absolute_roll():
-    motion = Motion(0.0, 0.0, 0.5, 14.684)
+    motion = JointState(0.0, 0.0, 0.5, 14.684)
     got = effect("gravity").torque(NumpyAlgebra(), motion, {"moment": 2.0}, ())
     assert got == pytest.approx(-2.0 * np.sin(0.5))
 

@@ -11,14 +11,16 @@ from scipy.signal import lfilter
 from sysid.board import Board, load_board
 from sysid.effects._base import Scales
 from sysid.errors import HuskyError
-from sysid.fit_mjcf import FitOptions, fit_joint, heldout_rmse
-from sysid.fitting.problem import Problem, make_records
+from sysid.fit_mjcf import FitOptions, fit_joint
+from sysid.fitting.problem import Problem
 from sysid.fitting.profile import profiles
+from sysid.fitting.records import make_records
 from sysid.fitting.search import scales_of, starting_points
 from sysid.joint import JointLaw, simulate
-from sysid.joint.equations import structure_of
+from sysid.joint.structure import structure_of
 from sysid.least_squares import Normal, minimise
-from sysid.noise.floor import band_excess, correlation_length, difference_std, ljung_box, noise_floor
+from sysid.noise.floor import difference_std, noise_floor
+from sysid.noise.whiteness import band_excess, correlation_length, ljung_box
 from sysid.quantity import Quantity
 from sysid.roll import Release
 from sysid.workspace import shipped_data
@@ -138,7 +140,7 @@ def test_own_bias_takes_up_sensor_zeros(pink):
     releases = releases_of(HEAVY, 6)
     for shift, release in zip((0.02, -0.03, 0.01), releases, strict=True):
         release.roll[:] += shift
-    fit = fit_joint(releases, pink, options=FitOptions(bias="own"))
+    fit = fit_joint(releases, pink, options=FitOptions(bias="per-release"))
     assert fit.rmse == pytest.approx(fit.noise.std, rel=0.08)
     assert "rest_angle" not in fit.quantities  # it is not to be told from the zeros
     assert abs(fit.law.stiffness - 14.684) < 4 * fit.quantities["stiffness"].std
@@ -147,8 +149,8 @@ def test_own_bias_takes_up_sensor_zeros(pink):
 def test_held_out_error_shows_a_wrong_model(pink):
     releases = releases_of(LIGHT.with_effect("coulomb", 0.1), 7)
     right, wrong = (fit_joint(releases, pink, names) for names in (["coulomb"], []))
-    assert heldout_rmse(right) < 1.15 * right.noise.std
-    assert heldout_rmse(wrong) > 2 * heldout_rmse(right)
+    assert right.heldout_rmse() < 1.15 * right.noise.std
+    assert wrong.heldout_rmse() > 2 * right.heldout_rmse()
 
 
 @pytest.mark.slow

@@ -122,6 +122,7 @@ def test_the_inertias_uncertainty_is_in_the_profile():
     assert np.diff(shape.interval)[0] > 2 * Z95 * 0.0004 / 0.0087 * 14.6
 
 
+@pytest.mark.slow
 def test_drawing_blocks_foretells_the_scatter():
     """Of fits to other logs of the same board, white and correlated noise."""
     for rho in (0.0, 0.8):

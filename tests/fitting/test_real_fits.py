@@ -8,8 +8,8 @@ import pytest
 
 from sysid.board import load_board
 from sysid.fit_mjcf import FitOptions, fit_joint
-from sysid.fitting.initial_state import own_motion
-from sysid.fitting.problem import make_records
+from sysid.fitting.initial_state import fit_initial_states
+from sysid.fitting.records import make_records
 from sysid.logs import LogOptions, read_roll
 from sysid.noise.floor import noise_floor
 from sysid.quantity import Quantity
@@ -39,7 +39,7 @@ def servo(real_logs):
 def left_out(releases, law, others, rest):
     """NRMSE on drops that were not fitted, each with its own start."""
     records = make_records([releases[i] for i in others], noise_floor(releases).std, rate=False, settled=True)
-    residuals, _ = own_motion(law, records)
+    residuals, _ = fit_initial_states(law, records)
     return [
         float(np.sqrt(np.mean(r**2) / np.mean((record.signal - rest) ** 2)))
         for r, record in zip(residuals, records, strict=True)

@@ -7,26 +7,21 @@ kept in `store/CASE.json`. Only `sysid.cli.main` is called, so that everything b
 import contextlib
 import datetime
 import hashlib
-import io
 import json
 import math
 import os
 import re
 import shlex
 import shutil
-import sys
 import tomllib
-import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
-from unittest.mock import patch
 
 import numpy as np
-
-from sysid.cli import main
+from command_line import husky
 
 STORE = Path(__file__).parent / "store"
 REPOSITORY = Path(__file__).parents[2]
@@ -69,8 +64,8 @@ SYNTHETIC = {
 """Logs made by `husky-sysid synth` at test time, and how."""
 RECORDED = {"joint.mcap": "angle_gaps.csv", "imu.mcap": "imu.csv"}
 """MCAP recordings, and the synthetic log whose numbers they hold."""
-FILMS = {"marker.mp4": "marker", "dots.mp4": "dots", "edge.mp4": "edge"}
-"""Rendered films, and what is followed in them."""
+FILMED = ("marker.mp4", "dots.mp4", "edge.mp4")
+"""Films, rendered by `films.py` and named as there."""
 FITTED = {
     "coulomb.csv": "coulomb", "stribeck.csv": "stribeck", "cubic_stiffness.csv": "cubic-stiffness",
     "cubic_damping.csv": "cubic-damping", "viscoelastic.csv": "viscoelastic", "freeplay.csv": "freeplay",
@@ -101,7 +96,7 @@ def cases() -> list[Case]:
     shipped = sorted(path.name for path in SHIPPED.glob("*.csv"))
     return [
         *(case for name in (*shipped, *SYNTHETIC, *RECORDED) for case in _of_log(name)),
-        *(case for name in FILMS for case in _of_film(name)),
+        *(case for name in FILMED for case in _of_film(name)),
         *_FITS, *_WHOLE, *_SCENES, *_INERTIA, *_ODD, *_DIAGNOSES,
     ]  # fmt: skip
 
@@ -119,8 +114,10 @@ def _of_log(name: str) -> Iterator[Case]:
 
 def _of_film(name: str) -> Iterator[Case]:
     log, label = f"logs/{name}", name.replace(".", "-")
-    yield Case(f"roll-{label}", (f"roll {log} -o W/roll.csv --json J",), needs="film")
-    yield Case(f"decay-{label}", (f"decay {log} --board pink --no-picture --json J",), needs="film")
+    yield Case(f"roll-{label}", (f"roll {log} -o W/roll.csv --json J",), needs="film", slow=True)
+    yield Case(
+        f"decay-{label}", (f"decay {log} --board pink --no-picture --json J",), needs="film", slow=True
+    )
 
 
 _FITS = [
@@ -211,34 +208,14 @@ _DIAGNOSES = [
 ]
 
 
-def husky(*tokens: str) -> tuple[int, str, str]:
-    """Run the command line and return its exit code, stdout and stderr."""
-    stdout, stderr = io.StringIO(), io.StringIO()
-    with (
-        patch.object(sys, "argv", ["husky-sysid", *tokens]),
-        patch.dict(os.environ, {"COLUMNS": "100", "NO_COLOR": "1"}),
-        contextlib.redirect_stdout(stdout),
-        contextlib.redirect_stderr(stderr),
-        warnings.catch_warnings(),
-    ):
-        # Cyclopts expects tests to hand over tokens; here the whole of main runs, errors and exit codes included.
-        warnings.filterwarnings("ignore", "Cyclopts application invoked without tokens")
-        try:
-            main()
-            code = 0
-        except SystemExit as end:
-            code = end.code if isinstance(end.code, int) else 0
-    return code, stdout.getvalue(), stderr.getvalue()
-
-
 def make_logs(folder: Path) -> None:
     """Make every log but the films in `folder`/logs."""
     logs = folder / "logs"
     shutil.copytree(SHIPPED, logs)
     for name, recipe in SYNTHETIC.items():
         board = "" if "--board" in recipe else "--board pink"
-        code, _, error = husky("synth", *shlex.split(f"{recipe} {board} -o {logs / name}"))
-        assert code == 0, error
+        done = husky("synth", *shlex.split(f"{recipe} {board} -o {logs / name}"))
+        assert done.returncode == 0, done.stderr
     for name, source in RECORDED.items():
         _write_mcap(logs / name, logs / source)
 
@@ -268,13 +245,11 @@ def _write_mcap(path: Path, log: Path) -> None:
 
 def make_films(folder: Path) -> None:
     """Render every film in `folder`/logs."""
-    from dataclasses import replace
+    from films import FILMS, make_film
 
-    from films import SMALL, make_film
-
-    for name, mark in FILMS.items():
-        camera = SMALL if mark == "marker" else replace(SMALL, noise=2.0)
-        make_film(folder / "logs", Path(name).stem, mark, camera)
+    (folder / "logs").mkdir(exist_ok=True)
+    for name in FILMED:
+        make_film(folder / "logs", Path(name).stem, *FILMS[Path(name).stem])
 
 
 def run(case: Case, folder: Path) -> dict[str, Any]:
@@ -288,11 +263,11 @@ def run(case: Case, folder: Path) -> dict[str, Any]:
             result.unlink(missing_ok=True)
             tokens = [re.sub(r"\bW/", f"{workspace}/", token) for token in shlex.split(line)]
             tokens = [str(result) if token == "J" else token for token in tokens]
-            code, stdout, stderr = husky(*tokens, "--workspace", str(workspace))
-            step: dict[str, Any] = {"command": line, "exit": code}
-            step |= {"stdout": _lines(stdout), "stderr": _lines(stderr)}
+            done = husky(*tokens, "--workspace", str(workspace))
+            step: dict[str, Any] = {"command": line, "exit": done.returncode}
+            step |= {"stdout": _lines(done.stdout), "stderr": _lines(done.stderr)}
             if line.endswith("--json -"):
-                step |= {"stdout": "only JSON", "json": summary(json.loads(stdout))}
+                step |= {"stdout": "only JSON", "json": summary(json.loads(done.stdout))}
             elif result.exists():
                 step["json"] = summary(json.loads(result.read_text()))
             steps.append(step)
@@ -300,7 +275,7 @@ def run(case: Case, folder: Path) -> dict[str, Any]:
         files = {
             path.relative_to(workspace).as_posix(): _file(path)
             for path in sorted(workspace.rglob("*"))
-            if path.is_file()
+            if path.is_file() and ".earlier" not in path.parts
         }
     return {"steps": steps, "files": files}
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sysid.errors import HuskyError
-from sysid.joint.mujoco_step import Hinge, hinge_from_model, rollout_function, simulate, step
+from sysid.joint.mujoco_step import Hinge, hinge_from_model, rollout_function, simulate_steps, step
 
 pytestmark = pytest.mark.train
 
@@ -108,7 +108,7 @@ def largest_difference(spec: mujoco.MjSpec, start: tuple[float, float], integrat
     for i in range(steps):
         mujoco.mj_step(model, data)
         expected[i + 1] = data.qpos[0]
-    ours = simulate(
+    ours = simulate_steps(
         hinge_from_model(model, "tilt"), start, steps, timestep=model.opt.timestep, integrator=integrator
     )
     return float(np.abs(ours[:, 0] - expected).max())
@@ -170,7 +170,7 @@ def test_gravity_enters_as_a_torque():
     mujoco.mj_step(model, data, nstep=500)
     hinge = hinge_from_model(model, "tilt", torque=lambda q, v: -2.0 * 9.81 * 0.03 * ca.sin(q))
     assert hinge.inertia == pytest.approx(0.01 + 2.0 * 0.03**2)
-    ours = simulate(hinge, (0.3, 0.0), 500, timestep=0.002, integrator="Euler")
+    ours = simulate_steps(hinge, (0.3, 0.0), 500, timestep=0.002, integrator="Euler")
     assert ours[-1] == pytest.approx([data.qpos[0], data.qvel[0]], abs=1e-12)
 
 

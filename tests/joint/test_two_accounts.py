@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sysid import joint
 from sysid.effects import catalogue
-from sysid.joint import law as joint
 from sysid.synth import SynthOptions, synthesise
 from sysid.synth.effects import PARAMETERS
 from sysid.synth.sensors import Sensor

@@ -134,12 +134,12 @@ def test_the_sensor_may_lie_any_way_on_the_deck(tmp_path, mount, flipped):
     assert worst_deg(roll) < 0.2
 
 
-@pytest.mark.parametrize("rate_unit", ["rad/s", "deg/s", "mdeg/s"])
+@pytest.mark.parametrize("rate_unit", ["rad/s", "deg/s", "mdeg/s", "mrad/s"])
 @pytest.mark.parametrize("accel_unit", [1.0, 9.80665, 9.80665e-3, 9.80665 / 16384])
 def test_silent_units_are_told_by_gravity(tmp_path, rate_unit, accel_unit):
     roll = read_roll(sensor(tmp_path, rate_unit=RATE_UNITS[rate_unit], accel_unit=accel_unit))
     assert worst_deg(roll) < 0.2
-    assert any(rate_unit in note and "turn the accelerometer's vertical" in note for note in roll.notes)
+    assert any(rate_unit in text and "turn the accelerometer's vertical" in text for text in roll.warnings)
 
 
 def test_an_upright_axis_is_left_to_the_gyro(tmp_path):
@@ -256,7 +256,63 @@ def test_a_quaternion_gives_the_swing_about_its_axis(tmp_path, mirrored):
     assert found.origin == "quaternion"
     np.testing.assert_allclose(found.roll, roll, atol=1e-6)
     path = write_csv(
-        tmp_path / "bad.csv", ("t_s", "q_w", "q_x", "q_y", "q_z"), TIME, *(3 * part for part in columns)
+        tmp_path / "bad.csv",
+        ("t_s", "q_w", "q_x", "q_y", "q_z"),
+        TIME,
+        *(np.where(TIME < 4, 3, 1) * part for part in columns),
     )
-    with pytest.raises(HuskyError, match="norm is not 1"):
+    with pytest.raises(HuskyError, match="norm is not that of"):
         read_roll(path)
+
+
+# What the columns do not say
+
+
+SIX_WAYS = [turn_about(axis, angle) for axis in np.eye(3) for angle in (0.0, np.pi / 2)]
+ARM = (0.1, 0.08, 0.05)
+
+
+@pytest.mark.parametrize("way", range(6))
+@pytest.mark.parametrize("rate_unit", ["rad/s", "deg/s"])
+@pytest.mark.parametrize("names", [None, ("t_s", *(f"w{a}" for a in "xyz"), *(f"a{a}" for a in "xyz"))])
+def test_the_unit_of_a_gyro_off_the_axis(tmp_path, way, rate_unit, names):
+    """The lever arm's accelerations are not gravity, and a triad is never in rpm."""
+    path = sensor(
+        tmp_path,
+        seed=way,
+        arm=ARM,
+        mount=SIX_WAYS[way],
+        rate_unit=RATE_UNITS[rate_unit],
+        zeta=0.02,
+        names=names,
+    )
+    roll = read_roll(path, LogOptions(axis="x" if way in (0, 1, 2, 4) else None))
+    assert np.ptp(roll.roll) == pytest.approx(np.ptp(rocking(TIME, release=2.0, zeta=0.02)[0]), rel=0.03)
+    assert any(rate_unit in text and "--unit" in text for text in roll.warnings)
+
+
+@pytest.mark.parametrize("counts_per_deg_s", [131.0, 16.4, 14.375])
+def test_raw_counts_of_a_gyro(tmp_path, counts_per_deg_s):
+    size = np.deg2rad(1 / counts_per_deg_s)
+    rng = np.random.default_rng(0)
+    gyro, accel = imu(TIME, *rocking(TIME, release=2.0))
+    counts = np.round((gyro + OFFSET + rng.normal(0, 3e-3, gyro.shape)) / size)
+    accel = accel + rng.normal(0, 0.03, accel.shape)
+    path = write_csv(
+        tmp_path / "imu.csv", ("t_s", "gx", "gy", "gz", "ax", "ay", "az"), TIME, *counts.T, *accel.T
+    )
+    roll = read_roll(path)
+    assert np.ptp(roll.roll) == pytest.approx(np.ptp(rocking(TIME, release=2.0)[0]), rel=0.05)
+    assert any("one count" in text for text in roll.warnings)
+
+
+def test_a_gyro_that_gravity_tells_nothing_of_is_warned_of(tmp_path):
+    """About an upright axis gravity does not move."""
+    rng = np.random.default_rng(0)
+    rate = rocking(TIME, release=2.0)[1]
+    gyro = np.stack((0 * rate, 0 * rate, rate), axis=1) + rng.normal(0, 3e-3, (len(TIME), 3))
+    accel = np.array((0.0, 0.0, 9.81)) + rng.normal(0, 0.03, (len(TIME), 3))
+    path = write_csv(
+        tmp_path / "imu.csv", ("t_s", "gx", "gy", "gz", "ax", "ay", "az"), TIME, *gyro.T, *accel.T
+    )
+    assert any("names no unit" in text for text in read_roll(path).warnings)

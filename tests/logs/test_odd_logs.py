@@ -34,14 +34,15 @@ def test_a_copy_under_another_name_is_the_same_log(tmp_path):
 
 @pytest.fixture
 def milliseconds(tmp_path):
-    """The log with its times in ms, in a column that says s."""
+    """The log's first two releases with their times in ms, in a column that says s."""
     lines = LOG.read_text().splitlines()
-    rows = [line.split(",") for line in lines[1:]]
+    rows = [line.split(",") for line in lines[1:3500]]
     log = tmp_path / "ms.csv"
     log.write_text("\n".join([lines[0], *(f"{1000 * float(t)},{roll}" for t, roll in rows)]))
     return log
 
 
+@pytest.mark.slow
 def test_fit_saves_no_period_that_nothing_has(milliseconds, tmp_path, capsys):
     with pytest.raises(HuskyError, match=r"natural period is 15\d(\.\d)? s.*record is unchanged.*--rate"):
         run("fit", milliseconds, "--board", "pink", "--workspace", tmp_path)

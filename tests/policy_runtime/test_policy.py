@@ -202,10 +202,10 @@ def test_a_mismatch_refuses_in_words(tmp_path, runtime, metadata, message):
 
 
 def test_a_board_that_no_longer_passes_is_the_gate_and_force_overrides(tmp_path, runtime):
-    passed = dataclasses.replace(pink(), check={"passed": True})
+    passed = pink().checked({"passed": True})
     make_onnx(tmp_path / "policy.onnx", size=390, metadata=our_metadata(passed))
     open_policy(tmp_path / "policy.onnx", passed)
-    failing = dataclasses.replace(pink(), check={"passed": False})
+    failing = pink().checked({"passed": False})
     with pytest.raises(QualityGateError, match="has not as it is recorded now"):
         open_policy(tmp_path / "policy.onnx", failing)
     forced = open_policy(tmp_path / "policy.onnx", failing, force=True)

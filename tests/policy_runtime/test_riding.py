@@ -228,6 +228,7 @@ def test_turns_are_drawn_anew_in_every_cycle():
     np.testing.assert_allclose(recording.target_heading[begins], expected)
 
 
+@pytest.mark.slow
 def test_evaluation_is_the_same_whatever_the_workers():
     world_or_skip()
     one = evaluate_policy("zero", pink(), episodes=3, seeds=(0, 1), workers=1)
@@ -287,6 +288,7 @@ def test_exported_scene_moves_as_the_original(folder):
     assert exported.robot.model.nmesh == 35
 
 
+@pytest.mark.slow
 def test_exported_folder_runs_without_mjlab(folder, monkeypatch, capsys, tmp_path):
     from sim.skate.robot import g1
 
@@ -345,6 +347,7 @@ def call(capsys, *arguments):
     return code, capsys.readouterr()
 
 
+@pytest.mark.slow
 def test_play_writes_picture_and_recording(capsys, tmp_path):
     world_or_skip()
     code, said = call(

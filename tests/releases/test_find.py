@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from sysid.errors import HuskyError
 from sysid.logs import LogOptions, read_roll
 from sysid.releases import Phase, find_releases, log_phases, settling_time
-from sysid.releases.extrema import crossing_time, find_swing, legs_of, noise_level
+from sysid.releases.extrema import crossing_time, half_cycles_of, noise_level, smooth_signal
 from sysid.roll import Roll
 from sysid.workspace import shipped_data
 
@@ -48,7 +48,7 @@ def test_release_time_is_right_to_one_percent_of_a_period():
 
 
 def test_rough_logs_are_read_nearly_always():
-    """Hand tremor, 0.3° noise, 9 samples a cycle, encoders, hands at the end: 120 logs, most of them hard."""
+    """Hand tremor, 0.3° noise, 9 samples a swing, encoders, hands at the end: 120 logs, most of them hard."""
     rng = np.random.default_rng(5)
     wrong = 0
     for _ in range(120):
@@ -219,9 +219,9 @@ def test_noise_level_sees_noise_and_not_motion():
 
 def test_legs_of_a_swing():
     time = np.arange(1000) / 500
-    legs = legs_of(find_swing(time, 0.1 * np.cos(2 * np.pi * time), 1e-5))
-    assert [leg.size for leg in legs] == pytest.approx([0.2] * 4, rel=1e-3)
-    assert [leg.duration for leg in legs] == pytest.approx([0.295] * 4, rel=0.02)
+    swings = half_cycles_of(smooth_signal(time, 0.1 * np.cos(2 * np.pi * time), 1e-5))
+    assert [swing.size for swing in swings] == pytest.approx([0.2] * 4, rel=1e-3)
+    assert [swing.duration for swing in swings] == pytest.approx([0.295] * 4, rel=0.02)
     assert crossing_time(time, np.sin(time), 0.5) == pytest.approx(np.arcsin(0.5), abs=1e-5)
 
 
@@ -244,3 +244,42 @@ def test_real_logs(real_logs, name):
     start, end = REAL[name]
     assert release.start == pytest.approx(start, abs=0.15)
     assert release.end == end
+
+
+# What a hand did, and what it did not
+
+
+def lightly_damped(zeta, period, rate, noise, wander):
+    """A decay from rest of the hand to the end of the log, on a sensor whose zero wanders."""
+    omega, hold = 2 * np.pi / period, 2 * period
+    time = np.arange(0, hold + 60 * period, 1 / rate)
+    free = np.maximum(time - hold, 0.0)
+    swing = 0.2 * np.exp(-zeta * omega * free) * np.cos(omega * np.sqrt(1 - zeta**2) * free)
+    zero = wander * np.sin(2 * np.pi * time / (7 * period) + 1)
+    roll = swing + zero + np.random.default_rng(1).normal(0, noise, len(time))
+    return Roll(log="made", time=time, roll=roll, std=np.full(len(time), noise), origin="angle")
+
+
+@pytest.mark.parametrize("zeta", [0.002, 0.005])
+@pytest.mark.parametrize(("period", "rate"), [(0.185, 50.0), (0.185, 1000.0), (1.0, 50.0), (5.0, 15.0)])
+@pytest.mark.parametrize("wander", [0.0, 0.01])
+def test_an_untouched_decay_stays_whole(zeta, period, rate, wander):
+    """Few samples a period, or a zero that wanders by a twentieth of the swing, are no hand."""
+    roll = lightly_damped(zeta, period, rate, 2e-4, wander)
+    (release,) = find_releases(roll)
+    assert release.time[-1] - release.time[0] > 50 * period
+
+
+def test_a_hand_that_adds_to_a_swing_ends_the_decay():
+    roll = lightly_damped(0.005, 1.0, 200.0, 2e-4, 0.0)
+    pushed = roll.roll + np.where(roll.time > 30, 0.15 * np.sin(2 * np.pi * roll.time), 0.0)
+    first, *_ = find_releases(replace(roll, roll=pushed))
+    assert first.time[-1] < 32
+    assert first.end == "caught"
+
+
+def test_a_release_given_in_the_hold_is_the_one_that_follows():
+    roll = lightly_damped(0.05, 0.5, 500.0, 2e-4, 0.0)
+    given, found = find_releases(roll, releases=(0.6,)), find_releases(roll)
+    assert given[0].start == pytest.approx(found[0].start, abs=1e-6)
+    assert given[0].hold > 0.9

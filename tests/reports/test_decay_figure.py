@@ -8,7 +8,7 @@ from decay_truth import DEGREE, Recipe, linear_decay, make_roll
 
 from reports.figures.decay import decay_figure
 from reports.figures.palette import REAL, SIM
-from sysid.free_decay import free_decay
+from sysid.free_decay import fit_decay
 from sysid.quantity import Quantity
 from sysid.releases import find_releases
 from sysid.roll import Roll
@@ -21,7 +21,17 @@ def gyro_roll():
     angle, rate = linear_decay(time, 15.0, 0.03, 0.2)
     rate = rate + np.random.default_rng(0).normal(0, 0.01, len(time))
     std = np.full(len(time), 0.01)
-    return Roll(log="g", time=time, roll=angle, std=std / 100, origin="gyro", rate=rate, rate_std=std)
+    return Roll(
+        log="g",
+        time=time,
+        roll=angle,
+        std=std / 100,
+        origin="gyro",
+        zero="drifting",
+        measured="rate",
+        rate=rate,
+        rate_std=std,
+    )
 
 
 ROLLS = {
@@ -38,8 +48,8 @@ ROLLS = {
 @pytest.mark.parametrize("name", ROLLS)
 def test_every_kind_of_decay_has_its_picture(name, tmp_path):
     roll = ROLLS[name]()
-    decay = free_decay(find_releases(roll), INERTIA)
-    figure = decay_figure(roll, decay, "a title")
+    decay = fit_decay(find_releases(roll), INERTIA)
+    figure = decay_figure([roll], decay, "a title")
     log, trace, residual, line = figure.axes
     assert len(log.patches) == len(decay.releases)  # a shade each
     marked = sum(len(drawn.get_xdata()) for drawn in log.lines if drawn.get_marker() == "o")
@@ -58,8 +68,8 @@ def test_every_kind_of_decay_has_its_picture(name, tmp_path):
 def test_nothing_measured_is_cut_off_and_the_residual_is_simulated_minus_measured():
     """The deck is widest before the hand has surely left it, and there the fit has not begun."""
     roll = make_roll(Recipe(sampling=500, amplitudes=(0.35, -0.15)))
-    decay = free_decay(find_releases(roll), INERTIA)
-    _, trace, residual, _ = decay_figure(roll, decay, "a title").axes
+    decay = fit_decay(find_releases(roll), INERTIA)
+    _, trace, residual, _ = decay_figure([roll], decay, "a title").axes
     low, high = trace.get_ylim()
     span = trace.get_xlim()[1]
     for release, fitted, drawn in zip(decay.releases, decay.trace.releases, residual.lines, strict=False):
@@ -73,7 +83,7 @@ def test_nothing_measured_is_cut_off_and_the_residual_is_simulated_minus_measure
 @pytest.mark.parametrize("noise", [0.1, 1e-3, 1e-5])
 def test_no_label_leaves_the_picture(noise):
     roll = make_roll(Recipe(sampling=500, amplitudes=(0.2, -0.18), noise=noise * DEGREE))
-    figure = decay_figure(roll, free_decay(find_releases(roll), INERTIA), "a title")
+    figure = decay_figure([roll], fit_decay(find_releases(roll), INERTIA), "a title")
     figure.draw_without_rendering()
     for axes in figure.axes:
         for text in (axes.xaxis.label, axes.yaxis.label, axes.title):
@@ -83,9 +93,9 @@ def test_no_label_leaves_the_picture(noise):
 
 def test_a_single_peak_has_a_whole_number():
     roll = make_roll(Recipe(sampling=500))
-    decay = free_decay(find_releases(roll), INERTIA)
+    decay = fit_decay(find_releases(roll), INERTIA)
     alone = replace(decay, peaks=tuple(group[:1] for group in decay.peaks), line=None)
-    line = decay_figure(roll, alone, "a title").axes[3]
+    line = decay_figure([roll], alone, "a title").axes[3]
     low, high = line.get_xlim()
     ticks = [tick for tick in line.get_xticks() if low <= tick <= high]
     assert ticks

@@ -17,9 +17,9 @@ from sysid.board import BoardEffect
 from sysid.cli import build_app
 from sysid.effects import catalogue
 from sysid.errors import HuskyError
-from sysid.fit_mjcf import FitOptions
-from sysid.free_decay import free_decay
+from sysid.free_decay import fit_decay
 from sysid.quantity import Quantity
+from sysid.recording import Recording
 from sysid.releases import find_releases
 from sysid.workspace import Workspace
 
@@ -39,7 +39,7 @@ def board():
 @pytest.fixture(scope="module")
 def evidence(board):
     roll = make_roll(Recipe(sampling=500, amplitudes=(0.2, -0.15)))
-    return gather(board, [roll], find_releases(roll), FitOptions(), heldout=False)
+    return gather(board, [Recording.of(roll)], heldout=False)
 
 
 @pytest.fixture(scope="module")
@@ -135,30 +135,9 @@ def test_film_frames_are_on_the_same_time_line(compared, film):
     assert bytes(blobs[0]) == film.pictures[0]
 
 
-def test_a_film_comes_with_its_pictures_in_step_with_its_roll(tmp_path):
-    from films import SMALL, make_film
-
-    from reports.rerun.film_frames import read_film
-    from sysid.logs import LogOptions
-
-    try:
-        made = make_film(tmp_path, "marker", "marker", SMALL)
-    except (ImportError, RuntimeError) as error:
-        pytest.skip(f"MuJoCo draws no pictures here: {error}")
-    roll, frames = read_film(made.path, LogOptions())
-    assert len(frames.pictures) == len(frames.time)
-    # Frame for frame the same time as the sample made of it.
-    np.testing.assert_allclose(
-        frames.time[np.searchsorted(frames.time, roll.time - 1e-4)], roll.time, atol=1e-3
-    )
-    assert all(picture[:2] == b"\xff\xd8" for picture in frames.pictures)
-    later = frames.aligned(0.4)
-    np.testing.assert_allclose(later.time, frames.time - 0.4)
-
-
 def test_the_decay_recording_holds_log_fit_and_peaks(tmp_path):
     roll = make_roll(Recipe(sampling=500, amplitudes=(0.2, -0.15)))
-    decay = free_decay(find_releases(roll), Quantity(8.7e-3, 1e-4, "kg*m^2"))
+    decay = fit_decay(find_releases(roll), Quantity(8.7e-3, 1e-4, "kg*m^2"))
     path = tmp_path / "decay.rrd"
     decay_recording(path, roll, decay, decay_summary("pink", decay))
     logged = series(path)

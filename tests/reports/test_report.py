@@ -131,6 +131,7 @@ def test_an_unwritable_place_is_said(space, tmp_path):
         run("report", "-b", "pink", "--workspace", space, "-o", tmp_path / "file" / "report.html")
 
 
+@pytest.mark.slow
 def test_a_long_log_makes_no_large_page(tmp_path):
     log = write_log(tmp_path / "long.csv", sampling=1000, free=20.0, zeta=0.01, amplitudes=(0.2,) * 3)
     assert run("report", log, "-b", "pink", "--workspace", tmp_path) == 0

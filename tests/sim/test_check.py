@@ -12,7 +12,7 @@ import pytest
 
 from sim.board.scene import board_spec
 from sim.check import check_scene, smooth_power
-from sim.compensation.parasitics import measure, scene_additions
+from sim.compensation.parasitics import measure, measure_parasitics
 from sim.compensation.scene import compensate_in_scene, scene_from_file, training_scene
 from sim.compensation.step import compensate_step
 from sysid.board import Board, BoardEffect, load_board
@@ -67,10 +67,11 @@ def test_typed_in_numbers_fail_the_gate(board: Board):
     assert check_scene(board, training_scene(wrong.board), [measured(board)]).nrmse > 0.03
 
 
-def test_noise_and_a_sensors_zero_do_not_count_against_the_scene(board: Board):
+def test_noise_and_an_unknown_zero_do_not_count_against_the_scene(board: Board):
     scene = training_scene(compensate_step(board, timestep=0.005).board, coupling="direct")
     clean = check_scene(board, scene, [measured(board)])
-    noisy = check_scene(board, scene, [measured(board, noise=0.003, bias=0.05)])
+    glued_on_askew = replace(measured(board, noise=0.003, bias=0.05), zero="constant")
+    noisy = check_scene(board, scene, [glued_on_askew])
     assert noisy.rmse > 0.0025
     assert clean.hidden < 0.005 < noisy.hidden
     assert noisy.nrmse == pytest.approx(clean.nrmse, abs=0.008)
@@ -117,7 +118,7 @@ def test_what_the_scene_adds_is_found_where_it_was_put(board: Board):
         servo = spec.add_actuator(name=f"{end}_servo", target=f"{end}_truck_joint")
         servo.trntype = mujoco.mjtTrn.mjTRN_JOINT
         servo.set_to_position(kp=1.0, kv=0.02)
-    found = scene_additions(board, replace(spec_scene, model=spec.compile()))
+    found = measure_parasitics(board, replace(spec_scene, model=spec.compile()))
     assert dict(found.parts)["servos"].stiffness == pytest.approx(2 * 1.0 * 3.0, rel=0.03)
     assert dict(found.parts)["servos"].damping == pytest.approx(2 * 0.02 * 3.0, rel=0.3)
     assert any("servos +" in reason for reason in found.reasons(board, 0.2))
@@ -130,7 +131,7 @@ def test_effects_of_the_record_are_not_blamed_on_the_scene(board: Board):
     )
     rich = replace(board, effects=effects)
     scene = training_scene(compensate_in_scene(rich).board)
-    assert scene_additions(rich, scene).reasons(rich, 0.2) == ()
+    assert measure_parasitics(rich, scene).reasons(rich, 0.2) == ()
     assert check_scene(rich, scene, [measured(rich)]).nrmse < 0.01
 
 
@@ -199,3 +200,27 @@ def test_bad_scene_files_are_refused_in_words(tmp_path: Path):
     broken.write_text("<mujoco><worldbody>")
     with pytest.raises(HuskyError, match="cannot read it"):
         scene_from_file(broken)
+
+
+def rests_at(board: Board, angle: float, std: float = 0.0) -> Board:
+    return board.with_tilt(rest_angle=Quantity(angle, std, "rad"))
+
+
+@pytest.mark.parametrize("angle", [0.02, 0.1])
+def test_a_scene_that_rests_elsewhere_fails_and_says_so(board: Board, angle: float):
+    off = rests_at(board, angle)
+    scene = training_scene(compensate_in_scene(off).board)
+    release = measured(board)
+    result = check_scene(off, scene, [release])
+    assert not result.passed
+    assert result.rest_error == pytest.approx(-angle, rel=0.05)
+    known_no_better = rests_at(board, angle, std=angle)
+    assert check_scene(known_no_better, scene, [release]).nrmse < 0.02
+    unknown_zero = replace(release, zero="constant")
+    assert check_scene(off, scene, [unknown_zero]).nrmse < 0.02
+
+
+def test_a_rest_angle_beyond_the_range_is_refused(board: Board):
+    scene = training_scene(compensate_in_scene(board).board)
+    with pytest.raises(HuskyError, match="lean on its stop"):
+        check_scene(rests_at(board, 3.0), scene, [measured(board)])

@@ -176,6 +176,7 @@ def test_the_command_writes_file_and_json(tmp_path: Path):
         mjcf(board="black", output=path, timestep=5.0, common=common)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["bench", "scene"])
 def test_mujoco_warp_decays_the_same(board: Board, kind: str):
     warp = pytest.importorskip("mujoco_warp", reason="MuJoCo Warp is in the training environment only")

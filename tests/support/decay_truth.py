@@ -75,14 +75,15 @@ def make_roll(recipe: Recipe, origin="angle") -> Roll:
     time = np.arange(0, total, 1 / recipe.sampling)
     roll, rate = np.zeros_like(time), np.zeros_like(time)
     now = recipe.before
-    for amplitude in recipe.amplitudes:
+    for number, amplitude in enumerate(recipe.amplitudes, start=1):
         rise = recipe.lift * rng.uniform(0.8, 1.2)
         hold = recipe.hold * rng.uniform(0.8, 1.2)
         release = now + rise + hold
         hand = (time >= now) & (time < release)
         wobble = recipe.tremor * amplitude * np.sin(2 * np.pi * 5 * (time - now) + rng.uniform(0, 6))
         roll[hand] = (amplitude * lift(time - now, rise) + wobble * lift(time - now, rise))[hand]
-        free = time >= release
+        now = release + recipe.free
+        free = (time >= release) & ((time < now) | (number == len(recipe.amplitudes)))
         since = time[free] - release
         if recipe.law is None:
             position, speed = linear_decay(since, recipe.omega, recipe.zeta, amplitude)
@@ -99,7 +100,6 @@ def make_roll(recipe: Recipe, origin="angle") -> Roll:
         roll[free], rate[free] = position, speed
         recipe.truth.append(release)
         recipe.holds.append(hold)
-        now = release + recipe.free
     if recipe.hand_at_end:
         late = time > now
         roll[late] += 0.15 * lift(time[late] - now, 0.5)

@@ -1,6 +1,8 @@
 """Small rendered films with known roll, made once for the whole test run."""
 
-from dataclasses import dataclass
+import fcntl
+import pickle
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +17,16 @@ REALISTIC = Camera(
     width=640, height=360, focal=1.4, yaw_deg=5.0, pitch_deg=7.0, roll_deg=1.5, exposure=1 / 240, noise=2.0,
     jitter=0.1, readout=0.01, shake_deg=0.08,
 )  # fmt: skip
+
+
+FILMS: dict[str, tuple[Mark, Camera]] = {
+    "marker": ("marker", SMALL),
+    "realistic": ("marker", REALISTIC),
+    "dots": ("dots", replace(SMALL, noise=2.0)),
+    "edge": ("edge", replace(SMALL, noise=2.0)),
+    "features": ("none", replace(SMALL, noise=2.0)),
+}
+"""What more than one test looks at: mark and camera."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +49,16 @@ class TestFilm:
             return difference - np.median(difference[-10:])
 
         return error(min(np.linspace(-0.006, 0.006, 121), key=lambda o: np.sum((error(o) / roll.std) ** 2)))
+
+
+def shared_film(folder: Path, name: str) -> TestFilm:
+    """Return a film of `FILMS`; of all processes that share the folder, the first to ask renders it."""
+    made = folder / f"{name}.pickle"
+    with (folder / f"{name}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not made.exists():
+            made.write_bytes(pickle.dumps(make_film(folder, name, *FILMS[name])))
+    return pickle.loads(made.read_bytes())
 
 
 def make_film(folder: Path, name: str, mark: Mark, camera: Camera, duration: float = 0.9) -> TestFilm:

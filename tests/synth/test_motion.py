@@ -217,7 +217,9 @@ def test_arm_forgets_the_hold() -> None:
     law = TrueLaw(**PINK, arm_stiffness=6.0, arm_time=0.2)
     rng = np.random.default_rng(3)
     hand = hand_motion(0.0, (0.0, 0.0), 0.15, push=0.4, hold=0.3, tremor=1e-3, rng=rng)
-    _, condition = simulate(law, Condition.at_rest(law), 0.0, hand.end, np.empty(0), hand)
+    _, condition = simulate(
+        law, Condition.at_rest(law), 0.0, hand.end, np.empty(0), hand, rtol=1e-11, atol=1e-13
+    )
     grid = np.linspace(0.0, hand.end, 200_001)
     faded = hand.sample(grid)[:, 1] * np.exp((grid - hand.end) / law.arm_time)
     z = float(np.sum((faded[1:] + faded[:-1]) / 2 * np.diff(grid)))

@@ -3,8 +3,6 @@
 import io
 import json
 import math
-import subprocess
-import sys
 import zipfile
 from pathlib import Path
 
@@ -12,6 +10,7 @@ import mujoco
 import numpy as np
 import pandas as pd
 import pytest
+from command_line import husky
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -43,12 +42,6 @@ def test_options_in_degrees_are_refused_in_degrees(tmp_path: Path) -> None:
     with pytest.raises(HuskyError, match=r"--noise-deg -1: expected degrees, 0 or more"):
         synth(board="pink", output=tmp_path / "a.csv", noise_deg=-1.0)
     assert list(tmp_path.iterdir()) == []
-
-
-def husky(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "sysid.cli", *arguments], capture_output=True, text=True, cwd=cwd, check=False
-    )
 
 
 def test_timeline_is_rest_hand_and_free_decay_in_turn(pink: Board) -> None:
@@ -213,6 +206,7 @@ SIZES = (
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(data=st.data())
 def test_any_effects_make_a_finite_log_or_one_clear_refusal(data: st.DataObject) -> None:

@@ -14,8 +14,8 @@ import numpy as np
 
 from sim.skate.robot.g1 import JOINTS
 from sysid.errors import HuskyError
+from sysid.files import shipped_data
 from sysid.roll import Array
-from sysid.workspace import shipped_data
 
 POSES = ("push", "steer")
 

@@ -15,17 +15,21 @@ from sysid.logs.formats.dialect import (
     HEAD_BYTES,
     HEAD_LINES,
     MAX_LINE,
+    cell_unit,
     comment_sign,
     decode_head,
     dialect_note,
     find_dialect,
     find_header,
     first_row,
+    is_missing,
     is_number,
+    read_number,
     refuse_binary_middle,
     split_line,
     unique_names,
 )
+from sysid.logs.formats.registry import Format
 from sysid.roll import Array
 
 
@@ -58,32 +62,16 @@ class CsvTable:
         Raises:
             HuskyError: A cell is not a number, or the rows have different lengths.
         """
-        import pandas as pd
-
         wanted = [self.names.index(name) for name in names]
         self._require_memory(len(wanted))
-        kinds: Any = {index: "str" if self.names[index] in self.dates else "float64" for index in wanted}
+        dates = [index for index in wanted if self.names[index] in self.dates]
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # pandas on columns that are not used
-                frame: Any = pd.read_csv(
-                    self.path,
-                    sep=r"\s+" if self.delimiter == " " else self.delimiter,
-                    decimal=self.decimal,
-                    header=None,
-                    names=list(range(len(self.names))),
-                    usecols=None if len(wanted) == self.width else wanted,
-                    dtype=kinds,
-                    index_col=False,
-                    skiprows=self.skip,
-                    comment=self.comment,
-                    encoding=self.encoding,
-                    encoding_errors="replace",
-                    skipinitialspace=self.blanks,  # costs half as much again, so only where needed
-                    skip_blank_lines=True,
-                    na_values=["-"],
-                    engine="c",
-                )
+            try:
+                frame = self._frame(wanted, texts=dates)
+            except ValueError:  # units in the cells, thousands or a typographic minus: slower, cell by cell
+                frame = self._frame(wanted, texts=wanted)
+                for index in set(wanted) - set(dates):
+                    frame[index] = frame[index].fillna("nan").map(self._number)
         except MemoryError as error:
             raise HuskyError(
                 f"{self.path}: too large for this computer's memory. Cut it into parts."
@@ -93,8 +81,37 @@ class CsvTable:
         columns: dict[str, Array] = {}
         for index in wanted:
             name = self.names[index]
-            columns[name] = self._seconds(frame[index]) if name in self.dates else frame[index].to_numpy()
+            columns[name] = seconds_of(frame[index]) if name in self.dates else frame[index].to_numpy()
         return columns
+
+    def _number(self, cell: str) -> float:
+        return float("nan") if is_missing(cell) else read_number(cell, self.decimal)
+
+    def _frame(self, wanted: Sequence[int], *, texts: Sequence[int]) -> Any:
+        """Return columns by their index: those of `texts` as they are written, the others as numbers."""
+        import pandas as pd
+
+        kinds: Any = {index: "str" if index in texts else "float64" for index in wanted}
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # pandas on columns that are not used
+            return pd.read_csv(
+                self.path,
+                sep=r"\s+" if self.delimiter == " " else self.delimiter,
+                decimal=self.decimal,
+                header=None,
+                names=list(range(len(self.names))),
+                usecols=None if len(wanted) == self.width else wanted,
+                dtype=kinds,
+                index_col=False,
+                skiprows=self.skip,
+                comment=self.comment,
+                encoding=self.encoding,
+                encoding_errors="replace",
+                skipinitialspace=self.blanks,  # costs half as much again, so only where needed
+                skip_blank_lines=True,
+                na_values=["-"],
+                engine="c",
+            )
 
     def _require_memory(self, columns: int) -> None:
         """Refuse what would not fit, before the computer starts to swap."""
@@ -109,19 +126,6 @@ class CsvTable:
                 f"{self.path}: {size / 1e9:.1f} GB of rows need about {needed / 1e9:.1f} GB of memory, and "
                 f"{free / 1e9:.1f} GB are free. Cut it into parts."
             )
-
-    def _seconds(self, texts: Any) -> Array:
-        """Turn dates or times of day into seconds since the first."""
-        import pandas as pd
-
-        clean = texts.str.replace(",", ".", regex=False)
-        dated = "-" in str(clean.iloc[0]) if len(clean) else False
-        stamps = (
-            pd.to_datetime(clean, errors="coerce", utc=True, format="ISO8601")
-            if dated
-            else pd.to_timedelta(clean.where(clean.str.count(":") > 1, "00:" + clean), errors="coerce")
-        )
-        return ((stamps - stamps.iloc[0]) / pd.Timedelta(seconds=1)).to_numpy(dtype=np.float64)
 
     def _explain(self, error: Exception, wanted: Sequence[int]) -> str:
         """Return why pandas could not read the file, with the line and the cell where it is one."""
@@ -195,6 +199,10 @@ def open_csv(path: Path) -> CsvTable:
     dates = frozenset(
         name for n, name in enumerate(names) if all(DATE.fullmatch(row[n]) for row in sample if n < len(row))
     )
+    below = units[:width] if units else [None] * width
+    beside = [
+        next((u for row in sample if n < len(row) and (u := cell_unit(row[n]))), None) for n in range(width)
+    ]
     skipped = rows[first][0]
     notes = [dialect_note(delimiter, decimal, bool(header))]
     if skipped > (1 if header else 0) + bool(units):
@@ -202,7 +210,10 @@ def open_csv(path: Path) -> CsvTable:
     return CsvTable(
         path=path,
         names=names,
-        units=tuple(units[:width]) if units else (None,) * width,
+        units=tuple(
+            "s" if name in dates else unit or other
+            for name, unit, other in zip(names, below, beside, strict=True)
+        ),
         has_header=bool(header),
         delimiter=delimiter,
         decimal=decimal,
@@ -216,6 +227,38 @@ def open_csv(path: Path) -> CsvTable:
     )
 
 
+def seconds_of(texts: Any) -> Array:
+    """Return dates or times of day, a pandas series of n texts, as seconds since the first, shape (n,)."""
+    import pandas as pd
+
+    clean = texts.str.strip()
+    first = DATE.fullmatch(str(clean.iloc[0])) if len(clean) else None
+    day = (first and first[1]) or ""
+    if re.match(r"\d{4}-", day):
+        clean = clean.str.replace(",", ".", regex=False)
+        stamps = pd.to_datetime(clean, errors="coerce", utc=True, format="ISO8601")
+    elif day:
+        fields = clean.str.extract(r"^(\d+)\D(\d+)").astype(float)
+        # Only differences count: where no day is beyond 12, the usual order of that sign will do.
+        day_first = "." in day if (fields <= 12).all(axis=None) else bool((fields[0] > 12).any())
+        stamps = pd.to_datetime(clean, errors="coerce", format="mixed", dayfirst=day_first)
+    else:
+        stamps = _time_of_day(clean.str.lower().str.replace(",", ".", regex=False))
+    return ((stamps - stamps.iloc[0]) / pd.Timedelta(seconds=1)).to_numpy(dtype=np.float64)
+
+
+def _time_of_day(texts: Any) -> Any:
+    """Return times of day as time deltas: 14:05:00.5, 2:05:00 pm, or minutes and seconds 05:00.5."""
+    import pandas as pd
+
+    after, half = texts.str.endswith("pm"), texts.str.endswith("m")
+    clock = texts.str.rstrip("apm ")
+    short = clock.str.count(":") < 2
+    clock = clock.where(~short, clock + ":00" if half.any() else "00:" + clock)
+    time, noon = pd.to_timedelta(clock, errors="coerce"), pd.Timedelta(hours=12)
+    return time.where(~half, time % noon + after.astype(int) * noon)
+
+
 def _free_memory() -> float | None:
     """Return the memory that is free for use [bytes], None where the system does not say."""
     try:
@@ -224,3 +267,6 @@ def _free_memory() -> float | None:
         return None
     found = re.search(r"MemAvailable:\s*(\d+) kB", text)
     return float(found[1]) * 1024 if found else None
+
+
+FORMAT = Format(name="text table", order=9, sniff=lambda path, head: True, open=open_csv)

@@ -29,7 +29,13 @@ COMMENTS = ("#", "%", "//")
 _BOMS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "inf", "-inf", "+inf", "#n/a", "<na>"}
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?")
-DATE = re.compile(r"(\d{4}-\d\d-\d\d[T ])?\d{1,2}:\d\d(:\d\d([.,]\d+)?)?(Z|[+-]\d\d:?\d\d)?")
+_DAY = r"\d{4}-\d\d-\d\d[T ]|\d{4}/\d\d?/\d\d? |\d\d?[./-]\d\d?[./-]\d{2,4},? "
+DATE = re.compile(rf"({_DAY})?\d{{1,2}}:\d\d(:\d\d([.,]\d+)?)?( ?[AaPp][Mm])?(Z|[+-]\d\d:?\d\d)?")
+"""A time of day, or a date and time: 2024-03-31T14:05:00.5, 31.03.2024 14:05, 3/31/2024 2:05:00 PM."""
+_THOUSANDS = {".": re.compile(r"[+-]?\d{1,3}(,\d{3})+\.\d*"), ",": re.compile(r"[+-]?\d{1,3}(\.\d{3})+,\d*")}
+"""Numbers with separated thousands, by decimal sign; without that sign 1,234 may as well be a decimal comma."""
+_MEASURE = re.compile(r"([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s*([^\d\s.,+-].*)")
+"""A number with its unit in one cell."""
 
 
 def split_line(line: str, delimiter: str) -> list[str]:
@@ -116,7 +122,7 @@ def first_row(rows: Sequence[tuple[int, str]], delimiter: str, decimal: str, wid
     """Return the index of the first of `rows` that holds numbers."""
     for index, (_, line) in enumerate(rows):
         cells = split_line(line, delimiter)
-        numbers = sum(bool(_NUMBER.fullmatch(_plain(cell, decimal))) for cell in cells)
+        numbers = sum(bool(_NUMBER.fullmatch(plain_number(cell, decimal))) for cell in cells)
         if len(cells) == width and numbers and numbers * 2 >= sum(1 for cell in cells if cell):
             return index
     return 0
@@ -172,10 +178,40 @@ def unique_names(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(unique)
 
 
-def _plain(cell: str, decimal: str) -> str:
+def plain_number(cell: str, decimal: str) -> str:
+    """Return a cell as Python reads numbers: without a unit, separated thousands and typographic minus."""
+    cell = cell.strip().replace("−", "-")
+    measure = _MEASURE.fullmatch(cell)
+    if measure and parse_unit(measure[2]) is not None:
+        cell = measure[1]
+    if _THOUSANDS[decimal].fullmatch(cell):
+        cell = cell.replace("," if decimal == "." else ".", "")
     return cell.replace(",", ".") if decimal == "," else cell
+
+
+def read_number(cell: str, decimal: str) -> float:
+    """Return the number in a cell.
+
+    Raises:
+        ValueError: There is none.
+    """
+    plain = plain_number(cell, decimal)
+    if not _NUMBER.fullmatch(plain):
+        raise ValueError(cell)
+    return float(plain.lower().replace("d", "e"))
+
+
+def cell_unit(cell: str) -> str | None:
+    """Return the unit that stands behind the number in a cell, if one does."""
+    measure = _MEASURE.fullmatch(cell.strip())
+    return parse_unit(measure[2]) if measure else None
+
+
+def is_missing(cell: str) -> bool:
+    """Return whether a cell stands for a missing number."""
+    return cell.strip().lower() in _MISSING
 
 
 def is_number(cell: str, decimal: str) -> bool:
     """Return whether a cell is a number or stands for a missing one."""
-    return cell.lower() in _MISSING or bool(_NUMBER.fullmatch(_plain(cell, decimal)))
+    return is_missing(cell) or bool(_NUMBER.fullmatch(plain_number(cell, decimal)))

@@ -9,16 +9,20 @@ from typing import Any
 import numpy as np
 
 from sysid.errors import HuskyError
-from sysid.logs.formats.phone_exports import SensorTables
+from sysid.logs.formats.registry import Format
+from sysid.logs.formats.tables import SensorTables
 from sysid.roll import Array
 
 
 def open_mcap(path: Path) -> SensorTables:
     """Open an MCAP recording with ROS 2 or JSON messages; every number in every message becomes a column.
 
+    A folder is a ROS 2 recording if it holds one such file.
+
     Raises:
         HuskyError: The reader is not installed, the file is damaged, or no message can be decoded.
     """
+    path = _recording(path)
     try:
         import zstandard
         from mcap.exceptions import McapError
@@ -107,3 +111,14 @@ def _numbers(content: Any, prefix: str = "") -> Iterator[tuple[str, float]]:
 
 def _slots(value: Any) -> tuple[str, ...]:
     return tuple(name for name in getattr(type(value), "__slots__", ()) if not name.startswith("_"))
+
+
+def _recording(path: Path) -> Path:
+    return next(path.glob("*.mcap")) if path.is_dir() else path
+
+
+def _sniff(path: Path, head: bytes) -> bool:
+    return head.startswith(b"\x89MCAP") or (path.is_dir() and len(list(path.glob("*.mcap"))) == 1)
+
+
+FORMAT = Format(name="MCAP", order=2, sniff=_sniff, open=open_mcap)

@@ -1,102 +1,79 @@
-"""Logs in which each sensor has a clock of its own, and the exports of phone apps (phyphox, Sensor Logger)."""
+"""The exports of phone apps (phyphox, Sensor Logger): one table a sensor, in a zip archive or a folder."""
 
+import lzma
 import re
+import struct
 import tempfile
 import zipfile
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import zlib
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from sysid.errors import HuskyError
 from sysid.logs.formats.csv import open_csv
+from sysid.logs.formats.registry import Format
+from sysid.logs.formats.tables import SensorTables
 from sysid.logs.table.clock import time_scale
 from sysid.logs.table.names import ACCEL_UNITS, parse_column
 from sysid.roll import Array
 
-TIME = "time (s)"
-MAX_UNPACKED = 8 << 30
-
-
-@dataclass(frozen=True, slots=True)
-class SensorTables:
-    """Several sensors; what is read together comes on the clock of the first one that is asked for."""
-
-    path: Path
-    clocks: Mapping[str, Array]
-    """Time of each sensor [s], shape (n_sensor,)."""
-    columns: Mapping[str, tuple[str, Array]]
-    """Sensor and values of each column."""
-    notes: tuple[str, ...]
-    has_header: bool = True
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the columns, the common time first."""
-        return (TIME, *self.columns)
-
-    @property
-    def units(self) -> tuple[str | None, ...]:
-        """No units apart from the names."""
-        return (None,) * len(self.names)
-
-    def read(self, names: Sequence[str]) -> dict[str, Array]:
-        """Return columns at the times of the first one's sensor; others are interpolated, NaN outside their record."""
-        base, _ = self.columns[next(name for name in names if name != TIME)]
-        clock = self.clocks[base]
-        result: dict[str, Array] = {}
-        for name in names:
-            if name == TIME:
-                result[name] = clock.copy()
-                continue
-            sensor, values = self.columns[name]
-            if sensor != base:
-                order = np.argsort(self.clocks[sensor], kind="stable")
-                values = np.interp(
-                    clock, self.clocks[sensor][order], values[order], left=np.nan, right=np.nan
-                )
-            result[name] = values
-        return result
+T = TypeVar("T")
+MAX_UNPACKED = 1 << 30
+"""An hour of seven sensors at 1 kHz is 0.3 GiB as text."""
+MAX_MEMBERS = 10_000
+_DAMAGE = (RuntimeError, NotImplementedError, EOFError, OSError, ValueError, OverflowError)
+_MOTION = re.compile(r"gyro|acc|orient|attitude|grav|motion|raw|rotation", re.I)
+"""Names of the tables of motion sensors; a GPS or a microphone beside them is left alone."""
 
 
 def open_zip(path: Path) -> SensorTables:
     """Open the zip export of a phone app: one CSV file a sensor.
 
+    Its directory tells what to unpack; nothing else is.
+
     Raises:
-        HuskyError: The archive is damaged, or holds no tables.
+        HuskyError: The archive is damaged, too large, or holds no tables.
     """
     try:
         with tempfile.TemporaryDirectory() as folder, zipfile.ZipFile(path) as archive:
-            members = [m for m in archive.infolist() if _is_table(Path(m.filename)) and not m.is_dir()]
-            if sum(member.file_size for member in members) > MAX_UNPACKED:
+            listed = archive.infolist()
+            if len(listed) > MAX_MEMBERS:
                 raise HuskyError(
-                    f"{path}: unpacks to more than 8 GiB. Unpack it and name the one file in it."
+                    f"{path}: {len(listed)} files in one archive, so no phone's export. Unpack it and name the log in it."
+                )
+            tables = [m for m in listed if not m.is_dir() and _is_table(Path(m.filename))]
+            needed = _of_motion(tables, lambda member: Path(member.filename))
+            if sum(member.file_size for member in needed) > MAX_UNPACKED:
+                raise HuskyError(
+                    f"{path}: unpacks to more than 1 GiB. Unpack it and name the one file in it."
                 )
             files: list[Path] = []
-            for number, member in enumerate(members):
+            for number, member in enumerate(needed):
                 target = Path(folder) / str(number) / Path(member.filename).name
                 target.parent.mkdir()
-                target.write_bytes(archive.read(member))
+                with archive.open(member) as packed:
+                    target.write_bytes(packed.read(member.file_size))
                 files.append(target)
             return _merge(path, files)
-    except (zipfile.BadZipFile, RuntimeError, NotImplementedError, EOFError, OSError) as error:
+    except (*(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error), *_DAMAGE) as error:
         raise HuskyError(f"{path}: damaged or locked archive ({error}). Export it again.") from error
 
 
 def open_folder(path: Path) -> SensorTables:
-    """Open a folder: an unpacked phone export, or a ROS 2 recording with one MCAP file.
+    """Open an unpacked phone export.
 
     Raises:
-        HuskyError: It holds neither.
+        HuskyError: It holds no tables of motion sensors.
     """
-    from sysid.logs.formats.mcap import open_mcap
+    return _merge(path, sorted(file for file in path.iterdir() if file.is_file() and _is_table(file)))
 
-    recordings = sorted(path.glob("*.mcap"))
-    if len(recordings) == 1:
-        return open_mcap(recordings[0])
-    files = sorted(file for file in path.iterdir() if file.is_file() and _is_table(file))
-    return _merge(path, files)
+
+def open_export(path: Path) -> SensorTables:
+    """Open a phone's export as it came, or unpacked."""
+    return open_folder(path) if path.is_dir() else open_zip(path)
 
 
 def _is_table(file: Path) -> bool:
@@ -104,14 +81,15 @@ def _is_table(file: Path) -> bool:
     return file.suffix.lower() in (".csv", ".tsv", ".txt") and not hidden and file.stem.lower() != "metadata"
 
 
+def _of_motion(tables: Sequence[T], name: Callable[[T], Path]) -> list[T]:
+    """Return the tables of motion sensors; a single one whatever it is called."""
+    return [table for table in tables if len(tables) == 1 or _MOTION.search(name(table).stem)]
+
+
 def _merge(path: Path, files: Sequence[Path]) -> SensorTables:
     """Read the motion sensors among the files of an export."""
     tables: dict[str, tuple[Array, dict[str, Array]]] = {}
-    for file in files:
-        if len(files) > 1 and not re.search(
-            r"gyro|acc|orient|attitude|grav|motion|raw|rotation", file.stem, re.I
-        ):
-            continue
+    for file in _of_motion(files, lambda file: file):
         table = open_csv(file)
         columns = [parse_column(name, unit) for name, unit in zip(table.names, table.units, strict=True)]
         times = sorted((c for c in columns if c.kind == "time"), key=lambda c: c.unit is None)
@@ -187,3 +165,11 @@ def _axes(data: Mapping[str, Array]) -> list[str]:
 def _holds_gravity(data: Mapping[str, Array], names: Sequence[str]) -> bool:
     norm = float(np.nanmedian(np.sqrt(sum(data[name] ** 2 for name in names))))
     return any(0.8 < norm * unit / ACCEL_UNITS["g"] < 1.25 for unit in (1.0, ACCEL_UNITS["g"]))
+
+
+FORMAT = Format(
+    name="phone export",
+    order=3,
+    sniff=lambda path, head: head.startswith(b"PK") or path.is_dir(),
+    open=open_export,
+)

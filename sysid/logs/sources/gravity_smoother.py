@@ -82,7 +82,7 @@ def smooth_gravity(
     """
     size = max(1, round(BLOCK_SECONDS / float(np.median(np.diff(time)))))
     if time.size < 4 * size:
-        raise HuskyError(f"a record of {time[-1]:.3g} s is too short to tell gravity from motion.")
+        raise HuskyError(f"a record of {time[-1] - time[0]:.3g} s is too short to tell gravity from motion.")
     known = np.zeros(15)
     known[:3] = 0.0 if offset is None else offset
     prior = np.repeat((offset_std, GAIN_STD, GAIN_STD, GAIN_STD, ACCEL_OFFSET_STD), 3)

@@ -7,13 +7,23 @@ import numpy.typing as npt
 
 from sysid.errors import HuskyError
 from sysid.logs.table.names import TIME_UNITS
-from sysid.roll import Array
+from sysid.roll import Array, shown
 
+MIN_SAMPLES = 8
+"""Fewer tell nothing."""
 GAP = 4.5
 """A step this many times the usual one is a gap."""
 SAMPLE = 200_000
 """As many steps tell how the stamps of a long log come."""
-WRAPS = {2.0**32: "32-bit", 2.0**16: "16-bit"}
+COUNTERS = {2.0**32: "32-bit", 2.0**16: "16-bit"}
+"""Counts after which a counter of time begins again at zero."""
+DAY, HOUR = 86400.0, 3600.0
+"""What a clock on the wall goes back by at midnight, and in autumn [s]."""
+OWN_TIMES = 1e5
+"""Times are kept as the log has them up to here [s], a day and a bit; later ones (since the epoch, since a robot was
+switched on last week) have too many digits to be typed, and count from the first sample."""
+WINDOW = 64
+"""Rows over which the step of the stamps is averaged before it is judged: longer than most bursts."""
 
 
 @dataclass(slots=True)
@@ -21,7 +31,7 @@ class Clock:
     """Time of the samples that stay."""
 
     time: Array
-    """Seconds since the first sample, strictly increasing."""
+    """Seconds as the log has them, strictly increasing; since the first sample where those are too large."""
     keep: npt.NDArray[np.intp] | None = None
     """Rows that stay, in their order in time; None for all as they are."""
     notes: list[str] = field(default_factory=list[str])
@@ -54,7 +64,7 @@ def time_scale(stamps: Array, unit: str | None) -> tuple[float, str]:
     """
     if unit is not None:
         return TIME_UNITS[unit], f"in {unit}, by its name"
-    first, step = abs(float(stamps[0])), abs(float(stamps[-1] - stamps[0])) / max(stamps.size - 1, 1)
+    first, step = abs(float(stamps[0])), typical_step(stamps)
     if first > 1e8:
         for unit, low, high in (("ns", 1e17, 1e20), ("us", 1e14, 1e17), ("ms", 1e11, 1e14), ("s", 1e8, 1e11)):
             if low <= first < high and 2e-4 <= step * TIME_UNITS[unit] <= 0.2:
@@ -63,6 +73,17 @@ def time_scale(stamps: Array, unit: str | None) -> tuple[float, str]:
         if step <= high:
             return TIME_UNITS[unit], f"in {unit}, by the step of {step:.4g}"
     return TIME_UNITS["ns"], f"in ns, by the step of {step:.4g}"
+
+
+def typical_step(stamps: Array) -> float:
+    """Return the step of most stamps, shape (n,): neither a pause nor stamps that come in bursts move it."""
+    width = max(1, min(WINDOW, stamps.size // 8))
+    while width < stamps.size:
+        step = abs(float(np.median(stamps[width:] - stamps[:-width]))) / width
+        if step > 0:
+            return step
+        width *= 2
+    return abs(float(stamps[-1] - stamps[0])) / max(stamps.size - 1, 1)
 
 
 def repair_clock(
@@ -87,7 +108,10 @@ def repair_clock(
     """
     scale, why = time_scale(stamps, unit)
     clock = Clock(stamps if stamps[0] == 0 and scale == 1 else (stamps - stamps[0]) * scale)
-    clock.notes.append(f"time '{name}' {why}")
+    begin = float(stamps[0]) * scale
+    own = abs(begin) < OWN_TIMES
+    since = "" if begin == 0 else f", from {begin:.4g} s on" if own else ", counted from the first sample"
+    clock.notes.append(f"time '{name}' {why}{since}")
     steps = np.diff(clock.time)
     if steps.size == 0 or steps.min() == steps.max() == 0:
         raise HuskyError(
@@ -99,10 +123,17 @@ def repair_clock(
         if np.diff(clock.time).min() <= 0:
             _drop_copies(clock, clock.of(signal))
     drop_repeats(clock, clock.of(signal))
+    if clock.time.size < MIN_SAMPLES:
+        raise HuskyError(
+            f"only {clock.time.size} of {stamps.size} rows are measurements of their own by their time '{name}'; at "
+            f"least {MIN_SAMPLES} are needed. Name another column with --time-column, or give --rate."
+        )
     if clock.time.size != stamps.size or steps.min() <= 0:
         steps = np.diff(clock.time)
     if (not computed or steps.min() <= 0) and _even_out(clock, clock.of(signal), steps):
         steps = np.diff(clock.time)
+    if own and begin:
+        clock.time = clock.time + begin
     _report_gaps(clock, steps)
     return clock
 
@@ -160,13 +191,13 @@ def _undo_going_back(clock: Clock, scale: float, name: str) -> None:
     time = clock.time = clock.time.copy()
     steps = np.diff(time)
     usual = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
-    for modulus, bits in WRAPS.items():
-        lost = (steps < 0) & (np.abs(steps + modulus * scale) < 1000 * usual)
-        if lost.any() and modulus * scale > 20 * usual:
-            time[1:] += np.cumsum(lost) * modulus * scale
-            clock.notes.append(
-                f"the {bits} counter of time overflowed {np.count_nonzero(lost)} times: undone"
-            )
+    resets = {modulus * scale: f"the {bits} counter of time overflowed" for modulus, bits in COUNTERS.items()}
+    resets |= {DAY: "the time of day passed midnight", HOUR: "the clock was set back by an hour"}
+    for length, what in resets.items():
+        lost = (steps < 0) & (np.abs(steps + length) < 1000 * usual)
+        if lost.any() and length > 20 * usual:
+            time[1:] += np.cumsum(lost) * length
+            clock.notes.append(f"{what} {np.count_nonzero(lost)} times: undone")
             steps = np.diff(time)
     back = np.flatnonzero(steps < 0)
     if back.size == 0:
@@ -310,6 +341,6 @@ def _report_gaps(clock: Clock, steps: Array) -> None:
     gaps = np.flatnonzero(steps > limit)
     worst = int(gaps[np.argmax(steps[gaps])])
     clock.warnings.append(
-        f"{gaps.size} gaps in the record, the longest of {steps[worst]:.3g} s at {clock.time[worst]:.4g} s: "
+        f"{gaps.size} gaps in the record, the longest of {steps[worst]:.3g} s at {shown(float(clock.time[worst]))}: "
         "nothing was filled in"
     )

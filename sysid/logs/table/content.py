@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from sysid.errors import HuskyError
-from sysid.logs.formats.registry import LogFile
+from sysid.logs.table.file import LogFile
 from sysid.logs.table.names import Column, Kind
 from sysid.roll import Array
 

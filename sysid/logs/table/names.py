@@ -28,7 +28,16 @@ RATE_UNITS = {
 """rad/s in one of each unit."""
 ACCEL_UNITS = {"m/s^2": 1.0, "g": 9.80665, "mg": 9.80665e-3}
 """m/s² in one of each unit."""
-TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
+TIME_UNITS = {
+    "s": 1.0,
+    "ms": 1e-3,
+    "us": 1e-6,
+    "ns": 1e-9,
+    "cs": 1e-2,
+    "100 ns": 1e-7,
+    "min": 60.0,
+    "h": 3600.0,
+}
 """Seconds in one of each unit."""
 
 _ALIASES = {
@@ -59,7 +68,10 @@ _ALIASES = {
     "ms": ("msec", "millis", "millisecond", "milliseconds"),
     "us": ("usec", "micros", "microsecond", "microseconds", "µs", "μs"),
     "ns": ("nsec", "nanos", "nanosec", "nanosecond", "nanoseconds"),
+    "cs": ("centisecond", "centiseconds"),
+    "100 ns": ("100ns",),
     "min": ("minute", "minutes"),
+    "h": ("hr", "hrs", "hour", "hours"),
 }
 _UNITS = {alias: unit for unit, aliases in _ALIASES.items() for alias in (unit, *aliases)}
 _UNIT_KIND: dict[str, Kind] = {
@@ -163,7 +175,9 @@ def _words(label: str) -> list[str]:
     words: list[str] = []
     for word in re.split(r"[^0-9a-z°µμ²]+", label.lower()):
         glued = _GLUED.fullmatch(word)
-        if glued:
+        if numbered := re.fullmatch(r"(?:q|quat|quaternion)([0-3])", word):
+            words += ["quat", "wxyz"[int(numbered[1])]]
+        elif glued:
             words += [_GLUED_WORD.get(glued[1], glued[1]), glued[2]]
         elif word:
             words.append(word)
