@@ -61,7 +61,7 @@ def test_two_stickers_may_differ_in_colour(colours, tmp_path):
         assert any("line between the dots is level" in note for note in roll.notes)
         # Two points do not show the camera's direction well, and with it what is level.
         assert error_of(roll)[0] < 0.3
-        assert error_of(roll)[1] < 0.1
+        assert error_of(roll)[1] < 0.25
 
 
 def test_a_better_one_that_moves_otherwise_is_not_the_board(tmp_path):
