@@ -75,7 +75,7 @@ class BodyPicture:
     home: int
     """Row of the track that is home."""
     cutout: Cutout
-    places: Image
+    places: Array
     """The board's pixels that tell most, in the cutout [px], shape (m, 2)."""
     bright: Image
     """Their brightness, shape (m,)."""
@@ -192,7 +192,7 @@ def _mean_of(row: int, cutout: Cutout, pictures: list[Image], poses: list[Array]
         np.ones_like(bright),
     ]
     slopes = np.asarray(np.stack(columns, axis=1), np.float32)
-    return BodyPicture(row, cutout, places.astype(np.float32), bright, corners, unit, slopes)
+    return BodyPicture(row, cutout, places, bright, corners, unit, slopes)
 
 
 def _turned_back(picture: Image, pose: Array) -> Image:
@@ -218,8 +218,10 @@ def lay_onto(body: BodyPicture, picture: Image, rough: Array) -> Array | None:
     pose, middle = rough, body.corners.mean(axis=0)
     rest, scale = np.zeros(1, np.float32), 1.0
     for _ in range(MAX_ROUNDS):
-        there = _mapped(pose, body.places).astype(np.float32)[:, None]
-        seen = cv2.remap(picture, there, None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+        there = _mapped(pose, body.places).astype(np.float32)
+        seen = cv2.remap(
+            picture, there[:, :1], there[:, 1:], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
+        )
         rest = np.asarray(seen, np.float32).ravel() - body.bright
         rest -= np.median(rest[::4])
         scale = max(1.4826 * float(np.median(np.abs(rest[::4]))), 1.0)
@@ -250,7 +252,7 @@ def register(clip: Clip, look: Survey, track: Track) -> Track | None:
     body = picture_of_body(look, track)
     if body is None:
         return None
-    outward = np.linalg.inv(body.cutout.inward)
+    outward = np.asarray(np.linalg.inv(body.cutout.inward), np.float64)
     rows = {int(index): row for row, index in enumerate(track.index)}
     points = np.full((len(track.time), 4, 2), np.nan, np.float32)
     for frame in clip.ahead():
