@@ -105,8 +105,8 @@ def truths(row: Row) -> dict[str, float]:
 
 def one(case: tuple[int, int, bool, int]) -> dict[str, Any]:
     """Fit one log; return value, deviation and whether each interval holds the truth, by parameter."""
-    from sysid.fit_mjcf import fit_joint
     from sysid.fitting.bootstrap import bootstrap
+    from sysid.fitting.joint import fit_joint
     from sysid.fitting.profile import profiles
     from sysid.releases import find_releases
 

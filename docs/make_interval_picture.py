@@ -7,8 +7,8 @@ from pathlib import Path
 
 from reports.figures.intervals import interval_figure
 from sysid.board import load_board
-from sysid.fit_mjcf import fit_joint
 from sysid.fitting.bootstrap import bootstrap
+from sysid.fitting.joint import fit_joint
 from sysid.fitting.profile import profiles
 from sysid.logs import read_roll
 from sysid.releases import find_releases

@@ -11,7 +11,8 @@ from sysid.comparison.compare import Comparison, compare
 from sysid.diagnosis.signatures import LookAlikes, Start, look_alikes
 from sysid.errors import SysidError
 from sysid.files import sha256
-from sysid.fit_mjcf import PLAIN, FitOptions, Rung, ladder
+from sysid.fitting.joint import FitOptions
+from sysid.fitting.ladder import PLAIN, Rung, ladder
 from sysid.fitting.records import signal_of
 from sysid.fitting.result import JointFit
 from sysid.recording import Recording

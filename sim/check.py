@@ -10,6 +10,8 @@ from sim.board.bench import swing
 from sim.compensation.scene import ClampedScene
 from sysid.board import Board
 from sysid.errors import HuskyError
+from sysid.joint import JointLaw
+from sysid.joint.sensor import clock_ratio, sense
 from sysid.quantity import Z95
 from sysid.roll import Array, Release
 
@@ -140,7 +142,8 @@ def _compare(board: Board, scene: ClampedScene, release: Release) -> ReleaseChec
     inside = _inside(release, scene.tilt_range)
     time, measured = release.time[inside:], release.roll[inside:]
     duration = float(time[-1] - time[0])
-    rest = board.rest_angle
+    rest, law = board.rest_angle, JointLaw.from_board(board)
+    clock = clock_ratio(law.structure, law.parameters)
     if abs(rest) > scene.tilt_range:
         raise HuskyError(
             f"board '{board.name}' rests at {rest:.3g} rad, and its tilt range ends at ±{scene.tilt_range:.3g} rad: the scene "
@@ -150,11 +153,10 @@ def _compare(board: Board, scene: ClampedScene, release: Release) -> ReleaseChec
 
     def simulated(unknown: Array) -> Array:
         angle, rate, zero = unknown
-        clock = _parameter(board, "clock", "ratio", 1.0)
         move = swing(
             scene.model, angle, rate, duration / clock, joint=scene.joint, after_step=scene.after_step
         )
-        return zero + _as_sensed(board, move.at((time - time[0]) / clock), time)
+        return zero + sense(law, time, move.at((time - time[0]) / clock))
 
     zero = release.rest - rest
     slope = np.polynomial.Polynomial.fit(time[:12] - time[0], measured[:12], 2).convert().coef
@@ -229,21 +231,3 @@ def smooth_power(signal: Array, step: float) -> tuple[float, float]:
     blocks = signal[:usable].reshape(-1, width).mean(axis=1)
     products = blocks[1:] * blocks[:-1]
     return float(np.mean(products)), float(np.std(products) / math.sqrt(len(products)))
-
-
-def _as_sensed(board: Board, roll: Array, time: Array) -> Array:
-    """Apply the record's measurement effects: low-pass filter and drift."""
-    from scipy.signal import lfilter
-
-    constant = _parameter(board, "lowpass", "time_constant", 0.0)
-    if constant > 0:
-        keep = math.exp(-float(np.median(np.diff(time))) / constant)
-        roll = lfilter([1 - keep], [1, -keep], roll, zi=[keep * roll[0]])[0]
-    return roll + _parameter(board, "sensor-drift", "rate", 0.0) * (time - time[0])
-
-
-def _parameter(board: Board, effect: str, name: str, otherwise: float) -> float:
-    for part in board.effects:
-        if part.name == effect:
-            return part.parameters[name].value
-    return otherwise

@@ -36,6 +36,8 @@ MASS_UNITS = {"deck": "kg", "truck": "kg", "wheel": "kg"}
 TILT_UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "rest_angle": "rad", "range": "rad"}
 """`range` is the largest tilt to either side; `rest_angle` is a roll (right edge down is positive)."""
 DECAY_UNITS = {"period": "s", "first_peak": "rad", "second_peak": "rad"}
+MAY_LACK = ("stiffness", "damping")
+"""What a joint may do without: gravity pulls a pendulum back, and dry friction alone stops a servo."""
 PUBLISHED_UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad"}
 
 PHYSICAL = {
@@ -329,9 +331,19 @@ class _Reader:
                     f"Known: {', '.join(units)}."
                 )
         return {
-            key: self._quantity(table.get(key), f"{section}.{key}", unit, positive=key not in may_be_negative)
+            key: self._quantity(
+                table.get(key),
+                f"{section}.{key}",
+                unit,
+                positive=key not in may_be_negative
+                and not (key in MAY_LACK and self._is_zero(table.get(key))),
+            )
             for key, unit in units.items()
         }
+
+    @staticmethod
+    def _is_zero(raw: Any) -> bool:
+        return isinstance(raw, Mapping) and raw.get("value") == 0
 
     def _quantity(self, raw: Any, where: str, unit: str | None, *, positive: bool = False) -> Quantity:
         shape = f"{{ value = …, std = …, unit = '{unit or '…'}' }}"

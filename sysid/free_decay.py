@@ -336,7 +336,7 @@ def _not_linear(decay: FreeDecay) -> str | None:
 
 def _drift(decay: FreeDecay) -> str | None:
     """Say that the sensor's zero moves where a linear decay is right otherwise."""
-    drift = next((found for found in decay.nonlinearities if "sensor-drift" in found.effects), None)
+    drift = next((found for found in decay.nonlinearities if found.sign == "moving level"), None)
     if drift is None or not decay.linear:
         return None
     return f"{drift.text}. Each release has a level of its own here, so k and d do not depend on it"

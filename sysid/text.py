@@ -64,6 +64,17 @@ def display(*, is_rate: bool) -> Display:
     return Display(" rad/s", 1.0) if is_rate else Display("°", DEGREES)
 
 
+LEAST_REST = 5e-4
+"""A rest angle below this, half the last digit that is printed, is left out of a printed law [rad]."""
+
+
+def linear_law(inertia: float, damping: float, stiffness: float, rest: float) -> str:
+    """Return the left-hand side of a linear joint, e.g. '8.70e-3 φ̈ + 0.402 φ̇ + 14.68 (φ - 0.0100)', all SI."""
+    roll = "φ" if abs(rest) < LEAST_REST else f"(φ {'-' if rest > 0 else '+'} {abs(rest):.4f})"
+    leading = "φ̈" if inertia == 1 else f"{short(inertia)} φ̈"
+    return f"{leading} + {short(damping)} φ̇ + {stiffness:.4g} {roll}"
+
+
 def count(number: int, noun: str) -> str:
     """Return '1 gap', '2 gaps'."""
     return f"{number} {noun}{'' if number == 1 else 's'}"

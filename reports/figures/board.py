@@ -12,7 +12,7 @@ from reports.figures.svg import thin
 from sysid.comparison.compare import Comparison
 from sysid.diagnosis.signatures import LookAlikes
 from sysid.effects import effect
-from sysid.fit_mjcf import Rung
+from sysid.fitting.ladder import Rung
 from sysid.joint import JointLaw
 from sysid.joint.torques import effect_torque
 from sysid.roll import Array

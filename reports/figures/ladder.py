@@ -11,7 +11,7 @@ from reports.figures.palette import HELD_OUT, NOISE, SIM
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from sysid.fit_mjcf import Rung
+    from sysid.fitting.ladder import Rung
 
 
 def ladder_figure(rungs: "Sequence[Rung]", floor: float, title: str, unit: str = "rad") -> "Figure":

@@ -295,9 +295,10 @@ def _look_alikes(board: Board, evidence: Evidence | None, diagnosis: Mapping[str
 def _weakest(alike: LookAlikes, index: int) -> str:
     """Return the strength at which an effect would be seen: its signature is taken as proportional to it."""
     name, value = next(iter(alike.strength[index].items()))
-    unit = effect(alike.names[index]).parameters[0].unit.replace("*", "·")
+    first = effect(alike.names[index]).parameters[0]
+    unit = first.unit.replace("*", "·")
     share = SEEN / float(alike.visibility[index])
-    if name in ("angle", "inertia"):  # an end stop or a support does not grow with its first parameter
+    if first.neutral != 0.0:  # an end stop or a support does not grow with its first parameter
         return "shows here" if share < 1 else "too weak to show here"
     if share > HOPELESS:
         return "too weak to show here"

@@ -8,6 +8,7 @@ from reports.evidence import Evidence
 from sysid.board import Board
 from sysid.effects import effect
 from sysid.free_decay import FreeDecay
+from sysid.joint import JointLaw
 from sysid.quantity import Quantity
 
 
@@ -73,35 +74,7 @@ def parameters(board: Board) -> dict[str, Quantity]:
 
 def law_text(board: Board) -> str:
     """Return the identified law, as it would be written on a board."""
-    tilt = (
-        "φ"
-        if abs(board.rest_angle) < 5e-4
-        else f"(φ {'-' if board.rest_angle > 0 else '+'} {abs(board.rest_angle):.4f})"
-    )
-    terms = [f"{board.inertia.value:.3g} φ̈ + {board.damping:.3g} φ̇ + {board.stiffness:.4g} {tilt}"]
-    names: list[str] = []
-    for part in board.effects:
-        values = [q.value for q in part.parameters.values()]
-        term = _TERMS.get(part.name)
-        if term is None:
-            names.append(part.name)
-            continue
-        text = term.format(*(f"{abs(value):.3g}" for value in values))
-        terms.append(f"{'-' if values[0] < 0 else '+'} {text}")
-    closing = "0" if not names else " + ".join(f"τ({name})" for name in names)
-    return f"{' '.join(terms)} = {closing}"
-
-
-_TERMS = {
-    "coulomb": "{0} sgn φ̇",
-    "stribeck": "({0} + ({1} - {0}) exp(-(φ̇/{2})²)) sgn φ̇",
-    "quadratic-damping": "{0} φ̇|φ̇|",
-    "cubic-damping": "{0} φ̇³",
-    "cubic-stiffness": "{0} φ³",
-    "asymmetric-stiffness": "{0} φ²",
-    "gravity": "{0} sin φ",
-}
-"""Terms on the left-hand side, by effect."""
+    return str(JointLaw.from_board(board))
 
 
 def pretty(text: str) -> str:

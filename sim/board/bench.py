@@ -173,7 +173,7 @@ def steer_to_tilt(model: mujoco.MjModel, data: mujoco.MjData, q: int, v: int) ->
 
 
 def _load_support(model: mujoco.MjModel, data: mujoco.MjData, joint: str) -> None:
-    """Deflect the support of the effect 'second-mode' as the held deck does: its spring against the tilt's."""
+    """Deflect what the joint stands on as the held deck does: its spring against the tilt's."""
     name = f"{joint}_support_joint"
     if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) < 0:
         return

@@ -203,8 +203,12 @@ def steering_angle(roll: float, rake: float) -> float:
 
 
 def inertia_ratio(board: Board) -> float:
-    """Return by how much the record's effects multiply its roll inertia (the effect 'inertia')."""
-    return math.prod(part.parameters["ratio"].value for part in board.effects if part.name == "inertia")
+    """Return by how much the record's effects multiply its roll inertia."""
+    if not board.effects:
+        return 1.0
+    from sysid.joint.law import JointLaw  # only boards with effects need the catalogue
+
+    return JointLaw.from_board(board).inertia_ratio
 
 
 def reflected_inertia(board: Board) -> float:

@@ -70,8 +70,8 @@ def board_spec(
     limit = board.tilt["range"].value if tilt_range is None else tilt_range
     root = add_chassis(spec, board)
     reflected = reflected_inertia(board) if coupling == "equality" else 0.0
-    # What steers is taken off the deck, so that nothing is counted twice; the effect 'inertia', if there
-    # is one, will multiply what is written here.
+    # What steers is taken off the deck, so that nothing is counted twice; an effect that scales the inertia
+    # will multiply what is written here.
     tilt = add_deck(root, board, board.inertia.value - reflected / inertia_ratio(board), limit)
     for end in ("front", "rear"):
         add_truck(root, board, end, limit, coupling, wheel_friction)

@@ -19,6 +19,7 @@ from sim.compensation.scene import ClampedScene
 from sim.compensation.step import compensate_step
 from sysid.board import Board
 from sysid.errors import HuskyError
+from sysid.joint.sampled import joint_of_map
 
 LOAD = 0.3
 """Static load, as a share of the spring's torque at the full tilt."""
@@ -169,14 +170,12 @@ def measure(board: Board, scene: ClampedScene) -> TiltJoint:
     (trace, determinant), *_ = np.linalg.lstsq(
         np.stack([roll[1:-1], -roll[:-2]], axis=1), roll[2:], rcond=None
     )
-    if integrator_name(scene.model) == "RK4":
-        z = np.roots([1.0, -trace, determinant]).astype(complex)
-        s = np.log(z) / h
-        inertia = stiffness / float((s[0] * s[1]).real)
-        return TiltJoint(stiffness, -float((s[0] + s[1]).real) * inertia, inertia)
-    a = min(max(float(determinant), 1e-6), 1 - 1e-9)
-    inertia = h * h * a * stiffness / max(1 + a - float(trace), 1e-12)
-    return TiltJoint(stiffness, inertia * (1 / a - 1) / h, inertia)
+    integrator = integrator_name(scene.model)
+    if integrator != "RK4":
+        determinant = min(max(float(determinant), 1e-6), 1 - 1e-9)
+        trace = min(float(trace), 1 + determinant - 1e-12)
+    inertia, damping = joint_of_map(float(trace), float(determinant), stiffness, h, integrator)
+    return TiltJoint(stiffness, damping, inertia)
 
 
 def _frictionless(model: mujoco.MjModel, joint: str) -> mujoco.MjModel:

@@ -21,14 +21,13 @@ from sim.board.bench import AfterStep, rig_spec, swing
 from sim.board.bodies import TILT_JOINT, inertia_ratio
 from sim.board.scene import integrator_name
 from sysid.board import Board
+from sysid.effects import effect
+from sysid.effects._algebra import NumpyAlgebra
+from sysid.effects._base import JointState, SupportEffect, TorqueEffect
 from sysid.errors import HuskyError
 from sysid.joint import JointLaw, simulate
+from sysid.joint.sampled import continuous_map, joint_of_map
 from sysid.roll import Array
-
-MEASUREMENT_EFFECTS = ("sensor-bias", "sensor-drift", "clock", "lowpass", "discretisation")
-"""Effects of a log or of another simulator: they are no part of the joint."""
-SUPPORT = "second-mode"
-"""The effect with an inertia and a damper of its own, which the step changes too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,7 +103,7 @@ def compensate_step(
         ).compile()
 
     first = closed_form(board, timestep=timestep, integrator=integrator)
-    plain = all(part.name in MEASUREMENT_EFFECTS or part.name == "inertia" for part in board.effects)
+    plain = all(effect(part.name).role in ("measurement", "record") for part in board.effects)
     amplitudes = release_amplitudes(board)
     if plain:
         return evaluate(board, first, build, amplitudes, "compensated in closed form")
@@ -128,12 +127,10 @@ def uncompensated(
 def closed_form(board: Board, *, timestep: float, integrator: str = "implicitfast") -> Board:
     """Place the discrete poles of spring, damper and inertia where sampling puts the continuous ones.
 
-    With s₁, s₂ the poles of I s² + d s + k, the step's determinant must be e^((s₁+s₂)h) and its trace
-    e^(s₁h) + e^(s₂h). implicitfast, implicit and Euler have determinant a = 1/(1 + h d/I) and trace
-    1 + a - h² a k/I, which k kept gives I' = h² a k / (1 + a - trace) and d' = I'(1/a - 1)/h.
+    With k kept, inertia and damping follow from the trace and the determinant of the map that a step is.
 
     Args:
-        board: The record, in physical parameters; effects other than 'inertia' are left out of account.
+        board: The record, in physical parameters; effects are left out of account, but for what scales the inertia.
         timestep: [s].
         integrator: MuJoCo's name of the integrator. RK4 needs no compensation.
 
@@ -141,32 +138,24 @@ def closed_form(board: Board, *, timestep: float, integrator: str = "implicitfas
         HuskyError: The spring swings more than half a period in one step, or the integrator damps
             more than the board.
     """
-    h, k, d = timestep, board.stiffness, board.damping
-    inertia = inertia_ratio(board) * board.inertia.value
-    root = np.sqrt(complex(d * d - 4 * inertia * k))
-    poles = np.array([-d + root, -d - root]) / (2 * inertia)
-    if abs(poles[0].imag) * h >= math.pi:
+    ratio = inertia_ratio(board)
+    inertia, k, d = ratio * board.inertia.value, board.stiffness, board.damping
+    turning = math.sqrt(max(4 * inertia * k - d * d, 0.0)) / (2 * inertia)
+    if turning * timestep >= math.pi:
         raise HuskyError(
             f"a step of {timestep:g} s is too long for board '{board.name}': its half period is "
-            f"{math.pi / abs(poles[0].imag):.3g} s. Choose a smaller --timestep."
+            f"{math.pi / turning:.3g} s. Choose a smaller --timestep."
         )
-    a = math.exp(-d / inertia * h)
-    trace = float(np.exp(poles * h).sum().real)
-    if integrator == "RK4":
+    if integrator == "RK4" or k == 0:  # what pulls back without a spring has no closed form
         return board
-    metric = h * h * k / (1 + a - trace)
-    new_inertia = a * metric
-    if integrator == "discrete":
-        # Its metric is I + h d + h² k: the spring itself damps.
-        new_damping = (metric - new_inertia) / h - h * k
-        if new_damping < 0:
-            raise HuskyError(
-                f"MuJoCo's integrator 'discrete' at {timestep:g} s damps more than board '{board.name}' does; "
-                f"damping would have to be {new_damping:.3g} N*m*s/rad. Choose implicitfast or a smaller step."
-            )
-    else:
-        new_damping = new_inertia * (1 / a - 1) / h
-    return _with(board, new_inertia / inertia_ratio(board), new_damping)
+    trace, determinant = continuous_map(inertia, k, d, timestep)
+    new_inertia, new_damping = joint_of_map(trace, determinant, k, timestep, integrator)
+    if new_damping < 0:
+        raise HuskyError(
+            f"MuJoCo's integrator '{integrator}' at {timestep:g} s damps more than board '{board.name}' does; "
+            f"damping would have to be {new_damping:.3g} N*m*s/rad. Choose implicitfast or a smaller step."
+        )
+    return _with(board, new_inertia / ratio, new_damping)
 
 
 def release_amplitudes(board: Board) -> tuple[float, ...]:
@@ -201,7 +190,7 @@ def fit_inertia_and_damping(
     from scipy.optimize import least_squares
 
     truth = _truth(board, amplitudes)
-    turned = 2 + 2 * sum(part.name == SUPPORT for part in start.effects)
+    turned = 2 + 2 * sum(isinstance(effect(part.name), SupportEffect) for part in start.effects)
 
     def misfit(knobs: Array) -> Array:
         model = build(_knobs(start, knobs))
@@ -292,8 +281,7 @@ class _Release:
 
 
 def _truth(board: Board, amplitudes: Sequence[float]) -> list[_Release]:
-    law = JointLaw.from_board(board)
-    law = replace(law, effects=tuple(e for e in law.effects if e[0] not in MEASUREMENT_EFFECTS))
+    law = JointLaw.from_board(board).of_joint()
     decay = max(law.damping / (2 * law.inertia), 0.02 * law.frequency)
     duration = min(4.0 / decay, 12 * 2 * math.pi / law.frequency)
     time = np.linspace(0.0, duration, 400)
@@ -322,10 +310,6 @@ def _residual(model: mujoco.MjModel, release: _Release, rate: float, after_step:
 
 def _static_error(board: Board, build: Callable[[Board], mujoco.MjModel], written: Board) -> float:
     """Compare MuJoCo's torque at the full tilt, at rest, with the law's; effects with memory left out."""
-    from sysid.effects import effect
-    from sysid.effects._algebra import NumpyAlgebra
-    from sysid.effects._base import JointState
-
     elastic = tuple(part for part in board.effects if not effect(part.name).states)
     model = build(replace(written, effects=elastic))
     where = model.joint(TILT_JOINT)
@@ -342,7 +326,9 @@ def _static_error(board: Board, build: Callable[[Board], mujoco.MjModel], writte
         torque = -board.stiffness * x
         for part in elastic:
             values = {name: quantity.value for name, quantity in part.parameters.items()}
-            torque += float(effect(part.name).torque(NumpyAlgebra(), motion, values, ()))
+            known = effect(part.name)
+            if isinstance(known, TorqueEffect):
+                torque += float(known.torque(NumpyAlgebra(), motion, values, ()))
         expected += math.copysign(1.0, x) * torque
     return simulated / expected - 1
 
@@ -350,10 +336,11 @@ def _static_error(board: Board, build: Callable[[Board], mujoco.MjModel], writte
 def _knobs(board: Board, knobs: Array) -> Board:
     """Turn roll inertia and damping, and those of a support if the joint stands on one."""
     for index, part in enumerate(board.effects):
-        if part.name != SUPPORT:
+        support = effect(part.name)
+        if not isinstance(support, SupportEffect):
             continue
         parameters = dict(part.parameters)
-        for name, knob in zip(("inertia", "damping"), knobs[2:4], strict=True):
+        for name, knob in zip(support.stepped, knobs[2:4], strict=True):
             parameters[name] = replace(parameters[name], value=parameters[name].value * math.exp(knob))
         turned = replace(part, parameters=parameters)
         board = replace(board, effects=(*board.effects[:index], turned, *board.effects[index + 1 :]))

@@ -9,6 +9,7 @@ from cyclopts import Parameter
 from sysid.cli.console import FIT, Common, Printer
 from sysid.cli.fit_intervals import show_intervals
 from sysid.cli.log_options import LogArguments, load_recordings
+from sysid.cli.parameter_options import parse_bounds, parse_fixed
 from sysid.files import atomic_path
 
 if TYPE_CHECKING:
@@ -27,6 +28,10 @@ def fit(
     effect: Annotated[
         tuple[str, ...], Parameter(name="--effect", negative="", group=FIT, show_default=False)
     ] = (),
+    fix: Annotated[tuple[str, ...], Parameter(name="--fix", negative="", group=FIT, show_default=False)] = (),
+    bound: Annotated[
+        tuple[str, ...], Parameter(name="--bound", negative="", group=FIT, show_default=False)
+    ] = (),
     plain: Annotated[bool, Parameter(negative="", group=FIT)] = False,
     robust: Annotated[bool, Parameter(negative="", group=FIT)] = False,
     in_scene: Annotated[bool, Parameter(name="--in-scene", negative="", group=FIT)] = False,
@@ -44,6 +49,9 @@ def fit(
         logs: Logs of one board.
         board: Name of the board.
         effect: Effect to add to those of the record; repeat it for several.
+        fix: Hold a parameter, as NAME=VALUE in SI units: stiffness, damping, rest, or EFFECT.PARAMETER; repeat it for
+            several.
+        bound: Keep a parameter within NAME=LOW:HIGH.
         plain: Drop the effects that the record has.
         robust: Let outliers of the sensor count less.
         in_scene: Also find what must be written into the training scene (implicitfast at 5 ms, wheels on the
@@ -55,18 +63,28 @@ def fit(
         arguments: How the logs are read.
         common: Options of every command.
     """
-    from sysid.fit_mjcf import check_effects
     from sysid.fit_mjcf import fit as fit_recordings
+    from sysid.fitting.joint import check_effects
 
     printer = Printer(common)
     record = common.space.load_board(board)
     check_effects(effect)
+    fixed, bounds = parse_fixed(fix), parse_bounds(bound)
     if bootstrap:
         from sysid.fitting.bootstrap import require_enough
 
         require_enough(bootstrap)
     recordings = load_recordings(logs, arguments, printer)
-    result = fit_recordings(recordings, record, effect, plain=plain, robust=robust, any_period=any_period)
+    result = fit_recordings(
+        recordings,
+        record,
+        effect,
+        plain=plain,
+        robust=robust,
+        fixed=fixed,
+        bounds=bounds,
+        any_period=any_period,
+    )
     printer.warnings(result.warnings, recordings)
     if result.joint.nonsmooth and not profile:
         printer.note("With friction or stops the intervals may be lopsided; --profile computes them exactly.")

@@ -179,7 +179,7 @@ def _heldout(board: Board, recordings: tuple[Recording, ...], rmse: float) -> fl
 
 
 def _compared(law: JointLaw, record: Record, residual: Array, start: tuple[float, float]) -> ComparedRelease:
-    path = simulate(law, record.time, *start, hold=max(record.release.hold, 0.0))
+    path = simulate(law, record.time, *start, hold=max(record.release.hold, 0.0), begin=record.release.start)
     return ComparedRelease(
         log=record.release.log,
         number=record.release.number,

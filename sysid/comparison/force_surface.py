@@ -1,6 +1,6 @@
 """The torque that a model lacks: over tilt and rate, and averaged over either."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -95,7 +95,12 @@ def missing_torque(
         mean = np.where(count > 2, total / np.maximum(count, 1), np.nan)
     together = float(np.mean(windows))
     return MissingTorque(
-        a, b, mean, count, _profile(tilt, torque, together), _profile(rate, torque, together)
+        a,
+        b,
+        np.asarray(mean, np.float64),
+        np.asarray(count, np.float64),
+        _profile(tilt, torque, together),
+        _profile(rate, torque, together),
     )
 
 
@@ -103,10 +108,10 @@ def _profile(at: Array, torque: Array, together: float) -> TorqueProfile:
     """Average a torque over bins of as many samples each; `together` neighbouring samples say the same."""
     bins = int(np.clip(len(at) / (FEW_A_BIN * together), 3, MOST_BINS))
     parts = np.array_split(np.argsort(at), bins)
-    std = [np.std(torque[part]) / np.sqrt(max(len(part) / together, 1.0)) for part in parts]
+    std = [float(np.std(torque[part])) / np.sqrt(max(len(part) / together, 1.0)) for part in parts]
     return TorqueProfile(
-        np.array([np.mean(at[part]) for part in parts]),
-        np.array([np.mean(torque[part]) for part in parts]),
+        np.array([float(np.mean(at[part])) for part in parts]),
+        np.array([float(np.mean(torque[part])) for part in parts]),
         np.array(std),
     )
 
@@ -152,10 +157,12 @@ def derivatives(time: Array, roll: Array, window: int) -> tuple[Array, Array, Ar
 def _torque_left(law: JointLaw, time: Array, motion: tuple[Array, Array, Array]) -> Array:
     """Return I φ̈ less the law's torques without memory [N*m]."""
     roll, rate, acceleration = motion
-    effects: Mapping[str, tuple[float, ...]] = dict(law.effects)
-    ratio = effects.get("inertia", (1.0,))[0]
-    left = ratio * law.inertia * acceleration + law.stiffness * (roll - law.rest_angle) + law.damping * rate
-    for name in effects:
+    left = (
+        law.inertia_ratio * law.inertia * acceleration
+        + law.stiffness * (roll - law.rest_angle)
+        + law.damping * rate
+    )
+    for name, _ in law.effects:
         if effect(name).role == "torque" and not effect(name).states:
             left = left - effect_torque(law, name, time, roll, rate)
     return left

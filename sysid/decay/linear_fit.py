@@ -17,6 +17,7 @@ import numpy as np
 
 from sysid.decay.trace import Trace, head, traces_of, with_ar1_errors
 from sysid.errors import HuskyError
+from sysid.least_squares import Normal, minimise
 from sysid.releases.extrema import half_cycles_of, smoothed
 from sysid.roll import Array, Release
 
@@ -152,33 +153,18 @@ def _project(trace: Trace, poles: Array) -> tuple[float, Array, Array, Array, Ar
 
 
 def _search(traces: Sequence[Trace], poles: Array) -> Array:
-    """Minimise the sum of squares over (a, q) by Levenberg and Marquardt's method."""
-    damping = 1e-3
-    parts = [_project(trace, poles) for trace in traces]
-    cost = sum(part[0] for part in parts)
-    for _ in range(100):
-        normal = sum((part[2].T @ part[2] for part in parts), np.zeros((2, 2)))
+    """Minimise the sum of squares over (a, q), among decays that come to rest."""
+
+    def evaluate(poles: Array) -> Normal:
+        if not (poles[0] > 0 and poles[0] ** 2 + poles[1] > 0):
+            return Normal(math.inf, np.zeros(2), np.eye(2))
+        parts = [_project(trace, poles) for trace in traces]
         gradient = sum((part[2].T @ part[1] for part in parts), np.zeros(2))
-        scale = np.sqrt(np.diag(normal))
-        if not np.all(scale > 0):
-            return poles
-        step = (
-            -np.linalg.solve(normal / np.outer(scale, scale) + damping * np.eye(2), gradient / scale) / scale
-        )
-        trial = poles + step
-        allowed = trial[0] > 0 and trial[0] ** 2 + trial[1] > 0  # it decays, to where it rests
-        trial_parts = [_project(trace, trial) for trace in traces] if allowed else []
-        trial_cost = sum((part[0] for part in trial_parts), 0.0 if trial_parts else math.inf)
-        if not trial_cost < cost:
-            damping *= 10
-            if damping > 1e8:
-                return poles
-            continue
-        gain, damping = cost - trial_cost, max(damping / 10, 1e-12)
-        poles, parts, cost = trial, trial_parts, trial_cost
-        if gain < 1e-13 * cost:
-            return poles
-    return poles
+        hessian = sum((part[2].T @ part[2] for part in parts), np.zeros((2, 2)))
+        return Normal(0.5 * sum(part[0] for part in parts), gradient, hessian)
+
+    everywhere = np.full(2, np.inf)
+    return minimise(evaluate, poles, -everywhere, everywhere, iterations=100, tolerance=1e-13).point
 
 
 def _with_uncertainty(traces: Sequence[Trace], poles: Array, signal: Literal["roll", "rate"]) -> TraceFit:

@@ -4,12 +4,16 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sysid.decay.peaks import Peak
 from sysid.quantity import Quantity
 from sysid.roll import Array, Release
+
+if TYPE_CHECKING:
+    from sysid.effects._base import DecaySign
 
 STOPPED = 0.015
 """A swing below this share of the first one may have been stopped half-way by friction."""
@@ -23,12 +27,19 @@ LEVELS_APART = 0.01
 class Nonlinearity:
     """One systematic deviation from a linear decay."""
 
-    effects: tuple[str, ...]
-    """Effects of the catalogue that make it."""
+    sign: "DecaySign"
+    """What the peaks show, in the words in which effects say what shows of them."""
     text: str
     """What is seen and what it means, one clause."""
     hidden_by_linear_fit: bool = False
     """Whether a linear decay can hide it within the noise, with wrong stiffness and damping."""
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Effects of the catalogue that make it, the likeliest first."""
+        from sysid.effects import showing  # most decays show nothing and need no catalogue
+
+        return showing(self.sign)
 
 
 def find_nonlinearities(
@@ -74,7 +85,7 @@ def _levels(releases: Sequence[Release], rests: Sequence[Quantity]) -> Nonlinear
         f"{math.degrees(CERTAIN * math.hypot(*np.sort(std)[-2:])):.1g}°"
     )
     if _drifts(releases, value, std):
-        return Nonlinearity(("sensor-drift",), f"{seen}, and further the later: the sensor's zero drifts")
+        return Nonlinearity("moving level", f"{seen}, and further the later: the sensor's zero drifts")
     sides = {release.side for release in releases}
     means = {
         side: [level for release, level in zip(releases, value, strict=True) if release.side == side]
@@ -88,7 +99,7 @@ def _levels(releases: Sequence[Release], rests: Sequence[Quantity]) -> Nonlinear
         if by_side
         else "dry friction holds it there, or else the sensor's zero wanders"
     )
-    return Nonlinearity(("coulomb", "stribeck"), f"{seen}, {cause}", hidden_by_linear_fit=True)
+    return Nonlinearity("constant loss", f"{seen}, {cause}", hidden_by_linear_fit=True)
 
 
 def _drifts(releases: Sequence[Release], value: Array, std: Array) -> bool:
@@ -122,12 +133,12 @@ def _loss(peaks: Sequence[Sequence[Peak]]) -> Nonlinearity | None:
         return None
     if intercept > 0:
         return Nonlinearity(
-            ("coulomb", "stribeck"),
+            "constant loss",
             "each swing loses nearly the same angle however small it is, so the log-amplitude line bends down: "
             "dry friction",
         )
     return Nonlinearity(
-        ("quadratic-damping", "cubic-damping"),
+        "growing loss",
         "large swings lose more than their share, so the log-amplitude line bends up: damping that grows with "
         "the speed",
     )
@@ -155,12 +166,12 @@ def _period(peaks: Sequence[Sequence[Peak]]) -> Nonlinearity | None:
         return None
     if slope > 0:
         return Nonlinearity(
-            ("gravity", "cubic-stiffness"),
+            "longer period",
             f"the period is {100 * change:.1f} % longer at the largest swing than at the smallest: stiffness that "
             "softens with the angle, as gravity on a pendulum",
         )
     return Nonlinearity(
-        ("cubic-stiffness", "freeplay", "end-stop"),
+        "shorter period",
         f"the period is {-100 * change:.1f} % shorter at the largest swing than at the smallest: stiffness that "
         "hardens with the angle, or free play about rest",
     )
@@ -180,7 +191,7 @@ def _stop(releases: Sequence[Release], peaks: Sequence[Sequence[Peak]], noise: f
         off = release.rest - middle
         if abs(off) > max(CERTAIN * math.hypot(middle_std, noise / 3), 0.015 * release.amplitude):
             return Nonlinearity(
-                ("coulomb", "stribeck"),
+                "constant loss",
                 f"it stops {math.degrees(abs(off)):.2g}° beside the middle of its swing: dry friction holds it there",
             )
     return None

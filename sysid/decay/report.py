@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from sysid.quantity import Quantity
 from sysid.releases.phases import log_phases
-from sysid.text import DEGREES, WIDTH, short, table
+from sysid.text import DEGREES, WIDTH, linear_law, table
 
 if TYPE_CHECKING:
     from sysid.free_decay import FreeDecay
@@ -85,16 +85,12 @@ def equation(decay: "FreeDecay") -> str:
     """Return the identified law, as it would be written on a board; over the inertia where that is not known."""
     numbers = decay.numbers
     rest = sum(angle.value for angle in decay.rest_angles) / len(decay.rest_angles)
-    roll = (
-        "φ"
-        if abs(rest) < 5e-4 or decay.trace.signal == "rate"
-        else f"(φ {'-' if rest > 0 else '+'} {abs(rest):.4f})"
-    )
+    inertia, damping, stiffness = (q.value for q in (numbers.inertia, numbers.damping, numbers.stiffness))
     if not decay.has_inertia:
-        omega, zeta = numbers.omega_n.value, numbers.damping_ratio.value
-        return f"φ̈ + {short(2 * zeta * omega)}·φ̇ + {omega**2:.4g}·{roll} = 0   (SI, rad)"
-    terms = f"{short(numbers.inertia.value)}·φ̈ + {short(numbers.damping.value)}·φ̇"
-    return f"{terms} + {numbers.stiffness.value:.4g}·{roll} = 0   (SI, rad)"
+        omega_n, zeta = numbers.omega_n.value, numbers.damping_ratio.value
+        inertia, damping, stiffness = 1.0, 2 * zeta * omega_n, omega_n**2
+    left = linear_law(inertia, damping, stiffness, 0.0 if decay.trace.signal == "rate" else rest)
+    return f"{left} = 0   (SI, rad)"
 
 
 def verdict(decay: "FreeDecay") -> str:

@@ -13,7 +13,7 @@ from sysid.diagnosis.search import Model
 from sysid.effects import catalogue, effect
 from sysid.fitting.covariance import parameter_covariance
 from sysid.fitting.problem import Problem
-from sysid.fitting.search import FRICTION
+from sysid.joint.sampled import sampled_k_d
 from sysid.joint.structure import structure_of
 from sysid.least_squares import Normal, minimise
 from sysid.noise.floor import pooled_step
@@ -110,7 +110,7 @@ def _worse(model: Model, rest_angle: float, *more: str) -> float:
         fixed={**problem.fixed, "rest_angle": rest_angle},
     )
     known = {**dict.fromkeys(held.names, 0.0), **model.parameters}
-    rough = [name for name in FRICTION if name in held.names]
+    rough = [name for name in held.structure.rough if name in held.names]
     starts = [
         held.start({**known, **{name: share * known[name] for name in rough}})
         for share in ((0.6, 0.8, 1.0, 1.25, 1.6) if rough else (1.0,))
@@ -224,16 +224,6 @@ def _explanations(logs: np.ndarray, spread: np.ndarray, board: Board) -> list[tu
 
 
 def stepped_logs(board: Board, h: float) -> tuple[float, float]:
-    """Return ln(k'/k) and ln(d'/d) of the continuous joint that moves like the record stepped by implicitfast.
-
-    The step's map has determinant a = 1/(1 + h d/I) and trace 1 + a - h² a k/I; its poles are those of
-    a continuous joint with the same decay and frequency at the samples.
-    """
-    inertia, k, d = board.inertia.value, board.stiffness, board.damping
-    a = 1.0 / (1.0 + h * d / inertia)
-    cosine = (1.0 + a - h * h * a * k / inertia) / (2.0 * np.sqrt(a))
-    if abs(cosine) >= 1:
-        return float("nan"), float("nan")
-    decay, frequency = -0.5 * np.log(a) / h, np.arccos(cosine) / h
-    square = decay**2 + frequency**2
-    return float(np.log(square * inertia / k)), float(np.log(2 * decay * inertia / d))
+    """Return ln(k'/k) and ln(d'/d) of the continuous joint that moves like the record stepped by implicitfast."""
+    stiffness, damping = sampled_k_d(board.inertia.value, board.stiffness, board.damping, h)
+    return float(np.log(stiffness / board.stiffness)), float(np.log(damping / board.damping))

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from sysid.diagnosis.score_statistic import SHAPES, Shape
 from sysid.diagnosis.search import COARSE, FINE, Model, Searcher, defaults
 from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import Effect, JointState, MujocoSupport, Parameter, State, belongs_to_log
+from sysid.effects._base import JointState, MujocoSupport, Parameter, State, TorqueEffect, belongs_to_log
 from sysid.fitting.problem import Problem
 from sysid.joint.structure import Structure
 from sysid.least_squares import minimise
@@ -123,7 +123,7 @@ def unnamed_model(
     return Model(effects=kept, problem=problem, minimum=minimum)
 
 
-def _shaped(name: str) -> Effect:
+def _shaped(name: str) -> TorqueEffect:
     terms = (SHAPES[name], *_BENT.get(name, ()))
 
     def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
@@ -136,7 +136,7 @@ def _shaped(name: str) -> Effect:
         name="time", start=lambda m, tilt, hold, stiffness, parameters: 0.0 * tilt,
         size=lambda s: s.duration, rate=lambda m, motion, z, parameters: 1.0,
     )  # fmt: skip
-    return Effect(
+    return TorqueEffect(
         name="unnamed",
         title=UNNAMED[name],
         parameters=(

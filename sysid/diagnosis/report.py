@@ -16,7 +16,7 @@ SHOWN = 8
 
 def fittable(names: Sequence[str]) -> tuple[str, ...]:
     """Return those of some effects that `fit` can add: not what is another number of the record."""
-    return tuple(name for name in names if effect(name).role != "record")
+    return tuple(name for name in names if effect(name).identifiable_from_decay)
 
 
 def report(result: "Diagnosis", width: int = WIDTH) -> str:

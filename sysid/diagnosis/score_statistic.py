@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import Effect, JointState, MujocoSupport, Parameter, State, belongs_to_log
+from sysid.effects._base import JointState, MujocoSupport, Parameter, State, TorqueEffect, belongs_to_log
 from sysid.fitting.problem import Problem
 from sysid.joint.structure import Structure
 from sysid.noise.autoregression import ResidualNoise
@@ -136,7 +136,7 @@ def _torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence
     return sum(terms[1:], terms[0])
 
 
-_PROBE = Effect(
+_PROBE = TorqueEffect(
     name="probe",
     title="small torques of many shapes",
     parameters=(

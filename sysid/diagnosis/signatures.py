@@ -114,7 +114,7 @@ def _signature(
 ) -> Array | None:
     """Return what an effect changes in the roll of all releases [rad]; None if it makes them run away."""
     own = dict(law.effects)
-    if len(values) == 1 and part.friction is None and not part.nonsmooth:
+    if len(values) == 1 and not part.slides and not part.nonsmooth:
         # A smooth effect: its derivative, by a central difference.
         at, step = own.get(part.name, (0.0,))[0], GENTLE * values[0]
         up, down = (_motions(law.with_effect(part.name, at + sign * step), starts) for sign in (1, -1))

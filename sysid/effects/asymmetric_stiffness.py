@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import Effect, JointState, MujocoSupport, Parameter
+from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect
 
 if TYPE_CHECKING:
     import mujoco
@@ -25,7 +25,7 @@ def to_mjcf(
     return (f"asymmetric-stiffness: second stiffness coefficient {parameters['coefficient']:.6g} N*m/rad^2",)
 
 
-EFFECT = Effect(
+EFFECT = TorqueEffect(
     name="asymmetric-stiffness",
     title="left and right springs differ",
     parameters=(
@@ -39,6 +39,7 @@ EFFECT = Effect(
         ),
     ),
     law="τ = -b x²; b > 0 is stiffer with the right edge down",
+    formula="{coefficient} φ²",
     source="Nayfeh and Mook, Nonlinear Oscillations (1979), quadratic nonlinearity",
     does="Swings to one side are wider and longer than to the other; the middle drifts with amplitude.",
     look_alikes=("offset", "preload", "sensor-bias"),

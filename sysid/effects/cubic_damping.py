@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import Effect, JointState, MujocoSupport, Parameter
+from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect
 
 if TYPE_CHECKING:
     import mujoco
@@ -25,7 +25,7 @@ def to_mjcf(
     return (f"cubic-damping: third damping coefficient {parameters['coefficient']:.6g} N*m*s^3/rad^3",)
 
 
-EFFECT = Effect(
+EFFECT = TorqueEffect(
     name="cubic-damping",
     title="cubic damping",
     parameters=(
@@ -39,6 +39,7 @@ EFFECT = Effect(
         ),
     ),
     law="τ = -c v³",
+    formula="{coefficient} φ̇³",
     source="Dalzell, J. Ship Research 22 (1978): cubic in place of quadratic roll damping",
     does="The damping ratio falls with the square of the amplitude; small swings are damped linearly.",
     look_alikes=("quadratic-damping",),
@@ -47,4 +48,5 @@ EFFECT = Effect(
     to_mjcf=to_mjcf,
     example=(0.02,),
     torque=torque,
+    decay_signs=(("growing loss", 2),),
 )

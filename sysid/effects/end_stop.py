@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import Effect, JointState, MujocoSupport, Parameter, rest_of
+from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect, rest_of
 
 if TYPE_CHECKING:
     import mujoco
@@ -47,7 +47,7 @@ def as_freeplay(parameters: Values) -> list[dict[str, float]]:
     return [freeplay]
 
 
-EFFECT = Effect(
+EFFECT = TorqueEffect(
     name="end-stop",
     title="end stop or bumper",
     parameters=(
@@ -91,5 +91,6 @@ EFFECT = Effect(
     acts_during_hold=True,
     limiting_cases=(("freeplay", as_freeplay),),
     nonsmooth=True,
+    decay_signs=(("shorter period", 3),),
     sharpness=4.0,
 )

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import Effect, JointState, MujocoSupport, Parameter, rest_of
+from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect, rest_of
 
 if TYPE_CHECKING:
     import mujoco
@@ -32,7 +32,7 @@ def to_mjcf(
     return (f"freeplay: the linear spring is a tendon that is slack within ±{gap:.6g} rad",)
 
 
-EFFECT = Effect(
+EFFECT = TorqueEffect(
     name="freeplay",
     title="freeplay, a dead band",
     parameters=(
@@ -55,5 +55,6 @@ EFFECT = Effect(
     example=(0.02,),
     torque=torque,
     nonsmooth=True,
+    decay_signs=(("shorter period", 2),),
     sharpness=4.0,
 )

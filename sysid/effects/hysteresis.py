@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import Effect, JointState, MujocoSupport, Parameter, State, rest_of
+from sysid.effects._base import JointState, MujocoSupport, Parameter, State, TorqueEffect, rest_of
 
 if TYPE_CHECKING:
     import mujoco
@@ -52,7 +52,7 @@ def as_coulomb(parameters: Values) -> list[dict[str, float]]:
     return [{"coulomb.torque": parameters["hysteresis.torque"]}]
 
 
-EFFECT = Effect(
+EFFECT = TorqueEffect(
     name="hysteresis",
     title="rate-independent hysteresis (Jenkins slider)",
     parameters=(
@@ -64,7 +64,9 @@ EFFECT = Effect(
             high=30.0,
             starts=(0.3, 2.0),
         ),
-        Parameter(name="torque", unit="N*m", size=lambda s: s.torque, low=0.0, high=1.0, starts=(0.04,)),
+        Parameter(
+            name="torque", unit="N*m", size=lambda s: s.torque, low=0.0, high=1.0, starts=(0.04,), rough=True
+        ),
     ),
     law="τ = -k₁ z, z follows x and slips at ±T/k₁",
     source="Jenkin 1922; Iwan, J. Applied Mechanics 33 (1966)",

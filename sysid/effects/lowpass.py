@@ -1,14 +1,20 @@
 """A first-order low-pass filter between deck and log."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import Effect, JointState, MujocoSupport, Parameter, State, belongs_to_log
+from sysid.effects._base import JointState, Parameter, Reading, SensorEffect, State
 
 
 def reading_rate(m: Algebra, motion: JointState, reading: Value, parameters: Values) -> Value:
     """Return (φ - reading)/T [rad/s]."""
     return (motion.roll - reading) / m.maximum(parameters["time_constant"], 1e-6)
+
+
+def observe(m: Algebra, reading: Reading, parameters: Values, states: Sequence[Value]) -> Reading:
+    """Return the filter's output and its rate."""
+    time_constant = m.maximum(parameters["time_constant"], 1e-6)
+    return Reading(states[0], (reading.angle - states[0]) / time_constant, reading.time)
 
 
 def settled(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
@@ -33,10 +39,9 @@ def detection_delay(acceleration: float, noise: float, parameters: Mapping[str, 
     return float((6 * max(parameters["time_constant"], 0.0) * noise / max(acceleration, 1e-9)) ** (1 / 3))
 
 
-EFFECT = Effect(
+EFFECT = SensorEffect(
     name="lowpass",
     title="a filter in the sensor",
-    role="measurement",
     parameters=(
         Parameter(
             name="time_constant",
@@ -52,9 +57,9 @@ EFFECT = Effect(
     does="The start is rounded off; afterwards the decay is only late and a little smaller.",
     look_alikes=("sensor delay",),
     experiment="Compare the first 20 ms after release with a film, or with a second sensor.",
-    mujoco=MujocoSupport(means="nothing: it belongs to the log", since="", warp=False),
-    to_mjcf=belongs_to_log,
     example=(0.01,),
+    observe=observe,
+    excludes=("sensor-drift",),
     states=(
         State(
             name="reading",

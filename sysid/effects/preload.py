@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import Effect, JointState, MujocoSupport, Parameter
+from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect
 
 if TYPE_CHECKING:
     import mujoco
@@ -32,7 +32,7 @@ def to_mjcf(
     return (f"preload: a tendon that pulls with {parameters['torque']:.6g} N*m whatever the tilt",)
 
 
-EFFECT = Effect(
+EFFECT = TorqueEffect(
     name="preload",
     title="constant torque",
     role="shift",
@@ -48,4 +48,5 @@ EFFECT = Effect(
     to_mjcf=to_mjcf,
     example=(0.3,),
     torque=torque,
+    same_as=("rest_angle", "offset", "sensor-bias"),
 )

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import Effect, JointState, MujocoSupport, Parameter, State
+from sysid.effects._base import JointState, MujocoSupport, Parameter, State, TorqueEffect
 
 if TYPE_CHECKING:
     import mujoco
@@ -52,7 +52,7 @@ def to_mjcf(
     )
 
 
-EFFECT = Effect(
+EFFECT = TorqueEffect(
     name="viscoelastic",
     title="viscoelastic rubber (Maxwell arm)",
     parameters=(

@@ -45,7 +45,7 @@ def fit_initial_states(
         inertia=law.inertia, stiffness=max(law.frequency**2 * law.inertia, 1e-9), damping=max(law.damping, 0.0),
         amplitude=amplitude, duration=max(float(r.time[-1]) for r in records),
     )  # fmt: skip
-    parameters = dict(zip(structure.parameters, map(float, law.vector), strict=True))
+    parameters = law.parameters
     del parameters["inertia"]
     free_states = bool(structure.internal_states) and any(r.release.hold <= 0 for r in records)
     residuals: list[Array] = []

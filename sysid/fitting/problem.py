@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from sysid.effects._base import Scales
+from sysid.effects._base import Scales, SensorEffect
 from sysid.fitting.records import LETTING_GO, UNSURE_START, Bias, Record
 from sysid.fitting.shooting import Shooting
 from sysid.joint.hermite import hermite_matrix
 from sysid.joint.integrator import build_stepper, steps_for
+from sysid.joint.sensor import at_samples, clock_ratio, reader
 from sysid.joint.structure import Structure
 from sysid.least_squares import Normal
 from sysid.roll import Array, Release
@@ -30,6 +31,8 @@ class _Path:
     clock: Array
     std: float
     """Signal, time on the log's clock and noise of the samples, or of means of neighbours; shape (n,)."""
+    reader: Any
+    """What the sensor does to samples, a CasADi function; None where it does nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +63,8 @@ class Problem:
     bias: Bias = "shared"
     fixed: Mapping[str, float] = field(default_factory=dict[str, float])
     """Parameters held at a value, by the structure's names."""
+    bounded: Mapping[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
+    """Bounds of free parameters instead of their own, in their units."""
     free_states: bool = True
     steps_per_period: int = 40
     average: int = 1
@@ -81,17 +86,26 @@ class Problem:
         """Grids, functions and buffers: made when first needed, and left behind when a problem is pickled."""
         stepper = build_stepper(self.structure, free_states=self.free_states, sensitivities=True)
         paths: list[_Path] = []
+        sensed = bool(at_samples(self.structure))
+        ratio = clock_ratio(self.structure, self.fixed)
         for record in self.records:
-            steps = steps_for(float(record.time[-1]), self.step)
-            at = hermite_matrix(record.time, self.step, steps, slope=record.is_rate)
-            mean = _averaging(len(record.time), self.average)
-            release = record.release
+            time, release = record.time / ratio, record.release
+            steps = steps_for(float(time[-1]), self.step)
+            mean = _averaging(len(time), self.average)
+            slopes = (False, True) if sensed else (record.is_rate,)
+            at = [mean @ hermite_matrix(time, self.step, steps, slope=slope) for slope in slopes]
+            signal = mean @ record.signal
             paths.append(
                 _Path(
-                    Shooting(stepper, steps, mean @ at, max(release.hold, 0.0)),
-                    mean @ record.signal, mean @ (record.time + float(release.time[0])), record.std / float(np.sqrt(self.average)),
+                    shooting=Shooting(stepper, steps, at, max(release.hold, 0.0)),
+                    signal=signal,
+                    clock=mean @ (record.time + float(release.time[0])),
+                    std=record.std / float(np.sqrt(self.average)),
+                    reader=reader(self.structure).map("readings", "serial", len(signal), [3], [])
+                    if sensed
+                    else None,
                 )
-            )  # fmt: skip
+            )
         return paths
 
     @cached_property
@@ -102,9 +116,7 @@ class Problem:
             release = record.release
             sampling = float(np.median(np.diff(release.time[:32])))
             pull = self.scales.frequency**2 * release.amplitude
-            if any(
-                part.acts_during_hold for part in self.structure.parts
-            ):  # else only the spring has set it off
+            if self.structure.acts_during_hold:  # else only the spring has set it off
                 pull = max(pull, _first_pull(release))
             unsure = max(UNSURE_START, 0.5 * sampling)
             std = record.std / (self.scales.frequency if record.is_rate else 1.0)
@@ -170,6 +182,9 @@ class Problem:
             own += [(-10.0, 10.0)] * len(self.structure.internal_states)
         own += [(-2.0, 2.0)] if self.bias == "per-release" else []
         pairs = np.array([known[name] for name in self.names] + own * len(self.records))
+        for index, name in enumerate(self.names):
+            if name in self.bounded:
+                pairs[index] = np.array(self.bounded[name]) / self.sizes()[index]
         return pairs[:, 0], pairs[:, 1]
 
     def start(self, parameters: Mapping[str, float]) -> Array:
@@ -182,7 +197,9 @@ class Problem:
             if self.free_states and self.structure.internal_states:
                 held = build_stepper(self.structure, free_states=False, sensitivities=False)
                 start = np.asarray(held.initial(vector, own, max(record.release.hold, 0.0))).ravel()[2:]
-                kept = [part.role != "measurement" for part in self.structure.parts for _ in part.states]
+                kept = [
+                    not isinstance(part, SensorEffect) for part in self.structure.parts for _ in part.states
+                ]
                 own += list(start[kept])
             values += own + ([0.0] if self.bias == "per-release" else [])
         return np.array(values) / self.sizes()
@@ -217,28 +234,31 @@ class Problem:
             at = path.shooting.read(vector, mine[:motion], self.step)
             if len(self._columns) < at.shape[1]:
                 at = at[:, self._columns]
-            result.append(self._observed(path, at, mine, parameters))
+            result.append(self._observed(path, at, mine, vector))
         return result
 
-    def _observed(
-        self, path: _Path, at: Array, mine: Array, values: Mapping[str, float]
-    ) -> tuple[Array, Array]:
-        """Subtract the measurement and add what the sensor adds of its own."""
+    def _observed(self, path: _Path, at: Array, mine: Array, vector: Array) -> tuple[Array, Array]:
+        """Turn what leaves the filters of the sensor into what it reads, and subtract the measurement."""
+        if path.reader is not None:
+            at = self._read(path, at, vector)
         residual, jacobian = at[:, 0] - path.signal, at[:, 1:]
-        is_rate = self.records[0].is_rate
-        columns = {
-            "sensor-bias.angle": 0.0 if is_rate else 1.0,
-            "sensor-drift.rate": 1.0 if is_rate else path.clock,
-        }
-        for name, column in columns.items():
-            if name in values:
-                residual = residual + column * values[name]
-            if name in self.names:
-                jacobian[:, self.names.index(name)] += column
         if self.bias == "per-release":
             residual = residual + mine[-1]
             jacobian = np.column_stack([jacobian, np.ones(len(residual))])
         return residual, jacobian
+
+    def _read(self, path: _Path, at: Array, vector: Array) -> Array:
+        """Apply what the sensor does to samples: from angles above rates, shape (2n, c), to its reading, shape (n, c)."""
+        n, is_rate = len(path.signal), int(self.records[0].is_rate)
+        angle, rate = at[:n], at[n:]
+        reading, slopes = path.reader(angle[:, 0], rate[:, 0], path.clock, vector)
+        by = np.asarray(slopes)[is_rate].reshape(n, -1)
+        with np.errstate(all="ignore"):  # a joint that runs away; `normal` refuses it
+            result = by[:, :1] * angle + by[:, 1:2] * rate
+        result[:, 0] = np.asarray(reading)[is_rate]
+        for column, name in enumerate(self.names, start=1):
+            result[:, column] += by[:, 1 + self.structure.parameters.index(name)]
+        return result
 
     def normal(self, unknowns: Array) -> Normal:
         """Return cost and normal equations, residuals in units of their noise."""

@@ -32,7 +32,7 @@ def require_usable(fit: JointFit) -> None:
     names = list(fit.quantities)
     for name, at_bound in zip(names, fit.minimum.at_bound, strict=False):
         value = fit.quantities[name]
-        if not at_bound:
+        if not at_bound or name in fit.problem.bounded:
             continue
         vanished = "." in name and abs(value.value) < 1e-12
         alone = sum(other.startswith(name.split(".")[0] + ".") for other in names) == 1
@@ -49,7 +49,7 @@ def require_usable(fit: JointFit) -> None:
         if name in fit.quantities and fit.quantities[name].value <= 0:
             raise HuskyError(
                 f"{name} came out as {fit.quantities[name].value:.4g}, which no passive joint has; the record is "
-                "unchanged. Ask husky-sysid diagnose what the logs do show."
+                f"unchanged. Ask husky-sysid diagnose what the logs do show, or hold it (--fix {name}=0)."
             )
     for name, quantity in fit.quantities.items():
         if quantity.std > 3 * max(abs(quantity.value), 1e-9) and name != "rest_angle":
@@ -84,6 +84,12 @@ def updated_board(
     for name in ("stiffness", "damping", "rest_angle"):
         if name in fit.quantities:
             kept[name] = replace(fit.quantities[name], method="")
+        elif name in fit.problem.fixed:
+            kept[name] = Quantity(
+                fit.problem.fixed[name],
+                kept[name].std if fit.problem.fixed[name] == kept[name].value else 0.0,
+                kept[name].unit,
+            )
     effects = tuple(BoardEffect(name, _parameters(fit, name, values)) for name, values in fit.law.effects)
     names = [name for name, _ in fit.law.effects]
     line: dict[str, Any] = {

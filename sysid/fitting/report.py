@@ -9,10 +9,11 @@ import numpy as np
 from sysid.text import WIDTH, count, display, table
 
 if TYPE_CHECKING:
-    from sysid.fit_mjcf import Fit, JointFit
+    from sysid.fit_mjcf import Fit
     from sysid.fitting.bootstrap import Bootstrap
     from sysid.fitting.intervals import Agreement
     from sysid.fitting.profile import Profile
+    from sysid.fitting.result import JointFit
 
 
 HELD_OUT = "held out: error on releases that the fit had not seen"
@@ -80,6 +81,12 @@ def to_json(fit: "Fit") -> dict[str, Any]:
             {"model": r.label, "rmse_rad": per * r.rmse, "heldout_rmse_rad": per * r.heldout_rmse}
             for r in fit.ladder
         ],
+        **({"fixed": dict(fit.options.fixed)} if fit.options.fixed else {}),
+        **(
+            {"bounds": {name: list(ends) for name, ends in fit.options.bounds.items()}}
+            if fit.options.bounds
+            else {}
+        ),
         "status": fit.status,
         "warnings": list(fit.joint.warnings),
     }

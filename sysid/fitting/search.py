@@ -47,7 +47,9 @@ def scales_of(records: Sequence[Record], board: Board) -> Scales:
 def _linear_scales(records: Sequence[Record], known: Scales, bias: Bias) -> Scales:
     """Return the sizes with the linear joint's stiffness and damping that fit best, from several starts."""
     rest = _rest(records)
-    guesses = [(known.stiffness / known.inertia, known.damping / known.inertia)]
+    guesses = (
+        [(known.stiffness / known.inertia, known.damping / known.inertia)] if known.stiffness > 0 else []
+    )
     guesses += [guess for record in records if (guess := linear_guess(record)) is not None]
     best: tuple[float, Scales] | None = None
     for square, decay in guesses:
@@ -95,8 +97,18 @@ def linear_guess(record: Record) -> tuple[float, float] | None:
     return (square, max(decay, 0.0)) if square > 0 else None
 
 
-def starting_points(structure: Structure, scales: Scales, *, most: int = 12) -> list[dict[str, float]]:
-    """Return the starts from which a structure is searched: all combinations of its parameters' starts."""
+def starting_points(
+    structure: Structure, scales: Scales, fixed: Mapping[str, float] | None = None, *, most: int = 12
+) -> list[dict[str, float]]:
+    """Return the starts from which a structure is searched: all combinations of its parameters' starts.
+
+    Args:
+        structure: The joint.
+        scales: Of the problem.
+        fixed: Parameters that are held.
+        most: Number of combinations.
+    """
+    held = fixed or {}
     linear = {"stiffness": scales.stiffness, "damping": max(scales.damping, 0.0), "rest_angle": 0.0}
     lists: list[list[tuple[str, float]]] = []
     for part in structure.parts:
@@ -106,9 +118,15 @@ def starting_points(structure: Structure, scales: Scales, *, most: int = 12) -> 
     for choice in itertools.islice(itertools.product(*lists), most):
         point = {**linear, **dict(choice)}
         # What others add to the stiffness or take from it, the spring makes up for.
-        if "second-mode.stiffness" in point:
-            point["stiffness"] *= 1.0 / (1.0 - linear["stiffness"] / point["second-mode.stiffness"])
-        point["stiffness"] -= min(point.get("gravity.moment", 0.0), 0.98 * linear["stiffness"])
+        for part in structure.supports:
+            point["stiffness"] *= 1.0 / (
+                1.0 - linear["stiffness"] / point[f"{part.name}.{part.series_stiffness}"]
+            )
+        for part in structure.torques:
+            added = point.get(f"{part.name}.{part.adds_stiffness}", 0.0)
+            point["stiffness"] -= min(added, 0.98 * linear["stiffness"])
+            if "stiffness" in held and part.adds_stiffness:  # a spring that is held leaves it the rest
+                point[f"{part.name}.{part.adds_stiffness}"] = linear["stiffness"] - held["stiffness"]
         points.append(point)
     if structure.has_dry_friction:
         # The linear fit gave the damper all of the loss; dry friction takes its share of that, more or less.
@@ -123,6 +141,7 @@ def search(
     *,
     bias: Bias = "shared",
     fixed: Mapping[str, float] | None = None,
+    bounded: Mapping[str, tuple[float, float]] | None = None,
     steps_per_period: int = 60,
     starts: Sequence[Mapping[str, float]] | None = None,
     average: int = 1,
@@ -139,11 +158,11 @@ def search(
     fixed = dict(fixed or {})
     rest = _rest(records)
     free_states = bool(structure.internal_states) and any(record.release.hold <= 0 for record in records)
-    starts = starting_points(structure, scales) if starts is None else starts
+    starts = starting_points(structure, scales, fixed) if starts is None else starts
     nonsmooth = structure.nonsmooth
     coarse_steps = min(60 if nonsmooth else 24, steps_per_period)
     coarse = Problem(
-        structure, records, scales, bias=bias, fixed=fixed, free_states=free_states,
+        structure, records, scales, bias=bias, fixed=fixed, bounded=dict(bounded or {}), free_states=free_states,
         steps_per_period=coarse_steps, average=average,
     )  # fmt: skip
     horizons = [] if not structure.effects else _SHORT if nonsmooth else _LONG
@@ -163,7 +182,7 @@ def search(
         evaluations += second.evaluations
         found.append((second.normal.cost, second.point))
     found.sort(key=lambda item: item[0])
-    found[0] = _shaken(coarse, _parted(coarse, found[0]))
+    found[0] = scan_rough_parameters(coarse, _restarted(coarse, found[0]))
     fine = coarse.with_(steps_per_period=steps_per_period, average=1)
     best: Minimum | None = None
     # On the coarse grid a kink falls between two points, so its costs rank neighbours only roughly.
@@ -179,29 +198,24 @@ def search(
     return fine, best, evaluations
 
 
-FRICTION = ("coulomb.torque", "stribeck.torque", "hysteresis.torque")
-_SHAKES = (0.6, 0.75, 0.87, 1.15, 1.35, 1.65)
+_SHARES = (0.6, 0.75, 0.87, 1.15, 1.35, 1.65)
+"""Of a rough parameter, at which it is held on the way out of a false valley."""
 
 
-_PARTS = ((0.7, 1.3), (0.3, 1.3))
-_SPEEDS = (0.05, 0.2, 0.5)
-"""Sliding and static friction in units of the common one, and the Stribeck speed in units of its size."""
+def scan_rough_parameters(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]:
+    """Walk along rough parameters out of a false valley: hold one elsewhere, let the rest follow, then free it.
 
-
-def _shaken(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]:
-    """Walk along the friction out of a false valley: hold it elsewhere, let the rest follow, then free it.
-
-    The cost is rough along the friction, because it decides in which half swing each release stops; a
+    The cost is rough along a friction, because it decides in which half swing each release stops; a
     descent gets caught, a walk that re-fits everything else does not. At the noise there is nothing to gain.
     """
-    names = [problem.names.index(name) for name in FRICTION if name in problem.names]
+    names = [problem.names.index(name) for name in problem.structure.rough if name in problem.names]
     low, high = problem.bounds()
     for index in names:
         for _ in range(4):
             if found[0] < 0.55 * problem.samples:
                 return found
             best = found
-            for factor in _SHAKES:
+            for factor in _SHARES:
                 pinned_low, pinned_high = low.copy(), high.copy()
                 value = np.clip(found[1][index] * factor, low[index], high[index])
                 pinned_low[index] = pinned_high[index] = value
@@ -217,27 +231,20 @@ def _shaken(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]
     return found
 
 
-def _parted(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]:
-    """Part static from sliding friction again where a search let them fall together.
-
-    Below the sliding friction the static one has no effect, so a search that steps there never comes back.
-    """
-    if "stribeck.torque" not in problem.names or "stribeck.static_torque" not in problem.names:
-        return found
-    sliding, static, velocity = (
-        problem.names.index(f"stribeck.{name}") for name in ("torque", "static_torque", "velocity")
-    )
-    level = found[1][sliding]
-    if found[1][static] > level:
-        return found
+def _restarted(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]:
+    """Search again from where effects say that a search which ended there has to."""
     low, high = problem.bounds()
     best = found
-    for below, above in _PARTS:
-        for speed in _SPEEDS:
+    for part in problem.structure.torques:
+        names = [f"{part.name}.{name}" for name in part.parameter_names]
+        if part.restarts is None or any(name not in problem.names for name in names):
+            continue
+        where = [problem.names.index(name) for name in names]
+        for start in part.restarts(part.named([float(value) for value in found[1][where]])):
             point = found[1].copy()
-            point[[sliding, static, velocity]] = below * level, above * level, speed
-            parted = minimise(problem.normal, point, low, high, iterations=15, tolerance=1e-5)
-            best = min(best, (parted.normal.cost, parted.point), key=lambda item: item[0])
+            point[where] = [start[name] for name in part.parameter_names]
+            again = minimise(problem.normal, point, low, high, iterations=15, tolerance=1e-5)
+            best = min(best, (again.normal.cost, again.point), key=lambda item: item[0])
     return best
 
 

@@ -1,5 +1,6 @@
 """One record against one joint: from parameters and start to what the sensor would have read, with slopes."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -19,8 +20,8 @@ class Shooting:
 
     stepper: Stepper
     steps: int
-    at: Any
-    """Sparse matrix from grid values and slopes to the samples, shape (n, 2 steps)."""
+    at: Sequence[Any]
+    """Sparse matrices from grid values and slopes to what is wanted at the samples, shape (n, 2 steps) each."""
     hold: float
     """For how long the deck was held before [s]."""
     _begin: "_Buffered" = field(init=False)
@@ -32,7 +33,7 @@ class Shooting:
         self._path = _Buffered(rollout(self.stepper, self.steps))
 
     def read(self, vector: Array, own: Array, step: float) -> Array:
-        """Return reading and sensitivities at the samples, shape (n, 1 + columns of the stepper).
+        """Return values and sensitivities, shape (n, 1 + columns of the stepper) for each of `at`, one below another.
 
         Args:
             vector: The structure's parameters, shape (p,).
@@ -46,7 +47,7 @@ class Shooting:
         given[:-1], given[-1] = vector, step
         grid = self._path.run().reshape(2 * self.steps, -1)
         with np.errstate(all="ignore"):
-            return np.asarray(self.at @ grid)
+            return np.concatenate([np.asarray(at @ grid) for at in self.at])
 
 
 class _Buffered:

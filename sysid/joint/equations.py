@@ -9,7 +9,7 @@ and dissipates exactly.
 from typing import Any
 
 from sysid.effects._algebra import Value
-from sysid.effects._base import JointState
+from sysid.effects._base import JointState, LinearJoint, SupportEffect, TorqueEffect
 from sysid.joint.structure import LINEAR, Structure
 
 _STILL = 1e-9
@@ -59,37 +59,36 @@ class EquationsOfMotion:
 
         self._ca: Any = casadi
         self.m = CasadiAlgebra()
-        self.inertia, self.stiffness, self.damping, self.rest = (parameters[i] for i in range(len(LINEAR)))
+        joint = LinearJoint(*(parameters[i] for i in range(len(LINEAR))))
         self.layout = [
-            (part, dict(zip(part.parameter_names, items_of(parameters, where), strict=True)), states)
+            (part, part.named(items_of(parameters, where)), states)
             for part, where, states in structure.layout()
         ]
         for part, values, _ in self.layout:
-            if part.name == "inertia":
-                self.inertia = self.inertia * values["ratio"]
-            if part.name == "offset":
-                self.rest = self.rest + values["angle"]
-        self.support = next(((v, s) for part, v, s in self.layout if part.role == "support"), None)
+            if isinstance(part, TorqueEffect) and part.modifies is not None:
+                joint = part.modifies(joint, values)
+        self.joint = joint
+        self.support = next((s for part, _, s in self.layout if isinstance(part, SupportEffect)), None)
 
     def motion(self, y: Any) -> JointState:
         """Return where the joint is in state y."""
         roll, rate = y[0], y[1]
-        tilt = roll - self.rest
+        tilt = roll - self.joint.rest_angle
         if self.support is not None:
-            where = self.support[1].start
+            where = self.support.start
             tilt, rate = tilt - y[where], rate - y[where + 1]
-        return JointState(tilt, rate, roll, self.stiffness)
+        return JointState(tilt, rate, roll, self.joint.stiffness)
 
     def torques(self, y: Any) -> tuple[Any, Any]:
         """Return (torque of the joint, torque on the deck alone) without dry friction [N*m]."""
         motion = self.motion(y)
-        joint = -self.stiffness * motion.tilt - self.damping * motion.rate
+        joint = -self.joint.stiffness * motion.tilt - self.joint.damping * motion.rate
         deck: Any = 0.0
         for part, values, states in self.layout:
-            if part.role == "support":
+            if not isinstance(part, TorqueEffect):
                 continue
             torque = part.torque(self.m, motion, values, items_of(y, states))
-            if part.name == "gravity":
+            if part.grounded:
                 deck = deck + torque
             else:
                 joint = joint + torque
@@ -100,7 +99,7 @@ class EquationsOfMotion:
         levels = [
             part.friction(self.m, speed, values)
             for part, values, _ in self.layout
-            if part.friction is not None
+            if isinstance(part, TorqueEffect) and part.friction is not None
         ]
         return sum(levels[1:], levels[0]) if levels else 0.0
 
@@ -111,12 +110,11 @@ class EquationsOfMotion:
         if slide is not None:
             joint = joint - slide * self.friction(self.m.abs(motion.rate))
         moving: Any = 1.0 if slide is None else slide * slide
-        rates = [y[1] * moving, (joint + deck) / self.inertia * moving]
+        rates = [y[1] * moving, (joint + deck) / self.joint.inertia * moving]
         for part, values, states in self.layout:
-            if part.role == "support":
+            if isinstance(part, SupportEffect):
                 s, w = items_of(y, states)
-                push = -values["stiffness"] * s - values["damping"] * w - joint
-                rates += [w, push / values["inertia"]]
+                rates += [w, part.acceleration(self.m, s, w, joint, values)]
                 continue
             for state, z in zip(part.states, items_of(y, states), strict=True):
                 rates.append(0.0 if state.rate is None else state.rate(self.m, motion, z, values))
@@ -158,7 +156,7 @@ class EquationsOfMotion:
         slide = ca.if_else(ca.fabs(rate) > _STILL, ca.sign(rate), self.direction(y))
         whole, start = self.rk4(y, h, slide)
         turns = ca.logic_and(slide * self.motion(whole).rate < 0, ca.fabs(rate) > _STILL)
-        return whole, start[1] if self.support is None else start[1] - start[self.support[1].start + 1], turns
+        return whole, start[1] if self.support is None else start[1] - start[self.support.start + 1], turns
 
     def event_step(self, y: Any, h: Any) -> Any:
         """Return the state after a step that is cut where the rate passes through zero."""

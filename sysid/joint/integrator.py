@@ -4,7 +4,9 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
+from sysid.effects._base import SensorEffect
 from sysid.joint.equations import EquationsOfMotion, items_of
+from sysid.joint.sensor import filtered
 from sysid.joint.structure import Structure
 
 
@@ -47,9 +49,9 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
     parameters = ca.SX.sym("parameters", count)
     unknowns = ca.SX.sym("unknowns", 2 + (len(structure.internal_states) if free_states else 0))
     hold, h = ca.SX.sym("hold"), ca.SX.sym("h")
-    mechanics = EquationsOfMotion(structure, parameters)
+    equations = EquationsOfMotion(structure, parameters)
 
-    first = _first_state(mechanics, unknowns, hold, free_states=free_states)
+    first = _first_state(equations, unknowns, hold, free_states=free_states)
     wanted = ca.vertcat(parameters[1:], unknowns)
     seed = ca.jacobian(first, wanted) if sensitivities else ca.SX(2 + states, 0)
     initial = ca.Function(
@@ -68,21 +70,21 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
         by_parameter = ca.horzcat(ca.jacobian(following, parameters[1:]), ca.SX(2 + states, own.shape[1]))
         return ca.vertcat(following, ca.vec(ca.jacobian(following, y) @ carried + by_parameter))
 
-    out = _output(structure, mechanics, y)
+    out = ca.vertcat(*filtered(equations, y))
     seen = ca.SX(2, 0)
     if sensitivities:
         seen = ca.jacobian(out, y) @ carried + ca.horzcat(ca.jacobian(out, parameters[1:]), own)
     output = ca.densify(ca.vec(ca.horzcat(out, seen).T))
     if not structure.has_dry_friction:
-        following = with_sensitivities(mechanics.rk4(y, h, None)[0])
+        following = with_sensitivities(equations.rk4(y, h, None)[0])
         step = ca.Function("step", [accumulated, given], ca.cse([following, output]))
         return Stepper(structure, free_states, sensitivities, initial, step)
 
     # A cut costs three steps and is rare, so it is computed only where the joint does turn.
-    whole, _, turns = mechanics.sliding_step(y, h)
+    whole, _, turns = equations.sliding_step(y, h)
     slid = ca.SX.sym("slid", accumulated.shape[0])
     slide = ca.Function("slide", [accumulated, given], ca.cse([with_sensitivities(whole), output, turns]))
-    cut = with_sensitivities(mechanics.event_step(y, h))
+    cut = with_sensitivities(equations.event_step(y, h))
     turn = ca.Function.if_else(
         "turn",
         ca.Function("cut", [accumulated, given, slid], ca.cse([cut])),
@@ -94,42 +96,28 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
     return Stepper(structure, free_states, sensitivities, initial, step)
 
 
-def _first_state(mechanics: EquationsOfMotion, unknowns: Any, hold: Any, *, free_states: bool) -> Any:
+def _first_state(equations: EquationsOfMotion, unknowns: Any, hold: Any, *, free_states: bool) -> Any:
     """Return the state at release: what is unknown as it is, the rest as the hold left it."""
     import casadi
 
     ca: Any = casadi
-    tilt = unknowns[0] - mechanics.rest
+    tilt = unknowns[0] - equations.joint.rest_angle
     internal: list[Any] = []
     free = iter(items_of(unknowns, slice(2, unknowns.shape[0])))
-    for part, values, _ in mechanics.layout:
+    for part, values, _ in equations.layout:
         for state in part.states:
-            if part.role == "measurement":
-                pull = -mechanics.stiffness * tilt / mechanics.inertia
+            if isinstance(part, SensorEffect):
+                pull = -equations.joint.stiffness * tilt / equations.joint.inertia
                 internal.append(
-                    unknowns[0] if state.late_release is None
-                    else state.late_release(mechanics.m, unknowns[0], unknowns[1], pull, values)
+                    state.start(equations.m, unknowns[0], hold, equations.joint.stiffness, values)
+                    if state.late_release is None
+                    else state.late_release(equations.m, unknowns[0], unknowns[1], pull, values)
                 )  # fmt: skip
             elif free_states:
                 internal.append(next(free))
             else:
-                internal.append(state.start(mechanics.m, tilt, hold, mechanics.stiffness, values))
+                internal.append(state.start(equations.m, tilt, hold, equations.joint.stiffness, values))
     return ca.vertcat(unknowns[:2], *internal)
-
-
-def _output(structure: Structure, mechanics: EquationsOfMotion, y: Any) -> Any:
-    """Return what the sensor sees and its rate, shape (2,)."""
-    import casadi
-
-    ca: Any = casadi
-    for part, values, states in mechanics.layout:
-        if part.name == "lowpass":
-            state = part.states[0]
-            assert state.rate is not None
-            return ca.vertcat(
-                y[states.start], state.rate(mechanics.m, mechanics.motion(y), y[states.start], values)
-            )
-    return ca.vertcat(y[0], y[1])
 
 
 @cache

@@ -62,6 +62,8 @@ class Hinge:
     solimp_limit: Impedance = (0.9, 0.95, 0.001, 0.5, 2.0)
     torque: Torque | None = None
     """Anything else that is smooth, e.g. gravity. MuJoCo treats it explicitly."""
+    damper: Torque | None = None
+    """Anything else that is smooth and that MuJoCo treats as it treats the damper, implicitly where it does that."""
     eulerdamp: bool = True
     """MuJoCo's flag of that name: whether Euler treats damping implicitly."""
 
@@ -102,7 +104,7 @@ def step(
         )
     force = _force(hinge, q, v, timestep)
     # For one joint all that 'implicit' adds to Euler is in its damper, which Euler treats implicitly too.
-    slope = _damping_slope(hinge, v)
+    slope = _damping_slope(hinge, q, v)
     if integrator == "Euler":
         slope = ca.if_else(_damps(hinge), slope, 0.0) if hinge.eulerdamp else 0.0
     velocity = v + timestep * force / (hinge.mass + timestep * slope)
@@ -206,14 +208,15 @@ def _smooth(hinge: Hinge, q: Expression, v: Expression) -> Expression:
     spring = sum(a * x**n for n, a in enumerate(hinge.stiffness, start=1) if not _zero(a))
     a, b, c = hinge.damping
     damper = a * v + (0.0 if _zero(b) else b * v * ca.fabs(v)) + (0.0 if _zero(c) else c * v**3)
-    other = 0.0 if hinge.torque is None else hinge.torque(q, v)
-    return other - spring - damper
+    others = [torque(q, v) for torque in (hinge.torque, hinge.damper) if torque is not None]
+    return sum(others, -spring - damper)
 
 
-def _damping_slope(hinge: Hinge, v: Expression) -> Expression:
+def _damping_slope(hinge: Hinge, q: Expression, v: Expression) -> Expression:
     """Derivative of the damper's torque with respect to velocity, positive where it brakes [N*m*s/rad]."""
     a, b, c = hinge.damping
-    return a + (0.0 if _zero(b) else 2 * b * ca.fabs(v)) + (0.0 if _zero(c) else 3 * c * v**2)
+    more = 0.0 if hinge.damper is None else -ca.jacobian(hinge.damper(q, v), v)
+    return a + (0.0 if _zero(b) else 2 * b * ca.fabs(v)) + (0.0 if _zero(c) else 3 * c * v**2) + more
 
 
 def _damps(hinge: Hinge) -> Expression:
@@ -343,7 +346,7 @@ def _discrete(
     may be so stiff that it is undone in one step, but no stiffer.
     """
     slope = ca.fmax(_stiffness_slope(hinge, q), 0.0)
-    metric = hinge.mass + timestep * ca.fmax(_damping_slope(hinge, v), 0.0) + timestep**2 * slope
+    metric = hinge.mass + timestep * ca.fmax(_damping_slope(hinge, q, v), 0.0) + timestep**2 * slope
 
     def row(solref: Pair, solimp: Impedance, distance: Expression, side: float, *, spring: bool) -> _Row:
         impedance = _impedance(solimp, distance)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sysid.effects import effect
-from sysid.effects._base import Effect, State
+from sysid.effects._base import Effect, SensorEffect, State, SupportEffect, TorqueEffect
 
 LINEAR = ("inertia", "stiffness", "damping", "rest_angle")
 """The parameters that every joint has, first in every parameter vector."""
@@ -37,7 +37,7 @@ class Structure:
     @property
     def has_dry_friction(self) -> bool:
         """Whether something changes its branch when the rate passes through zero."""
-        slides = any(part.friction is not None for part in self.parts)
+        slides = any(part.slides for part in self.parts)
         return slides or any(state.return_map is not None for state in self.states)
 
     @property
@@ -53,7 +53,29 @@ class Structure:
     @property
     def internal_states(self) -> tuple[State, ...]:
         """Internal states of the joint itself, which may be unknown at release; a filter starts settled."""
-        return tuple(state for part in self.parts if part.role != "measurement" for state in part.states)
+        return tuple(
+            state for part in self.parts if not isinstance(part, SensorEffect) for state in part.states
+        )
+
+    @property
+    def rough(self) -> tuple[str, ...]:
+        """Parameters along which the cost is rough."""
+        return tuple(f"{part.name}.{p.name}" for part in self.parts for p in part.parameters if p.rough)
+
+    @property
+    def acts_during_hold(self) -> bool:
+        """Whether a hand can hold the board against more than its spring."""
+        return any(isinstance(part, TorqueEffect) and part.acts_during_hold for part in self.parts)
+
+    @property
+    def torques(self) -> tuple[TorqueEffect, ...]:
+        """Its effects that are torques of the joint."""
+        return tuple(part for part in self.parts if isinstance(part, TorqueEffect))
+
+    @property
+    def supports(self) -> tuple[SupportEffect, ...]:
+        """What it stands on: one at most."""
+        return tuple(part for part in self.parts if isinstance(part, SupportEffect))
 
     def layout(self) -> list[tuple[Effect, slice, slice]]:
         """Return each effect with its slices of the parameter vector and of the state vector."""

@@ -1,13 +1,12 @@
 """The torques of a joint along a motion: how strong each effect is, in plain numbers."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from sysid.effects import effect
 from sysid.effects._algebra import NumpyAlgebra
-from sysid.effects._base import JointState
+from sysid.effects._base import JointState, TorqueEffect
 from sysid.joint.law import JointLaw
 from sysid.joint.trajectory import simulate
 from sysid.roll import Array
@@ -26,8 +25,8 @@ def effect_torque(law: JointLaw, name: str, time: Array, roll: Array, rate: Arra
         roll: Roll [rad], shape (n,).
         rate: Roll rate [rad/s], shape (n,).
     """
-    part, values = effect(name), dict(law.effects)[name]
-    parameters = dict(zip(part.parameter_names, values, strict=True))
+    part = effect(name)
+    parameters = part.named(dict(law.effects)[name])
     m = NumpyAlgebra()
     motion = JointState(roll - law.rest_angle, rate, roll, law.stiffness)
     if part.states:
@@ -37,7 +36,10 @@ def effect_torque(law: JointLaw, name: str, time: Array, roll: Array, rate: Arra
             if other != name and not effect(other).states:
                 rest = rest + effect_torque(law, other, time, roll, rate)
         return total - rest
-    torque = np.zeros_like(roll) + part.torque(m, motion, parameters, ())
+    torque = np.zeros_like(roll)
+    if not isinstance(part, TorqueEffect):
+        return torque
+    torque = torque + part.torque(m, motion, parameters, ())
     if part.friction is not None:
         torque = torque - np.sign(rate) * part.friction(m, np.abs(rate), parameters)
     return torque
@@ -47,17 +49,20 @@ def torque_shares(
     law: JointLaw, times: Sequence[Array], starts: Sequence[tuple[float, float]], effects: Sequence[str]
 ) -> dict[str, float]:
     """Return the peak torque of each effect over the peak of spring and damper, over some releases."""
-    plain = replace(law, effects=tuple(e for e in law.effects if effect(e[0]).role != "measurement"))
+    plain = law.of_joint()
     peaks = dict.fromkeys(effects, 0.0)
     whole = 1e-300
     for time, (angle, rate) in zip(times, starts, strict=True):
         grid = np.linspace(0.0, float(time[-1]), 2000)
         path = simulate(plain, grid, angle, rate)
         spring = law.stiffness * (path.roll - law.rest_angle) + law.damping * path.rate
-        spring = spring + dict(law.effects).get("gravity", (0.0,))[0] * np.sin(path.roll)
+        for part in plain.structure.torques:
+            if part.adds_stiffness:
+                spring = spring - effect_torque(plain, part.name, grid, path.roll, path.rate)
         whole = max(whole, float(np.abs(spring).max()))
         for name in effects:
-            if effect(name).role in ("torque", "support", "shift") and name != "offset":
+            part = effect(name)
+            if part.part_of_joint and not (isinstance(part, TorqueEffect) and part.modifies is not None):
                 torque = effect_torque(plain, name, grid, path.roll, path.rate)
                 peaks[name] = max(peaks[name], float(np.quantile(np.abs(torque), 0.999)))
     return {name: peak / whole for name, peak in peaks.items() if peak > 0}

@@ -26,6 +26,11 @@ class HandMotion:
     bend: Any = field(repr=False)
     """Second derivative of `spline`."""
 
+    @property
+    def knots(self) -> Array:
+        """Where one piece of the spline ends and the next begins [s], shape (m,)."""
+        return np.unique(self.spline.t)
+
     def acceleration(self, time: float) -> float:
         """Return the roll acceleration [rad/s^2] at `time` [s]."""
         return float(self.bend(time))

@@ -69,7 +69,15 @@ def test_command_modules_import_nothing_heavy():
 def test_every_command_file_is_listed():
     package = importlib.import_module("sysid.cli")
     files = {path.stem for path in Path(package.__path__[0]).glob("*.py")}
-    shared = {"__init__", "__main__", "console", "fit_intervals", "log_options", "ride_options"}
+    shared = {
+        "__init__",
+        "__main__",
+        "console",
+        "fit_intervals",
+        "log_options",
+        "parameter_options",
+        "ride_options",
+    }
     assert files - shared == set(COMMANDS)
 
 

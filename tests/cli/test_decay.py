@@ -54,7 +54,7 @@ def test_prints_releases_table_law_verdict_and_paths(log, tmp_path, capsys):
         "stiffness k = I ω_n²",
     ):
         assert text in out
-    assert "\n8.70e-3·φ̈ + 0." in out
+    assert "\n8.70e-3 φ̈ + 0." in out
     assert "✓ linear decay" in out
     assert re.search(r"roll inertia I +│ 0\.0087000 ± 0\.0000057 +│ kg·m² ", out)
     assert str(tmp_path / "reports" / "pink" / "decay.json") in out

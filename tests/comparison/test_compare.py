@@ -8,7 +8,7 @@ import pytest
 
 from sysid.board import load_board
 from sysid.comparison.compare import compare
-from sysid.fit_mjcf import fit_joint
+from sysid.fitting.joint import fit_joint
 from sysid.joint import JointLaw, simulate
 from sysid.logs import read_roll
 from sysid.releases import find_releases

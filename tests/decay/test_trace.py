@@ -9,7 +9,7 @@ from decay_truth import linear_decay
 
 from sysid.decay.linear_fit import fit_traces
 from sysid.decay.trace import Trace, head, traces_of, with_ar1_errors
-from sysid.fit_mjcf import FitOptions, fit_joint
+from sysid.fitting.joint import FitOptions, fit_joint
 from sysid.free_decay import fit_decay
 from sysid.noise.lasting import LASTS
 from sysid.quantity import Quantity

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from sysid.board import Board, load_board
 from sysid.effects._base import Scales
 from sysid.errors import HuskyError
-from sysid.fit_mjcf import FitOptions, fit_joint
+from sysid.fitting.joint import FitOptions, fit_joint
 from sysid.fitting.problem import Problem
 from sysid.fitting.profile import profiles
 from sysid.fitting.records import make_records

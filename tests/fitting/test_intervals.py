@@ -10,9 +10,9 @@ from sysid.board import load_board
 from sysid.cli.console import Common
 from sysid.cli.fit import fit as fit_command
 from sysid.errors import HuskyError
-from sysid.fit_mjcf import fit_joint
 from sysid.fitting.bootstrap import Bootstrap, block_length, blocks, bootstrap, corrected_percentiles
 from sysid.fitting.intervals import agreements
+from sysid.fitting.joint import fit_joint
 from sysid.fitting.profile import Profile, profile, profiles
 from sysid.joint import JointLaw, simulate
 from sysid.least_squares import Normal, minimise

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from sysid.board import load_board
-from sysid.fit_mjcf import FitOptions, fit_joint
 from sysid.fitting.initial_state import fit_initial_states
+from sysid.fitting.joint import FitOptions, fit_joint
 from sysid.fitting.records import make_records
 from sysid.logs import LogOptions, read_roll
 from sysid.noise.floor import noise_floor

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.linalg import expm
 
 from sysid.effects import catalogue, effect
 from sysid.errors import HuskyError
@@ -92,6 +93,19 @@ def test_a_hold_relaxes_rubber_and_nothing_else():
     plain = LAW.with_effect("cubic-stiffness", 100.0)
     short, long = (simulate(plain, TIME, 0.2, hold=hold).roll for hold in (0.05, 5.0))
     assert np.array_equal(short, long)
+
+
+@pytest.mark.parametrize(
+    ("hold", "left"), [(0.0, 1.0), (0.1 * np.log(2), 0.5), (0.1, np.exp(-1)), (1.0, np.exp(-10))]
+)
+def test_rubber_creeps_while_it_is_held(hold, left):
+    """A hold of T ln 2 leaves half of the arm's stretch; from there it is a linear system."""
+    k, d, inertia, arm, constant, angle = 14.684, 0.05, 8.7e-3, 5.0, 0.1, 0.2
+    law = JointLaw(inertia=inertia, stiffness=k, damping=d).with_effect("viscoelastic", arm, constant)
+    system = np.array([[0, 1, 0], [-k / inertia, -d / inertia, -arm / inertia], [0, 1, -1 / constant]])
+    time = np.linspace(0.0, 0.5, 40)
+    exact = [(expm(system * t) @ [angle, 0.0, left * angle])[0] for t in time]
+    assert simulate(law, time, angle, hold=hold).roll == pytest.approx(exact, abs=1e-6)
 
 
 def test_sensor_effects_change_the_reading_not_the_motion():
