@@ -135,7 +135,7 @@ def compare(
     use_rate = chosen["use_rate"]
     odd = amplitude_warnings(releases, board)
     noise = noise_floor(releases, rate=use_rate)
-    records = make_records(releases, noise.std, rate=use_rate, settled=True)
+    records = make_records(releases, noise.std, rate=use_rate)
     law = law or JointLaw.from_board(board)
     residuals, starts = fit_initial_states(law, records, bias=chosen["bias"])
     compared = tuple(

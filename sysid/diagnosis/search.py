@@ -14,7 +14,7 @@ from sysid.diagnosis.pendulum import hanging, hanging_start
 from sysid.diagnosis.workers import Crew
 from sysid.effects import catalogue, effect
 from sysid.effects._base import Scales
-from sysid.fitting.cross_validation import heldout_residuals, rms
+from sysid.fitting.cross_validation import rms, surprising_residuals
 from sysid.fitting.problem import Problem
 from sysid.fitting.records import Bias, Record
 from sysid.fitting.search import first_swings, search
@@ -353,7 +353,7 @@ class Search:
     def finalist(self, model: Candidate, parents: Sequence[Candidate]) -> Candidate:
         """Return a model fitted on the fine grid, from where it is and from simpler ones, and its predictions."""
         fine = self.fine(model, parents)
-        return replace(fine, heldout=heldout_residuals(fine.problem, fine.minimum))
+        return replace(fine, heldout=surprising_residuals(fine.problem, fine.minimum))
 
     def fine(
         self, model: Candidate, parents: Sequence[Candidate] = (), *, average: int | None = None

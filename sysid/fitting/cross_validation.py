@@ -1,11 +1,14 @@
 """How well a fitted joint predicts motion that it was not fitted to.
 
-What other motion leaves open of the parameters is no fault of a law: a release is predicted with parameters as uncertain
-as the sensor's noise on the others leaves them: they may move towards it within their covariance, and no further.
+Two questions, one training fit. What error is to be expected of the numbers that a fit writes down: `heldout_residuals`, with
+the physics of the other releases as it is. And is a law wrong: `surprising_residuals`. There, what other motion leaves open of
+the parameters is no fault of the law: they may move towards a release within the covariance that the sensor's noise on
+the others leaves them, and no further.
 """
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,30 +21,74 @@ PIECES = 3
 
 
 def heldout_residuals(problem: Problem, minimum: Minimum) -> tuple[Array, ...]:
-    """Return what is missed of each release, predicted from the others; of one alone, of each third of it.
+    """Return the residuals of each release, predicted without it; of one alone, of its second half from its first.
 
     Roll and rate at a release cannot be predicted, so those are fitted to the release itself.
+
+    Args:
+        problem: What was fitted.
+        minimum: Where the fit ended.
 
     Returns:
         Prediction minus measurement [rad or rad/s], shape (n,) for each release.
     """
-    if len(problem.records) > 1:
-        return tuple(_left_out(problem, minimum, index) for index in range(len(problem.records)))
-    return (_interrupted(problem, minimum),)
+    if len(problem.records) == 1:
+        return (_forecast(problem, minimum),)
+    return tuple(_left_out(problem, minimum, index) for index in range(len(problem.records)))
 
 
-def _left_out(problem: Problem, minimum: Minimum, index: int) -> Array:
-    """Predict one release from the others."""
+def surprising_residuals(problem: Problem, minimum: Minimum) -> tuple[Array, ...]:
+    """Return what is missed of each release whatever the others leave open; of one alone, of each third of it.
+
+    Args:
+        problem: What was fitted.
+        minimum: Where the fit ended.
+
+    Returns:
+        Prediction minus measurement [rad or rad/s], shape (n,) for each release.
+    """
+    if len(problem.records) == 1:
+        return (_interrupted(problem, minimum),)
+    return tuple(_within_noise(problem, minimum, index) for index in range(len(problem.records)))
+
+
+def _trained(problem: Problem, minimum: Minimum, index: int) -> tuple[Problem, Minimum, Array]:
+    """Return the fit to all releases but one, and that one's own unknowns as they were, in units of their sizes."""
     shared, own = len(problem.names), problem.n_local
     others = [i for i in range(len(problem.records)) if i != index]
     training = problem.with_(records=[problem.records[i] for i in others])
     pick = np.r_[0:shared, *(np.arange(shared + i * own, shared + (i + 1) * own) for i in others)]
     fitted = minimise(training.normal, minimum.point[pick], *training.bounds(), iterations=10, tolerance=1e-5)
-    held = problem.with_(records=[problem.records[index]])
-    begin = minimum.point[shared + index * own : shared + (index + 1) * own]
-    known = np.zeros((shared + own, shared + own))
+    return training, fitted, minimum.point[shared + index * own : shared + (index + 1) * own]
+
+
+def _left_out(problem: Problem, minimum: Minimum, index: int) -> Array:
+    """Fit the physics to the other releases, then only roll and rate at release to this one."""
+    training, fitted, start = _trained(problem, minimum, index)
+    known = {**problem.fixed, **training.parameters(fitted.point)}
+    held = problem.with_(records=[problem.records[index]], fixed=known, average=1)
+    found = minimise(held.normal, start, *held.bounds(), iterations=12)
+    return held.residuals(found.point)[0]
+
+
+def _forecast(problem: Problem, minimum: Minimum) -> Array:
+    """Fit the first half of the motion and predict the second."""
+    record = problem.records[0]
+    half = len(record.time) // 2
+    first = replace(record, time=record.time[:half], signal=record.signal[:half])
+    training = problem.with_(records=[first])
+    fitted = minimise(training.normal, minimum.point, *training.bounds(), iterations=25)
+    return problem.residuals(fitted.point)[0][half:]
+
+
+def _within_noise(problem: Problem, minimum: Minimum, index: int) -> Array:
+    """Predict one release by physics that may move as far as the noise on the others leaves it open."""
+    _, fitted, start = _trained(problem, minimum, index)
+    shared = len(problem.names)
+    known = np.zeros((shared + len(start), shared + len(start)))
     known[:shared, :shared] = _information(fitted, shared)
-    return _predicted(held, np.r_[fitted.point[:shared], begin], known)
+    held = problem.with_(records=[problem.records[index]])
+    return _predicted(held, np.r_[fitted.point[:shared], start], known)
 
 
 def _interrupted(problem: Problem, minimum: Minimum) -> Array:

@@ -116,7 +116,7 @@ def fit_joint(
     if not releases:
         raise HuskyError("no release to fit. Let the deck go and record until it rests.")
     noise = noise_floor(releases, rate=options.use_rate)
-    records = make_records(releases, noise.std, rate=options.use_rate, settled=True)
+    records = make_records(releases, noise.std, rate=options.use_rate)
     scales = scales_of(records, board)
     structure = structure_of(effects)
     fixed, bias = dict(options.fixed), options.bias

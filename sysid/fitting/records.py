@@ -6,7 +6,6 @@ from typing import Literal, TypedDict
 
 import numpy as np
 
-from sysid.noise.floor import pooled_step
 from sysid.roll import Array, Release
 
 Bias = Literal["shared", "per-release"]
@@ -54,58 +53,28 @@ class Record:
     """Noise of the signal, one number [rad or rad/s]."""
 
 
-def make_records(
-    releases: Sequence[Release], std: float, *, rate: bool, settled: bool = False
-) -> tuple[Record, ...]:
+def make_records(releases: Sequence[Release], std: float, *, rate: bool) -> tuple[Record, ...]:
     """Cut the tails at rest that say nothing new and return what is to be fitted.
 
     Args:
         releases: From one board.
         std: Noise floor of the signal [rad or rad/s].
         rate: Fit the measured rate (the roll is only its integral) instead of the roll.
-        settled: Keep what a coarse sensor shows of the rest: rounded, but where a deck sticks tells its friction.
     """
     records: list[Record] = []
-    step = pooled_step(releases, rate=rate)
-    coarse = COARSE_STEPS * step if step > std else 0.0
     for release in releases:
         measured = release.rate if rate and release.rate is not None else release.roll
         end = _end_of_motion(release, measured, std)
         begin = _onset(release)
-        if not settled:
-            offset = measured[:end] - (0.0 if rate else release.rest)
-            end = max(min(end, begin + 32), _last_seen(offset, std, coarse))
         time = release.time[begin:end] - release.time[0]
         records.append(Record(release=release, time=time, signal=measured[begin:end], is_rate=rate, std=std))
     return tuple(records)
 
 
-COARSE_STEPS = 3.0
-"""Steps of a coarse sensor within which a swing is not fitted: what it rounds there is no noise any more."""
-FAINT = 3.0
-"""Swing over the noise of a sample below which it is not fitted: a hand that stops the deck there is not seen, and would pass
-for dry friction."""
 LETTING_GO = 0.004
 """For how long a hand still drags while it lets go [s]."""
 UNSURE_START = 0.002
 """How well the instant of a release from a hold is known [s]."""
-
-
-def _last_seen(offset: Array, std: float, coarse: float) -> int:
-    """Return how many samples there are until the swing is lost in the sensor's steps or noise.
-
-    Args:
-        offset: Signal about rest, shape (n,).
-        std: Noise of a sample.
-        coarse: Swing that steps hide; 0 for a fine sensor.
-    """
-    if coarse > 0:
-        seen = np.flatnonzero(np.abs(offset) > coarse)
-    else:
-        window = min(16, max(1, len(offset) // 64))
-        power = np.convolve(offset**2, np.ones(window) / window, mode="same")
-        seen = np.flatnonzero(2 * power > (FAINT**2 + 2) * std**2)
-    return int(seen[-1]) + 1 if len(seen) else 0
 
 
 def _onset(release: Release) -> int:

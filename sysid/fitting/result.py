@@ -70,7 +70,7 @@ class JointFit:
     def heldout_rmse(self) -> float:
         """Return the error on releases that were left out, one after another [rad or rad/s].
 
-        With one release it is that of each third of its motion, predicted from the others.
+        With one release it is the second half of its motion, predicted from the first.
         """
         return rms(heldout_residuals(self.problem, self.minimum))
 

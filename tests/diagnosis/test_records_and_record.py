@@ -12,7 +12,7 @@ from sysid.diagnosis.search import Search
 from sysid.errors import HuskyError
 from sysid.fitting.records import make_records
 from sysid.fitting.search import scales_of
-from sysid.noise.floor import noise_floor, pooled_step
+from sysid.noise.floor import noise_floor
 
 BY_NAME = {truth.name: truth for truth in truths.TRUTHS}
 SEED = 60
@@ -44,16 +44,6 @@ def test_the_last_of_a_swing_is_no_noise(tmp_path):
     """The stretch at rest still swings a little; it must not raise the noise floor."""
     releases = [replace(r, end="rest") for r in truths.make(replace(BY_NAME["none"], noises=(0.2,), rates=(1000.0,)), 31, tmp_path)]  # fmt: skip
     assert noise_floor(releases).std == pytest.approx(np.radians(0.2), rel=0.03)
-
-
-def test_a_coarse_sensor_is_fitted_while_the_deck_moves_over_several_steps(tmp_path):
-    truth = replace(BY_NAME["none, coarse steps"], noises=(0.1,), rates=(500.0,))
-    releases = truths.make(truth, SEED, tmp_path)
-    step = pooled_step(releases, rate=False)
-    assert step == pytest.approx(np.radians(0.2))
-    for record in make_records(releases, noise_floor(releases).std, rate=False):
-        assert abs(record.signal[-1] - record.release.rest) > 2.5 * step
-        assert len(record.time) < len(record.release.time)
 
 
 def test_a_filter_is_found_though_the_release_is_noticed_late(tmp_path):

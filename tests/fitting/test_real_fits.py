@@ -38,7 +38,7 @@ def servo(real_logs):
 
 def left_out(releases, law, others, rest):
     """NRMSE on drops that were not fitted, each with its own start."""
-    records = make_records([releases[i] for i in others], noise_floor(releases).std, rate=False, settled=True)
+    records = make_records([releases[i] for i in others], noise_floor(releases).std, rate=False)
     residuals, _ = fit_initial_states(law, records)
     return [
         float(np.sqrt(np.mean(r**2) / np.mean((record.signal - rest) ** 2)))
