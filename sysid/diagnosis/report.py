@@ -74,7 +74,7 @@ def _predicted(result: "Diagnosis") -> str:
         if len(result.heldout_before) > 1
         else "each third, predicted from the others,"
     )
-    if result.best is result.base:
+    if result.status == "none-missing" or result.heldout_after == result.heldout_before:
         return f"{what} is off by {before} % of its RMS motion"
     with_it = "with the nearest effects"
     if result.verdict.status == "missing":
