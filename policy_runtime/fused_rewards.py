@@ -17,13 +17,19 @@ class FusedRewards(RewardManager):
     """All terms at once."""
 
     def __init__(self, cfg: Any, env: ManagerBasedRlEnv, *, scale_by_dt: bool = True) -> None:
-        """Put the weights on the device; they must not change afterwards."""
+        """Put the weights on the device; change them by `set_weight`."""
         super().__init__(cfg, env, scale_by_dt=scale_by_dt)
         weights = [term.weight for term in self._term_cfgs]
         self._weights = torch.tensor(weights, device=self.device)[:, None]
         self._sums = torch.zeros(len(weights), self.num_envs, device=self.device)
         """Sums over the episode, (terms, n)."""
         self._episode_sums = dict(zip(self._term_names, self._sums, strict=True))
+
+    def set_weight(self, name: str, weight: float) -> None:
+        """Change the weight of a term."""
+        place = self._term_names.index(name)
+        self._term_cfgs[place].weight = weight
+        self._weights[place] = weight
 
     def compute(self, dt: float) -> torch.Tensor:
         """Return the sum of all weighted terms of this step, (n,)."""

@@ -106,6 +106,9 @@ class Learner:
     """Iterations between checkpoints."""
     style_weight: Annotated[float, Parameter(validator=Number(gte=0))] = 5.0
     """Weight of the style reward per second."""
+    curriculum: Literal["on", "off"] = "on"
+    """Whether patience with a wrong stance, entropy and the differences of the worlds follow what the learner can
+    do; off, the task is as hard from the first iteration as it will be."""
 
     def options(self) -> LearnOptions:
         """Return the learner's options."""
@@ -119,6 +122,7 @@ class Learner:
             desired_kl=self.desired_kl,
             save_every=self.save_every,
             style_weight=self.style_weight,
+            curriculum=self.curriculum == "on",
         )
 
 
