@@ -143,24 +143,23 @@ def _worlds(
             f"evaluating in parallel needs mjlab and torch ({error.name} is missing). Run `pip install mjlab`, "
             "or evaluate in plain MuJoCo."
         ) from error
-    from sim.skate.options import SkateOptions
+    from sim.skate.options import SkateOptions, Variation
     from sim.skate.start import Start
     from sim.skate.task import skate_env_cfg
 
-    options = SkateOptions(
+    drawn = {
+        "start": Start(standing=1.0, pushing=0.0, steering=0.0),
+        "foot_place": SkateOptions().foot_place,
+        "boards": 64,
+        "variation": Variation(),
+    }
+    options = SkateOptions.nominal(
         speed=protocol.speed,
         turn=protocol.turn,
-        start=Start(
-            standing=1.0, pushing=0.0, steering=0.0, position_noise=0.02 if protocol.randomised else 0.0
-        ),
-        boards=64 if protocol.randomised else 0,
         pushes=protocol.pushes,
-        noise=False,
         episode=protocol.duration,
         turn_feedback=turn_feedback,
-        # What ends an episode to teach something is no failure of a rider.
-        stance_patience=0,
-        idle_patience=0.0,
+        **(drawn if protocol.randomised else {}),
     )
     torch.manual_seed(seed)
     device = device or ("cuda:0" if torch.cuda.is_available() else "cpu")

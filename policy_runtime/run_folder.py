@@ -62,6 +62,8 @@ class LearnOptions:
     """Weight of the actions' entropy; where the curriculum leads, a beginner's."""
     curriculum: bool = True
     """Whether the task becomes harder as the learner does better; see `policy_runtime.curriculum`."""
+    graphs: bool = True
+    """Whether to launch many small operations as one CUDA graph where there is a GPU."""
     learning_rate: float = 1e-3
     """Where the adaptive rate starts."""
     desired_kl: float = 0.015

@@ -131,7 +131,7 @@ def build(folder: RunFolder, config: RunConfig, process: Process) -> tuple["RslR
         seed=seed,
         clips=push_clips() if config.task.pushing == "tracking" else (),
     )
-    env = RslRlVecEnvWrapper(SkateEnv(env_cfg, device=process.device))
+    env = RslRlVecEnvWrapper(SkateEnv(env_cfg, process.device, graphs=config.learn.graphs))
     return env, build_learner(env, config, process)
 
 

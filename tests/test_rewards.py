@@ -19,7 +19,8 @@ def state():
     return SkateState(
         pushing=no, transition=no, steering=no, still=no,
         time_in_push=zero,
-        commanded_speed=zero, target_heading=zero, tilt_reference=zero,
+        commanded_speed=zero, target_heading=zero, heading_reference=zero, tilt_reference=zero,
+        tilt_rate=zero, foot_place_error=zero,
         board_velocity=np.zeros((1, 3)), board_heading=zero, robot_heading=zero, tilt=zero,
         upright=one,
         foot_on_ground=np.array([[False, False]]), foot_on_deck=np.array([[False, True]]),
@@ -133,7 +134,7 @@ def test_feet_on_markers_takes_the_mean_distance(state):
 
 
 def test_board_heading_and_tilt_guide(state):
-    turned = replace(state, board_heading=np.array([-3.1]), target_heading=np.array([3.1]))
+    turned = replace(state, board_heading=np.array([-3.1]), heading_reference=np.array([3.1]))
     apart = 2 * math.pi - 6.2
     assert rewards.board_heading(turned, tolerance=0.02)[0] == pytest.approx(math.exp(-apart / 0.02))
     tilted = replace(state, tilt=np.array([0.03]), tilt_reference=np.array([0.05]))

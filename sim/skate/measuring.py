@@ -28,14 +28,27 @@ def measure(env: "ManagerBasedRlEnv") -> SkateState:
     return _measured(env)[0]
 
 
-def _measured(env: "ManagerBasedRlEnv") -> tuple[SkateState, dict[Stretch, torch.Tensor]]:
-    """Return the state and the stretches that it lies in."""
-    kept = getattr(env, "_skate_state", None)
-    if kept is None or kept[0] != env.common_step_counter:
+Measured = tuple[SkateState, "dict[Stretch, torch.Tensor]"]
+"""The state and the stretches that it lies in."""
+
+
+def _measured(env: "ManagerBasedRlEnv") -> Measured:
+    step, measured = getattr(env, "_skate_state", (None, None))
+    if measured is None or step != env.common_step_counter:
         state = _read(env)
-        kept = (env.common_step_counter, (state, _stretches(state)))
-        env._skate_state = kept
-    return kept[1]
+        measured = state, _stretches(state)
+        keep(env, measured)
+    return measured
+
+
+def keep(env: "ManagerBasedRlEnv", measured: Measured | None) -> None:
+    """Take this as the state of this control step; None measures anew when it is next asked for."""
+    env._skate_state = (env.common_step_counter, measured)
+
+
+def kept(env: "ManagerBasedRlEnv") -> Measured:
+    """Return what `keep` takes: the state of this control step."""
+    return _measured(env)
 
 
 def _stretches(state: SkateState) -> dict[Stretch, torch.Tensor]:
@@ -110,7 +123,7 @@ class OffBoard:
         """Return who has left the board, (n,)."""
         state = measure(env)
         off = terminations.off_board(state, self._unloaded)
-        self._unloaded = ~state.foot_on_deck.any(dim=-1)
+        self._unloaded.copy_(~state.foot_on_deck.any(dim=-1))
         return off & (env.episode_length_buf > _SETTLING_STEPS)
 
     def reset(self, env_ids: Any = None) -> None:
@@ -127,8 +140,7 @@ class WrongStance:
 
     def __call__(self, env: "ManagerBasedRlEnv", patience: "float | torch.Tensor") -> torch.Tensor:
         """Return where it has been more than `patience` steps, (n,)."""
-        self._steps = terminations.wrong_stance(measure(env), self._steps)
-        return self._steps > patience
+        return self._steps.copy_(terminations.wrong_stance(measure(env), self._steps)) > patience
 
     def reset(self, env_ids: Any = None) -> None:
         """Forget the steps before."""

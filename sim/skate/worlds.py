@@ -74,6 +74,8 @@ class Worlds:
         """What sensors are off by, in the units of a raw frame, (n, 78)."""
         self.rolling = torch.zeros(n, device=device)
         """Logarithm of the factor of the rolling friction, (n,)."""
+        self.mass = torch.zeros(n, device=device)
+        """Mean relative deviation of the links' masses, (n,)."""
         self.slope = torch.zeros(n, 2, device=device)
         """Gradient of the ground along x and y [rad], uphill positive, (n, 2)."""
         self._world = torch.arange(n, device=device)
@@ -94,6 +96,7 @@ class Worlds:
         sim = self._env.sim
         model, default = sim.model, sim.get_default_field
         mass = 1 + strength * variation.masses * self._mass
+        self.mass.copy_(mass.mean(-1) - 1)
         model.body_mass[:, self._links] = default("body_mass")[self._links] * mass
         model.body_inertia[:, self._links] = default("body_inertia")[self._links] * mass[..., None]
         kp, kd = (1 + strength * variation.gains * self._gains).unbind(-1)
@@ -149,7 +152,7 @@ class Worlds:
         """Return what the critic is told of its world, about within ±1, (n, `KNOWN`)."""
         lag = self.action_lag * (TIMESTEP / CONTROL_PERIOD) - 1
         friction = self._env.sim.model.geom_friction[:, self._sole, 0]
-        one = (lag, self.sensor_lag, self.rolling, friction - 1, self._mass.mean(-1) * self.strength)
+        one = (lag, self.sensor_lag, self.rolling, friction - 1, 5 * self.mass)
         return torch.cat((torch.stack(one, dim=-1), 10 * self.slope), dim=-1)
 
 

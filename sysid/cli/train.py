@@ -109,6 +109,8 @@ class Learner:
     curriculum: Literal["on", "off"] = "on"
     """Whether patience with a wrong stance, entropy and the differences of the worlds follow what the learner can
     do; off, the task is as hard from the first iteration as it will be."""
+    graphs: bool = True
+    """Whether to launch many small operations as one CUDA graph."""
 
     def options(self) -> LearnOptions:
         """Return the learner's options."""
@@ -123,6 +125,7 @@ class Learner:
             save_every=self.save_every,
             style_weight=self.style_weight,
             curriculum=self.curriculum == "on",
+            graphs=self.graphs,
         )
 
 
