@@ -180,6 +180,26 @@ def test_penalties_are_sums_of_squares(state):
     assert rewards.alive(state)[0] == 1
 
 
+def test_foot_place_counts_only_under_a_loaded_foot(state):
+    on_deck = np.array([[False, True]])
+    state = replace(state, foot_place_error=np.array([-0.03]), foot_on_deck=on_deck)
+    assert rewards.foot_place(state, tolerance=0.03)[0] == pytest.approx(math.exp(-1))
+    assert rewards.foot_place(replace(state, foot_on_deck=~on_deck))[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("tilt", "asked", "value"),
+    [(-0.2, 0.1, 0.2), (0.2, 0.1, 0.0), (0.2, -0.1, 0.2), (0.2, -0.02, 0.0)],
+)
+def test_wrong_tilt_is_what_leans_against_the_turn(state, tilt, asked, value):
+    state = replace(state, tilt=np.array([tilt]), tilt_reference=np.array([asked]))
+    assert rewards.wrong_tilt(state, dead_zone=0.03)[0] == pytest.approx(value)
+
+
+def test_tilt_rate_is_squared(state):
+    assert rewards.tilt_rate(replace(state, tilt_rate=np.array([-3.0])))[0] == 9.0
+
+
 def test_every_term_has_a_test():
     terms = {
         name for name, value in vars(rewards).items()
