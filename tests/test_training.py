@@ -238,7 +238,9 @@ def test_boards_are_drawn_about_the_record_and_reach_the_simulator():
     np.testing.assert_allclose(draws.stiffness, [b.stiffness for b in boards[:20]])
     steered = np.array([b.inertia.value for b in boards[:20]]) - draws.deck_inertia[:, 0]
     slope = np.tan([b.geometry["rake"].value for b in boards[:20]])
-    assert np.ptp(steered / slope**2) < 1e-12  # the rest of the roll inertia is what steers, by tan² of the rake
+    assert (
+        np.ptp(steered / slope**2) < 1e-12
+    )  # the rest of the roll inertia is what steers, by tan² of the rake
     np.testing.assert_allclose(draws.coupling[:, 1], slope, rtol=2e-3)  # σ ≈ tan λ · roll
     assert 0 <= steered[0] < 0.1 * board.inertia.value
     np.testing.assert_allclose(

@@ -156,10 +156,11 @@ class Reading:
 
     def foot_place(self) -> torch.Tensor:
         """Ball of the right foot along the deck, from the front marker [m], (n,)."""
-        foot = self._feet[1]
-        ball = self._sim.data.xpos[:, foot] + rotation.rotate(self._sim.data.xquat[:, foot], self._ball)
-        place = rotation.rotate_back(self.board_quaternion(), ball - self.board_position())
-        return place[:, 0] - self._markers[1, 0]
+        right = self._feet[1:]
+        ball = self._sim.data.xpos[:, right] + rotation.rotate(self._sim.data.xquat[:, right], self._ball)
+        board = self.board_quaternion()[:, None]
+        place = rotation.rotate_back(board, ball - self.board_position()[:, None])
+        return place[:, 0, 0] - self._markers[1, 0]
 
     def left_sole_heights(self) -> torch.Tensor:
         """Heights of `SOLE_POINTS` of the left foot about its middle [m], (n, 4)."""

@@ -155,7 +155,6 @@ def reward_terms(
         "steer/feet_on_markers": term(rewards.feet_on_markers, "steer", 2.0),
         "steer/heading": term(rewards.board_heading, "steer", 5.0),
         "steer/exact_heading": term(rewards.board_heading, "steer", 4.0, tolerance=0.05),
-        "steer/wrong_tilt": term(rewards.wrong_tilt, "steer", -20.0),
         "steer/tilt_rate": term(rewards.tilt_rate, "steer", -0.1),
         "coast/board_velocity": term(rewards.board_velocity, "not-push", 2.0),
         "always/wheels": term(rewards.wheels_on_ground, "always", 0.5),
@@ -179,6 +178,7 @@ def reward_terms(
             func=PushTracking, weight=TRACKING_WEIGHT, params={"clips": tuple(clips)}
         )
     if options.tilt_guidance:
+        terms["steer/wrong_tilt"] = term(rewards.wrong_tilt, "steer", -20.0)
         terms["steer/tilt_guide"] = term(rewards.tilt_guide, "steer", 4.0, tolerance=options.tilt_tolerance)
     if options.transition in ("path", "translation"):
         terms["transition/positions"] = term(rewards.key_positions, "transition", 10.0)
