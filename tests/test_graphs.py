@@ -100,9 +100,8 @@ def test_what_lasts_stays_where_it_is(env):
     assert [(where, tensor.data_ptr()) for where, tensor in lasting(env)] == before
 
 
-@pytest.mark.parametrize("part", ["_judge_state", "_see_state"])
-def test_a_graph_asks_nothing_of_the_host(env, part):
-    import torch
+def asked_of_the_host(function):
+    """Return which operations of a function wait for the device or copy to it; it launches many."""
     from torch.utils._python_dispatch import TorchDispatchMode
 
     asked, launched = [], []
@@ -114,12 +113,75 @@ def test_a_graph_asks_nothing_of_the_host(env, part):
                 asked.append(str(func))
             return func(*args, **(kwargs or {}))
 
+    with Watch():
+        function()
+    assert len(launched) > 50
+    return asked
+
+
+@pytest.mark.parametrize("part", ["_judge_state", "_see_state"])
+def test_a_graph_of_the_worlds_asks_nothing_of_the_host(env, part):
+    import torch
+
     for _ in range(3):
         env.step(torch.zeros(WORLDS, 23))
-    with Watch():
-        getattr(env, part)()
-    assert len(launched) > 50
-    assert asked == []
+    assert asked_of_the_host(getattr(env, part)) == []
+
+
+@pytest.fixture
+def rollout(env):
+    """A learner with a rollout of six steps, and how to make its equal."""
+    import torch
+    from mjlab.rl import RslRlVecEnvWrapper
+
+    from policy_runtime.progress import Progress
+    from policy_runtime.run_folder import LearnOptions, RunConfig
+    from policy_runtime.train import build_learner, collect, join_processes
+
+    learn = LearnOptions(environments=WORLDS, steps=6, hidden=(32, 16), mini_batches=4, desired_kl=0.01)
+    wrapped, process = RslRlVecEnvWrapper(env), join_processes("cpu")
+
+    def learner():
+        torch.manual_seed(6)
+        env.seed(6)
+        wrapped.reset()
+        built = build_learner(wrapped, RunConfig(learn=learn), process)
+        collect(wrapped, built, wrapped.get_observations(), learn.steps, Progress(env))
+        return built
+
+    return learner
+
+
+def test_fused_learning_is_rsl_rls(rollout):
+    import torch
+    from rsl_rl.algorithms import PPO
+
+    from policy_runtime.fused_update import FusedUpdate
+
+    theirs, ours = rollout(), rollout()
+    fused = FusedUpdate(ours)
+    torch.manual_seed(7)
+    wanted = PPO.update(theirs)
+    torch.manual_seed(7)
+    given = fused()
+    assert given == pytest.approx(wanted, rel=1e-4)
+    assert ours.learning_rate == pytest.approx(theirs.learning_rate)
+    assert ours.learning_rate != 1e-3  # the divergence has been followed
+    for mine, its in zip((ours.actor, ours.critic), (theirs.actor, theirs.critic), strict=True):
+        for name, value in its.state_dict().items():
+            torch.testing.assert_close(mine.state_dict()[name], value, rtol=1e-4, atol=1e-6, msg=name)
+
+
+def test_a_graph_of_learning_asks_nothing_of_the_host(rollout):
+    from policy_runtime.fused_update import FusedUpdate
+
+    learner = rollout()
+    fused = FusedUpdate(learner)
+    fused()
+    # On a processor the optimisers themselves count their steps there.
+    learner.optimizer.step = learner.amp_optimiser.step = lambda: None
+    assert asked_of_the_host(fused._learn_batch) == []
+    assert asked_of_the_host(learner._teach_discriminator) == []
 
 
 def test_without_a_gpu_nothing_is_recorded():
