@@ -19,6 +19,7 @@ from policy_runtime.evaluate import Protocol
 from policy_runtime.evaluation import PATHS, TIME_LIMIT, Evaluation, Part, part_of, summarise
 from policy_runtime.metrics import Rides
 from policy_runtime.policy_file import open_policy
+from policy_runtime.stress import CALM
 from sim.skate.actor_observation import OBSERVATION_SIZE
 from sim.skate.clock import CONTROL_PERIOD
 from sim.skate.g1 import JOINTS
@@ -115,6 +116,8 @@ def evaluate_in_parallel(
         HuskyError: mjlab or torch is not installed, or the policy does not fit.
     """
     protocol = protocol or Protocol()
+    if protocol.stress != CALM or protocol.terrain != "flat":
+        raise HuskyError("stress and terrain are of plain MuJoCo. Leave --simulator out.")
     batch = BatchPolicy(policy, board, force=force)
     parts: list[Part] = []
     for seed in seeds:

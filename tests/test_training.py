@@ -401,7 +401,7 @@ def test_a_run_goes_on_bit_for_bit(trained, tmp_path):
     process, config = join_processes("cpu"), trained.read_config()
     kept = torch.load(trained.checkpoint(2), weights_only=True)
     env, learner = build(trained, config, process)
-    done = restore(trained, config, env, learner, process)
+    done, _ = restore(trained, config, env, learner, process)
     assert (done.iterations, done.samples) == (2, 2 * 8 * 6) == (kept["iteration"], kept["samples"])
     assert env.unwrapped.common_step_counter == kept["step_counter"] == 12
     learned = learner.save()
