@@ -9,7 +9,7 @@ early, a minute of riding: few, and it shrinks; many, and it grows. What hangs o
 | wrong stance that ends an episode | p policy steps |
 | pushing without a step that ends an episode | the task's idle patience · p/P |
 | weight of `push/left_foot` | the task's · P/p |
-| weight of the actions' entropy | the learner's at 2 P and above, `LAST_ENTROPY` at P, geometric between |
+| weight of the actions' entropy | the learner's first at 2 P and above, its last at P, geometric between |
 
 Once the patience is the task's own, the strength by which worlds differ (`sim.skate.worlds`) is led from 0 to 1
 the same way. A step is in proportion to the logarithm of how far the ends are from where it would stay, so that
@@ -30,13 +30,12 @@ LONGEST = 400.0
 """[policy steps]"""
 PATIENCE_ENDS = 8.0
 """Ends a minute at which the patience stays as it is: an episode lasts a cycle and more."""
-STRENGTH_ENDS = 4.0
+STRENGTH_ENDS = 3.0
 """Ends a minute at which the strength stays as it is."""
 GAIN = 0.03
 """Step for ends that are off by a factor of e."""
 HARDER, EASIER = 0.03, 0.01
 """Largest steps, relative for the patience, absolute for the strength."""
-LAST_ENTROPY = 0.001
 
 
 def step(ends: float, balance: float) -> float:
@@ -72,27 +71,30 @@ class Level:
         patience = self.patience * math.exp(-step(ends, PATIENCE_ENDS))
         return replace(self, patience=min(max(patience, own), LONGEST), strength=0.0)
 
-    def entropy(self, own: float, first: float) -> float:
+    def entropy(self, own: float, first: float, last: float) -> float:
         """Return the weight of the actions' entropy.
 
         Args:
             own: The task's own patience.
             first: The weight at twice that patience and above.
+            last: The weight at that patience.
         """
-        last = min(LAST_ENTROPY, first)
         way = min(max(math.log2(self.patience / own), 0.0), 1.0)
-        return last * (first / last) ** way if last > 0 else 0.0
+        return last ** (1 - way) * first**way
 
 
 class Curriculum:
     """Holds worlds and learner at a level."""
 
-    def __init__(self, env: Any, algorithm: "AmpPPO", level: Level | None = None) -> None:
+    def __init__(
+        self, env: Any, algorithm: "AmpPPO", last_entropy: float, level: Level | None = None
+    ) -> None:
         """Read what the task's own numbers are.
 
         Args:
             env: The unwrapped worlds; an episode must end for a wrong stance in them.
-            algorithm: The learner.
+            algorithm: The learner, with its first entropy.
+            last_entropy: Its last.
             level: Where to begin; a beginner's if None.
         """
         import torch
@@ -109,7 +111,7 @@ class Curriculum:
                 params["patience"] = torch.tensor(own, device=env.device)
                 self._patience[name] = own, params["patience"]
         self.own = self._patience["wrong_stance"][0]
-        self._entropy = algorithm.entropy_coef
+        self._entropy = algorithm.entropy_coef, last_entropy
         self._left_foot = env.reward_manager.get_term_cfg("push/left_foot").weight
         self.set(Level(patience=BEGIN) if level is None else level)
 
@@ -120,7 +122,7 @@ class Curriculum:
         for own, kept in self._patience.values():
             kept.fill_(own * share)
         self._env.reward_manager.set_weight("push/left_foot", self._left_foot / share)
-        self._algorithm.entropy_coef = level.entropy(self.own, self._entropy)
+        self._algorithm.entropy_coef = level.entropy(self.own, *self._entropy)
         if self._worlds is not None and self._worlds.strength != level.strength:
             self._worlds.set_strength(level.strength)
 

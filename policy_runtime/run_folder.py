@@ -60,6 +60,8 @@ class LearnOptions:
     value_weight: float = 1.0
     entropy: float = 0.005
     """Weight of the actions' entropy; where the curriculum leads, a beginner's."""
+    last_entropy: float = 0.001
+    """Weight of the actions' entropy at the end of the curriculum."""
     curriculum: bool = True
     """Whether the task becomes harder as the learner does better; see `policy_runtime.curriculum`."""
     graphs: bool = True

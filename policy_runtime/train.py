@@ -206,7 +206,7 @@ def build_curriculum(
         )
     from policy_runtime.curriculum import Curriculum
 
-    return Curriculum(env.unwrapped, algorithm, level)
+    return Curriculum(env.unwrapped, algorithm, config.learn.last_entropy, level)
 
 
 def restore(

@@ -39,7 +39,7 @@ def test_patience_stays_between_the_tasks_own_and_the_longest():
 def test_strength_begins_where_the_patience_ends_and_goes_first_when_it_gets_too_hard():
     level = Level(patience=20.0).after(1.0, own=20)
     assert asdict(level) == {"patience": 20.0, "strength": pytest.approx(0.03)}
-    assert level.after(4.0, own=20) == level
+    assert level.after(3.0, own=20) == level
     easier = level.after(60.0, own=20)
     assert asdict(easier) == {"patience": 20.0, "strength": pytest.approx(0.02)}
     gone = Level(patience=20.0, strength=0.005).after(60.0, own=20)
@@ -51,8 +51,7 @@ def test_strength_begins_where_the_patience_ends_and_goes_first_when_it_gets_too
     ("patience", "weight"), [(400, 0.005), (40, 0.005), (20 * math.sqrt(2), math.sqrt(5e-6)), (20, 0.001)]
 )
 def test_entropy_falls_over_the_last_halving_of_the_patience(patience, weight):
-    assert Level(patience=patience).entropy(20, 0.005) == pytest.approx(weight)
-    assert Level(patience=patience).entropy(20, 0.0) == 0.0
+    assert Level(patience=patience).entropy(20, 0.005, 0.001) == pytest.approx(weight)
 
 
 @pytest.fixture(scope="module")

@@ -93,6 +93,7 @@ def test_worlds_lie_within_their_ranges_and_fill_them(env, worlds):
     slope = np.arctan2(gravity[:, :2], -gravity[:, 2:])
     assert math.radians(2.5) < abs(slope[:, 0]).max() < math.radians(4.01)
     assert abs(slope[:, 1]).max() < math.radians(2.01)
+    assert 6 <= (slope == 0).all(axis=1).sum() <= 26  # about half of the starts are level
 
 
 @pytest.mark.slow

@@ -37,7 +37,8 @@ class Variation:
     rolling_friction: tuple[float, float] = (0.5, 4.0)
     """Factors of the wheels' rolling friction, evenly spread in their logarithm."""
     slope: float = math.radians(4.0)
-    """Steepest ground [rad], along the start's direction; half of it across. Drawn at every start."""
+    """Steepest ground [rad], along the start's direction; half of it across. Drawn at every second start; the
+    others are level."""
     gyro_bias: float = 0.03
     """[rad/s]"""
     gravity_bias: float = 0.02

@@ -145,7 +145,7 @@ def wheels_on_ground(state: SkateState) -> Any:
     return _number(state.wheel_on_ground.all(axis=-1))
 
 
-def foot_place(state: SkateState, tolerance: float = 0.03) -> Any:
+def foot_place(state: SkateState, tolerance: float = 0.05) -> Any:
     """The right foot stands where it stood at the start, along the deck; `tolerance` [m].
 
     What it creeps in a cycle is little, and adds up until the board tips over its nose.

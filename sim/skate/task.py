@@ -158,7 +158,7 @@ def reward_terms(
         "steer/tilt_rate": term(rewards.tilt_rate, "steer", -0.1),
         "coast/board_velocity": term(rewards.board_velocity, "not-push", 2.0),
         "always/wheels": term(rewards.wheels_on_ground, "always", 0.5),
-        "always/foot_place": term(rewards.foot_place, "always", 2.0),
+        "always/foot_place": term(rewards.foot_place, "always", 6.0),
         "always/level_deck": term(rewards.level_deck, "not-steer", 3.0),
         "always/stand": term(rewards.standing_still, "still", 1.0, pose=stand),
         "always/alive": term(rewards.alive, "always", 1.0),
@@ -178,7 +178,7 @@ def reward_terms(
             func=PushTracking, weight=TRACKING_WEIGHT, params={"clips": tuple(clips)}
         )
     if options.tilt_guidance:
-        terms["steer/wrong_tilt"] = term(rewards.wrong_tilt, "steer", -20.0)
+        terms["steer/wrong_tilt"] = term(rewards.wrong_tilt, "steer", -40.0)
         terms["steer/tilt_guide"] = term(rewards.tilt_guide, "steer", 4.0, tolerance=options.tilt_tolerance)
     if options.transition in ("path", "translation"):
         terms["transition/positions"] = term(rewards.key_positions, "transition", 10.0)

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 MEMORY = 3
 """Policy steps that delays reach over, the present one included."""
+LEVEL_SHARE = 0.5
+"""Share of the starts on level ground: a rider who cannot see the slope must not take every ground for one."""
 KNOWN = 7
 """Numbers that tell the critic what world it is in."""
 _SENSORS = ("angular_velocity", "gravity", "joint_position", "joint_velocity")
@@ -116,8 +118,10 @@ class Worlds:
     def draw_slope(self, ids: torch.Tensor) -> None:
         """Give the ground of some worlds a new gradient."""
         steepest = self.strength * self.variation.slope
-        self.slope[ids] = (2 * torch.rand(len(ids), 2, device=self.slope.device) - 1) * steepest
-        self.slope[ids, 1] *= 0.5
+        drawn = steepest * (2 * torch.rand(len(ids), 2, device=self.slope.device) - 1)
+        drawn[:, 1] *= 0.5
+        level = torch.rand(len(ids), 1, device=self.slope.device) < LEVEL_SHARE
+        self.slope[ids] = torch.where(level, 0.0, drawn)
         self._gravity[ids] = -self._weight * self.up()[ids]
 
     def up(self) -> torch.Tensor:

@@ -100,6 +100,8 @@ class Learner:
     """Where the adaptive learning rate starts."""
     entropy: Annotated[float, Parameter(validator=Number(gte=0))] = 0.005
     """Weight of the actions' entropy."""
+    last_entropy: Annotated[float, Parameter(validator=Number(gte=0))] = 0.001
+    """Weight of the actions' entropy at the end of the curriculum."""
     desired_kl: Annotated[float, Parameter(validator=Number(gt=0))] = 0.015
     """Change of the policy that the learning rate aims at, an iteration."""
     save_every: Annotated[int, Parameter(validator=Number(gte=1))] = 100
@@ -121,6 +123,7 @@ class Learner:
             seed=self.seed,
             learning_rate=self.learning_rate,
             entropy=self.entropy,
+            last_entropy=self.last_entropy,
             desired_kl=self.desired_kl,
             save_every=self.save_every,
             style_weight=self.style_weight,
