@@ -54,7 +54,7 @@ def part_of(seed: int, rides: Rides, endings: list[str], paths: list[Array]) -> 
         errors=episode_errors(rides),
         durations=rides.alive.sum(axis=0) * CONTROL_PERIOD,
         endings=endings,
-        stood=(rides.commanded_speed * rides.alive < STILL_SPEED).all(axis=0),
+        stood=np.atleast_1d((rides.commanded_speed * rides.alive < STILL_SPEED).all(axis=0)),
         headings=reachable_headings(rides),
         tables=break_down(rides),
         paths=paths,

@@ -1,4 +1,6 @@
 # pyright: reportMissingImports=false, reportUntypedBaseClass=false, reportUnknownParameterType=false
+# pyright: reportPrivateUsage=false
+# (mjlab keeps histories and the sensors' cache in private places.)
 """mjlab's environment with fewer launches: all reward terms in one array, and what is judged and seen as CUDA graphs.
 
 mjlab weighs, cleans, sums and logs each reward term for itself, which at 30 terms is 200 launches on the GPU in
@@ -140,7 +142,8 @@ class SkateEnv(ManagerBasedRlEnv):
         super().load_managers()
         self.reward_manager = FusedRewards(self.cfg.rewards, self, scale_by_dt=self.cfg.scale_rewards_by_dt)
         self.termination_manager = QuietTerminations(self.cfg.terminations, self)
-        for buffers in self.observation_manager._group_obs_term_history_buffer.values():
+        histories: dict[str, dict[str, Any]] = self.observation_manager._group_obs_term_history_buffer
+        for buffers in histories.values():
             for name, buffer in buffers.items():
                 buffers[name] = FrameHistory(buffer.max_length)
 
@@ -177,7 +180,7 @@ class SkateEnv(ManagerBasedRlEnv):
         self.reward_buf = self.reward_manager.compute(dt=self.step_dt)
         return measuring.kept(self)
 
-    def _see_state(self) -> dict[str, torch.Tensor]:
+    def _see_state(self) -> Any:
         for sensor in self.scene.sensors.values():
             sensor._invalidate_cache()
         self.command_manager.compute(dt=self.step_dt)

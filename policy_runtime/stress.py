@@ -84,13 +84,12 @@ class Stress:
 class StressedRobot(SimulatedRobot):
     """A simulated robot whose servos hear late, whose sensors are noisy, and which can be pushed."""
 
-    def __init__(self, model: mujoco.MjModel, stress: Stress, **options: float | None) -> None:
+    def __init__(self, model: mujoco.MjModel, stress: Stress) -> None:
         """Take over a scene that `Stress.change` has changed.
 
         Args:
             model: The scene.
             stress: What it was changed by.
-            options: For `SimulatedRobot`.
         """
         self.rng = np.random.default_rng(0)
         """Draws the noise; give each ride its own."""
@@ -98,7 +97,7 @@ class StressedRobot(SimulatedRobot):
         self._lag = round(stress.delay / PD_PERIOD)
         # The frame of the ground seen from one whose z axis is the vertical, as an IMU has it.
         self._ground = np.array([math.cos(stress.slope / 2), 0.0, -math.sin(stress.slope / 2), 0.0])
-        super().__init__(model, **options)
+        super().__init__(model)
 
     def reset(self, qpos: Array, speed: float = 0.0) -> None:
         """See `SimulatedRobot.reset`; nothing is on its way to the servos, nothing pushes."""

@@ -82,7 +82,7 @@ def draw_boards(board: Board, count: int, spread: Spread, rng: np.random.Generat
             for effect in board.effects
         )
         inertia = draw(board.inertia, spread.inertia * board.inertia.value)
-        geometry = board.geometry | {"rake": draw(board.geometry["rake"], spread.rake)}
+        geometry = {**board.geometry, "rake": draw(board.geometry["rake"], spread.rake)}
         drawn = replace(board.with_tilt(**tilt), effects=effects, inertia=inertia, geometry=geometry)
         boards.append(drawn)
     return boards
