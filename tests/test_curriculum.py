@@ -103,3 +103,27 @@ def test_everything_that_hangs_on_the_level_is_set(led):
     assert float(rewards._weights[rewards.active_terms.index("push/left_foot")]) == pytest.approx(-4.8)
     assert learner.entropy_coef == 0.005
     assert env.event_manager.get_term_cfg("worlds").func.strength == 0.5
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_critic_grows_without_changing_its_answers():
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("rsl_rl")
+    from rsl_rl.models import MLPModel
+
+    from policy_runtime.checkpoint import grow_inputs
+
+    def critic(size):
+        seen = {"critic": torch.zeros(1, size)}
+        return MLPModel(seen, {"critic": ["critic"]}, "critic", 1, hidden_dims=(8,), obs_normalization=True)
+
+    torch.manual_seed(1)
+    small, large = critic(5), critic(7)
+    small.obs_normalizer._mean += 0.3
+    kept = {"critic_state_dict": small.state_dict(), "optimizer_state_dict": {}}
+    assert grow_inputs(kept, "critic", 7)
+    assert "optimizer_state_dict" not in kept
+    large.load_state_dict(kept["critic_state_dict"])
+    seen = torch.randn(4, 7)
+    torch.testing.assert_close(large({"critic": seen}), small({"critic": seen[:, :5]}))
+    assert not grow_inputs(kept, "critic", 7)
