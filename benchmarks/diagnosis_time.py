@@ -14,11 +14,11 @@ from tempfile import TemporaryDirectory
 
 from hidden_truths import TRUTHS, board_of, make
 
-from sysid.diagnose import diagnose
-from sysid.fit_problem import make_records
-from sysid.fit_search import scales_of
-from sysid.model_search import Searcher
-from sysid.noise import noise_floor
+from sysid.diagnosis.diagnose import diagnose
+from sysid.diagnosis.search import Searcher
+from sysid.fitting.records import make_records
+from sysid.fitting.search import scales_of
+from sysid.noise.floor import noise_floor
 
 RESULT = Path(__file__).parent / "results" / "diagnosis_time.md"
 CASES = ("coulomb 0.1", "damper on one side")

@@ -26,8 +26,8 @@ from mujoco import rollout
 from scipy.optimize import least_squares
 
 from sysid.board import load_board
-from sysid.fit_mjcf import fit_joint
-from sysid.mujoco_step import Hinge, rollout_function
+from sysid.fitting.joint import fit_joint
+from sysid.joint.mujoco_step import Hinge, rollout_function
 from sysid.quantity import Quantity
 from sysid.roll import Release
 from sysid.workspace import shipped_data

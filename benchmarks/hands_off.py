@@ -13,8 +13,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from sim.board_scene import TILT_JOINT, WHEELS, board_spec
-from sim.skate.scene import SceneOptions, as_written
+from sim.board.scene import TILT_JOINT, WHEELS, board_spec
+from sim.skate.world.scene import SceneOptions, as_written
 from sysid.board import Board, load_board
 from sysid.roll import Array
 from sysid.workspace import shipped_data

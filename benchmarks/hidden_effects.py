@@ -17,8 +17,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from hidden_truths import AGAINST_RECORD, TRUTHS, VISIBLE, Truth, board_of, make, visibility
 
-from sysid.diagnose import Diagnosis, diagnose
-from sysid.leftover import kind_of, whiteness
+from sysid.diagnosis.diagnose import Diagnosis, diagnose
+from sysid.diagnosis.residual_tests import kind_of, whiteness
 
 
 def right(truth: Truth, result: Diagnosis) -> bool:

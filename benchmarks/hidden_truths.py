@@ -117,7 +117,7 @@ def make(truth: Truth, seed: int, folder: Path, *, quiet: bool = False) -> list[
     if truth.outside is not None or truth.noise_of is not None:
         return _integrated(truth, angles, rate, noise, rng, quiet=quiet)
     from sysid.synth import SynthOptions, synthesise
-    from sysid.synth_sensors import Sensor
+    from sysid.synth.sensors import Sensor
 
     options = SynthOptions(
         angles=tuple(map(float, angles)),
@@ -150,10 +150,10 @@ def visibility(truth: Truth, seed: int, std: float, effects: Sequence[str]) -> f
     """
     from tempfile import TemporaryDirectory
 
-    from sysid.fit_problem import make_records
-    from sysid.fit_search import scales_of
-    from sysid.model_search import Searcher
-    from sysid.own_motion import own_motion
+    from sysid.diagnosis.search import Searcher
+    from sysid.fitting.initial_state import fit_initial_states
+    from sysid.fitting.records import make_records
+    from sysid.fitting.search import scales_of
 
     with TemporaryDirectory() as folder:
         quiet = make(truth, seed, Path(folder), quiet=True)
@@ -162,7 +162,9 @@ def visibility(truth: Truth, seed: int, std: float, effects: Sequence[str]) -> f
     if not effects and set(truth.effects) & AGAINST_RECORD:
         from sysid.joint import JointLaw
 
-        return float(sum(np.sum((r / std) ** 2) for r in own_motion(JointLaw.from_board(board), records)[0]))
+        return float(
+            sum(np.sum((r / std) ** 2) for r in fit_initial_states(JointLaw.from_board(board), records)[0])
+        )
     searcher = Searcher(records=records, scales=scales_of(records, board), bias="shared")
     model = searcher.alone(tuple(effects[:1]))
     for name in effects[1:]:

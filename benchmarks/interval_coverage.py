@@ -72,7 +72,7 @@ def true_board(row: Row) -> Board:
 def true_motion(row: Row) -> Array:
     """Return the true roll of one log at `FINE` Hz [rad], shape (n,)."""
     from sysid.synth import SynthOptions, synthesise
-    from sysid.synth_sensors import Sensor
+    from sysid.synth.sensors import Sensor
 
     options = SynthOptions(angles=(0.19, -0.15, 0.11), rate=FINE, duration=1.2, sensor=Sensor())
     return synthesise(true_board(row), dict(row.effects), options).true_motion[:, 0]
@@ -105,9 +105,9 @@ def truths(row: Row) -> dict[str, float]:
 
 def one(case: tuple[int, int, bool, int]) -> dict[str, Any]:
     """Fit one log; return value, deviation and whether each interval holds the truth, by parameter."""
-    from sysid.block_bootstrap import bootstrap
-    from sysid.fit_mjcf import fit_joint
-    from sysid.profile_likelihood import profiles
+    from sysid.fitting.bootstrap import bootstrap
+    from sysid.fitting.joint import fit_joint
+    from sysid.fitting.profile import profiles
     from sysid.releases import find_releases
 
     row, seed, profile, draws = ROWS[case[0]], *case[1:]

@@ -16,18 +16,18 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from policy_runtime.commands import Command, Constant
-from policy_runtime.gravity_load import GravityLoad
-from policy_runtime.policy import OnnxPolicy, action_for
-from policy_runtime.policy_file import open_policy
+from policy_runtime.loop.commands import Command, Constant
+from policy_runtime.loop.gravity_load import GravityLoad
+from policy_runtime.loop.policy import OnnxPolicy, action_for
+from policy_runtime.loop.policy_file import open_policy
+from policy_runtime.loop.world import joint_limits, make_world
 from policy_runtime.robots.simulated import Gantry
 from policy_runtime.runtime import Runtime, Tick
-from policy_runtime.world import joint_limits, make_world
-from sim.skate.clock import CONTROL_PERIOD
-from sim.skate.poses import load_poses
+from sim.skate.cycle.clock import CONTROL_PERIOD
+from sim.skate.robot.poses import load_poses
 from sysid.workspace import Workspace
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 from riding import make_onnx, our_metadata
 
 MINUTES = 10.0

@@ -17,8 +17,8 @@ import torch
 from mjlab.envs import ManagerBasedRlEnv
 
 from sim.skate.options import SkateOptions
-from sim.skate.scene import ITERATIONS
 from sim.skate.task import skate_env_cfg
+from sim.skate.world.scene import ITERATIONS
 from sysid.workspace import Workspace
 
 

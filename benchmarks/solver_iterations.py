@@ -14,10 +14,10 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from policy_runtime.evaluate import Protocol, policy_named, run_episode
-from policy_runtime.world import make_world
-from sim.skate.g1 import JOINTS
-from sim.skate.scene import ITERATIONS, LINE_SEARCH_ITERATIONS, ROBOT, SceneOptions
+from policy_runtime.evaluation.plain import Protocol, policy_named, run_episode
+from policy_runtime.loop.world import make_world
+from sim.skate.robot.g1 import JOINTS
+from sim.skate.world.scene import ITERATIONS, LINE_SEARCH_ITERATIONS, ROBOT, SceneOptions
 from sysid.workspace import Workspace
 
 TRIED = ((ITERATIONS, LINE_SEARCH_ITERATIONS), (10, 10), (6, 20), (5, 10), (4, 10), (3, 10), (2, 10))

@@ -13,8 +13,8 @@ from pathlib import Path
 import torch
 from torch.utils._python_dispatch import TorchDispatchMode
 
-from policy_runtime.fused_rewards import SkateEnv
-from policy_runtime.progress import Progress
+from policy_runtime.learning.fused_rewards import SkateEnv
+from policy_runtime.learning.progress import Progress
 from sim.skate.options import SkateOptions
 from sim.skate.task import skate_env_cfg
 from sysid.workspace import Workspace

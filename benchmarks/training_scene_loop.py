@@ -115,7 +115,7 @@ def run(case: Case) -> dict[str, Any]:
 
 def bench_error(case: Case, file: Path) -> float:
     """Return the NRMSE of the file's decay in MuJoCo against the true law."""
-    from sim.step_compensation import decay_error, release_amplitudes
+    from sim.compensation.step import decay_error, release_amplitudes
 
     truth = true_board(case)
     within = replace(truth, decay={})  # amplitudes as they were recorded, not as published

@@ -11,6 +11,7 @@ benchmarks/results/video_accuracy.md.
 import argparse
 import gzip
 import pickle
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -21,16 +22,19 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from sim.film import Camera, film
-from sim.film_set import Motion, rock
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
+from film import Camera, film
+from film_set import Motion, rock
+
 from sysid.board import Board
 from sysid.errors import HuskyError
-from sysid.free_decay import free_decay
+from sysid.free_decay import fit_decay
 from sysid.releases import find_releases
 from sysid.roll import Array, Roll
-from sysid.video.camera import USUAL_FOCAL, Lens, lens_of, write_calibration
-from sysid.video.frames import open_clip
-from sysid.video_roll import VideoOptions, follow_board, roll_from_track
+from sysid.video.film.camera import USUAL_FOCAL, Lens, lens_of, write_calibration
+from sysid.video.film.frames import open_clip
+from sysid.video.select import follow_board
+from sysid.video_roll import VideoOptions, roll_from_track
 from sysid.workspace import Workspace
 
 LEVEL = Camera(pitch_deg=0.0, width=640, height=360, focal=1.4)
@@ -157,8 +161,8 @@ def follow_take(job: Job, folder: Path, latest: float) -> None:
             calibration.write_text(write_calibration(lens, (camera.width, camera.height)))
         clip = open_clip(path)
         lens = lens_of(clip, calibration)
-        chosen, track = follow_board(clip, lens, VideoOptions(method=job.method))
-    kept = (clip, lens, replace(chosen, tracker=None), track, stamps)
+        target, track = follow_board(clip, lens, VideoOptions(method=job.method))
+    kept = (clip, lens, replace(target, follower=None), track, stamps)
     (folder / job.file).write_bytes(gzip.compress(pickle.dumps(kept)))
 
 
@@ -198,7 +202,7 @@ def row(takes: list[Job], folder: Path) -> tuple[str, ...]:
         path = folder / job.file
         if not path.exists():
             continue
-        clip, lens, chosen, track, stamps = pickle.loads(gzip.decompress(path.read_bytes()))
+        clip, lens, target, track, stamps = pickle.loads(gzip.decompress(path.read_bytes()))
         camera, motion = drawn(job)
         options = VideoOptions(method=job.method, readout=camera.readout if "given" in job.name else None)
         if (
@@ -207,7 +211,7 @@ def row(takes: list[Job], folder: Path) -> tuple[str, ...]:
             angle = -float(np.radians(camera.yaw_deg)), -float(np.radians(camera.pitch_deg))
             options = replace(options, camera_angle=angle)
         try:
-            roll, rows = roll_from_track(clip, lens, chosen, track, options)
+            roll, rows = roll_from_track(clip, lens, target, track, options)
         except HuskyError as error:
             refused.append(str(error)[-60:])
             continue
@@ -268,7 +272,7 @@ def k_and_d(roll: Roll, motion: Motion, board: Board) -> tuple[tuple[float, floa
     std = np.full(len(angle), 1e-5)
     truth = Roll(log="truth", time=motion.time[part], roll=angle, std=std, origin="angle")
     try:
-        film, true = (free_decay(find_releases(signal), board.inertia).numbers for signal in (roll, truth))
+        film, true = (fit_decay(find_releases(signal), board.inertia).numbers for signal in (roll, truth))
     except (HuskyError, np.linalg.LinAlgError):
         return (np.nan, np.nan), []
     pairs = ((film.stiffness, true.stiffness), (film.damping, true.damping))
@@ -287,7 +291,7 @@ def write(rows: list[tuple[str, ...]]) -> None:
 
 HEAD = f"""# Roll from rendered films
 
-`benchmarks/video_accuracy.py`; a board, released twice, 1.4 s, filmed by `sim/film.py`, several takes a row: releases,
+`benchmarks/video_accuracy.py`; a board, released twice, 1.4 s, filmed by `tests/support/film.py`, several takes a row: releases,
 focal length (a phone's usual one, ±{100 * LENS_SPREAD:.0f} %, not told to the tool) and where the camera stands differ from take to take.
 The compliant board, unless it says otherwise; 640x360 at 60 frames/s where one nuisance is alone. Targets (RMSE):
 {", ".join(f"{method} {target}°" for method, target in TARGET.items())}; 95 % intervals should cover 90–98 % of the frames. The

@@ -16,8 +16,10 @@ from pathlib import Path
 
 import av
 
-from sim.film import Camera, film
-from sim.film_set import rock
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
+from film import Camera, film
+from film_set import rock
+
 from sysid.workspace import Workspace
 
 RESULTS = Path(__file__).parent / "results" / "video_cost.md"
@@ -29,7 +31,7 @@ def work(path):
         pass
 """
 FOLLOW = """
-import pathlib, sysid.video.choose, sysid.video.track
+import pathlib, sysid.video.select
 from sysid.video_roll import VideoOptions, roll_from_video
 def work(path):
     roll_from_video(pathlib.Path(path), VideoOptions(method="marker"))
@@ -63,7 +65,7 @@ def main() -> None:
         ]
     head = (
         "# What following a marker costs\n\n`benchmarks/video_cost.py`: 1920x1080, 60 frames/s, H.264, rendered by "
-        "`sim/film.py`; decoding is OpenCV's alone.\nBest of several processes in turn; both may use all cores.\n\n"
+        "`tests/support/film.py`; decoding is OpenCV's alone.\nBest of several processes in turn; both may use all cores.\n\n"
     )
     RESULTS.write_text(head + "\n".join(lines) + "\n")
     print(RESULTS.read_text())

@@ -9,10 +9,10 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from reports.decay_figure import STYLE
-from reports.palette import REAL, SIM
+from reports.figures.decay import STYLE
+from reports.figures.palette import REAL, SIM
 from sysid.effects import catalogue
-from sysid.effects.base import Effect
+from sysid.effects._base import Effect
 from sysid.joint import JointLaw, simulate
 
 DOCS = Path(__file__).parent

@@ -5,12 +5,12 @@ python docs/make_interval_picture.py
 
 from pathlib import Path
 
-from reports.interval_figure import interval_figure
-from sysid.block_bootstrap import bootstrap
+from reports.figures.intervals import interval_figure
 from sysid.board import load_board
-from sysid.fit_mjcf import fit_joint
+from sysid.fitting.bootstrap import bootstrap
+from sysid.fitting.joint import fit_joint
+from sysid.fitting.profile import profiles
 from sysid.logs import read_roll
-from sysid.profile_likelihood import profiles
 from sysid.releases import find_releases
 
 ROOT = Path(__file__).parents[1]

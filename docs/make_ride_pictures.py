@@ -7,20 +7,20 @@ if not os.environ.get("DISPLAY"):
 
 from pathlib import Path
 
-from policy_runtime.commands import Command, Constant
-from policy_runtime.motion_check import motion_facts
-from policy_runtime.motions import load_motions
-from policy_runtime.policy import OnnxPolicy, Policy
-from policy_runtime.policy_file import open_policy
-from policy_runtime.recording import Recorder
+from policy_runtime.evaluation.recording import Recorder
+from policy_runtime.loop.commands import Command, Constant
+from policy_runtime.loop.policy import OnnxPolicy, Policy
+from policy_runtime.loop.policy_file import open_policy
+from policy_runtime.loop.scripted import scripted_push
+from policy_runtime.loop.world import joint_limits, make_world
+from policy_runtime.motion.motion_check import motion_facts
+from policy_runtime.motion.motions import load_motions
 from policy_runtime.robots.simulated import Gantry
 from policy_runtime.runtime import Runtime
-from policy_runtime.scripted import scripted_push
-from policy_runtime.world import joint_limits, make_world
-from reports.motion_figure import motion_figure
-from reports.ride_figure import ride_figure
-from reports.ride_film import film_strip
-from sim.skate.g1 import g1_spec
+from reports.figures.motion import motion_figure
+from reports.figures.ride import ride_figure
+from reports.figures.ride_film import film_strip
+from sim.skate.robot.g1 import g1_spec
 from sysid.workspace import Workspace, shipped_data
 
 PICTURES = Path(__file__).parent / "pictures"

@@ -6,7 +6,7 @@ python docs/make_training_pictures.py
 import csv
 from pathlib import Path
 
-from policy_runtime.curves import draw_curves
+from policy_runtime.learning.curves import draw_curves
 
 REPOSITORY = Path(__file__).parents[1]
 

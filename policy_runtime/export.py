@@ -23,14 +23,14 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from policy_runtime.policy_file import open_policy
+from policy_runtime.loop.policy_file import open_policy
+from policy_runtime.loop.world import World, world_of
 from policy_runtime.robots import PD_PERIOD
 from policy_runtime.robots.simulated import Gantry
-from policy_runtime.world import World, world_of
-from sim.board_scene import Coupling
-from sim.skate.g1 import g1_xml
-from sim.skate.scene import SceneOptions, skate_spec, standing_state
-from sim.skate.terrain import Terrain
+from sim.board.scene import Coupling
+from sim.skate.robot.g1 import g1_xml
+from sim.skate.world.scene import SceneOptions, skate_spec, standing_state
+from sim.skate.world.terrain import Terrain
 from sysid.board import Board, load_board, save_board
 from sysid.errors import HuskyError
 from sysid.files import sha256, write_atomically, write_json

@@ -14,12 +14,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from policy_runtime.commands import Command, CommandSource
-from policy_runtime.policy import Policy
+from policy_runtime.loop.commands import Command, CommandSource
+from policy_runtime.loop.policy import Policy
+from policy_runtime.loop.safety import Guard, Limits
 from policy_runtime.robots import PD_PERIOD, JointCommand, Robot, RobotState
-from policy_runtime.safety import Guard, Limits
-from sim.skate.clock import CONTROL_PERIOD, STILL_SPEED, Clock
-from sim.skate.g1 import JOINTS, servos
+from sim.skate.cycle.clock import CONTROL_PERIOD, STILL_SPEED, Clock
+from sim.skate.robot.g1 import JOINTS, servos
 from sysid.roll import Array
 
 SERVO_STEPS = round(CONTROL_PERIOD / PD_PERIOD)

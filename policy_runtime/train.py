@@ -1,7 +1,7 @@
 # pyright: reportMissingImports=false, reportUnknownParameterType=false, reportUnknownLambdaType=false
 """The training loop: mjlab's worlds, rsl_rl's PPO with the style extension, one process a GPU.
 
-`python -m policy_runtime.train FOLDER` goes on with the run in a folder (see `policy_runtime.run_folder`);
+`python -m policy_runtime.train FOLDER` goes on with the run in a folder (see `policy_runtime.learning.run_folder`);
 under torchrun every process does its share. The command line writes the folder and calls this.
 """
 
@@ -17,11 +17,11 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from policy_runtime.motions import load_motions
-from policy_runtime.run_folder import RunConfig, RunFolder
-from policy_runtime.style_reference import STRETCHES, style_reference
-from sim.skate.actor_observation import part_of
-from sim.skate.push_clips import PushClip
+from policy_runtime.learning.run_folder import RunConfig, RunFolder
+from policy_runtime.learning.style_reference import STRETCHES, style_reference
+from policy_runtime.motion.motions import load_motions
+from sim.skate.cycle.push_clips import PushClip
+from sim.skate.mdp.actor_observation import part_of
 from sysid.board import load_board
 from sysid.errors import HuskyError
 from sysid.files import atomic_path, sha256
@@ -29,9 +29,9 @@ from sysid.files import atomic_path, sha256
 if TYPE_CHECKING:
     from mjlab.rl import RslRlVecEnvWrapper
 
-    from policy_runtime.amp import AmpPPO
-    from policy_runtime.checkpoint import Done
-    from policy_runtime.curriculum import Curriculum, Level
+    from policy_runtime.learning.amp import AmpPPO
+    from policy_runtime.learning.checkpoint import Done
+    from policy_runtime.learning.curriculum import Curriculum, Level
 
 Report = Callable[[dict[str, float]], None]
 
@@ -118,7 +118,7 @@ def build(folder: RunFolder, config: RunConfig, process: Process) -> tuple["RslR
     from mjlab.rl import RslRlVecEnvWrapper
     from mjlab.utils.torch import configure_torch_backends
 
-    from policy_runtime.fused_rewards import SkateEnv
+    from policy_runtime.learning.fused_rewards import SkateEnv
     from sim.skate.task import skate_env_cfg
 
     configure_torch_backends()
@@ -144,7 +144,7 @@ def build_learner(env: Any, config: RunConfig, process: Process) -> "AmpPPO":
     """Build PPO with the style extension for worlds."""
     import torch
 
-    from policy_runtime.amp import AmpOptions, AmpPPO
+    from policy_runtime.learning.amp import AmpOptions, AmpPPO
 
     learn, task = config.learn, config.task
     amp = AmpOptions(
@@ -204,7 +204,7 @@ def build_curriculum(
             "stance_patience is 0, so that no wrong stance ends an episode: nothing is left for the curriculum to "
             "lead. Choose a patience, or --curriculum off."
         )
-    from policy_runtime.curriculum import Curriculum
+    from policy_runtime.learning.curriculum import Curriculum
 
     return Curriculum(env.unwrapped, algorithm, config.learn.last_entropy, level)
 
@@ -221,8 +221,8 @@ def restore(
     Raises:
         HuskyError: The checkpoint is broken, of another program, or of a learner of another size.
     """
-    from policy_runtime.checkpoint import Done, grow_inputs, read_checkpoint, set_random_state
-    from policy_runtime.curriculum import Level
+    from policy_runtime.learning.checkpoint import Done, grow_inputs, read_checkpoint, set_random_state
+    from policy_runtime.learning.curriculum import Level
 
     checkpoints = folder.checkpoints()
     if not checkpoints:
@@ -292,7 +292,7 @@ def save(
 
 def export(folder: RunFolder, config: RunConfig, algorithm: "AmpPPO") -> None:
     """Write the policy as it is now."""
-    from policy_runtime.onnx_export import export_policy, policy_metadata
+    from policy_runtime.learning.onnx_export import export_policy, policy_metadata
 
     metadata = policy_metadata(
         load_board(folder.board),
@@ -318,8 +318,8 @@ def _learn(
     """Iterate until so many iterations are done in all, or until the deadline; return what has been done."""
     import torch
 
-    from policy_runtime.checkpoint import Done, random_states
-    from policy_runtime.progress import Progress
+    from policy_runtime.learning.checkpoint import Done, random_states
+    from policy_runtime.learning.progress import Progress
 
     progress, learn = Progress(env.unwrapped), config.learn
     board = _tensorboard(folder) if process.leads else None
@@ -422,7 +422,7 @@ def check_rewards(env: Any, iteration: int) -> None:
         term, world = (int(i) for i in where[0])
         raise HuskyError(
             f"iteration {iteration}: reward '{manager.active_terms[term]}' is not finite in world {world} although its "
-            "positions and velocities are. Look for a division by zero in its function in sim/skate/rewards.py."
+            "positions and velocities are. Look for a division by zero in its function in sim/skate/mdp/rewards.py."
         )
 
 

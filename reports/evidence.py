@@ -7,17 +7,18 @@ from pathlib import Path
 from typing import Any
 
 from sysid.board import Board
-from sysid.compare import Comparison, compare
-from sysid.errors import HuskyError
+from sysid.comparison.compare import Comparison, compare
+from sysid.diagnosis.signatures import LookAlikes, Start, look_alikes
+from sysid.errors import SysidError
 from sysid.files import sha256
-from sysid.fit_mjcf import FitOptions, JointFit, fit_joint, heldout_rmse
-from sysid.joint import JointLaw
-from sysid.look_alikes import LookAlikes, Start, look_alikes
-from sysid.releases import Phase, log_phases
-from sysid.roll import Array, Release, Roll
+from sysid.fitting.joint import FitOptions
+from sysid.fitting.ladder import PLAIN, Rung, ladder
+from sysid.fitting.records import signal_of
+from sysid.fitting.result import JointFit
+from sysid.recording import Recording
+from sysid.releases import Phase
+from sysid.roll import Release, Roll
 from sysid.workspace import Workspace
-
-PLAIN = "spring and damper"
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,18 +35,6 @@ class LogFile:
     """In words: as fitted, changed, gone, or not part of the fit."""
     truth: dict[str, Any] | None = None
     """What a synthetic log was made from, if it says so beside it."""
-
-
-@dataclass(frozen=True, slots=True)
-class Rung:
-    """One model of the ladder, fitted to the logs."""
-
-    label: str
-    law: JointLaw
-    rmse: float
-    heldout: float
-    simulated: tuple[Array, ...]
-    """Of each release [rad or rad/s], on the times of the comparison."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,7 +71,7 @@ def find_logs(board: Board, given: Sequence[Path], space: Workspace) -> list[Log
         files: list[LogFile] = []
         for path in given:
             if not path.exists():
-                raise HuskyError(f"{path}: there is no such file.")
+                raise SysidError(f"{path}: there is no such file.")
             digest = _digest(path)
             state = "as fitted" if digest in known else "not part of the recorded fit"
             files.append(LogFile(str(path), path, digest, state, _truth(path)))
@@ -117,52 +106,44 @@ def _truth(path: Path) -> dict[str, Any] | None:
 
 def gather(
     board: Board,
-    rolls: Sequence[Roll],
-    releases: Sequence[Release],
-    options: FitOptions,
+    recordings: Sequence[Recording],
     *,
     files: Sequence[LogFile] = (),
     tolerance: float = 0.02,
     heldout: bool = True,
     progress: Callable[[str, float], None] | None = None,
 ) -> Evidence:
-    """Compare a board with releases, and fit the ladder of models up to its law.
+    """Compare a board with recordings, and fit the ladder of models up to its law.
 
     Args:
         board: The record.
-        rolls: Whole logs.
-        releases: The free decays in them.
-        options: How to fit: the signal and its zero.
+        recordings: The logs.
         files: The logs on disk.
         tolerance: For the comparison.
         heldout: False leaves out held-out errors (NaN then) and look-alikes, which a recording does not show.
         progress: Called with what is being done and the share that is done.
 
     Raises:
-        HuskyError: The board's law cannot be compared with these releases.
+        SysidError: The board's law cannot be compared with these releases.
     """
+    rolls = [recording.roll for recording in recordings]
+    releases = [release for recording in recordings for release in recording.releases]
+    options = FitOptions(**signal_of(releases))
     warnings = [warning for roll in rolls for warning in roll.warnings]
     report = progress or (lambda what, share: None)  # pyright: ignore[reportUnknownLambdaType]
     report("comparing", 0.0)
-    compared = compare(releases, board, bias=options.bias, use_rate=options.use_rate, tolerance=tolerance)
+    compared = compare(recordings, board, tolerance=tolerance)
     names = [part.name for part in board.effects]
     rungs: list[Rung] = []
-    fit: JointFit | None = None
-    for count in range(len(names) + 1):
-        label = f"+ {names[count - 1]}" if count else PLAIN
+    models = ladder(releases, board, names, options, heldout=heldout)
+    for count, label in enumerate((PLAIN, *(f"+ {name}" for name in names))):
         report(label, 0.1 + 0.7 * count / (len(names) + 1))
         try:
-            fit = fit_joint(releases, board, names[:count], options)
-        except HuskyError as error:
+            rungs.append(next(models))
+        except SysidError as error:
             warnings.append(f"the ladder stops before '{label}': {error}")
-            fit = None
             break
-        simulated = tuple(
-            record.signal + residual for record, residual in zip(fit.records, fit.residuals, strict=True)
-        )
-        rungs.append(
-            Rung(label, fit.law, fit.rmse, heldout_rmse(fit) if heldout else float("nan"), simulated)
-        )
+    fit = rungs[-1].fit if len(rungs) == len(names) + 1 else None
     if fit is not None:
         warnings += fit.warnings
     report("look-alikes", 0.85)
@@ -173,7 +154,7 @@ def gather(
         files=tuple(files),
         rolls=tuple(rolls),
         releases=tuple(releases),
-        phases=tuple(tuple(log_phases(roll, [r for r in releases if r.log == roll.log])) for roll in rolls),
+        phases=tuple(recording.phases for recording in recordings),
         comparison=compared,
         ladder=tuple(rungs),
         fit=fit,

@@ -1,12 +1,14 @@
 """Pictures of recordings and pages: a viewer and a browser without a window, asked for what they show."""
 
+import os
 import shutil
+import signal
 import socket
 import subprocess
 import sys
 import tempfile
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -43,11 +45,13 @@ def headless_viewer(size: tuple[int, int] = (1500, 850)) -> "Generator[ViewerCli
         [program, "--headless", "--bind", "127.0.0.1", "--port", str(port), "--window-size", f"{size[0]}x{size[1]}"],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
+        start_new_session=True,
     )  # fmt: skip
     try:
         yield _connected(ViewerClient, process, port)
     finally:
-        process.terminate()
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGTERM)  # `rerun` is a script: the viewer is its child
         process.wait(20)
 
 

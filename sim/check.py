@@ -6,10 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.free_decay_rig import swing
-from sim.in_scene import HeldScene
+from sim.board.bench import swing
+from sim.compensation.scene import ClampedScene
 from sysid.board import Board
 from sysid.errors import HuskyError
+from sysid.joint import JointLaw
+from sysid.joint.sensor import clock_ratio, sense
+from sysid.quantity import Z95
 from sysid.roll import Array, Release
 
 WITHIN_RANGE = 0.97
@@ -33,14 +36,18 @@ class ReleaseCheck:
     """[rad], shape (n,); with the log's own zero."""
     zero: float
     """The log's zero against the scene's [rad]."""
+    rest_error: float
+    """How far from the log's rest the scene rests, beyond what the record's uncertainty of it allows [rad]; 0 where the
+    log's zero is that of a mounting that nobody knows."""
     start: tuple[float, float]
     """Fitted roll [rad] and rate [rad/s] at the first sample, about the scene's zero."""
     cut: float
     """Time left out at the beginning because the deck was beyond the scene's tilt range [s]."""
     error_power: float
-    """Mean square of the residual without the sensor's noise [rad²]; may come out slightly negative."""
+    """Mean square of the residual without the sensor's noise, and the square of `rest_error` [rad²]; may come out
+    slightly negative."""
     power: float
-    """Mean square of the measured roll about rest without the sensor's noise [rad²]."""
+    """Mean square of the measured roll about the log's own rest without the sensor's noise [rad²]."""
     error_power_std: float
     """Standard deviation of `error_power` that the noise leaves [rad²]."""
 
@@ -67,8 +74,7 @@ class SceneCheck:
         """RMS of all residuals over RMS of all measured roll about rest, both without noise."""
         weights = [len(release.time) for release in self.releases]
         error = np.average([release.error_power for release in self.releases], weights=weights)
-        power = np.average([release.power for release in self.releases], weights=weights)
-        return math.sqrt(max(float(error), 0.0) / float(power))
+        return math.sqrt(max(float(error), 0.0)) / self.motion
 
     @property
     def hidden(self) -> float:
@@ -76,7 +82,7 @@ class SceneCheck:
         weights = np.array([len(release.time) for release in self.releases], dtype=np.float64)
         weights /= weights.sum()
         std = math.sqrt(float(np.sum((weights * [r.error_power_std for r in self.releases]) ** 2)))
-        return math.sqrt(1.645 * std / float(weights @ [release.power for release in self.releases]))
+        return math.sqrt(1.645 * std) / self.motion
 
     @property
     def rmse(self) -> float:
@@ -88,9 +94,30 @@ class SceneCheck:
         """Whether the scene decays as measured, within the tolerance."""
         return self.nrmse <= self.tolerance
 
+    @property
+    def rest_error(self) -> float:
+        """Largest distance between the log's and the scene's rest that nothing allows [rad]."""
+        return max((release.rest_error for release in self.releases), key=abs)
+
+    @property
+    def only_rest_is_off(self) -> bool:
+        """Whether the scene would pass if it rested where the log does: it moves right, about another angle."""
+        weights = [len(release.time) for release in self.releases]
+        moving = [release.error_power - release.rest_error**2 for release in self.releases]
+        return (
+            not self.passed
+            and float(np.average(moving, weights=weights)) <= (self.tolerance * self.motion) ** 2
+        )
+
+    @property
+    def motion(self) -> float:
+        """RMS of the measured roll about rest over all releases, without noise [rad]."""
+        weights = [len(release.time) for release in self.releases]
+        return math.sqrt(float(np.average([release.power for release in self.releases], weights=weights)))
+
 
 def check_scene(
-    board: Board, scene: HeldScene, releases: Sequence[Release], *, tolerance: float = 0.02
+    board: Board, scene: ClampedScene, releases: Sequence[Release], *, tolerance: float = 0.02
 ) -> SceneCheck:
     """Release the deck in a scene as it was released in the logs, and compare.
 
@@ -109,21 +136,27 @@ def check_scene(
     return SceneCheck(tuple(_compare(board, scene, release) for release in releases), tolerance)
 
 
-def _compare(board: Board, scene: HeldScene, release: Release) -> ReleaseCheck:
+def _compare(board: Board, scene: ClampedScene, release: Release) -> ReleaseCheck:
     from scipy.optimize import least_squares
 
     inside = _inside(release, scene.tilt_range)
     time, measured = release.time[inside:], release.roll[inside:]
     duration = float(time[-1] - time[0])
-    rest = board.rest_angle
+    rest, law = board.rest_angle, JointLaw.from_board(board)
+    clock = clock_ratio(law.structure, law.parameters)
+    if abs(rest) > scene.tilt_range:
+        raise HuskyError(
+            f"board '{board.name}' rests at {rest:.3g} rad, and its tilt range ends at ±{scene.tilt_range:.3g} rad: the scene "
+            "would lean on its stop. Correct tilt.rest_angle or tilt.range in the record, or fit it to a log whose zero "
+            "is level."
+        )
 
     def simulated(unknown: Array) -> Array:
         angle, rate, zero = unknown
-        clock = _parameter(board, "clock", "ratio", 1.0)
         move = swing(
             scene.model, angle, rate, duration / clock, joint=scene.joint, after_step=scene.after_step
         )
-        return zero + _as_sensed(board, move.at((time - time[0]) / clock), time)
+        return zero + sense(law, time, move.at((time - time[0]) / clock))
 
     zero = release.rest - rest
     slope = np.polynomial.Polynomial.fit(time[:12] - time[0], measured[:12], 2).convert().coef
@@ -139,7 +172,9 @@ def _compare(board: Board, scene: HeldScene, release: Release) -> ReleaseCheck:
     residual = np.asarray(found.fun)
     step = float(np.median(np.diff(time)))
     error_power, error_power_std = smooth_power(residual, step)
-    power, _ = smooth_power(measured - rest - float(found.x[2]), step)
+    power, _ = smooth_power(measured - release.rest, step)
+    covariance = np.linalg.pinv(found.jac.T @ found.jac) * float(np.mean(residual**2))
+    rest_error = _rest_error(board, release, float(found.x[2]), math.sqrt(covariance[2, 2]))
     return ReleaseCheck(
         log=release.log,
         number=release.number,
@@ -148,9 +183,10 @@ def _compare(board: Board, scene: HeldScene, release: Release) -> ReleaseCheck:
         measured=measured,
         simulated=measured + residual,
         zero=float(found.x[2]),
+        rest_error=rest_error,
         start=(float(found.x[0]), float(found.x[1])),
         cut=float(time[0] - release.time[0]),
-        error_power=error_power,
+        error_power=error_power + rest_error**2,
         power=max(power, 1e-12),
         error_power_std=error_power_std,
     )
@@ -167,6 +203,14 @@ def _inside(release: Release, tilt_range: float) -> int:
             "tilt.range in the board record."
         )
     return first
+
+
+def _rest_error(board: Board, release: Release, zero: float, zero_std: float) -> float:
+    """Return by how much the scene rests elsewhere than the log, beyond the 95 % interval of the difference [rad]."""
+    if release.zero != "known":
+        return 0.0  # an integrated rate, a sensor glued on or a camera held at an angle: their zero is not the deck's
+    allowed = Z95 * math.hypot(board.tilt["rest_angle"].std, zero_std)
+    return zero - min(max(zero, -allowed), allowed)
 
 
 def smooth_power(signal: Array, step: float) -> tuple[float, float]:
@@ -187,21 +231,3 @@ def smooth_power(signal: Array, step: float) -> tuple[float, float]:
     blocks = signal[:usable].reshape(-1, width).mean(axis=1)
     products = blocks[1:] * blocks[:-1]
     return float(np.mean(products)), float(np.std(products) / math.sqrt(len(products)))
-
-
-def _as_sensed(board: Board, roll: Array, time: Array) -> Array:
-    """Apply the record's measurement effects: low-pass filter and drift."""
-    from scipy.signal import lfilter
-
-    constant = _parameter(board, "lowpass", "time_constant", 0.0)
-    if constant > 0:
-        keep = math.exp(-float(np.median(np.diff(time))) / constant)
-        roll = lfilter([1 - keep], [1, -keep], roll, zi=[keep * roll[0]])[0]
-    return roll + _parameter(board, "sensor-drift", "rate", 0.0) * (time - time[0])
-
-
-def _parameter(board: Board, effect: str, name: str, otherwise: float) -> float:
-    for part in board.effects:
-        if part.name == effect:
-            return part.parameters[name].value
-    return otherwise

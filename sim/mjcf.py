@@ -7,14 +7,14 @@ from typing import Literal
 
 import mujoco
 
-from sim.board_bodies import STEERED_SHARE, Coupling, reflected_inertia
-from sim.board_scene import board_spec, coupling_polynomial
-from sim.free_decay_rig import rig_spec
-from sim.in_scene import compensate_in_scene
-from sim.step_compensation import Compensation, compensate_step, uncompensated
+from sim.board.bench import rig_spec
+from sim.board.bodies import STEERED_SHARE, Coupling, reflected_inertia
+from sim.board.scene import board_spec, coupling_polynomial
+from sim.compensation.scene import compensate_in_scene
+from sim.compensation.step import Compensation, compensate_step, uncompensated
 from sysid.board import Board
 from sysid.effects import effect
-from sysid.effects.base import MujocoSupport
+from sysid.effects._base import MujocoSupport
 from sysid.errors import HuskyError
 from sysid.quantity import Quantity
 

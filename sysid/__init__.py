@@ -1,1 +1,62 @@
-"""Find out why a MuJoCo joint does not behave like the real one, and mend it."""
+"""Find out why a MuJoCo joint does not behave like the real one, and mend it.
+
+Ten names are promised; everything else can be imported from its module, and may move. Each is loaded when it
+is first used, so that `import sysid` costs nothing.
+"""
+
+from importlib import import_module
+
+TYPE_CHECKING = False  # as in `typing`, whose import would take longer than all the rest
+if TYPE_CHECKING:
+    from typing import Any
+
+    from sysid.board import Board
+    from sysid.comparison.compare import compare
+    from sysid.diagnosis.diagnose import diagnose
+    from sysid.effects import Effect
+    from sysid.errors import SysidError
+    from sysid.fit_mjcf import fit
+    from sysid.free_decay import fit_decay
+    from sysid.joint import simulate
+    from sysid.quantity import Quantity
+    from sysid.recording import Recording
+
+__all__ = [
+    "Board",
+    "Effect",
+    "Quantity",
+    "Recording",
+    "SysidError",
+    "compare",
+    "diagnose",
+    "fit",
+    "fit_decay",
+    "simulate",
+]
+
+_HOMES = {
+    "Board": "sysid.board",
+    "Effect": "sysid.effects",
+    "Quantity": "sysid.quantity",
+    "Recording": "sysid.recording",
+    "SysidError": "sysid.errors",
+    "compare": "sysid.comparison.compare",
+    "diagnose": "sysid.diagnosis.diagnose",
+    "fit": "sysid.fit_mjcf",
+    "fit_decay": "sysid.free_decay",
+    "simulate": "sysid.joint",
+}
+"""The module that each name is loaded from."""
+
+
+def __getattr__(name: str) -> "Any":
+    """Load a public name when it is first asked for."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'sysid' has no attribute '{name}'; it offers {', '.join(__all__)}")
+    value = globals()[name] = getattr(import_module(_HOMES[name]), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    """Return the public names."""
+    return sorted({*globals(), *__all__})

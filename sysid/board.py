@@ -4,6 +4,8 @@ The record holds what was measured with its uncertainty, what was fitted from wh
 the simulator passed the comparison, and one history line a refit.
 """
 
+import hashlib
+import math
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,7 +15,7 @@ from typing import Any, Self
 import tomlkit
 
 from sysid.errors import HuskyError, did_you_mean
-from sysid.files import write_atomically
+from sysid.files import shipped_data, write_atomically
 from sysid.quantity import Quantity
 
 SCHEMA = 1
@@ -34,7 +36,21 @@ MASS_UNITS = {"deck": "kg", "truck": "kg", "wheel": "kg"}
 TILT_UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "rest_angle": "rad", "range": "rad"}
 """`range` is the largest tilt to either side; `rest_angle` is a roll (right edge down is positive)."""
 DECAY_UNITS = {"period": "s", "first_peak": "rad", "second_peak": "rad"}
+MAY_LACK = ("stiffness", "damping")
+"""What a joint may do without: gravity pulls a pendulum back, and dry friction alone stops a servo."""
 PUBLISHED_UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad"}
+
+PHYSICAL = {
+    "m": (1e-4, 10.0),
+    "kg": (1e-4, 1e3),
+    "kg*m^2": (1e-9, 1e3),
+    "rad": (1e-6, math.pi),
+    "s": (1e-3, 100.0),
+    "N*m/rad": (1e-6, 1e6),
+    "N*m*s/rad": (1e-9, 1e5),
+}
+"""Smallest and largest size of a record's quantities by unit: from a watch's balance wheel to a lorry's axle. Outside,
+a simulation takes for ever or divides by nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +83,29 @@ class Board:
     check: Mapping[str, Any] = field(default_factory=dict[str, Any])
     history: tuple[Mapping[str, Any], ...] = ()
 
+    @classmethod
+    def load(cls, name: str | Path, workspace: str | Path = ".") -> "Board":
+        """Read the record of a board.
+
+        Args:
+            name: A board of the workspace, or one that ships with the tool; or a file, NAME.toml.
+            workspace: Folder with the user's boards, in data/boards.
+
+        Raises:
+            SysidError: There is no such board, or its record is not valid.
+        """
+        return (
+            load_board(Path(name)) if Path(name).suffix == ".toml" else load_named(str(name), Path(workspace))
+        )
+
+    def save(self, path: str | Path) -> None:
+        """Write the record into a TOML file, in one step: a crash at any moment leaves an old one whole.
+
+        Raises:
+            SysidError: The folder cannot be written to.
+        """
+        save_board(self, Path(path))
+
     @property
     def stiffness(self) -> float:
         """Linear tilt stiffness k [N*m/rad]."""
@@ -85,11 +124,70 @@ class Board:
     @property
     def passed(self) -> bool:
         """Whether `check` accepted the board as it is recorded now."""
-        return bool(self.check.get("passed", False))
+        return bool(self.check.get("passed", False)) and not self.check_is_stale
+
+    @property
+    def check_is_stale(self) -> bool:
+        """Whether the record says something else than when it was checked: another fit, or an edit by hand."""
+        return bool(self.check) and self.check.get("digest") != self.digest
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of everything that a check judges: geometry, masses, inertia, tilt joint and effects."""
+        judged = replace(
+            self, description="", source="", decay={}, published={}, fit={}, check={}, history=()
+        )
+        return hashlib.sha256(board_to_toml(judged).encode()).hexdigest()
+
+    def checked(self, entry: Mapping[str, Any]) -> Self:
+        """Return a copy with the verdict of a check on it, which counts as long as what was judged stays as it is."""
+        return replace(self, check={**entry, "digest": self.digest})
 
     def with_tilt(self, **quantities: Quantity) -> Self:
         """Return a copy with some quantities of the tilt joint replaced."""
         return replace(self, tilt={**self.tilt, **quantities})
+
+
+def boards_folder(workspace: Path) -> Path:
+    """Return where a workspace keeps the records of its boards."""
+    return workspace / "data" / "boards"
+
+
+def record_names(workspace: Path) -> list[str]:
+    """Return the names of all boards: the workspace's and the shipped ones."""
+    folders = (boards_folder(workspace), shipped_data() / "boards")
+    return sorted({path.stem for folder in folders for path in folder.glob("*.toml")})
+
+
+def find_record(name: str, workspace: Path) -> Path:
+    """Return the record that a name means: the workspace's, else the shipped one.
+
+    Raises:
+        SysidError: There is no board of that name.
+    """
+    own = boards_folder(workspace)
+    for folder in (own, shipped_data() / "boards"):
+        path = folder / f"{name}.toml"
+        if name and Path(name).name == name and path.is_file():
+            return path
+    names = record_names(workspace)
+    raise HuskyError(
+        f"unknown board '{name}'.{did_you_mean(name, names)} Known boards: {', '.join(names)}. "
+        f"A new one is a file {own / f'{name}.toml'}."
+    )
+
+
+def load_named(name: str, workspace: Path) -> Board:
+    """Read the record that a name means, which is no path.
+
+    Raises:
+        SysidError: There is no such board, or its record is not valid.
+    """
+    path = find_record(name, workspace)
+    board = load_board(path)
+    if board.name != path.stem:
+        raise HuskyError(f"{path}: field 'name' is '{board.name}'; expected '{path.stem}', as the file.")
+    return board
 
 
 def load_board(path: Path) -> Board:
@@ -103,7 +201,7 @@ def load_board(path: Path) -> Board:
         raw = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         raise HuskyError(f"{path}: cannot read the board record ({error}).") from error
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise HuskyError(f"{path}: not a TOML file ({error}).") from error
     return _Reader(path).board(raw)
 
@@ -233,9 +331,19 @@ class _Reader:
                     f"Known: {', '.join(units)}."
                 )
         return {
-            key: self._quantity(table.get(key), f"{section}.{key}", unit, positive=key not in may_be_negative)
+            key: self._quantity(
+                table.get(key),
+                f"{section}.{key}",
+                unit,
+                positive=key not in may_be_negative
+                and not (key in MAY_LACK and self._is_zero(table.get(key))),
+            )
             for key, unit in units.items()
         }
+
+    @staticmethod
+    def _is_zero(raw: Any) -> bool:
+        return isinstance(raw, Mapping) and raw.get("value") == 0
 
     def _quantity(self, raw: Any, where: str, unit: str | None, *, positive: bool = False) -> Quantity:
         shape = f"{{ value = …, std = …, unit = '{unit or '…'}' }}"
@@ -251,11 +359,18 @@ class _Reader:
             numbers[key] = float(number)
         if raw.get("unit") != unit and not (unit is None and isinstance(raw.get("unit"), str)):
             raise HuskyError(f"{self.path}: field '{where}.unit' is {raw.get('unit')!r}; expected {unit!r}.")
-        if numbers["std"] < 0:
+        if not 0 <= numbers["std"] < math.inf:
             raise HuskyError(f"{self.path}: field '{where}.std' is {numbers['std']}; expected 0 or more.")
-        if not abs(numbers["value"]) < float("inf") or (positive and numbers["value"] <= 0):
+        if not math.isfinite(numbers["value"]) or (positive and numbers["value"] <= 0):
             kind = "a positive number" if positive else "a finite number"
             raise HuskyError(f"{self.path}: field '{where}.value' is {numbers['value']}; expected {kind}.")
+        least, most = PHYSICAL.get(str(unit), (0.0, math.inf))
+        size = abs(numbers["value"])
+        if (positive and size < least) or size > most:
+            raise HuskyError(
+                f"{self.path}: field '{where}.value' is {numbers['value']:g} {unit}; expected {least:g} to {most:g}, as of "
+                "anything that a hand can rock. Is it in another unit?"
+            )
         return Quantity(numbers["value"], numbers["std"], str(raw["unit"]))
 
     def _table(self, raw: Mapping[str, Any], key: str, where: str = "") -> Mapping[str, Any]:

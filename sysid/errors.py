@@ -4,7 +4,7 @@ import difflib
 from collections.abc import Iterable
 
 
-class HuskyError(Exception):
+class SysidError(Exception):
     """An expected failure: names the value, the likely cause and the next step.
 
     The command line prints it on one line and exits with `exit_code`; anything else is a bug and
@@ -14,7 +14,11 @@ class HuskyError(Exception):
     exit_code = 1
 
 
-class QualityGateError(HuskyError):
+HuskyError = SysidError
+"""The name of old."""
+
+
+class QualityGateError(SysidError):
     """The computation went well and its answer is no (see `check`)."""
 
     exit_code = 3

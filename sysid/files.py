@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import shutil
 import tempfile
 from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import contextmanager
@@ -11,37 +12,79 @@ from pathlib import Path
 from sysid.errors import HuskyError
 
 
+def shipped_data() -> Path:
+    """Return the data folder that ships with the tool: in an installed wheel, or in the repository."""
+    package = Path(__file__).resolve().parent
+    installed = package / "_data"
+    return installed if installed.is_dir() else package.parent / "data"
+
+
 @contextmanager
 def atomic_path(path: Path) -> Generator[Path]:
     """Yield a temporary path beside `path`, and rename it to `path` only if the block succeeds.
 
     For writers that want a file name (matplotlib, Rerun, video). The suffix is kept, because some
-    of them choose the format by it.
+    of them choose the format by it. A link stays a link: what it points to is replaced. A device or a pipe is no
+    file that could be replaced: what was written is copied into it.
 
     Raises:
         HuskyError: The folder cannot be made or written to.
     """
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
-    except OSError as error:
+        target = path.resolve()
+        is_special = target.exists() and not target.is_file()
+        if target.is_dir():
+            raise IsADirectoryError(None, "it is a folder")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        folder = None if is_special else target.parent
+        handle, name = tempfile.mkstemp(prefix=f".{target.stem}-", suffix=path.suffix, dir=folder)
+    except (OSError, RuntimeError) as error:  # RuntimeError: links in a circle
         raise HuskyError(
-            f"{path}: cannot write there ({error.strerror}). Choose a folder you may write to, "
-            "for example with --workspace."
+            f"{path}: cannot write there ({getattr(error, 'strerror', None) or error}). Choose a folder you may write "
+            "to, for example with --workspace."
         ) from error
     os.close(handle)
     temporary = Path(name)
     try:
         yield temporary
+        if is_special:
+            with temporary.open("rb") as source, target.open("wb") as sink:
+                shutil.copyfileobj(source, sink)
+            return
         # mkstemp makes files private; give them the permissions any other new file would have.
         umask = os.umask(0)
         os.umask(umask)
         temporary.chmod(0o666 & ~umask)
-        temporary.replace(path)
+        temporary.replace(target)
     except OSError as error:
         raise HuskyError(f"{path}: cannot write there ({error.strerror or error}).") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def locked(path: Path, *, patience: float = 60.0) -> Generator[None]:
+    """Hold the right to read and rewrite a file that other processes rewrite too.
+
+    The lock lies in the folder of temporary files, so that nothing is left beside `path`; it ends with the process.
+
+    Args:
+        path: The file; need not exist.
+        patience: Longest wait for another process [s].
+
+    Raises:
+        HuskyError: Another process holds it for longer.
+    """
+    from filelock import FileLock, Timeout
+
+    key = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:16]
+    try:
+        with FileLock(Path(tempfile.gettempdir()) / f"husky-sysid-{key}.lock", timeout=patience):
+            yield
+    except Timeout as error:
+        raise HuskyError(
+            f"{path}: another command has held it for {patience:g} s. Wait for it, or end it, and try again."
+        ) from error
 
 
 def refuse_overwriting(inputs: Iterable[Path], outputs: Mapping[str, Path | None]) -> None:

@@ -7,21 +7,31 @@ peaks. Where they disagree, or the trace is not a linear decay, a warning names 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sysid.decay_misfit import widened
-from sysid.decay_numbers import DecayNumbers as DecayNumbers
-from sysid.decay_numbers import decay_from_peaks as decay_from_peaks
-from sysid.decay_numbers import decay_numbers, numbers_from_decrement
-from sysid.decay_patterns import Pattern, find_patterns
-from sysid.decay_peaks import Peak, PeakLine, find_peaks, fit_peak_line
-from sysid.decay_peaks import log_decrement_two_peaks as log_decrement_two_peaks
-from sysid.decay_trace import BEST_SENSOR, TraceFit, decay_basis, fit_traces
+from sysid.board import Board
+from sysid.decay import report as decay_report
+from sysid.decay.linear_fit import BEST_SENSOR, TraceFit, decay_basis, fit_traces
+from sysid.decay.misfit import inflate_covariance
+from sysid.decay.nonlinearity import Nonlinearity, find_nonlinearities
+from sysid.decay.numbers import DecayNumbers as DecayNumbers
+from sysid.decay.numbers import decay_from_peaks as decay_from_peaks
+from sysid.decay.numbers import decay_numbers, numbers_from_decrement
+from sysid.decay.peaks import Peak, PeakLine, find_peaks, fit_peak_line
+from sysid.decay.peaks import log_decrement_two_peaks as log_decrement_two_peaks
+from sysid.decay.plausibility import amplitude_warnings, period_warnings, record_warnings
 from sysid.errors import HuskyError
-from sysid.noise import NoiseFloor, ljung_box, noise_floor
+from sysid.noise.floor import NoiseFloor, noise_floor
+from sysid.noise.whiteness import ljung_box
 from sysid.quantity import Quantity
-from sysid.roll import Array, Release
+from sysid.recording import Data, Recording, reading_warnings, unpack
+from sysid.roll import Array, Release, shown
+from sysid.text import WIDTH, quantity_frame
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 DISAGREE = 2.58
 """Two estimates disagree from this many standard deviations of their difference on (1 % by chance)."""
@@ -29,6 +39,8 @@ TRIFLE = 0.005
 """Two decrements this close, relatively, are never said to disagree: a local cubic is no closer."""
 ABOVE_NOISE = 1.15
 """Residuals above this multiple of the noise floor are looked at."""
+CLEAR_AMPLITUDE = 5.0
+"""First amplitude over the noise of a sample from which on a release is fitted: below, chance makes half its peaks."""
 WORTH_NAMING = 0.007
 """Misfit below this share of the amplitude is not worth a warning."""
 
@@ -53,30 +65,93 @@ class FreeDecay:
     """Rest angle of each release [rad]."""
     floor: NoiseFloor
     """Sensor noise of what the trace was fitted to."""
-    patterns: tuple[Pattern, ...]
+    nonlinearities: tuple[Nonlinearity, ...]
     """Deviations from a linear decay that peaks and rest levels show."""
     wider: float
     """Growth of the intervals for a residual beyond the noise; 1 where it may be noise."""
     linear: bool
     """Whether a linear decay explains the traces but for noise and at most a trifle, with one rest level."""
     warnings: tuple[str, ...]
+    """What is wrong with the logs, with the decay, and with what the board's record says of both."""
+    recordings: tuple[Recording, ...] = ()
+    """The logs, where they were given whole."""
+    board: str | None = None
+    """Name of the board, where its record was given."""
+
+    @property
+    def has_inertia(self) -> bool:
+        """Whether the roll inertia was given; without it there is no k and no d."""
+        return math.isfinite(self.numbers.inertia.value)
+
+    @property
+    def known(self) -> bool:
+        """Whether the interval of ω_n², and so of k/I, is narrower than its value."""
+        omega = self.numbers.omega_n
+        return omega.ci95[1] - omega.value < omega.value / 2
+
+    @property
+    def status(self) -> str:
+        """Whether the decay is 'linear' or 'not linear'."""
+        return "linear" if self.linear else "not linear"
+
+    def report(self, width: int = WIDTH) -> str:
+        """Return what `husky-sysid decay` prints, in tables of at most `width` characters."""
+        return decay_report.report(self, width)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what `husky-sysid decay --json` writes: SI, radians, each quantity with its 95 % interval."""
+        return decay_report.to_json(self)
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return one row a quantity: value, std, low and high end of the 95 % interval, unit, how."""
+        return quantity_frame(dict(self.numbers.items()))
 
 
-def free_decay(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
+NO_INERTIA = Quantity(math.nan, math.nan, "kg*m^2", "not given")
+"""A free decay holds k/I and d/I only."""
+
+
+def fit_decay(data: Data, inertia: Quantity | None = None, *, board: Board | None = None) -> FreeDecay:
     """Identify a linear tilt joint from its free decays.
 
     Args:
-        releases: Free decays of one board, from one log or several.
-        inertia: Roll inertia about the tilt axis [kg*m^2]; its uncertainty goes into k and d.
+        data: Free decays of one board: a recording, several, or releases.
+        inertia: Roll inertia about the tilt axis [kg*m^2]; its uncertainty goes into k and d. Without it, and without
+            a board, the numbers are ω, ζ and δ only, and k and d are NaN.
+        board: The record; gives the inertia where that is left out, and is held against the decay.
 
     Raises:
-        HuskyError: The decays hold too little to say anything, or do not look like a decay at all.
+        SysidError: The decays hold too little to say anything, or do not look like a decay at all.
     """
-    _refuse_noise(releases)
+    recordings, releases = unpack(data)
+    if board is None:
+        decay = _fit(releases, inertia or NO_INERTIA)
+        doubts = decay.warnings
+    else:
+        odd = amplitude_warnings(releases, board)
+        decay = _fit(releases, inertia or board.inertia)
+        log = ", ".join(dict.fromkeys(release.log for release in releases))
+        doubts = (
+            *odd,
+            *decay.warnings,
+            *period_warnings(decay.numbers.omega_n.value, board, log=log),
+            *record_warnings(decay.numbers, board, log=log, linear=decay.linear),
+        )
+    return replace(
+        decay,
+        warnings=(*reading_warnings(recordings), *doubts),
+        recordings=recordings,
+        board=None if board is None else board.name,
+    )
+
+
+def _fit(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
+    """Fit a linear decay to all releases together, three ways."""
+    releases, weak = _clear_of_noise(releases)
     trace = fit_traces(releases)
     floor = noise_floor(releases, rate=trace.signal == "rate")
     _refuse_nonsense(releases, trace)
-    trace, wider = widened(trace, floor)
+    trace, wider = inflate_covariance(trace, floor)
     count = f"{len(releases)} release{'s' if len(releases) > 1 else ''}"
     numbers = decay_numbers(
         trace.omega_n,
@@ -95,8 +170,8 @@ def free_decay(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
     ]
     line = fit_peak_line(peaks, [rest.std for rest in rests])
     levels = rests if trace.signal == "roll" else ()
-    patterns = tuple(find_patterns(steady, peaks, noise, levels))
-    linear = _is_linear(trace, floor) and not any(pattern.misleads for pattern in patterns)
+    nonlinearities = tuple(find_nonlinearities(steady, peaks, noise, levels))
+    linear = _is_linear(trace, floor) and not any(found.hidden_by_linear_fit for found in nonlinearities)
     decay = FreeDecay(
         releases=tuple(steady),
         numbers=numbers,
@@ -107,25 +182,34 @@ def free_decay(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
         two_peaks=_two_peaks(peaks, rests),
         rest_angles=tuple(rests),
         floor=floor,
-        patterns=patterns,
+        nonlinearities=nonlinearities,
         wider=wider,
         linear=linear,
         warnings=(),
     )
-    return replace(decay, warnings=tuple(_warnings(decay)))
+    return replace(decay, warnings=(*weak, *_warnings(decay)))
 
 
-def _refuse_noise(releases: Sequence[Release]) -> None:
-    if not releases:
-        raise HuskyError("no free decay was given.")
+def _clear_of_noise(releases: Sequence[Release]) -> tuple[list[Release], list[str]]:
+    """Return the releases that stand clear of their noise, and what is said of the others.
+
+    Raises:
+        SysidError: None does.
+    """
+    clear: list[Release] = []
+    weak: list[str] = []
     for release in releases:
         noise = float(np.median(release.std))
-        if release.amplitude < 5.0 * noise:
-            raise HuskyError(
-                f"{release.log}: the release at {release.start:.4g} s has an amplitude of "
-                f"{math.degrees(release.amplitude):.2g}° in noise of {math.degrees(noise):.2g}°: too little to "
-                "fit. Tip the deck further, or use a better sensor."
-            )
+        if release.amplitude >= CLEAR_AMPLITUDE * noise:
+            clear.append(release)
+            continue
+        weak.append(
+            f"{release.log}: the release at {shown(release.start)} has an amplitude of "
+            f"{math.degrees(release.amplitude):.2g}° in noise of {math.degrees(noise):.2g}°: too little to fit"
+        )
+    if not clear:
+        raise HuskyError(f"{weak[0]}. Tip the deck further, or use a better sensor.")
+    return clear, [f"{text}, so it is left out" for text in weak]
 
 
 def _refuse_nonsense(releases: Sequence[Release], trace: TraceFit) -> None:
@@ -152,7 +236,7 @@ def _rest_angles(
     if trace.signal == "roll":
         rests = [Quantity(f.level, f.level_std, "rad", "whole trace") for f in trace.releases]
         finest = BEST_SENSOR * max(release.amplitude for release in releases)
-        stated = max(fitted.trace.stated for fitted in trace.releases)
+        stated = max(fitted.trace.known_std for fitted in trace.releases)
         return list(releases), rests, max(floor.std, finest, stated)
     steady: list[Release] = []
     rests: list[Quantity] = []
@@ -203,16 +287,31 @@ def _is_linear(trace: TraceFit, floor: NoiseFloor) -> bool:
 
 
 def _warnings(decay: FreeDecay) -> list[str]:
-    texts = (_not_linear(decay), _drift(decay), _disagreement(decay), _damping_regime(decay))
+    texts = (
+        _not_known(decay),
+        _not_linear(decay),
+        _drift(decay),
+        _disagreement(decay),
+        _damping_regime(decay),
+    )
     warnings = [text for text in texts if text]
     for release in decay.releases:
         cycles = (release.time[-1] - release.start) / (2 * math.pi / decay.trace.omega_n)
         if release.end != "rest" and cycles < 1:
             warnings.append(
-                f"the release at {release.start:.4g} s is {release.end if release.end != 'log' else 'cut off'} after "
+                f"the release at {shown(release.start)} is {release.end if release.end != 'log' else 'cut off'} after "
                 f"{cycles:.2f} of a period: its intervals are wide"
             )
     return warnings
+
+
+def _not_known(decay: FreeDecay) -> str | None:
+    if decay.known:
+        return None
+    return (
+        f"the interval of the frequency ({decay.numbers.omega_n}) makes that of k wider than k itself: the log does not "
+        "tell it. Is it the right column (--column) and the right part (--from, --to)? Else record faster, or more releases"
+    )
 
 
 def _not_linear(decay: FreeDecay) -> str | None:
@@ -220,9 +319,9 @@ def _not_linear(decay: FreeDecay) -> str | None:
         return None
     unit = "rad" if decay.trace.signal == "roll" else "rad/s"
     reasons = (
-        "; ".join(pattern.text for pattern in decay.patterns) or "the residual has a shape, see the picture"
+        "; ".join(found.text for found in decay.nonlinearities) or "the residual has a shape, see the picture"
     )
-    if any(pattern.misleads for pattern in decay.patterns):
+    if any(found.hidden_by_linear_fit for found in decay.nonlinearities):
         return (
             f"a linear decay is the wrong model, though it leaves {decay.trace.noise:.2g} {unit} in noise of "
             f"{decay.floor.std:.2g} {unit} only: {reasons}. A level for each release takes that up, and k and d can "
@@ -237,7 +336,7 @@ def _not_linear(decay: FreeDecay) -> str | None:
 
 def _drift(decay: FreeDecay) -> str | None:
     """Say that the sensor's zero moves where a linear decay is right otherwise."""
-    drift = next((pattern for pattern in decay.patterns if "sensor-drift" in pattern.effects), None)
+    drift = next((found for found in decay.nonlinearities if found.sign == "moving level"), None)
     if drift is None or not decay.linear:
         return None
     return f"{drift.text}. Each release has a level of its own here, so k and d do not depend on it"
@@ -258,8 +357,8 @@ def _disagreement(decay: FreeDecay) -> str | None:
 
 
 def _why(decay: FreeDecay) -> str:
-    if decay.patterns:
-        return decay.patterns[0].text
+    if decay.nonlinearities:
+        return decay.nonlinearities[0].text
     used = [
         (group, rest) for group, rest in zip(decay.peaks, decay.rest_angles, strict=True) if len(group) > 1
     ]

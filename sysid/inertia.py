@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sysid.board import Board, BoardEffect
-from sysid.decay_numbers import decay_from_peaks
+from sysid.decay.numbers import decay_from_peaks
 from sysid.errors import HuskyError
-from sysid.propagation import propagate
-from sysid.quantity import Quantity
+from sysid.quantity import Quantity, propagate
 
 UNIT = "kg*m^2"
 GRAVITY = Quantity(9.80665, 0.013, "m/s^2")

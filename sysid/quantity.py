@@ -1,11 +1,25 @@
-"""A number that travels with its uncertainty and its unit."""
+"""A number that travels with its uncertainty and its unit: printed, read, propagated."""
 
+import inspect
 import math
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
+from sysid.errors import SysidError
+
 Z95 = 1.959963984540054
 """Half-width of a 95 % interval of a normal variable, in standard deviations."""
+_UNITS: dict[str, dict[str, float]] = {
+    "kg": {"kg": 1.0, "g": 1e-3},
+    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
+    "s": {"s": 1.0, "ms": 1e-3},
+    "rad": {"rad": 1.0, "deg": math.pi / 180, "°": math.pi / 180},
+    "rad/s": {"rad/s": 1.0, "Hz": 2 * math.pi},
+}
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_PATTERN = re.compile(rf"\s*({_NUMBER})\s*(?:(?:±|\+-|\+/-)\s*({_NUMBER}))?\s*(\S*)\s*")
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +95,88 @@ def round_to_error(value: float, error: float) -> tuple[str, str]:
         return f"{value / 10**power:.{digits}f}e{power:+d}", f"{error / 10**power:.{digits}f}e{power:+d}"
     decimals = max(0, decimals)
     return f"{value:.{decimals}f}", f"{error:.{decimals}f}"
+
+
+def parse_quantity(text: str, unit: str, name: str = "the quantity", *, positive: bool = True) -> Quantity:
+    """Return the quantity that a text means; ± is the half-width of the 95 % interval, as in all output.
+
+    Args:
+        text: Such as '2.58', '2.58±0.05', '2.58+-0.05' or '20±0.2cm'.
+        unit: SI unit of the result, which is also the unit of a text without one.
+        name: What is being read, for messages.
+        positive: Refuse zero and below.
+
+    Raises:
+        SysidError: The text is not a quantity, or its unit is not one of `unit`'s kind.
+    """
+    scales = _UNITS.get(unit, {unit: 1.0})
+    match = _PATTERN.fullmatch(text)
+    if match is None or match[3] not in ("", *scales):
+        kinds = f", in {unit}" + (f" or with {', '.join(list(scales)[1:])}" if len(scales) > 1 else "")
+        raise SysidError(f"{name} is '{text}'; expected a number such as 2.58 or 2.58±0.05{kinds}.")
+    scale = scales[match[3] or unit]
+    value, half = float(match[1]) * scale, float(match[2] or 0.0) * scale
+    if half < 0 or (positive and value <= 0) or not math.isfinite(value) or not math.isfinite(half):
+        raise SysidError(f"{name} is '{text}'; expected a positive number ± a positive one.")
+    return Quantity(value, half / Z95, unit)
+
+
+def propagate(formula: Callable[..., float], inputs: Sequence[Quantity], unit: str, method: str) -> Quantity:
+    """Return formula(*values) with its standard deviation, by central differences in every input.
+
+    Args:
+        formula: Of the inputs' values, in their order.
+        inputs: Independent quantities.
+        unit: Of the result.
+        method: Of the result, for people.
+    """
+    values = [quantity.value for quantity in inputs]
+    variance = 0.0
+    for index, quantity in enumerate(inputs):
+        if quantity.std > 0:
+            step = min(quantity.std, 1e-4 * abs(quantity.value) or quantity.std)
+            above, below = list(values), list(values)
+            above[index] += step
+            below[index] -= step
+            variance += ((formula(*above) - formula(*below)) / (2 * step) * quantity.std) ** 2
+    return Quantity(formula(*values), math.sqrt(variance), unit, method)
+
+
+def error_budget(method: Callable[..., Quantity], inputs: Mapping[str, Quantity]) -> dict[str, float]:
+    """Return each input's share of the variance of `method(**inputs)`, largest first; they sum to 1.
+
+    Inputs that the caller left to `method`'s defaults (gravity, say) are named too.
+    """
+    defaults = {
+        name: parameter.default
+        for name, parameter in inspect.signature(method).parameters.items()
+        if isinstance(parameter.default, Quantity)
+    }
+    given = {**defaults, **inputs}
+    exact = {name: replace(quantity, std=0.0) for name, quantity in given.items()}
+    variances = {name: method(**{**exact, name: quantity}).std ** 2 for name, quantity in given.items()}
+    total = sum(variances.values())
+    ranked = sorted(variances.items(), key=lambda item: -item[1])
+    return {name: variance / total for name, variance in ranked if variance > 0}
+
+
+def t95(degrees_of_freedom: float) -> float:
+    """Half-width of a 95 % interval in standard deviations: Student's t, 1.96 for many samples.
+
+    With t = √ν tan θ the density of θ is cos^(ν-1) θ, so the quantile is read off its running integral;
+    for many degrees of freedom Cornish and Fisher's series is right to 4e-5. Neither needs scipy, whose
+    import would take longer than the whole fit.
+    """
+    nu = max(degrees_of_freedom, 1.0)
+    if nu > 40:
+        z = Z95
+        return z + (z**3 + z) / (4 * nu) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * nu**2)
+    import numpy as np
+
+    theta = np.linspace(0, math.pi / 2, 20_001)
+    density = np.cos(theta) ** (nu - 1)
+    share = np.concatenate([[0.0], np.cumsum(density[1:] + density[:-1])])
+    return math.sqrt(nu) * math.tan(float(np.interp(0.95 * share[-1], share, theta)))
 
 
 def _finite(number: float) -> float | None:

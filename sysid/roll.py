@@ -5,39 +5,62 @@ edge down. The tilt joint of our MJCF turns about +x too, so its position is the
 turns about -x (γ = -roll), and that sign flips in `sim/skate` only.
 """
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, fields, replace
+from typing import Literal, Self
 
 import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 
-Origin = Literal["angle", "gyro", "imu", "quaternion", "video"]
-"""What the roll was made from: an angle column, an integrated rate gyro, accelerometer and gyro
-together, an orientation quaternion, or a film."""
+
+def shown(time: float) -> str:
+    """Return a time [s] of a log in words: as it is typed for `--from`, `--to` and `--release`."""
+    return f"{time:.4g} s" if abs(time) < 1000 else f"{time:.1f} s"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Roll:
-    """One log's roll signal."""
+Rows = slice | npt.NDArray[np.bool_] | npt.NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
+class Signal:
+    """Roll against time, with what whoever uses it must know of the sensor that it came from."""
 
     log: str
     """Path of the log, as the user named it."""
     time: Array
-    """Time since the first sample [s], shape (n,), strictly increasing."""
+    """Time on the log's clock [s], shape (n,), strictly increasing."""
     roll: Array
-    """Roll [rad], shape (n,), unwrapped."""
+    """Roll [rad], shape (n,), unwrapped, not shifted by the rest angle."""
     std: Array
-    """Standard deviation of each sample [rad], shape (n,): sensor noise, not a common offset."""
-    origin: Origin
+    """Standard deviation of each sample [rad], shape (n,), without an offset common to all."""
     rate: Array | None = None
-    """Roll rate [rad/s], shape (n,), where a gyro measured it; `roll` is its integral if origin is 'gyro'."""
+    """Roll rate [rad/s], shape (n,), where a gyro measured it."""
     rate_std: Array | None = None
-    """Standard deviation of `rate` [rad/s], shape (n,)."""
+    """Standard deviation of each sample of `rate` [rad/s], shape (n,)."""
     own_std: Array | None = None
     """Share of `std` that is not common to all samples [rad], shape (n,), where that is known: a lens or a slant
     stretches or skews a whole swing, which hardly touches its frequency and its damping."""
+    origin: str
+    """What the roll was made from, for people; what follows from it stands in the three facts below."""
+    zero: Literal["known", "constant", "drifting"] = "known"
+    """Zero of roll: that of the joint, an unknown angle that stays, or one that differs from release to release."""
+    measured: Literal["roll", "rate"] = "roll"
+    """What has independent errors: the roll, or the rate of which the roll is only the integral."""
+    errors_last: bool = False
+    """Whether `std` states errors that last until the deck has moved on (see `sysid.noise.lasting`)."""
+
+    def __getitem__(self, rows: Rows) -> Self:
+        """Return these samples of every array."""
+        names = ("time", "roll", "std", "rate", "rate_std", "own_std")
+        arrays = ((name, getattr(self, name)) for name in names)
+        return replace(self, **{name: array[rows] for name, array in arrays if array is not None})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Roll(Signal):
+    """One log's roll."""
+
     notes: tuple[str, ...] = ()
     """What was inferred while reading (column, unit, sampling rate, clock repairs), for people."""
     warnings: tuple[str, ...] = ()
@@ -49,31 +72,26 @@ class Roll:
         return float(1.0 / np.median(np.diff(self.time)))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Release:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Release(Signal):
     """One free decay: the stretch of a log between letting go and rest, catch or end."""
 
-    log: str
     number: int
     """Counted from 1 within its log."""
-    time: Array
-    """Time on the log's clock [s], shape (n,)."""
-    roll: Array
-    """Measured roll [rad], shape (n,), not shifted by the rest angle."""
-    std: Array
-    """Standard deviation of each sample [rad], shape (n,)."""
-    origin: Origin
-    rate: Array | None = None
-    """Measured roll rate [rad/s], shape (n,), where there is one."""
-    rate_std: Array | None = None
-    own_std: Array | None = None
-    """Share of `std` that is not common to all samples [rad], shape (n,), where that is known."""
     rest: float
     """Roll at rest about this release, as first estimated from the log [rad]."""
     hold: float
     """Time for which the deck was held still before the release [s]; 0 where it was not."""
     end: Literal["rest", "caught", "log"]
     """Why it ends: the deck came to rest, somebody caught it, or the log stops."""
+
+    @classmethod
+    def of(
+        cls, part: Signal, *, number: int, rest: float, hold: float, end: Literal["rest", "caught", "log"]
+    ) -> "Release":
+        """Return the free decay that a part of a log is."""
+        shared = {field.name: getattr(part, field.name) for field in fields(Signal)}
+        return cls(**shared, number=number, rest=rest, hold=hold, end=end)
 
     @property
     def start(self) -> float:

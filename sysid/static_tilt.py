@@ -9,11 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.decay_numbers import t95
 from sysid.errors import HuskyError
 from sysid.inertia import GRAVITY, ON_AXIS, UNIT
-from sysid.propagation import propagate
-from sysid.quantity import Quantity
+from sysid.quantity import Quantity, propagate, t95
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,18 +1,13 @@
 """Where boards are found and outputs land."""
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from sysid.board import Board, load_board, save_board
-from sysid.errors import HuskyError, did_you_mean
-
-
-def shipped_data() -> Path:
-    """Return the data folder that ships with the tool: in an installed wheel, or in the repository."""
-    package = Path(__file__).resolve().parent
-    installed = package / "_data"
-    return installed if installed.is_dir() else package.parent / "data"
+from sysid.board import Board, boards_folder, find_record, load_named, record_names, save_board
+from sysid.errors import SysidError
+from sysid.files import locked, write_atomically
+from sysid.files import shipped_data as shipped_data
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,49 +19,95 @@ class Workspace:
     @property
     def boards(self) -> Path:
         """The folder of the user's own board records."""
-        return self.root / "data" / "boards"
+        return boards_folder(self.root)
 
     def board_names(self) -> list[str]:
         """Return the names of all boards: the workspace's and the shipped ones."""
-        folders = (self.boards, shipped_data() / "boards")
-        return sorted({path.stem for folder in folders for path in folder.glob("*.toml")})
+        return record_names(self.root)
 
     def board_path(self, name: str) -> Path:
         """Return the record that `name` means: the workspace's, else the shipped one.
 
         Raises:
-            HuskyError: There is no board of that name.
+            SysidError: There is no board of that name.
         """
-        for folder in (self.boards, shipped_data() / "boards"):
-            path = folder / f"{name}.toml"
-            if name and Path(name).name == name and path.is_file():
-                return path
-        names = self.board_names()
-        raise HuskyError(
-            f"unknown board '{name}'.{did_you_mean(name, names)} Known boards: {', '.join(names)}. "
-            f"A new one is a file {self.boards / f'{name}.toml'}."
-        )
+        return find_record(name, self.root)
 
     def load_board(self, name: str) -> Board:
         """Read the board that `name` means.
 
         Raises:
-            HuskyError: There is no such board, or its record is not valid.
+            SysidError: There is no such board, or its record is not valid.
         """
-        path = self.board_path(name)
-        board = load_board(path)
-        if board.name != path.stem:
-            raise HuskyError(f"{path}: field 'name' is '{board.name}'; expected '{path.stem}', as the file.")
-        return board
+        return load_named(name, self.root)
 
-    def save_board(self, board: Board) -> Path:
+    def save_board(self, board: Board, *, since: Board | None = None) -> Path:
         """Write a board into the workspace and return its path; in a clone that is where the shipped ones are, too.
 
+        Commands run for minutes, and others may write the record meanwhile. What they added to its history stays; only
+        a refit, which finds the whole joint anew, may replace a joint that has changed since.
+
+        Args:
+            board: The record to write.
+            since: The record as it was read, which `board` was made from; None to write whatever is there.
+
         Raises:
-            HuskyError: The folder cannot be written to.
+            SysidError: The folder cannot be written to, or what `board` says was found for a joint that has changed
+                since.
         """
         path = self.boards / f"{board.name}.toml"
+        with locked(path):
+            if since is None:
+                self._replace(board, path)
+                return path
+            now = self.load_board(board.name)
+            is_refit = len(board.history) > len(since.history) and all(
+                getattr(now, name) == getattr(since, name) for name in ("geometry", "mass", "inertia")
+            )
+            if now.digest != since.digest and not is_refit:
+                raise SysidError(
+                    f"{path}: the joint was changed by another command while this one ran, so what this one found is "
+                    "not true of it. The record stays as the other wrote it; run this again."
+                )
+            new = board.history[len(since.history) :]
+            self._replace(replace(board, history=(*now.history, *new)), path)
+        return path
+
+    def _replace(self, board: Board, path: Path) -> None:
+        """Write a record, and keep the one that it replaces for `undo`."""
+        try:
+            old = self.board_path(board.name).read_bytes()
+        except SysidError:  # there is none
+            save_board(board, path)
+            return
+        kept = self.earlier(board.name)
+        number = int(kept[-1].stem) + 1 if kept else 1
+        write_atomically(self._earlier(board.name) / f"{number:04d}.toml", old)
         save_board(board, path)
+
+    def _earlier(self, name: str) -> Path:
+        return self.boards / ".earlier" / name
+
+    def earlier(self, name: str) -> list[Path]:
+        """Return the records that a board had before, oldest first."""
+        return sorted(self._earlier(name).glob("*.toml"))
+
+    def undo(self, name: str) -> Path:
+        """Put a board's record back to what it was before it was last written, and return its path.
+
+        Raises:
+            SysidError: It was never changed here.
+        """
+        path = self.boards / f"{name}.toml"
+        with locked(path):
+            kept = self.earlier(name)
+            if not kept:
+                raise SysidError(
+                    f"board '{name}' was never changed in this workspace, so there is nothing to go back to. Is it in another "
+                    "(--workspace)?"
+                )
+            write_atomically(path, kept[-1].read_bytes())
+            kept[-1].unlink()
         return path
 
     def named(self, path: Path) -> str:

@@ -1,11 +1,14 @@
 """A failed write leaves the old file whole and no debris."""
 
 import hashlib
+import os
+import threading
+from pathlib import Path
 
 import pytest
 
 from sysid.errors import HuskyError
-from sysid.files import atomic_path, sha256, write_atomically, write_json
+from sysid.files import atomic_path, locked, sha256, write_atomically, write_json
 
 
 def test_failure_in_the_middle_leaves_the_old_file_and_nothing_else(tmp_path):
@@ -48,3 +51,47 @@ def test_sha256_of_a_file_longer_than_a_block(tmp_path):
     blocks: list[int] = []
     assert sha256(tmp_path / "log", blocks.append) == hashlib.sha256(content).hexdigest()
     assert sum(blocks) == len(content)
+
+
+def test_a_link_stays_a_link(tmp_path):
+    (tmp_path / "real.json").write_text("old")
+    (tmp_path / "link.json").symlink_to(tmp_path / "real.json")
+    write_atomically(tmp_path / "link.json", "new")
+    assert (tmp_path / "link.json").is_symlink()
+    assert (tmp_path / "real.json").read_text() == "new"
+
+
+def test_a_pipe_is_written_through_and_stays(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reader = threading.Thread(target=lambda: read.append(pipe.read_text()))
+    read: list[str] = []
+    reader.start()
+    write_atomically(pipe, "through")
+    reader.join(timeout=10)
+    assert read == ["through"]
+    assert pipe.is_fifo()
+
+
+def test_a_full_device_is_an_error_and_stays_a_device():
+    with pytest.raises(HuskyError, match="No space left"):
+        write_atomically(Path("/dev/full"), "x" * 100_000)
+    assert Path("/dev/full").is_char_device()
+
+
+def test_a_folder_is_not_written_over(tmp_path):
+    with pytest.raises(HuskyError, match="it is a folder"):
+        write_atomically(tmp_path, "x")
+
+
+def test_a_lock_makes_the_second_wait_and_leaves_nothing(tmp_path):
+    path = tmp_path / "board.toml"
+    with (
+        locked(path),
+        pytest.raises(HuskyError, match="another command has held it"),
+        locked(path, patience=0.05),
+    ):
+        pass
+    with locked(path, patience=0.05):
+        pass
+    assert list(tmp_path.iterdir()) == []

@@ -2,14 +2,13 @@
 
 import json
 import math
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import husky
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
@@ -17,9 +16,7 @@ from scipy.integrate import solve_ivp
 from sysid import inertia
 from sysid.board import Board, BoardEffect
 from sysid.errors import HuskyError
-from sysid.propagation import error_budget, propagate
-from sysid.quantity import Z95, Quantity
-from sysid.quantity_text import parse_quantity
+from sysid.quantity import Z95, Quantity, error_budget, parse_quantity, propagate
 from sysid.static_tilt import TiltTest, Weighing, static_tilt
 from sysid.workspace import Workspace
 
@@ -28,12 +25,6 @@ G = inertia.GRAVITY.value
 
 def q(value: float, std: float, unit: str) -> Quantity:
     return Quantity(value, std, unit)
-
-
-def husky(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "sysid.cli", *arguments], capture_output=True, text=True, cwd=cwd, check=False
-    )
 
 
 # --- quantities as text ------------------------------------------------------------------------

@@ -10,17 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from inverse_kinematics import BalanceTask, FrameTask, PostureTask, Task, rotation_matrix, solve
 
-from policy_runtime.inverse_kinematics import (
-    BalanceTask,
-    FrameTask,
-    PostureTask,
-    Task,
-    rotation_matrix,
-    solve,
-)
-from policy_runtime.motions import FRAME_RATE, Motion, save_motion
-from sim.skate.g1 import FOOT_BODIES, JOINTS, SOLE_HEIGHT, g1_spec, pose_vector
+from policy_runtime.motion.motions import FRAME_RATE, Motion, save_motion
+from sim.skate.robot.g1 import FOOT_BODIES, JOINTS, SOLE_HEIGHT, g1_spec, pose_vector
 
 AXIS_HEIGHT = 0.10
 DECK_TOP = 0.11

@@ -8,16 +8,9 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import tomlkit
+from inverse_kinematics import BalanceTask, FrameTask, PostureTask, Task, rotation_matrix, solve
 
-from policy_runtime.inverse_kinematics import (
-    BalanceTask,
-    FrameTask,
-    PostureTask,
-    Task,
-    rotation_matrix,
-    solve,
-)
-from sim.skate.g1 import FOOT_BODIES, JOINTS, SOLE_HEIGHT, g1_spec, pose_vector
+from sim.skate.robot.g1 import FOOT_BODIES, JOINTS, SOLE_HEIGHT, g1_spec, pose_vector
 from sysid.files import write_atomically
 
 # The board of the poses, as both shipped records have it; origin on the tilt axis.
@@ -127,7 +120,7 @@ def main() -> None:
     model = g1_spec(visuals=False).compile()
     document = tomlkit.document()
     document.add(
-        tomlkit.comment("Canonical poses on the board, made by make_poses.py; see sim/skate/poses.py.")
+        tomlkit.comment("Canonical poses on the board, made by make_poses.py; see sim/skate/robot/poses.py.")
     )
     for name, tasks, yaw in (("push", push_tasks(), 0.0), ("steer", steer_tasks(), np.pi / 2)):
         quaternion = np.zeros(4)

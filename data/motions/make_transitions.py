@@ -11,20 +11,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from inverse_kinematics import BalanceTask, FrameTask, PostureTask, Task, rotation_matrix, solve
 
-from policy_runtime.inverse_kinematics import (
-    BalanceTask,
-    FrameTask,
-    PostureTask,
-    Task,
-    rotation_matrix,
-    solve,
-)
-from policy_runtime.motions import Motion, save_motion
-from sim.skate.clock import Clock
-from sim.skate.g1 import FOOT_BODIES, JOINTS, g1_spec
-from sim.skate.poses import load_poses
-from sim.skate.transitions import TransitionPath
+from policy_runtime.motion.motions import Motion, save_motion
+from sim.skate.cycle.clock import Clock
+from sim.skate.cycle.transitions import TransitionPath
+from sim.skate.robot.g1 import FOOT_BODIES, JOINTS, g1_spec
+from sim.skate.robot.poses import load_poses
 
 AXIS_HEIGHT = 0.10
 LEFT, RIGHT = FOOT_BODIES

@@ -10,7 +10,7 @@ import argparse
 import csv
 from pathlib import Path
 
-from policy_runtime.run_folder import RunFolder
+from policy_runtime.learning.run_folder import RunFolder
 
 COLUMNS = (
     "iteration", "samples", "survival", "falls_per_minute", "speed_error", "heading_error", "both_feet", "foot_down",

@@ -11,7 +11,7 @@ import numpy as np
 from policy_runtime.robots import PD_PERIOD, JointCommand
 from policy_runtime.robots.simulated import SimulatedRobot
 from policy_runtime.robots.unitree import POLICY_MOTORS, join_domain, load_messages
-from sim.skate.g1 import JOINTS, servos
+from sim.skate.robot.g1 import JOINTS, servos
 
 LOOPBACK = "lo"
 """The network interface on which a computer talks to itself."""

@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from policy_runtime.robots import PD_PERIOD, JointCommand, RobotState
-from sim.board_scene import TILT_JOINT, TRUCK_JOINTS, WHEELS, set_trucks
+from sim.board.scene import TILT_JOINT, TRUCK_JOINTS, WHEELS, set_trucks
 from sim.skate.arrays import wrap_angle
-from sim.skate.g1 import FOOT_BODIES, JOINTS
-from sim.skate.scene import BOARD, ROBOT
+from sim.skate.robot.g1 import FOOT_BODIES, JOINTS
+from sim.skate.world.scene import BOARD, ROBOT
 from sysid.errors import HuskyError
 from sysid.roll import Array
 
@@ -74,7 +74,7 @@ class Gantry:
 
 
 class SimulatedRobot:
-    """Steps a skating scene (`sim.skate.scene.skate_spec`) at the rate of the servos."""
+    """Steps a skating scene (`sim.skate.world.scene.skate_spec`) at the rate of the servos."""
 
     def __init__(
         self, model: mujoco.MjModel, *, direct_rake: float | None = None, gantry: Gantry | None = None

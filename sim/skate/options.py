@@ -4,11 +4,11 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, Literal, Self
 
-from sim.board_scene import Coupling
-from sim.skate.posterior import Spread
-from sim.skate.start import STANDING_PLACE, Start
-from sim.skate.terrain import Terrain
-from sim.skate.tilt_guidance import Kinematics
+from sim.board.scene import Coupling
+from sim.skate.cycle.start import STANDING_PLACE, Start
+from sim.skate.cycle.tilt_guidance import Kinematics
+from sim.skate.world.posterior import Spread
+from sim.skate.world.terrain import Terrain
 
 Pushing = Literal["amp", "tracking", "gait", "none"]
 """How pushing is taught: by the style of reference motions, by tracking the one nearest in speed joint by joint, by a

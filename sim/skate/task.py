@@ -6,16 +6,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sim.board_scene import TRUCK_JOINTS
-from sim.skate import rewards
-from sim.skate.actor_observation import FRAMES, NOISE, SCALE
-from sim.skate.clock import Clock
-from sim.skate.g1 import JOINTS, default_pose, motor_of
+from sim.board.scene import TRUCK_JOINTS
+from sim.skate.cycle.clock import Clock
+from sim.skate.cycle.push_clips import PushClip
+from sim.skate.cycle.tilt_guidance import TiltGuidance
+from sim.skate.cycle.transitions import TransitionPath
+from sim.skate.mdp import rewards
+from sim.skate.mdp.actor_observation import FRAMES, NOISE, SCALE
 from sim.skate.options import NOMINAL, SkateOptions
-from sim.skate.poses import load_poses
-from sim.skate.posterior import draw_boards, tilt_draws
-from sim.skate.push_clips import PushClip
-from sim.skate.scene import (
+from sim.skate.robot.g1 import JOINTS, default_pose, motor_of
+from sim.skate.robot.poses import load_poses
+from sim.skate.world.posterior import draw_boards, tilt_draws
+from sim.skate.world.scene import (
     DECIMATION,
     SceneOptions,
     as_written,
@@ -23,8 +25,6 @@ from sim.skate.scene import (
     mjlab_simulation,
     standing_height,
 )
-from sim.skate.tilt_guidance import TiltGuidance
-from sim.skate.transitions import TransitionPath
 from sysid.board import Board
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from mjlab.managers.reward_manager import RewardTermCfg
     from mjlab.managers.termination_manager import TerminationTermCfg
 
-    from sim.skate.commands import SkateCommandCfg
+    from sim.skate.mdp.commands import SkateCommandCfg
 
 STYLE_FRAMES = 5
 """Joint frames that the style discriminator judges together."""
@@ -68,8 +68,8 @@ def skate_env_cfg(
     from mjlab.envs import ManagerBasedRlEnvCfg
     from mjlab.envs.mdp.actions import JointPositionActionCfg
 
-    from sim.skate.delay import DelayedJointPositionCfg
-    from sim.skate.trucks import TruckSetterCfg
+    from sim.skate.mdp.delay import DelayedJointPositionCfg
+    from sim.skate.mdp.trucks import TruckSetterCfg
 
     scene = SceneOptions(coupling=options.coupling, steered=options.steered, terrain=options.terrain)
     command = skate_command_cfg(board, options)
@@ -103,7 +103,7 @@ def skate_env_cfg(
 
 def skate_command_cfg(board: Board, options: SkateOptions) -> "SkateCommandCfg":
     """Return the command term's configuration: ranges, cycle, guidance, canonical poses."""
-    from sim.skate.commands import SkateCommandCfg, canonical_pose
+    from sim.skate.mdp.commands import SkateCommandCfg, canonical_pose
 
     poses = load_poses()
     push, steer = (
@@ -135,7 +135,7 @@ def reward_terms(
     """Return the reward terms with their weights and the stretches in which they count."""
     from mjlab.managers.reward_manager import RewardTermCfg
 
-    from sim.skate.measuring import PushTracking, reward
+    from sim.skate.mdp.measuring import PushTracking, reward
 
     def term(function: Any, when: str, weight: float, **arguments: Any) -> RewardTermCfg:
         return RewardTermCfg(func=reward, weight=weight, params={"term": function, "when": when, **arguments})
@@ -193,7 +193,7 @@ def _observations(options: SkateOptions) -> "dict[str, ObservationGroupCfg]":
     from mjlab.managers.observation_manager import ObservationGroupCfg, ObservationTermCfg
     from mjlab.utils.noise import UniformNoiseCfg
 
-    from sim.skate import observations
+    from sim.skate.mdp import observations
 
     noise = UniformNoiseCfg(n_min=tuple(-n for n in NOISE), n_max=NOISE) if options.noise else None
     sees = observations.ActorFrame if options.variation == NOMINAL else observations.SensedFrame
@@ -223,7 +223,7 @@ def _terminations(options: SkateOptions) -> "dict[str, TerminationTermCfg]":
     from mjlab.envs import mdp
     from mjlab.managers.termination_manager import TerminationTermCfg
 
-    from sim.skate import measuring
+    from sim.skate.mdp import measuring
 
     ends = {
         "time_out": TerminationTermCfg(func=mdp.time_out, time_out=True),
@@ -252,8 +252,8 @@ def _events(board: Board, options: SkateOptions, scene: SceneOptions, seed: int)
     from mjlab.managers.event_manager import EventTermCfg
     from mjlab.managers.scene_entity_config import SceneEntityCfg
 
-    from sim.skate import randomisation
-    from sim.skate.worlds import Worlds, draw_slope
+    from sim.skate.mdp import randomisation
+    from sim.skate.mdp.worlds import Worlds, draw_slope
 
     def startup(function: Any, **params: Any) -> EventTermCfg:
         return EventTermCfg(func=function, mode="startup", params=params)

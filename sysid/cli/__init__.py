@@ -5,7 +5,7 @@ Each command is one file beside this one and is imported only when it is called,
 """
 
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from sysid.errors import HuskyError
 
@@ -14,27 +14,135 @@ if TYPE_CHECKING:
 
 EXIT_CODES = """Exit codes: 0 good; 1 input or computation failed; 2 usage; 3 the quality gate said no."""
 
+
+class Command(NamedTuple):
+    """What `--help` says of a command before it is imported."""
+
+    help: str
+    examples: tuple[str, ...]
+    """Command lines, without the program's name."""
+    page: str
+    """Where to read on, in docs/."""
+    has_parts: bool = False
+    """Whether it is an application of its own, with commands in it."""
+
+
 COMMANDS = {
-    "decay": "Roll log in; log decrement, damping ratio, natural frequency, k and d out.",
-    "roll": "Extract the roll angle of any log or video into a CSV file.",
-    "fit": "Fit the MuJoCo tilt joint to logs and save it in the board record.",
-    "compare": "Compare the simulated with the measured decay: how far off, and where.",
-    "diagnose": "Rank the physical effects that the model is missing.",
-    "check": "The gate: does the training scene decay like the board? Exit 0 or 3.",
-    "mjcf": "Write the board as MJCF.",
-    "inertia": "Roll inertia from dimensions, parts, swings, weights or two decays.",
-    "boards": "List boards, their parameters and whether they passed the check.",
-    "synth": "Make a synthetic log with a known truth.",
-    "report": "Write one self-contained HTML file with everything known of a board.",
-    "view": "Show logs and model of a board in Rerun.",
-    "motions": "List, plot and play reference motions.",
-    "train": "Train a policy for a board.",
-    "evaluate": "Measure a policy: success, velocity, heading, smoothness, contacts.",
-    "play": "Show a policy in Rerun or in the MuJoCo viewer.",
-    "export": "Pack scene, policy and board record into one folder that runs by itself.",
-    "run": "Run a policy in real time, in MuJoCo or on the robot.",
+    "decay": Command(
+        "Roll log in; log decrement, damping ratio, natural frequency, k and d out.",
+        ("decay tip.csv --board pink", "decay tip.csv", "decay film.mp4 --board pink --method edge"),
+        "tutorial.md",
+    ),
+    "roll": Command(
+        "Extract the roll angle of any log or video into a CSV file.",
+        ("roll film.mp4 -o roll.csv --overlay seen.mp4", "roll film.mp4 -o roll.csv --align imu.csv"),
+        "video.md",
+    ),
+    "fit": Command(
+        "Fit the MuJoCo tilt joint to logs and save it in the board record.",
+        ("fit tip.csv --board pink", "fit monday.csv tuesday.csv --board pink --effect coulomb --profile"),
+        "intervals.md",
+    ),
+    "compare": Command(
+        "Compare the simulated with the measured decay: how far off, and where.",
+        ("compare tip.csv --board pink", "compare tip.csv --board pink --rerun tip.rrd"),
+        "tutorial.md",
+    ),
+    "diagnose": Command(
+        "Rank the physical effects that the model is missing.",
+        ("diagnose tip.csv --board pink", "diagnose monday.csv tuesday.csv --board pink --json found.json"),
+        "diagnosis.md",
+    ),
+    "check": Command(
+        "Check that the MuJoCo scene reproduces the measured decay; exit 0 or 3.",
+        ("check tip.csv --board pink", "check tip.csv --board pink --scene-file my_scene.xml --joint tilt"),
+        "lying_scene.md",
+    ),
+    "mjcf": Command(
+        "Write the board as MJCF.",
+        ("mjcf --board pink -o board.xml", "mjcf --board pink --bench --timestep 0.002 -o rig.xml"),
+        "boards.md",
+    ),
+    "inertia": Command(
+        "Roll inertia from dimensions, parts, swings, weights or two decays.",
+        (
+            "inertia cuboid --mass 2.58±0.05 --width 20cm --height 2cm",
+            "inertia bifilar --mass 2.58 --separation 150mm --length 1.2 --period 1.692±0.005 --save pink",
+        ),
+        "inertia.md",
+        has_parts=True,
+    ),
+    "boards": Command(
+        "List boards, their parameters and whether they passed the check.",
+        ("boards", "boards pink"),
+        "boards.md",
+    ),
+    "history": Command("Show how a board's record came about.", ("history --board pink",), "boards.md"),
+    "undo": Command(
+        "Put a board's record back to what it was before the last change.",
+        ("undo --board pink",),
+        "boards.md",
+    ),
+    "synth": Command(
+        "Make a synthetic log with a known truth.",
+        (
+            "synth --board pink --releases 3 -o log.csv",
+            "synth --board pink --effect coulomb=0.15 --dialect phyphox -o log.zip",
+        ),
+        "synthetic-logs.md",
+    ),
+    "report": Command(
+        "Write one self-contained HTML file with everything known of a board.",
+        ("report --board pink", "report tip.csv --board pink -o pink.html"),
+        "tutorial.md",
+    ),
+    "view": Command(
+        "Show logs and model of a board in Rerun.",
+        ("view --board pink", "view film.mp4 --board pink -o film.rrd"),
+        "tutorial.md",
+    ),
+    "marker": Command(
+        "Print a page with markers for films, and how to fix and film them.",
+        ("marker", "marker --number 4 -o marker.png"),
+        "video.md",
+    ),
+    "motions": Command(
+        "List, plot and play reference motions.", ("motions", "motions --plot motions.png"), "training.md"
+    ),
+    "train": Command(
+        "Train a policy for a board.",
+        ("train --board pink", "train --board pink --minutes 30"),
+        "training.md",
+    ),
+    "evaluate": Command(
+        "Measure a policy: success, velocity, heading, smoothness, contacts.",
+        ("evaluate data/policies/pink.onnx --board pink",),
+        "training.md",
+    ),
+    "play": Command(
+        "Show a policy in Rerun or in the MuJoCo viewer.",
+        ("play data/policies/pink.onnx --board pink", "play data/policies/pink.onnx --board pink --viewer"),
+        "runtime.md",
+    ),
+    "export": Command(
+        "Pack scene, policy and board record into one folder that runs by itself.",
+        ("export --board pink --policy data/policies/pink.onnx -o pink_on_g1",),
+        "runtime.md",
+    ),
+    "run": Command(
+        "Run a policy in real time, in MuJoCo or on the robot.",
+        ("run data/policies/pink.onnx --board pink", "run pink_on_g1 --robot unitree --interface eth0"),
+        "runtime.md",
+    ),
 }
-"""Every command and its one-line help."""
+"""Every command, in the order of the help."""
+
+
+def epilogue(name: str) -> str:
+    """Return what stands below the options in a command's help: examples, and where to read on."""
+    command = COMMANDS[name]
+    lines = "\n".join(f"husky-sysid {example}" for example in command.examples)
+    return f"Examples:\n\n```\n{lines}\n```\n\nRead on: docs/{command.page}"
 
 
 def build_app() -> "cyclopts.App":
@@ -48,8 +156,9 @@ def build_app() -> "cyclopts.App":
         help=f"Find out why a MuJoCo joint does not behave like the real one, and mend it.\n\n{EXIT_CODES}",
         version=lambda: version("husky-sysid"),
     )
-    for name, help_text in COMMANDS.items():
-        app.command(f"sysid.cli.{name}:{name}", name=name, help=help_text)
+    for name, command in COMMANDS.items():
+        more = {} if command.has_parts else {"help_epilogue": epilogue(name)}
+        app.command(f"sysid.cli.{name}:{name}", name=name, help=command.help, **more)
     return app
 
 

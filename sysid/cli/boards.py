@@ -8,23 +8,13 @@ from cyclopts import Parameter
 
 from sysid.board import Board
 from sysid.cli.console import Common, Printer
+from sysid.decay.report import LABELS
 from sysid.errors import HuskyError, did_you_mean
 from sysid.quantity import Quantity
 from sysid.workspace import Workspace
 
 if TYPE_CHECKING:
     from sysid.free_decay import DecayNumbers
-
-SYMBOLS = {
-    "log_decrement": "log decrement δ",
-    "damping_ratio": "damping ratio ζ",
-    "period": "period T",
-    "omega_d": "damped frequency ω_d",
-    "omega_n": "natural frequency ω_n",
-    "inertia": "roll inertia I",
-    "stiffness": "stiffness k = I ω_n²",
-    "damping": "damping d = 2ζ√(kI)",
-}
 
 
 def boards(
@@ -94,7 +84,7 @@ def _show(space: Workspace, name: str, printer: Printer) -> None:
     if (numbers := derivation(board)) is not None:
         decay = [(key.replace("_", " "), quantity) for key, quantity in board.decay.items()]
         printer.quantities([*decay, ("roll inertia", board.inertia)], "measured decay")
-        printer.quantities([(SYMBOLS[key], quantity) for key, quantity in numbers.items()], "derived from it")
+        printer.quantities([(LABELS[key], quantity) for key, quantity in numbers.items()], "derived from it")
         printer.say(derivation_line(board))
     if board.effects:
         printer.quantities(
@@ -123,9 +113,9 @@ def _show(space: Workspace, name: str, printer: Printer) -> None:
             "mass": _json(board.mass),
             "tilt": _json(board.tilt),
             "effect": [{"name": e.name, "parameters": _json(e.parameters)} for e in board.effects],
-            "fit": _plain(board.fit),
-            "check": _plain(board.check),
-            "history": [_plain(line) for line in board.history],
+            "fit": plain(board.fit),
+            "check": plain(board.check),
+            "history": [plain(line) for line in board.history],
         }
     )
 
@@ -205,6 +195,8 @@ def verdict(board: Board) -> str:
         return "not run"
     nrmse = board.check.get("nrmse")
     error = f" (nrmse {100 * nrmse:.2g} %)" if isinstance(nrmse, int | float) else ""
+    if board.check_is_stale:
+        return "out of date: the record was changed since; run the check again"
     return ("passed" if board.passed else "failed") + error
 
 
@@ -242,12 +234,12 @@ def _json(quantities: Mapping[str, Quantity]) -> dict[str, object]:
     return {key: quantity.to_json() for key, quantity in quantities.items()}
 
 
-def _plain(content: Any) -> Any:
+def plain(content: Any) -> Any:
     """TOML values as JSON has them: dates become text, NaN becomes null."""
     if isinstance(content, Mapping):
-        return {str(key): _plain(value) for key, value in content.items()}
+        return {str(key): plain(value) for key, value in content.items()}
     if isinstance(content, list | tuple):
-        return [_plain(value) for value in content]
+        return [plain(value) for value in content]
     if isinstance(content, float) and not math.isfinite(content):
         return None
     return content if isinstance(content, bool | int | float | str) else str(content)

@@ -1,7 +1,7 @@
 """`husky-sysid check`: the gate between a measured board and training."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import replace
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -10,13 +10,13 @@ from cyclopts import Parameter
 
 from sysid.board import Board
 from sysid.cli.console import Common, Printer, require_share
-from sysid.cli.log_options import LogArguments, keep_logs, load_releases
+from sysid.cli.log_options import LogArguments, load_recordings, refuse_overwriting_logs
 from sysid.errors import HuskyError, QualityGateError
 
 if TYPE_CHECKING:
     from sim.check import SceneCheck
-    from sim.in_scene import HeldScene
-    from sim.scene_additions import SceneAdditions, TiltJoint
+    from sim.compensation.parasitics import Parasitics, TiltJoint
+    from sim.compensation.scene import ClampedScene
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
@@ -60,18 +60,19 @@ def check(
         QualityGateError: The scene does not decay as measured.
     """
     from sim.check import check_scene
+    from sim.compensation.parasitics import measure_parasitics
     from sim.mjcf import substituted
-    from sim.scene_additions import scene_additions
 
     require_share("--tolerance", tolerance)
     if timestep is not None and not 0 < timestep <= 0.05:
         raise HuskyError(f"--timestep {timestep:g}: expected seconds between 0 and 0.05, such as 0.005.")
     printer = Printer(common)
     record = common.space.load_board(board)
-    keep_logs([*logs, *([] if scene_file is None else [scene_file])], arguments, printer)
-    releases = load_releases(logs, arguments, printer)
+    refuse_overwriting_logs([*logs, *([] if scene_file is None else [scene_file])], arguments, printer)
+    recordings = load_recordings(logs, arguments, printer)
+    releases = [release for recording in recordings for release in recording.releases]
     if scene_file is not None:
-        from sim.in_scene import scene_from_file
+        from sim.compensation.scene import scene_from_file
 
         given = {"--integrator": integrator, "--coupling": coupling, "--export": export}
         usual = {"--integrator": "implicitfast", "--coupling": "equality", "--export": "in-scene"}
@@ -83,20 +84,25 @@ def check(
             record, 0.005 if timestep is None else timestep, integrator, coupling, export, printer
         )
     result = check_scene(record, scene, releases, tolerance=tolerance)
-    additions = scene_additions(record, scene)
+    additions = measure_parasitics(record, scene)
     unwritten = substituted(record)
     reasons = (*unwritten, *additions.reasons(record, record.tilt["range"].value))
+    if result.only_rest_is_off:
+        reasons = (
+            f"the deck rests {math.degrees(result.rest_error):.2g}° from where the record lets the scene rest (fit the "
+            "record to these logs, or level the sensor)",
+        )
     _print(printer, record, scene, result, additions)
     printer.result(_json(record, scene, result, additions, () if result.passed else reasons))
     if scene_file is None:
-        path = common.space.save_board(replace(record, check=_entry(scene, result, logs)))
+        path = common.space.save_board(record.checked(_entry(scene, result, logs)), since=record)
         printer.note(f"written into {path}")
     else:
         printer.note("the board record is unchanged: its [check] speaks of the scene that the tool builds")
     if result.passed:
         printer.say(
-            f"passed: NRMSE {100 * result.nrmse:.2f} % (tolerance {100 * tolerance:g} %; the noise of the logs hides less "
-            f"than {100 * result.hidden:.1f} %)"
+            f"passed: NRMSE {100 * result.nrmse:.2f} % (tolerance {100 * tolerance:g} %; an error below "
+            f"{100 * result.hidden:.1f} % could not be seen in this noise)"
         )
         for line in unwritten:
             printer.warn(f"{line}: the scene passes all the same")
@@ -120,9 +126,9 @@ def _own_scene(
     coupling: Literal["equality", "direct"],
     export: str,
     printer: Printer,
-) -> "HeldScene":
-    from sim.in_scene import compensate_in_scene, training_scene
-    from sim.step_compensation import compensate_step
+) -> "ClampedScene":
+    from sim.compensation.scene import compensate_in_scene, training_scene
+    from sim.compensation.step import compensate_step
 
     written = record
     if export != "physical":
@@ -136,7 +142,7 @@ def _own_scene(
 
 
 def _print(
-    printer: Printer, record: Board, scene: "HeldScene", result: "SceneCheck", additions: "SceneAdditions"
+    printer: Printer, record: Board, scene: "ClampedScene", result: "SceneCheck", additions: "Parasitics"
 ) -> None:
     printer.say(f"board {record.name} in: {scene.name}; the chassis is held, as on a bench")
     for release in result.releases:
@@ -160,7 +166,9 @@ def _print(
         ],
     )
     rows = [("wanted at this step", additions.wanted), ("the scene as a whole", additions.whole)]
-    rows += [(name if name == "deck alone" else f"of that: {name}", part) for name, part in additions.parts]
+    rows += [
+        (name if name == "deck alone" else f"contribution of {name}", part) for name, part in additions.parts
+    ]
     printer.table(
         ("tilt joint", "stiffness N·m/rad", "damping N·m·s/rad", "inertia kg·m²"),
         [
@@ -184,7 +192,7 @@ def _rounded(part: "TiltJoint", wanted: "TiltJoint") -> "TiltJoint":
     )
 
 
-def _entry(scene: "HeldScene", result: "SceneCheck", logs: Sequence[Path]) -> dict[str, Any]:
+def _entry(scene: "ClampedScene", result: "SceneCheck", logs: Sequence[Path]) -> dict[str, Any]:
     return {
         "passed": result.passed,
         "nrmse": float(f"{result.nrmse:.4g}"),
@@ -197,9 +205,9 @@ def _entry(scene: "HeldScene", result: "SceneCheck", logs: Sequence[Path]) -> di
 
 def _json(
     record: Board,
-    scene: "HeldScene",
+    scene: "ClampedScene",
     result: "SceneCheck",
-    additions: "SceneAdditions",
+    additions: "Parasitics",
     reasons: Sequence[str],
 ) -> dict[str, Any]:
     def numbers(joint: "TiltJoint") -> dict[str, float]:
@@ -228,6 +236,7 @@ def _json(
                 "nrmse": release.nrmse,
                 "rmse_rad": release.rmse,
                 "zero_rad": release.zero,
+                "rest_error_rad": release.rest_error,
             }
             for release in result.releases
         ],

@@ -5,20 +5,28 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import Parameter
+from cyclopts import Group, Parameter
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.files import refuse_overwriting, write_json
 from sysid.quantity import Quantity
+from sysid.text import table
 from sysid.workspace import Workspace
 
+if TYPE_CHECKING:
+    from sysid.recording import Recording
 
-@Parameter(name="*")
+
+LOG, FILM, FIT, OUTPUT = (
+    Group(name, sort_key=place) for place, name in enumerate(("Log", "Film", "Fit", "Output"), 1)
+)
+"""What options belong to, in the order of a command's help."""
+
+
+@Parameter(name="*", group=OUTPUT)
 @dataclass(frozen=True, kw_only=True)
 class Common:
     """Options of every command."""
@@ -69,7 +77,7 @@ class Printer:
             outputs: What is written beside the JSON, by option.
 
         Raises:
-            HuskyError: An output is an input.
+            SysidError: An output is an input.
         """
         json = self.common.json
         own = {"--json": None if json is None or json == "-" else Path(json)}
@@ -87,14 +95,23 @@ class Printer:
         """Print what was inferred or done, on stderr."""
         self._stderr.print(text, markup=False, style="dim")
 
+    @property
+    def width(self) -> int:
+        """Characters that fit into a line of stdout."""
+        return self._stdout.width
+
+    def warnings(self, texts: Iterable[str], recordings: Sequence["Recording"] = ()) -> None:
+        """Print warnings on stderr, but not again those that were printed when the logs were read."""
+        from sysid.recording import reading_warnings
+
+        said = set(reading_warnings(recordings))
+        for text in texts:
+            if text not in said:
+                self.warn(text)
+
     def table(self, columns: Sequence[str], rows: Sequence[Sequence[str]], title: str | None = None) -> None:
         """Print a table on stdout."""
-        table = Table(title=title, title_justify="left", title_style="bold")
-        for column in columns:
-            table.add_column(escape(column), overflow="fold")
-        for row in rows:
-            table.add_row(*map(escape, row))  # '[kg]' is a unit, not a style
-        self._stdout.print(table)
+        self.say(table(columns, rows, title, width=self.width))
 
     def quantities(self, rows: Sequence[tuple[str, Quantity]], title: str | None = None) -> None:
         """Print quantities as a table: name, value ± 95 %, how."""
@@ -119,7 +136,7 @@ def require_share(option: str, value: float) -> None:
     """Accept an option that is a share of something.
 
     Raises:
-        HuskyError: It is not between 0 and 1.
+        SysidError: It is not between 0 and 1.
     """
     if not 0 < value < 1:
-        raise HuskyError(f"{option} {value:g}: expected a share between 0 and 1, such as 0.02.")
+        raise SysidError(f"{option} {value:g}: expected a share between 0 and 1, such as 0.02.")

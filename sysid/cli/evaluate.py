@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 if TYPE_CHECKING:
-    from policy_runtime.evaluation import Evaluation
+    from policy_runtime.evaluation.result import Evaluation
 
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.errors import HuskyError
 from sysid.quantity import Quantity
 
@@ -38,7 +38,7 @@ def evaluate(
     randomised: bool = False,
     workers: int | None = None,
     breakdown: bool = False,
-    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"], group=OUTPUT)] = None,
     force: bool = False,
     common: Common = Common(),
 ) -> int:
@@ -72,11 +72,11 @@ def evaluate(
     """
     from rich.progress import Progress
 
-    from policy_runtime.evaluate import Protocol, evaluate_policy
-    from policy_runtime.evaluate_parallel import evaluate_in_parallel
-    from policy_runtime.metrics import METRICS
-    from policy_runtime.stress import SUITE, Stress
-    from reports.ride_figure import paths_figure, suite_figure
+    from policy_runtime.evaluation.metrics import METRICS
+    from policy_runtime.evaluation.parallel import evaluate_in_parallel
+    from policy_runtime.evaluation.plain import Protocol, evaluate_policy
+    from policy_runtime.evaluation.stress import SUITE, Stress
+    from reports.figures.ride import paths_figure, suite_figure
 
     if episodes < 1 or seeds < 1:
         raise HuskyError(f"--episodes {episodes} --seeds {seeds}: both must be at least 1.")

@@ -5,14 +5,14 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import OUTPUT, Common, Printer
 
 
 def export(
     *,
     board: Annotated[str, Parameter(name=["--board", "-b"])],
     policy: Path | None = None,
-    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"], group=OUTPUT)] = None,
     coupling: Literal["equality", "direct"] = "equality",
     terrain: Literal["flat", "slopes", "steps"] = "flat",
     force: bool = False,

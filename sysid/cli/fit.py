@@ -2,23 +2,19 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 from cyclopts import Parameter
 
-from sysid.board import Board
-from sysid.cli.console import Common, Printer
-from sysid.cli.diagnose import signal_of
+from sysid.cli.console import FIT, Common, Printer
 from sysid.cli.fit_intervals import show_intervals
-from sysid.cli.log_options import LogArguments, load_releases
+from sysid.cli.log_options import LogArguments, load_recordings
+from sysid.cli.parameter_options import parse_bounds, parse_fixed
 from sysid.files import atomic_path
-from sysid.roll import Release
 
 if TYPE_CHECKING:
-    from reports.ladder_figure import Rung
-    from sim.step_compensation import Compensation
-    from sysid.fit_mjcf import FitOptions, JointFit
+    from sim.compensation.step import Compensation
+    from sysid.fit_mjcf import Fit
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
@@ -29,13 +25,19 @@ def fit(
     /,
     *,
     board: Annotated[str, Parameter(name=("--board", "-b"))],
-    effect: Annotated[tuple[str, ...], Parameter(name="--effect", negative="")] = (),
-    plain: bool = False,
-    robust: bool = False,
-    in_scene: Annotated[bool, Parameter(name="--in-scene", negative="")] = False,
-    profile: Annotated[bool, Parameter(name="--profile", negative="")] = False,
-    bootstrap: int = 0,
-    any_period: Annotated[bool, Parameter(name="--any-period", negative="")] = False,
+    effect: Annotated[
+        tuple[str, ...], Parameter(name="--effect", negative="", group=FIT, show_default=False)
+    ] = (),
+    fix: Annotated[tuple[str, ...], Parameter(name="--fix", negative="", group=FIT, show_default=False)] = (),
+    bound: Annotated[
+        tuple[str, ...], Parameter(name="--bound", negative="", group=FIT, show_default=False)
+    ] = (),
+    plain: Annotated[bool, Parameter(negative="", group=FIT)] = False,
+    robust: Annotated[bool, Parameter(negative="", group=FIT)] = False,
+    in_scene: Annotated[bool, Parameter(name="--in-scene", negative="", group=FIT)] = False,
+    profile: Annotated[bool, Parameter(name="--profile", negative="", group=FIT)] = False,
+    bootstrap: Annotated[int, Parameter(group=FIT)] = 0,
+    any_period: Annotated[bool, Parameter(name="--any-period", negative="", group=FIT)] = False,
     arguments: LogArguments = _NO_ARGUMENTS,
     common: Common = _NO_COMMON,
 ) -> int:
@@ -47,6 +49,9 @@ def fit(
         logs: Logs of one board.
         board: Name of the board.
         effect: Effect to add to those of the record; repeat it for several.
+        fix: Hold a parameter, as NAME=VALUE in SI units: stiffness, damping, rest, or EFFECT.PARAMETER; repeat it for
+            several.
+        bound: Keep a parameter within NAME=LOW:HIGH.
         plain: Drop the effects that the record has.
         robust: Let outliers of the sensor count less.
         in_scene: Also find what must be written into the training scene (implicitfast at 5 ms, wheels on the
@@ -58,141 +63,58 @@ def fit(
         arguments: How the logs are read.
         common: Options of every command.
     """
-    from sysid.fit_mjcf import FitOptions, check_effects, fit_joint, heldout_rmse
-    from sysid.fit_record import recorded, refuse_bad
-    from sysid.plausible import amplitude_warnings, period_warnings, refuse_period
+    from sysid.fit_mjcf import fit as fit_recordings
+    from sysid.fitting.joint import check_effects
 
     printer = Printer(common)
     record = common.space.load_board(board)
     check_effects(effect)
+    fixed, bounds = parse_fixed(fix), parse_bounds(bound)
     if bootstrap:
-        from sysid.block_bootstrap import require_enough
+        from sysid.fitting.bootstrap import require_enough
 
         require_enough(bootstrap)
-    kept = () if plain else tuple(part.name for part in record.effects)
-    names = tuple(dict.fromkeys((*kept, *effect)))
-    releases = load_releases(logs, arguments, printer)
-    options = FitOptions(robust=robust, **signal_of(releases))
-    odd = amplitude_warnings(releases, record)
-    result = fit_joint(releases, record, names, options)
-    named, frequency = ", ".join(str(log) for log in logs), result.law.frequency
-    if not any_period:
-        refuse_period(frequency, record, log=named)
-    for warning in (*odd, *period_warnings(frequency, record, log=named), *result.warnings):
-        printer.warn(warning)
-    if result.kinked and not profile:
-        printer.note(
-            "the intervals take the cost for smooth, but dry friction and stops put kinks into it: add --profile to "
-            "walk along the cost itself"
-        )
-    refuse_bad(result)
-    heldout = heldout_rmse(result)
-    new = recorded(record, result, {common.space.named(log): log for log in logs}, heldout=heldout)
-    rungs = _ladder(releases, record, names, options, result, heldout)
+    recordings = load_recordings(logs, arguments, printer)
+    result = fit_recordings(
+        recordings,
+        record,
+        effect,
+        plain=plain,
+        robust=robust,
+        fixed=fixed,
+        bounds=bounds,
+        any_period=any_period,
+    )
+    printer.warnings(result.warnings, recordings)
+    if result.joint.nonsmooth and not profile:
+        printer.note("With friction or stops the intervals may be lopsided; --profile computes them exactly.")
+    new = result.updated_board({common.space.named(log): log for log in logs})
     scene: Compensation | None = None
     if in_scene:
-        from sim.in_scene import compensate_in_scene
+        from sim.compensation.scene import compensate_in_scene
 
         scene = compensate_in_scene(new)
         new = replace(new, fit={**new.fit, "in_scene": scene.entry()})
-    _print(printer, record, new, result, rungs)
-    intervals = show_intervals(result, record, common, printer, profile=profile, draws=bootstrap)
+    printer.say(result.report(printer.width))
+    intervals = show_intervals(result.joint, record, common, printer, profile=profile, draws=bootstrap)
     for line in scene.lines() if scene else ():
         printer.say(line)
-    picture = _draw(common, new, rungs, result)
-    path = common.space.save_board(
-        new
-    )  # last: what fails or is broken off before leaves the record as it was
+    picture = _draw(common, result)
+    # Last: what fails or is broken off before leaves the record as it was.
+    path = common.space.save_board(new, since=record)
     printer.say(f"written: {path}, {picture}")
-    content = {**_to_json(new, result, heldout, rungs), **intervals}
+    content = {**result.to_json(), **intervals}
     printer.result({**content, "in_scene": scene.entry()} if scene else content)
     return 0
 
 
-def _ladder(
-    releases: list[Release],
-    board: Board,
-    names: tuple[str, ...],
-    options: "FitOptions",
-    result: "JointFit",
-    heldout: float,
-) -> "list[Rung]":
-    """Return the errors from the linear joint up, one effect more on each rung."""
-    from reports.ladder_figure import Rung
-    from sysid.fit_mjcf import fit_joint, heldout_rmse
+def _draw(common: Common, result: "Fit") -> Path:
+    from reports.figures.ladder import ladder_figure
 
-    rungs: list[Rung] = []
-    for count in range(len(names)):
-        step = fit_joint(releases, board, names[:count], options)
-        label = f"+ {names[count - 1]}" if count else "spring and\ndamper"
-        rungs.append(Rung(label, step.rmse, heldout_rmse(step)))
-    label = f"+ {names[-1]}" if names else "spring and\ndamper"
-    return [*rungs, Rung(label, result.rmse, heldout)]
-
-
-def _draw(common: Common, board: Board, rungs: "list[Rung]", result: "JointFit") -> Path:
-    from reports.ladder_figure import ladder_figure
-
-    path = common.space.outputs(board.name) / "ladder.png"
-    unit = "rad/s" if result.records[0].is_rate else "rad"
+    name = result.before.name
+    path = common.space.outputs(name) / "ladder.png"
+    unit = "rad/s" if result.is_rate else "rad"
     with atomic_path(path) as temporary:
-        figure = ladder_figure(rungs, result.noise.std, f"{board.name}: what each effect takes away", unit)
+        figure = ladder_figure(result.ladder, result.noise.std, f"{name}: what each effect takes away", unit)
         figure.savefig(temporary, dpi=140)
     return path
-
-
-def _print(printer: Printer, old: Board, new: Board, result: "JointFit", rungs: "list[Rung]") -> None:
-    scale, unit = (1.0, "rad/s") if result.records[0].is_rate else (float(np.degrees(1.0)), "°")
-    printer.say(
-        f"{new.name} · {len(result.records)} release(s) · {result.status} · noise floor "
-        f"{scale * result.noise.std:.3g}{unit} ({result.noise.how})"
-    )
-    before: dict[str, Any] = {**{n: q for n, q in old.tilt.items() if n != "range"}}
-    before.update({f"{p.name}.{n}": q for p in old.effects for n, q in p.parameters.items()})
-    rows = [(name, str(before.get(name, "-")), str(quantity)) for name, quantity in result.quantities.items()]
-    printer.table(("quantity", "before", "after ± 95 %"), rows)
-    printer.table(
-        ("model", "error", "held out", "error / noise"),
-        [
-            (
-                rung.label.replace("\n", " "),
-                f"{scale * rung.rmse:.4g}{unit}",
-                f"{scale * rung.heldout:.4g}{unit}",
-                f"{rung.rmse / result.noise.std:.3f}",
-            )
-            for rung in rungs
-        ],
-    )
-    printer.say(f"record as it stood: error {scale * new.history[-1]['rmse_before']:.4g}{unit}")
-
-
-def _to_json(board: Board, result: "JointFit", heldout: float, rungs: "list[Rung]") -> dict[str, Any]:
-    is_rate = result.records[0].is_rate
-    # An error of a measured rate, as the amplitude of a swing at the joint's frequency that has that rate.
-    per = 1.0 / result.law.frequency if is_rate else 1.0
-    return {
-        "board": board.name,
-        "effects": [name for name, _ in result.law.effects],
-        "inertia": board.inertia.to_json(),
-        "parameters": {name: quantity.to_json() for name, quantity in result.quantities.items()},
-        "correlation": {
-            "names": list(result.quantities),
-            "matrix": np.nan_to_num(result.correlation).tolist(),
-        },
-        "rmse_rad": per * result.rmse,
-        "nrmse": result.nrmse,
-        "heldout_rmse_rad": per * heldout,
-        "noise_floor_rad": per * result.noise.std,
-        "signal": "rate" if is_rate else "roll",
-        "rmse_before_rad": per * board.history[-1]["rmse_before"],
-        "ladder": [
-            {
-                "model": r.label.replace("\n", " "),
-                "rmse_rad": per * r.rmse,
-                "heldout_rmse_rad": per * r.heldout,
-            }
-            for r in rungs
-        ],
-        "status": result.status,
-        "warnings": list(result.warnings),
-    }

@@ -9,16 +9,16 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
+from sysid.cli import epilogue
 from sysid.cli.console import Common, Printer
 from sysid.errors import HuskyError
-from sysid.quantity import Quantity
-from sysid.quantity_text import parse_quantity
+from sysid.quantity import Quantity, parse_quantity
 
 NOTES = """Quantities are written 2.58, 2.58±0.05 or 2.58+-0.05 in SI units (± is the 95 % interval), or with a unit: 20±0.2cm,
 184ms, 3.1deg, 6.5Hz. Distances are from the tilt axis. Every method takes --json PATH and --workspace DIR, and
 --save BOARD to put the result into the board's record."""
 
-inertia = App(name="inertia", help_epilogue=NOTES)
+inertia = App(name="inertia", help_epilogue=f"{NOTES}\n\n{epilogue('inertia')}")
 
 
 @Parameter(name="*")
@@ -296,7 +296,7 @@ def _report(name: str, method: Callable[..., Quantity], given: Mapping[str, str]
 
 
 def _budget(method: Callable[..., Quantity], inputs: Mapping[str, Quantity]) -> dict[str, float]:
-    from sysid.propagation import error_budget
+    from sysid.quantity import error_budget
 
     return error_budget(method, inputs)
 
@@ -347,7 +347,7 @@ def _save(board: str, result: Quantity, outcome: Outcome, printer: Printer) -> s
 
     old = outcome.space.load_board(board)
     new = with_inertia(old, result)
-    path = outcome.space.save_board(new)
+    path = outcome.space.save_board(new, since=old)
     for name in ("stiffness", "damping"):
         printer.note(
             f"{board}: {name} {old.tilt[name]} → {new.tilt[name]}, as the decay fixes its ratio to I"

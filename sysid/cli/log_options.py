@@ -4,50 +4,52 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from sysid.cli.console import Printer
-from sysid.errors import HuskyError
-from sysid.logs import VIDEO_SUFFIXES, LogOptions, read_roll
-from sysid.roll import Release, Roll
-from sysid.same_log import refuse_twice
-from sysid.video.options import Method, VideoOptions
+from sysid.cli.console import FILM, LOG, Printer
+from sysid.errors import SysidError
+from sysid.logs import LogOptions, read_roll
+from sysid.logs.sources.registry import sources
+from sysid.recording import Recording, refuse_duplicates
+from sysid.roll import Roll
+from sysid.video.options import VIDEO_SUFFIXES, VideoOptions
+from sysid.video.trackers import Method
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=FILM)
 @dataclass(frozen=True, kw_only=True)
 class VideoArguments:
     """How a film is read, where the inference needs help."""
 
     method: Annotated[Method, Parameter(name="--method")] = "auto"
-    """Film: what to follow."""
+    """What to follow."""
     roi: Annotated[tuple[int, int, int, int] | None, Parameter(name="--roi", negative="")] = None
-    """Film: left, top, width and height in px of where the board moves."""
+    """Left, top, width and height in px of where the board moves."""
     calibration: Annotated[Path | None, Parameter(name="--calibration")] = None
-    """Film: camera calibration, a file or a film of a chessboard."""
+    """Camera calibration, a file or a film of a chessboard."""
     readout: Annotated[float | None, Parameter(name="--readout")] = None
-    """Film: time from the sensor's first to its last row in s; 0 for a global shutter."""
+    """Time from the sensor's first to its last row in s; 0 for a global shutter."""
     camera_angle: Annotated[
         tuple[float, float] | None, Parameter(name="--camera-angle", negative="", allow_leading_hyphen=True)
     ] = None
-    """Film: where the deck's axis points, to the right and down from the line of sight, in degrees."""
+    """Where the deck's axis points, to the right and down from the line of sight, in degrees."""
     pivot: Annotated[
         tuple[float, float] | None, Parameter(name="--pivot", negative="", allow_leading_hyphen=True)
     ] = None
-    """Film: point in px that a single dot turns about."""
+    """Point in px that a single dot turns about."""
     front: Annotated[bool, Parameter(name="--front", negative="")] = False
-    """Film: taken from the front of the board, not from behind."""
+    """Taken from the front of the board, not from behind."""
     overlay: Annotated[Path | None, Parameter(name="--overlay")] = None
-    """Film: write one in which what was followed is drawn."""
+    """Write a film in which what was followed is drawn."""
 
     @property
     def options(self) -> VideoOptions:
         """The same, with angles in rad."""
         angle = self.camera_angle
         if angle is not None and not max(map(abs, angle)) <= STEEPEST:
-            raise HuskyError(
+            raise SysidError(
                 f"--camera-angle {angle[0]:g} {angle[1]:g}: expected degrees of at most {STEEPEST:g} to either side; "
                 "from farther aside a deck shows its roll too little to be measured."
             )
@@ -66,9 +68,13 @@ class VideoArguments:
 STEEPEST = 45.0
 """Largest angle between the line of sight and the deck's axis [deg]."""
 _NO_VIDEO = VideoArguments()
+if TYPE_CHECKING:
+    _Source = str
+else:
+    _Source = Literal[("auto", *sources())]
 
 
-@Parameter(name="*")
+@Parameter(name="*", group=LOG)
 @dataclass(frozen=True, kw_only=True)
 class LogArguments:
     """How a log is read, where the inference needs help; and which part of it counts."""
@@ -80,12 +86,10 @@ class LogArguments:
     axis: Annotated[str | None, Parameter(name="--axis", allow_leading_hyphen=True)] = None
     """Sensor axis that points forward (x, -y, ...), or the angle to take (roll, -pitch, ...)."""
     rate: Annotated[float | None, Parameter(name="--rate")] = None
-    """Sampling rate in Hz, for a log without a usable time column."""
+    """Sampling or film frame rate in Hz, where the file's own is missing or wrong (slow motion)."""
     time_column: Annotated[str | None, Parameter(name="--time-column")] = None
     """Column with the time: its name, or its number counted from 1."""
-    source: Annotated[Literal["auto", "angle", "gyro", "imu", "quaternion"], Parameter(name="--source")] = (
-        "auto"
-    )
+    source: Annotated[_Source, Parameter(name="--source")] = "auto"
     """What to make roll from, where a log holds several."""
     lever_arm: Annotated[
         tuple[float, float, float] | None,
@@ -96,7 +100,7 @@ class LogArguments:
     """Ignore the log before this time in s."""
     stop: Annotated[float | None, Parameter(name="--to")] = None
     """Ignore the log after this time in s."""
-    release: Annotated[tuple[float, ...], Parameter(name="--release", negative="")] = ()
+    release: Annotated[tuple[float, ...], Parameter(name="--release", negative="", show_default=False)] = ()
     """Time of a release in s, instead of finding it; repeat it for several."""
     video: VideoArguments = _NO_VIDEO
 
@@ -111,11 +115,13 @@ class LogArguments:
             time_column=self.time_column,
             source=self.source,
             lever_arm=self.lever_arm,
+            start=self.start,
+            stop=self.stop,
             video=self.video.options,
         )
 
 
-def keep_logs(
+def refuse_overwriting_logs(
     logs: Iterable[Path],
     arguments: LogArguments,
     printer: Printer,
@@ -130,7 +136,7 @@ def keep_logs(
         outputs: What else the command writes, by option.
 
     Raises:
-        HuskyError: An output is a log.
+        SysidError: An output is a log.
     """
     calibration = arguments.video.calibration
     inputs = [*logs, *(() if calibration is None else (calibration,))]
@@ -155,9 +161,9 @@ def load_roll(log: Path, arguments: LogArguments, printer: Printer) -> Roll:
     """Read one log and say on stderr what was inferred and what is wrong with it.
 
     Raises:
-        HuskyError: The log cannot be read as roll, or would be overwritten.
+        SysidError: The log cannot be read as roll, or would be overwritten.
     """
-    keep_logs([log], arguments, printer)
+    refuse_overwriting_logs([log], arguments, printer)
     if unused := unused_options(log, arguments):
         kind = "a film" if is_film(log) else "no film"
         printer.warn(f"{log}: not used: {', '.join(unused)}; this is {kind}")
@@ -168,27 +174,28 @@ def load_roll(log: Path, arguments: LogArguments, printer: Printer) -> Roll:
 
 def say_notes(log: Path, roll: Roll, printer: Printer) -> None:
     """Say on stderr what was inferred while reading a log, and what is wrong with it."""
-    printer.note(f"{log}: " + "; ".join(roll.notes))
+    printer.note("\n".join((str(log), *(f"  {note}" for note in roll.notes))))
     for warning in roll.warnings:
         printer.warn(f"{log}: {warning}")
 
 
-def load_releases(logs: Sequence[Path], arguments: LogArguments, printer: Printer) -> list[Release]:
-    """Read logs and return the free decays in all of them.
+def load_recordings(logs: Sequence[Path], arguments: LogArguments, printer: Printer) -> list[Recording]:
+    """Read logs and find the free decays in them.
 
     Raises:
-        HuskyError: A log cannot be read, holds no free decay, was given twice, or would be overwritten.
+        SysidError: A log cannot be read, holds no free decay, was given twice, or would be overwritten.
     """
-    from sysid.releases import find_releases
-
     if not logs:
-        raise HuskyError("no log was given.")
-    keep_logs(logs, arguments, printer)
-    refuse_twice(logs)
-    releases: list[Release] = []
-    for log in logs:
-        roll = load_roll(log, arguments, printer)
-        releases += find_releases(
-            roll, start=arguments.start, stop=arguments.stop, releases=arguments.release
-        )
-    return releases
+        raise SysidError("no log was given.")
+    refuse_overwriting_logs(logs, arguments, printer)
+    refuse_duplicates(logs)
+    return [recording_of(load_roll(log, arguments, printer), arguments) for log in logs]
+
+
+def recording_of(roll: Roll, arguments: LogArguments) -> Recording:
+    """Find the releases in the part of a roll that the user named.
+
+    Raises:
+        SysidError: There is none.
+    """
+    return Recording.of(roll, start=arguments.start, stop=arguments.stop, release=arguments.release)

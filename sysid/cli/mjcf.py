@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.errors import HuskyError
 from sysid.files import write_atomically
 
@@ -15,7 +15,7 @@ _NO_COMMON = Common()
 def mjcf(
     *,
     board: Annotated[str, Parameter(name=("--board", "-b"))],
-    output: Annotated[Path, Parameter(name=("--output", "-o"))],
+    output: Annotated[Path, Parameter(name=("--output", "-o"), group=OUTPUT)],
     bench: Annotated[bool, Parameter(name="--bench", negative="")] = False,
     scene: Annotated[bool, Parameter(name="--scene", negative="")] = False,
     timestep: Annotated[float, Parameter(name="--timestep")] = 0.005,

@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.errors import HuskyError
 
 if TYPE_CHECKING:
-    from policy_runtime.motion_check import MotionFacts
+    from policy_runtime.motion.motion_check import MotionFacts
 
 
 def motions(
     *motion: Path,
-    plot: Annotated[Path | None, Parameter(name="--plot")] = None,
-    rerun: Annotated[Path | None, Parameter(name="--rerun")] = None,
+    plot: Annotated[Path | None, Parameter(name="--plot", group=OUTPUT)] = None,
+    rerun: Annotated[Path | None, Parameter(name="--rerun", group=OUTPUT)] = None,
     common: Common = Common(),
 ) -> int:
     """List reference motions and what they do; draw them, or play them in Rerun.
@@ -28,10 +28,10 @@ def motions(
         rerun: Write a Rerun recording of the moving robot to this file; open it with `rerun FILE`.
         common: Options of every command.
     """
-    from policy_runtime.motion_check import motion_facts
-    from policy_runtime.motions import load_motions, motion_paths
-    from policy_runtime.style_reference import transition_folder
-    from sim.skate.g1 import JOINTS, g1_spec
+    from policy_runtime.learning.style_reference import transition_folder
+    from policy_runtime.motion.motion_check import motion_facts
+    from policy_runtime.motion.motions import load_motions, motion_paths
+    from sim.skate.robot.g1 import JOINTS, g1_spec
 
     printer = Printer(common)
     printer.keep(motion, {"--plot": plot, "--rerun": rerun})
@@ -62,12 +62,12 @@ def motions(
         if fact.slide > 0.1:
             printer.warn(f"{name}: the planted left foot slides at up to {fact.slide:.2f} m/s")
     if plot is not None:
-        from reports.motion_figure import motion_figure
+        from reports.figures.motion import motion_figure
 
         motion_figure(clips, [fact.planted for fact in facts.values()], plot)
         printer.say(f"picture: {plot}")
     if rerun is not None:
-        from reports.ride_rerun import motion_recording
+        from reports.rerun.ride import motion_recording
 
         motion_recording(model, clips, rerun)
         printer.say(f"recording: {rerun}")

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.cli.ride_options import RideOptions, choose_renderer, prepare, write_ride
 
 
@@ -14,7 +14,7 @@ def play(
     /,
     *,
     options: RideOptions = RideOptions(),
-    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"], group=OUTPUT)] = None,
     viewer: bool = False,
     common: Common = Common(),
 ) -> int:
@@ -29,11 +29,11 @@ def play(
         common: Options of every command.
     """
     choose_renderer()
-    from policy_runtime.metrics import episode_errors
-    from policy_runtime.recording import Recorder
+    from policy_runtime.evaluation.metrics import episode_errors
+    from policy_runtime.evaluation.recording import Recorder
+    from policy_runtime.loop.viewer import viewed
+    from policy_runtime.loop.world import joint_limits
     from policy_runtime.runtime import Runtime
-    from policy_runtime.viewer import viewed
-    from policy_runtime.world import joint_limits
 
     printer = Printer(common)
     ride = prepare(policy, options, printer)

@@ -9,9 +9,9 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from sysid.cli.console import Common, Printer
-from sysid.cli.diagnose import progress_bar, signal_of
-from sysid.cli.log_options import LogArguments, keep_logs
+from sysid.cli.console import OUTPUT, Common, Printer
+from sysid.cli.diagnose import progress_bar
+from sysid.cli.log_options import LogArguments, refuse_overwriting_logs
 from sysid.cli.view import no_logs, read_logs
 from sysid.errors import HuskyError
 from sysid.files import write_atomically
@@ -23,7 +23,7 @@ _NO_COMMON = Common()
 def report(
     *logs: Path,
     board: Annotated[str, Parameter(name=("--board", "-b"))],
-    output: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None,
+    output: Annotated[Path | None, Parameter(name=("--output", "-o"), group=OUTPUT)] = None,
     tolerance: float = 0.02,
     arguments: LogArguments = _NO_ARGUMENTS,
     common: Common = _NO_COMMON,
@@ -41,9 +41,8 @@ def report(
         arguments: How the logs are read.
         common: Options of every command.
     """
-    from reports.board_report import Provenance, board_report
     from reports.evidence import find_logs, gather
-    from sysid.fit_mjcf import FitOptions
+    from reports.page.board import Provenance, board_report
 
     printer = Printer(common)
     space = common.space
@@ -51,18 +50,18 @@ def report(
     files = find_logs(record, logs, space)
     if not files:
         raise HuskyError(no_logs(record))
-    keep_logs([file.found for file in files if file.found], arguments, printer, {"--output": output})
+    refuse_overwriting_logs(
+        [file.found for file in files if file.found], arguments, printer, {"--output": output}
+    )
     for file in files:
         if file.found is None:
             printer.warn(f"{file.path}: {file.state}")
     material = read_logs(files, arguments, printer)
     evidence = None
-    if material.rolls:
+    if material.recordings:
         with progress_bar(printer) as progress:
             evidence = gather(
-                record, material.rolls, material.releases,
-                FitOptions(**signal_of(list(material.releases))),
-                files=files, tolerance=tolerance, progress=progress,
+                record, material.recordings, files=files, tolerance=tolerance, progress=progress
             )  # fmt: skip
     provenance = Provenance(
         command=shlex.join(["husky-sysid", *sys.argv[1:]]),

@@ -13,10 +13,10 @@ from sysid.cli.console import Common, Printer
 from sysid.errors import HuskyError
 
 if TYPE_CHECKING:
-    from policy_runtime.commands import CommandSource
-    from policy_runtime.policy import Policy
-    from policy_runtime.recording import Recording
-    from policy_runtime.world import World
+    from policy_runtime.evaluation.recording import Recording
+    from policy_runtime.loop.commands import CommandSource
+    from policy_runtime.loop.policy import Policy
+    from policy_runtime.loop.world import World
 
 MIN_TICKS_FOR_FILM = 2
 
@@ -82,10 +82,10 @@ def prepare(policy: str, options: RideOptions, printer: Printer, *, visuals: boo
         os.environ.setdefault(
             "MUJOCO_GL", "egl"
         )  # MuJoCo asks once, when it is imported; GLFW needs a display
-    from policy_runtime.evaluate import policy_named
+    from policy_runtime.evaluation.plain import policy_named
     from policy_runtime.export import MANIFEST, load_folder
+    from policy_runtime.loop.world import make_world
     from policy_runtime.robots.simulated import Gantry
-    from policy_runtime.world import make_world
 
     printer.keep([Path(policy), *([] if options.commands is None else [options.commands])])
     commands = command_source(options)
@@ -117,7 +117,7 @@ def prepare(policy: str, options: RideOptions, printer: Printer, *, visuals: boo
         printer.note(note)
     if not board.passed:
         printer.warn(
-            f"board '{board.name}' has not passed `check`: its tilt joint may not move like the real one."
+            f"board '{board.name}' has not passed `check` as it is recorded now: its tilt joint may not move like the real one."
         )
     world.reset(speed=options.start_speed)
     return Ride(board, rider, world, commands)
@@ -125,7 +125,7 @@ def prepare(policy: str, options: RideOptions, printer: Printer, *, visuals: boo
 
 def policy_notes(policy: "Policy") -> tuple[str, ...]:
     """Return what could not be checked about a policy."""
-    from policy_runtime.policy import OnnxPolicy
+    from policy_runtime.loop.policy import OnnxPolicy
 
     return policy.file.notes if isinstance(policy, OnnxPolicy) else ()
 
@@ -136,7 +136,7 @@ def command_source(options: RideOptions) -> "CommandSource":
     Raises:
         HuskyError: The file of commands is not valid, or a number is out of the trained range.
     """
-    from policy_runtime.commands import SPEED_RANGE, TURN_RANGE, Command, Constant, load_script
+    from policy_runtime.loop.commands import SPEED_RANGE, TURN_RANGE, Command, Constant, load_script
 
     if not options.duration > 0:
         raise HuskyError(f"--duration {options.duration:g}: must be longer than 0 s.")
@@ -162,9 +162,9 @@ def write_ride(ride: Ride, recording: "Recording", folder: Path, printer: Printe
     Raises:
         HuskyError: The folder cannot be written to.
     """
-    from reports.ride_figure import ride_figure
-    from reports.ride_film import film_strip
-    from reports.ride_rerun import ride_recording
+    from reports.figures.ride import ride_figure
+    from reports.figures.ride_film import film_strip
+    from reports.rerun.ride import ride_recording
 
     if len(recording.time) < MIN_TICKS_FOR_FILM:
         printer.warn("the ride ended at once; there is nothing to draw.")

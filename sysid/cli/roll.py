@@ -7,8 +7,8 @@ from typing import Annotated
 import numpy as np
 from cyclopts import Parameter
 
-from sysid.cli.console import Common, Printer
-from sysid.cli.log_options import LogArguments, keep_logs, load_roll
+from sysid.cli.console import OUTPUT, Common, Printer
+from sysid.cli.log_options import LogArguments, load_roll, refuse_overwriting_logs
 from sysid.errors import HuskyError
 from sysid.files import atomic_path
 
@@ -22,7 +22,7 @@ def roll(
     log: Path,
     /,
     *,
-    output: Annotated[Path, Parameter(name=("--output", "-o"))],
+    output: Annotated[Path, Parameter(name=("--output", "-o"), group=OUTPUT)],
     align: Annotated[Path | None, Parameter(name="--align")] = None,
     arguments: LogArguments = _NO_ARGUMENTS,
     common: Common = _NO_COMMON,
@@ -40,11 +40,13 @@ def roll(
     overlay = arguments.video.overlay
     if overlay is not None and overlay.resolve() == output.resolve():
         raise HuskyError(f"--overlay {overlay}: --output is the same file. Give each its own name.")
-    keep_logs([log, *([] if align is None else [align])], arguments, printer, {"--output": output})
+    refuse_overwriting_logs(
+        [log, *([] if align is None else [align])], arguments, printer, {"--output": output}
+    )
     signal = load_roll(log, arguments, printer)
     offset = None
     if align is not None:
-        from sysid.clock_offset import clock_offset
+        from sysid.logs.clock_offset import clock_offset
 
         offset = clock_offset(load_roll(align, _NO_ARGUMENTS, printer), signal)
         printer.note(f"{log}: {offset} added to its times, which then count from the first sample of {align}")
@@ -73,7 +75,7 @@ def roll(
         f"{output}: {rows} rows, {signal.sampling_rate:.4g} Hz, roll {low:.2f}° to {high:.2f}°, "
         f"noise {np.rad2deg(np.median(signal.std[inside])):.2g}°"
     )
-    if signal.origin == "video":
+    if signal.errors_last:
         printer.note(
             "a film's errors last from frame to frame, which a table does not tell: give `decay` and `fit` the film itself"
         )

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.cli.ride_options import Ride, RideOptions, choose_renderer, prepare, write_ride
 from sysid.errors import HuskyError, QualityGateError
 
 if TYPE_CHECKING:
-    from policy_runtime.commands import CommandSource
-    from policy_runtime.recording import Recorder
+    from policy_runtime.evaluation.recording import Recorder
+    from policy_runtime.loop.commands import CommandSource
     from policy_runtime.robots import Robot
     from policy_runtime.robots.simulated import SimulatedRobot
     from policy_runtime.runtime import RunResult
@@ -31,7 +31,7 @@ def run(
     keyboard: bool = False,
     viewer: bool = False,
     record: bool = False,
-    output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"], group=OUTPUT)] = None,
     common: Common = Common(),
 ) -> int:
     """Run a policy in real time: 50 decisions a second over servos at 500 Hz.
@@ -79,7 +79,7 @@ def run(
 def _keyboard(options: RideOptions, printer: Printer) -> "CommandSource":
     from math import radians
 
-    from policy_runtime.commands import Command, Keyboard
+    from policy_runtime.loop.commands import Command, Keyboard
 
     source = Keyboard(Command(options.speed, radians(options.turn_deg)))
     printer.note(Keyboard.HELP)
@@ -98,9 +98,9 @@ def _drive(
     printer: Printer,
 ) -> "tuple[RunResult, Recorder | None]":
     """Run until the end and let go of the robot."""
-    from policy_runtime.recording import Recorder
+    from policy_runtime.evaluation.recording import Recorder
+    from policy_runtime.loop.world import joint_limits
     from policy_runtime.runtime import Runtime
-    from policy_runtime.world import joint_limits
 
     simulated = ride.world.robot
     recorder = Recorder(simulated) if record else None
@@ -133,7 +133,7 @@ def _driven(
 ) -> "Generator[Robot]":
     """Yield the robot to drive, and let go of it at the end."""
     if robot == "simulated":
-        from policy_runtime.viewer import viewed
+        from policy_runtime.loop.viewer import viewed
 
         with viewed(simulated, viewer) as shown:
             yield shown

@@ -9,11 +9,11 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.errors import HuskyError
 from sysid.synth import SynthOptions, synthesise
-from sysid.synth_effects import complete_effects, parse_effect
-from sysid.synth_sensors import Dialect, Sensor
+from sysid.synth.effects import complete_effects, parse_effect
+from sysid.synth.sensors import Dialect, Sensor
 
 DEFAULT_ANGLE = 0.87
 """First release angle as a share of the board's range: 10 degrees of 0.2 rad."""
@@ -22,10 +22,13 @@ DEFAULT_ANGLE = 0.87
 def synth(
     *,
     board: Annotated[str, Parameter(name=["--board", "-b"])],
-    output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    effect: Annotated[tuple[str, ...], Parameter(name=["--effect", "-e"], negative="")] = (),
+    output: Annotated[Path, Parameter(name=["--output", "-o"], group=OUTPUT)],
+    effect: Annotated[
+        tuple[str, ...], Parameter(name=["--effect", "-e"], negative="", show_default=False)
+    ] = (),
     release_angle: Annotated[
-        tuple[str, ...], Parameter(name="--release-angle", negative="", allow_leading_hyphen=True)
+        tuple[str, ...],
+        Parameter(name="--release-angle", negative="", allow_leading_hyphen=True, show_default=False),
     ] = (),
     releases: int | None = None,
     rate: float | None = None,

@@ -11,9 +11,9 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
-from policy_runtime.run_folder import LearnOptions, RunConfig, RunFolder, newest_run
+from policy_runtime.learning.run_folder import LearnOptions, RunConfig, RunFolder, newest_run
+from sim.skate.cycle.start import Start
 from sim.skate.options import SkateOptions
-from sim.skate.start import Start
 from sysid.board import Board, load_board
 from sysid.cli.console import Common, Printer
 from sysid.errors import HuskyError, QualityGateError
@@ -192,7 +192,7 @@ def train(
     rows = folder.read_curves()
     if not rows:
         raise HuskyError(f"{folder.path}: the run ended before its first iteration; see the messages above.")
-    from policy_runtime.curves import draw_curves
+    from policy_runtime.learning.curves import draw_curves
 
     picture = draw_curves(rows, folder.path / "curves.png", folder.path.name)
     last = rows[-1]
@@ -209,7 +209,7 @@ def _gate(record: Board, force: bool, printer: Printer) -> None:
         return
     if not force:
         raise QualityGateError(
-            f"board '{record.name}' has not passed `husky-sysid check`: what is trained on it may not fit the real "
+            f"board '{record.name}' has not passed `husky-sysid check` as it is recorded now: what is trained on it may not fit the real "
             "board. Check it first, or train anyway with --force."
         )
     printer.warn(f"board '{record.name}' has not passed its check; training anyway")
@@ -294,7 +294,7 @@ def _go_on(
 
 def _require_readable(checkpoints: list[Path]) -> None:
     """Read what the run shall go on from here, where what is wrong with it can be said in one line."""
-    from policy_runtime.checkpoint import read_checkpoint
+    from policy_runtime.learning.checkpoint import read_checkpoint
 
     for path in checkpoints:
         read_checkpoint(path)

@@ -10,16 +10,22 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from sysid.board import Board
-from sysid.cli.console import Common, Printer
-from sysid.cli.diagnose import progress_bar, signal_of
-from sysid.cli.log_options import LogArguments, keep_logs, load_roll, say_notes
-from sysid.errors import HuskyError
-from sysid.roll import Release, Roll
-from sysid.same_log import refuse_twice
+from sysid.cli.console import OUTPUT, Common, Printer
+from sysid.cli.diagnose import progress_bar
+from sysid.cli.log_options import (
+    LogArguments,
+    is_film,
+    load_roll,
+    recording_of,
+    refuse_overwriting_logs,
+    say_notes,
+)
+from sysid.errors import SysidError
+from sysid.recording import Recording, refuse_duplicates
 
 if TYPE_CHECKING:
     from reports.evidence import Evidence, LogFile
-    from reports.film_frames import FilmFrames
+    from reports.rerun.film_frames import FilmFrames
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
@@ -28,7 +34,7 @@ _NO_COMMON = Common()
 def view(
     *logs: Path,
     board: Annotated[str, Parameter(name=("--board", "-b"))],
-    output: Annotated[Path | None, Parameter(name=("--output", "-o"))] = None,
+    output: Annotated[Path | None, Parameter(name=("--output", "-o"), group=OUTPUT)] = None,
     arguments: LogArguments = _NO_ARGUMENTS,
     common: Common = _NO_COMMON,
 ) -> int:
@@ -48,12 +54,14 @@ def view(
     printer = Printer(common)
     record = common.space.load_board(board)
     files = find_logs(record, logs, common.space)
-    keep_logs([file.found for file in files if file.found], arguments, printer, {"--output": output})
+    refuse_overwriting_logs(
+        [file.found for file in files if file.found], arguments, printer, {"--output": output}
+    )
     for file in files:
         if file.found is None:
             printer.warn(f"{file.path}: {file.state}")
     if not any(file.found for file in files):
-        raise HuskyError(no_logs(record))
+        raise SysidError(no_logs(record))
     path = output or common.space.outputs(board) / "view.rrd"
     material = read_logs(files, arguments, printer, films=True)
     evidence = write_recording(path, record, files, material, printer)
@@ -85,8 +93,7 @@ def no_logs(board: Board) -> str:
 class Material:
     """What logs hold."""
 
-    rolls: tuple[Roll, ...]
-    releases: tuple[Release, ...]
+    recordings: tuple[Recording, ...]
     films: "Mapping[str, FilmFrames]"
     """Pictures of each film, by the roll's log."""
 
@@ -103,38 +110,26 @@ def read_logs(
         films: Keep the pictures of films.
 
     Raises:
-        HuskyError: No log was given, one cannot be read, holds no free decay, or was given twice.
+        SysidError: No log was given, one cannot be read, holds no free decay, or was given twice.
     """
-    from sysid.releases import find_releases
-
     if not files:
-        raise HuskyError("no log was given.")
-    refuse_twice(file.found for file in files if file.found is not None)
-    rolls: list[Roll] = []
-    releases: list[Release] = []
+        raise SysidError("no log was given.")
+    refuse_duplicates(file.found for file in files if file.found is not None)
+    recordings: list[Recording] = []
     pictures: dict[str, FilmFrames] = {}
     for file in files:
         if file.found is None:
             continue
-        if films and _is_film(file.found):
-            from reports.film_frames import read_film
+        if films and is_film(file.found):
+            from reports.rerun.film_frames import read_film
 
             roll, frames = read_film(file.found, arguments.options)
             pictures[roll.log] = frames
             say_notes(file.found, roll, printer)
         else:
             roll = load_roll(file.found, arguments, printer)
-        rolls.append(roll)
-        releases += find_releases(
-            roll, start=arguments.start, stop=arguments.stop, releases=arguments.release
-        )
-    return Material(tuple(rolls), tuple(releases), pictures)
-
-
-def _is_film(path: Path) -> bool:
-    from sysid.logs import VIDEO_SUFFIXES
-
-    return path.suffix.lower() in VIDEO_SUFFIXES
+        recordings.append(recording_of(roll, arguments))
+    return Material(tuple(recordings), pictures)
 
 
 def write_recording(
@@ -157,25 +152,22 @@ def write_recording(
         tolerance: For the comparison.
 
     Raises:
-        HuskyError: rerun-sdk is not installed, or the path cannot be written.
+        SysidError: rerun-sdk is not installed, or the path cannot be written.
     """
-    from reports.board_summary import board_summary
-    from reports.decay_recording import comparison_recording
     from reports.evidence import gather
-    from reports.recording import need_rerun
-    from sysid.fit_mjcf import FitOptions
+    from reports.page.summary import board_summary
+    from reports.rerun.decay import comparison_recording
+    from reports.rerun.stream import need_rerun
 
     need_rerun()
-    options = FitOptions(**signal_of(list(material.releases)))
     with progress_bar(printer) as progress:
         evidence = gather(
-            board, material.rolls, material.releases, options, files=files, tolerance=tolerance,
-            heldout=False, progress=progress,
+            board, material.recordings, files=files, tolerance=tolerance, heldout=False, progress=progress
         )  # fmt: skip
     films = [
-        material.films[roll.log].aligned(evidence.releases_of(roll)[0].start)
-        for roll in material.rolls
-        if roll.log in material.films
+        material.films[roll.log].aligned(recording.releases[0].start)
+        for recording in material.recordings
+        if (roll := recording.roll).log in material.films
     ]
     comparison_recording(path, evidence, board_summary(evidence), films)
     return evidence

@@ -1,7 +1,7 @@
 """The catalogue of physical effects: one file an effect.
 
-A new effect is a new file in this folder that ends in `EFFECT = Effect(...)`, and a test; the
-catalogue finds it.
+A new effect is a new file in this folder that ends in `EFFECT = TorqueEffect(...)`, `SensorEffect(...)` or
+`SupportEffect(...)`, and a test; the catalogue finds it.
 """
 
 import importlib
@@ -10,14 +10,14 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from types import MappingProxyType
 
-from sysid.effects.base import Effect
+from sysid.effects._base import DecaySign, Effect
 from sysid.errors import HuskyError, did_you_mean
 
 
 @cache
 def catalogue() -> Mapping[str, Effect]:
     """Return every effect by name, sorted by name."""
-    modules = (name for _, name, _ in pkgutil.iter_modules(__path__) if name != "base" and name[0] != "_")
+    modules = (name for _, name, _ in pkgutil.iter_modules(__path__) if name[0] != "_")
     effects = [importlib.import_module(f"{__name__}.{name}").EFFECT for name in modules]
     return MappingProxyType({effect.name: effect for effect in sorted(effects, key=lambda e: e.name)})
 
@@ -34,6 +34,14 @@ def effect(name: str) -> Effect:
             f"unknown effect '{name}'.{did_you_mean(name, known)} Known effects: {', '.join(known)}."
         )
     return known[name]
+
+
+def showing(sign: DecaySign) -> tuple[str, ...]:
+    """Return the effects that make the peaks of a decay show something, the likeliest first."""
+    found = [
+        (rank, name) for name, part in catalogue().items() for seen, rank in part.decay_signs if seen == sign
+    ]
+    return tuple(name for _, name in sorted(found))
 
 
 def parameters_from(name: str, values: Sequence[float]) -> dict[str, float]:

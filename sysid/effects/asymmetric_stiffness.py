@@ -3,13 +3,14 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from sysid.effects.base import Algebra, Effect, Motion, MujocoSupport, Parameter, Value, Values
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect
 
 if TYPE_CHECKING:
     import mujoco
 
 
-def torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return -b x² [N*m]: the same sign on both sides."""
     del m, states
     return -parameters["coefficient"] * motion.tilt**2
@@ -24,7 +25,7 @@ def to_mjcf(
     return (f"asymmetric-stiffness: second stiffness coefficient {parameters['coefficient']:.6g} N*m/rad^2",)
 
 
-EFFECT = Effect(
+EFFECT = TorqueEffect(
     name="asymmetric-stiffness",
     title="left and right springs differ",
     parameters=(
@@ -38,6 +39,7 @@ EFFECT = Effect(
         ),
     ),
     law="τ = -b x²; b > 0 is stiffer with the right edge down",
+    formula="{coefficient} φ²",
     source="Nayfeh and Mook, Nonlinear Oscillations (1979), quadratic nonlinearity",
     does="Swings to one side are wider and longer than to the other; the middle drifts with amplitude.",
     look_alikes=("offset", "preload", "sensor-bias"),

@@ -1,11 +1,10 @@
 """A clock that runs fast or slow."""
 
-from sysid.effects.base import Effect, MujocoSupport, Parameter, belongs_to_log
+from sysid.effects._base import Parameter, SensorEffect
 
-EFFECT = Effect(
+EFFECT = SensorEffect(
     name="clock",
     title="the log's clock runs fast or slow",
-    role="measurement",
     parameters=(
         Parameter(name="ratio", unit="1", size=lambda s: 1.0, low=0.5, high=2.0, starts=(1.0,), neutral=1.0),
     ),
@@ -14,7 +13,8 @@ EFFECT = Effect(
     does="Every time is stretched: period and decay time change in the same proportion, ζ stays.",
     look_alikes=("inertia", "stiffness and damping of the record"),
     experiment="Record a minute against another clock; or film the deck beside a stopwatch.",
-    mujoco=MujocoSupport(means="nothing: it belongs to the log", since="", warp=False),
-    to_mjcf=belongs_to_log,
     example=(1.05,),
+    clock_ratio="ratio",
+    identifiable_from_decay=False,
+    record_direction=(2.0, 1.0),
 )

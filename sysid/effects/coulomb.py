@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from sysid.effects.base import Algebra, Effect, MujocoSupport, Parameter, Value, Values
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import MujocoSupport, Parameter, TorqueEffect
 
 if TYPE_CHECKING:
     import mujoco
@@ -34,13 +35,22 @@ def to_mjcf(
     )
 
 
-EFFECT = Effect(
+EFFECT = TorqueEffect(
     name="coulomb",
     title="dry friction",
     parameters=(
-        Parameter(name="torque", unit="N*m", size=lambda s: s.torque, low=0.0, high=1.0, starts=(0.01, 0.06)),
+        Parameter(
+            name="torque",
+            unit="N*m",
+            size=lambda s: s.torque,
+            low=0.0,
+            high=1.0,
+            starts=(0.01, 0.06),
+            rough=True,
+        ),
     ),
     law="τ = -F sgn v; sticks while the other torques stay within ±F",
+    formula="{torque} sgn φ̇",
     source="Coulomb 1785; Feeny and Liang, J. Sound and Vibration 195 (1996): decrement of dry friction",
     does="Amplitude falls by the same amount 4F/k each period, then the deck stops, not always at rest.",
     look_alikes=("hysteresis", "stribeck"),
@@ -51,4 +61,5 @@ EFFECT = Effect(
     to_mjcf=to_mjcf,
     example=(0.15,),
     friction=friction,
+    decay_signs=(("constant loss", 1),),
 )

@@ -3,13 +3,14 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from sysid.effects.base import Algebra, Effect, Motion, MujocoSupport, Parameter, Value, Values
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect
 
 if TYPE_CHECKING:
     import mujoco
 
 
-def torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return -c v³ [N*m]."""
     del m, states
     return -parameters["coefficient"] * motion.rate**3
@@ -24,7 +25,7 @@ def to_mjcf(
     return (f"cubic-damping: third damping coefficient {parameters['coefficient']:.6g} N*m*s^3/rad^3",)
 
 
-EFFECT = Effect(
+EFFECT = TorqueEffect(
     name="cubic-damping",
     title="cubic damping",
     parameters=(
@@ -38,6 +39,7 @@ EFFECT = Effect(
         ),
     ),
     law="τ = -c v³",
+    formula="{coefficient} φ̇³",
     source="Dalzell, J. Ship Research 22 (1978): cubic in place of quadratic roll damping",
     does="The damping ratio falls with the square of the amplitude; small swings are damped linearly.",
     look_alikes=("quadratic-damping",),
@@ -46,4 +48,5 @@ EFFECT = Effect(
     to_mjcf=to_mjcf,
     example=(0.02,),
     torque=torque,
+    decay_signs=(("growing loss", 2),),
 )

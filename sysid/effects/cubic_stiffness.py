@@ -3,13 +3,14 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from sysid.effects.base import Algebra, Effect, Motion, MujocoSupport, Parameter, Value, Values
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect
 
 if TYPE_CHECKING:
     import mujoco
 
 
-def torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return -c x³ [N*m]."""
     del m, states
     return -parameters["coefficient"] * motion.tilt**3
@@ -24,7 +25,7 @@ def to_mjcf(
     return (f"cubic-stiffness: third stiffness coefficient {parameters['coefficient']:.6g} N*m/rad^3",)
 
 
-EFFECT = Effect(
+EFFECT = TorqueEffect(
     name="cubic-stiffness",
     title="hardening or softening spring",
     parameters=(
@@ -38,6 +39,7 @@ EFFECT = Effect(
         ),
     ),
     law="τ = -c x³; c > 0 hardens, c < 0 softens",
+    formula="{coefficient} φ³",
     source="Duffing 1918; Nayfeh and Mook, Nonlinear Oscillations (1979): ω = ω₀(1 + 3c a²/8k)",
     does="The period changes with amplitude: shorter when wide for hardening, longer for softening.",
     look_alikes=("gravity", "end-stop", "freeplay"),
@@ -46,4 +48,5 @@ EFFECT = Effect(
     to_mjcf=to_mjcf,
     example=(200.0,),
     torque=torque,
+    decay_signs=(("longer period", 2), ("shorter period", 1)),
 )

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from sysid.effects.base import Effect, MujocoSupport, Parameter
+from sysid.effects._base import MujocoSupport, Parameter, TorqueEffect
 
 if TYPE_CHECKING:
     import mujoco
@@ -21,7 +21,7 @@ def to_mjcf(
     return (f"discretisation: implicitfast at {parameters['timestep']:.6g} s",)
 
 
-EFFECT = Effect(
+EFFECT = TorqueEffect(
     name="discretisation",
     title="the simulator's time step",
     role="record",
@@ -36,4 +36,6 @@ EFFECT = Effect(
     mujoco=MujocoSupport(means="option timestep, integrator implicitfast", since="3.0", warp=True),
     to_mjcf=to_mjcf,
     example=(0.005,),
+    timestep="timestep",
+    identifiable_from_decay=False,
 )

@@ -3,13 +3,14 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from sysid.effects.base import Algebra, Effect, Motion, MujocoSupport, Parameter, Value, Values, rest_of
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect, rest_of
 
 if TYPE_CHECKING:
     import mujoco
 
 
-def torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return -(k_s (|x| - a) sgn x + d_s v) beyond ±a, else 0 [N*m]."""
     del states
     beyond = motion.tilt - m.maximum(-parameters["angle"], m.minimum(parameters["angle"], motion.tilt))
@@ -46,7 +47,7 @@ def as_freeplay(parameters: Values) -> list[dict[str, float]]:
     return [freeplay]
 
 
-EFFECT = Effect(
+EFFECT = TorqueEffect(
     name="end-stop",
     title="end stop or bumper",
     parameters=(
@@ -87,8 +88,9 @@ EFFECT = Effect(
     to_mjcf=to_mjcf,
     example=(0.1, 60.0, 0.0),
     torque=torque,
-    leaned_on=True,
-    becomes=(("freeplay", as_freeplay),),
-    kinked=True,
+    acts_during_hold=True,
+    limiting_cases=(("freeplay", as_freeplay),),
+    nonsmooth=True,
+    decay_signs=(("shorter period", 3),),
     sharpness=4.0,
 )

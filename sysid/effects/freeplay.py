@@ -3,13 +3,14 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from sysid.effects.base import Algebra, Effect, Motion, MujocoSupport, Parameter, Value, Values, rest_of
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect, rest_of
 
 if TYPE_CHECKING:
     import mujoco
 
 
-def torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return +k x within the gap and ±k w beyond it: what the linear spring has too much [N*m]."""
     del states
     gap = parameters["half_width"]
@@ -31,7 +32,7 @@ def to_mjcf(
     return (f"freeplay: the linear spring is a tendon that is slack within ±{gap:.6g} rad",)
 
 
-EFFECT = Effect(
+EFFECT = TorqueEffect(
     name="freeplay",
     title="freeplay, a dead band",
     parameters=(
@@ -53,6 +54,7 @@ EFFECT = Effect(
     to_mjcf=to_mjcf,
     example=(0.02,),
     torque=torque,
-    kinked=True,
+    nonsmooth=True,
+    decay_signs=(("shorter period", 2),),
     sharpness=4.0,
 )

@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 from math import isnan
 from typing import TYPE_CHECKING
 
-from sysid.effects.base import Algebra, Effect, Motion, MujocoSupport, Parameter, Value, Values
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect
 
 if TYPE_CHECKING:
     import mujoco
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
 from sysid.errors import HuskyError
 
 
-def torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return -M sin φ [N*m]."""
     del states
     return -parameters["moment"] * m.sin(motion.roll)
@@ -46,7 +47,7 @@ def to_mjcf(
     return (f"gravity: centre of mass {drop:.6g} m below the axis, roll inertia about the axis unchanged",)
 
 
-EFFECT = Effect(
+EFFECT = TorqueEffect(
     name="gravity",
     title="centre of mass off the axis",
     parameters=(
@@ -55,6 +56,7 @@ EFFECT = Effect(
         ),
     ),
     law="τ = -M sin φ; M = m g h with the centre of mass h below the axis",
+    formula="{moment} sin φ",
     source="physical pendulum; Huygens 1673",
     does="Adds M to the stiffness; only wide swings (beyond 30°) show the sine by a longer period.",
     look_alikes=("cubic-stiffness", "stiffness of the record"),
@@ -63,4 +65,9 @@ EFFECT = Effect(
     to_mjcf=to_mjcf,
     example=(1.0,),
     torque=torque,
+    grounded=True,
+    adds_stiffness="moment",
+    minimum_amplitude=0.6,
+    record_direction=(1.0, 0.0),
+    decay_signs=(("longer period", 1),),
 )

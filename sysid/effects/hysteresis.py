@@ -3,23 +3,14 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from sysid.effects.base import (
-    Algebra,
-    Effect,
-    Motion,
-    MujocoSupport,
-    Parameter,
-    State,
-    Value,
-    Values,
-    rest_of,
-)
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import JointState, MujocoSupport, Parameter, State, TorqueEffect, rest_of
 
 if TYPE_CHECKING:
     import mujoco
 
 
-def torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return -k₁ z, with z the stretch of the slider's spring [N*m]."""
     del m, motion
     return -parameters["stiffness"] * states[0]
@@ -61,7 +52,7 @@ def as_coulomb(parameters: Values) -> list[dict[str, float]]:
     return [{"coulomb.torque": parameters["hysteresis.torque"]}]
 
 
-EFFECT = Effect(
+EFFECT = TorqueEffect(
     name="hysteresis",
     title="rate-independent hysteresis (Jenkins slider)",
     parameters=(
@@ -73,7 +64,9 @@ EFFECT = Effect(
             high=30.0,
             starts=(0.3, 2.0),
         ),
-        Parameter(name="torque", unit="N*m", size=lambda s: s.torque, low=0.0, high=1.0, starts=(0.04,)),
+        Parameter(
+            name="torque", unit="N*m", size=lambda s: s.torque, low=0.0, high=1.0, starts=(0.04,), rough=True
+        ),
     ),
     law="τ = -k₁ z, z follows x and slips at ±T/k₁",
     source="Jenkin 1922; Iwan, J. Applied Mechanics 33 (1966)",
@@ -89,8 +82,8 @@ EFFECT = Effect(
     to_mjcf=to_mjcf,
     example=(8.0, 0.2),
     torque=torque,
-    states=(State(name="stretch", start=held, size=lambda s: 0.1 * s.amplitude, slip=slip),),
-    becomes=(("coulomb", as_coulomb),),
-    kinked=True,
+    states=(State(name="stretch", start=held, size=lambda s: 0.1 * s.amplitude, return_map=slip),),
+    limiting_cases=(("coulomb", as_coulomb),),
+    nonsmooth=True,
     sharpness=1.5,
 )

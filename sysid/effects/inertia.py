@@ -1,12 +1,19 @@
 """A roll inertia that differs from the record."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from sysid.effects.base import Effect, MujocoSupport, Parameter
+from sysid.effects._algebra import Values
+from sysid.effects._base import LinearJoint, MujocoSupport, Parameter, TorqueEffect
 
 if TYPE_CHECKING:
     import mujoco
+
+
+def scaled(joint: LinearJoint, parameters: Values) -> LinearJoint:
+    """Return the joint with r times its inertia."""
+    return replace(joint, inertia=joint.inertia * parameters["ratio"])
 
 
 def to_mjcf(
@@ -19,7 +26,7 @@ def to_mjcf(
     return (f"inertia: roll inertia times {parameters['ratio']:.6g}",)
 
 
-EFFECT = Effect(
+EFFECT = TorqueEffect(
     name="inertia",
     title="the record's roll inertia is wrong",
     role="record",
@@ -34,4 +41,7 @@ EFFECT = Effect(
     mujoco=MujocoSupport(means="diagonal inertia of the body", since="3.0", warp=True),
     to_mjcf=to_mjcf,
     example=(1.3,),
+    modifies=scaled,
+    identifiable_from_decay=False,
+    record_direction=(1.0, 1.0),
 )

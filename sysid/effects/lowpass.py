@@ -1,23 +1,20 @@
 """A first-order low-pass filter between deck and log."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
-from sysid.effects.base import (
-    Algebra,
-    Effect,
-    Motion,
-    MujocoSupport,
-    Parameter,
-    State,
-    Value,
-    Values,
-    belongs_to_log,
-)
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import JointState, Parameter, Reading, SensorEffect, State
 
 
-def reading_rate(m: Algebra, motion: Motion, reading: Value, parameters: Values) -> Value:
+def reading_rate(m: Algebra, motion: JointState, reading: Value, parameters: Values) -> Value:
     """Return (φ - reading)/T [rad/s]."""
     return (motion.roll - reading) / m.maximum(parameters["time_constant"], 1e-6)
+
+
+def observe(m: Algebra, reading: Reading, parameters: Values, states: Sequence[Value]) -> Reading:
+    """Return the filter's output and its rate."""
+    time_constant = m.maximum(parameters["time_constant"], 1e-6)
+    return Reading(states[0], (reading.angle - states[0]) / time_constant, reading.time)
 
 
 def settled(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
@@ -26,7 +23,7 @@ def settled(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: 
     return tilt
 
 
-def late(m: Algebra, roll: Value, rate: Value, acceleration: Value, parameters: Values) -> Value:
+def late_release(m: Algebra, roll: Value, rate: Value, acceleration: Value, parameters: Values) -> Value:
     """Return the reading of a filter that was settled when a deck was let go, which has reached that rate since [rad].
 
     A filter hides the first milliseconds, so the release is noticed late, by δ = v/α, and the reading trails:
@@ -37,15 +34,14 @@ def late(m: Algebra, roll: Value, rate: Value, acceleration: Value, parameters: 
     return roll - acceleration * time_constant**2 * (u - 1.0 + m.exp(-u))
 
 
-def hides(acceleration: float, noise: float, parameters: Mapping[str, float]) -> float:
+def detection_delay(acceleration: float, noise: float, parameters: Mapping[str, float]) -> float:
     """Return when the reading has moved by its noise: after α t³/6T, to first order [s]."""
     return float((6 * max(parameters["time_constant"], 0.0) * noise / max(acceleration, 1e-9)) ** (1 / 3))
 
 
-EFFECT = Effect(
+EFFECT = SensorEffect(
     name="lowpass",
     title="a filter in the sensor",
-    role="measurement",
     parameters=(
         Parameter(
             name="time_constant",
@@ -61,17 +57,17 @@ EFFECT = Effect(
     does="The start is rounded off; afterwards the decay is only late and a little smaller.",
     look_alikes=("sensor delay",),
     experiment="Compare the first 20 ms after release with a film, or with a second sensor.",
-    mujoco=MujocoSupport(means="nothing: it belongs to the log", since="", warp=False),
-    to_mjcf=belongs_to_log,
     example=(0.01,),
+    observe=observe,
+    excludes=("sensor-drift",),
     states=(
         State(
             name="reading",
             start=settled,
             size=lambda s: s.amplitude,
             rate=reading_rate,
-            late=late,
-            hides=hides,
+            late_release=late_release,
+            detection_delay=detection_delay,
         ),
     ),
 )

@@ -1,12 +1,19 @@
 """A rest angle that is not where the record says."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from sysid.effects.base import Effect, MujocoSupport, Parameter, spec_angle
+from sysid.effects._algebra import Values
+from sysid.effects._base import LinearJoint, MujocoSupport, Parameter, TorqueEffect, spec_angle
 
 if TYPE_CHECKING:
     import mujoco
+
+
+def moved(joint: LinearJoint, parameters: Values) -> LinearJoint:
+    """Return the joint with its rest angle moved by δ."""
+    return replace(joint, rest_angle=joint.rest_angle + parameters["angle"])
 
 
 def to_mjcf(
@@ -18,7 +25,7 @@ def to_mjcf(
     return (f"offset: springref moved by {parameters['angle']:.6g} rad",)
 
 
-EFFECT = Effect(
+EFFECT = TorqueEffect(
     name="offset",
     title="rest angle moved",
     role="shift",
@@ -33,4 +40,6 @@ EFFECT = Effect(
     mujoco=MujocoSupport(means="joint springref", since="3.0", warp=True),
     to_mjcf=to_mjcf,
     example=(0.02,),
+    modifies=moved,
+    same_as=("rest_angle", "preload", "sensor-bias"),
 )

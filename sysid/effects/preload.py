@@ -3,7 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from sysid.effects.base import Algebra, Effect, Motion, MujocoSupport, Parameter, Value, Values
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect
 
 if TYPE_CHECKING:
     import mujoco
@@ -12,7 +13,7 @@ SOFT = 1e-6
 """Stiffness of the tendon that pulls [N*m/rad]: the torque changes by this much per radian."""
 
 
-def torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return T [N*m]."""
     del m, states
     return parameters["torque"] + 0 * motion.tilt
@@ -31,7 +32,7 @@ def to_mjcf(
     return (f"preload: a tendon that pulls with {parameters['torque']:.6g} N*m whatever the tilt",)
 
 
-EFFECT = Effect(
+EFFECT = TorqueEffect(
     name="preload",
     title="constant torque",
     role="shift",
@@ -47,4 +48,5 @@ EFFECT = Effect(
     to_mjcf=to_mjcf,
     example=(0.3,),
     torque=torque,
+    same_as=("rest_angle", "offset", "sensor-bias"),
 )

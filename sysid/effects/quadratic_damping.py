@@ -3,13 +3,14 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from sysid.effects.base import Algebra, Effect, Motion, MujocoSupport, Parameter, Value, Values
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect
 
 if TYPE_CHECKING:
     import mujoco
 
 
-def torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return -c v|v| [N*m]."""
     del states
     return -parameters["coefficient"] * motion.rate * m.abs(motion.rate)
@@ -24,7 +25,7 @@ def to_mjcf(
     return (f"quadratic-damping: second damping coefficient {parameters['coefficient']:.6g} N*m*s^2/rad^2",)
 
 
-EFFECT = Effect(
+EFFECT = TorqueEffect(
     name="quadratic-damping",
     title="quadratic damping",
     parameters=(
@@ -38,6 +39,7 @@ EFFECT = Effect(
         ),
     ),
     law="τ = -c v|v|",
+    formula="{coefficient} φ̇|φ̇|",
     source="Froude 1874; ITTC 7.5-02-07-04.5, roll decay: p₁ + p₂|v|",
     does="The damping ratio falls in proportion to amplitude: fast decay at first, slow later.",
     look_alikes=("cubic-damping",),
@@ -46,4 +48,5 @@ EFFECT = Effect(
     to_mjcf=to_mjcf,
     example=(0.06,),
     torque=torque,
+    decay_signs=(("growing loss", 1),),
 )

@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from sysid.effects.base import Algebra, Effect, MujocoSupport, Parameter, State, Value, Values, rest_of
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import MujocoSupport, Parameter, State, SupportEffect, rest_of
 
 if TYPE_CHECKING:
     import mujoco
@@ -19,6 +20,13 @@ def still(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Va
     """Return the support's rate at release: none [rad/s]."""
     del m, hold, stiffness, parameters
     return 0 * tilt
+
+
+def acceleration(m: Algebra, angle: Value, rate: Value, torque: Value, parameters: Values) -> Value:
+    """Return (-k_s s - d_s ṡ - τ)/J [rad/s^2]."""
+    del m
+    own = -parameters["stiffness"] * angle - parameters["damping"] * rate
+    return (own - torque) / parameters["inertia"]
 
 
 def to_mjcf(
@@ -58,10 +66,9 @@ def to_mjcf(
     )
 
 
-EFFECT = Effect(
+EFFECT = SupportEffect(
     name="second-mode",
     title="compliant support",
-    role="support",
     parameters=(
         Parameter(
             name="inertia",
@@ -103,4 +110,7 @@ EFFECT = Effect(
         State(name="support_rate", start=still, size=lambda s: 0.2 * s.rate),
     ),
     sharpness=1.5,
+    acceleration=acceleration,
+    series_stiffness="stiffness",
+    stepped=("inertia", "damping"),
 )

@@ -1,11 +1,21 @@
 """A sensor that reads a constant too much."""
 
-from sysid.effects.base import Effect, MujocoSupport, Parameter, belongs_to_log
+from collections.abc import Sequence
+from dataclasses import replace
 
-EFFECT = Effect(
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import Parameter, Reading, SensorEffect
+
+
+def observe(m: Algebra, reading: Reading, parameters: Values, states: Sequence[Value]) -> Reading:
+    """Return φ + b."""
+    del m, states
+    return replace(reading, angle=reading.angle + parameters["angle"])
+
+
+EFFECT = SensorEffect(
     name="sensor-bias",
     title="angle sensor off by a constant",
-    role="measurement",
     parameters=(
         Parameter(name="angle", unit="rad", size=lambda s: s.amplitude, low=-1.0, high=1.0, starts=(0.01,)),
     ),
@@ -14,7 +24,7 @@ EFFECT = Effect(
     does="The whole decay moves up or down by a constant; its shape stays.",
     look_alikes=("offset", "preload"),
     experiment="Turn the sensor round on the deck and repeat: a sensor bias changes sign, a real offset not.",
-    mujoco=MujocoSupport(means="nothing: it belongs to the log", since="", warp=False),
-    to_mjcf=belongs_to_log,
     example=(0.02,),
+    observe=observe,
+    same_as=("rest_angle", "offset", "preload"),
 )

@@ -1,11 +1,21 @@
 """A sensor whose zero moves, e.g. the integral of a gyro with a bias."""
 
-from sysid.effects.base import Effect, MujocoSupport, Parameter, belongs_to_log
+from collections.abc import Sequence
 
-EFFECT = Effect(
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import Parameter, Reading, SensorEffect
+
+
+def observe(m: Algebra, reading: Reading, parameters: Values, states: Sequence[Value]) -> Reading:
+    """Return φ + r t, and v + r."""
+    del m, states
+    drift = parameters["rate"]
+    return Reading(reading.angle + drift * reading.time, reading.rate + drift, reading.time)
+
+
+EFFECT = SensorEffect(
     name="sensor-drift",
     title="angle sensor that drifts",
-    role="measurement",
     parameters=(
         Parameter(
             name="rate",
@@ -21,7 +31,8 @@ EFFECT = Effect(
     does="The middle of the decay moves at a constant rate, also at rest.",
     look_alikes=("viscoelastic",),
     experiment="Leave the deck alone for 30 s and look at the reading: a drifting sensor goes on.",
-    mujoco=MujocoSupport(means="nothing: it belongs to the log", since="", warp=False),
-    to_mjcf=belongs_to_log,
     example=(0.02,),
+    observe=observe,
+    excludes=("lowpass",),
+    decay_signs=(("moving level", 1),),
 )

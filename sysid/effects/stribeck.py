@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from sysid.effects.base import Algebra, Effect, MujocoSupport, Parameter, Value, Values
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import MujocoSupport, Parameter, TorqueEffect
 
 if TYPE_CHECKING:
     import mujoco
@@ -74,11 +75,33 @@ def as_coulomb(parameters: Values) -> list[dict[str, float]]:
     return [{"coulomb.torque": sliding}, {"coulomb.torque": 0.5 * (sliding + max(sliding, static))}]
 
 
-EFFECT = Effect(
+_PARTS = ((0.7, 1.3), (0.3, 1.3))
+_SPEEDS = (0.05, 0.2, 0.5)
+"""Sliding and static friction in units of the common one, and the Stribeck speed in units of its size."""
+
+
+def part_again(parameters: Mapping[str, float]) -> list[dict[str, float]]:
+    """Return static friction above the sliding one again, where a search let them fall together.
+
+    Below the sliding friction the static one has no effect, so a search that steps there never comes back.
+    """
+    level = parameters["torque"]
+    if parameters["static_torque"] > level:
+        return []
+    return [
+        {"torque": below * level, "static_torque": above * level, "velocity": speed}
+        for below, above in _PARTS
+        for speed in _SPEEDS
+    ]
+
+
+EFFECT = TorqueEffect(
     name="stribeck",
     title="dry friction with stiction",
     parameters=(
-        Parameter(name="torque", unit="N*m", size=lambda s: s.torque, low=0.0, high=1.0, starts=(0.02,)),
+        Parameter(
+            name="torque", unit="N*m", size=lambda s: s.torque, low=0.0, high=1.0, starts=(0.02,), rough=True
+        ),
         Parameter(
             name="static_torque",
             unit="N*m",
@@ -99,6 +122,7 @@ EFFECT = Effect(
         ),
     ),
     law="τ = -(Fc + (Fs - Fc) exp(-(v/vs)²)) sgn v; sticks while the other torques stay within ±Fs",
+    formula="({torque} + ({static_torque} - {torque}) exp(-(φ̇/{velocity})²)) sgn φ̇",
     source="Stribeck 1902; Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30 (1994)",
     does="Slow swings lose more than dry friction alone would take, and the deck stops early and off rest.",
     look_alikes=("coulomb", "hysteresis"),
@@ -112,6 +136,9 @@ EFFECT = Effect(
     to_mjcf=to_mjcf,
     example=(0.08, 0.25, 0.5),
     friction=friction,
-    becomes=(("coulomb", as_coulomb),),
+    limiting_cases=(("coulomb", as_coulomb),),
+    excludes=("coulomb",),
+    restarts=part_again,
+    decay_signs=(("constant loss", 2),),
     sharpness=2.0,
 )

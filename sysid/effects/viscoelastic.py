@@ -3,19 +3,20 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from sysid.effects.base import Algebra, Effect, Motion, MujocoSupport, Parameter, State, Value, Values
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import JointState, MujocoSupport, Parameter, State, TorqueEffect
 
 if TYPE_CHECKING:
     import mujoco
 
 
-def torque(m: Algebra, motion: Motion, parameters: Values, states: Sequence[Value]) -> Value:
+def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return -k₁ z, with z the stretch of the arm's spring [N*m]."""
     del m, motion
     return -parameters["stiffness"] * states[0]
 
 
-def stretch_rate(m: Algebra, motion: Motion, stretch: Value, parameters: Values) -> Value:
+def stretch_rate(m: Algebra, motion: JointState, stretch: Value, parameters: Values) -> Value:
     """Return v - z/T: the arm's damper lets its spring relax [rad/s]."""
     del m
     return motion.rate - stretch / parameters["time_constant"]
@@ -51,7 +52,7 @@ def to_mjcf(
     )
 
 
-EFFECT = Effect(
+EFFECT = TorqueEffect(
     name="viscoelastic",
     title="viscoelastic rubber (Maxwell arm)",
     parameters=(

@@ -3,13 +3,9 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-
-Method = Literal["auto", "marker", "dots", "edge", "features"]
-
 
 VIDEO_SUFFIXES = frozenset(
     {".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mpg", ".mpeg", ".3gp", ".3g2", ".mts", ".m2ts"}
@@ -21,8 +17,8 @@ VIDEO_SUFFIXES = frozenset(
 class VideoOptions:
     """How roll is read from a film."""
 
-    method: Method = "auto"
-    """What is followed: a printed marker, coloured stickers, the deck's straight edge, or its texture."""
+    method: str = "auto"
+    """The tracker that is used: one of `sysid.video.trackers.names()`, or auto."""
     roi: tuple[int, int, int, int] | None = None
     """Left, top, width and height [px] of where the board moves."""
     calibration: Path | None = None
@@ -32,7 +28,7 @@ class VideoOptions:
     camera_angle: tuple[float, float] | None = None
     """Where the deck's axis points in the picture, to the right and down from the line of sight [rad]."""
     pivot: tuple[float, float] | None = None
-    """Point that a single dot turns about [px]; fitted if left out."""
+    """Point that a single thing turns about [px]; fitted if left out."""
     front: bool = False
     """The film is taken from the front of the board, where roll turns the other way."""
     rate: float | None = None

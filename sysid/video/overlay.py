@@ -10,16 +10,17 @@ import numpy.typing as npt
 from sysid.errors import HuskyError
 from sysid.files import atomic_path
 from sysid.roll import Array, Roll
-from sysid.video.frames import Clip, Picture
-from sysid.video.track import Track
+from sysid.video.film.frames import Clip
+from sysid.video.film.track import Track
+from sysid.video.types import Picture
 
-REAL = (0, 159, 230)
+SEEN_COLOUR = (0, 159, 230)
 """Orange, in OpenCV's order: measurements have it everywhere."""
-LOST = (60, 60, 255)
-WIDTH = 960
+LOST_COLOUR = (60, 60, 255)
+OVERLAY_WIDTH = 960
 """Width of the annotated clip [px], unless the film is smaller."""
 CODECS = {".mp4": "mp4v", ".mov": "mp4v", ".avi": "MJPG", ".mkv": "mp4v"}
-SHEET = (4, 3)
+SHEET_GRID = (4, 3)
 """Columns and rows of the contact sheet."""
 
 
@@ -52,11 +53,13 @@ def draw_overlay(
     codec = CODECS.get(path.suffix.lower())
     if codec is None:
         raise HuskyError(f"--overlay {path}: a film ends with {', '.join(CODECS)}.")
-    scale = min(1.0, WIDTH / clip.width)
+    scale = min(1.0, OVERLAY_WIDTH / clip.width)
     size = (2 * round(clip.width * scale / 2), 2 * round(clip.height * scale / 2))
     sample = {int(row): number for number, row in enumerate(rows)}
     frames = {int(index): row for row, index in enumerate(track.index)}
-    chosen = {int(index) for index in np.linspace(0, len(track.index) - 1, SHEET[0] * SHEET[1]).round()}
+    chosen = {
+        int(index) for index in np.linspace(0, len(track.index) - 1, SHEET_GRID[0] * SHEET_GRID[1]).round()
+    }
     sheet: list[Picture] = []
     shift = float(np.median(roll.time - track.time[rows]))
     with atomic_path(path) as temporary:
@@ -90,7 +93,7 @@ def _annotate(
     picture: Picture, points: Array, joined: tuple[tuple[int, int], ...], roll: Roll, number: int | None
 ) -> None:
     seen = np.asarray(np.isfinite(points).all(axis=1), np.bool_)
-    colour = LOST if number is None else REAL
+    colour = LOST_COLOUR if number is None else SEEN_COLOUR
     # The ends of lines need no circles, which would hide what the line lies on.
     for x, y in points[seen] if len(joined) < 2 else ():
         cv2.circle(picture, (round(16 * x), round(16 * y)), 64, colour, 2, cv2.LINE_AA, shift=4)
@@ -107,11 +110,17 @@ def _annotate(
     trace = np.round(16 * np.stack([across, down], axis=1)).astype(np.int32)
     cv2.polylines(picture, [trace], False, (200, 200, 200), 1, cv2.LINE_AA, shift=4)
     if number is None:
-        _text(picture, "left out: does not turn as one body" if seen.any() else "left out: not seen", LOST)
+        _text(
+            picture,
+            "left out: does not turn as one body" if seen.any() else "left out: not seen",
+            LOST_COLOUR,
+        )
         return
-    cv2.circle(picture, (int(trace[number, 0]), int(trace[number, 1])), 72, REAL, -1, cv2.LINE_AA, shift=4)
+    cv2.circle(
+        picture, (int(trace[number, 0]), int(trace[number, 1])), 72, SEEN_COLOUR, -1, cv2.LINE_AA, shift=4
+    )
     angle, deviation = np.degrees(roll.roll[number]), np.degrees(roll.std[number])
-    _text(picture, f"{roll.time[number]:7.3f} s   roll {angle:+7.2f} +- {2 * deviation:.2f} deg", REAL)
+    _text(picture, f"{roll.time[number]:7.3f} s   roll {angle:+7.2f} +- {2 * deviation:.2f} deg", SEEN_COLOUR)
 
 
 def _text(picture: Picture, text: str, colour: tuple[int, int, int]) -> None:
@@ -122,7 +131,7 @@ def _text(picture: Picture, text: str, colour: tuple[int, int, int]) -> None:
 
 
 def _write_sheet(pictures: list[Picture], path: Path) -> None:
-    columns, rows = SHEET
+    columns, rows = SHEET_GRID
     blank = np.zeros_like(pictures[0])
     cells = [*pictures, *[blank] * (columns * rows)][: columns * rows]
     sheet = np.vstack([np.hstack(cells[row * columns : (row + 1) * columns]) for row in range(rows)])

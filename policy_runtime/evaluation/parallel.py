@@ -1,0 +1,227 @@
+# pyright: reportMissingImports=false, reportUnknownParameterType=false, reportAttributeAccessIssue=false
+"""The same protocol in the training's own simulator, all episodes of a seed side by side (mjlab, MuJoCo Warp).
+
+The exported ONNX file is what is measured, not the network in memory; beside `evaluate`, which rides in
+plain MuJoCo, it tells what the change of simulator costs.
+"""
+
+import math
+import sys
+from collections.abc import Callable
+from contextlib import redirect_stdout
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from policy_runtime.evaluation.metrics import Rides
+from policy_runtime.evaluation.plain import Protocol
+from policy_runtime.evaluation.result import PATHS, TIME_LIMIT, Evaluation, Part, part_of, summarise
+from policy_runtime.evaluation.stress import CALM
+from policy_runtime.loop.policy_file import open_policy
+from sim.skate.cycle.clock import CONTROL_PERIOD
+from sim.skate.mdp.actor_observation import OBSERVATION_SIZE
+from sim.skate.robot.g1 import JOINTS
+from sysid.board import Board
+from sysid.errors import HuskyError
+from sysid.roll import Array
+
+COLUMNS = {
+    "pushing": "pushing",
+    "steering": "steering",
+    "commanded_speed": "commanded_speed",
+    "target_heading": "target_heading",
+    "heading": "board_heading",
+    "joints": "joint_position",
+    "foot_on_ground": "foot_on_ground",
+    "foot_on_deck": "foot_on_deck",
+}
+"""Fields of `Rides`, and where `sim.skate.mdp.state.SkateState` has them."""
+
+
+class BatchPolicy:
+    """An ONNX policy of batch size 1 that answers many observations at once; 'zero' answers zero."""
+
+    def __init__(self, policy: str, board: Board, *, force: bool = False) -> None:
+        """Open the policy.
+
+        Args:
+            policy: Path of an ONNX file, or 'zero'.
+            board: The record to ride.
+            force: See `policy_file.open_policy`.
+
+        Raises:
+            HuskyError: The policy does not fit, takes another observation than the task gives, or onnx is
+                not installed.
+        """
+        self.name = Path(policy).stem
+        self.turn_feedback = False
+        self._session: Any = None
+        if policy == "zero":
+            return
+        file = open_policy(Path(policy), board, force=force)
+        self.turn_feedback = file.turn_feedback
+        if file.size != OBSERVATION_SIZE:
+            raise HuskyError(
+                f"{policy}: takes {file.size} numbers, the task gives {OBSERVATION_SIZE}. Evaluate it in plain MuJoCo."
+            )
+        try:
+            import onnx
+            import onnxruntime
+        except ImportError as error:
+            raise HuskyError(
+                f"evaluating in parallel needs {error.name}. Run `pip install onnx onnxruntime`."
+            ) from error
+        model = onnx.load(policy)
+        for value in (*model.graph.input, *model.graph.output):
+            value.type.tensor_type.shape.dim[0].dim_param = "n"
+        self._session = onnxruntime.InferenceSession(
+            model.SerializeToString(), providers=["CPUExecutionProvider"]
+        )
+        self._names = [file.output_name], file.input_name
+
+    def act(self, observations: Array) -> Array:
+        """Return actions, shape (n, 23), for observations, shape (n, 390)."""
+        if self._session is None:
+            return np.zeros((len(observations), len(JOINTS)))
+        outputs, name = self._names
+        return self._session.run(outputs, {name: observations.astype(np.float32)})[0]
+
+
+def evaluate_in_parallel(
+    policy: str,
+    board: Board,
+    *,
+    episodes: int,
+    seeds: tuple[int, ...],
+    protocol: Protocol | None = None,
+    device: str | None = None,
+    force: bool = False,
+    progress: Callable[[int], None] | None = None,
+) -> Evaluation:
+    """Measure a policy in mjlab; arguments and result as in `evaluate.evaluate_policy`.
+
+    Args:
+        policy: Path of an ONNX file, or 'zero'.
+        board: The record to ride.
+        episodes: Episodes of each seed, side by side.
+        seeds: Seeds of commands, starts and shoves.
+        protocol: What the episodes are like.
+        device: 'cuda:0' or 'cpu'; the first GPU if there is one.
+        force: See `policy_file.open_policy`.
+        progress: Called with the number of episodes just done.
+
+    Raises:
+        HuskyError: mjlab or torch is not installed, or the policy does not fit.
+    """
+    protocol = protocol or Protocol()
+    if protocol.stress != CALM or protocol.terrain != "flat":
+        raise HuskyError("stress and terrain are of plain MuJoCo. Leave --simulator out.")
+    batch = BatchPolicy(policy, board, force=force)
+    parts: list[Part] = []
+    for seed in seeds:
+        with redirect_stdout(sys.stderr):  # mjlab prints its managers, Warp every kernel that it loads
+            rides, endings, paths = _ride(batch, board, episodes, seed, protocol, device)
+        parts.append(part_of(seed, rides, endings, paths))
+        if progress is not None:
+            progress(episodes)
+    return summarise(parts, batch.name, board.name)
+
+
+@dataclass(frozen=True, slots=True)
+class _Worlds:
+    env: Any
+    torch: Any
+
+
+def _worlds(
+    board: Board, count: int, seed: int, protocol: Protocol, device: str | None, *, turn_feedback: bool
+) -> _Worlds:
+    try:
+        import torch
+        from mjlab.envs import ManagerBasedRlEnv
+    except ImportError as error:
+        raise HuskyError(
+            f"evaluating in parallel needs mjlab and torch ({error.name} is missing). Run `pip install mjlab`, "
+            "or evaluate in plain MuJoCo."
+        ) from error
+    from sim.skate.cycle.start import Start
+    from sim.skate.options import SkateOptions, Variation
+    from sim.skate.task import skate_env_cfg
+
+    drawn = {
+        "start": Start(standing=1.0, pushing=0.0, steering=0.0),
+        "foot_place": SkateOptions().foot_place,
+        "boards": 64,
+        "variation": Variation(),
+    }
+    options = SkateOptions.nominal(
+        speed=protocol.speed,
+        turn=protocol.turn,
+        pushes=protocol.pushes,
+        episode=protocol.duration,
+        turn_feedback=turn_feedback,
+        **(drawn if protocol.randomised else {}),
+    )
+    torch.manual_seed(seed)
+    device = device or ("cuda:0" if torch.cuda.is_available() else "cpu")
+    cfg = skate_env_cfg(board, options, environments=count, seed=seed)
+    if not protocol.randomised:
+        cfg.events = {name: event for name, event in cfg.events.items() if event.mode != "startup"}
+    return _Worlds(ManagerBasedRlEnv(cfg, device=device), torch)
+
+
+def _ride(
+    policy: BatchPolicy, board: Board, count: int, seed: int, protocol: Protocol, device: str | None
+) -> tuple[Rides, list[str], list[Array]]:
+    """Ride every environment until its first episode is over."""
+    worlds = _worlds(board, count, seed, protocol, device, turn_feedback=policy.turn_feedback)
+    # After it has made sure of torch and mjlab, which these need.
+    from sim.skate.mdp.measuring import measure
+    from sim.skate.mdp.observations import skate_command
+
+    env, torch = worlds.env, worlds.torch
+    rows: dict[str, list[Array]] = {name: [] for name in (*COLUMNS, "speed", "alive")}
+    where: list[Array] = []
+    running, succeeded = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
+    endings = [TIME_LIMIT] * count
+    try:
+        observations, _ = env.reset()
+        with torch.inference_mode():
+            for _ in range(math.ceil(protocol.duration / CONTROL_PERIOD) + 1):
+                actions = policy.act(observations["actor"].cpu().numpy())
+                reading = skate_command(env).reading
+                # Where the board is before the step: after it, who fell is already back at the start.
+                place = np.column_stack(
+                    [reading.board_position()[:, :2].cpu().numpy(), reading.board_heading().cpu()]
+                )
+                observations, *_ = env.step(torch.as_tensor(actions, dtype=torch.float32, device=env.device))
+                state = measure(env)
+                for name, source in COLUMNS.items():
+                    rows[name].append(getattr(state, source).cpu().numpy().copy())
+                rows["speed"].append(state.board_velocity[:, 0].cpu().numpy().copy())
+                rows["alive"].append(running.copy())
+                where.append(place)
+                _judge(env, running, succeeded, endings)
+                if not running.any():
+                    break
+    finally:
+        env.close()
+    columns: dict[str, Any] = {name: np.array(values) for name, values in rows.items()}
+    rides = Rides(**columns, succeeded=succeeded)
+    lengths = rides.alive.sum(axis=0)
+    paths = [np.array(where)[: lengths[n], n] for n in range(min(count, PATHS))]
+    return rides, endings, paths
+
+
+def _judge(env: Any, running: Array, succeeded: Array, endings: list[str]) -> None:
+    """Note whose first episode has just ended, and how."""
+    terminations = env.termination_manager
+    over = terminations.dones.cpu().numpy() & running
+    for n in np.flatnonzero(over):
+        for term in terminations.active_terms:
+            if bool(terminations.get_term(term)[n]):
+                endings[n] = TIME_LIMIT if term == "time_out" else term.replace("_", " ")
+        succeeded[n] = endings[n] == TIME_LIMIT
+    running &= ~over

@@ -1,0 +1,245 @@
+"""Measures a policy in plain MuJoCo: many episodes, several seeds, the paper's protocol.
+
+An episode begins at rest with one foot on the ground, lasts 20 s, commands one speed drawn from 0 to
+1.5 m/s and a new turn of up to ±45° in every cycle, and ends early when the pelvis leans beyond 70°,
+when anything but a foot touches ground or board, or when both feet have left the deck.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+
+from policy_runtime.evaluation.metrics import Rides
+from policy_runtime.evaluation.recording import Recorder, Recording
+from policy_runtime.evaluation.result import PATHS, TIME_LIMIT, Evaluation, Part, part_of, summarise
+from policy_runtime.evaluation.stress import CALM, Stress, StressedRobot
+from policy_runtime.loop.commands import Command
+from policy_runtime.loop.policy import OnnxPolicy, Policy
+from policy_runtime.loop.policy_file import open_policy
+from policy_runtime.loop.scripted import SCRIPTS, scripted
+from policy_runtime.loop.world import World, joint_limits, make_world
+from policy_runtime.runtime import Runtime
+from sim.skate.cycle.clock import CONTROL_PERIOD, Clock
+from sim.skate.world.terrain import Terrain
+from sysid.board import Board
+from sysid.errors import HuskyError
+from sysid.roll import Array
+
+FALLEN = math.radians(70)
+"""Inclination of the pelvis that ends an episode [rad]."""
+SETTLING = 0.1
+"""Time after the start during which the feet may be unloaded [s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Protocol:
+    """What every episode is like."""
+
+    duration: float = 20.0
+    """[s]"""
+    speed: tuple[float, float] = (0.0, 1.5)
+    """Range of the commanded speed [m/s]."""
+    turn: float = math.pi / 4
+    """Largest commanded turn to either side [rad]."""
+    pushes: float = 0.0
+    """Largest change of velocity by shoves, one every 5 to 10 s [m/s]."""
+    stress: Stress = CALM
+    """How the world differs from the nominal one (plain MuJoCo only)."""
+    terrain: Terrain = "flat"
+    """The ground (plain MuJoCo only)."""
+    randomised: bool = False
+    """Every world another one, as in training: friction, centres of mass, boards, place of the pelvis (mjlab
+    only)."""
+
+
+@dataclass
+class _Episode:
+    """One episode's commands, and the judgement of when it is over: a command source for the runtime."""
+
+    world: World
+    recorder: Recorder
+    protocol: Protocol
+    rng: np.random.Generator
+    ending: str = TIME_LIMIT
+    _speed: float = field(init=False)
+    _turn: float = field(init=False)
+    _unloaded: bool = False
+    _shove: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._speed = float(self.rng.uniform(*self.protocol.speed))
+        self._turn = float(self.rng.uniform(-self.protocol.turn, self.protocol.turn))
+        self._shove = float(self.rng.uniform(5, 10))
+
+    def at(self, time: float) -> Command | None:
+        """Return the command, or None where the episode is over."""
+        if len(self.recorder):
+            ending = self._over(time)
+            if ending is not None:
+                self.ending = ending
+                return None
+        # A turn counts only where it is latched, at the start of steering: drawing one a cycle suffices.
+        cycle = Clock().period * CONTROL_PERIOD
+        if time > 0 and math.isclose(
+            math.fmod(time + CONTROL_PERIOD / 2, cycle), CONTROL_PERIOD / 2, abs_tol=1e-6
+        ):
+            self._turn = float(self.rng.uniform(-self.protocol.turn, self.protocol.turn))
+        if self.protocol.pushes > 0 and time >= self._shove:
+            self.world.robot.push(self.rng.uniform(-self.protocol.pushes, self.protocol.pushes, 2))
+            self._shove = time + float(self.rng.uniform(5, 10))
+        if self.protocol.stress.push > 0 and time >= self._shove:
+            assert isinstance(self.world.robot, StressedRobot)  # as `stressed_world` builds it
+            angle = self.rng.uniform(-math.pi, math.pi)
+            self.world.robot.push_with(
+                self.protocol.stress.push * np.array([math.cos(angle), math.sin(angle)])
+            )
+            self._shove = time + float(self.rng.uniform(5, 10))
+        return Command(self._speed, self._turn)
+
+    def close(self) -> None:
+        """Do nothing."""
+
+    def _over(self, time: float) -> str | None:
+        truth = self.world.robot.truth()
+        if truth.upright < math.cos(FALLEN):
+            return "fallen"
+        if truth.other_contacts:
+            return "body contact"
+        unloaded = not truth.foot_on_deck.any()
+        before, self._unloaded = self._unloaded, unloaded
+        return "off the board" if unloaded and before and time > SETTLING else None
+
+
+def run_episode(
+    world: World, policy: Policy, protocol: Protocol, rng: np.random.Generator
+) -> tuple[Recording, str]:
+    """Ride one episode and return what happened and how it ended.
+
+    Args:
+        world: The world; left where the episode ended.
+        policy: What to ride with.
+        protocol: What the episode is like.
+        rng: Draws commands, joint deviations and shoves.
+    """
+    world.reset(rng=rng)
+    if isinstance(world.robot, StressedRobot):
+        world.robot.rng = rng.spawn(1)[0]
+    recorder = Recorder(world.robot)
+    episode = _Episode(world, recorder, protocol, rng)
+    limits = joint_limits(world.robot.model, tilt=FALLEN, joint_margin=0.3, torque_time=math.inf)
+    runtime = Runtime(
+        robot=world.robot, policy=policy, commands=episode, limits=limits, on_tick=recorder.add, stop_time=0.0
+    )
+    result = runtime.run(protocol.duration)
+    if result.stopped is not None:
+        episode.ending = "fallen" if result.stopped.startswith("tilt") else result.stopped.split(":")[0]
+    return recorder.recording(), episode.ending
+
+
+def stressed_world(board: Board, protocol: Protocol) -> World:
+    """Build the world that a protocol asks for."""
+    world = make_world(board, terrain=protocol.terrain)
+    if protocol.stress == CALM:
+        return world
+    protocol.stress.change(world.robot.model)
+    return World(StressedRobot(world.robot.model, protocol.stress), world.start)
+
+
+def policy_named(name: str, board: Board | None, *, force: bool = False) -> Policy:
+    """Return the scripted policy of that name, or open the ONNX file of that path.
+
+    Raises:
+        HuskyError: Neither exists, or the file does not fit robot and board.
+    """
+    if name in SCRIPTS or (not name.endswith(".onnx") and not Path(name).exists()):
+        return scripted(name)
+    return OnnxPolicy(open_policy(Path(name), board, force=force))
+
+
+@dataclass(frozen=True, slots=True)
+class _Job:
+    board: Board
+    policy: str
+    protocol: Protocol
+    seed: int
+    first: int
+    count: int
+    force: bool
+
+
+def _work(job: _Job) -> Part:
+    """Ride some episodes of one seed in a process of its own."""
+    world = stressed_world(job.board, job.protocol)
+    policy = policy_named(job.policy, job.board, force=job.force)
+    rides: list[Rides] = []
+    endings: list[str] = []
+    paths: list[Array] = []
+    for episode in range(job.first, job.first + job.count):
+        recording, ending = run_episode(
+            world, policy, job.protocol, np.random.default_rng([job.seed, episode])
+        )
+        rides.append(recording.rides(succeeded=ending == TIME_LIMIT))
+        endings.append(ending)
+        if episode < PATHS:
+            where = recording.column("board_position")[:, :2]
+            paths.append(np.column_stack([where, recording.column("board_heading")]))
+    return part_of(job.seed, Rides.join(rides), endings, paths)
+
+
+def evaluate_policy(
+    policy: str,
+    board: Board,
+    *,
+    episodes: int,
+    seeds: tuple[int, ...],
+    protocol: Protocol | None = None,
+    workers: int = 1,
+    force: bool = False,
+    progress: Callable[[int], None] | None = None,
+) -> Evaluation:
+    """Measure a policy.
+
+    Args:
+        policy: Name of a scripted policy or path of an ONNX file.
+        board: The record to ride.
+        episodes: Episodes of each seed.
+        seeds: Seeds; an episode is drawn from its seed and its number, whatever the workers.
+        protocol: What the episodes are like.
+        workers: Processes to share the work.
+        force: See `policy_file.open_policy`.
+        progress: Called with the number of episodes just done.
+
+    Raises:
+        HuskyError: The policy cannot be opened or does not fit, the world cannot be built, or worlds drawn
+            as in training are asked for.
+    """
+    protocol = protocol or Protocol()
+    if protocol.randomised:
+        raise HuskyError("worlds drawn as in training are mjlab's. Add --simulator mjlab.")
+    name = policy_named(policy, board, force=force).name
+    size = max(1, min(10, math.ceil(episodes * len(seeds) / (4 * workers))))
+    jobs = [
+        _Job(board, policy, protocol, seed, first, min(size, episodes - first), force)
+        for seed in seeds
+        for first in range(0, episodes, size)
+    ]
+    parts: list[Part] = []
+    for part in _results(jobs, workers):
+        parts.append(part)
+        if progress is not None:
+            progress(len(part.endings))
+    return summarise(parts, name, board.name)
+
+
+def _results(jobs: list[_Job], workers: int) -> Iterator[Part]:
+    if workers == 1:
+        yield from map(_work, jobs)
+        return
+    # Forking a process with threads (Rerun, onnxruntime) can hang; spawned ones start clean.
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        yield from pool.map(_work, jobs)

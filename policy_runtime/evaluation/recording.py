@@ -1,0 +1,131 @@
+"""What a simulated ride looked like: one row a policy step, for metrics, pictures and Rerun."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from policy_runtime.evaluation.metrics import Rides
+from policy_runtime.robots.simulated import SimulatedRobot, Truth
+from policy_runtime.runtime import Tick
+from sim.skate.cycle.clock import STILL_SPEED, Clock
+from sysid.files import atomic_path
+from sysid.roll import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """A finished recording; first axis policy steps (t)."""
+
+    time: Array
+    """[s], (t,)."""
+    step: Array
+    """Policy steps since the cycle began, (t,)."""
+    command: Array
+    """Speed [m/s] and turn [rad], (t, 2)."""
+    qpos: Array
+    """Configuration of the whole scene, (t, nq)."""
+    target: Array
+    """Joint targets [rad], (t, 23)."""
+    action: Array
+    """(t, 23)."""
+    target_heading: Array
+    """Heading to reach [rad], (t,)."""
+    torque: Array
+    """[N*m], (t, 23)."""
+    joints: Array
+    """[rad], (t, 23)."""
+    truth: tuple[Truth, ...]
+    """(t,)."""
+    clock: Clock
+
+    def column(self, name: str) -> Any:
+        """Return one number or vector of the truth over time, shape (t,) or (t, k)."""
+        return np.array([getattr(truth, name) for truth in self.truth])
+
+    def rides(self, *, succeeded: bool) -> Rides:
+        """Return the recording as a single episode, for `metrics.episode_errors`."""
+        moving = self.command[:, 0] >= STILL_SPEED
+        step = self.step.astype(int)
+        return Rides(
+            alive=np.ones((len(step), 1), dtype=bool),
+            pushing=(self.clock.pushing(step) & moving)[:, None],
+            steering=(self.clock.steering(step) & moving)[:, None],
+            commanded_speed=self.command[:, :1],
+            target_heading=self.target_heading[:, None],
+            speed=self.column("board_speed")[:, None],
+            heading=self.column("board_heading")[:, None],
+            joints=self.joints[:, None],
+            foot_on_ground=self.column("foot_on_ground")[:, None],
+            foot_on_deck=self.column("foot_on_deck")[:, None],
+            succeeded=np.array([succeeded]),
+        )
+
+    def save(self, path: Path) -> None:
+        """Write the numbers as a NumPy archive.
+
+        Raises:
+            HuskyError: The folder cannot be written to.
+        """
+        names = ("time", "step", "command", "qpos", "target", "action", "target_heading", "torque", "joints")
+        truths = (
+            "board_position",
+            "board_heading",
+            "board_speed",
+            "roll",
+            "trucks",
+            "pelvis_position",
+            "upright",
+        )
+        contacts = ("foot_on_ground", "foot_on_deck", "wheel_on_ground", "other_contacts", "energy")
+        with atomic_path(path) as temporary, temporary.open("wb") as file:
+            columns: dict[str, Any] = {name: getattr(self, name) for name in names}
+            columns |= {name: self.column(name) for name in (*truths, *contacts)}
+            np.savez_compressed(file, **columns)
+
+
+@dataclass
+class Recorder:
+    """Collects ticks of a simulated robot: give `add` to the runtime as `on_tick`."""
+
+    robot: SimulatedRobot
+    clock: Clock = field(default_factory=Clock)
+    _ticks: list[Tick] = field(default_factory=list[Tick])
+    _truth: list[Truth] = field(default_factory=list[Truth])
+    _qpos: list[Array] = field(default_factory=list[Array])
+    _headings: list[float] = field(default_factory=list[float])
+
+    def add(self, tick: Tick) -> None:
+        """Record the moment of one decision, before its consequences."""
+        truth = self.robot.truth()
+        begins = tick.step % self.clock.period == self.clock.push + self.clock.mount
+        if not self._headings or begins:
+            heading = truth.board_heading + tick.command.turn
+        else:
+            heading = self._headings[-1]
+        self._headings.append(heading)
+        self._ticks.append(tick)
+        self._truth.append(truth)
+        self._qpos.append(self.robot.data.qpos.copy())
+
+    def __len__(self) -> int:
+        """Return the number of ticks recorded."""
+        return len(self._ticks)
+
+    def recording(self) -> Recording:
+        """Return everything recorded so far."""
+        ticks = self._ticks
+        return Recording(
+            time=np.array([tick.time for tick in ticks]),
+            step=np.array([tick.step for tick in ticks], dtype=np.float64),
+            command=np.array([tick.command for tick in ticks], dtype=np.float64).reshape(-1, 2),
+            qpos=np.array(self._qpos),
+            target=np.array([tick.target for tick in ticks]),
+            action=np.array([tick.action for tick in ticks]),
+            target_heading=np.array(self._headings),
+            torque=np.array([tick.state.joint_torque for tick in ticks]),
+            joints=np.array([tick.state.joint_position for tick in ticks]),
+            truth=tuple(self._truth),
+            clock=self.clock,
+        )

@@ -1,0 +1,155 @@
+"""What many measured episodes say: success, errors with their intervals, endings, and where errors come from."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from policy_runtime.evaluation.breakdown import Table, add_up, break_down
+from policy_runtime.evaluation.metrics import METRICS, Flags, Rides, episode_errors, reachable_headings
+from policy_runtime.evaluation.statistics import mean_over, proportion
+from sim.skate.cycle.clock import CONTROL_PERIOD, STILL_SPEED
+from sysid.quantity import Quantity
+from sysid.roll import Array
+
+TIME_LIMIT = "time limit"
+"""How an episode ends that succeeds."""
+PATHS = 20
+"""Paths kept for the picture."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """What some episodes of one seed said; small, whatever their length."""
+
+    seed: int
+    errors: dict[str, Array]
+    """Every metric of `METRICS`, shape (n,)."""
+    durations: Array
+    """[s], shape (n,)."""
+    endings: list[str]
+    """How each episode ended."""
+    stood: Flags
+    """Whether it was told to stand all the time, shape (n,)."""
+    headings: Array
+    """See `metrics.reachable_headings`."""
+    tables: tuple[Table, ...]
+    """See `breakdown.break_down`."""
+    paths: list[Array]
+    """Paths of the board in some of the episodes: x, y, heading, each (t, 3)."""
+
+
+def part_of(seed: int, rides: Rides, endings: list[str], paths: list[Array]) -> Part:
+    """Return what recorded episodes of one seed say.
+
+    Args:
+        seed: The seed.
+        rides: The episodes.
+        endings: How each ended.
+        paths: See `Part`.
+    """
+    return Part(
+        seed=seed,
+        errors=episode_errors(rides),
+        durations=rides.alive.sum(axis=0) * CONTROL_PERIOD,
+        endings=endings,
+        stood=np.atleast_1d((rides.commanded_speed * rides.alive < STILL_SPEED).all(axis=0)),
+        headings=reachable_headings(rides),
+        tables=break_down(rides),
+        paths=paths,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evaluation:
+    """What many episodes said."""
+
+    policy: str
+    board: str
+    episodes: int
+    """Episodes of each seed."""
+    seeds: tuple[int, ...]
+    success: Quantity
+    """Share of the rides that last to the time limit; told to stand is no ride."""
+    standing: Quantity
+    """The same of the episodes that were told to stand."""
+    errors: dict[str, Quantity]
+    """Every metric of `METRICS`."""
+    endings: dict[str, int]
+    """How many episodes ended in which way."""
+    duration: Quantity
+    """Time until the end of an episode [s]."""
+    median_duration: float
+    """Of the rides, without those told to stand [s]."""
+    headings: Array
+    """See `metrics.reachable_headings`."""
+    tables: tuple[Table, ...]
+    """See `breakdown.break_down`."""
+    paths: tuple[Array, ...]
+    """Paths of the board in the first episodes: x, y, heading, each (t, 3)."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the evaluation for machines."""
+        return {
+            "policy": self.policy,
+            "board": self.board,
+            "episodes": self.episodes,
+            "seeds": list(self.seeds),
+            "E_succ": self.success.to_json(),
+            "standing": self.standing.to_json(),
+            **{name: quantity.to_json() for name, quantity in self.errors.items()},
+            "duration": self.duration.to_json(),
+            "median_duration": self.median_duration,
+            "endings": self.endings,
+            "breakdown": [table.to_json() for table in self.tables],
+            "headings": [
+                {"asked_rad": asked, "achieved_rad": done, "speed": speed}
+                for asked, done, speed in self.headings.tolist()
+            ],
+        }
+
+
+def summarise(parts: list[Part], policy: str, board: str) -> Evaluation:
+    """Put what all parts say together; at least one part.
+
+    Args:
+        parts: In any order.
+        policy: Name of the policy.
+        board: Name of the board.
+    """
+    seeds = tuple(sorted({part.seed for part in parts}))
+
+    def by_seed(values: dict[int, list[Array]]) -> list[Array]:
+        return [np.concatenate(values[seed]) for seed in seeds]
+
+    errors: dict[str, dict[int, list[Array]]] = {key: {seed: [] for seed in seeds} for key in METRICS}
+    durations: dict[int, list[Array]] = {seed: [] for seed in seeds}
+    endings: dict[str, int] = {}
+    lasted = {stood: [0, 0] for stood in (False, True)}
+    for part in parts:
+        for key, values in part.errors.items():
+            errors[key][part.seed].append(values)
+        durations[part.seed].append(part.durations)
+        for ending in part.endings:
+            endings[ending] = endings.get(ending, 0) + 1
+        for stood, ending in zip(part.stood.tolist(), part.endings, strict=True):
+            lasted[stood][0] += ending == TIME_LIMIT
+            lasted[stood][1] += 1
+    episodes = sum(endings.values())
+    rode = np.concatenate([part.durations[~part.stood] for part in parts])
+    return Evaluation(
+        policy=policy,
+        board=board,
+        episodes=round(episodes / len(seeds)),
+        seeds=seeds,
+        success=proportion(*lasted[False]),
+        standing=proportion(*lasted[True]),
+        errors={key: mean_over(by_seed(errors[key]), unit) for key, unit in METRICS.items()},
+        endings=dict(sorted(endings.items())),
+        duration=mean_over(by_seed(durations), "s"),
+        median_duration=float(np.median(rode)) if len(rode) else math.nan,
+        headings=np.concatenate([part.headings for part in parts]),
+        tables=add_up([part.tables for part in parts]),
+        paths=tuple(path for part in parts for path in part.paths)[:PATHS],
+    )

@@ -1,0 +1,1 @@
+"""PPO with AMP, its run folder and its curves."""

@@ -1,0 +1,258 @@
+# pyright: reportMissingImports=false, reportUntypedBaseClass=false, reportUnknownParameterType=false
+"""Adversarial motion priors beside rsl_rl's PPO: one extension, PPO itself untouched.
+
+A discriminator tells windows of five joint frames of the reference motions from the policy's; what it
+takes for reference is rewarded (Peng et al. 2021, "AMP"; least-squares loss and gradient penalty). Only
+windows that lie within one episode and within a stretch taught by style (`style_mask`) are shown to it and
+rewarded. Where that is more than pushing, the last numbers of a window say which stretch it is of, and the
+reference windows of a batch are of the same stretches as the policy's: how often a stretch occurs shall
+not tell them apart.
+
+With several processes the gradients and running statistics of the discriminator are averaged, and so are
+the statistics of the observation normalisers, which rsl_rl 5.4 leaves different in every process.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+import torch.distributed
+from rsl_rl.algorithms import PPO
+from torch import nn
+
+from policy_runtime.learning.fused_update import FusedUpdate, plain_state, use_rate
+from policy_runtime.learning.graphs import Graphed
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AmpOptions:
+    """Numbers of the style reward and its discriminator."""
+
+    weight: float = 5.0
+    """Weight of the style reward per second; 0 leaves the discriminator out."""
+    hidden: tuple[int, ...] = (256, 256)
+    learning_rate: float = 1e-4
+    gradient_penalty: float = 5.0
+    """Weight of the mean squared gradient norm at the reference windows."""
+    updates: int = 8
+    """Discriminator steps an iteration."""
+    batch: int = 8192
+    """Windows of each kind a step and process."""
+    weight_decay: float = 1e-3
+    stretches: int = 0
+    """Last numbers of a window that say one-hot which stretch it is of; 0 where all are of one."""
+    step_time: float = 0.02
+    """Time of a policy step [s]."""
+
+
+class RunningNormaliser(nn.Module):
+    """Mean and variance of everything seen, the same in every process."""
+
+    def __init__(self, size: int) -> None:
+        """Start at mean 0 and variance 1 with no weight."""
+        super().__init__()
+        self.mean: torch.Tensor
+        self.variance: torch.Tensor
+        self.count: torch.Tensor
+        self.register_buffer("mean", torch.zeros(size))
+        self.register_buffer("variance", torch.ones(size))
+        self.register_buffer("count", torch.zeros(()))
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        """Return normalised windows within ±10."""
+        return ((x - self.mean) / (self.variance.sqrt() + 1e-2)).clamp(-10, 10)
+
+    @torch.no_grad()
+    def update(self, x: torch.Tensor) -> None:
+        """Take a batch into account, shape (batch, size)."""
+        moments = torch.stack((x.mean(0), (x**2).mean(0)))
+        average_over_processes(moments)
+        mean, variance = moments[0], moments[1] - moments[0] ** 2
+        count = self.count + len(x)
+        rate = len(x) / count
+        delta = mean - self.mean
+        self.variance += rate * (variance - self.variance + delta**2 * (1 - rate))
+        self.mean += rate * delta
+        self.count.copy_(count)
+
+
+class Discriminator(nn.Module):
+    """Scores windows: about 1 for reference motion, about -1 for anything else."""
+
+    def __init__(self, size: int, hidden: tuple[int, ...]) -> None:
+        """Build the network for windows of `size` numbers."""
+        super().__init__()
+        self.normaliser = RunningNormaliser(size)
+        layers: list[nn.Module] = []
+        for width_in, width_out in zip((size, *hidden[:-1]), hidden, strict=True):
+            layers += [nn.Linear(width_in, width_out), nn.ReLU()]
+        self.network = nn.Sequential(*layers, nn.Linear(hidden[-1], 1))
+
+    def forward(self, windows: torch.Tensor) -> torch.Tensor:
+        """Return scores, (batch,), of raw windows, (batch, size)."""
+        return self.network(self.normaliser(windows)).squeeze(-1)
+
+    def loss(self, reference: torch.Tensor, policy: torch.Tensor, penalty: float) -> torch.Tensor:
+        """Return the least-squares loss with gradient penalty of one batch of each kind."""
+        real = self.normaliser(reference).requires_grad_()
+        real_score = self.network(real)
+        fake_score = self.network(self.normaliser(policy))
+        fit = 0.5 * (((real_score - 1) ** 2).mean() + ((fake_score + 1) ** 2).mean())
+        (gradient,) = torch.autograd.grad(real_score.sum(), real, create_graph=True)
+        return fit + penalty * (gradient**2).sum(dim=-1).mean()
+
+
+def style_value(score: torch.Tensor) -> torch.Tensor:
+    """Return the style reward in [0, 1] of discriminator scores: max(0, 1 - (d - 1)² / 4)."""
+    return (1 - 0.25 * (score - 1) ** 2).clamp(min=0)
+
+
+class AmpPPO(PPO):
+    """PPO with a style reward; observations carry the groups `style` (windows) and `style_mask`."""
+
+    def __init__(
+        self, *args: Any, reference: torch.Tensor, amp: AmpOptions, graphs: bool = False, **kwargs: Any
+    ) -> None:
+        """Build PPO and the discriminator.
+
+        Args:
+            args: For PPO.
+            reference: Windows of the reference motions, (m, 5 · 23 + stretches) [rad], oldest frame first,
+                grouped by stretch.
+            amp: Numbers of the style reward.
+            graphs: Whether to learn by CUDA graphs; in one process on a GPU only.
+            kwargs: For PPO.
+        """
+        super().__init__(*args, **kwargs)
+        self.amp = amp
+        self.reference = reference.to(self.device)
+        self.discriminator = Discriminator(reference.shape[1], amp.hidden).to(self.device)
+        self.amp_optimiser = torch.optim.AdamW(
+            self.discriminator.parameters(), lr=amp.learning_rate, weight_decay=amp.weight_decay
+        )
+        self.style_reward = torch.zeros((), device=self.device)
+        """Mean style reward of the last step, of those that pushed, for logs."""
+        self._chosen = torch.zeros(amp.batch, dtype=torch.long, device=self.device)
+        self._scores = torch.zeros(3, device=self.device)
+        self._teach = Graphed(self._teach_discriminator, self.device, enabled=graphs, side_stream=True)
+        self._fused = FusedUpdate(self) if graphs else None
+
+    def process_env_step(self, obs: Any, rewards: torch.Tensor, dones: torch.Tensor, extras: Any) -> None:
+        """Add the style reward and record the step."""
+        if self.amp.weight > 0:
+            mask = obs["style_mask"].squeeze(-1)
+            with torch.no_grad():
+                style = style_value(self.discriminator(obs["style"])) * mask
+            self.style_reward = style.sum() / mask.sum().clamp(min=1)
+            rewards = rewards + self.amp.weight * self.amp.step_time * style
+        super().process_env_step(obs, rewards, dones, extras)
+
+    def update(self) -> dict[str, float]:
+        """Update the discriminator from the rollout, then PPO."""
+        losses = self._update_discriminator() if self.amp.weight > 0 else {}
+        losses |= super().update() if self._fused is None else self._fused()
+        if self.is_multi_gpu:
+            for model in (self._raw_actor, self._raw_critic):
+                average_normaliser(model.obs_normalizer)
+        return losses
+
+    def _update_discriminator(self) -> dict[str, float]:
+        pushing = self.storage.observations["style_mask"].flatten().nonzero().squeeze(-1)
+        # Every process must take part in every averaging, so an empty one learns from nothing at all.
+        if len(pushing) == 0:
+            pushing = self._chosen[:1].zero_()
+        if self._fused is not None:
+            use_rate(self.amp_optimiser, None)
+        self._scores.zero_()
+        for _ in range(self.amp.updates):
+            self._chosen.copy_(pushing[torch.randint(len(pushing), (self.amp.batch,), device=self.device)])
+            self._teach()
+        names = ("discriminator", "policy_score", "reference_score")
+        return dict(zip(names, (self._scores / self.amp.updates).tolist(), strict=True))
+
+    def _teach_discriminator(self) -> None:
+        """Take one step from the chosen windows."""
+        policy = self.storage.observations["style"].flatten(0, 1)[self._chosen]
+        real = self._like(policy)
+        self.discriminator.normaliser.update(torch.cat((policy, real)))
+        loss = self.discriminator.loss(real, policy, self.amp.gradient_penalty)
+        self.amp_optimiser.zero_grad()
+        loss.backward()
+        average_gradients(self.discriminator)
+        self.amp_optimiser.step()
+        with torch.no_grad():
+            scores = self.discriminator(policy).mean(), self.discriminator(real).mean()
+        self._scores += torch.stack((loss.detach(), *scores))
+
+    def _like(self, policy: torch.Tensor) -> torch.Tensor:
+        """Return as many reference windows as those of the policy, of the same stretches."""
+        kinds = self.amp.stretches
+        if kinds == 0:
+            return self.reference[torch.randint(len(self.reference), (len(policy),), device=self.device)]
+        count = self.reference[:, -kinds:].sum(dim=0)  # the reference is grouped by stretch
+        first = count.cumsum(0) - count
+        which = policy[:, -kinds:].argmax(dim=-1)
+        chosen = first[which] + torch.floor(count[which] * torch.rand(len(policy), device=self.device))
+        return self.reference[chosen.long().clamp(max=len(self.reference) - 1)]
+
+    def save(self) -> dict[str, Any]:
+        """Return everything that a resumed run needs."""
+        return super().save() | {
+            "optimizer_state_dict": plain_state(self.optimizer),
+            "discriminator": self.discriminator.state_dict(),
+            "amp_optimiser": plain_state(self.amp_optimiser),
+        }
+
+    def judges_alike(self, loaded_dict: dict[str, Any]) -> bool:
+        """Return whether the discriminator of what `save` returned takes windows of the same size."""
+        name = "normaliser.mean"
+        return loaded_dict["discriminator"][name].shape == self.discriminator.state_dict()[name].shape
+
+    def load(self, loaded_dict: dict[str, Any], load_cfg: dict[str, Any] | None, strict: bool) -> bool:
+        """Restore what `save` returned; what is not in it starts afresh."""
+        if "discriminator" in loaded_dict:
+            self.discriminator.load_state_dict(loaded_dict["discriminator"], strict=strict)
+        if "amp_optimiser" in loaded_dict:
+            self.amp_optimiser.load_state_dict(loaded_dict["amp_optimiser"])
+        if "optimizer_state_dict" not in loaded_dict:
+            load_cfg = {"actor": True, "critic": True, "iteration": True}
+        return super().load(loaded_dict, load_cfg, strict)
+
+    def broadcast_parameters(self) -> None:
+        """Give all processes the weights of the first."""
+        super().broadcast_parameters()
+        for tensor in self.discriminator.state_dict().values():
+            torch.distributed.broadcast(tensor, src=0)
+
+
+def average_over_processes(tensor: torch.Tensor) -> None:
+    """Replace a tensor by its mean over all processes; leave it where there is one process."""
+    if torch.distributed.is_initialized():
+        torch.distributed.all_reduce(tensor)
+        tensor /= torch.distributed.get_world_size()
+
+
+def average_gradients(module: nn.Module) -> None:
+    """Average the gradients of a module over all processes, in one message."""
+    if not torch.distributed.is_initialized():
+        return
+    gradients = [p.grad for p in module.parameters() if p.grad is not None]
+    flat = torch.cat([gradient.flatten() for gradient in gradients])
+    average_over_processes(flat)
+    for gradient, part in zip(gradients, flat.split([g.numel() for g in gradients]), strict=True):
+        gradient.copy_(part.view_as(gradient))
+
+
+@torch.inference_mode()  # rsl_rl updates them in inference mode, after which no other may write them
+def average_normaliser(normaliser: Any) -> None:
+    """Give rsl_rl's observation normaliser the statistics of all processes pooled.
+
+    All processes have seen equally many samples since they last agreed, so pooled moments are means.
+    """
+    if not torch.distributed.is_initialized() or not hasattr(normaliser, "_mean"):
+        return
+    moments = torch.stack((normaliser._mean, normaliser._var + normaliser._mean**2))
+    average_over_processes(moments)
+    normaliser._mean.copy_(moments[0])
+    normaliser._var.copy_(moments[1] - moments[0] ** 2)
+    normaliser._std.copy_(normaliser._var.sqrt())

@@ -1,0 +1,119 @@
+# pyright: reportMissingImports=false, reportUnknownParameterType=false
+"""What a checkpoint holds besides the learner: counters and the state of everything random.
+
+| key | content |
+|---|---|
+| actor_state_dict, critic_state_dict | networks with their normalisers |
+| optimizer_state_dict | PPO's optimiser, its adaptive rate included |
+| discriminator, amp_optimiser | of the style reward |
+| iteration, samples, step_counter | done so far: iterations, steps of all worlds, steps of each |
+| curriculum | patience and strength, see `policy_runtime.learning.curriculum` |
+| random | for each process: states of torch on CPU and GPU, NumPy and Python |
+"""
+
+import pickle
+import random
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+import torch.distributed
+
+from sysid.errors import HuskyError
+
+NEEDED = ("actor_state_dict", "critic_state_dict", "discriminator", "iteration", "step_counter")
+"""What even a checkpoint without optimisers holds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """How far a run has come."""
+
+    iterations: int = 0
+    samples: int = 0
+    """Steps of all worlds in all processes, whatever their number was."""
+
+
+def read_checkpoint(path: Path, device: str = "cpu") -> dict[str, Any]:
+    """Read a checkpoint.
+
+    Raises:
+        HuskyError: The file is cut short, no checkpoint of PyTorch, or of another program.
+    """
+    try:
+        content: Any = torch.load(path, map_location=device, weights_only=True)
+    except OSError as error:
+        raise HuskyError(f"{path}: cannot be read ({error.strerror or error}).") from error
+    except (RuntimeError, EOFError, ValueError, LookupError, TypeError, pickle.UnpicklingError) as error:
+        raise HuskyError(
+            f"{path}: not a whole checkpoint; it may have been cut short while it was copied. Use an earlier one."
+        ) from error
+    missing = [key for key in NEEDED if not isinstance(content, dict) or key not in content]
+    if missing:
+        raise HuskyError(
+            f"{path}: not a checkpoint of husky-sysid: '{missing[0]}' is not in it. Expected a model_N.pt that "
+            "`husky-sysid train` wrote."
+        )
+    return content
+
+
+def grow_inputs(kept: dict[str, Any], model: str, size: int) -> bool:
+    """Let a network take further inputs, appended to those it knows, without changing what it answers to these.
+
+    Args:
+        kept: A checkpoint's content; changed in place.
+        model: 'actor' or 'critic'.
+        size: How many inputs it shall take.
+
+    Returns:
+        Whether it had fewer. Then the optimiser, whose state is of the old size, is no longer in the content.
+    """
+    state: dict[str, torch.Tensor] = kept[f"{model}_state_dict"]
+    weight = state["mlp.0.weight"]
+    more = size - weight.shape[1]
+    if more <= 0:
+        return False
+    wider: dict[str, torch.Tensor] = {
+        "mlp.0.weight": torch.cat((weight, weight.new_zeros(len(weight), more)), 1)
+    }
+    for name, fill in (("_mean", 0.0), ("_var", 1.0), ("_std", 1.0)):
+        old = state[f"obs_normalizer.{name}"]
+        wider[f"obs_normalizer.{name}"] = torch.cat((old, old.new_full((1, more), fill)), 1)
+    kept[f"{model}_state_dict"] = {**state, **wider}
+    kept.pop("optimizer_state_dict", None)
+    return True
+
+
+def random_state(device: str) -> dict[str, Any]:
+    """Return the state of everything random in this process, in types that are safe to load."""
+    numbers: Any = np.random.get_state(legacy=True)  # noqa: NPY002 (mjlab seeds it)
+    kind, keys, position, has_gauss, gauss = numbers
+    return {
+        "torch": torch.get_rng_state(),
+        "cuda": torch.cuda.get_rng_state(device) if device != "cpu" else None,
+        "numpy": [kind, torch.tensor(keys.astype(np.int64)), position, has_gauss, gauss],
+        "python": list(random.getstate()),
+    }
+
+
+def set_random_state(state: dict[str, Any], device: str) -> None:
+    """Go on with the random numbers where `random_state` was taken."""
+    torch.set_rng_state(state["torch"].cpu())
+    if device != "cpu" and state["cuda"] is not None:
+        torch.cuda.set_rng_state(state["cuda"].cpu(), device)
+    kind, keys, position, has_gauss, gauss = state["numpy"]
+    np.random.set_state((kind, keys.cpu().numpy().astype(np.uint32), position, has_gauss, gauss))  # noqa: NPY002
+    version, inner, gauss_next = state["python"]
+    random.setstate((version, tuple(inner), gauss_next))
+
+
+def random_states(device: str) -> list[dict[str, Any]]:
+    """Return `random_state` of all processes, in order; every process has to call it."""
+    here = random_state(device)
+    if not torch.distributed.is_initialized():
+        return [here]
+    states: list[Any] = [None] * torch.distributed.get_world_size()
+    torch.distributed.all_gather_object(states, here)
+    return states

@@ -1,0 +1,131 @@
+# pyright: reportMissingImports=false, reportUnknownParameterType=false, reportPrivateUsage=false
+# (mjlab keeps the reward of each term of a step in a private table.)
+"""What a training run reports every iteration: sums kept on the device, read once.
+
+| name | meaning |
+|---|---|
+| survival | share of the episodes that ended in this iteration by time, not by a fall |
+| falls_per_minute | episodes ended early per minute of simulated riding |
+| patience, strength, entropy_weight | how hard the task is, see `policy_runtime.learning.curriculum` |
+| speed_error | mean |v - v_cmd| while pushing [m/s] |
+| heading_error | mean |heading - target| while steering [rad] |
+| tilt_error, tilt | mean |γ - γ_ref| and |γ| while steering [rad] |
+| both_feet | share of the steering steps with both feet on the deck |
+| foot_down | share of the pushing steps with the pushing foot on the ground |
+| foot_place | mean distance of the right foot from where it stood at the start [m] |
+| wrong_tilt | share of the steering steps with the deck tilted more than 3° the wrong way |
+| wrong_push | share of the pushing steps with the right foot off the deck or the left one on it |
+| wrong_steer | share of the steering steps with a foot off the deck or on the ground |
+| reward/… | mean weighted reward of each term per second |
+| end/… | episodes ended by each cause per minute of simulated riding |
+"""
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import torch
+
+from sim.skate.arrays import wrap_angle
+from sim.skate.mdp import rewards
+from sim.skate.mdp.measuring import measure
+
+if TYPE_CHECKING:
+    from mjlab.envs import ManagerBasedRlEnv
+
+WRONG_TILT = math.radians(3)
+"""Tilt the wrong way that is counted [rad]."""
+
+
+class Progress:
+    """Sums over the steps of one iteration."""
+
+    def __init__(self, env: "ManagerBasedRlEnv") -> None:
+        """Allocate the sums."""
+        self._env = env
+        self._terms = env.reward_manager.active_terms
+        self._ends = env.termination_manager.active_terms
+        self._blameless = {name for name in self._ends if env.termination_manager.get_term_cfg(name).time_out}
+        self._sums: dict[str, torch.Tensor] = {}
+        self._steps = 0
+        self._broken = torch.zeros(env.num_envs, dtype=torch.bool, device=env.device)
+
+    def add(self, style: torch.Tensor) -> None:
+        """Take the environments' last step into account; call before the next one."""
+        env = self._env
+        state = measure(env)
+        broken = env.termination_manager.get_term("not_finite")
+        self._broken |= broken
+        steers, pushes = state.steering & ~broken, state.pushing & ~broken
+        steering, pushing = steers.float(), pushes.float()
+        speed = (state.board_velocity[:, 0] - state.commanded_speed).abs()
+        heading = wrap_angle(state.board_heading - state.target_heading).abs()
+        left, right = state.foot_on_deck[:, 0], state.foot_on_deck[:, 1]
+        # Chosen, not multiplied: what has broken down counts nothing, and nothing times NaN is NaN.
+        sums = {
+            "all": torch.ones_like(steering).sum(),
+            "steering": steering.sum(),
+            "pushing": pushing.sum(),
+            "speed_error": torch.where(pushes, speed, 0.0).sum(),
+            "heading_error": torch.where(steers, heading, 0.0).sum(),
+            "tilt_error": torch.where(steers, (state.tilt - state.tilt_reference).abs(), 0.0).sum(),
+            "tilt": torch.where(steers, state.tilt.abs(), 0.0).sum(),
+            "foot_place": torch.where(broken, 0.0, state.foot_place_error.abs()).sum(),
+            "wrong_tilt": ((rewards.wrong_tilt(state) > WRONG_TILT) * steering).sum(),
+            "both_feet": (state.foot_on_deck.all(dim=-1) * steering).sum(),
+            "foot_down": (state.foot_on_ground[:, 0] * pushing).sum(),
+            "wrong_push": ((left | ~right) * pushing).sum(),
+            "wrong_steer": ((~(left & right) | state.foot_on_ground.any(dim=-1)) * steering).sum(),
+            "style": style,
+            "reward": env.reward_manager._step_reward.mean(dim=0),
+            "end": torch.stack([env.termination_manager.get_term(name).sum() for name in self._ends]).float(),
+        }
+        for name, value in sums.items():
+            kept = self._sums.get(name)
+            self._sums[name] = value.clone() if kept is None else kept + value
+        self._steps += 1
+
+    def broken(self) -> list[int]:
+        """Return the worlds of this process whose simulation has broken down since the last call."""
+        worlds = torch.nonzero(self._broken).flatten().tolist()
+        self._broken.zero_()
+        return worlds
+
+    def read(self) -> dict[str, float]:
+        """Return the means since the last reading, pooled over processes, and start anew."""
+        names = list(self._sums)
+        flat = torch.cat([self._sums[name].flatten().double() for name in names])
+        steps = float(self._steps)
+        if torch.distributed.is_initialized():
+            torch.distributed.all_reduce(flat)
+            steps *= torch.distributed.get_world_size()
+        values = dict(zip(names, flat.split([self._sums[name].numel() for name in names]), strict=True))
+        self._sums, self._steps = {}, 0
+        return self._means(values, steps)
+
+    def _means(self, values: dict[str, torch.Tensor], steps: float) -> dict[str, float]:
+        get = lambda name: float(values[name])  # noqa: E731
+        minutes = steps * self._env.num_envs * self._env.step_dt / 60
+        ends = dict(zip(self._ends, values["end"].tolist(), strict=True))
+        falls = sum(count for name, count in ends.items() if name not in self._blameless)
+        result: dict[str, Any] = {
+            "survival": ends["time_out"] / max(ends["time_out"] + falls, 1.0),
+            "falls_per_minute": falls / minutes,
+            "style": get("style") / steps,
+        }
+        for name, stretch in (
+            ("speed_error", "pushing"),
+            ("heading_error", "steering"),
+            ("tilt_error", "steering"),
+            ("tilt", "steering"),
+            ("foot_place", "all"),
+            ("wrong_tilt", "steering"),
+            ("both_feet", "steering"),
+            ("foot_down", "pushing"),
+            ("wrong_push", "pushing"),
+            ("wrong_steer", "steering"),
+        ):
+            result[name] = get(name) / max(get(stretch), 1.0)
+        terms = (values["reward"] / steps).tolist()
+        result["reward"] = sum(terms)
+        result |= {f"reward/{name}": value for name, value in zip(self._terms, terms, strict=True)}
+        return result | {f"end/{name}": count / minutes for name, count in ends.items()}

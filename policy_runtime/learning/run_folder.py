@@ -1,0 +1,325 @@
+"""The folder of a training run: everything needed to understand it and to go on with it.
+
+| file | content |
+|---|---|
+| config.toml | every option, resolved |
+| board.toml | the record that is trained for |
+| origin.json | hashes of record and motions, versions, host, seed, GPUs, start, whether the board had passed |
+| curves.jsonl | one line an iteration, see `policy_runtime.learning.progress` |
+| curves.png | the same as a picture |
+| events.out.tfevents… | the same for TensorBoard, where that is installed |
+| checkpoints/model_N.pt | the learner after iteration N, see `policy_runtime.learning.checkpoint` |
+| policy.onnx | the last checkpoint's policy with its metadata |
+"""
+
+import contextlib
+import dataclasses
+import json
+import os
+import platform
+import tomllib
+import types
+import typing
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, TypeVar
+
+import tomlkit
+
+from policy_runtime.learning.style_reference import transition_folder
+from policy_runtime.motion.motions import motion_paths
+from sim.skate.options import SkateOptions
+from sysid.board import load_board
+from sysid.errors import HuskyError, did_you_mean
+from sysid.files import sha256, write_atomically, write_json
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LearnOptions:
+    """Numbers of the learner (HUSKY, table of PPO)."""
+
+    environments: int = 4096
+    """Worlds a process."""
+    steps: int = 24
+    """Policy steps a world and iteration."""
+    iterations: int = 3000
+    seed: int = 1
+    hidden: tuple[int, ...] = (512, 256, 128)
+    """Widths of actor and critic."""
+    initial_std: float = 0.5
+    """Standard deviation of the first actions. The paper's 1.0 makes the penalties on action differences
+    outweigh everything that can be earned, so that falling early pays."""
+    epochs: int = 5
+    mini_batches: int = 4
+    clip: float = 0.2
+    value_weight: float = 1.0
+    entropy: float = 0.005
+    """Weight of the actions' entropy; where the curriculum leads, a beginner's."""
+    last_entropy: float = 0.001
+    """Weight of the actions' entropy at the end of the curriculum."""
+    curriculum: bool = True
+    """Whether the task becomes harder as the learner does better; see `policy_runtime.learning.curriculum`."""
+    graphs: bool = True
+    """Whether to launch many small operations as one CUDA graph where there is a GPU."""
+    learning_rate: float = 1e-3
+    """Where the adaptive rate starts."""
+    desired_kl: float = 0.015
+    gamma: float = 0.99
+    lam: float = 0.95
+    """λ of generalised advantage estimation."""
+    gradient_norm: float = 1.0
+    save_every: int = 100
+    """Iterations between checkpoints."""
+    style_weight: float = 5.0
+    """Weight of the style reward per second."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunConfig:
+    """All options of a run."""
+
+    task: SkateOptions = field(default_factory=SkateOptions)
+    learn: LearnOptions = field(default_factory=LearnOptions)
+
+
+@dataclass(frozen=True, slots=True)
+class RunFolder:
+    """Paths in a run's folder."""
+
+    path: Path
+
+    @property
+    def config(self) -> Path:
+        """The resolved options."""
+        return self.path / "config.toml"
+
+    @property
+    def board(self) -> Path:
+        """The board's record."""
+        return self.path / "board.toml"
+
+    @property
+    def origin(self) -> Path:
+        """What the run was made from."""
+        return self.path / "origin.json"
+
+    @property
+    def curves(self) -> Path:
+        """One JSON line an iteration."""
+        return self.path / "curves.jsonl"
+
+    @property
+    def policy(self) -> Path:
+        """The exported policy."""
+        return self.path / "policy.onnx"
+
+    def checkpoint(self, iteration: int) -> Path:
+        """Return the path of the checkpoint after an iteration."""
+        return self.path / "checkpoints" / f"model_{iteration}.pt"
+
+    def checkpoints(self) -> list[Path]:
+        """Return all checkpoints, oldest first."""
+        return sorted((self.path / "checkpoints").glob("model_*.pt"), key=_iteration)
+
+    def done(self) -> int:
+        """Return after how many iterations the newest checkpoint was written; 0 if there is none."""
+        return max((_iteration(path) for path in self.checkpoints()), default=0)
+
+    def write_config(self, config: RunConfig) -> None:
+        """Write the options.
+
+        Raises:
+            HuskyError: The folder cannot be written to.
+        """
+        write_atomically(self.config, tomlkit.dumps(_plain(dataclasses.asdict(config))))
+
+    def begin(
+        self, config: RunConfig, record: Path, start_from: Path | None = None, *, gpus: int = 1
+    ) -> None:
+        """Write what a run needs before it starts: options, record, and where they came from.
+
+        Args:
+            config: All options.
+            record: The board's record file; it is copied.
+            start_from: A checkpoint of another run to begin with; it is copied.
+            gpus: What the run begins on, 0 for the CPU; it goes on there.
+
+        Raises:
+            HuskyError: The folder cannot be written to, or the checkpoint cannot be read.
+        """
+        if start_from is not None:
+            if not start_from.is_file() or not start_from.stem.removeprefix("model_").isdigit():
+                raise HuskyError(f"{start_from}: no checkpoint; expected a file model_N.pt of another run.")
+            write_atomically(self.checkpoint(_iteration(start_from)), start_from.read_bytes())
+        self.write_config(config)
+        write_atomically(self.board, record.read_bytes())
+        motions = {
+            path.name: sha256(path) for path in [*motion_paths(), *motion_paths([transition_folder()])]
+        }
+        origin = {
+            "board_sha256": sha256(record),
+            "board_passed": load_board(record).passed,
+            "motions_sha256": motions,
+            "start_from": None
+            if start_from is None
+            else {"path": str(start_from), "sha256": sha256(start_from)},
+            "seed": config.learn.seed,
+            "gpus": gpus,
+            "started": datetime.now(UTC).isoformat(timespec="seconds"),
+            "platform": platform.platform(),
+            "versions": _versions(),
+        }
+        write_json(self.origin, origin)
+
+    def read_config(self) -> RunConfig:
+        """Read the options back.
+
+        Raises:
+            HuskyError: There is no such run, or an option is unknown or of the wrong kind.
+        """
+        try:
+            raw = tomllib.loads(self.config.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise HuskyError(f"{self.config}: no training run there ({error.strerror}).") from error
+        except tomllib.TOMLDecodeError as error:
+            raise HuskyError(f"{self.config}: not a TOML file ({error}).") from error
+        return _build(RunConfig, raw, str(self.config))
+
+    def started_from(self) -> Path | None:
+        """Return where `begin` put the checkpoint of another run, or None."""
+        start = self._read_origin().get("start_from")
+        return None if start is None else self.checkpoint(_iteration(Path(start["path"])))
+
+    def gpus(self) -> int:
+        """Return how many GPUs the run began on; 1 where it does not say."""
+        return int(self._read_origin().get("gpus", 1))
+
+    def _read_origin(self) -> dict[str, Any]:
+        return json.loads(self.origin.read_text(encoding="utf-8")) if self.origin.exists() else {}
+
+    def has_learned(self) -> bool:
+        """Return whether anything came of the run: an iteration, or a checkpoint of its own."""
+        return bool(self.read_curves()) or any(path != self.started_from() for path in self.checkpoints())
+
+    def discard(self) -> None:
+        """Remove what `begin` wrote, and the folder unless it holds something else."""
+        written = (self.config, self.board, self.origin, self.curves)
+        for path in (*written, *self.checkpoints(), *self.path.glob("events.out.tfevents*")):
+            path.unlink(missing_ok=True)
+        for folder in (self.path / "checkpoints", self.path):
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+
+    def add_to_curves(self, numbers: Mapping[str, float]) -> None:
+        """Add an iteration's report; one that a kill has cut short stays on a line of its own."""
+        with self.curves.open("ab+") as file:
+            if file.tell() > 0:
+                file.seek(-1, os.SEEK_END)
+                if file.read() != b"\n":
+                    file.write(b"\n")
+            file.write((json.dumps(numbers) + "\n").encode())
+
+    def read_curves(self) -> list[dict[str, float]]:
+        """Return the iterations' reports in order.
+
+        A line cut short by a kill is left out, and so are iterations that were lost by it and done again.
+        """
+        lines = self.curves.read_text(encoding="utf-8").splitlines() if self.curves.exists() else []
+        rows: list[dict[str, float]] = []
+        for line in lines:
+            try:
+                row = json.loads(line)
+            except json.JSONDecodeError:
+                continue
+            while rows and rows[-1]["iteration"] >= row["iteration"]:
+                rows.pop()
+            rows.append(row)
+        return rows
+
+
+def newest_run(outputs: Path, *, free: bool = False) -> Path:
+    """Return the newest run's folder below a board's outputs, or the `free` one after it.
+
+    Raises:
+        HuskyError: There is no run yet.
+    """
+    numbers = [int(path.name.removeprefix("train-")) for path in outputs.glob("train-*") if path.is_dir()]
+    if free:
+        return outputs / f"train-{max(numbers, default=0) + 1}"
+    if not numbers:
+        raise HuskyError(f"{outputs}: no training run there. Make one with `husky-sysid train`.")
+    return outputs / f"train-{max(numbers)}"
+
+
+def _versions() -> dict[str, str]:
+    """Return the versions of what decides a run's outcome; absent packages are left out."""
+    found: dict[str, str] = {}
+    for name in (
+        "husky-sysid",
+        "mjlab",
+        "mujoco",
+        "mujoco-warp",
+        "warp-lang",
+        "rsl-rl-lib",
+        "torch",
+        "numpy",
+    ):
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def _iteration(path: Path) -> int:
+    return int(path.stem.removeprefix("model_"))
+
+
+def _plain(value: Any) -> Any:
+    """Return nested dictionaries with lists for tuples, as TOML has them."""
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _build(kind: type[T], raw: Any, where: str) -> T:
+    """Return a dataclass from nested dictionaries, checking names and kinds."""
+    if not isinstance(raw, Mapping):
+        raise HuskyError(f"{where}: is {raw!r}; expected a table.")
+    hints = typing.get_type_hints(kind)
+    values: dict[str, Any] = {}
+    for name, value in raw.items():
+        if name not in hints:
+            raise HuskyError(f"{where}: unknown option '{name}'.{did_you_mean(name, hints)}")
+        values[name] = _value(hints[name], value, f"{where}: {name}")
+    try:
+        return kind(**values)
+    except ValueError as error:
+        raise HuskyError(f"{where}: {error}.") from error
+
+
+def _value(hint: Any, value: Any, where: str) -> Any:
+    if dataclasses.is_dataclass(hint) and isinstance(hint, type):
+        return _build(hint, value, where)
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
+    if origin is tuple:
+        if not isinstance(value, list):
+            raise HuskyError(f"{where} is {value!r}; expected a list.")
+        return tuple(_value(arguments[0], item, where) for item in value)
+    if origin is typing.Literal:
+        if value not in arguments:
+            raise HuskyError(f"{where} is {value!r}; expected one of {', '.join(map(str, arguments))}.")
+        return value
+    if origin in (types.UnionType, typing.Union):
+        return value
+    if hint is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    kind: Any = hint
+    if not isinstance(value, kind):
+        raise HuskyError(f"{where} is {value!r}; expected {kind.__name__}.")
+    return value

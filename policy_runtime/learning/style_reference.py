@@ -1,0 +1,56 @@
+"""What the style discriminator takes for reference: windows of the motions, with the stretch that they are of.
+
+In the default a window is five joint frames of pushing. Where mounting and dismounting are taught by
+style as well, three numbers more say one-hot which stretch it is of, as `sim.skate.mdp.observations.stretch`
+does for the policy's windows.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from policy_runtime.motion.motions import WINDOW, Motion, load_motions, windows
+from sim.skate.options import SkateOptions
+from sim.skate.robot.g1 import JOINTS
+from sysid.files import shipped_data
+from sysid.roll import Array
+
+STRETCHES = ("push", "mount", "dismount")
+
+
+def transition_folder() -> Path:
+    """Return where the shipped clips of mounting and dismounting are."""
+    return shipped_data() / "motions" / "transitions"
+
+
+def style_reference(options: SkateOptions) -> Array:
+    """Return the reference windows of a variant of the task.
+
+    Args:
+        options: The variant. Nothing taught by style still gets the pushing windows: the discriminator is
+            built, and left alone.
+
+    Returns:
+        Windows [rad], shape (m, 5 · 23), or (m, 5 · 23 + 3) with stretches, grouped by stretch.
+
+    Raises:
+        HuskyError: A clip is missing or broken.
+    """
+    if options.transition != "style":
+        return np.concatenate([_flat(motion) for motion in load_motions()])
+    clips = load_motions([transition_folder()])
+    groups = {
+        "push": load_motions() if options.pushing == "amp" else [],
+        "mount": [clip for clip in clips if clip.name.startswith("mount")],
+        "dismount": [clip for clip in clips if clip.name.startswith("dismount")],
+    }
+    rows = [
+        np.hstack([_flat(motion), np.tile(np.eye(len(STRETCHES))[i], (len(_flat(motion)), 1))])
+        for i, name in enumerate(STRETCHES)
+        for motion in groups[name]
+    ]
+    return np.concatenate(rows)
+
+
+def _flat(motion: Motion) -> Array:
+    return windows(motion).reshape(-1, WINDOW * len(JOINTS))

@@ -1,0 +1,1 @@
+"""A policy in closed loop with a robot or a simulation."""

@@ -1,0 +1,104 @@
+"""What a policy sees, built from a robot's state: our own frames and those of the HUSKY release."""
+
+import numpy as np
+
+from policy_runtime.loop.commands import Command
+from policy_runtime.robots import RobotState
+from sim.skate import rotation
+from sim.skate.cycle.clock import Clock
+from sim.skate.mdp.actor_observation import (
+    FRAMES,
+    OBSERVATION_SIZE,
+    PARTS,
+    History,
+    projected_gravity,
+    raw_frame,
+    scale_frame,
+    still_to_turn,
+)
+from sim.skate.robot.g1 import default_pose
+from sysid.roll import Array
+
+RELEASE_SIZE = 395
+"""Numbers that a policy of the HUSKY release takes: 79 a frame, grouped by term."""
+
+
+class PaperObservation:
+    """The observation of the paper: the turn as it was told. See `sim.skate.mdp.actor_observation`."""
+
+    size = OBSERVATION_SIZE
+
+    def __init__(self) -> None:
+        """Start without a history."""
+        self._clock, self._default, self._history = Clock(), default_pose(), History()
+
+    def reset(self) -> None:
+        """Forget the frames seen."""
+        self._history.reset()
+
+    def build(self, state: RobotState, command: Command, last_action: Array, step: int) -> Array:
+        """Return the observation of this step, shape (390,)."""
+        return self._history.push(self.frame(state, command, last_action, step))
+
+    def frame(self, state: RobotState, command: Command, last_action: Array, step: int) -> Array:
+        """Return the newest frame, scaled, shape (78,)."""
+        frame = raw_frame(
+            np.array(command),
+            state.angular_velocity,
+            projected_gravity(state.quaternion),
+            state.joint_position - self._default,
+            state.joint_velocity,
+            last_action,
+            np.array([self._clock.phase(step)]),
+        )
+        return scale_frame(frame)
+
+
+class FeedbackObservation(PaperObservation):
+    """The observation that our policies are trained with: how far it still has to turn, by its own yaw."""
+
+    def __init__(self) -> None:
+        """Start without a history."""
+        super().__init__()
+        self._yaw_then: float | None = None
+
+    def reset(self) -> None:
+        """Forget the frames seen, and the yaw from which the turn counts."""
+        super().reset()
+        self._yaw_then = None
+
+    def frame(self, state: RobotState, command: Command, last_action: Array, step: int) -> Array:
+        """Return the newest frame, scaled, shape (78,)."""
+        yaw = float(rotation.yaw(state.quaternion))
+        clock = self._clock
+        if self._yaw_then is None or step % clock.period == clock.push + clock.mount:
+            self._yaw_then = yaw
+        turn = float(still_to_turn(command.turn, yaw, self._yaw_then))
+        return super().frame(state, Command(command.speed, turn), last_action, step)
+
+
+class ReleaseObservation(PaperObservation):
+    """The observation of the HUSKY release: a heading as third number, and the history grouped by term."""
+
+    size = RELEASE_SIZE
+
+    def __init__(self) -> None:
+        """Start without a history."""
+        super().__init__()
+        sizes = [PARTS[0][1], 1, *(size for _, size, _, _ in PARTS[1:])]
+        self._edges = np.cumsum([0, *sizes])
+        self._frames: Array | None = None
+
+    def reset(self) -> None:
+        """Forget the frames seen."""
+        self._frames = None
+
+    def build(self, state: RobotState, command: Command, last_action: Array, step: int) -> Array:
+        """Return the observation of this step, shape (395,)."""
+        frame = self.frame(state, command, last_action, step)
+        heading = rotation.yaw(state.quaternion) / np.pi
+        frame = np.concatenate([frame[:2], [heading], frame[2:]])
+        old = self._frames
+        self._frames = np.tile(frame, (FRAMES, 1)) if old is None else np.vstack([old[1:], frame])
+        parts = zip(self._edges[:-1], self._edges[1:], strict=True)
+        return np.concatenate([self._frames[:, start:end].ravel() for start, end in parts])

@@ -1,0 +1,130 @@
+"""Policies that need no learning: what a learned one must beat, and what shows the world without one."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from policy_runtime.loop.commands import Command
+from policy_runtime.loop.gravity_load import GravityLoad
+from policy_runtime.loop.policy import Policy, action_for
+from policy_runtime.motion.motion_check import motion_facts
+from policy_runtime.motion.motions import Motion, load_motions
+from policy_runtime.robots import RobotState
+from sim.skate.cycle.clock import STILL_SPEED, Clock
+from sim.skate.robot.g1 import JOINTS, default_pose
+from sim.skate.robot.poses import load_poses
+from sysid.errors import HuskyError, did_you_mean
+from sysid.roll import Array
+
+EASE_STEPS = 10
+"""Policy steps over which a script leads from where the joints are to where it begins."""
+
+
+THRUST = 60.0
+"""Force with which the pushing script thrusts the left foot backwards against the ground [N]."""
+
+
+class Scripted:
+    """Follows joint targets that a function gives for command and step; without feedback."""
+
+    def __init__(self, name: str, targets: Callable[[Command, int], Array]) -> None:
+        """Take the script."""
+        self.name = name
+        self._targets = targets
+        self._start = default_pose()
+        self._ticks = 0
+        self.action = np.zeros(len(JOINTS))
+
+    def reset(self, state: RobotState) -> None:
+        """Begin from where the joints are."""
+        self._start, self._ticks = state.joint_position.copy(), 0
+
+    def act(self, state: RobotState, command: Command, step: int) -> Array:
+        """Return joint targets [rad], shape (23,)."""
+        self._ticks += 1
+        share = min(self._ticks / EASE_STEPS, 1.0)
+        target = (1 - share) * self._start + share * self._targets(command, step)
+        self.action = action_for(target)
+        return target
+
+
+def zero_action() -> Scripted:
+    """Answer zero always: ask for the default pose, one foot on the ground, one on the deck."""
+    return Scripted("zero", lambda command, step: default_pose())
+
+
+def standing() -> Scripted:
+    """Hold the steering pose against gravity: ride whatever comes."""
+    pose = load_poses()["steer"]
+    target = GravityLoad().asked(pose.joints, pose.quaternion, (True, True))
+    return Scripted("stand", lambda command, step: target)
+
+
+def scripted_push(clip: Motion | None = None, clock: Clock | None = None) -> Scripted:
+    """Replay a pushing clip while the cycle pushes, and glide on the right foot for the rest of it.
+
+    It never steps on the board with both feet: without feedback it would only fall.
+
+    Args:
+        clip: What to push like; the shipped clip whose speed is nearest to the command if None.
+        clock: The cycle.
+    """
+    clock = clock or Clock()
+    load = GravityLoad()
+    clips = [clip] if clip is not None else load_motions()
+    speeds = np.array([_speed(motion) for motion in clips])
+    replays = [_replay(motion, load) for motion in clips]
+    pose = load_poses()["push"]
+    glide = load.asked(pose.joints, pose.quaternion, (False, True))
+    still = load.asked(default_pose(), np.array([1.0, 0.0, 0.0, 0.0]), (True, True))
+
+    def targets(command: Command, step: int) -> Array:
+        if command.speed < STILL_SPEED:
+            return still
+        replay = replays[int(np.argmin(np.abs(speeds - command.speed)))]
+        step = step % clock.period
+        if clock.pushing(step):
+            return replay[step % len(replay)]
+        since, left = step - clock.push, clock.period - step
+        if since < clock.mount:
+            return _blend(replay[(clock.push - 1) % len(replay)], glide, since / clock.mount)
+        return _blend(replay[0], glide, min(left / clock.dismount, 1.0))
+
+    return Scripted("push", targets)
+
+
+def _replay(motion: Motion, load: GravityLoad) -> Array:
+    """Return the targets that replay a clip, shape (frames, 23): the left foot bears weight where it stands."""
+    planted = motion_facts(motion, load.model).planted
+    return np.array(
+        [
+            load.asked(joints, quaternion, (bool(down), True), THRUST)
+            for joints, quaternion, down in zip(motion.joints, motion.quaternion, planted, strict=True)
+        ]
+    )
+
+
+def _blend(start: Array, end: Array, share: float) -> Array:
+    return start + (end - start) * (share * share * (3 - 2 * share))
+
+
+def _speed(motion: Motion) -> float:
+    return float(np.linalg.norm(motion.position[-1, :2] - motion.position[0, :2]) / motion.duration)
+
+
+SCRIPTS: dict[str, Callable[[], Policy]] = {"zero": zero_action, "stand": standing, "push": scripted_push}
+"""Scripted policies by name."""
+
+
+def scripted(name: str) -> Policy:
+    """Return a scripted policy by its name.
+
+    Raises:
+        HuskyError: There is none of that name.
+    """
+    if name not in SCRIPTS:
+        raise HuskyError(
+            f"unknown script '{name}'.{did_you_mean(name, SCRIPTS)} Scripted policies: {', '.join(SCRIPTS)}; "
+            "anything else must be an ONNX file."
+        )
+    return SCRIPTS[name]()

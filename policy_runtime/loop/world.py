@@ -1,0 +1,113 @@
+# pyright: reportAttributeAccessIssue=false, reportUnknownParameterType=false
+# (MuJoCo ships no type stubs.)
+"""The skating world in plain MuJoCo, ready to run a policy: scene, robot, limits, start."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from policy_runtime.loop.safety import Limits
+from policy_runtime.robots import PD_PERIOD
+from policy_runtime.robots.simulated import Gantry, SimulatedRobot
+from sim.board.scene import Coupling
+from sim.skate.robot.g1 import JOINTS
+from sim.skate.robot.poses import load_poses
+from sim.skate.world.scene import ROBOT, SceneOptions, skate_spec, standing_state
+from sim.skate.world.terrain import Terrain
+from sysid.board import Board
+from sysid.errors import HuskyError
+from sysid.roll import Array
+
+STARTS = ("stand", "push", "steer")
+"""Where a ride may begin: one foot on the ground, or in a canonical pose on the rolling board."""
+
+
+@dataclass(frozen=True, slots=True)
+class World:
+    """A robot on a board on the ground."""
+
+    robot: SimulatedRobot
+    start: Array
+    """Configuration at the start, shape (nq,)."""
+
+    def reset(
+        self, *, speed: float = 0.0, rng: np.random.Generator | None = None, noise: float = 0.01
+    ) -> None:
+        """Put robot and board back to the start.
+
+        Args:
+            speed: Speed that everything rolls at [m/s].
+            rng: Draws the joints' deviations; none without.
+            noise: Half-width of the joints' deviations [rad].
+        """
+        qpos = self.start.copy()
+        if rng is not None:
+            joints = slice(self.robot.base_q + 7, self.robot.base_q + 7 + len(JOINTS))
+            qpos[joints] += rng.uniform(-noise, noise, len(JOINTS))
+        self.robot.reset(qpos, speed)
+
+
+def make_world(
+    board: Board,
+    *,
+    coupling: Coupling = "equality",
+    terrain: Terrain = "flat",
+    start: str = "stand",
+    gantry: Gantry | None = None,
+    visuals: bool = False,
+) -> World:
+    """Build the world for a board from the installed G1 model.
+
+    Args:
+        board: The record.
+        coupling: How tilt steers the trucks.
+        terrain: The ground.
+        start: One of `STARTS`.
+        gantry: Holds the robot; None lets it fall.
+        visuals: Keep the robot's meshes, for pictures.
+
+    Raises:
+        HuskyError: mjlab is not installed, or the board cannot be built.
+    """
+    options = SceneOptions(coupling=coupling, terrain=terrain, timestep=PD_PERIOD)
+    model = skate_spec(board, options, visuals=visuals).compile()
+    rake = board.geometry["rake"].value if coupling == "direct" else None
+    return world_of(model, start=start, direct_rake=rake, gantry=gantry)
+
+
+def world_of(
+    model: mujoco.MjModel,
+    *,
+    start: str = "stand",
+    direct_rake: float | None = None,
+    gantry: Gantry | None = None,
+) -> World:
+    """Return the world of a compiled scene.
+
+    Args:
+        model: Compiled from `skate_spec`, or read from an exported folder.
+        start: One of `STARTS`.
+        direct_rake: λ [rad] where the scene's trucks are set directly.
+        gantry: Holds the robot; None lets it fall.
+
+    Raises:
+        HuskyError: The scene is not one of skating, or the start is unknown.
+    """
+    robot = SimulatedRobot(model, direct_rake=direct_rake, gantry=gantry)
+    if start not in STARTS:
+        raise HuskyError(f"unknown start '{start}'. Known: {', '.join(STARTS)}.")
+    if start == "stand":
+        qpos = standing_state(model)
+    else:
+        qpos = model.qpos0.copy()
+        board_height = float(model.qpos0[robot.board_q + 2])
+        qpos[robot.base_q : robot.base_q + 7 + len(JOINTS)] = load_poses()[start].qpos()
+        qpos[robot.base_q + 2] += board_height
+    return World(robot, qpos)
+
+
+def joint_limits(model: mujoco.MjModel, **limits: float) -> Limits:
+    """Return the safety limits of a scene's robot; keywords replace the defaults of `Limits`."""
+    low, high = np.array([model.joint(ROBOT + name).range for name in JOINTS]).T
+    return Limits(joint_low=low, joint_high=high, **limits)

@@ -1,0 +1,165 @@
+# pyright: reportAttributeAccessIssue=false, reportUnknownParameterType=false
+# (MuJoCo ships no type stubs.)
+"""What a motion does, measured on the robot's model: cadence, ranges, contacts, balance.
+
+It serves any clip of the stored layout; what needs a deck and a ground is measured relative to the
+height of the clip's own left sole while it stands, so that clips from elsewhere need not agree on where the ground is.
+"""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from policy_runtime.motion.motions import Motion
+from sim.skate.robot.g1 import FOOT_BODIES, JOINTS
+from sysid.roll import Array
+
+PLANTED_HEIGHT = 0.002
+"""A sole that is closer than this to the ground everywhere is taken to stand on it [m]."""
+RADIUS = 0.01
+"""Radius of the sole's capsules [m]; their end points lie that far inside its outline."""
+LEFT_LEG = slice(0, 6)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionFacts:
+    """Measured numbers of one clip."""
+
+    frames: int
+    duration: float
+    """[s]"""
+    speed: float
+    """Mean speed of the pelvis in the plane [m/s]."""
+    period: float
+    """Time between two pushes, from the autocorrelation of the left leg [s]; NaN without a repetition."""
+    planted: Array
+    """Frames in which the left foot stands on the ground, shape (frames,), bool."""
+    slide: float
+    """Greatest speed of the planted left foot over the ground [m/s]."""
+    penetration: float
+    """Greatest depth of the left sole below the ground [m]."""
+    bobbing: float
+    """Range of the right sole's height [m]: zero while it stands on a level deck."""
+    right_foot_tilt: float
+    """Greatest angle of the right sole against the horizontal [rad]."""
+    support_margin: float
+    """Least distance of the centre of mass inside the right sole while the left foot is in the air [m];
+    negative outside."""
+    joint_low: Array
+    """Least angle of each joint [rad], shape (23,)."""
+    joint_high: Array
+    """Greatest angle of each joint [rad], shape (23,)."""
+    limit_margin: float
+    """Least distance from a joint limit [rad]; negative beyond."""
+    peak_speed: float
+    """Greatest joint speed [rad/s]."""
+    peak_speed_joint: str
+    self_contacts: int
+    """Frames in which limbs touch each other."""
+
+    @property
+    def stance(self) -> float:
+        """Share of the time with the left foot on the ground."""
+        return float(np.mean(self.planted))
+
+
+def motion_facts(motion: Motion, model: mujoco.MjModel) -> MotionFacts:
+    """Measure a clip.
+
+    Args:
+        motion: The clip.
+        model: The G1 without a board (`sim.skate.robot.g1.g1_spec`).
+    """
+    soles, com, touching = _forward(model, motion)
+    left, right = soles[:, 0], soles[:, 1]
+    moved = np.linalg.norm(np.gradient(left[..., :2].mean(axis=1), axis=0), axis=1) * motion.rate
+    ground = _ground(left[..., 2].min(axis=1), moved)
+    planted = np.abs(left[..., 2] - ground).max(axis=1) < PLANTED_HEIGHT
+    both = planted[1:-1] & planted[2:] & planted[:-2]
+    speeds = np.abs(np.diff(motion.joints, axis=0)) * motion.rate
+    worst = np.unravel_index(np.argmax(speeds), speeds.shape)
+    low, high = model.jnt_range[1:].T
+    tilt = np.arcsin(np.clip(np.ptp(right[..., 2], axis=1) / _length(right), -1, 1))
+    air = ~planted
+    margin = _inside(com, right)
+    return MotionFacts(
+        frames=len(motion.joints),
+        duration=motion.duration,
+        speed=motion.speed,
+        period=_period(motion.joints[:, LEFT_LEG], motion.rate),
+        planted=planted,
+        slide=float(moved[1:-1][both].max(initial=0.0)),
+        penetration=float(max(0.0, ground - left[..., 2].min())),
+        bobbing=float(np.ptp(right[..., 2].mean(axis=1))),
+        right_foot_tilt=float(tilt.max()),
+        support_margin=float(margin[air].min(initial=np.inf)),
+        joint_low=motion.joints.min(axis=0),
+        joint_high=motion.joints.max(axis=0),
+        limit_margin=float(np.minimum(motion.joints - low, high - motion.joints).min()),
+        peak_speed=float(speeds[worst]),
+        peak_speed_joint=JOINTS[worst[1]].removesuffix("_joint"),
+        self_contacts=int(touching.sum()),
+    )
+
+
+def _forward(model: mujoco.MjModel, motion: Motion) -> tuple[Array, Array, Array]:
+    """Return the soles' lowest points (frames, 2, points, 3), centre of mass (frames, 3), self-contact (frames,)."""
+    data = mujoco.MjData(model)
+    soles, com, touching = [], [], []
+    for qpos in motion.qpos:
+        data.qpos[:] = qpos
+        mujoco.mj_forward(model, data)
+        soles.append([sole_points(model, data, side) for side in ("left", "right")])
+        com.append(data.subtree_com[1].copy())
+        touching.append(data.ncon > 0)
+    return np.array(soles), np.array(com), np.array(touching)
+
+
+def sole_points(model: mujoco.MjModel, data: mujoco.MjData, side: str, prefix: str = "") -> Array:
+    """Return the lowest point of either end of each capsule of a sole in the world [m], shape (14, 3)."""
+    foot = model.body(prefix + FOOT_BODIES[side == "right"]).id
+    points: list[Array] = []
+    for geom in range(model.ngeom):
+        if model.geom_bodyid[geom] == foot and model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CAPSULE:
+            axis = data.geom_xmat[geom].reshape(3, 3)[:, 2] * model.geom_size[geom, 1]
+            down = np.array([0.0, 0.0, model.geom_size[geom, 0]])
+            points += [data.geom_xpos[geom] + axis - down, data.geom_xpos[geom] - axis - down]
+    return np.array(points)
+
+
+def _length(points: Array) -> Array:
+    """Return the largest extent of a sole in each frame [m]."""
+    return np.linalg.norm(points.max(axis=1) - points.min(axis=1), axis=1)
+
+
+def _inside(com: Array, sole: Array) -> Array:
+    """Return how far inside the sole's bounding box (seen from above) the centre of mass is [m]."""
+    low, high = sole[..., :2].min(axis=1) - RADIUS, sole[..., :2].max(axis=1) + RADIUS
+    return np.minimum(com[:, :2] - low, high - com[:, :2]).min(axis=1)
+
+
+def _ground(height: Array, speed: Array) -> float:
+    """Return the height of the sole in the slowest fifth of all frames [m], where it is low as well."""
+    slow = np.argsort(speed)[: max(3, len(speed) // 5)]
+    return float(np.median(np.sort(height[slow])[: max(2, len(slow) // 2)]))
+
+
+def _period(joints: Array, rate: float) -> float:
+    """Return the lag of the highest peak of the legs' autocorrelation [s], refined by a parabola."""
+    centred = joints - joints.mean(axis=0)
+    count = len(centred)
+    lags = np.arange(1, count // 2)
+    power = float(np.sum(centred**2)) / count
+    if len(lags) < 3 or power == 0:
+        return float("nan")
+    values = np.array([np.sum(centred[:-lag] * centred[lag:]) / (count - lag) for lag in lags]) / power
+    peaks = [
+        i for i in range(1, len(values) - 1) if values[i - 1] < values[i] >= values[i + 1] and values[i] > 0.5
+    ]
+    if not peaks:
+        return float("nan")
+    best = max(values[i] for i in peaks)
+    i = next(i for i in peaks if values[i] > best - 0.05)  # the first of equals: one period, not two
+    before, here, after = values[i - 1 : i + 2]
+    return float((lags[i] + 0.5 * (before - after) / (before - 2 * here + after)) / rate)

@@ -1,0 +1,179 @@
+"""Reference motions for the style reward: pelvis and joints at 50 frames a second.
+
+A motion is an array of shape (frames, 36), the layout that the HUSKY release uses:
+
+| columns | content |
+|---|---|
+| 0–2 | pelvis position in the world [m] |
+| 3–6 | pelvis orientation, unit quaternion wxyz |
+| 7–35 | 29 joint angles [rad] in the order of the full G1: legs 12, waist 3, left arm 7, right arm 7 |
+
+The six wrist joints (the last three of each arm) are fixed here and skipped on reading; our own clips
+hold zeros there.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from sysid.errors import HuskyError, did_you_mean
+from sysid.files import atomic_path, shipped_data
+from sysid.roll import Array
+
+FRAME_RATE = 50.0
+"""Frames a second [Hz]: one a policy step."""
+COLUMNS = 36
+JOINT_COLUMNS = np.r_[7:26, 29:33]
+"""Columns of the 23 joints in policy order: wrists (26–28 and 33–35) left out."""
+WINDOW = 5
+"""Frames in one sample of the discriminator."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Motion:
+    """One clip."""
+
+    name: str
+    position: Array
+    """Pelvis position in the world [m], shape (frames, 3)."""
+    quaternion: Array
+    """Pelvis orientation wxyz, shape (frames, 4)."""
+    joints: Array
+    """Joint angles in policy order [rad], shape (frames, 23)."""
+    rate: float = FRAME_RATE
+    """Frames a second [Hz]."""
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last frame [s]."""
+        return (len(self.joints) - 1) / self.rate
+
+    @property
+    def speed(self) -> float:
+        """Mean speed of the pelvis in the plane [m/s]."""
+        return float(np.linalg.norm(self.position[-1, :2] - self.position[0, :2]) / self.duration)
+
+    @property
+    def qpos(self) -> Array:
+        """The robot's MuJoCo configurations, shape (frames, 30)."""
+        return np.hstack([self.position, self.quaternion, self.joints])
+
+    def table(self) -> Array:
+        """Return the clip in the stored layout, shape (frames, 36)."""
+        table = np.zeros((len(self.joints), COLUMNS))
+        table[:, :3], table[:, 3:7] = self.position, self.quaternion
+        table[:, JOINT_COLUMNS] = self.joints
+        return table
+
+
+def load_motion(path: Path) -> Motion:
+    """Read a clip: a NumPy file holding (frames, 36) numbers, ours or the HUSKY release's.
+
+    Raises:
+        HuskyError: The file is missing, not a NumPy array, of another shape, too short for one
+            sample, not finite, or holds quaternions that are not of unit length.
+    """
+    try:
+        table = np.load(path, allow_pickle=False)
+    except OSError as error:
+        raise HuskyError(
+            f"{path}: cannot be read ({error.strerror or error}). Expected a .npy motion."
+        ) from error
+    except (ValueError, EOFError) as error:
+        raise HuskyError(f"{path}: not a NumPy array file (.npy) of numbers.") from error
+    if not isinstance(table, np.ndarray) or table.dtype.kind != "f" or table.ndim != 2:
+        kind = f"{table.dtype} of shape {table.shape}" if isinstance(table, np.ndarray) else "an archive"
+        raise HuskyError(f"{path}: holds {kind}; expected floats of shape (frames, {COLUMNS}).")
+    return motion_from_table(np.asarray(table, dtype=np.float64), str(path), path.stem)
+
+
+def motion_from_table(table: Array, where: str, name: str) -> Motion:
+    """Return a clip from numbers in the stored layout, shape (frames, 36).
+
+    Args:
+        table: The numbers.
+        where: What to name in an error message.
+        name: Name of the clip.
+
+    Raises:
+        HuskyError: The numbers are not a motion; see `load_motion`.
+    """
+    if table.shape[1:] != (COLUMNS,):
+        raise HuskyError(
+            f"{where}: has shape {table.shape}; expected (frames, {COLUMNS}): pelvis position 3, quaternion "
+            "wxyz 4, and the 29 joints of the full G1."
+        )
+    if len(table) < WINDOW:
+        raise HuskyError(f"{where}: has {len(table)} frames; one sample of the style reward takes {WINDOW}.")
+    bad = np.argwhere(~np.isfinite(table))
+    if len(bad):
+        row, column = bad[0]
+        raise HuskyError(f"{where}: frame {row}, column {column} is {table[row, column]}; expected a number.")
+    length = np.linalg.norm(table[:, 3:7], axis=1)
+    if np.any(np.abs(length - 1) > 1e-2):
+        row = int(np.argmax(np.abs(length - 1)))
+        raise HuskyError(
+            f"{where}: the quaternion of frame {row} (columns 3 to 6) has length {length[row]:.3g}; expected 1. "
+            "The columns may be in another order."
+        )
+    return Motion(
+        name=name,
+        position=table[:, :3],
+        quaternion=table[:, 3:7] / length[:, None],
+        joints=table[:, JOINT_COLUMNS],
+    )
+
+
+def save_motion(motion: Motion, path: Path) -> None:
+    """Write a clip in the stored layout.
+
+    Raises:
+        HuskyError: The folder cannot be written to.
+    """
+    with atomic_path(path) as temporary, temporary.open("wb") as file:
+        np.save(file, motion.table())
+
+
+def motion_paths(where: Sequence[Path] = ()) -> list[Path]:
+    """Return motion files: those named, those in folders named, or the shipped clips.
+
+    Raises:
+        HuskyError: A path does not exist, or there is no motion in a folder.
+    """
+    if not where:
+        return sorted((shipped_data() / "motions").glob("*.npy"))
+    paths: list[Path] = []
+    for path in where:
+        shipped = shipped_data() / "motions" / f"{path}.npy"
+        if path.is_dir():
+            found = sorted(path.glob("*.npy"))
+            if not found:
+                raise HuskyError(f"{path}: no motion (.npy) in this folder.")
+            paths += found
+        elif path.exists() or not shipped.is_file():
+            if not path.exists():
+                names = [clip.stem for clip in motion_paths()]
+                raise HuskyError(
+                    f"{path}: no such motion.{did_you_mean(str(path), names)} Shipped clips: {', '.join(names)}."
+                )
+            paths.append(path)
+        else:
+            paths.append(shipped)
+    return paths
+
+
+def load_motions(where: Sequence[Path] = ()) -> list[Motion]:
+    """Read clips from files and folders, or the shipped ones.
+
+    Raises:
+        HuskyError: See `motion_paths` and `load_motion`.
+    """
+    return [load_motion(path) for path in motion_paths(where)]
+
+
+def windows(motion: Motion, length: int = WINDOW) -> Array:
+    """Return every run of `length` successive frames, shape (frames - length + 1, length, 23)."""
+    view = np.lib.stride_tricks.sliding_window_view(motion.joints, length, axis=0)
+    return np.moveaxis(view, -1, 1)

@@ -1,0 +1,138 @@
+"""The picture of a comparison: decays, residuals, the missing torque against rate and tilt, and the backbone."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from reports.figures.decay import STYLE
+from reports.figures.palette import NOISE, REAL, SIM
+from reports.figures.svg import thin
+from sysid.comparison.compare import Comparison
+from sysid.comparison.force_surface import TorqueProfile
+from sysid.quantity import Z95
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MOST = 4
+"""Releases drawn; more would be too small to read."""
+
+
+def compare_figure(result: Comparison, title: str) -> "Figure":
+    """Draw the comparison.
+
+    Args:
+        result: What was compared.
+        title: Heading.
+    """
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    shown = result.releases[:MOST]
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(9.6, 7.4), layout="constrained")
+        count = len(result.releases)
+        left_out = f" ({MOST} of {count} releases drawn)" if count > MOST else ""
+        heading = figure.suptitle(f"{title}{left_out}\n{result.summary}", fontsize=10)
+        heading.set(x=0.01, ha="left")
+        lower = _lower_panels(result)
+        halves: Any = figure.subfigures(2, 1, height_ratios=(1.25, 1)) if lower else (figure,)
+        upper = halves[0].subplots(
+            2, len(shown), sharex="col", sharey="row", squeeze=False, height_ratios=(2, 1)
+        )
+        for column, release in enumerate(shown):
+            _release(upper[:, column], result, column)
+            upper[0, column].set_title(f"{_name(result, column)}: error {_size(result, release.rmse)}")
+        upper[0, 0].set_ylabel("rate [rad/s]" if result.is_rate else "roll [°]")
+        upper[1, 0].set_ylabel("sim - real [rad/s]" if result.is_rate else "sim - real [°]")
+        upper[0, 0].legend(loc="best")
+        if lower:
+            for draw, axes in zip(lower, halves[1].subplots(1, len(lower), squeeze=False)[0], strict=True):
+                draw(axes)
+    return figure
+
+
+def _scale(result: Comparison) -> float:
+    return 1.0 if result.is_rate else float(np.degrees(1.0))
+
+
+def _size(result: Comparison, value: float) -> str:
+    return f"{value:.3g} rad/s" if result.is_rate else f"{np.degrees(value):.3g}°"
+
+
+def _release(axes: "list[Axes]", result: Comparison, index: int) -> None:
+    release, scale = result.releases[index], _scale(result)
+    time, measured, simulated, residual = thin(
+        release.time, release.measured, release.simulated, release.residual
+    )
+    axes[0].plot(time, scale * measured, color=REAL, linewidth=2.6, label="real")
+    axes[0].plot(time, scale * simulated, color=SIM, linewidth=1.1, label="sim")
+    band = 2 * scale * result.noise.std
+    axes[1].axhspan(-band, band, color=NOISE, alpha=0.3, linewidth=0)
+    axes[1].plot(time, scale * residual, color=SIM, linewidth=0.7)
+    axes[1].set_xlabel("time since release [s]")
+    axes[1].locator_params(axis="x", nbins=4)
+
+
+def _name(result: Comparison, index: int) -> str:
+    """Return what a release is called where there may be several logs."""
+    release = result.releases[index]
+    several = len({other.log for other in result.releases}) > 1
+    return f"{Path(release.log).name}, release {release.number}" if several else f"release {release.number}"
+
+
+def _lower_panels(result: Comparison) -> "list[Callable[[Axes], None]]":
+    """Return what there is to draw below the decays; nothing is drawn empty."""
+    panels: list[Callable[[Axes], None]] = []
+    if result.missing is not None:
+        missing, only_noise = result.missing, "" if result.where else ": only noise"
+        panels.append(
+            lambda axes: draw_profile(
+                axes, missing.over_rate, "rate [rad/s]", f"torque that the model lacks{only_noise}"
+            )
+        )
+        panels.append(
+            lambda axes: draw_profile(axes, missing.over_angle, "tilt [°]", scale=float(np.degrees(1.0)))
+        )
+    if len(result.measured_backbone.amplitude):
+        panels.append(lambda axes: _backbone(axes, result, "period", "period [s]"))
+        panels.append(lambda axes: _backbone(axes, result, "damping_ratio", "damping ratio"))
+    return panels
+
+
+def draw_profile(
+    axes: "Axes", profile: TorqueProfile, label: str, title: str = "", scale: float = 1.0
+) -> None:
+    """Draw a missing torque with its 95 % band.
+
+    Args:
+        axes: To draw on.
+        profile: The torque [N*m].
+        label: Of the horizontal axis.
+        title: Heading.
+        scale: From SI to the label's unit.
+    """
+    band = Z95 * profile.std
+    axes.axhline(0, color=NOISE, lw=0.8)
+    axes.fill_between(
+        scale * profile.at, profile.torque - band, profile.torque + band, color=REAL, alpha=0.25, linewidth=0
+    )
+    axes.plot(scale * profile.at, profile.torque, ".-", color=REAL, lw=1.2)
+    axes.set(xlabel=label, ylabel="missing torque [N·m]", title=title)
+
+
+def _backbone(axes: "Axes", result: Comparison, what: str, label: str) -> None:
+    axes.set_title(f"{label.split(' [')[0]} by amplitude")
+    axes.set_xlabel("amplitude [°]")
+    for backbone, colour, name, size in (
+        (result.measured_backbone, REAL, "real", 7),
+        (result.simulated_backbone, SIM, "sim", 3.5),
+    ):
+        amplitude = np.degrees(backbone.amplitude)
+        axes.plot(amplitude, getattr(backbone, what), "o", color=colour, label=name, markersize=size)
+    axes.set_ylabel(label)
+    axes.margins(0.15)
+    axes.legend()

@@ -1,0 +1,56 @@
+"""Reference motions as curves: legs, waist and arms over time, with the planted foot shaded."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from policy_runtime.motion.motions import Motion
+from sim.skate.robot.g1 import JOINTS
+from sysid.files import atomic_path
+from sysid.roll import Array
+
+ROWS = (
+    ("left leg", ("left_hip_pitch", "left_knee", "left_ankle_pitch")),
+    ("right leg", ("right_hip_pitch", "right_knee", "right_ankle_pitch")),
+    ("waist", ("waist_yaw", "waist_pitch", "waist_roll")),
+    ("arms", ("left_shoulder_pitch", "right_shoulder_pitch", "left_elbow")),
+)
+COLOURS = ("#0072B2", "#CC79A7", "#009E73")
+"""Of the three curves of a row; apart for all common kinds of colour blindness."""
+
+
+def motion_figure(motions: Sequence[Motion], planted: Sequence[Array], path: Path) -> None:
+    """Draw clips side by side into a PNG file.
+
+    Args:
+        motions: The clips.
+        planted: Frames in which the left foot stands, bool, one array of shape (frames,) a clip.
+        path: Where to write.
+
+    Raises:
+        HuskyError: The folder cannot be written to.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(1.5 + 3.2 * len(motions), 8), layout="constrained")
+    grid = figure.subplots(len(ROWS), len(motions), sharex="col", sharey="row", squeeze=False)
+    for column, (motion, down) in enumerate(zip(motions, planted, strict=True)):
+        time = np.arange(len(motion.joints)) / motion.rate
+        grid[0, column].set_title(motion.name, fontsize=10)
+        for row, (title, names) in enumerate(ROWS):
+            axes = grid[row, column]
+            axes.fill_between(time, 0, 1, where=down, color="0.9", lw=0, transform=axes.get_xaxis_transform())
+            for name, colour in zip(names, COLOURS, strict=True):
+                axes.plot(
+                    time, motion.joints[:, JOINTS.index(f"{name}_joint")], color=colour, lw=1.3, label=name
+                )
+            axes.margins(x=0)
+            axes.grid(alpha=0.3)
+            if column == 0:
+                axes.set_ylabel(f"{title}\n[rad]")
+            if column == len(motions) - 1:
+                axes.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+        grid[-1, column].set_xlabel("time [s]; grey: left foot on the ground", fontsize=8)
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=110)

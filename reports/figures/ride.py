@@ -1,0 +1,225 @@
+"""A ride as a picture: path, speed, heading, tilt, feet and wheels."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from policy_runtime.evaluation.recording import Recording
+from reports.figures.palette import BAD, GOOD, NOISE, SIM
+from sim.skate.cycle.clock import STILL_SPEED
+from sim.skate.robot.g1 import servos
+from sysid.files import atomic_path
+from sysid.quantity import Quantity
+from sysid.roll import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+PALE = "#7FB8DA"
+"""A second simulated curve beside the first."""
+STRETCHES = {"push": "#E6EEF7", "mount": "#F3EBDD", "steer": "#E3F1EA", "dismount": "#F3EBDD"}
+"""Background of each stretch of the cycle."""
+LANES = (
+    "left foot: ground",
+    "left foot: deck",
+    "right foot: ground",
+    "right foot: deck",
+    "all wheels: ground",
+)
+
+
+def ride_figure(recording: Recording, title: str, path: Path) -> None:
+    """Draw a recorded ride as a PNG file.
+
+    Args:
+        recording: The ride.
+        title: Who rode what.
+        path: Where to write.
+
+    Raises:
+        HuskyError: The folder cannot be written to.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11, 8), layout="constrained")
+    figure.suptitle(title, x=0.01, ha="left", fontsize=12, fontweight="bold")
+    halves: Any = figure.subfigures(1, 2, width_ratios=(1.0, 1.5))
+    left, right = halves
+    above, below = left.subplots(2, 1, height_ratios=(1.6, 1.0))
+    _path(above, recording)
+    _torques(below, recording)
+    rows: list[Axes] = list(right.subplots(5, 1, sharex=True))
+    _speed(rows[0], recording)
+    _heading(rows[1], recording)
+    _tilt(rows[2], recording)
+    _height(rows[3], recording)
+    _feet(rows[4], recording)
+    for axes in rows:
+        _shade(axes, recording)
+        axes.margins(x=0)
+    rows[-1].set_xlabel("time [s]")
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=120)
+
+
+def _path(axes: "Axes", recording: Recording) -> None:
+    where, pelvis = recording.column("board_position"), recording.column("pelvis_position")
+    axes.plot(pelvis[:, 0], pelvis[:, 1], color=NOISE, lw=1, label="pelvis")
+    axes.plot(where[:, 0], where[:, 1], color=SIM, lw=2, label="board")
+    axes.plot(*where[0, :2], "o", color=GOOD, label="start")
+    axes.plot(*where[-1, :2], "s", color=BAD, label="end")
+    axes.set(title="path from above", xlabel="x [m]", ylabel="y [m]")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.legend(fontsize=8, frameon=False)
+    axes.grid(alpha=0.3)
+
+
+def _torques(axes: "Axes", recording: Recording) -> None:
+    share = np.abs(recording.torque) / servos().effort
+    axes.plot(recording.time, share.max(axis=1), color=SIM, lw=1, label="hardest worked")
+    axes.plot(recording.time, share.mean(axis=1), color=NOISE, lw=1, label="mean of 23")
+    axes.set(title="motor torque", xlabel="time [s]", ylabel="share of its limit")
+    axes.set_ylim(0, 1.05)
+    axes.legend(fontsize=8, frameon=False)
+    axes.grid(alpha=0.3)
+
+
+def _speed(axes: "Axes", recording: Recording) -> None:
+    axes.plot(recording.time, recording.command[:, 0], color="black", ls="--", lw=1, label="commanded")
+    axes.plot(recording.time, recording.column("board_speed"), color=SIM, lw=1.5, label="board")
+    axes.set_ylabel("speed\n[m/s]")
+    axes.legend(fontsize=8, frameon=False, ncols=2)
+
+
+def _heading(axes: "Axes", recording: Recording) -> None:
+    heading = np.unwrap(recording.column("board_heading"))
+    axes.plot(
+        recording.time, np.degrees(recording.target_heading), color="black", ls="--", lw=1, label="target"
+    )
+    axes.plot(recording.time, np.degrees(heading), color=SIM, lw=1.5, label="board")
+    axes.set_ylabel("heading\n[°]")
+    axes.legend(fontsize=8, frameon=False, ncols=2)
+
+
+def _tilt(axes: "Axes", recording: Recording) -> None:
+    axes.plot(recording.time, np.degrees(recording.column("roll")), color=SIM, lw=1.5, label="deck roll")
+    trucks = np.degrees(recording.column("trucks"))
+    axes.plot(recording.time, trucks[:, 0], color=PALE, lw=1.5, label="front truck")
+    axes.set_ylabel("angle\n[°]")
+    axes.legend(fontsize=8, frameon=False, ncols=2)
+
+
+def _height(axes: "Axes", recording: Recording) -> None:
+    lean = np.degrees(np.arccos(np.clip(recording.column("upright"), -1, 1)))
+    axes.plot(recording.time, lean, color=SIM, lw=1.5)
+    axes.set_ylabel("pelvis lean\n[°]")
+    axes.set_ylim(bottom=0)
+
+
+def _feet(axes: "Axes", recording: Recording) -> None:
+    ground, deck = recording.column("foot_on_ground"), recording.column("foot_on_deck")
+    wheels = recording.column("wheel_on_ground").all(axis=1)
+    lanes = (ground[:, 0], deck[:, 0], ground[:, 1], deck[:, 1], wheels)
+    for i, flags in enumerate(lanes):
+        spans = [(start, end - start) for start, end in _spans(recording.time, flags)]
+        axes.broken_barh(spans, (len(lanes) - 1 - i + 0.15, 0.7), color=SIM if i < 4 else NOISE)
+    axes.set_yticks([len(lanes) - 0.5 - i for i in range(len(lanes))], LANES, fontsize=8)
+    axes.set_ylim(0, len(lanes))
+
+
+def _spans(time: Array, flags: Array) -> list[tuple[float, float]]:
+    """Return beginning and end of every stretch in which a flag is set [s]."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
+    ends = np.append(time, time[-1] + 0.02)
+    return [(float(ends[a]), float(ends[b])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _shade(axes: "Axes", recording: Recording) -> None:
+    step, clock = recording.step.astype(int), recording.clock
+    moving = recording.command[:, 0] >= STILL_SPEED
+    flags = {
+        "push": clock.pushing(step),
+        "mount": clock.mounting(step),
+        "steer": clock.steering(step),
+        "dismount": clock.dismounting(step),
+    }
+    for name, colour in STRETCHES.items():
+        for start, end in _spans(recording.time, flags[name] & moving):
+            axes.axvspan(start, end, color=colour, zorder=0, lw=0)
+            if axes.get_subplotspec().is_first_row():  # pyright: ignore[reportOptionalMemberAccess]
+                axes.text(
+                    (start + end) / 2,
+                    1.02,
+                    name,
+                    transform=axes.get_xaxis_transform(),
+                    fontsize=7,
+                    ha="center",
+                )
+
+
+def paths_figure(paths: tuple[Array, ...], headings: Array, title: str, path: Path) -> None:
+    """Draw the paths of several episodes, and turns achieved against turns asked for.
+
+    Args:
+        paths: x, y and heading of the board, each of shape (t, 3).
+        headings: See `policy_runtime.evaluation.metrics.reachable_headings`, shape (m, 3).
+        title: Who rode what.
+        path: Where to write.
+
+    Raises:
+        HuskyError: The folder cannot be written to.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10, 4.5), layout="constrained")
+    figure.suptitle(title, x=0.01, ha="left", fontsize=12, fontweight="bold")
+    left, right = figure.subplots(1, 2)
+    for line in paths:
+        left.plot(line[:, 0], line[:, 1], color=SIM, alpha=0.5, lw=1.2)
+        left.plot(*line[-1, :2], ".", color=BAD)
+    left.set(title=f"paths of the first {len(paths)} episodes", xlabel="x [m]", ylabel="y [m]")
+    left.set_aspect("equal", adjustable="datalim")
+    left.grid(alpha=0.3)
+    limit = 50.0
+    right.plot([-limit, limit], [-limit, limit], color=NOISE, lw=1, ls="--", label="as asked")
+    if len(headings):
+        asked, done = np.degrees(headings[:, 0]), np.degrees(headings[:, 1])
+        right.plot(asked, done, "o", ms=4, alpha=0.5, color=SIM, label="one steering stretch each")
+    else:
+        right.text(0.5, 0.5, "no steering stretch came to its end", transform=right.transAxes, ha="center")
+    right.set(title="turns", xlabel="asked for [°]", ylabel="achieved [°]")
+    right.legend(fontsize=8, frameon=False)
+    right.grid(alpha=0.3)
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=120)
+
+
+def suite_figure(shares: list[tuple[str, Quantity]], title: str, path: Path) -> None:
+    """Draw which share of the rides lasts under each condition, with 95 % intervals, as a PNG file.
+
+    Args:
+        shares: Name of the condition and share of rides, the first on top.
+        title: Who rode what.
+        path: Where to write.
+
+    Raises:
+        HuskyError: The folder cannot be written to.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8, 1.2 + 0.36 * len(shares)), layout="constrained")
+    axes = figure.subplots()
+    for row, (_, share) in enumerate(shares):
+        low, high = share.ci95
+        axes.barh(row, share.value, color=SIM, height=0.6)
+        axes.plot((low, high), (row, row), color=NOISE, lw=2)
+    axes.set_yticks(range(len(shares)), [name for name, _ in shares])
+    axes.invert_yaxis()
+    axes.set(xlim=(0, 1.02), xlabel="share of the rides that last, with 95 % interval")
+    axes.set_title(title, loc="left", fontsize=10)
+    axes.grid(axis="x", alpha=0.3)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=120)

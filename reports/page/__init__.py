@@ -1,0 +1,1 @@
+"""The report of a board as one HTML page."""

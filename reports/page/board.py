@@ -1,0 +1,442 @@
+"""Everything known of a board on one page."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from reports.evidence import Evidence, LogFile
+from reports.figures import board as board_figures
+from reports.figures.bode import bode_figure
+from reports.figures.svg import figure_to_svg, page_style
+from reports.page.page import (
+    Page,
+    choices,
+    figure,
+    law,
+    note,
+    paragraph,
+    preformatted,
+    table,
+    verdict,
+    warning_list,
+)
+from reports.page.summary import effect_lines, law_text, parameters, pretty, three
+from sysid.board import Board
+from sysid.diagnosis.signatures import ALIKE, SEEN, LookAlikes
+from sysid.effects import effect
+from sysid.quantity import Quantity
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.figure import Figure
+
+MOST_RELEASES = 8
+"""Releases drawn; the table has all of them."""
+HOPELESS = 30.0
+"""Multiple of an effect's clear strength beyond which no board has it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Provenance:
+    """Where a page comes from."""
+
+    command: str
+    made: str
+    """Date."""
+    record: str
+    """Path of the board record."""
+
+
+def board_report(
+    board: Board,
+    evidence: Evidence | None,
+    files: "Sequence[LogFile]",
+    provenance: Provenance,
+    diagnosis: Mapping[str, Any] | None = None,
+) -> str:
+    """Return the page of a board as HTML.
+
+    Args:
+        board: The record.
+        evidence: What its logs say; None where all of them are gone.
+        files: The logs that the record or the user names, also those that are gone.
+        provenance: For the last section.
+        diagnosis: The result of `husky-sysid diagnose`, where there is one.
+    """
+    page = Page(title=f"Board {board.name}", subtitle=board.description)
+    with page_style():
+        page.section("Verdict and warnings", *_verdict(board, evidence, files))
+        page.section("Parameters", _parameters(board, files), *_inertia_share(board))
+        page.section("Identified law", *_law(board))
+        if evidence is not None:
+            page.section("Measured against simulated", *_releases(evidence))
+            page.section("Where it fails", *_where(evidence))
+        page.section("Ladder of errors", *_ladder(board, evidence))
+        page.section("Effects that look alike", *_look_alikes(board, evidence, diagnosis))
+        if evidence is not None:
+            page.section("Backbone", *_backbone(evidence))
+            page.section("Restoring force", *_restoring_force(evidence))
+            page.section("Correlation of parameters", *_correlation(evidence))
+        page.section("Frequency response", _frequency_response(board))
+        page.section("Check in the training scene", *_check(board))
+        if evidence is not None:
+            page.section("The logs", *_logs(evidence))
+        page.section("Provenance", *_provenance(board, files, provenance))
+    return page.render()
+
+
+def _verdict(board: Board, evidence: Evidence | None, files: "Sequence[LogFile]") -> list[str]:
+    parts: list[str] = []
+    warnings = [f"{file.path}: {file.state}" for file in files if file.found is None]
+    if any(file.truth for file in files):
+        parts.append(
+            note(
+                "These logs are synthetic: made from a known truth to show and to test the tool. "
+                "Nothing on this page was measured on a real board."
+            )
+        )
+    if evidence is not None:
+        result = evidence.comparison
+        parts.append(
+            verdict(
+                f"The simulated decay {'matches' if result.passed else 'does not match'} the measured one: error "
+                f"over the RMS motion {result.verdict()}. {result.summary}",
+                good=result.passed,
+            )
+        )
+        warnings += map(pretty, evidence.warnings)
+    else:
+        parts.append(
+            verdict(
+                "None of the logs is there any more: this page shows what the record holds, and no decays.",
+                good=False,
+            )
+        )
+    if not board.check:
+        warnings.append(
+            f"not checked in the training scene yet: husky-sysid check LOG... --board {board.name}"
+        )
+    elif board.check_is_stale:
+        warnings.append("the record was changed since it was checked: check it again")
+    elif not board.passed:
+        warnings.append("the training scene does not decay like the board (see the check below)")
+    parts.append(warning_list(warnings) if warnings else paragraph("No warnings."))
+    return parts
+
+
+def _parameters(board: Board, files: "Sequence[LogFile]") -> str:
+    truth = _truth(files)
+    columns = ["quantity", "value ± 95 %", *(["truth of the synthetic log"] if truth else [])]
+    rows: list[list[str]] = []
+    for name, quantity in parameters(board).items():
+        row = [name, pretty(str(quantity))]
+        if truth:
+            row.append(truth.get(name, "-"))
+        rows.append(row)
+    for name, value in board.published.items():
+        row = [f"{name}, as published", pretty(str(value))]
+        rows.append([*row, ""] if truth else row)
+    return table(columns, rows)
+
+
+def _truth(files: "Sequence[LogFile]") -> dict[str, str]:
+    """Return the true parameters of synthetic logs, where all of them share one truth."""
+    truths = [file.truth for file in files if file.truth]
+    if not truths:
+        return {}
+    found = [_truth_values(truth) for truth in truths]
+    return found[0] if all(values == found[0] for values in found) else {}
+
+
+def _truth_values(truth: Mapping[str, Any]) -> dict[str, str]:
+    values: dict[str, str] = {}
+    for name, entry in truth.get("parameters", {}).items():
+        label = "roll inertia" if name == "inertia" else name.replace("_", " ")
+        values[label] = pretty(str(Quantity(float(entry["value"]), 0.0, str(entry["unit"]))))
+    for part in truth.get("effects", []):
+        for name, entry in part.get("parameters", {}).items():
+            label = f"{part['name']}: {name.replace('_', ' ')}"
+            values[label] = pretty(str(Quantity(float(entry["value"]), 0.0, str(entry["unit"]))))
+    return values
+
+
+def _inertia_share(board: Board) -> list[str]:
+    inertia, stiffness = board.inertia, board.tilt["stiffness"]
+    if not (inertia.std > 0 and stiffness.std > 0):
+        return []
+    share = (inertia.std / inertia.value * stiffness.value / stiffness.std) ** 2
+    text = f"Roll inertia: {inertia.method}. A free decay fixes only k/I, d/I and torque/I"
+    if share >= 0.01:
+        text += f"; {100 * min(share, 1):.0f} % of the variance of the stiffness comes from the inertia"
+    return [paragraph(text + ".")]
+
+
+def _law(board: Board) -> list[str]:
+    parts = [law(law_text(board)), paragraph("SI units, radians; φ is the roll, right edge down positive.")]
+    lines = effect_lines(board)
+    if lines:
+        parts.append(table(("effect", "law", "what it does"), lines))
+    return parts
+
+
+def _releases(evidence: Evidence) -> list[str]:
+    result = evidence.comparison
+    scale, unit = (1.0, " rad/s") if result.is_rate else (float(np.degrees(1.0)), "°")
+    several = len({release.log for release in result.releases}) > 1
+    drawn: list[tuple[str, str]] = []
+    for i, release in enumerate(result.releases[:MOST_RELEASES]):
+        name = f"{Path(release.log).name} {release.number}" if several else f"release {release.number}"
+        caption = (
+            f"{Path(release.log).name}, release {release.number}: error {three(scale * release.rmse)}{unit}, "
+            f"{release.rmse / result.noise.std:.2f} times the noise. Grey: ±2σ of the sensor's noise."
+        )
+        drawn.append((name, _figure(board_figures.release_figure(evidence, i), f"release{i + 1}", caption)))
+    rows = [
+        (
+            f"{Path(part.log).name} {part.number}",
+            release.side,
+            f"{three(np.degrees(release.amplitude))}°",
+            f"{three(scale * part.rmse)}{unit}",
+            f"{part.rmse / result.noise.std:.2f}",
+        )
+        for part, release in zip(result.releases, evidence.releases, strict=True)
+    ]
+    left = len(result.releases) - MOST_RELEASES
+    return [
+        choices(drawn),
+        paragraph(f"{left} more releases are in the table only.") if left > 0 else "",
+        table(("release", "edge down", "first amplitude", "RMS error", "error / noise"), rows),
+    ]
+
+
+def _where(evidence: Evidence) -> list[str]:
+    result = evidence.comparison
+    if not result.where:
+        return [paragraph(result.summary)]
+    caption = (
+        "Shares of the squared error beyond the noise, divided five ways; each group adds up to 100 %. A share "
+        "may be negative where there is less than noise."
+    )
+    return [
+        paragraph(result.summary),
+        _figure(board_figures.where_figure(result), "where", caption),
+    ]
+
+
+def _ladder(board: Board, evidence: Evidence | None) -> list[str]:
+    parts: list[str] = []
+    if evidence is not None and evidence.ladder:
+        caption = (
+            "Each model fitted to these logs; the second bar is its error on releases it was not fitted to."
+        )
+        parts.append(
+            _figure(board_figures.ladder_figure(evidence.ladder, evidence.comparison), "ladder", caption)
+        )
+    if board.history:
+        rate = board.fit.get("unit") == "rad/s"
+        rows = [
+            (
+                str(line.get("date", "")),
+                ", ".join(line.get("effects", [])) or "spring and damper",
+                *(
+                    _error(line.get(key), rate=rate)
+                    for key in ("rmse_before", "rmse", "heldout_rmse", "noise_floor")
+                ),
+            )
+            for line in board.history
+        ]
+        parts.append(paragraph("As it was refitted, from the record:"))
+        parts.append(
+            table(("date", "model", "error before", "after", "on left-out releases", "noise floor"), rows)
+        )
+    else:
+        parts.append(paragraph("The record holds no fit yet: its numbers come from its source."))
+    return parts
+
+
+def _error(value: object, *, rate: bool) -> str:
+    if not isinstance(value, int | float):
+        return "-"
+    return f"{three(value)} rad/s" if rate else f"{three(np.degrees(value))}°"
+
+
+def _look_alikes(board: Board, evidence: Evidence | None, diagnosis: Mapping[str, Any] | None) -> list[str]:
+    own = {part.name for part in board.effects}
+    parts = _diagnosis(diagnosis, own)
+    alike = None if evidence is None else evidence.look_alikes
+    if evidence is None or alike is None:
+        return parts or [paragraph("Not computed: it takes logs of the roll.")]
+    rows: list[tuple[str, ...]] = []
+    for i, name in enumerate(alike.names):
+        rows.append(
+            (
+                f"{name}{' (in the law)' if name in own else ''}",
+                _weakest(alike, i),
+                ", ".join(alike.alike(name)) or "-",
+                effect(name).experiment if alike.alike(name) else "",
+            )
+        )
+    caption = (
+        "How alike two effects look in these releases, once stiffness, damping, rest angle and starts have done "
+        f"what they can: 1 is the same. From {ALIKE} on they cannot be told apart in practice."
+    )
+    return [
+        *parts,
+        _figure(board_figures.look_alikes_figure(alike), "alike", caption),
+        table(("effect", "weakest that would show here", "looks like", "experiment that tells"), rows),
+    ]
+
+
+def _weakest(alike: LookAlikes, index: int) -> str:
+    """Return the strength at which an effect would be seen: its signature is taken as proportional to it."""
+    name, value = next(iter(alike.strength[index].items()))
+    first = effect(alike.names[index]).parameters[0]
+    unit = first.unit.replace("*", "·")
+    share = SEEN / float(alike.visibility[index])
+    if first.neutral != 0.0:  # an end stop or a support does not grow with its first parameter
+        return "shows here" if share < 1 else "too weak to show here"
+    if share > HOPELESS:
+        return "too weak to show here"
+    weakest = abs(value) * share
+    return pretty(f"{name.replace('_', ' ')} {weakest:.{2 if weakest < 100 else 3}g} {unit}")
+
+
+def _diagnosis(diagnosis: Mapping[str, Any] | None, own: set[str]) -> list[str]:
+    if diagnosis is None:
+        return []
+    found = diagnosis["verdict"]
+    names = ", ".join(found["effects"]) or "nothing"
+    status = {
+        "none-missing": "Diagnosis: nothing is missing",
+        "missing": f"Diagnosis: missing {names}",
+        "unexplained": "Diagnosis: something is missing that no effect of the catalogue explains",
+    }[found["status"]]
+    logs = ", ".join(Path(log).name for log in diagnosis.get("logs", []))
+    added = bool(found["effects"]) and own.issuperset(found["effects"])
+    status += ", since added to the law" if added else ""
+    parts = [
+        verdict(
+            f"{status} (confidence {100 * found['confidence']:.0f} %, from {logs}). {found['explanation']}",
+            good=added or found["status"] == "none-missing",
+        )
+    ]
+    if found.get("next_experiment") and not added:
+        parts.append(paragraph(f"Next experiment: {found['next_experiment']}"))
+    return parts
+
+
+def _backbone(evidence: Evidence) -> list[str]:
+    result = evidence.comparison
+    if not len(result.measured_backbone.amplitude):
+        return [paragraph("Too few swings stand clear of the noise.")]
+    caption = (
+        "Each point is one half swing. A linear joint has the same period and damping at every amplitude."
+    )
+    return [_figure(board_figures.backbone_figure(result), "backbone", caption)]
+
+
+def _restoring_force(evidence: Evidence) -> list[str]:
+    result = evidence.comparison
+    if result.missing is None:
+        return [
+            paragraph("Not computed: too few samples a swing, or the rate was measured instead of the roll.")
+        ]
+    caption = (
+        "Left: the torque by which measured and simulated motion differ; blank where there was no data. Middle and "
+        "right: spring and damper of the law (line), and with what it lacks on average at that tilt or rate (points)."
+    )
+    if not result.where:
+        caption += " The error is the sensor's noise, so is what is shown as missing."
+    parts = [_figure(board_figures.missing_torque_figure(result), "force", caption)]
+    hidden = [name for name, _ in result.law.effects if effect(name).states]
+    if hidden:
+        parts.append(paragraph(f"Without the torque of {', '.join(hidden)}, which depends on the past."))
+    return parts
+
+
+def _correlation(evidence: Evidence) -> list[str]:
+    fit = evidence.fit
+    if fit is None:
+        return [paragraph("The board's law could not be fitted to these logs; see the warnings.")]
+    names = [name.replace("_", " ") for name in fit.quantities]
+    caption = "Of a fit of the board's law to these logs, with the uncertainty of the roll inertia in it."
+    return [
+        _figure(
+            board_figures.correlation_figure(names, np.nan_to_num(fit.correlation)), "correlation", caption
+        )
+    ]
+
+
+def _frequency_response(board: Board) -> str:
+    return _figure(
+        bode_figure(board, board_figures.WIDTH),
+        "bode",
+        "How far the deck tilts under a torque, and how late: spring, damper and inertia, with the 95 % band of their "
+        "uncertainty. Other effects are left out.",
+    )
+
+
+def _check(board: Board) -> list[str]:
+    check = board.check
+    if not check:
+        return [
+            verdict(
+                f"Not checked yet. husky-sysid check LOG... --board {board.name} releases the deck in the scene "
+                "that policies train in, and compares.",
+                good=False,
+            )
+        ]
+    if board.check_is_stale:
+        return [
+            verdict("Out of date: the record was changed since it was checked. Check it again.", good=False)
+        ]
+    tolerance = check.get("tolerance", 0.02)
+    text = (
+        f"{'Passed' if board.passed else 'Failed'}: NRMSE {100 * check.get('nrmse', float('nan')):.2f} %, tolerance "
+        f"{100 * tolerance:g} %, on {check.get('date', '?')} in: {check.get('scene', '?')}."
+    )
+    return [verdict(text, good=board.passed)]
+
+
+def _logs(evidence: Evidence) -> list[str]:
+    drawn = [
+        (
+            Path(roll.log).name,
+            _figure(board_figures.log_figure(evidence, i), f"log{i + 1}", "; ".join(roll.notes)),
+        )
+        for i, roll in enumerate(evidence.rolls[:MOST_RELEASES])
+    ]
+    return [choices(drawn)]
+
+
+def _provenance(board: Board, files: "Sequence[LogFile]", provenance: Provenance) -> list[str]:
+    rows = [(file.path, file.digest or "(a folder)", file.state) for file in files]
+    return [
+        table(("log", "sha256", "state"), rows) if rows else paragraph("No logs."),
+        table(
+            ("what", "value"),
+            [
+                ("record", provenance.record),
+                ("source", board.source),
+                ("fitted", _fitted(board)),
+                ("page made", provenance.made),
+                *((name, version(name)) for name in ("husky-sysid", "mujoco", "casadi", "numpy", "scipy")),
+            ],
+        ),
+        preformatted(provenance.command),
+    ]
+
+
+def _fitted(board: Board) -> str:
+    if not board.fit:
+        return "never"
+    return f"{board.fit.get('date', '?')} by husky-sysid {board.fit.get('version', '?')}"
+
+
+def _figure(drawn: "Figure", identifier: str, caption: str) -> str:
+    return figure(figure_to_svg(drawn, identifier, caption), caption)

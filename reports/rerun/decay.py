@@ -1,0 +1,450 @@
+"""Measured and simulated decays as Rerun recordings.
+
+One time line for all: seconds since the release. Each release is a tab of its own, and all of them move
+side by side in 3-D; the whole log with its phases is aligned at its first release.
+"""
+
+import hashlib
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from reports.evidence import Evidence
+from reports.figures.palette import NOISE, REAL, SIM
+from reports.rerun.stream import (
+    TIMELINE,
+    log_model,
+    log_points,
+    log_poses,
+    log_properties,
+    log_series,
+    log_states,
+    recording,
+)
+from sysid.board import Board
+from sysid.comparison.compare import ComparedRelease, Comparison
+from sysid.decay.peaks import find_peaks
+from sysid.free_decay import FreeDecay
+from sysid.releases import Phase, log_phases
+from sysid.roll import Array, Release, Roll
+
+if TYPE_CHECKING:
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+    from reports.rerun.film_frames import FilmFrames
+
+LADDER = ("#CC79A7", "#56B4E9", "#009E73", "#F0E442", "#D55E00")
+"""Simpler models; the board's own law is blue."""
+MOST_BOARDS = 6
+"""Boards side by side in 3-D."""
+POSES = 50.0
+"""Poses a second of the slow tail; while the deck moves, all samples are kept [Hz]."""
+ENVELOPE = "#777777"
+PHASES = {"rest": "#555555", "held": REAL, "free": SIM, "caught": "#CC79A7"}
+MILLI = 1e3
+SLOWLY = 0.1
+"""Speed of play at which a swing can be followed."""
+
+
+def decay_recording(path: Path, roll: Roll, decay: FreeDecay, summary: str) -> None:
+    """Write the recording of one log and of the linear decay found in it.
+
+    Args:
+        path: The .rrd file to write.
+        roll: The whole log.
+        decay: What was identified from it.
+        summary: Markdown.
+
+    Raises:
+        HuskyError: rerun-sdk is not installed, or the path cannot be written.
+    """
+    import rerun.blueprint as rrb
+
+    phases = log_phases(roll, decay.releases)
+    signal = decay.trace.signal
+    tabs: list[rrb.View | rrb.Container] = []
+    last = 0.0
+    for release, fitted in zip(decay.releases, decay.trace.releases, strict=True):
+        root = f"release{release.number}"
+        since = fitted.trace.time - release.start
+        span = _window(since, fitted.modelled - fitted.level)
+        last = max(last, span[1])
+        error = float(np.abs(fitted.residual).max())
+        whole = _signal(release, signal)
+        tabs.append(_release_tab(root, f"release {release.number}", signal, span, whole, error))
+    blueprint = _blueprint(
+        rrb.Tabs(*tabs, name="releases"),
+        rrb.Vertical(*_log_views("log", roll), rrb.TextDocumentView(origin="summary", name="summary")),
+        last,
+    )
+    with recording(path, _identity(summary, "decay", roll.log), blueprint) as stream:
+        first = decay.releases[0].start
+        _log_whole_log(stream, "log", roll, phases, first)
+        for i, (release, peaks) in enumerate(zip(decay.releases, decay.peaks, strict=True)):
+            _log_fitted(stream, f"release{release.number}", decay, i)
+            if peaks:
+                times = np.array([peak.time for peak in peaks])
+                values = np.array([peak.roll for peak in peaks])
+                where = f"log/roll/peaks{release.number}"
+                log_points(stream, where, times - first, values, name="peaks", colour=REAL)
+        _log_summary(stream, summary)
+        rests = [rest.value for rest in decay.rest_angles]
+        log_properties(stream, {"log": roll.log, "rest_angles": rests, **_values(decay.numbers.to_json())})
+
+
+def _log_fitted(stream: "rr.RecordingStream", root: str, decay: FreeDecay, number: int) -> None:
+    """Log one release with the linear decay fitted to it, its envelope, residual and peaks."""
+    release, fitted = decay.releases[number], decay.trace.releases[number]
+    peaks = decay.peaks[number]
+    measured = _signal(release, decay.trace.signal)
+    log_series(
+        stream, f"{root}/signal/measured", release.time - release.start, measured,
+        name="real", colour=REAL, width=3.5,
+    )  # fmt: skip
+    since = fitted.trace.time - release.start
+    log_series(
+        stream, f"{root}/signal/model", since, fitted.modelled, name="linear decay", colour=SIM, width=1.4
+    )  # its entity comes after 'measured': curves are drawn in that order
+    _log_band(stream, root, since, -fitted.residual, decay.floor.std, "linear decay - real")
+    rate = decay.trace.omega_n * decay.trace.damping_ratio
+    swing = np.abs(fitted.modelled - fitted.level) * np.exp(rate * (since - since[0]))
+    reach = float(swing[since - since[0] < 4 / max(rate, 1e-9)].max())
+    envelope = reach * np.exp(-rate * (since - since[0]))
+    for sign, name in ((1, "above"), (-1, "below")):
+        log_series(
+            stream, f"{root}/signal/envelope_{name}", since, fitted.level + sign * envelope,
+            name=f"envelope {name}", colour=ENVELOPE, width=0.8,
+        )  # fmt: skip
+    if peaks and decay.trace.signal == "roll":
+        times = np.array([peak.time - release.start for peak in peaks])
+        values = np.array([peak.roll for peak in peaks])
+        log_points(stream, f"{root}/signal/peaks", times, values, name="peaks", colour=REAL)
+
+
+def comparison_recording(
+    path: Path, evidence: Evidence, summary: str, films: "Sequence[FilmFrames]" = ()
+) -> None:
+    """Write the recording of a board beside its logs.
+
+    Args:
+        path: The .rrd file to write.
+        evidence: The board, the logs, and what was found.
+        summary: Markdown.
+        films: Frames of the logs that are films.
+
+    Raises:
+        HuskyError: rerun-sdk is not installed, or the path cannot be written.
+    """
+    import rerun.blueprint as rrb
+
+    result = evidence.comparison
+    kind = "rate" if result.is_rate else "roll"
+    many = len({release.log for release in result.releases}) > 1
+    tabs: list[rrb.View | rrb.Container] = []
+    last = 0.0
+    for i, release in enumerate(result.releases):
+        span = _window(release.time, release.simulated)
+        last = max(last, span[1])
+        name = f"{Path(release.log).stem} {release.number}" if many else f"release {release.number}"
+        error = float(np.abs(release.residual).max())
+        tabs.append(_release_tab(f"release{i + 1}", name, kind, span, release.measured, error))
+    right: list[rrb.View | rrb.Container] = [rrb.TextDocumentView(origin="summary", name="summary")]
+    right += [rrb.Spatial2DView(origin="missing_torque", name="missing torque")] if result.missing else []
+    right += [rrb.Spatial2DView(origin=f"film{i + 1}", name="film") for i in range(len(films))]
+    right += [
+        rrb.Vertical(*_log_views(f"log{i + 1}", roll), name=f"log {Path(roll.log).name}")
+        for i, roll in enumerate(evidence.rolls)
+    ]
+    scene = rrb.Spatial3DView(
+        origin="world", name="simulated (solid), measured (ghost)", eye_controls=_eye(evidence)
+    )
+    blueprint = _blueprint(
+        rrb.Tabs(*tabs, name="releases"), rrb.Vertical(scene, rrb.Tabs(*right), row_shares=[1, 1]), last
+    )
+    with recording(
+        path, _identity(summary, evidence.board.name, *(roll.log for roll in evidence.rolls)), blueprint
+    ) as stream:
+        for i, (roll, phases) in enumerate(zip(evidence.rolls, evidence.phases, strict=True)):
+            releases = evidence.releases_of(roll)
+            _log_whole_log(stream, f"log{i + 1}", roll, phases, releases[0].start if releases else 0.0)
+        for i, release in enumerate(result.releases):
+            _log_release(stream, f"release{i + 1}", release, result, evidence, i)
+        _log_boards(stream, evidence)
+        _log_missing(stream, result)
+        for i, film in enumerate(films):
+            film.log(stream, f"film{i + 1}")
+        _log_summary(stream, summary)
+        log_properties(stream, _board_properties(evidence))
+
+
+def _log_release(
+    stream: "rr.RecordingStream",
+    root: str,
+    release: ComparedRelease,
+    result: Comparison,
+    evidence: Evidence,
+    number: int,
+) -> None:
+    log_series(
+        stream, f"{root}/signal/measured", release.time, release.measured, name="real", colour=REAL, width=3.5
+    )
+    for j, rung in enumerate(evidence.ladder[:-1]):
+        log_series(
+            stream, f"{root}/signal/model{j}", release.time, rung.simulated[number],
+            name=rung.label, colour=LADDER[j % len(LADDER)], width=1.0,
+        )  # fmt: skip
+    log_series(
+        stream, f"{root}/signal/simulated", release.time, release.simulated, name="sim", colour=SIM, width=1.4
+    )
+    _log_band(stream, root, release.time, release.residual, result.noise.std)
+    if result.is_rate:
+        return
+    peaks = _peaks(evidence.releases[number], result)
+    if peaks:
+        times, values = np.array(peaks).T
+        log_points(stream, f"{root}/signal/peaks", times, values, name="peaks", colour=REAL)
+
+
+def _peaks(release: Release, result: Comparison) -> list[tuple[float, float]]:
+    """Return time since the release [s] and roll [rad] of the measured turning points."""
+    law = result.law
+    decay = law.damping / (2 * law.inertia)
+    if decay >= law.frequency:
+        return []
+    damped = float(np.sqrt(law.frequency**2 - decay**2))
+    rest = law.rest_angle if release.zero == "known" else release.rest
+    found = find_peaks(release, rest, law.frequency, damped, result.noise.std)
+    return [(peak.time - release.start, peak.roll) for peak in found]
+
+
+def _log_band(
+    stream: "rr.RecordingStream",
+    root: str,
+    time: Array,
+    residual: Array,
+    noise: float,
+    name: str = "sim - real",
+) -> None:
+    """Log a residual over the band of ±2σ of the sensor's noise, in thousandths: Rerun's axis labels are short."""
+    log_series(stream, f"{root}/residual/error", time, MILLI * residual, name=name, colour=SIM, width=1.0)
+    ends = np.array([time[0], time[-1]])
+    for sign, side in ((2, "upper"), (-2, "lower")):
+        log_series(
+            stream, f"{root}/residual/noise_{side}", ends, np.full(2, sign * MILLI * noise),
+            name=f"noise {sign:+d}σ", colour=NOISE, width=1.2,
+        )  # fmt: skip
+
+
+def _log_whole_log(
+    stream: "rr.RecordingStream", root: str, roll: Roll, phases: Sequence[Phase], first: float
+) -> None:
+    log_series(stream, f"{root}/roll/measured", roll.time - first, roll.roll, name="roll", colour=REAL)
+    log_states(stream, f"{root}/phase", [(phase.start - first, phase.kind) for phase in phases], PHASES)
+
+
+def _log_boards(stream: "rr.RecordingStream", evidence: Evidence) -> None:
+    """Log the board twice for each release, side by side: simulated solid, measured as a ghost."""
+    import rerun as rr
+
+    from sim.board.scene import TILT_JOINT, TRUCK_JOINTS, board_spec, steering_angle
+
+    result, board = evidence.comparison, evidence.board
+    model = board_spec(board, ground=False).compile()
+    rake = board.geometry["rake"].value
+    tilt = int(model.joint(TILT_JOINT).qposadr[0])
+    trucks = [int(model.joint(name).qposadr[0]) for name in TRUCK_JOINTS]
+    rest = np.array(model.qpos0)
+    rest[2] = board.geometry["truck_height"].value + board.geometry["wheel_radius"].value
+    stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    before = min(
+        [-1.0, *(float(roll.time[0] - evidence.releases_of(roll)[0].start) for roll in evidence.rolls)]
+    )
+    for i, release in enumerate(result.releases[:MOST_BOARDS]):
+        kept = _moving(release)
+        measured = release.roll if result.is_rate else release.measured
+        for root, roll, tint, alpha in (
+            (f"world/simulated{i + 1}", release.roll, SIM, 1.0),
+            (f"world/measured{i + 1}", measured, REAL, 0.35),
+        ):
+            positions = np.tile(rest, (len(kept), 1))
+            positions[:, 1] = -_spacing(board) * i
+            positions[:, tilt] = roll[kept]
+            steer = np.array([steering_angle(angle, rake) for angle in roll[kept]])
+            for address in trucks:
+                positions[:, address] = steer
+            log_model(stream, root, model, tint=tint if alpha < 1 else None, alpha=alpha)
+            # Before its release the deck is held where it starts.
+            time = np.r_[before, release.time[kept]]
+            log_poses(stream, root, model, time, np.vstack([positions[:1], positions]))
+        label = [0.0, -_spacing(board) * i, 0.28]
+        name = f"{Path(release.log).stem} {release.number}"
+        stream.log(f"world/name{i + 1}", rr.Points3D([label], labels=[name], radii=[0.0]), static=True)
+
+
+def _moving(release: ComparedRelease) -> npt.NDArray[np.int64]:
+    """Return the samples whose poses are logged: all while the deck moves, few of the rest."""
+    step = float(np.median(np.diff(release.time)))
+    end = int(np.searchsorted(release.time, _window(release.time, release.simulated)[1]))
+    stride = max(1, round(1 / POSES / step))
+    return np.unique(np.r_[0:end, end : len(release.time) : stride]).astype(np.int64)
+
+
+def _log_missing(stream: "rr.RecordingStream", result: Comparison) -> None:
+    """Log the missing torque as a picture with axes, and as the tensor behind it."""
+    import rerun as rr
+
+    if result.missing is None:
+        return
+    from reports.figures.board import missing_torque_figure
+
+    picture = io.BytesIO()
+    missing_torque_figure(result, size=(6.4, 4.8)).savefig(picture, format="png", dpi=130, facecolor="white")
+    stream.log(
+        "missing_torque", rr.EncodedImage(contents=picture.getvalue(), media_type="image/png"), static=True
+    )
+    stream.log(
+        "missing_torque_values", rr.Tensor(result.missing.torque, dim_names=["tilt", "rate"]), static=True
+    )
+
+
+def _log_summary(stream: "rr.RecordingStream", summary: str) -> None:
+    import rerun as rr
+
+    stream.log("summary", rr.TextDocument(summary, media_type="text/markdown"), static=True)
+
+
+def _release_tab(
+    root: str, name: str, kind: str, span: tuple[float, float], measured: Array, error: float
+) -> "rrb.Vertical":
+    """Return one release's overlay over its residual; ranges are given, since found ones drift while drawing."""
+    import rerun.blueprint as rrb
+
+    unit = "rad" if kind == "roll" else "rad/s"
+    low, high = float(measured.min()), float(measured.max())
+    pad = 0.08 * (high - low)
+    return rrb.Vertical(
+        rrb.TimeSeriesView(
+            origin=f"{root}/signal",
+            name=f"{kind} [{unit}]",
+            axis_x=_axis(span),
+            axis_y=rrb.ScalarAxis(range=(low - pad, high + pad)),
+            plot_legend=rrb.Corner2D.RightTop,
+        ),
+        rrb.TimeSeriesView(
+            origin=f"{root}/residual",
+            name=f"residual [m{unit}]",
+            axis_x=_axis(span),
+            axis_y=rrb.ScalarAxis(range=(-1.15 * MILLI * error, 1.15 * MILLI * error)),
+            plot_legend=rrb.Corner2D.RightTop,
+        ),
+        row_shares=[3, 1],
+        name=name,
+    )
+
+
+def _log_views(root: str, roll: Roll) -> "list[rrb.View]":
+    import rerun.blueprint as rrb
+
+    reach = 1.1 * float(np.abs(roll.roll).max())
+    return [
+        rrb.TimeSeriesView(
+            origin=f"{root}/roll", name="whole log: roll [rad]", axis_y=rrb.ScalarAxis(range=(-reach, reach))
+        ),
+        rrb.StateTimelineView(origin=f"{root}/phase", name="phases"),
+    ]
+
+
+def _blueprint(left: "rrb.Tabs", right: "rrb.Container", end: float) -> "rrb.Blueprint":
+    """Return the layout; it opens playing the releases up to a time [s], slowly and again and again."""
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+    return rrb.Blueprint(
+        rrb.Horizontal(left, right, column_shares=[3, 2]),
+        rrb.TimePanel(
+            timeline=TIMELINE,
+            state="collapsed",
+            time_selection=rrb.components.AbsoluteTimeRange(
+                min=rr.TimeInt(seconds=0.0), max=rr.TimeInt(seconds=end)
+            ),
+            loop_mode="selection",
+            playback_speed=SLOWLY,
+            play_state="playing",
+        ),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.BlueprintPanel(state="collapsed"),
+    )
+
+
+def _axis(span: tuple[float, float]) -> "rrb.TimeAxis":
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+    start, end = (rr.TimeInt(seconds=seconds) for seconds in span)
+    return rrb.TimeAxis(
+        view_range=rr.TimeRange(
+            start=rr.TimeRangeBoundary.absolute(start), end=rr.TimeRangeBoundary.absolute(end)
+        )
+    )
+
+
+def _eye(evidence: Evidence) -> "rrb.EyeControls3D":
+    """Return a place behind the boards from which all of them are seen."""
+    import rerun.blueprint as rrb
+
+    count = min(len(evidence.comparison.releases), MOST_BOARDS)
+    middle = -_spacing(evidence.board) * (count - 1) / 2
+    back = 0.62 + 0.42 * _spacing(evidence.board) * count
+    return rrb.EyeControls3D(position=(-back, middle, 0.3), look_target=(0.0, middle, 0.08))
+
+
+def _spacing(board: Board) -> float:
+    return 1.9 * board.geometry["width"].value
+
+
+def _window(time: Array, motion: Array) -> tuple[float, float]:
+    """Return the times between which there is something to see [s]."""
+    rest = float(np.median(motion[len(motion) * 3 // 4 :]))
+    moving = np.flatnonzero(np.abs(motion - rest) > 0.01 * float(np.abs(motion - rest).max()))
+    end = float(time[moving[-1]]) if len(moving) else float(time[-1])
+    return -0.03 * end, min(1.6 * end, float(time[-1]))
+
+
+def _signal(release: Release, kind: str) -> Array:
+    return release.roll if kind == "roll" or release.rate is None else release.rate
+
+
+def _identity(summary: str, name: str, *logs: str) -> str:
+    """Return a name for a recording that is another one when its numbers are."""
+    digest = hashlib.sha256(summary.encode()).hexdigest()[:8]
+    return " ".join([name, *(Path(log).stem for log in logs), digest])
+
+
+def _board_properties(evidence: Evidence) -> dict[str, object]:
+    board, result = evidence.board, evidence.comparison
+    return {
+        "board": board.name,
+        "inertia": board.inertia.value,
+        "stiffness": board.stiffness,
+        "damping": board.damping,
+        "effects": [part.name for part in board.effects] or ["none"],
+        "rmse": result.rmse,
+        "nrmse": result.nrmse,
+        "noise_floor": result.noise.std,
+        "logs": [file.path for file in evidence.files] or [roll.log for roll in evidence.rolls],
+        "sha256": [file.digest for file in evidence.files] or None,
+    }
+
+
+def _values(quantities: dict[str, object]) -> dict[str, object]:
+    """Return the plain values of a dictionary of quantities in JSON's shape."""
+    return {
+        name: quantity["value"]  # pyright: ignore[reportUnknownVariableType]
+        for name, quantity in quantities.items()
+        if isinstance(quantity, dict)
+    }

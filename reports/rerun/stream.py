@@ -1,0 +1,259 @@
+"""Writing Rerun recordings: series, states and MuJoCo models that move.
+
+Rerun logs mistakes as warnings and goes on; here every call is strict. A recording is written to a
+temporary file and takes its place only when it is whole.
+"""
+
+import re
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from reports.figures.palette import rgb
+from sysid.errors import HuskyError
+from sysid.files import atomic_path
+from sysid.roll import Array
+
+if TYPE_CHECKING:
+    import mujoco
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+APPLICATION = "husky-sysid"
+"""First word of every application id. A viewer keeps the layout that it first saw of an application for
+all its later files, so each recording is an application of its own."""
+TIMELINE = "t"
+"""Seconds; for a decay, since the first release."""
+
+
+def need_rerun() -> None:
+    """Check that recordings can be written, before long work.
+
+    Raises:
+        HuskyError: rerun-sdk is not installed.
+    """
+    try:
+        import rerun
+    except ImportError as error:
+        raise HuskyError("Rerun recordings need the package rerun-sdk: pip install rerun-sdk") from error
+    del rerun
+
+
+@contextmanager
+def recording(path: Path, recording_id: str, blueprint: "rrb.Blueprint") -> "Generator[rr.RecordingStream]":
+    """Open a recording that carries its own blueprint, and put it in place when the block succeeds.
+
+    Raises:
+        HuskyError: rerun-sdk is not installed, or the path cannot be written.
+    """
+    need_rerun()
+    import rerun as rr
+
+    was_strict = rr.strict_mode()
+    rr.set_strict_mode(True)
+    try:
+        with (
+            atomic_path(path) as temporary,
+            rr.RecordingStream(_application(recording_id), recording_id=recording_id) as stream,
+        ):
+            stream.save(temporary)
+            stream.send_blueprint(blueprint, make_active=True, make_default=True)
+            yield stream
+            stream.flush()
+            stream.disconnect()
+    finally:
+        rr.set_strict_mode(was_strict)
+
+
+def _application(recording_id: str) -> str:
+    """Return an application id in the letters that Rerun allows for one."""
+    return re.sub(r"[^A-Za-z0-9_\- ]", "-", f"{APPLICATION} {recording_id}")
+
+
+def log_series(
+    stream: "rr.RecordingStream",
+    entity: str,
+    time: Array,
+    values: Array,
+    *,
+    name: str,
+    colour: str,
+    width: float = 1.5,
+) -> None:
+    """Log one curve with its style.
+
+    Args:
+        stream: The recording.
+        entity: Its path in the recording.
+        time: Time on the recording's time line [s], shape (n,).
+        values: Shape (n,).
+        name: Shown in the legend.
+        colour: '#RRGGBB'.
+        width: Line width [points].
+    """
+    import rerun as rr
+
+    style = rr.SeriesLines(colors=[rgb(colour)], names=[name], widths=[width])
+    stream.log(entity, style, static=True)
+    stream.send_columns(
+        entity,
+        indexes=[rr.TimeColumn(TIMELINE, duration=time)],
+        columns=rr.Scalars.columns(scalars=values),
+    )
+
+
+def log_points(
+    stream: "rr.RecordingStream",
+    entity: str,
+    time: Array,
+    values: Array,
+    *,
+    name: str,
+    colour: str,
+    size: float = 5,
+) -> None:
+    """Log separate points (peaks) with their style; arguments as in `log_series`."""
+    import rerun as rr
+
+    stream.log(entity, rr.SeriesPoints(colors=[rgb(colour)], names=[name], marker_sizes=[size]), static=True)
+    stream.send_columns(
+        entity,
+        indexes=[rr.TimeColumn(TIMELINE, duration=time)],
+        columns=rr.Scalars.columns(scalars=values),
+    )
+
+
+def log_states(
+    stream: "rr.RecordingStream",
+    entity: str,
+    states: Sequence[tuple[float, str]],
+    colours: Mapping[str, str] | None = None,
+) -> None:
+    """Log a lane of states: each holds from its time [s] until the next; '#RRGGBB' by state if given."""
+    import rerun as rr
+
+    if colours:
+        style = rr.StateConfiguration(values=list(colours), colors=[rgb(c) for c in colours.values()])
+        stream.log(entity, style, static=True)
+    for time, state in states:
+        stream.set_time(TIMELINE, duration=time)
+        stream.log(entity, rr.StateChange(state=state))
+    stream.reset_time()
+
+
+def log_model(
+    stream: "rr.RecordingStream",
+    root: str,
+    model: "mujoco.MjModel",
+    *,
+    tint: str | None = None,
+    alpha: float = 1.0,
+) -> None:
+    """Log the shapes of a MuJoCo model once, each under the entity of its body (see `log_poses`).
+
+    Args:
+        stream: The recording.
+        root: Entity under which the model stands.
+        model: Compiled model; infinite planes are left out.
+        tint: '#RRGGBB' for all shapes instead of their own colours.
+        alpha: Opacity, for ghosts.
+    """
+    import rerun as rr
+    from mujoco import mjtGeom
+
+    for geom in range(model.ngeom):
+        entity = f"{root}/{body_entity(model, int(model.geom_bodyid[geom]))}/geom{geom}"
+        own = model.geom_rgba[geom]
+        if own[3] == 0 or model.geom_group[geom] >= 3:  # collision shapes of a robot hide in group 3
+            continue
+        base = rgb(tint) if tint else tuple(int(255 * c) for c in own[:3])
+        colour = (*base, int(255 * alpha * own[3]))
+        size = model.geom_size[geom]
+        place = rr.Transform3D(
+            translation=model.geom_pos[geom],
+            quaternion=rr.Quaternion(xyzw=np.roll(model.geom_quat[geom], -1)),
+        )
+        shape: rr.AsComponents
+        match mjtGeom(model.geom_type[geom]):
+            case mjtGeom.mjGEOM_BOX:
+                shape = rr.Boxes3D(half_sizes=[size], colors=[colour], fill_mode="solid")
+            case mjtGeom.mjGEOM_SPHERE:
+                shape = rr.Ellipsoids3D(radii=[size[0]], colors=[colour], fill_mode="solid")
+            case mjtGeom.mjGEOM_CYLINDER:
+                shape = rr.Cylinders3D(
+                    lengths=[2 * size[1]], radii=[size[0]], colors=[colour], fill_mode="solid"
+                )
+            case mjtGeom.mjGEOM_CAPSULE:
+                # Rerun's capsule starts at the origin and goes along +z; MuJoCo's is centred.
+                shape = rr.Capsules3D(
+                    lengths=[2 * size[1]],
+                    radii=[size[0]],
+                    translations=[(0, 0, -size[1])],
+                    colors=[colour],
+                    fill_mode="solid",
+                )
+            case mjtGeom.mjGEOM_MESH:
+                mesh = int(model.geom_dataid[geom])
+                vertices = slice(
+                    model.mesh_vertadr[mesh], model.mesh_vertadr[mesh] + model.mesh_vertnum[mesh]
+                )
+                faces = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
+                shape = rr.Mesh3D(
+                    vertex_positions=model.mesh_vert[vertices],
+                    triangle_indices=model.mesh_face[faces],
+                    albedo_factor=colour,
+                )
+            case _:
+                continue
+        stream.log(entity, place, shape, static=True)
+
+
+def log_poses(
+    stream: "rr.RecordingStream", root: str, model: "mujoco.MjModel", time: Array, positions: npt.ArrayLike
+) -> None:
+    """Log how the bodies of a model move.
+
+    Args:
+        stream: The recording.
+        root: Entity given to `log_model`.
+        model: Compiled model.
+        time: Time on the recording's time line [s], shape (n,).
+        positions: Generalised positions qpos, shape (n, nq).
+    """
+    import mujoco
+    import rerun as rr
+
+    data = mujoco.MjData(model)
+    rows = np.atleast_2d(np.asarray(positions, dtype=float))
+    translations = np.empty((len(rows), model.nbody, 3))
+    quaternions = np.empty((len(rows), model.nbody, 4))
+    for i, row in enumerate(rows):
+        data.qpos[:] = row
+        mujoco.mj_kinematics(model, data)
+        translations[i] = data.xpos
+        quaternions[i] = np.roll(data.xquat, -1, axis=1)  # MuJoCo wxyz, Rerun xyzw
+    for body in range(1, model.nbody):
+        stream.send_columns(
+            f"{root}/{body_entity(model, body)}",
+            indexes=[rr.TimeColumn(TIMELINE, duration=time)],
+            columns=rr.Transform3D.columns(
+                translation=translations[:, body], quaternion=quaternions[:, body]
+            ),
+        )
+
+
+def log_properties(stream: "rr.RecordingStream", properties: Mapping[str, object]) -> None:
+    """Attach values (hashes, versions, parameters) to the recording itself."""
+    import rerun as rr
+
+    known: dict[str, Any] = {key: value for key, value in properties.items() if value is not None}
+    stream.send_property("sysid", rr.AnyValues(**known))
+
+
+def body_entity(model: "mujoco.MjModel", body: int) -> str:
+    """Return the entity name of a body: flat, since logged poses are in the world's frame."""
+    return (model.body(body).name or f"body{body}").replace("/", "-")

@@ -1,0 +1,184 @@
+"""The clamped bench: the deck on its tilt joint and nothing else, released and left to swing."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from sim.board.bodies import TILT_JOINT, deck_inertia, inertia_ratio
+from sim.board.scene import add_effects, integrator_value, roll_inertia
+from sysid.board import Board
+from sysid.errors import HuskyError
+from sysid.roll import Array
+
+AfterStep = Callable[[mujoco.MjModel, mujoco.MjData], None]
+"""Called after each step, e.g. to set the trucks of a scene whose coupling is 'direct'."""
+
+
+def rig_spec(
+    board: Board,
+    *,
+    timestep: float = 0.001,
+    integrator: str = "implicitfast",
+    exact_effects: bool = True,
+) -> mujoco.MjSpec:
+    """Build the bench from a board record: base clamped, deck free to tilt without a limit.
+
+    Args:
+        board: The record; what is built has its deck mass, roll inertia, stiffness, damping, effects.
+        timestep: [s].
+        integrator: MuJoCo's name of the integrator.
+        exact_effects: False writes effects that need a MuJoCo newer than 3.11 as their substitutes.
+
+    Raises:
+        HuskyError: The record cannot be built, or compiled mass or inertia differ from the record.
+    """
+    spec = mujoco.MjSpec()
+    spec.modelname = f"{board.name}_bench"
+    spec.compiler.degree = False
+    spec.option.timestep = timestep
+    spec.option.integrator = integrator_value(integrator)
+    spec.worldbody.add_light(pos=[0.0, -1.0, 1.5], dir=[0.0, 0.6, -1.0])
+    stand = board.geometry["truck_height"].value
+    deck = spec.worldbody.add_body(
+        name="deck",
+        pos=[0.0, 0.0, stand],
+        mass=board.mass["deck"].value,
+        ipos=[0.0, 0.0, 0.0],
+        inertia=deck_inertia(board, board.inertia.value),
+        explicitinertial=True,
+    )
+    joint = deck.add_joint(
+        name=TILT_JOINT,
+        type=mujoco.mjtJoint.mjJNT_HINGE,
+        axis=[1.0, 0.0, 0.0],
+        limited=mujoco.mjtLimited.mjLIMITED_FALSE,
+    )
+    deck.add_geom(
+        name="deck_visual",
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=[board.geometry[key].value / 2 for key in ("length", "width", "thickness")],
+        contype=0,
+        conaffinity=0,
+        rgba=[0.83, 0.68, 0.47, 1.0],
+    )
+    add_effects(spec, joint, board, exact=exact_effects)
+    _assert_matches_record(spec, board)
+    return spec
+
+
+def _assert_matches_record(spec: mujoco.MjSpec, board: Board) -> None:
+    model = spec.compile()
+    ratio = inertia_ratio(board)
+    if not math.isclose(roll_inertia(model), ratio * board.inertia.value, rel_tol=1e-6):
+        raise HuskyError(
+            f"board '{board.name}': the compiled roll inertia is {roll_inertia(model):.6g} kg*m^2, the record "
+            f"says {ratio * board.inertia.value:.6g} kg*m^2."
+        )
+    if not math.isclose(model.body("deck").mass[0], board.mass["deck"].value, rel_tol=1e-9):
+        raise HuskyError(
+            f"board '{board.name}': the compiled deck weighs {model.body('deck').mass[0]:.6g} kg, the record "
+            f"says {board.mass['deck'].value:.6g} kg."
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Swing:
+    """A release simulated in MuJoCo, at its own steps."""
+
+    time: Array
+    """Time since the release [s], shape (n,)."""
+    roll: Array
+    """Roll of the deck [rad], shape (n,)."""
+
+    def at(self, time: Array) -> Array:
+        """Return the roll [rad] at other times [s], by a cubic spline through the steps."""
+        from scipy.interpolate import CubicSpline
+
+        return CubicSpline(self.time, self.roll)(time)
+
+
+def swing(
+    model: mujoco.MjModel,
+    angle: float,
+    rate: float,
+    duration: float,
+    *,
+    joint: str = TILT_JOINT,
+    after_step: AfterStep | None = None,
+) -> Swing:
+    """Release the deck and step MuJoCo.
+
+    Args:
+        model: Compiled bench or scene, in the configuration from which the deck is released.
+        angle: Roll at release [rad].
+        rate: Roll rate at release [rad/s].
+        duration: At least this long is simulated [s].
+        joint: Name of the tilt joint; its axis may be +x or -x.
+        after_step: Called after each step.
+
+    Raises:
+        HuskyError: The simulation becomes unstable.
+    """
+    data = mujoco.MjData(model)
+    where = model.joint(joint)
+    sign = 1.0 if where.axis[0] > 0 else -1.0
+    q, v = int(where.qposadr[0]), int(where.dofadr[0])
+    data.qpos[q], data.qvel[v] = sign * angle, sign * rate
+    steer_to_tilt(model, data, q, v)
+    _load_support(model, data, joint)
+    if after_step is not None:
+        after_step(model, data)
+    steps = math.ceil(duration / model.opt.timestep) + 2
+    roll = np.empty(steps + 1)
+    roll[0] = angle
+    for i in range(steps):
+        mujoco.mj_step(model, data)
+        if after_step is not None:
+            after_step(model, data)
+        roll[i + 1] = sign * data.qpos[q]
+    if data.warning[int(mujoco.mjtWarning.mjWARN_BADQACC)].number or not np.all(np.isfinite(roll)):
+        raise HuskyError(
+            f"the simulation is unstable at a step of {model.opt.timestep:g} s. Choose a smaller --timestep."
+        )
+    return Swing(model.opt.timestep * np.arange(steps + 1), roll)
+
+
+def steer_to_tilt(model: mujoco.MjModel, data: mujoco.MjData, q: int, v: int) -> None:
+    """Bring joints that equality constraints tie to the tilt joint to where that is.
+
+    Without it a release would start with a violated constraint, and the kick that mends it.
+
+    Args:
+        model: Compiled scene.
+        data: Its state; changed in place.
+        q: Index of the tilt joint in qpos.
+        v: Index of the tilt joint in qvel.
+    """
+    tilt = next(i for i in range(model.njnt) if model.jnt_qposadr[i] == q)
+    for i in range(model.neq):
+        if model.eq_type[i] != mujoco.mjtEq.mjEQ_JOINT or not model.eq_active0[i]:
+            continue
+        polynomial = np.polynomial.Polynomial(model.eq_data[i, :5])
+        first, second = int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
+        if second == tilt:
+            data.qpos[model.jnt_qposadr[first]] = polynomial(data.qpos[q])
+            data.qvel[model.jnt_dofadr[first]] = polynomial.deriv()(data.qpos[q]) * data.qvel[v]
+        elif first == tilt and polynomial.coef[1] != 0:
+            angle = (data.qpos[q] - polynomial.coef[0]) / polynomial.coef[1]
+            data.qpos[model.jnt_qposadr[second]] = angle
+            data.qvel[model.jnt_dofadr[second]] = data.qvel[v] / polynomial.coef[1]
+
+
+def _load_support(model: mujoco.MjModel, data: mujoco.MjData, joint: str) -> None:
+    """Deflect what the joint stands on as the held deck does: its spring against the tilt's."""
+    name = f"{joint}_support_joint"
+    if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) < 0:
+        return
+    support, tendon = model.joint(name), model.tendon(f"{joint}_on_support")
+    spring = float(model.tendon_stiffness[tendon.id])
+    tilt = data.qpos[model.joint(joint).qposadr[0]] - float(model.tendon_lengthspring[tendon.id, 0])
+    share = spring / (spring + float(model.jnt_stiffness[support.id]))
+    data.qpos[support.qposadr[0]] = share * tilt

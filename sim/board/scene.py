@@ -1,0 +1,266 @@
+"""The free board as MJCF: deck on a sprung tilt joint, steered trucks, wheels, ground.
+
+The bodies are in `sim.board.bodies`. Every joint's position has the sign of a right turn:
+`board_tilt_joint` is the roll (right edge down is positive), and both truck joints are the steering
+angle σ of tan σ = tan λ sin roll, the front one turning right and the rear one left, so a board with its
+right edge down turns right.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import mujoco
+import numpy as np
+
+from sim.board.bodies import (
+    TILT_JOINT,
+    TRUCK_JOINTS,
+    WHEEL_FRICTION,
+    WHEELS,
+    Coupling,
+    add_chassis,
+    add_deck,
+    add_truck,
+    inertia_ratio,
+    reflected_inertia,
+    steering_angle,
+)
+from sysid.board import Board
+from sysid.errors import HuskyError
+from sysid.quantity import Quantity
+from sysid.roll import Array
+
+
+def board_spec(
+    board: Board,
+    *,
+    coupling: Coupling = "equality",
+    ground: bool = True,
+    timestep: float = 0.005,
+    integrator: str = "implicitfast",
+    tilt_range: float | None = None,
+    wheel_friction: Sequence[float] = WHEEL_FRICTION,
+    exact_effects: bool = True,
+) -> mujoco.MjSpec:
+    """Build the free board from its record, effects included.
+
+    Args:
+        board: The record; what is built has its masses, roll inertia, stiffness, damping, effects.
+        coupling: How tilt steers the trucks. With 'equality' the deck's own roll inertia is the
+            record's less what the steered parts add to it.
+        ground: Whether to add the ground and a light. Without them the spec is an entity for
+            attaching to another scene (with a prefix of its own), whose options count.
+        timestep: Step of the scene [s]; the coupling is as stiff as this step allows.
+        integrator: MuJoCo's name of the integrator.
+        tilt_range: Largest tilt to either side [rad]; the record's if None.
+        wheel_friction: Sliding [1], torsional [m] and rolling [m] friction of the wheels.
+        exact_effects: False writes effects that need a MuJoCo newer than 3.11 as their substitutes.
+
+    Raises:
+        HuskyError: The record cannot be built: inertia too small for the deck's mass, rake and tilt
+            range that do not fit, or compiled mass or inertia differ from the record.
+    """
+    spec = mujoco.MjSpec()
+    spec.modelname = board.name
+    spec.compiler.degree = False
+    if ground:
+        spec.option.timestep = timestep
+        spec.option.integrator = integrator_value(integrator)
+        _add_ground(spec)
+    limit = board.tilt["range"].value if tilt_range is None else tilt_range
+    root = add_chassis(spec, board)
+    reflected = reflected_inertia(board) if coupling == "equality" else 0.0
+    # What steers is taken off the deck, so that nothing is counted twice; an effect that scales the inertia
+    # will multiply what is written here.
+    tilt = add_deck(root, board, board.inertia.value - reflected / inertia_ratio(board), limit)
+    for end in ("front", "rear"):
+        add_truck(root, board, end, limit, coupling, wheel_friction)
+    for wheel in WHEELS:
+        # A deck at full tilt would touch its own wheels; a real one has risers against wheel bite.
+        spec.add_exclude(name=f"deck_{wheel}_wheel", bodyname1="deck", bodyname2=f"{wheel}_wheel")
+    if coupling == "equality":
+        _add_coupling(spec, board, limit, timestep)
+    add_effects(spec, tilt, board, exact=exact_effects)
+    assert_matches_record(spec, board, coupling)
+    return spec
+
+
+def set_trucks(model: mujoco.MjModel, data: mujoco.MjData, rake: float, prefix: str = "") -> None:
+    """Set both truck joints from the tilt, position and velocity: the `direct` coupling.
+
+    To be called after every step (and after every reset) of a scene built with coupling='direct'.
+
+    Args:
+        model: Compiled scene.
+        data: Its state; changed in place.
+        rake: λ of tan σ = tan λ sin roll [rad].
+        prefix: The board's name prefix in the scene.
+    """
+    tilt = model.joint(prefix + TILT_JOINT)
+    roll, rate = float(data.qpos[tilt.qposadr[0]]), float(data.qvel[tilt.dofadr[0]])
+    angle = steering_angle(roll, rake)
+    speed = rate * math.tan(rake) * math.cos(roll) * math.cos(angle) ** 2
+    for name in TRUCK_JOINTS:
+        truck = model.joint(prefix + name)
+        data.qpos[truck.qposadr[0]] = angle
+        data.qvel[truck.dofadr[0]] = speed
+
+
+def coupling_polynomial(rake: float, tilt_range: float) -> tuple[Array, float]:
+    """Fit σ ≈ a roll + b roll³ to tan σ = tan λ sin roll over ± `tilt_range`.
+
+    MuJoCo's joint equality takes a polynomial of up to the fourth degree; the law is odd.
+
+    Returns:
+        The five coefficients for `polycoef`, and the largest error [rad].
+    """
+    roll = tilt_range * np.sin(np.linspace(-np.pi / 2, np.pi / 2, 201))  # dense at the ends, as Chebyshev's
+    angle = np.arctan(np.tan(rake) * np.sin(roll))
+    basis = np.stack([roll, roll**3], axis=1)
+    (linear, cubic), *_ = np.linalg.lstsq(basis, angle, rcond=None)
+    error = float(np.max(np.abs(basis @ [linear, cubic] - angle)))
+    return np.array([0.0, linear, 0.0, cubic, 0.0]), error
+
+
+def integrator_value(name: str) -> int:
+    """Return MuJoCo's number of an integrator.
+
+    Raises:
+        HuskyError: This MuJoCo has no integrator of that name.
+    """
+    known = {
+        key.removeprefix("mjINT_").lower(): value
+        for key, value in mujoco.mjtIntegrator.__members__.items()
+        if key.startswith("mjINT_")
+    }
+    if name.lower() not in known:
+        raise HuskyError(
+            f"unknown integrator '{name}'. MuJoCo {mujoco.__version__} has: {', '.join(sorted(known))}."
+        )
+    return int(known[name.lower()])
+
+
+def integrator_name(model: mujoco.MjModel) -> str:
+    """Return the name of a model's integrator, as MJCF gives it."""
+    name = str(mujoco.mjtIntegrator(model.opt.integrator).name).removeprefix("mjINT_")
+    return {"EULER": "Euler", "RK4": "RK4"}.get(name, name.lower())
+
+
+def add_effects(
+    spec: mujoco.MjSpec, joint: mujoco.MjsJoint, board: Board, *, exact: bool = True
+) -> tuple[str, ...]:
+    """Put spring, damper and the record's effects on a tilt joint.
+
+    Args:
+        spec: The spec; changed in place.
+        joint: Its tilt joint.
+        board: The record.
+        exact: False writes effects that need a MuJoCo newer than 3.11 as their substitutes.
+
+    Returns:
+        One line for each thing that an effect wrote.
+    """
+    joint.stiffness[0] = board.stiffness
+    joint.damping[0] = board.damping
+    joint.springref = board.rest_angle
+    if not board.effects:
+        return ()
+    from sysid.effects import effect  # only boards with effects need the catalogue
+
+    # An effect that puts the joint on a support moves all that the joint carries: it comes last.
+    parts = sorted(board.effects, key=lambda part: effect(part.name).role == "support")
+    lines: list[str] = []
+    for part in parts:
+        values = {name: quantity.value for name, quantity in part.parameters.items()}
+        lines += effect(part.name).to_mjcf(spec, joint, values, exact=exact)
+    deck = joint.parent
+    # An effect that lowers roll inertia makes a narrower deck, which turns more easily about z too.
+    deck.inertia[2] = min(deck.inertia[2], 0.999 * (deck.inertia[0] + deck.inertia[1]))
+    return tuple(lines)
+
+
+def assert_matches_record(spec: mujoco.MjSpec, board: Board, coupling: Coupling) -> None:
+    """Compile the spec and compare total mass and roll inertia about the tilt axis with the record.
+
+    What the file was meant to hold is not what MuJoCo simulates: geoms add mass where an inertial is
+    missing, a centre of mass is not where it was thought, a deck's inertia is counted twice.
+
+    Raises:
+        HuskyError: They differ.
+    """
+    model = spec.compile()
+    expected = board.mass["deck"].value + 2 * board.mass["truck"].value + 4 * board.mass["wheel"].value
+    weight = float(model.body_mass.sum())
+    if not math.isclose(weight, expected, rel_tol=1e-3):  # a support that an effect adds weighs a gram
+        raise HuskyError(
+            f"board '{board.name}': the compiled board weighs {weight:.6g} kg, its record says {expected:.6g} kg."
+        )
+    inertia = roll_inertia(model, board.geometry if coupling == "equality" else None)
+    recorded = inertia_ratio(board) * board.inertia.value
+    if not math.isclose(inertia, recorded, rel_tol=1e-6):
+        raise HuskyError(
+            f"board '{board.name}': the compiled roll inertia is {inertia:.6g} kg*m^2, the record says "
+            f"{recorded:.6g} kg*m^2."
+        )
+
+
+def roll_inertia(
+    model: mujoco.MjModel, geometry: Mapping[str, Quantity] | None = None, joint: str = TILT_JOINT
+) -> float:
+    """Return the compiled inertia about the tilt axis [kg*m^2], the chassis held.
+
+    Args:
+        model: Compiled scene or rig.
+        geometry: The board's; with it the steered trucks and the wheels that they turn are included
+            as the coupling brings them to the tilt joint: angle × tan λ, wheels rolling without slip.
+        joint: Name of the tilt joint.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    inertia = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, inertia)
+    motion = np.zeros(model.nv)  # of all joints, for a roll rate of 1 rad/s
+    motion[model.joint(joint).dofadr[0]] = 1.0
+    if geometry is not None:
+        steer = math.tan(geometry["rake"].value)
+        roll = steer * geometry["track"].value / 2 / geometry["wheel_radius"].value
+        for name in TRUCK_JOINTS:
+            motion[model.joint(name).dofadr[0]] = steer
+        for name in WHEELS:
+            left, front = name.endswith("left"), name.startswith("front")
+            motion[model.joint(f"{name}_wheel_joint").dofadr[0]] = roll if left == front else -roll
+    return float(motion @ inertia @ motion)
+
+
+def _add_ground(spec: mujoco.MjSpec) -> None:
+    spec.stat.extent = 0.8  # what a viewer shows at first
+    spec.stat.center = [0.0, 0.0, 0.05]
+    spec.worldbody.add_geom(
+        name="ground",
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=[5.0, 5.0, 0.1],
+        rgba=[0.32, 0.36, 0.40, 1.0],
+    )
+    spec.worldbody.add_light(
+        name="sun",
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        pos=[0.0, 0.0, 3.0],
+        dir=[0.2, 0.3, -1.0],
+        castshadow=False,
+    )
+
+
+def _add_coupling(spec: mujoco.MjSpec, board: Board, tilt_range: float, timestep: float) -> None:
+    """Tie both trucks to the tilt, as stiffly as the step allows (MuJoCo wants two steps of time constant)."""
+    coefficients, _ = coupling_polynomial(board.geometry["rake"].value, tilt_range)
+    for joint in TRUCK_JOINTS:
+        constraint = spec.add_equality(
+            name=joint.replace("joint", "coupling"),
+            type=mujoco.mjtEq.mjEQ_JOINT,
+            objtype=mujoco.mjtObj.mjOBJ_JOINT,
+            name1=joint,
+            name2=TILT_JOINT,
+            solref=[2 * timestep, 1.0],
+            solimp=[0.9999, 0.9999, 0.001, 0.5, 2.0],
+        )
+        constraint.data[:5] = coefficients

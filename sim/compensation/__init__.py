@@ -1,0 +1,1 @@
+"""What must be written so that a simulated decay equals the measured one."""

@@ -1,0 +1,249 @@
+"""What a scene adds of its own to the tilt joint: stiffness, damping, inertia, and from which part.
+
+The scene is treated as a black box: static loads give its stiffness, the two-term recursion of a small
+sampled decay gives the two poles of the step, and with the stiffness these give damping and inertia as
+the integrator sees them. Parts are then switched off one at a time; what changes is theirs.
+"""
+
+import copy
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from sim.board.bench import rig_spec, swing
+from sim.board.scene import integrator_name
+from sim.compensation.scene import ClampedScene
+from sim.compensation.step import compensate_step
+from sysid.board import Board
+from sysid.errors import HuskyError
+from sysid.joint.sampled import joint_of_map
+
+LOAD = 0.3
+"""Static load, as a share of the spring's torque at the full tilt."""
+SMALL = 0.05
+"""Amplitude of the decay from which the poles are taken [rad]."""
+VISIBLE = 0.03
+"""Departures from the record below this share are not worth a word."""
+DECK = "deck alone"
+
+
+@dataclass(frozen=True, slots=True)
+class TiltJoint:
+    """A tilt joint as the integrator sees it."""
+
+    stiffness: float
+    """[N*m/rad]."""
+    damping: float
+    """[N*m*s/rad]."""
+    inertia: float
+    """[kg*m^2]."""
+
+    @property
+    def damping_ratio(self) -> float:
+        """ζ = d / 2√(k I)."""
+        return self.damping / (2 * math.sqrt(self.stiffness * self.inertia))
+
+    def minus(self, other: "TiltJoint") -> "TiltJoint":
+        """Return the difference, quantity by quantity."""
+        return TiltJoint(
+            self.stiffness - other.stiffness, self.damping - other.damping, self.inertia - other.inertia
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Parasitics:
+    """The whole scene's tilt joint, the one that the record asks for, and what each part adds."""
+
+    wanted: TiltJoint
+    """That of the bench, compensated for this integrator and step, measured in the same way."""
+    whole: TiltJoint
+    parts: tuple[tuple[str, TiltJoint], ...]
+    """What each part adds to the tilt joint, the others staying on; 'deck alone' is what is left."""
+    reach: float
+    """Largest tilt that the trucks' limits allow [rad]; infinite where they allow all."""
+    mass: float
+    """Of the whole board [kg]."""
+
+    def reasons(self, board: Board, tilt_range: float) -> tuple[str, ...]:
+        """Say in words where the scene departs from the record."""
+        texts: list[str] = []
+        ratio, wanted_ratio = self.whole.damping_ratio, self.wanted.damping_ratio
+        if ratio >= 1 > wanted_ratio:
+            texts.append(
+                f"released from rest the deck does not swing at all (damping ratio {ratio:.2f} where "
+                f"{wanted_ratio:.2f} is wanted)"
+            )
+        texts += self._departure("stiffness", "N*m/rad", self.whole)
+        texts += self._departure("damping", "N*m*s/rad", self.whole)
+        # Where nothing swings, only the deck by itself still shows an inertia.
+        texts += self._departure("inertia", "kg*m^2", self.whole if ratio < 1 else self.deck)
+        expected = board.mass["deck"].value + 2 * board.mass["truck"].value + 4 * board.mass["wheel"].value
+        if abs(self.mass / expected - 1) > 0.05:
+            texts.append(
+                f"the board of the scene weighs {self.mass:.3g} kg, the record says {expected:.3g} kg"
+            )
+        if self.reach < 0.95 * tilt_range:
+            texts.append(
+                f"the trucks' limits stop the deck at ±{self.reach:.3g} rad although its own range is "
+                f"±{tilt_range:.3g} rad"
+            )
+        return tuple(texts)
+
+    @property
+    def deck(self) -> TiltJoint:
+        """The deck with everything else switched off."""
+        return dict(self.parts)[DECK]
+
+    def _departure(self, quantity: str, unit: str, seen: TiltJoint) -> list[str]:
+        wanted, value = getattr(self.wanted, quantity), getattr(seen, quantity)
+        if abs(value / wanted - 1) < VISIBLE:
+            return []
+        causes = [
+            f"{name} {getattr(part, quantity):+.3g}"
+            for name, part in self.parts
+            if seen is self.whole and name != DECK and abs(getattr(part, quantity)) > VISIBLE * wanted
+        ]
+        alone = getattr(self.deck, quantity)
+        if abs(alone / wanted - 1) > VISIBLE:
+            causes.append(f"the deck by itself {alone:.3g}")
+        return [
+            f"{quantity} {value:.4g} {unit} where {wanted:.4g} is wanted ({100 * (value / wanted - 1):+.0f} %): "
+            + ", ".join(causes or ["from several parts together"])
+        ]
+
+
+def measure_parasitics(board: Board, scene: ClampedScene) -> Parasitics:
+    """Measure the scene's tilt joint with everything on, and with one part off at a time.
+
+    Args:
+        board: The record, in physical parameters.
+        scene: The scene, its chassis held.
+
+    Raises:
+        HuskyError: The scene does not move, or blows up.
+    """
+    timestep, integrator = float(scene.model.opt.timestep), integrator_name(scene.model)
+    needed = compensate_step(board, timestep=timestep, integrator=integrator).board
+    bench = rig_spec(needed, timestep=timestep, integrator=integrator).compile()
+    wanted = measure(board, ClampedScene(model=bench, name="bench"))
+    whole = measure(board, scene)
+    parts: list[tuple[str, TiltJoint]] = []
+    for name, switch in _SWITCHES:
+        without = copy.copy(scene.model)
+        if switch(without, scene.joint):
+            parts.append((name, whole.minus(measure(board, replace(scene, model=without)))))
+    bare = copy.copy(scene.model)
+    for _, switch in _SWITCHES:
+        switch(bare, scene.joint)
+    parts.append((DECK, measure(board, replace(scene, model=bare, after_step=None))))
+    root = scene.model.body_rootid[scene.model.jnt_bodyid[scene.model.joint(scene.joint).id]]
+    mass = float(scene.model.body_subtreemass[root])
+    return Parasitics(wanted, whole, tuple(parts), _reach(scene), mass)
+
+
+def measure(board: Board, scene: ClampedScene) -> TiltJoint:
+    """Measure stiffness, damping and inertia of a scene's tilt joint from outside.
+
+    Args:
+        board: The record; its stiffness and range set the size of load and swing.
+        scene: The scene, its chassis held.
+
+    Raises:
+        HuskyError: The scene does not move, or blows up.
+    """
+    scene = replace(scene, model=_frictionless(scene.model, scene.joint))
+    torque = LOAD * board.stiffness * board.tilt["range"].value
+    tilt = (_static(scene, torque) - _static(scene, -torque)) / 2
+    if not tilt > 0:
+        raise HuskyError(f"the deck of the scene does not give way to {torque:.3g} N*m.")
+    stiffness = torque / tilt
+    rest = (_static(scene, torque) + _static(scene, -torque)) / 2
+    duration = 3 * math.pi * math.sqrt(board.inertia.value / board.stiffness)
+    h = float(scene.model.opt.timestep)
+    path = swing(
+        scene.model, rest + SMALL, 0.0, max(duration, 24 * h), joint=scene.joint, after_step=scene.after_step
+    )
+    roll = path.roll[2:] - rest  # the first steps fill contacts and constraints
+    (trace, determinant), *_ = np.linalg.lstsq(
+        np.stack([roll[1:-1], -roll[:-2]], axis=1), roll[2:], rcond=None
+    )
+    integrator = integrator_name(scene.model)
+    if integrator != "RK4":
+        determinant = min(max(float(determinant), 1e-6), 1 - 1e-9)
+        trace = min(float(trace), 1 + determinant - 1e-12)
+    inertia, damping = joint_of_map(float(trace), float(determinant), stiffness, h, integrator)
+    return TiltJoint(stiffness, damping, inertia)
+
+
+def _frictionless(model: mujoco.MjModel, joint: str) -> mujoco.MjModel:
+    """Return the model without dry friction in the tilt joint: a small decay with it has no poles."""
+    smooth = copy.copy(model)
+    smooth.dof_frictionloss[smooth.joint(joint).dofadr[0]] = 0.0
+    return smooth
+
+
+def _static(scene: ClampedScene, torque: float) -> float:
+    """Return the roll under a constant torque [rad]."""
+    model = scene.model
+    data = mujoco.MjData(model)
+    where = model.joint(scene.joint)
+    sign = 1.0 if where.axis[0] > 0 else -1.0
+    data.qfrc_applied[where.dofadr[0]] = sign * torque
+    for _ in range(round(2.0 / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+        if scene.after_step is not None:
+            scene.after_step(model, data)
+    return sign * float(data.qpos[where.qposadr[0]])
+
+
+def _no_servos(model: mujoco.MjModel, joint: str) -> bool:
+    """Switch off actuators on other joints than the tilt joint."""
+    tilt = model.joint(joint).id
+    servos = [i for i in range(model.nu) if model.actuator_trnid[i, 0] != tilt]
+    for i in servos:
+        model.actuator_gainprm[i] = 0
+        model.actuator_biasprm[i] = 0
+    return bool(servos)
+
+
+def _no_contacts(model: mujoco.MjModel, joint: str) -> bool:
+    """Lift the wheels: nothing touches anything."""
+    del joint
+    touching = bool(np.any(model.geom_contype | model.geom_conaffinity))
+    model.geom_contype[:] = 0
+    model.geom_conaffinity[:] = 0
+    return touching
+
+
+def _no_coupling(model: mujoco.MjModel, joint: str) -> bool:
+    """Take the trucks off the tilt joint."""
+    del joint
+    coupled = model.neq > 0
+    model.eq_active0[:] = 0
+    return coupled
+
+
+_SWITCHES: tuple[tuple[str, Callable[[mujoco.MjModel, str], bool]], ...] = (
+    ("servos", _no_servos),
+    ("wheels on the ground", _no_contacts),
+    ("the truck steering linkage", _no_coupling),
+)
+
+
+def _reach(scene: ClampedScene) -> float:
+    """Return the tilt at which the first truck meets its limit [rad]."""
+    model = scene.model
+    tilt, reach = model.joint(scene.joint).id, float("inf")
+    for i in range(model.neq):
+        pair = (int(model.eq_obj1id[i]), int(model.eq_obj2id[i]))
+        if model.eq_type[i] != mujoco.mjtEq.mjEQ_JOINT or tilt not in pair:
+            continue
+        truck = pair[1] if pair[0] == tilt else pair[0]
+        slope = abs(float(model.eq_data[i, 1]))
+        if model.jnt_limited[truck] and slope > 0:
+            limit = float(np.min(np.abs(model.jnt_range[truck])))
+            reach = min(reach, limit * slope if pair[0] == tilt else limit / slope)
+    return reach

@@ -1,0 +1,355 @@
+"""Parameters that make the simulator's sampled decay the board's, at the step it is trained with.
+
+A time step of milliseconds changes the decay: implicitfast at 5 ms takes 8.3 % off the stiff HUSKY
+board's damping ratio. Stiffness, damping and roll inertia are three knobs for two poles. Turning
+stiffness and damping would leave the right poles and a wrong tilt under a rider (20 % too stiff), so
+stiffness stays and the roll inertia gives way: the rider's tilt is static, and the bare deck's inertia
+is small beside the rider's.
+
+Spring and damper alone have a closed form; with further effects the same two knobs are fitted.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from sim.board.bench import AfterStep, rig_spec, swing
+from sim.board.bodies import TILT_JOINT, inertia_ratio
+from sim.board.scene import integrator_name
+from sysid.board import Board
+from sysid.effects import effect
+from sysid.effects._algebra import NumpyAlgebra
+from sysid.effects._base import JointState, SupportEffect, TorqueEffect
+from sysid.errors import HuskyError
+from sysid.joint import JointLaw, simulate
+from sysid.joint.sampled import continuous_map, joint_of_map
+from sysid.roll import Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Compensation:
+    """A board as it must be written for one integrator and step, and what that costs."""
+
+    board: Board
+    """The record with roll inertia and damping replaced; stiffness and effects are the record's."""
+    timestep: float
+    """[s]."""
+    integrator: str
+    inertia_ratio: float
+    """Written roll inertia over the record's."""
+    damping_ratio: float
+    """Written damping over the record's."""
+    decay_error: float
+    """NRMSE of the unloaded decay against the law in continuous time, start fitted."""
+    decay_error_before: float
+    """The same with the record's own numbers."""
+    static_error: float
+    """Relative error of the static stiffness at the full tilt."""
+    how: str
+    """In words."""
+
+    def entry(self) -> dict[str, Any]:
+        """Return what was written and both errors, for the board record and for JSON."""
+        return {
+            "how": self.how,
+            "timestep": self.timestep,
+            "integrator": self.integrator,
+            "stiffness": self.board.stiffness,
+            "damping": self.board.damping,
+            "inertia": self.board.inertia.value,
+            "decay_nrmse": self.decay_error,
+            "static_stiffness_error": self.static_error,
+        }
+
+    def lines(self) -> tuple[str, ...]:
+        """Return what was done and both errors, for people and for the comments of a file."""
+        where = f"{self.how}, for {self.integrator} at {1e3 * self.timestep:g} ms"
+        if self.inertia_ratio == 1 and self.damping_ratio == 1:
+            return (
+                f"{where}: as recorded",
+                f"unloaded decay: NRMSE {100 * self.decay_error:.3f} %",
+                f"static stiffness: {100 * self.static_error:+.3f} %",
+            )
+        return (
+            f"{where}: roll inertia {100 * (self.inertia_ratio - 1):+.1f} %, damping "
+            f"{100 * (self.damping_ratio - 1):+.1f} %, stiffness kept",
+            f"unloaded decay: NRMSE {100 * self.decay_error:.3f} % ({100 * self.decay_error_before:.2f} % without it)",
+            f"static stiffness: {100 * self.static_error:+.3f} %",
+        )
+
+
+def compensate_step(
+    board: Board, *, timestep: float, integrator: str = "implicitfast", exact_effects: bool = True
+) -> Compensation:
+    """Return the board whose bench, stepped by MuJoCo, decays as the record's law does in continuous time.
+
+    Args:
+        board: The record, in physical parameters.
+        timestep: [s].
+        integrator: MuJoCo's name of the integrator.
+        exact_effects: False builds effects that need a MuJoCo newer than 3.11 as their substitutes.
+
+    Raises:
+        HuskyError: The step is too long for this board, or the integrator damps more than the board.
+    """
+
+    def build(candidate: Board) -> mujoco.MjModel:
+        return rig_spec(
+            candidate, timestep=timestep, integrator=integrator, exact_effects=exact_effects
+        ).compile()
+
+    first = closed_form(board, timestep=timestep, integrator=integrator)
+    plain = all(effect(part.name).role in ("measurement", "record") for part in board.effects)
+    amplitudes = release_amplitudes(board)
+    if plain:
+        return evaluate(board, first, build, amplitudes, "compensated in closed form")
+    fitted = fit_inertia_and_damping(board, first, build, amplitudes)
+    return evaluate(board, fitted, build, amplitudes, "compensated numerically")
+
+
+def uncompensated(
+    board: Board, *, timestep: float, integrator: str = "implicitfast", exact_effects: bool = True
+) -> Compensation:
+    """Return the board as recorded, with the errors that this integrator and step (and substitutes) make."""
+
+    def build(candidate: Board) -> mujoco.MjModel:
+        return rig_spec(
+            candidate, timestep=timestep, integrator=integrator, exact_effects=exact_effects
+        ).compile()
+
+    return evaluate(board, board, build, release_amplitudes(board), "physical parameters")
+
+
+def closed_form(board: Board, *, timestep: float, integrator: str = "implicitfast") -> Board:
+    """Place the discrete poles of spring, damper and inertia where sampling puts the continuous ones.
+
+    With k kept, inertia and damping follow from the trace and the determinant of the map that a step is.
+
+    Args:
+        board: The record, in physical parameters; effects are left out of account, but for what scales the inertia.
+        timestep: [s].
+        integrator: MuJoCo's name of the integrator. RK4 needs no compensation.
+
+    Raises:
+        HuskyError: The spring swings more than half a period in one step, or the integrator damps
+            more than the board.
+    """
+    ratio = inertia_ratio(board)
+    inertia, k, d = ratio * board.inertia.value, board.stiffness, board.damping
+    turning = math.sqrt(max(4 * inertia * k - d * d, 0.0)) / (2 * inertia)
+    if turning * timestep >= math.pi:
+        raise HuskyError(
+            f"a step of {timestep:g} s is too long for board '{board.name}': its half period is "
+            f"{math.pi / turning:.3g} s. Choose a smaller --timestep."
+        )
+    if integrator == "RK4" or k == 0:  # what pulls back without a spring has no closed form
+        return board
+    trace, determinant = continuous_map(inertia, k, d, timestep)
+    new_inertia, new_damping = joint_of_map(trace, determinant, k, timestep, integrator)
+    if new_damping < 0:
+        raise HuskyError(
+            f"MuJoCo's integrator '{integrator}' at {timestep:g} s damps more than board '{board.name}' does; "
+            f"damping would have to be {new_damping:.3g} N*m*s/rad. Choose implicitfast or a smaller step."
+        )
+    return _with(board, new_inertia / ratio, new_damping)
+
+
+def release_amplitudes(board: Board) -> tuple[float, ...]:
+    """Return the angles about rest from which decays are compared [rad]: both sides, wide and narrow.
+
+    Wide is the tilt range: a step's error depends on the amplitude as soon as the joint is not linear, and
+    further the deck does not go.
+    """
+    wide = board.tilt["range"].value
+    return wide, -0.7 * wide, 0.4 * wide
+
+
+def fit_inertia_and_damping(
+    board: Board,
+    start: Board,
+    build: Callable[[Board], mujoco.MjModel],
+    amplitudes: Sequence[float],
+    *,
+    after_step: AfterStep | None = None,
+) -> Board:
+    """Fit roll inertia and damping so that MuJoCo's decay is the law's; start rates are free.
+
+    Where the joint stands on a sprung support, the support's inertia and damping are fitted as well.
+
+    Args:
+        board: The record, in physical parameters.
+        start: The record from which the search starts.
+        build: Compiles a candidate.
+        amplitudes: Releases, as angles about rest [rad].
+        after_step: Called after each step.
+    """
+    from scipy.optimize import least_squares
+
+    truth = _truth(board, amplitudes)
+    turned = 2 + 2 * sum(isinstance(effect(part.name), SupportEffect) for part in start.effects)
+
+    def misfit(knobs: Array) -> Array:
+        model = build(_knobs(start, knobs))
+        return np.concatenate(
+            [
+                _residual(model, release, rate * release.speed, after_step)
+                for release, rate in zip(truth, knobs[turned:], strict=True)
+            ]
+        )
+
+    lag = -build(start).opt.timestep / 2
+    guess = [
+        *(0.0 for _ in range(turned)),
+        *(lag * release.deceleration / release.speed for release in truth),
+    ]
+    # A stop pushes harder than the spring, and half a step of its push can be more than the board's own speed.
+    reach = [*(1.5 for _ in range(turned)), *(max(1.0, 2 * abs(rate)) for rate in guess[turned:])]
+    bounds = (-np.array(reach), reach)
+    found = least_squares(misfit, guess, bounds=bounds, diff_step=1e-4, xtol=1e-7, ftol=1e-9, max_nfev=25)
+    return _knobs(start, found.x)
+
+
+def evaluate(
+    board: Board,
+    written: Board,
+    build: Callable[[Board], mujoco.MjModel],
+    amplitudes: Sequence[float],
+    how: str,
+    *,
+    after_step: AfterStep | None = None,
+) -> Compensation:
+    """Measure both errors of a written board in MuJoCo: unloaded decay and static stiffness."""
+    model = build(written)
+    return Compensation(
+        board=written,
+        timestep=float(model.opt.timestep),
+        integrator=integrator_name(model),
+        inertia_ratio=written.inertia.value / board.inertia.value,
+        damping_ratio=written.damping / board.damping if board.damping else 1.0,
+        decay_error=decay_error(board, model, amplitudes, after_step=after_step),
+        decay_error_before=decay_error(board, build(board), amplitudes, after_step=after_step),
+        static_error=_static_error(board, build, written),
+        how=how,
+    )
+
+
+def decay_error(
+    board: Board, model: mujoco.MjModel, amplitudes: Sequence[float], *, after_step: AfterStep | None = None
+) -> float:
+    """Return the NRMSE of MuJoCo's decays against the law's; the start rate of each is fitted.
+
+    A semi-implicit step sees velocity half a step before position, so the rate at release is no
+    number that a measured decay could tell.
+    """
+    from scipy.optimize import least_squares
+
+    square, power = 0.0, 0.0
+    for release in _truth(board, amplitudes):
+
+        def misfit(rate: Array, release: _Release = release) -> Array:
+            return _residual(model, release, float(rate[0]) * release.speed, after_step)
+
+        guess = -model.opt.timestep / 2 * release.deceleration / release.speed
+        found = least_squares(misfit, [guess], diff_step=1e-4, max_nfev=8)
+        square += 2 * float(found.cost)
+        power += float(np.sum((release.roll / release.scale) ** 2))
+    return math.sqrt(square / power)
+
+
+@dataclass(frozen=True, slots=True)
+class _Release:
+    """A decay of the law in continuous time."""
+
+    angle: float
+    time: Array
+    roll: Array
+    """About rest."""
+    rest: float
+    speed: float
+    """Amplitude times natural frequency [rad/s]."""
+    deceleration: float
+    """Roll acceleration at the release [rad/s²]."""
+
+    @property
+    def scale(self) -> float:
+        """Makes wide and narrow releases count alike [rad]."""
+        return float(np.sqrt(np.mean(self.roll**2)))
+
+
+def _truth(board: Board, amplitudes: Sequence[float]) -> list[_Release]:
+    law = JointLaw.from_board(board).of_joint()
+    decay = max(law.damping / (2 * law.inertia), 0.02 * law.frequency)
+    duration = min(4.0 / decay, 12 * 2 * math.pi / law.frequency)
+    time = np.linspace(0.0, duration, 400)
+    releases: list[_Release] = []
+    for amplitude in amplitudes:
+        angle = law.rest_angle + amplitude
+        path = simulate(law, time, angle, 0.0)
+        fine = simulate(law, np.array([0.0, 1e-4]), angle, 0.0)
+        releases.append(
+            _Release(
+                angle,
+                time,
+                path.roll - law.rest_angle,
+                law.rest_angle,
+                abs(amplitude) * law.frequency,
+                float(fine.rate[-1] / 1e-4),
+            )
+        )
+    return releases
+
+
+def _residual(model: mujoco.MjModel, release: _Release, rate: float, after_step: AfterStep | None) -> Array:
+    moved = swing(model, release.angle, rate, float(release.time[-1]), after_step=after_step)
+    return (moved.at(release.time) - release.rest - release.roll) / release.scale
+
+
+def _static_error(board: Board, build: Callable[[Board], mujoco.MjModel], written: Board) -> float:
+    """Compare MuJoCo's torque at the full tilt, at rest, with the law's; effects with memory left out."""
+    elastic = tuple(part for part in board.effects if not effect(part.name).states)
+    model = build(replace(written, effects=elastic))
+    where = model.joint(TILT_JOINT)
+    dof, tilt = where.dofadr[0], board.tilt["range"].value
+    simulated, expected = 0.0, 0.0
+    for x in (tilt, -tilt):
+        data = mujoco.MjData(model)
+        data.qpos[where.qposadr[0]] = board.rest_angle + x
+        mujoco.mj_forward(model, data)
+        simulated += math.copysign(1.0, x) * float(
+            data.qfrc_passive[dof] - data.qfrc_bias[dof] + data.qfrc_actuator[dof]
+        )
+        motion = JointState(np.float64(x), np.float64(0.0), np.float64(board.rest_angle + x), board.stiffness)
+        torque = -board.stiffness * x
+        for part in elastic:
+            values = {name: quantity.value for name, quantity in part.parameters.items()}
+            known = effect(part.name)
+            if isinstance(known, TorqueEffect):
+                torque += float(known.torque(NumpyAlgebra(), motion, values, ()))
+        expected += math.copysign(1.0, x) * torque
+    return simulated / expected - 1
+
+
+def _knobs(board: Board, knobs: Array) -> Board:
+    """Turn roll inertia and damping, and those of a support if the joint stands on one."""
+    for index, part in enumerate(board.effects):
+        support = effect(part.name)
+        if not isinstance(support, SupportEffect):
+            continue
+        parameters = dict(part.parameters)
+        for name, knob in zip(support.stepped, knobs[2:4], strict=True):
+            parameters[name] = replace(parameters[name], value=parameters[name].value * math.exp(knob))
+        turned = replace(part, parameters=parameters)
+        board = replace(board, effects=(*board.effects[:index], turned, *board.effects[index + 1 :]))
+    return _with(board, board.inertia.value * math.exp(knobs[0]), board.damping * math.exp(knobs[1]))
+
+
+def _with(board: Board, inertia: float, damping: float) -> Board:
+    return replace(
+        board,
+        inertia=replace(board.inertia, value=inertia),
+        tilt={**board.tilt, "damping": replace(board.tilt["damping"], value=damping)},
+    )

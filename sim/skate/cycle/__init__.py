@@ -1,0 +1,1 @@
+"""The skating cycle in time: pure functions."""

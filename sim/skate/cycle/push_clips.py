@@ -1,0 +1,61 @@
+"""Pushing as reference clips have it: which pose belongs to a speed and to a time in the pushing stretch.
+
+The clips come from whoever builds the task; here they are plain numbers. Each begins with the left foot's
+touchdown, where dismounting ends, and repeats without a seam.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sim.skate.arrays import constant, namespace
+from sim.skate.cycle.clock import CONTROL_PERIOD
+from sysid.roll import Array
+
+
+@dataclass(frozen=True, slots=True)
+class PushClip:
+    """One clip."""
+
+    name: str
+    speed: float
+    """Mean speed of the pelvis in the plane [m/s]."""
+    joints: Array
+    """Joint angles [rad], shape (frames, 23), one frame a policy step."""
+
+
+class PushReference:
+    """All clips as one array, of NumPy or torch."""
+
+    def __init__(self, clips: Sequence[PushClip], like: Any) -> None:
+        """Take the clips over.
+
+        Args:
+            clips: At least one.
+            like: An array of the kind, precision and device that is wanted.
+
+        Raises:
+            ValueError: There is no clip.
+        """
+        if not clips:
+            raise ValueError("pushing by tracking needs at least one reference clip")
+        lengths = np.array([len(clip.joints) for clip in clips])
+        self._speeds = constant([clip.speed for clip in clips], like)
+        self._lengths = constant(lengths, like)
+        self._first = constant(np.cumsum(lengths) - lengths, like)
+        self._joints = constant(np.concatenate([clip.joints for clip in clips]), like)
+
+    def joints(self, speed: Any, time: Any) -> Any:
+        """Return the joint angles of the clip whose speed is nearest [rad], shape (n, 23).
+
+        Args:
+            speed: Commanded speeds [m/s], shape (n,).
+            time: Times since the pushing stretch began [s], shape (n,).
+        """
+        xp = namespace(speed)
+        which = xp.abs(speed[:, None] - self._speeds).argmin(axis=-1)
+        frame = xp.round(time / CONTROL_PERIOD) % self._lengths[which]
+        index = self._first[which] + frame  # whole numbers below 2^24: exact in single precision
+        return self._joints[index.astype(int) if xp is np else index.long()]

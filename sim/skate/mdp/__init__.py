@@ -1,0 +1,1 @@
+"""Commands, observations, rewards, terminations and randomisation of the task."""

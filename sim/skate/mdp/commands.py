@@ -1,0 +1,314 @@
+# pyright: reportMissingImports=false, reportUntypedBaseClass=false, reportUnknownParameterType=false
+"""What the robot is told to do, and where it is in its cycle: mjlab's command term of the task."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+import torch
+from mjlab.managers.command_manager import CommandTerm, CommandTermCfg
+
+from sim.skate import rotation
+from sim.skate.arrays import wrap_angle
+from sim.skate.cycle.clock import CONTROL_PERIOD, STILL_SPEED, Clock
+from sim.skate.cycle.tilt_guidance import TiltGuidance
+from sim.skate.cycle.transitions import KEY_BODIES, TransitionPath
+from sim.skate.mdp.actor_observation import still_to_turn
+from sim.skate.mdp.reading import Reading
+
+if TYPE_CHECKING:
+    from mjlab.envs import ManagerBasedRlEnv
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CanonicalPose:
+    """A pose of the robot on the board, as the environment needs it; plain tuples, so that it can be logged."""
+
+    joints: tuple[float, ...]
+    """[rad], 23."""
+    pelvis: tuple[float, ...]
+    """Position [m] and quaternion of the pelvis in the board frame, 7."""
+    key_positions: tuple[tuple[float, ...], ...]
+    """Key bodies in the board frame [m], 14 × 3."""
+    key_quaternions: tuple[tuple[float, ...], ...]
+    """14 × 4."""
+
+
+@dataclass(kw_only=True)
+class SkateCommandCfg(CommandTermCfg):
+    """Ranges of the commands and the shape of the cycle."""
+
+    speed: tuple[float, float] = (0.0, 1.5)
+    """Range of the commanded speed [m/s]."""
+    turn: tuple[float, float] = (-np.pi / 4, np.pi / 4)
+    """Range of the commanded heading relative to the board's at the time of the command [rad]."""
+    clock: Clock = field(default_factory=Clock)
+    path: TransitionPath = field(default_factory=TransitionPath)
+    guidance: TiltGuidance
+    turn_spread: float = 0.0
+    """Time over which a turn is spread evenly [s]; 0 asks for all of it at once."""
+    turn_feedback: bool = True
+    """Whether the actor sees how far it still has to turn, instead of the turn as it was told."""
+    push_pose: CanonicalPose
+    """Where dismounting ends."""
+    steer_pose: CanonicalPose
+    """Where mounting ends."""
+    resampling_time_range: tuple[float, float] = (1e9, 1e9)
+    """Speed is drawn once an episode; the turn also at the start of every steering stretch."""
+
+    def build(self, env: "ManagerBasedRlEnv") -> "SkateCommand":
+        """Return the term."""
+        return SkateCommand(self, env)
+
+
+class SkateCommand(CommandTerm):
+    """Speed, relative heading, step in the cycle, and the path of the key bodies in transitions."""
+
+    cfg: SkateCommandCfg
+
+    def __init__(self, cfg: SkateCommandCfg, env: "ManagerBasedRlEnv") -> None:
+        """Allocate everything for all environments."""
+        super().__init__(cfg, env)
+        n, device = self.num_envs, self.device
+        self.reading = Reading(env)
+        self.clock = cfg.clock
+        self.step = torch.zeros(n, dtype=torch.long, device=device)
+        """Steps since the cycle began, (n,)."""
+        self.target_heading = torch.zeros(n, device=device)
+        self._command = torch.zeros(n, 2, device=device)
+        self._yaw_then = torch.zeros(n, device=device)
+        """Yaw of the pelvis when the turn was told [rad], (n,)."""
+        self._told = torch.zeros(n, dtype=torch.long, device=device)
+        """Step at which the turn was told, (n,)."""
+        self.foot_place = torch.zeros(n, device=device)
+        """Where the right foot shall stay along the deck, from the front marker [m]: set by the reset, (n,)."""
+        ends = (cfg.push_pose, cfg.steer_pose)
+        self._end_positions = torch.tensor([pose.key_positions for pose in ends], device=device)
+        self._end_quaternions = torch.tensor([pose.key_quaternions for pose in ends], device=device)
+        # What stands shall not be lifted: the right foot carries the robot through both transitions.
+        self._lifted = torch.ones(self._end_positions.shape[1], device=device)
+        self._lifted[KEY_BODIES.index("right_ankle_roll_link")] = 0.0
+        self._start_positions = self._end_positions[0].repeat(n, 1, 1)
+        self._start_quaternions = self._end_quaternions[0].repeat(n, 1, 1)
+        self.key_positions = self._start_positions.clone()
+        """Where the key bodies shall be in the board frame [m], (n, 14, 3)."""
+        self.key_quaternions = self._start_quaternions.clone()
+        self.key_bodies = (self._start_positions.clone(), self._start_quaternions.clone())
+        """Where the key bodies are in the board frame: positions [m] (n, 14, 3), orientations (n, 14, 4)."""
+        self.fraction = torch.zeros(n, device=device)
+        """Way gone within the present transition, (n,); 0 or 1 outside one."""
+        self.air_time = torch.zeros(n, device=device)
+        """Time since the left foot last touched the ground [s], (n,)."""
+        self.first_action = torch.zeros(n, 23, device=device)
+        """What an episode counts as the action before its first: set by the reset, (n, 23)."""
+        self._now: dict[str, Any] = {}
+        """What has been computed of this instant."""
+
+    def refresh(self) -> None:
+        """Forget what has been computed: the simulation, the cycle or the command has moved on."""
+        self._now = {}
+
+    def _once(self, name: str, compute: Callable[[], T]) -> T:
+        """Return what `compute` gives, called at most once an instant."""
+        if name not in self._now:
+            self._now[name] = compute()
+        return self._now[name]
+
+    @property
+    def command(self) -> torch.Tensor:
+        """Commanded speed [m/s] and relative heading [rad], (n, 2)."""
+        return self._command
+
+    def seen(self) -> torch.Tensor:
+        """Return what the actor sees of the command, (n, 2)."""
+        if not self.cfg.turn_feedback:
+            return self._command
+        turn = still_to_turn(self._command[:, 1], self.headings()[1], self._yaw_then)
+        return torch.stack((self._command[:, 0], turn), dim=-1)
+
+    @property
+    def still(self) -> torch.Tensor:
+        """Whether the robot is told to stand, bool (n,)."""
+        return self._once("still", lambda: self._command[:, 0] < STILL_SPEED)
+
+    @property
+    def stretches(self) -> tuple[torch.Tensor, ...]:
+        """Whether the cycle is in pushing, mounting, steering, dismounting, told to move or not, bool (n,) each."""
+        clock, step = self.clock, self.step
+        return self._once(
+            "stretches",
+            lambda: (
+                clock.pushing(step),
+                clock.mounting(step),
+                clock.steering(step),
+                clock.dismounting(step),
+            ),
+        )
+
+    @property
+    def pushing(self) -> torch.Tensor:
+        """Whether the robot shall push, bool (n,)."""
+        return self._once("pushing", lambda: self.stretches[0] & ~self.still)
+
+    @property
+    def steering(self) -> torch.Tensor:
+        """Whether the robot shall steer, bool (n,)."""
+        return self._once("steering", lambda: self.stretches[2] & ~self.still)
+
+    @property
+    def transition(self) -> torch.Tensor:
+        """Whether the robot mounts or dismounts, bool (n,)."""
+        return self._once("transition", lambda: (self.stretches[1] | self.stretches[3]) & ~self.still)
+
+    @property
+    def phase(self) -> torch.Tensor:
+        """Φ in [0, 1), (n,)."""
+        return self.clock.phase(self.step)
+
+    def headings(self) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return the headings of board and robot [rad], (n,) each."""
+        reading = self.reading
+        return self._once(
+            "headings", lambda: (reading.board_heading(), rotation.yaw(reading.robot_quaternion()))
+        )
+
+    def board_velocity(self) -> torch.Tensor:
+        """Return the velocity of the board in its own frame [m/s], (n, 3)."""
+        reading = self.reading
+        return self._once(
+            "board_velocity",
+            lambda: rotation.rotate_back(reading.board_quaternion(), reading.board_velocity()),
+        )
+
+    def heading_reference(self, ahead: "torch.Tensor | float" = 0.0) -> torch.Tensor:
+        """Return the heading on the way to the target, `ahead` [s] of this moment [rad], (n,)."""
+        if self.cfg.turn_spread == 0.0:
+            return self.target_heading
+        since = (self.step - self._told) * CONTROL_PERIOD + ahead
+        still = 1 - (since / self.cfg.turn_spread).clamp(max=1.0)
+        return wrap_angle(self.target_heading - still * self._command[:, 1])
+
+    def tilt_reference(self) -> torch.Tensor:
+        """Tilt γ_ref that the guidance asks for [rad], (n,)."""
+        return self._once("tilt_reference", self._tilt_reference)
+
+    def _tilt_reference(self) -> torch.Tensor:
+        guidance = self.cfg.guidance
+        time = guidance.time(self.clock.steering_time_left(self.step))
+        forward = self.board_velocity()[:, 0]
+        return guidance.reference(self.headings()[0], self.heading_reference(time), forward, time)
+
+    def marker_offset(self) -> torch.Tensor:
+        """From where left and right sole shall stand while steering to where they are, board frame [m], (n, 2, 3)."""
+        offset = self.reading.marker_offset()
+        return torch.cat((offset[..., :1] - self.foot_place[:, None, None], offset[..., 1:]), dim=-1)
+
+    def frame(self, compute: Callable[[], torch.Tensor]) -> torch.Tensor:
+        """Return the actor's raw frame, (n, 78): actor and critic see the same one."""
+        return self._once("frame", compute)
+
+    def reset(self, env_ids: torch.Tensor | slice | None) -> dict[str, float]:
+        """Draw new commands, and make the first action continue the pose that the reset chose."""
+        extras = super().reset(env_ids)
+        self.air_time[env_ids] = 0.0
+        actions = self._env.action_manager
+        for past in (actions.action, actions.prev_action, actions.prev_prev_action):
+            past[env_ids] = self.first_action[env_ids]
+        return extras
+
+    def _resample_command(self, env_ids: torch.Tensor) -> None:
+        speed = torch.empty(len(env_ids), device=self.device).uniform_(*self.cfg.speed)
+        # An episode that begins in motion is one that was told to move.
+        moving = self.step[env_ids] > 0
+        self._command[env_ids, 0] = torch.where(moving, speed.clamp(min=STILL_SPEED), speed)
+        self._draw_turn(env_ids)
+
+    def _draw_turn(self, env_ids: torch.Tensor) -> None:
+        turn = torch.empty(len(env_ids), device=self.device).uniform_(*self.cfg.turn)
+        self._command[env_ids, 1] = turn
+        self.target_heading[env_ids] = wrap_angle(self.reading.board_heading()[env_ids] + turn)
+        self._yaw_then[env_ids] = rotation.yaw(self.reading.robot_quaternion()[env_ids])
+        self._told[env_ids] = self.step[env_ids]
+
+    def compute(self, dt: float | torch.Tensor, env_ids: torch.Tensor | None = None) -> None:
+        """Go on by a step; nothing is drawn anew by time, so that nobody has to wait for the device to say when.
+
+        What lasts is written in place, here and below: a CUDA graph finds it where it was.
+        """
+        self._update_command(env_ids)
+
+    def _update_command(self, env_ids: torch.Tensor | None) -> None:
+        for kept, now in zip(self.key_bodies, self.reading.key_bodies_on_board(), strict=True):
+            kept.copy_(now)
+        if env_ids is None:
+            advances = (self._env.episode_length_buf > 0) & ~(self._command[:, 0] < STILL_SPEED)
+            self.step += advances
+            self.refresh()
+            self._enter_stretches(advances)
+        else:
+            self.refresh()
+        self._update_path()
+
+    def count_air_time(self, left_on_ground: torch.Tensor) -> torch.Tensor:
+        """Take a step with or without the left foot on the ground into account and return `air_time`."""
+        return self.air_time.copy_(torch.where(left_on_ground, 0.0, self.air_time + CONTROL_PERIOD))
+
+    def _enter_stretches(self, advances: torch.Tensor) -> None:
+        clock, step = self.clock, self.step % self.clock.period
+        leaves = advances & ((step == clock.push) | (step == clock.period - clock.dismount))
+        positions, quaternions = self.key_bodies
+        _put(self._start_positions, leaves[:, None, None], positions)
+        _put(self._start_quaternions, leaves[:, None, None], quaternions)
+        begins = advances & (step == clock.push + clock.mount)
+        turn = torch.empty(self.num_envs, device=self.device).uniform_(*self.cfg.turn)
+        board, robot = self.headings()
+        target = wrap_angle(board + turn)
+        _put(self._command[:, 1], begins, turn)
+        _put(self.target_heading, begins, target)
+        _put(self._yaw_then, begins, robot)
+        _put(self._told, begins, self.step)
+
+    def _update_path(self) -> None:
+        fraction = self.fraction.copy_(self.clock.transition_fraction(self.step))
+        mounting = self.stretches[1][:, None, None]
+        ends = torch.where(mounting, self._end_positions[1], self._end_positions[0])
+        turned = torch.where(mounting, self._end_quaternions[1], self._end_quaternions[0])
+        path = self.cfg.path
+        ends = torch.cat((ends[..., :1] + self.foot_place[:, None, None], ends[..., 1:]), dim=-1)
+        self.key_positions.copy_(path.positions(self._start_positions, ends, fraction, self._lifted))
+        self.key_quaternions.copy_(path.orientations(self._start_quaternions, turned, fraction))
+
+    def _update_metrics(self) -> None:
+        pass
+
+
+def _put(kept: torch.Tensor, where: torch.Tensor, new: torch.Tensor) -> None:
+    """Write new values in place where they are wanted."""
+    kept.copy_(torch.where(where, new, kept))
+
+
+def canonical_pose(joints: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> CanonicalPose:
+    """Return a pose with its key bodies, by forward kinematics of the model.
+
+    Args:
+        joints: [rad], shape (23,).
+        position: Of the pelvis in the board frame [m], shape (3,).
+        quaternion: Of the pelvis in the board frame, shape (4,).
+    """
+    import mujoco
+
+    from sim.skate.robot.g1 import g1_spec
+
+    model = g1_spec(visuals=False).compile()
+    data = mujoco.MjData(model)
+    data.qpos[:] = np.concatenate((position, quaternion, joints))
+    mujoco.mj_kinematics(model, data)
+    return CanonicalPose(
+        joints=tuple(map(float, joints)),
+        pelvis=tuple(map(float, np.concatenate((position, quaternion)))),
+        key_positions=tuple(tuple(map(float, data.body(name).xpos)) for name in KEY_BODIES),
+        key_quaternions=tuple(tuple(map(float, data.body(name).xquat)) for name in KEY_BODIES),
+    )

@@ -1,0 +1,209 @@
+# pyright: reportMissingImports=false, reportUnknownParameterType=false
+"""What actor, critic and discriminator see in mjlab.
+
+The actor's frame comes late and with the sensors' bias where worlds differ; the critic's is true.
+
+The critic's vector, in order (privileged, without noise, one frame):
+
+| numbers | content |
+|---|---|
+| 78 | the actor's frame |
+| 3 | velocity of the pelvis in its frame [m/s] |
+| 2 | sine and cosine of the heading still to turn |
+| 1 | tilt asked for by the guidance [rad] × 10 |
+| 4 | tilt × 10 and its rate, both truck angles × 10 |
+| 9 | board in the pelvis frame: position, images of its x and z axes |
+| 6 | velocity and angular velocity of the board in its own frame |
+| 6 | soles from their markers, board frame [m] × 5 |
+| 42 | key bodies' places on the transition's path less where they are [m]; zero outside transitions |
+| 14 | their angles to the path's orientations [rad]; zero outside transitions |
+| 12 | forces ground–left, ground–right, deck–left, deck–right, world frame, sign(f) log(1 + |f|) |
+| 4 | wheels on the ground |
+| 1 | time since the left foot touched the ground [s] |
+| 4 | one-hot: pushing, mounting, steering, dismounting |
+| 1 | transition's way gone |
+| 1 | where the right foot shall stay along the deck [m] × 5 |
+| 1 | heading still to turn by now [rad] |
+| 7 | the world: delays of action and sensors, rolling and sole friction, mass, slope; zero where all are the same |
+"""
+
+from typing import TYPE_CHECKING, Any, cast
+
+import torch
+
+from sim.skate import rotation
+from sim.skate.arrays import wrap_angle
+from sim.skate.mdp.actor_observation import FRAME_SIZE, projected_gravity, raw_frame, scale_frame
+from sim.skate.mdp.commands import SkateCommand
+from sim.skate.mdp.worlds import KNOWN, MEMORY, worlds
+from sim.skate.robot.g1 import default_pose
+from sim.skate.world import contacts
+
+if TYPE_CHECKING:
+    from mjlab.envs import ManagerBasedRlEnv
+
+
+def skate_command(env: "ManagerBasedRlEnv") -> SkateCommand:
+    """Return the task's command term."""
+    return cast("SkateCommand", env.command_manager.get_term("skate"))
+
+
+class ActorFrame:
+    """One raw frame of the actor, (n, 78); mjlab adds noise, scale and history."""
+
+    def __init__(self, cfg: Any, env: "ManagerBasedRlEnv") -> None:
+        """Keep the default pose on the device."""
+        self._worlds = worlds(env)
+        self._default = torch.tensor(default_pose(), device=env.device, dtype=torch.float)
+
+    def __call__(self, env: "ManagerBasedRlEnv") -> torch.Tensor:
+        """Return the frame."""
+        command = skate_command(env)
+        return command.frame(lambda: self._frame(env, command))
+
+    def _frame(self, env: "ManagerBasedRlEnv", command: SkateCommand) -> torch.Tensor:
+        reading = command.reading
+        return raw_frame(
+            command.seen(),
+            reading.gyro(),
+            self._gravity(reading.robot_quaternion()),
+            reading.joint_position() - self._default,
+            reading.joint_velocity(),
+            env.action_manager.action,
+            command.phase[:, None],
+        )
+
+    def _gravity(self, pelvis: torch.Tensor) -> torch.Tensor:
+        if self._worlds is None:
+            return projected_gravity(pelvis)
+        return -rotation.rotate_back(pelvis, self._worlds.up())
+
+    def reset(self, env_ids: Any = None) -> None:
+        """Do nothing: there is no memory here."""
+
+
+class SensedFrame(ActorFrame):
+    """The frame as the sensors tell it, late and biased; called once a step."""
+
+    def __init__(self, cfg: Any, env: "ManagerBasedRlEnv") -> None:
+        """Start without a memory."""
+        super().__init__(cfg, env)
+        self._last = torch.zeros(MEMORY, env.num_envs, FRAME_SIZE, device=env.device)
+        self._new = torch.ones(env.num_envs, dtype=torch.bool, device=env.device)
+
+    def __call__(self, env: "ManagerBasedRlEnv") -> torch.Tensor:
+        """Return the frame."""
+        assert self._worlds is not None  # the task builds this term only where worlds differ
+        frame = super().__call__(env)
+        last = torch.cat((frame[None], self._last[:-1]))
+        self._last.copy_(torch.where(self._new[:, None], frame, last))
+        self._new.zero_()
+        return self._worlds.sensed(self._last)
+
+    def reset(self, env_ids: Any = None) -> None:
+        """Fill the memory with the next frame."""
+        self._new[slice(None) if env_ids is None else env_ids] = True
+
+
+class CriticVector(ActorFrame):
+    """The privileged vector of the module's table."""
+
+    def __call__(self, env: "ManagerBasedRlEnv") -> torch.Tensor:
+        """Return the vector, (n, 196)."""
+        command = skate_command(env)
+        parts = (
+            scale_frame(super().__call__(env)),
+            *_guidance(command),
+            *_board(command),
+            *_path(command),
+            *_contacts(command),
+            *_stretches(command),
+            *self._hidden(command),
+        )
+        return torch.cat(parts, dim=-1)
+
+    def _hidden(self, command: SkateCommand) -> tuple[torch.Tensor, ...]:
+        place, turn = command.foot_place, wrap_angle(command.heading_reference() - command.headings()[0])
+        known = place.new_zeros(len(place), KNOWN) if self._worlds is None else self._worlds.known()
+        return 5 * place[:, None], turn[:, None], known
+
+
+def joint_angles(env: "ManagerBasedRlEnv") -> torch.Tensor:
+    """Return what the style discriminator sees of one step: joint positions [rad], (n, 23)."""
+    return skate_command(env).reading.joint_position()
+
+
+def stretch(env: "ManagerBasedRlEnv") -> torch.Tensor:
+    """Return one-hot whether the cycle is in pushing, mounting or dismounting, (n, 3)."""
+    pushing, mounting, _, dismounting = skate_command(env).stretches
+    return torch.stack((pushing, mounting, dismounting), dim=-1).float()
+
+
+def style_mask(env: "ManagerBasedRlEnv", pushing: bool = True, transitions: bool = False) -> torch.Tensor:
+    """Return 1 where the last five joint frames are of one episode and of one stretch taught by style, (n, 1).
+
+    Args:
+        env: The worlds.
+        pushing: Whether pushing is one.
+        transitions: Whether mounting and dismounting are.
+    """
+    command = skate_command(env)
+    clock, step = command.clock, command.step
+    within = clock.pushing(step - 4) & command.pushing & pushing
+    if transitions:
+        _, mounting, _, dismounting = command.stretches
+        mounts = clock.mounting(step - 4) & mounting
+        dismounts = clock.dismounting(step - 4) & dismounting
+        within |= (mounts | dismounts) & ~command.still
+    return (within & (env.episode_length_buf >= 4))[:, None].float()
+
+
+def _guidance(command: SkateCommand) -> tuple[torch.Tensor, ...]:
+    reading = command.reading
+    turn = command.target_heading - command.headings()[0]
+    return (
+        reading.velocimeter(),
+        torch.stack((torch.sin(turn), torch.cos(turn)), dim=-1),
+        10 * command.tilt_reference()[:, None],
+        torch.stack((10 * reading.tilt(), reading.tilt_rate()), dim=-1),
+        10 * reading.trucks(),
+    )
+
+
+def _board(command: SkateCommand) -> tuple[torch.Tensor, ...]:
+    reading = command.reading
+    pelvis, board = reading.robot_quaternion(), reading.board_quaternion()
+    relative = rotation.multiply(rotation.conjugate(pelvis), board)
+    axes = torch.eye(3, device=board.device)
+    return (
+        rotation.rotate_back(pelvis, reading.board_position() - reading.robot_position()),
+        rotation.rotate(relative, axes[0]),
+        rotation.rotate(relative, axes[2]),
+        command.board_velocity(),
+        reading.board_angular_velocity(),
+        5 * reading.marker_offset().flatten(1),
+    )
+
+
+def _path(command: SkateCommand) -> tuple[torch.Tensor, ...]:
+    positions, quaternions = command.key_bodies
+    there = command.transition[:, None].float()
+    angles = rotation.angle_between(quaternions, command.key_quaternions)
+    return (there * (command.key_positions - positions).flatten(1), there * angles)
+
+
+def _contacts(command: SkateCommand) -> tuple[torch.Tensor, ...]:
+    reading = command.reading
+    forces = torch.cat(
+        [reading.foot_forces(name).flatten(1) for name in (contacts.FEET_GROUND, contacts.FEET_DECK)], dim=-1
+    )
+    return (
+        torch.sign(forces) * torch.log1p(forces.abs()),
+        reading.wheels_loaded().float(),
+        command.air_time[:, None].clamp(max=1.0),
+    )
+
+
+def _stretches(command: SkateCommand) -> tuple[torch.Tensor, ...]:
+    fraction = command.fraction * command.transition
+    return torch.stack(command.stretches, dim=-1).float(), fraction[:, None].float()

@@ -1,0 +1,154 @@
+# pyright: reportMissingImports=false, reportUnknownParameterType=false
+"""How episodes begin and how worlds differ: mjlab's events of the task (HUSKY, table of randomisation).
+
+| what | range | when |
+|---|---|---|
+| centre of mass of the torso | ±2.5 cm each axis | once a world |
+| centre of mass of the board's level part | ±2.5 cm each axis | once a world |
+| friction of the soles (and with it of the robot on the ground) | × 0.3 to 1.6, even in the logarithm | once a world |
+| friction of the deck | × U(0.8, 2.0) | once a world |
+| tilt joint, roll inertia and rake | the record's posterior, see `sim.skate.world.posterior` | once a world |
+| delays, gains, masses, rolling friction, sensors' bias, slope | see `sim.skate.mdp.worlds` | led by the curriculum |
+| place of the right foot along the deck | `SkateOptions.foot_place` | every reset |
+| pelvis beside the board | ±2 cm | every reset |
+| joints | ±0.01 rad | every reset |
+| velocity of the pelvis | ±0.5 m/s, every 5 to 10 s | pushes |
+"""
+
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import torch
+from mjlab.managers.event_manager import RecomputeLevel, requires_model_fields
+
+from sim.board.scene import TILT_JOINT, WHEELS
+from sim.skate.arrays import constant
+from sim.skate.cycle.start import STANDING_PLACE, Start
+from sim.skate.mdp.observations import skate_command
+from sim.skate.robot import g1
+from sim.skate.world.posterior import TiltDraws
+
+if TYPE_CHECKING:
+    from mjlab.envs import ManagerBasedRlEnv
+
+
+def begin(
+    env: "ManagerBasedRlEnv",
+    env_ids: torch.Tensor | None,
+    start: Start,
+    foot_place: tuple[float, float],
+    standing_height: float,
+) -> None:
+    """Put robot and board into the first state of an episode and set the cycle accordingly."""
+    ids = torch.arange(env.num_envs, device=env.device) if env_ids is None else env_ids
+    command, n = skate_command(env), len(ids)
+    clock, cfg = command.clock, command.cfg
+    chance = torch.rand(n, device=env.device)
+    steers, pushes = chance < start.steering, (chance >= start.steering) & (chance < 1 - start.standing)
+    first_steer = clock.push + clock.mount
+    step = torch.where(
+        steers,
+        torch.randint(first_steer + 1, first_steer + clock.steer - 25, (n,), device=env.device),
+        torch.randint(1, clock.push - 10, (n,), device=env.device) * pushes,
+    )
+    speed = torch.empty(n, device=env.device).uniform_(*start.speed) * (steers | pushes)
+    qpos = _poses(command, cfg, steers, pushes, standing_height)
+    aside = start.position_noise * (2 * torch.rand(n, device=env.device) - 1)
+    qpos[:, 1] += aside * torch.where(steers | pushes, 0.5, 1.0)
+    rolls = steers | pushes
+    place = torch.empty(n, device=env.device).uniform_(*foot_place)
+    qpos[:, 0] += place - torch.where(rolls, 0.0, STANDING_PLACE)
+    qpos[:, 7:] += start.joint_noise * (2 * torch.rand(n, 23, device=env.device) - 1)
+    limits = env.scene["robot"].data.soft_joint_pos_limits[ids]
+    qpos[:, 7:] = qpos[:, 7:].clamp(limits[..., 0], limits[..., 1])
+    _write(env, ids, qpos, speed)
+    command.step[ids] = step
+    command.foot_place[ids] = place
+    default, scale = _servo_numbers()
+    command.first_action[ids] = (qpos[:, 7:] - constant(default, qpos)) / constant(scale, qpos)
+
+
+@lru_cache
+def _servo_numbers() -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the default pose [rad] and the scale of the actions [rad], 23 each."""
+    return tuple(g1.default_pose().tolist()), tuple(g1.servos().action_scale.tolist())
+
+
+def _poses(
+    command: Any, cfg: Any, steers: torch.Tensor, pushes: torch.Tensor, standing_height: float
+) -> torch.Tensor:
+    """Return the robot's configurations in the world, (n, 30), the board being at the origin."""
+    height = command.reading.axis_height
+    like = command.first_action
+    standing = constant((-0.03, 0.10, standing_height, 1, 0, 0, 0, *_servo_numbers()[0]), like)
+    rolling = [
+        constant((*pose.pelvis, *pose.joints), like).clone() for pose in (cfg.push_pose, cfg.steer_pose)
+    ]
+    for pose in rolling:
+        pose[2] += height
+    qpos = torch.where(pushes[:, None], rolling[0], standing)
+    return torch.where(steers[:, None], rolling[1], qpos)
+
+
+def _write(env: "ManagerBasedRlEnv", ids: torch.Tensor, robot: torch.Tensor, speed: torch.Tensor) -> None:
+    """Write positions and velocities of all joints: everything rolls along x at `speed`."""
+    model, data, reading = env.sim.mj_model, env.sim.data, skate_command(env).reading
+    n, device = len(ids), env.device
+    qpos = constant(tuple(model.qpos0.tolist()), robot).repeat(n, 1)
+    qvel = torch.zeros(n, model.nv, device=device)
+    qpos[:, reading.robot_q : reading.robot_q + 7] = robot[:, :7]
+    qpos[:, reading.joint_q] = robot[:, 7:]
+    qvel[:, reading.robot_v] = speed
+    qvel[:, reading.board_v] = speed
+    for wheel in WHEELS:
+        qvel[:, model.joint(f"board/{wheel}_wheel_joint").dofadr[0]] = speed / reading.wheel_radius
+    data.qpos[ids] = qpos
+    data.qvel[ids] = qvel
+
+
+@requires_model_fields(
+    "jnt_stiffness",
+    "jnt_stiffnesspoly",
+    "dof_damping",
+    "dof_dampingpoly",
+    "dof_frictionloss",
+    "qpos_spring",
+    "body_inertia",
+    "eq_data",
+    recompute=RecomputeLevel.set_const_0,
+)
+def draw_board(
+    env: "ManagerBasedRlEnv", env_ids: torch.Tensor | None, draws: TiltDraws, couplings: tuple[str, ...]
+) -> None:
+    """Give every world one of the boards drawn from the posterior, in turn.
+
+    Args:
+        env: The worlds.
+        env_ids: Which of them; all if None.
+        draws: The boards.
+        couplings: Equality constraints by which the deck steers; none where it does otherwise.
+    """
+    ids = torch.arange(env.num_envs, device=env.device) if env_ids is None else env_ids
+    model = env.sim.model
+    joint = env.sim.mj_model.joint(f"board/{TILT_JOINT}")
+    dof, deck = joint.dofadr[0], env.sim.mj_model.body("board/deck").id
+    which = ids.cpu().numpy() % len(draws.stiffness)
+    value = lambda column: torch.tensor(column[which], device=env.device, dtype=torch.float)  # noqa: E731
+    model.jnt_stiffness[ids, joint.id] = value(draws.stiffness)
+    model.jnt_stiffnesspoly[ids, joint.id] = value(draws.stiffness_polynomial)
+    model.dof_damping[ids, dof] = value(draws.damping)
+    model.dof_dampingpoly[ids, dof] = value(draws.damping_polynomial)
+    model.dof_frictionloss[ids, dof] = value(draws.friction)
+    model.qpos_spring[ids, joint.qposadr[0]] = value(draws.rest_angle)
+    model.body_inertia[ids, deck] = value(draws.deck_inertia)
+    for name in couplings:
+        equality = env.sim.mj_model.equality(name).id
+        model.eq_data[ids, equality, :5] = value(draws.coupling)
+
+
+def push(env: "ManagerBasedRlEnv", env_ids: torch.Tensor | None, speed: float) -> None:
+    """Change the pelvis' horizontal velocity by up to ±`speed` [m/s] in each direction."""
+    ids = torch.arange(env.num_envs, device=env.device) if env_ids is None else env_ids
+    column = skate_command(env).reading.robot_v
+    kick = speed * (2 * torch.rand(len(ids), 2, device=env.device) - 1)
+    env.sim.data.qvel[ids, column : column + 2] += kick

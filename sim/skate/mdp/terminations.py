@@ -1,0 +1,57 @@
+"""When an episode ends early."""
+
+import math
+from typing import Any
+
+from sim.skate.arrays import namespace
+from sim.skate.mdp.state import SkateState
+
+
+def fallen(state: SkateState, inclination: float = math.radians(70)) -> Any:
+    """The pelvis leans further than `inclination` [rad] from upright, bool (n,)."""
+    return state.upright < math.cos(inclination)
+
+
+def off_board(state: SkateState, unloaded_before: Any) -> Any:
+    """Neither foot has loaded the deck, now and in the step before, bool (n,).
+
+    Args:
+        state: The present state.
+        unloaded_before: Whether neither foot loaded the deck one step earlier, bool (n,).
+    """
+    return unloaded_before & ~state.foot_on_deck.any(axis=-1)
+
+
+def body_contact(state: SkateState) -> Any:
+    """Something of the robot but its feet touches ground or board, bool (n,)."""
+    return state.other_contacts > 0
+
+
+def idle_foot(state: SkateState, patience: Any) -> Any:
+    """The pushing foot has not touched the ground for longer than `patience` [s] of pushing, bool (n,).
+
+    Rolling on one leg with the other held over the ground is stable and keeps most of the speed of the
+    first pushes, so a learner that has found it stops pushing.
+    """
+    idle = namespace(state.left_air_time).where(
+        state.left_air_time < state.time_in_push, state.left_air_time, state.time_in_push
+    )
+    return state.pushing & (idle > patience)
+
+
+def wrong_stance(state: SkateState, steps_before: Any) -> Any:
+    """Return for how many steps the left foot has not been where the cycle wants it, integers (n,).
+
+    While steering it belongs on the deck, while pushing off it. Riding on one leg all the time is stable
+    and earns most of the reward; so does staying on the board and wriggling it forward. A learner that
+    has found either does not look for more; ending such episodes after a while leaves it no choice.
+    Every step in the right stance takes one step off the count, so that hopping does not clear it.
+
+    Args:
+        state: The present state.
+        steps_before: The count one step earlier, integers (n,).
+    """
+    left = state.foot_on_deck[..., 0]
+    wrong = (state.steering & ~left) | (state.pushing & left)
+    counted = state.steering | state.pushing
+    return namespace(steps_before).clip(steps_before + 2 * wrong - 1, 0, None) * counted

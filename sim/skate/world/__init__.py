@@ -1,0 +1,1 @@
+"""The scene: board, ground, contacts."""

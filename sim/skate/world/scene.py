@@ -1,0 +1,223 @@
+# pyright: reportAttributeAccessIssue=false, reportUnknownParameterType=false, reportMissingImports=false
+# (MuJoCo ships no type stubs; mjlab is optional.)
+"""The skating scene, robot and board on the ground: for plain MuJoCo and for mjlab, from one source.
+
+Names are the same in both: the robot's are prefixed `robot/`, the board's `board/`, the ground is the
+body `terrain`. In plain MuJoCo the robot's 23 servos are the controls, in the order of `g1.JOINTS`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import mujoco
+import numpy as np
+
+from sim.board.scene import Coupling, board_spec, integrator_value
+from sim.compensation.scene import compensate_in_scene
+from sim.skate.robot import g1
+from sim.skate.world.terrain import Terrain, add_terrain
+from sysid.board import Board
+from sysid.roll import Array
+
+if TYPE_CHECKING:
+    from mjlab.scene import SceneCfg
+    from mjlab.sim import SimulationCfg
+
+TIMESTEP = 0.005
+"""Step of the simulation [s]; four make a policy step."""
+DECIMATION = 4
+ITERATIONS = 10
+LINE_SEARCH_ITERATIONS = 20
+EXTENT = 2.0
+"""Size of what a camera looks at [m]; from the lane's own, MuJoCo would cut the robot off as too near."""
+
+ROBOT, BOARD = "robot/", "board/"
+"""Name prefixes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SceneOptions:
+    """What can be chosen about the scene."""
+
+    coupling: Coupling = "equality"
+    """How tilt steers the trucks."""
+    steered: bool = True
+    """Whether tilt steers at all; without it the trucks are held straight."""
+    terrain: Terrain = "flat"
+    timestep: float = TIMESTEP
+    """[s]."""
+
+
+def skate_spec(board: Board, options: SceneOptions | None = None, *, visuals: bool = False) -> mujoco.MjSpec:
+    """Return the whole scene for plain MuJoCo.
+
+    Args:
+        board: The board's record.
+        options: Coupling, terrain and step.
+        visuals: Keep the robot's meshes, for pictures.
+
+    Raises:
+        HuskyError: mjlab, whose G1 model is used, is not installed, or the board cannot be built.
+    """
+    options = options or SceneOptions()
+    spec = mujoco.MjSpec()
+    spec.modelname = f"skate_{board.name}"
+    spec.stat.extent = EXTENT
+    spec.option.timestep = options.timestep
+    spec.option.integrator = integrator_value("implicitfast")
+    spec.option.iterations = ITERATIONS
+    spec.option.ls_iterations = LINE_SEARCH_ITERATIONS
+    spec.visual.map.shadowclip = 8.0  # the edge of the shadow's map, where it speckles, is out of sight
+    spec.worldbody.add_light(
+        name="sun",
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACKCOM,  # goes along, so that the shadow does
+        pos=[0.0, 0.0, 3.0],
+        dir=[0.1, 0.15, -1.0],
+    )
+    add_terrain(spec, options.terrain)
+    robot = g1.g1_spec(visuals=visuals)
+    g1.add_servos(robot)
+    # A child's options are not taken over by attach; only the names and what they carry are.
+    written = as_written(board, options)
+    for child, prefix in ((robot, ROBOT), (_board_child(written, options), BOARD)):
+        spec.attach(child, prefix=prefix, frame=spec.worldbody.add_frame())
+    return spec
+
+
+def as_written(board: Board, options: SceneOptions) -> Board:
+    """Return the board as this scene must hold it, so that it decays like its record.
+
+    `check` vouches for the record in a scene with this compensation; a policy must see the same board.
+
+    Raises:
+        HuskyError: The board cannot be built, or the step is too long for it.
+    """
+    return compensate_in_scene(board, timestep=options.timestep, coupling=options.coupling).board
+
+
+def standing_state(model: mujoco.MjModel, joints: Array | None = None, *, offset: float = 0.10) -> Array:
+    """Return a configuration of the plain scene, shape (nq,): one foot on the deck, one on the ground.
+
+    The robot is lowered until the first foot touches what is under it.
+
+    Args:
+        model: Compiled from `skate_spec`.
+        joints: Joint angles [rad], shape (23,); the default pose if None.
+        offset: Distance of the pelvis to the left of the board's middle [m].
+    """
+    qpos = model.qpos0.copy()
+    robot = model.joint(f"{ROBOT}floating_base_joint").qposadr[0]
+    qpos[robot : robot + 7] = (-0.03, offset, standing_height(joints), 1.0, 0.0, 0.0, 0.0)
+    qpos[robot + 7 : robot + 30] = g1.default_pose() if joints is None else joints
+    return qpos
+
+
+def standing_height(joints: Array | None = None, deck_top: float = 0.11) -> float:
+    """Return the pelvis height [m] at which the first foot touches: left on the ground, right on the deck.
+
+    Args:
+        joints: Joint angles [rad], shape (23,); the default pose if None.
+        deck_top: Height of the deck's upper face [m].
+    """
+    model = g1.g1_spec(visuals=False).compile()
+    data = mujoco.MjData(model)
+    data.qpos[7:] = g1.default_pose() if joints is None else joints
+    data.qpos[3] = 1.0
+    data.qpos[:3] = 0.0
+    mujoco.mj_forward(model, data)
+    lowest = {side: _lowest_of_foot(model, data, side) for side in ("left", "right")}
+    return max(-lowest["left"], deck_top - lowest["right"])
+
+
+def _lowest_of_foot(model: mujoco.MjModel, data: mujoco.MjData, side: str) -> float:
+    """Return the height of the lowest point of a sole [m]: the ends of its capsules less their radius."""
+    lowest = np.inf
+    for i in range(model.ngeom):
+        if model.geom(i).name.startswith(f"{side}_foot"):
+            axis = data.geom_xmat[i].reshape(3, 3)[2, 2] * model.geom_size[i, 1]
+            lowest = min(lowest, data.geom_xpos[i, 2] - abs(axis) - model.geom_size[i, 0])
+    return float(lowest)
+
+
+def mjlab_scene(board: Board, options: SceneOptions, environments: int) -> "SceneCfg":
+    """Return the same scene for mjlab, with its contact sensors (see `sim.skate.world.contacts`)."""
+    from mjlab.actuator import BuiltinPositionActuatorCfg
+    from mjlab.entity import EntityArticulationInfoCfg, EntityCfg
+    from mjlab.scene import SceneCfg
+    from mjlab.terrains import TerrainEntityCfg
+
+    from sim.skate.world.contacts import contact_sensors
+
+    written = as_written(board, options)
+    actuators = tuple(
+        BuiltinPositionActuatorCfg(
+            target_names_expr=tuple(names),
+            stiffness=motor.stiffness,
+            damping=motor.damping,
+            effort_limit=motor.effort,
+            armature=motor.armature,
+        )
+        for motor, names in _joints_by_motor().items()
+    )
+    robot = EntityCfg(
+        spec_fn=lambda: g1.g1_spec(visuals=False),
+        init_state=EntityCfg.InitialStateCfg(
+            pos=(-0.03, 0.10, standing_height()),
+            joint_pos=dict(zip(g1.JOINTS, g1.default_pose().tolist(), strict=True)),
+        ),
+        articulation=EntityArticulationInfoCfg(actuators=actuators, soft_joint_pos_limit_factor=0.9),
+    )
+    wheels_down = board.geometry["wheel_radius"].value + board.geometry["truck_height"].value
+    skateboard = EntityCfg(
+        spec_fn=lambda: _board_child(written, options),
+        init_state=EntityCfg.InitialStateCfg(pos=(0.0, 0.0, wheels_down)),
+    )
+    return SceneCfg(
+        num_envs=environments,
+        env_spacing=0.0,  # worlds do not meet; one lane serves all
+        terrain=TerrainEntityCfg(terrain_type="plane"),
+        entities={"robot": robot, "board": skateboard},
+        sensors=contact_sensors(),
+        spec_fn=_terrain_editor(options.terrain),
+        extent=EXTENT,
+    )
+
+
+def mjlab_simulation(options: SceneOptions) -> "SimulationCfg":
+    """Return mjlab's solver settings, those of `skate_spec`, and its contact budgets."""
+    from mjlab.sim import MujocoCfg, SimulationCfg
+
+    return SimulationCfg(
+        nconmax=48,
+        njmax=256,
+        contact_sensor_maxmatch=64,
+        mujoco=MujocoCfg(
+            timestep=options.timestep,
+            integrator="implicitfast",
+            iterations=ITERATIONS,
+            ls_iterations=LINE_SEARCH_ITERATIONS,
+        ),
+    )
+
+
+def _board_child(board: Board, options: SceneOptions) -> mujoco.MjSpec:
+    spec = board_spec(board, coupling=options.coupling, ground=False, timestep=options.timestep)
+    if not options.steered:
+        for constraint in spec.equalities:
+            constraint.data[:5] = 0.0
+    fresh = mujoco.MjSpec().option  # the scene's options count; a child's would only draw a warning
+    spec.option.timestep, spec.option.integrator = fresh.timestep, fresh.integrator
+    return spec
+
+
+def _terrain_editor(terrain: Terrain) -> Callable[[Any], None] | None:
+    return None if terrain == "flat" else lambda spec: add_terrain(spec, terrain)
+
+
+def _joints_by_motor() -> dict[g1.Motor, list[str]]:
+    groups: dict[g1.Motor, list[str]] = {}
+    for joint in g1.JOINTS:
+        groups.setdefault(g1.motor_of(joint), []).append(joint)
+    return groups

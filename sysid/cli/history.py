@@ -1,0 +1,48 @@
+"""`husky-sysid history`: how a board's record came about."""
+
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from sysid.cli.boards import plain
+from sysid.cli.console import Common, Printer
+from sysid.text import count
+
+_NO_COMMON = Common()
+
+
+def history(
+    *,
+    board: Annotated[str, Parameter(name=("--board", "-b"))],
+    common: Common = _NO_COMMON,
+) -> int:
+    """Show how a board's record came about: one line a fit, and how far `undo` can go back.
+
+    Args:
+        board: Name of the board.
+        common: Options of every command.
+    """
+    printer = Printer(common)
+    record, earlier = common.space.load_board(board), common.space.earlier(board)
+    printer.say(
+        f"{board}: {count(len(record.history), 'fit')}; `undo` can go back {count(len(earlier), 'step')}"
+    )
+    if record.history:
+        errors = ("rmse_before", "rmse", "heldout_rmse", "noise_floor")
+        unit = record.fit.get("unit", "rad")
+        printer.table(
+            ("date", "effects", f"error before [{unit}]", "after", "held out", "noise floor"),
+            [
+                (
+                    str(line.get("date", "-")),
+                    ", ".join(line.get("effects", ())) or "none",
+                    *(f"{line[name]:.4g}" if name in line else "-" for name in errors),
+                )
+                for line in record.history
+            ],
+        )
+        printer.say("held out: error on releases that the fit had not seen")
+    printer.result(
+        {"board": board, "history": [plain(line) for line in record.history], "undo_steps": len(earlier)}
+    )
+    return 0

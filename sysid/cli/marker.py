@@ -1,0 +1,42 @@
+"""`husky-sysid marker`: a page with markers to print."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from sysid.cli.console import OUTPUT, Common, Printer
+from sysid.errors import HuskyError
+
+_NO_COMMON = Common()
+
+
+def marker(
+    *,
+    output: Annotated[Path, Parameter(name=("--output", "-o"), group=OUTPUT)] = Path("marker.pdf"),
+    number: Annotated[int, Parameter(name="--number")] = 0,
+    common: Common = _NO_COMMON,
+) -> int:
+    """Write an A4 page with an ArUco marker in two sizes, how to fix it and how to film it.
+
+    Args:
+        output: PDF, SVG or PNG file to write.
+        number: Number of the large marker, 0 to 48; the small one has the next.
+        common: Options of every command.
+    """
+    from sysid.video.trackers._marker_page import write_marker_page
+
+    if output.suffix.lower() not in (".pdf", ".svg", ".png"):
+        raise HuskyError(f"--output {output}: expected a name that ends in .pdf, .svg or .png.")
+    if not 0 <= number <= 48:
+        raise HuskyError(f"--number {number}: expected 0 to 48; the small marker has the next one.")
+    printer = Printer(common)
+    write_marker_page(output, number)
+    printer.say(f"{output}: ArUco 4x4 markers {number} (80 mm) and {number + 1} (40 mm); print at 100 %")
+    printer.result(
+        {
+            "output": str(output),
+            "markers": [{"number": number, "side_mm": 80.0}, {"number": number + 1, "side_mm": 40.0}],
+        }
+    )
+    return 0

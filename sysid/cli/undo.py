@@ -1,0 +1,38 @@
+"""`husky-sysid undo`: a board's record as it was before the last change."""
+
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from sysid.cli.console import Common, Printer
+from sysid.text import count
+
+_NO_COMMON = Common()
+
+
+def undo(
+    *,
+    board: Annotated[str, Parameter(name=("--board", "-b"))],
+    common: Common = _NO_COMMON,
+) -> int:
+    """Put a board's record back to what it was before the last change of it: a fit, an inertia, a check.
+
+    Args:
+        board: Name of the board.
+        common: Options of every command.
+    """
+    printer = Printer(common)
+    changed = common.space.load_board(board)
+    path = common.space.undo(board)
+    record = common.space.load_board(board)
+    rows = [
+        (name, str(changed.tilt[name]), str(record.tilt[name]))
+        for name in ("stiffness", "damping", "rest_angle")
+    ]
+    rows.append(("roll inertia", str(changed.inertia), str(record.inertia)))
+    effects = tuple(", ".join(part.name for part in one.effects) or "none" for one in (changed, record))
+    printer.table(("quantity", "was", "is again"), [*rows, ("effects", *effects)])
+    left = len(common.space.earlier(board))
+    printer.say(f"written: {path}; {count(left, 'step')} more to go back")
+    printer.result({"board": board, "record": str(path), "undo_steps": left})
+    return 0

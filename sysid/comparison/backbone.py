@@ -1,0 +1,66 @@
+"""Period and damping against amplitude."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.comparison.force_surface import derivatives, filter_length
+from sysid.comparison.release import ComparedRelease
+from sysid.joint.law import JointLaw
+from sysid.roll import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Backbone:
+    """Period and damping against amplitude, half swing by half swing."""
+
+    amplitude: Array
+    """[rad], shape (m,)."""
+    period: Array
+    """[s], shape (m,)."""
+    damping_ratio: Array
+    """[1], shape (m,)."""
+
+
+def backbone_of(
+    compared: Sequence[ComparedRelease], law: JointLaw, signals: Sequence[Array], noise: float
+) -> Backbone:
+    """Return the backbone of all releases together.
+
+    Args:
+        compared: Releases.
+        law: Gives the rest angle and the frequency.
+        signals: Measured or simulated roll of each release [rad], shapes (n,).
+        noise: Standard deviation of the signals [rad].
+    """
+    parts = [
+        _half_swings(
+            release.time, signal - law.rest_angle, filter_length(release.time, release.measured, law), noise
+        )
+        for release, signal in zip(compared, signals, strict=True)
+    ]
+    amplitude, period, damping = (np.concatenate([part[i] for part in parts]) for i in range(3))
+    order = np.argsort(amplitude)
+    return Backbone(amplitude[order], period[order], damping[order])
+
+
+def _half_swings(time: Array, tilt: Array, window: int | None, noise: float) -> tuple[Array, Array, Array]:
+    """Return amplitude, period and damping ratio of each half swing between turning points."""
+    from scipy.signal import find_peaks
+
+    if window is None:
+        return np.empty(0), np.empty(0), np.empty(0)
+    y = derivatives(time, tilt, window)[0]
+    least = max(6 * noise, 0.01 * float(np.abs(tilt).max()))
+    gap = 2 * window  # a third of a period
+    peaks = np.sort(np.concatenate([find_peaks(sign * y, height=least, distance=gap)[0] for sign in (1, -1)]))
+    if len(peaks) < 2:
+        return np.empty(0), np.empty(0), np.empty(0)
+    size = np.abs(y[peaks])
+    shrink = np.log(size[:-1] / size[1:])
+    usable = (np.diff(np.sign(y[peaks])) != 0) & (shrink > 0)
+    amplitude = np.sqrt(size[:-1] * size[1:])[usable]
+    period = 2 * np.diff(time[peaks])[usable]
+    damping = (shrink / np.hypot(np.pi, shrink))[usable]
+    return amplitude, period, damping

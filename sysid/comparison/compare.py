@@ -1,0 +1,193 @@
+"""Measured against simulated: how far off, where, and which torque the model lacks.
+
+Only roll and rate at each release are fitted here; the law is the board's as it stands.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sysid.board import Board
+from sysid.comparison import report as comparison_report
+from sysid.comparison.backbone import Backbone, backbone_of
+from sysid.comparison.error_map import Place, describe_error, locate_error
+from sysid.comparison.force_surface import MissingTorque, missing_torque
+from sysid.comparison.release import ComparedRelease
+from sysid.decay.plausibility import amplitude_warnings
+from sysid.files import sha256
+from sysid.fitting.initial_state import fit_initial_states
+from sysid.fitting.records import Record, Signal, make_records, signal_of
+from sysid.joint import JointLaw, simulate
+from sysid.noise.floor import NoiseFloor, noise_floor
+from sysid.quantity import Z95
+from sysid.recording import Data, Recording, reading_warnings, unpack
+from sysid.roll import Array
+from sysid.text import WIDTH
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+DEFAULT_TOLERANCE = 0.02
+"""Error beyond the noise over the RMS roll at which a comparison still passes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison:
+    """All that a comparison found."""
+
+    board: str
+    law: JointLaw
+    releases: tuple[ComparedRelease, ...]
+    rmse: float
+    nrmse: float
+    """RMSE over the RMS of the measurement about rest."""
+    excess: float
+    """The same with the noise taken out: what the model is to blame for."""
+    excess_range: tuple[float, float]
+    """95 % interval of `excess`, for the noise floor itself is known from few samples."""
+    noise: NoiseFloor
+    where: tuple[Place, ...]
+    """Largest share first."""
+    summary: str
+    """In words."""
+    missing: MissingTorque | None
+    measured_backbone: Backbone
+    simulated_backbone: Backbone
+    tolerance: float
+    is_rate: bool
+    heldout_rmse: float | None = None
+    """On releases that the board was not fitted to: `rmse` itself, unless a log here is one of the fit's; then what the
+    fit measured by leaving releases out. None where that is not known."""
+    warnings: tuple[str, ...] = ()
+    """What is wrong with the logs, or odd about them for this board."""
+    recordings: tuple[Recording, ...] = ()
+    """The logs, where they were given whole."""
+
+    @property
+    def passed(self) -> bool:
+        """Whether the error beyond the noise is within the tolerance, as far as the noise is known."""
+        return self.excess_range[0] <= self.tolerance
+
+    @property
+    def status(self) -> str:
+        """'within tolerance' or 'beyond tolerance'."""
+        return "within tolerance" if self.passed else "beyond tolerance"
+
+    def report(self, width: int = WIDTH) -> str:
+        """Return what `husky-sysid compare` prints, in tables of at most `width` characters."""
+        return comparison_report.report(self, width)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what `husky-sysid compare --json` writes."""
+        return comparison_report.to_json(self)
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return one row a release: log, number, rmse [rad, or rad/s where the rate was compared], error / noise."""
+        import pandas as pd
+
+        return pd.DataFrame(
+            [
+                {
+                    "log": r.log,
+                    "release": r.number,
+                    "rmse": r.rmse,
+                    "error_over_noise": r.rmse / self.noise.std,
+                }
+                for r in self.releases
+            ]
+        )
+
+    def verdict(self) -> str:
+        """Return the error beyond the noise, with its interval where that decides, and what is allowed."""
+        low, high = self.excess_range
+        allowed = f"{100 * self.tolerance:.2f} % allowed"
+        if high - low < 0.1 * self.tolerance:
+            return f"{100 * self.excess:.2f} % beyond the noise, {allowed}"
+        return (
+            f"{100 * self.excess:.2f} % ({100 * low:.2f} to {100 * high:.2f} %) beyond the noise, whose floor is known to "
+            f"±{100 * Z95 * self.noise.relative_std:.0f} %; {allowed}"
+        )
+
+
+def compare(
+    data: Data,
+    board: Board,
+    *,
+    law: JointLaw | None = None,
+    signal: Signal = "auto",
+    tolerance: float = DEFAULT_TOLERANCE,
+) -> Comparison:
+    """Simulate each release with a board's law and compare.
+
+    Args:
+        data: Measured decays: a recording, several, or releases.
+        board: The record.
+        law: Another law than the record's.
+        signal: What is compared.
+        tolerance: Error beyond the noise, over the RMS motion, up to which the comparison passes.
+
+    Raises:
+        SysidError: The law's motion grows without bound.
+    """
+    recordings, releases = unpack(data)
+    chosen = signal_of(releases, signal)
+    use_rate = chosen["use_rate"]
+    odd = amplitude_warnings(releases, board)
+    noise = noise_floor(releases, rate=use_rate)
+    records = make_records(releases, noise.std, rate=use_rate, settled=True)
+    law = law or JointLaw.from_board(board)
+    residuals, starts = fit_initial_states(law, records, bias=chosen["bias"])
+    compared = tuple(
+        _compared(law, record, residual, start)
+        for record, residual, start in zip(records, residuals, starts, strict=True)
+    )
+    everything = np.concatenate(residuals)
+    rmse = float(np.sqrt(np.mean(everything**2)))
+    motion = np.concatenate([r.signal - (0.0 if use_rate else law.rest_angle) for r in records])
+    size = float(np.sqrt(np.mean(motion**2)))
+    least, excess, most = (
+        float(np.sqrt(max(rmse**2 - std**2, 0.0))) / size for std in (noise.highest, noise.std, noise.lowest)
+    )
+    where = locate_error(compared, law, noise)
+    return Comparison(
+        board=board.name,
+        law=law,
+        releases=compared,
+        rmse=rmse,
+        nrmse=rmse / size,
+        excess=excess,
+        excess_range=(least, most),
+        noise=noise,
+        where=where,
+        summary=describe_error(where, rmse, noise.std),
+        missing=None if use_rate else missing_torque(compared, law),
+        measured_backbone=backbone_of(compared, law, [c.measured for c in compared], noise.std),
+        simulated_backbone=backbone_of(compared, law, [c.simulated for c in compared], 0.0),
+        tolerance=tolerance,
+        is_rate=use_rate,
+        heldout_rmse=_heldout(board, recordings, rmse),
+        warnings=(*reading_warnings(recordings), *odd),
+        recordings=recordings,
+    )
+
+
+def _heldout(board: Board, recordings: tuple[Recording, ...], rmse: float) -> float | None:
+    fitted = {entry.get("sha256") for entry in board.fit.get("logs", [])}
+    files = [recording.path for recording in recordings if fitted and recording.path.is_file()]
+    return board.fit.get("heldout_rmse") if any(sha256(file) in fitted for file in files) else rmse
+
+
+def _compared(law: JointLaw, record: Record, residual: Array, start: tuple[float, float]) -> ComparedRelease:
+    path = simulate(law, record.time, *start, hold=max(record.release.hold, 0.0), begin=record.release.start)
+    return ComparedRelease(
+        log=record.release.log,
+        number=record.release.number,
+        time=record.time,
+        measured=record.signal,
+        simulated=record.signal + residual,
+        roll=path.roll,
+        rate=path.rate,
+        rmse=float(np.sqrt(np.mean(residual**2))),
+        measures_rate=record.is_rate,
+    )

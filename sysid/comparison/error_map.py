@@ -1,0 +1,108 @@
+"""Where the error sits: in time, amplitude, velocity, side and phase, and in words."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from sysid.comparison.force_surface import derivatives, filter_length
+from sysid.comparison.release import ComparedRelease
+from sysid.joint.law import JointLaw
+from sysid.noise.floor import NoiseFloor
+from sysid.roll import Array
+
+Axis = Literal["time", "amplitude", "velocity", "side", "phase"]
+
+AT_THE_FLOOR = 1.05
+"""Error over noise floor up to which there is nothing to locate."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a share of the error sits."""
+
+    axis: Axis
+    range: tuple[float, float]
+    """In the axis' unit: s, rad, rad/s; for side and phase -1 or +1."""
+    share: float
+    """Share of the squared error beyond the noise."""
+    text: str
+
+
+def locate_error(compared: Sequence[ComparedRelease], law: JointLaw, noise: NoiseFloor) -> tuple[Place, ...]:
+    """Divide the squared error beyond the noise along five axes and return the parts, largest first."""
+    error = np.concatenate([c.residual**2 - noise.std**2 for c in compared])
+    total = float(error.sum())
+    least = max(AT_THE_FLOOR * noise.std, noise.highest)
+    if total <= 0 or total < (least**2 - noise.std**2) * len(error):
+        return ()
+    # Where the joint really was, not where a wrong model has it.
+    tilt, rate = (np.concatenate(parts) for parts in zip(*(_motion(c, law) for c in compared), strict=True))
+    time = np.concatenate([c.time for c in compared])
+    swing = np.hypot(tilt, rate / law.frequency)
+    places: list[Place] = []
+    axes: tuple[tuple[Axis, Array], ...] = (("time", time), ("amplitude", swing), ("velocity", np.abs(rate)))
+    for axis, values in axes:
+        top = float(values.max())
+        for low, high in ((0.0, 0.25), (0.25, 0.5), (0.5, 1.0)):
+            inside = (values >= low * top) & (values < high * top if high < 1 else values <= top)
+            text = _range_text(axis, low * top, high * top, last=high == 1.0)
+            places.append(Place(axis, (low * top, high * top), float(error[inside].sum()) / total, text))
+    for sign, text in ((1.0, "with the right edge down"), (-1.0, "with the left edge down")):
+        places.append(Place("side", (sign, sign), float(error[tilt * sign > 0].sum()) / total, text))
+    for sign, text in ((1.0, "while slowing down"), (-1.0, "while speeding up")):
+        share = float(error[tilt * rate * sign > 0].sum()) / total
+        places.append(Place("phase", (sign, sign), share, text))
+    return tuple(sorted(places, key=lambda p: -p.share))
+
+
+def _motion(release: ComparedRelease, law: JointLaw) -> tuple[Array, Array]:
+    """Return tilt about rest [rad] and rate [rad/s] as measured, or as simulated where that cannot be differentiated."""
+    window = None if release.measures_rate else filter_length(release.time, release.measured, law)
+    if window is None:
+        return release.roll - law.rest_angle, release.rate
+    roll, rate, _ = derivatives(release.time, release.measured, window)
+    return roll - law.rest_angle, rate
+
+
+def _range_text(axis: str, low: float, high: float, *, last: bool) -> str:
+    if axis == "time":
+        return (
+            f"after {low:.2g} s"
+            if last
+            else f"between {low:.2g} and {high:.2g} s"
+            if low
+            else f"before {high:.2g} s"
+        )
+    scale, unit, what = (
+        (float(np.degrees(1.0)), "°", "at amplitudes") if axis == "amplitude" else (1.0, " rad/s", "at rates")
+    )
+    low, high = scale * low, scale * high
+    if last:
+        return f"{what} above {low:.2g}{unit}"
+    return f"{what} between {low:.2g} and {high:.2g}{unit}" if low else f"{what} below {high:.2g}{unit}"
+
+
+_FRACTIONS = (
+    (0.95, "nearly all"), (0.85, "nine tenths"), (0.72, "three quarters"), (0.62, "two thirds"),
+    (0.45, "half"), (0.3, "a third"), (0.0, "part"),
+)  # fmt: skip
+
+
+def describe_error(where: Sequence[Place], rmse: float, noise: float) -> str:
+    """Say where the error sits, e.g. 'two thirds of the error is at amplitudes below 3°, while slowing down'."""
+    if not where:
+        return f"The error is the sensor's noise ({rmse / noise:.2f} times the floor): there is nothing to locate."
+    best: dict[str, Place] = {}
+    for place in where:
+        best.setdefault(place.axis, place)
+    main = max((best["amplitude"], best["time"]), key=lambda p: p.share)
+    words = [main.text]
+    for axis in ("velocity", "phase", "side"):
+        if best[axis].share > 0.65:
+            words.append(best[axis].text)
+    if best["side"].share <= 0.65:
+        words.append("on both sides")
+    fraction = next(name for least, name in _FRACTIONS if main.share >= least)
+    return f"{fraction.capitalize()} of the error is {', '.join(words)}."

@@ -1,0 +1,168 @@
+"""The torque that a model lacks: over tilt and rate, and averaged over either."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.comparison.release import ComparedRelease
+from sysid.effects import effect
+from sysid.joint.law import JointLaw
+from sysid.joint.torques import effect_torque
+from sysid.roll import Array
+
+SHARE_OF_PERIOD = 1 / 6
+"""Length of the filter that differentiates, over the period: a local quartic follows a swing over it to 0.1 %."""
+FEW_A_BIN, MOST_BINS = 1.5, 15
+"""Independent samples that a bin of a profile holds at least, and bins beyond which a curve shows no more."""
+CLEAR = 0.1
+"""Share of the largest tilt within which a sign is the noise's."""
+LARGEST_SHARE = 1 / 3
+"""The same where samples are few: a parabola over a third of a period takes a tenth off a swing, measured and simulated."""
+FEWEST = 7
+"""Samples that a local quartic needs to smooth at all; a local parabola makes do with five."""
+
+
+@dataclass(frozen=True, slots=True)
+class TorqueProfile:
+    """The missing torque against tilt or rate alone: noise that fills a map averages out, and a law shows its shape."""
+
+    at: Array
+    """Mean tilt [rad] or rate [rad/s] of each bin, shape (n,)."""
+    torque: Array
+    """Mean missing torque [N*m], shape (n,)."""
+    std: Array
+    """Standard deviation of that mean [N*m], shape (n,): samples within one length of the filter count as one."""
+
+
+@dataclass(frozen=True, slots=True)
+class MissingTorque:
+    """Restoring-force surface of what the model lacks (Masri and Caughey, 1979)."""
+
+    angle: Array
+    """Edges of the bins in tilt [rad], shape (a + 1,)."""
+    rate: Array
+    """Edges of the bins in rate [rad/s], shape (b + 1,)."""
+    torque: Array
+    """Mean missing torque [N*m], shape (a, b); NaN where there was no data."""
+    count: Array
+    """Samples in each bin, shape (a, b)."""
+    over_angle: TorqueProfile
+    over_rate: TorqueProfile
+
+
+def missing_torque(
+    compared: Sequence[ComparedRelease], law: JointLaw, *, bins: tuple[int, int] = (15, 15)
+) -> MissingTorque | None:
+    """Return the torque that measured and simulated motion differ by, averaged over tilt and rate.
+
+    The measured roll is differentiated by a local quartic over a sixth of its own period, by a local parabola where
+    that holds too few samples. Both motions go through the same filter and law, so that what the filter does to a
+    correct model cancels.
+
+    Args:
+        compared: Releases.
+        law: The law that was simulated.
+        bins: Number of bins in tilt and rate.
+
+    Returns:
+        The surface, or None where the sampling is too slow to differentiate.
+    """
+    tilts: list[Array] = []
+    rates: list[Array] = []
+    torques: list[Array] = []
+    windows: list[int] = []
+    for release in compared:
+        window = filter_length(release.time, release.measured, law)
+        if window is None:
+            continue
+        measured = derivatives(release.time, release.measured, window)
+        simulated = derivatives(release.time, release.simulated, window)
+        windows.append(window)
+        demanded = _torque_left(law, release.time, measured) - _torque_left(law, release.time, simulated)
+        inner = slice(3, -3)
+        tilts.append(measured[0][inner] - law.rest_angle)
+        rates.append(measured[1][inner])
+        torques.append(demanded[inner])
+    if not tilts:
+        return None
+    tilt, rate, torque = (np.concatenate(part) for part in (tilts, rates, torques))
+    a = np.linspace(-1, 1, bins[0] + 1) * float(np.abs(tilt).max()) * 1.001
+    b = np.linspace(-1, 1, bins[1] + 1) * float(np.abs(rate).max()) * 1.001
+    count, _, _ = np.histogram2d(tilt, rate, bins=(a, b))
+    total, _, _ = np.histogram2d(tilt, rate, bins=(a, b), weights=torque)
+    with np.errstate(invalid="ignore"):
+        mean = np.where(count > 2, total / np.maximum(count, 1), np.nan)
+    together = float(np.mean(windows))
+    return MissingTorque(
+        a,
+        b,
+        np.asarray(mean, np.float64),
+        np.asarray(count, np.float64),
+        _profile(tilt, torque, together),
+        _profile(rate, torque, together),
+    )
+
+
+def _profile(at: Array, torque: Array, together: float) -> TorqueProfile:
+    """Average a torque over bins of as many samples each; `together` neighbouring samples say the same."""
+    bins = int(np.clip(len(at) / (FEW_A_BIN * together), 3, MOST_BINS))
+    parts = np.array_split(np.argsort(at), bins)
+    std = [float(np.std(torque[part])) / np.sqrt(max(len(part) / together, 1.0)) for part in parts]
+    return TorqueProfile(
+        np.array([float(np.mean(at[part])) for part in parts]),
+        np.array([float(np.mean(torque[part])) for part in parts]),
+        np.array(std),
+    )
+
+
+def filter_length(time: Array, roll: Array, law: JointLaw) -> int | None:
+    """Return how many samples to smooth over, or None where a swing has too few.
+
+    The period is the measurement's own where it crosses the rest angle three times: a wrong model must not blind the
+    comparison that is to show it.
+
+    Args:
+        time: [s], shape (n,).
+        roll: Measured roll [rad], shape (n,).
+        law: Gives the rest angle, and the period of what does not swing.
+    """
+    tilt = roll - law.rest_angle
+    clear = np.flatnonzero(np.abs(tilt) > CLEAR * np.abs(tilt).max())
+    turns = np.flatnonzero(np.diff(np.signbit(tilt[clear])))
+    crossings = (time[clear[turns]] + time[clear[turns + 1]]) / 2
+    period = 2 * float(np.mean(np.diff(crossings))) if len(crossings) >= 3 else 2 * np.pi / law.frequency
+    samples = period / float(np.median(np.diff(time)))
+    window = max(int(SHARE_OF_PERIOD * samples) | 1, 5)
+    return window if window <= min(LARGEST_SHARE * samples, len(roll) // 2) else None
+
+
+def derivatives(time: Array, roll: Array, window: int) -> tuple[Array, Array, Array]:
+    """Return smoothed roll [rad], rate [rad/s] and acceleration [rad/s^2], each of shape (n,) (Savitzky–Golay).
+
+    Args:
+        time: [s], shape (n,).
+        roll: [rad], shape (n,).
+        window: Odd number of samples, 5 or more.
+    """
+    from scipy.signal import savgol_filter
+
+    step, order = float(np.median(np.diff(time))), 4 if window >= FEWEST else 2
+    smooth, rate, acceleration = (
+        np.asarray(savgol_filter(roll, window, order, deriv=deriv, delta=step)) for deriv in range(3)
+    )
+    return smooth, rate, acceleration
+
+
+def _torque_left(law: JointLaw, time: Array, motion: tuple[Array, Array, Array]) -> Array:
+    """Return I φ̈ less the law's torques without memory [N*m]."""
+    roll, rate, acceleration = motion
+    left = (
+        law.inertia_ratio * law.inertia * acceleration
+        + law.stiffness * (roll - law.rest_angle)
+        + law.damping * rate
+    )
+    for name, _ in law.effects:
+        if effect(name).role == "torque" and not effect(name).states:
+            left = left - effect_torque(law, name, time, roll, rate)
+    return left

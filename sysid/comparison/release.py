@@ -1,0 +1,30 @@
+"""One release, measured and simulated."""
+
+from dataclasses import dataclass
+
+from sysid.roll import Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ComparedRelease:
+    """One release, measured and simulated."""
+
+    log: str
+    number: int
+    time: Array
+    """Since the release [s], shape (n,)."""
+    measured: Array
+    """[rad], or [rad/s] where the rate was compared."""
+    simulated: Array
+    roll: Array
+    """Simulated roll [rad], whatever was compared."""
+    rate: Array
+    """Simulated rate [rad/s]."""
+    rmse: float
+    measures_rate: bool = False
+    """Whether the rate was compared."""
+
+    @property
+    def residual(self) -> Array:
+        """Simulated minus measured."""
+        return self.simulated - self.measured

@@ -1,0 +1,1 @@
+"""The linear decay: its fit, its peaks, its numbers, and what does not fit it."""

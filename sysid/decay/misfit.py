@@ -1,0 +1,57 @@
+"""What a decay leaves beyond the sensor's noise, as an error of its stiffness and damping.
+
+Noise differs from sample to sample, and many samples average it. What is left beyond it follows the
+motion: a lens, a lag, a law that is not quite linear. Such a course has few independent values, however
+many samples draw it, and the fit takes part of it up itself: what is seen is only the rest.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from sysid.decay.linear_fit import TraceFit
+from sysid.noise.floor import NoiseFloor
+from sysid.quantity import Z95
+
+PER_PERIOD = 4.0
+"""Independent values in a period: what follows a motion holds its frequency and twice that."""
+FADED = 3.0
+"""Decay times after which hardly anything of the motion is left to follow."""
+FEWEST = 1.5
+"""Independent values that the fit leaves at least; it takes five up in a release alone."""
+
+
+def inflate_covariance(trace: TraceFit, floor: NoiseFloor) -> tuple[TraceFit, float]:
+    """Widen the covariance where the residual is surely more than noise.
+
+    Args:
+        trace: The fit.
+        floor: Noise of the sensor, with its own uncertainty. A film states its own, which lasts and which the fit
+            knows of.
+
+    Returns:
+        The fit, and by which factor its standard deviations have grown; 1 where what is left while the deck
+        moves may be noise.
+    """
+    decay = trace.omega_n * trace.damping_ratio
+    power, noise, count, values = 0.0, 0.0, 0, 0.0
+    for fitted in trace.releases:
+        since = fitted.trace.time - fitted.trace.time[0]
+        moving = fitted.residual[since <= FADED / decay]
+        power, count = power + float(moving @ moving), count + len(moving)
+        noise += len(moving) * max(floor.highest, fitted.trace.known_std) ** 2
+        values += 1.0 + PER_PERIOD * min(float(since[-1]), FADED / decay) * trace.omega_n / (2 * math.pi)
+    # Noise alone has no more than this: its square scatters by √(2/n) about a floor that is uncertain itself.
+    noise *= 1.0 + Z95 * math.sqrt(2.0 / max(count, 1))
+    if power <= noise:
+        return trace, 1.0
+    if all(fitted.trace.known_std for fitted in trace.releases):
+        # How long a film's errors last is in the covariance already: they are only larger than stated.
+        larger = math.sqrt(power / noise)
+        return replace(trace, covariance=trace.covariance * larger**2), larger
+    size = max(trace.noise**2, *(fitted.trace.known_std**2 for fitted in trace.releases))
+    left = max(values - 2 - 3 * len(trace.releases), FEWEST)
+    covariance = trace.white_covariance * (1.0 + (power - noise) / (left * size))
+    growth = math.sqrt(float(np.mean(np.diag(covariance) / np.diag(trace.covariance))))
+    return (replace(trace, covariance=covariance), growth) if growth > 1.0 else (trace, 1.0)

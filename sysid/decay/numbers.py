@@ -1,0 +1,172 @@
+"""The numbers of a linear free decay, each with its uncertainty.
+
+For I φ̈ + d φ̇ + k φ = 0 below critical damping:
+
+    δ = 2π ζ / √(1 - ζ²),  ω_d = ω_n √(1 - ζ²) = 2π / T,  k = I ω_n²,  d = 2 ζ √(k I) = 2 ζ ω_n I
+
+A free decay holds ω_n and ζ only, that is k/I and d/I. The roll inertia comes from elsewhere, and its
+uncertainty goes into k and d.
+"""
+
+import math
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from sysid.errors import HuskyError
+from sysid.quantity import Quantity, t95
+from sysid.roll import Array
+
+UNITS = {
+    "log_decrement": "1",
+    "damping_ratio": "1",
+    "period": "s",
+    "omega_d": "rad/s",
+    "omega_n": "rad/s",
+    "inertia": "kg*m^2",
+    "stiffness": "N*m/rad",
+    "damping": "N*m*s/rad",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DecayNumbers:
+    """A linear free decay in numbers; δ, T and ω_d are NaN where nothing oscillates (ζ ≥ 1)."""
+
+    log_decrement: Quantity
+    """δ, over a full period [1]."""
+    damping_ratio: Quantity
+    """ζ [1]."""
+    period: Quantity
+    """T of the damped oscillation [s]."""
+    omega_d: Quantity
+    """ω_d = 2π/T [rad/s]."""
+    omega_n: Quantity
+    """ω_n = √(k/I) [rad/s]."""
+    inertia: Quantity
+    """Roll inertia I about the tilt axis [kg*m^2], as given."""
+    stiffness: Quantity
+    """k [N*m/rad]."""
+    damping: Quantity
+    """d [N*m*s/rad]."""
+
+    def items(self) -> list[tuple[str, Quantity]]:
+        """Return every quantity with its name, in the order of the definition."""
+        return [(field.name, getattr(self, field.name)) for field in fields(self)]
+
+    def to_json(self) -> dict[str, object]:
+        """Return the eight quantities under their names of the result file."""
+        names = {"period": "period_s"}
+        return {names.get(name, name): quantity.to_json() for name, quantity in self.items()}
+
+
+def decay_numbers(
+    omega_n: float,
+    damping_ratio: float,
+    covariance: Array,
+    inertia: Quantity,
+    *,
+    degrees_of_freedom: float = math.inf,
+    method: str = "",
+) -> DecayNumbers:
+    """Derive all numbers from ω_n and ζ, with first-order propagation of uncertainty.
+
+    Args:
+        omega_n: Natural frequency ω_n [rad/s].
+        damping_ratio: ζ [1].
+        covariance: Covariance of (ω_n, ζ), shape (2, 2), in their units.
+        inertia: Roll inertia about the tilt axis [kg*m^2]; independent of the decay.
+        degrees_of_freedom: Of the estimate of the noise behind `covariance`; few widen the intervals
+            (Student's t).
+        method: How ω_n and ζ were obtained, for people.
+    """
+    values, jacobian = _values_and_jacobian(omega_n, damping_ratio, inertia.value)
+    variance = np.einsum("ij,jk,ik->i", jacobian[:, :2], covariance, jacobian[:, :2])
+    from_inertia = jacobian[:, 2] ** 2 * (0.0 if math.isnan(inertia.std) else inertia.std**2)
+    std = np.sqrt(variance + from_inertia)
+    # The decay's own share is known from few samples only, the share of I is taken as normal.
+    half = np.sqrt(t95(degrees_of_freedom) ** 2 * variance + t95(math.inf) ** 2 * from_inertia)
+    quantities = {
+        name: Quantity(
+            float(values[i]),
+            float(std[i]),
+            unit,
+            method if name != "inertia" else inertia.method,
+            (float(values[i] - half[i]), float(values[i] + half[i])),
+        )
+        for i, (name, unit) in enumerate(UNITS.items())
+    }
+    return DecayNumbers(**quantities)
+
+
+def decay_from_peaks(
+    period: Quantity, first_peak: Quantity, second_peak: Quantity, inertia: Quantity
+) -> DecayNumbers:
+    """Return the decay numbers of two successive peaks on the same side.
+
+    This is the published way (HUSKY, RSS 2026, appendix H): δ = ln(A₁/A₂), k = I ((2π/T)² + (δ/T)²)
+    and d = 2 I δ/T.
+
+    Args:
+        period: Time between the two peaks [s].
+        first_peak: Angle of the first peak about rest [rad].
+        second_peak: Angle of the next peak on the same side about rest [rad].
+        inertia: Roll inertia about the tilt axis [kg*m^2].
+
+    Raises:
+        HuskyError: The peaks do not decay, or a number is not positive.
+    """
+    if not (first_peak.value > second_peak.value > 0 and period.value > 0 and inertia.value > 0):
+        raise HuskyError(
+            f"period {period.value:.4g} s, peaks {first_peak.value:.4g} and {second_peak.value:.4g} rad, "
+            f"inertia {inertia.value:.4g} kg·m² are no decay: all must be positive and the second peak smaller "
+            "than the first. Measure both peaks on the same side, about the rest angle."
+        )
+    delta = math.log(first_peak.value / second_peak.value)
+    delta_std = math.hypot(first_peak.std / first_peak.value, second_peak.std / second_peak.value)
+    omega_n, zeta, jacobian = _from_decrement(delta, period.value)
+    covariance = jacobian @ np.diag([delta_std**2, period.std**2]) @ jacobian.T
+    return decay_numbers(omega_n, zeta, covariance, inertia, method="two peaks on the same side")
+
+
+def numbers_from_decrement(
+    log_decrement: Quantity,
+    period: Quantity,
+    inertia: Quantity,
+    *,
+    degrees_of_freedom: float = math.inf,
+    method: str = "",
+) -> DecayNumbers:
+    """Return the decay numbers of a logarithmic decrement and a period, measured independently."""
+    omega_n, zeta, jacobian = _from_decrement(log_decrement.value, period.value)
+    covariance = jacobian @ np.diag([log_decrement.std**2, period.std**2]) @ jacobian.T
+    return decay_numbers(
+        omega_n, zeta, covariance, inertia, degrees_of_freedom=degrees_of_freedom, method=method
+    )
+
+
+def _from_decrement(delta: float, period: float) -> tuple[float, float, Array]:
+    """Return ω_n, ζ and their derivatives by (δ, T), shape (2, 2)."""
+    turn = math.hypot(2 * math.pi, delta)
+    omega_n, zeta = turn / period, delta / turn
+    jacobian = np.array([[delta / (turn * period), -omega_n / period], [(2 * math.pi) ** 2 / turn**3, 0.0]])
+    return omega_n, zeta, jacobian
+
+
+def _values_and_jacobian(omega_n: float, zeta: float, inertia: float) -> tuple[Array, Array]:
+    """Return the eight numbers, shape (8,), and their derivatives by (ω_n, ζ, I), shape (8, 3)."""
+    root = math.sqrt(1 - zeta**2) if zeta < 1 else math.nan
+    omega_d = omega_n * root
+    period = 2 * math.pi / omega_d
+    rows = [
+        (2 * math.pi * zeta / root, 0.0, 2 * math.pi / root**3, 0.0),
+        (zeta, 0.0, 1.0, 0.0),
+        (period, -period / omega_n, period * zeta / root**2, 0.0),
+        (omega_d, root, -omega_n * zeta / root, 0.0),
+        (omega_n, 1.0, 0.0, 0.0),
+        (inertia, 0.0, 0.0, 1.0),
+        (inertia * omega_n**2, 2 * inertia * omega_n, 0.0, omega_n**2),
+        (2 * zeta * omega_n * inertia, 2 * zeta * inertia, 2 * omega_n * inertia, 2 * zeta * omega_n),
+    ]
+    table = np.array(rows)
+    return table[:, 0], table[:, 1:]

@@ -1,0 +1,216 @@
+"""Peaks of a free decay, and the logarithmic decrement from them."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from sysid.decay.linear_fit import decay_basis
+from sysid.quantity import Quantity, t95
+from sysid.releases.extrema import smooth_signal
+from sysid.roll import Array, Release
+
+WINDOW = 0.7
+"""Half-width of the local fit at a peak, in radians of ω_n: a cubic is right to 0.1 % there."""
+ONSET = 0.02
+"""Standard deviation of the time of a release, in periods."""
+CLEAR = 6.0
+"""A peak counts while its amplitude is this many standard deviations."""
+
+
+@dataclass(frozen=True, slots=True)
+class Peak:
+    """One turning point of a free decay."""
+
+    number: int
+    """Half-cycles since the release; 0 is the release itself, where the deck was held still before."""
+    time: float
+    """[s] on the log's clock."""
+    time_std: float
+    """[s]"""
+    roll: float
+    """Measured roll [rad]."""
+    amplitude: float
+    """Distance from the rest angle [rad], positive."""
+    std: float
+    """Standard deviation of `roll` [rad]; the rest angle's own is common to all peaks of a release."""
+
+
+@dataclass(frozen=True, slots=True)
+class PeakLine:
+    """ln(amplitude) and time of all usable peaks against their number, one line for all releases."""
+
+    log_decrement: Quantity
+    """δ per full period, from the slope [1]."""
+    period: Quantity
+    """T from the times of the peaks [s]."""
+    degrees_of_freedom: float
+    """Peaks used less parameters of the line of amplitudes."""
+    intercepts: tuple[float, ...]
+    """ln(amplitude) of peak 0 of each release, NaN where the release has no usable peak."""
+
+
+def find_peaks(release: Release, rest: float, omega_n: float, omega_d: float, noise: float) -> list[Peak]:
+    """Find the turning points of a free decay with sub-sample timing.
+
+    Between two passages through the rest angle, a cubic is fitted to the samples about the extreme one.
+    The peaks end where noise begins to make them: at the first one below `CLEAR` standard deviations.
+
+    Args:
+        release: The free decay; its roll without drift.
+        rest: Rest angle [rad].
+        omega_n: Natural frequency, for the width of the local fits [rad/s].
+        omega_d: Frequency of the oscillation, for the numbers of the half-cycles [rad/s].
+        noise: Standard deviation of one sample [rad], positive.
+    """
+    signal = smooth_signal(release.time, release.roll, noise)
+    offset = np.interp(release.time, signal.time, signal.roll) - rest
+    first = _release_peak(release, rest, omega_n, omega_d, noise) if release.hold > 0 else None
+    peaks = [] if first is None else [first]
+    passages = np.flatnonzero(np.diff(np.sign(offset)) != 0)
+    half = math.pi / omega_d
+    for begin, end in pairwise([0, *(passages + 1).tolist(), len(offset)]):
+        index = begin + int(np.argmax(np.abs(offset[begin:end])))
+        at_edge = index - begin < 1 or end - index <= 1
+        if at_edge or release.time[index] - release.start < 0.5 * half:
+            continue  # the trace enters or leaves in the middle of this swing, or this is the release itself
+        peak = _local_peak(release, index, rest, omega_n, noise)
+        number = round((peak.time - (peaks[-1].time if peaks else peak.time)) / half)
+        number = peaks[-1].number + number if peaks else 1
+        if peak.amplitude < CLEAR * peak.std:
+            break
+        if not peaks or number > peaks[-1].number:
+            peaks.append(Peak(number, peak.time, peak.time_std, peak.roll, peak.amplitude, peak.std))
+    return peaks
+
+
+def log_decrement_two_peaks(peaks: Sequence[Peak], rest_std: float = 0.0) -> Quantity | None:
+    """Return the classic δ = ln(A₁/A₂) of the first peak and the next one on the same side.
+
+    Where noise has swallowed the second, the one on the other side serves: δ = 2 ln(A₁/A₂). None if
+    there is no second peak at all.
+    """
+    for step in (2, 1):
+        for first in peaks[:1]:
+            second = next((peak for peak in peaks if peak.number == first.number + step), None)
+            if second is None or second.amplitude >= first.amplitude:
+                continue
+            share = 2.0 / step
+            delta = share * math.log(first.amplitude / second.amplitude)
+            side = -1.0 if step == 2 else 1.0  # an error of the rest angle moves both or parts them
+            common = (1 / first.amplitude + side / second.amplitude) * rest_std
+            own = math.hypot(first.std / first.amplitude, second.std / second.amplitude)
+            where = "the next one on the same side" if step == 2 else "the next one on the other side"
+            return Quantity(delta, share * math.hypot(own, common), "1", f"first peak and {where}")
+    return None
+
+
+def fit_peak_line(peaks: Sequence[Sequence[Peak]], rest_stds: Sequence[float]) -> PeakLine | None:
+    """Fit δ and T to all usable peaks of all releases, weighted by their noise.
+
+    Every release has its own first amplitude and time; slope and period are shared. Scatter beyond the
+    noise widens the intervals. None if no release has two peaks.
+    """
+    used = [(i, peak) for i, group in enumerate(peaks) if len(group) > 1 for peak in group]
+    if not used:
+        return None
+    number = np.array([peak.number for _, peak in used], dtype=float)
+    owner = np.array([i for i, _ in used])
+    log_amplitude = np.array([math.log(peak.amplitude) for _, peak in used])
+    std = np.array([math.hypot(peak.std, rest_stds[i]) for i, peak in used])
+    slope, slope_std, freedom, intercepts = _shared_slope(
+        number, log_amplitude, std / np.exp(log_amplitude), owner
+    )
+    # A small peak that noise has raised must not count for more: weigh by the line's amplitude instead.
+    fitted = np.exp(np.array([intercepts[int(i)] for i in owner]) + slope * number)
+    # Nor may chance decide which of the smallest ones count: what is near the threshold goes, by the line.
+    kept = (fitted > 1.3 * CLEAR * std) | (number <= 2)
+    used = [item for item, keep in zip(used, kept, strict=True) if keep]
+    number, owner, log_amplitude = number[kept], owner[kept], log_amplitude[kept]
+    slope, slope_std, freedom, intercepts = _shared_slope(
+        number, log_amplitude, std[kept] / fitted[kept], owner
+    )
+    times = np.array([peak.time for _, peak in used])
+    half, half_std, _, _ = _shared_slope(number, times, np.array([peak.time_std for _, peak in used]), owner)
+    method = f"{len(used)} peaks, weighted line through ln(amplitude)"
+    quantile = t95(freedom) if freedom > 0 else 1.96
+    lines = [intercepts.get(i, math.nan) for i in range(len(peaks))]
+    return PeakLine(
+        _quantity(-2 * slope, 2 * slope_std, "1", method, quantile),
+        _quantity(2 * half, 2 * half_std, "s", f"{len(used)} peaks, line through their times", quantile),
+        freedom if freedom > 0 else math.inf,
+        tuple(lines),
+    )
+
+
+def _quantity(value: float, std: float, unit: str, method: str, quantile: float) -> Quantity:
+    return Quantity(value, std, unit, method, (value - quantile * std, value + quantile * std))
+
+
+def _shared_slope(x: Array, y: Array, std: Array, owner: Array) -> tuple[float, float, int, dict[int, float]]:
+    """Fit y = intercept(owner) + slope x; return slope, its std, degrees of freedom and the intercepts."""
+    owners = sorted({int(i) for i in owner})
+    design = np.column_stack([x, *(owner == i for i in owners)]) / std[:, None]
+    solution = np.asarray(np.linalg.lstsq(design, y / std, rcond=None)[0], dtype=np.float64)
+    covariance = np.asarray(np.linalg.inv(design.T @ design), dtype=np.float64)
+    freedom = len(y) - design.shape[1]
+    scatter = float(np.sum((y / std - design @ solution) ** 2)) / freedom if freedom > 0 else 1.0
+    slope_std = math.sqrt(float(covariance[0, 0]) * max(1.0, scatter))
+    return float(solution[0]), slope_std, freedom, dict(zip(owners, solution[1:].tolist(), strict=True))
+
+
+def _release_peak(release: Release, rest: float, omega_n: float, omega_d: float, noise: float) -> Peak | None:
+    """Return peak 0: the roll at the release, where the rate is zero; None if the samples cannot tell it.
+
+    The first samples are taken together, on the course of a decay that starts from rest; its start is
+    known to about 2 % of a period, so a small shift in time is fitted along with the amplitude.
+    """
+    since = release.time - release.start
+    near = since <= WINDOW / omega_n
+    if np.count_nonzero(near) < 2:
+        return None
+    a = math.sqrt(max(0.0, omega_n**2 - omega_d**2))
+    u, v = decay_basis(since[near], a, omega_d**2)
+    shift = ONSET * 2 * math.pi / omega_n
+    size = abs(float(release.roll[0]) - rest)
+    design = np.vstack([np.column_stack([u + a * v, -(omega_n**2) * v]) / noise, [0.0, 1 / (shift * size)]])
+    target = np.append((release.roll[near] - rest) / noise, 0.0)
+    try:
+        covariance = np.asarray(np.linalg.inv(design.T @ design), dtype=np.float64)
+    except np.linalg.LinAlgError:  # a release whose first sample is its rest: no shift can be told
+        return None
+    amplitude = float(covariance[0] @ (design.T @ target))
+    return Peak(0, release.start, shift, rest + amplitude, abs(amplitude), math.sqrt(float(covariance[0, 0])))
+
+
+def _local_peak(release: Release, index: int, rest: float, omega_n: float, noise: float) -> Peak:
+    """Return the extremum of a cubic through the samples about `index`."""
+    width = WINDOW / omega_n
+    since = release.time - release.time[index]
+    near = np.abs(since) <= width
+    if np.count_nonzero(near) < 5:  # a slow sensor: the three nearest samples and their parabola
+        nearest = np.argsort(np.abs(since))[:3]
+        near = np.zeros(len(since), dtype=bool)
+        near[nearest] = True
+        width = max(width, float(np.abs(since[near]).max()))
+    x = since[near] / width
+    order = 3 if np.count_nonzero(near) >= 5 else 2
+    powers = np.vander(x, order + 1, increasing=True)
+    inverse = np.asarray(np.linalg.pinv(powers), dtype=np.float64)
+    c: Array = inverse @ release.roll[near]
+    bend = 2 * c[2]
+    top = float(np.clip(-c[1] / bend if bend else 0.0, -1, 1))
+    if order == 3:  # one Newton step for the cubic term
+        slope, curve = c[1] + 2 * c[2] * top + 3 * c[3] * top**2, 2 * c[2] + 6 * c[3] * top
+        top = float(np.clip(top - slope / curve if curve else top, -1, 1))
+    at = top ** np.arange(order + 1)
+    by_time = np.arange(order + 1) * top ** np.maximum(np.arange(order + 1) - 1, 0)
+    # The extremum of a noisy curve lies outside the true one, by half the variance of its slope over its bend.
+    raised = 0.5 * (noise * float(np.linalg.norm(by_time @ inverse))) ** 2 / bend if bend else 0.0
+    value = float(c @ at) + (raised if abs(raised) < 0.1 * abs(float(c @ at) - rest) else 0.0)
+    value_std = noise * float(np.linalg.norm(at @ inverse))
+    time_std = noise * float(np.linalg.norm(by_time @ inverse)) / max(abs(bend), 1e-12) * width
+    time = float(release.time[index]) + top * width
+    return Peak(1, time, max(time_std, 1e-3 * width), value, abs(value - rest), max(value_std, 1e-12))

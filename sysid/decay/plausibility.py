@@ -1,0 +1,136 @@
+"""Angles and numbers that a board's joint cannot have: a wrong unit, another board, a wrong model."""
+
+import math
+from collections.abc import Sequence
+
+from sysid.board import Board
+from sysid.decay.numbers import DecayNumbers
+from sysid.errors import HuskyError
+from sysid.roll import Release, shown
+
+APART = 3.0
+"""A number lies outside the record from this many standard deviations of the difference on."""
+WORTH_SAYING = 0.03
+"""And by this share of it: boards change by as much from day to day."""
+DENSITY = 1000.0
+"""Of what a joint carries [kg/m³]: wood, people and ships are near water."""
+SLOWEST, FASTEST = 20.0, 1 / 200
+"""Natural period over the one that gravity gives a thing of that roll inertia, beyond which time is doubted.
+
+A skateboard's 0.185 s is 0.3 of it, a pendulum of a ball on a string 2.5, a ship's 21 s 1.6."""
+LONGEST, SHORTEST = 100.0, 1e-3
+"""Natural period [s] beyond which nothing that is tipped and let go swings, whatever its size."""
+
+
+def amplitude_warnings(releases: Sequence[Release], board: Board) -> list[str]:
+    """Hold the amplitudes of some releases against the range of the board's joint.
+
+    Returns:
+        What looks odd, in words.
+
+    Raises:
+        HuskyError: The deck was let go from more than half a turn.
+    """
+    largest = max(releases, key=lambda release: release.amplitude)
+    limit = board.tilt["range"].value
+    where = f"{largest.log}: the release at {shown(largest.start)} starts"
+    if largest.amplitude > math.pi:
+        raise HuskyError(
+            f"{where} {largest.amplitude:.4g} rad from rest, more than half a turn; the joint of board "
+            f"'{board.name}' allows ±{limit:.3g} rad. If the log is in degrees, say --unit deg."
+        )
+    if largest.amplitude > 1.5 * limit:
+        return [
+            f"{where} {largest.amplitude:.3g} rad from rest, but the joint of board '{board.name}' allows "
+            f"±{limit:.3g} rad: is it this board, and is the unit right (--unit)?"
+        ]
+    if max(release.amplitude for release in releases) < 0.02 * limit:
+        return [f"{where} {math.degrees(largest.amplitude):.2g}° from rest only: is the unit right (--unit)?"]
+    return []
+
+
+def record_warnings(numbers: DecayNumbers, board: Board, *, log: str, linear: bool) -> list[str]:
+    """Hold stiffness and damping of a decay against what the board's record states.
+
+    Args:
+        numbers: From the decay, with the record's inertia.
+        board: The record.
+        log: Where the decay is from, for people.
+        linear: Whether the decay is a linear one.
+
+    Returns:
+        One warning that names all that lies outside, or none.
+    """
+    outside: list[str] = []
+    for name, symbol in (("stiffness", "k"), ("damping", "d")):
+        found, stated = getattr(numbers, name), board.tilt[name]
+        apart, spread = found.value - stated.value, math.hypot(found.std, stated.std)
+        if stated.value > 0 and abs(apart) > max(APART * spread, WORTH_SAYING * stated.value):
+            outside.append(f"{symbol} = {found} where the record has {stated} ({apart / stated.value:+.0%})")
+    if not outside:
+        return []
+    ratio = numbers.omega_n.value / _stated_frequency(board)
+    zeta = board.tilt["damping"].value / (2 * _stated_frequency(board) * board.inertia.value)
+    same_shape = abs(numbers.damping_ratio.value - zeta) < max(0.05 * zeta, APART * numbers.damping_ratio.std)
+    cause = (
+        f"the damping ratio agrees, and only the period is {1 / ratio:.3g} times the record's: is the unit of time right, "
+        "or the sampling rate (--rate)?"
+        if linear and same_shape and abs(math.log(ratio)) > 0.2
+        else "is it this board, with this roll inertia, and is the time right?"
+        if linear
+        else "the linear decay is the wrong model, so keep the record until `husky-sysid diagnose` has named what "
+        "is missing"
+    )
+    return [f"{log} does not agree with the record of board '{board.name}': {'; '.join(outside)}; {cause}"]
+
+
+def period_warnings(omega_n: float, board: Board, *, log: str) -> list[str]:
+    """Doubt a natural period that a thing of the board's roll inertia hardly has.
+
+    What swings under gravity has a period near 2π √(L/g), with the size L of a body of that inertia,
+    (I/ρ)^(1/5); a spring makes it faster, a balance slower, neither without end.
+
+    Args:
+        omega_n: Natural frequency [rad/s].
+        board: The record; its roll inertia gives the size.
+        log: Where it is from, for people.
+    """
+    period = 2 * math.pi / omega_n
+    size = (board.inertia.value / DENSITY) ** 0.2
+    usual = 2 * math.pi * math.sqrt(size / 9.81)
+    if FASTEST < period / usual < SLOWEST:
+        return []
+    return [f"{log}: {_odd_period(period, board)}. {_TIME_ADVICE}"]
+
+
+def refuse_period(omega_n: float, board: Board, *, log: str) -> None:
+    """Accept a natural period that anything at all has.
+
+    Raises:
+        HuskyError: It is longer than 100 s or shorter than 1 ms.
+    """
+    period = 2 * math.pi / omega_n
+    if SHORTEST < period < LONGEST:
+        return
+    raise HuskyError(
+        f"{log}: {_odd_period(period, board)}; the record is unchanged. {_TIME_ADVICE} If the period is real, "
+        "say --any-period."
+    )
+
+
+_TIME_ADVICE = (
+    "Likely the time is in another unit than its column's name says, or the sampling rate is wrong: put the unit "
+    "into the name (time_ms), or give --rate."
+)
+
+
+def _odd_period(period: float, board: Board) -> str:
+    stated = 2 * math.pi / _stated_frequency(board)
+    return (
+        f"the natural period is {period:.4g} s, which no joint with a roll inertia of {board.inertia.value:.3g} kg·m² "
+        f"is likely to have ({period / stated:.3g} times that of the record of board '{board.name}')"
+    )
+
+
+def _stated_frequency(board: Board) -> float:
+    return math.sqrt(max(board.tilt["stiffness"].value, 1e-9) / board.inertia.value)

@@ -1,0 +1,183 @@
+"""A free decay in words, tables and JSON."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sysid.quantity import Quantity
+from sysid.releases.phases import log_phases
+from sysid.text import DEGREES, WIDTH, linear_law, table
+
+if TYPE_CHECKING:
+    from sysid.free_decay import FreeDecay
+
+LABELS = {
+    "log_decrement": "log decrement δ",
+    "damping_ratio": "damping ratio ζ",
+    "period": "period T",
+    "omega_d": "damped frequency ω_d",
+    "omega_n": "natural frequency ω_n",
+    "inertia": "roll inertia I",
+    "stiffness": "stiffness k = I ω_n²",
+    "damping": "damping d = 2 ζ ω_n I",
+}
+FROM_INERTIA = ("inertia", "stiffness", "damping")
+"""What a free decay alone does not hold."""
+
+
+def report(decay: "FreeDecay", width: int = WIDTH) -> str:
+    """Return logs, releases, quantities, law and verdict."""
+    named = f" · {decay.board}" if decay.board else ""
+    lines = [
+        f"{roll.log} · {len(roll.time)} samples · {roll.sampling_rate:.4g} Hz · {roll.time[-1] - roll.time[0]:.3g} s{named}"
+        for roll in (recording.roll for recording in decay.recordings)
+    ]
+    several = len(decay.recordings) > 1
+    releases = table(
+        ("release", "t [s]", "side", "first amplitude", "held before", "until", "end", "peaks"),
+        [
+            (
+                f"{Path(release.log).name} {release.number}" if several else str(release.number),
+                f"{release.start:.3f}",
+                release.side,
+                f"{release.amplitude:.4f} rad ({DEGREES * release.amplitude:.2f}°)",
+                f"{release.hold:.2f} s" if release.hold else "moving",
+                f"{release.time[-1]:.3f}",
+                {"rest": "at rest", "caught": "caught", "log": "log ends"}[release.end],
+                str(len(peaks)),
+            )
+            for release, peaks in zip(decay.releases, decay.peaks, strict=True)
+        ],
+        width=width,
+    )
+    value = "value ± 95 %" if decay.linear else "value ± 95 % of a linear decay, which this is not"
+    quantities = table(("quantity", value, "unit", "how"), _rows(decay), width=width)
+    lines += [
+        releases,
+        "peaks: turning points that stand above the noise",
+        quantities,
+        equation(decay),
+        verdict(decay),
+    ]
+    if not decay.has_inertia:
+        lines.append(
+            "k and d need the roll inertia I about the tilt axis: k = I ω_n², d = 2 ζ ω_n I (husky-sysid inertia)"
+        )
+    return "\n".join(lines)
+
+
+def _rows(decay: "FreeDecay") -> list[tuple[str, str, str, str]]:
+    shown = decay.numbers.items()
+    if not decay.has_inertia:
+        shown = [(name, quantity) for name, quantity in shown if name not in FROM_INERTIA]
+    rows = [_row(LABELS[name], quantity) for name, quantity in shown]
+    others = [] if decay.line is None else [_row(LABELS["log_decrement"], decay.line.log_decrement)]
+    others += [] if decay.two_peaks is None else [_row(LABELS["log_decrement"], decay.two_peaks)]
+    if decay.line is None:
+        others = [(LABELS["log_decrement"], "-", "1", "peaks: noise leaves no second one")]
+    return [rows[0], *others, *rows[1:]]
+
+
+def _row(name: str, quantity: Quantity) -> tuple[str, str, str, str]:
+    return name, quantity.number, quantity.printed_unit, quantity.method
+
+
+def equation(decay: "FreeDecay") -> str:
+    """Return the identified law, as it would be written on a board; over the inertia where that is not known."""
+    numbers = decay.numbers
+    rest = sum(angle.value for angle in decay.rest_angles) / len(decay.rest_angles)
+    inertia, damping, stiffness = (q.value for q in (numbers.inertia, numbers.damping, numbers.stiffness))
+    if not decay.has_inertia:
+        omega_n, zeta = numbers.omega_n.value, numbers.damping_ratio.value
+        inertia, damping, stiffness = 1.0, 2 * zeta * omega_n, omega_n**2
+    left = linear_law(inertia, damping, stiffness, 0.0 if decay.trace.signal == "rate" else rest)
+    return f"{left} = 0   (SI, rad)"
+
+
+def verdict(decay: "FreeDecay") -> str:
+    """Say whether the decay is a linear one, and what the intervals are made of."""
+    ratio = decay.trace.noise / decay.floor.std if decay.floor.std > 0 else float("inf")
+    if not decay.known:
+        return "✗ this log does not tell k and d: their intervals are wider than themselves; see the warnings"
+    if any(found.hidden_by_linear_fit for found in decay.nonlinearities):
+        levels = ", ".join(f"{DEGREES * rest.value:+.2f}°" for rest in decay.rest_angles[:6])
+        return (
+            f"✗ not a linear decay: it rests at {levels}, where a spring and a damper come back to one angle; k and d "
+            "do not hold, run `husky-sysid diagnose`"
+        )
+    if not decay.linear:
+        return (
+            f"✗ not a linear decay: the residual is {ratio:.3g} × the estimated sensor noise; see the warnings, and run "
+            "`husky-sysid diagnose`"
+        )
+    share = inertia_share(decay)
+    closing = f"; {100 * share:.0f} % of k's variance comes from I" if share > 0.5 else ""
+    wider = f"; the intervals are {decay.wider:.2g} × wider for it" if decay.wider > 1.05 else ""
+    if ratio > 1.15:
+        size = max(float(abs(fitted.modelled - fitted.level).max()) for fitted in decay.trace.releases)
+        left = 100 * decay.trace.noise / size
+        return (
+            f"✓ linear to {left:.2g} % of the amplitude; what remains is {ratio:.3g} × the estimated sensor noise"
+            f"{wider}{closing}"
+        )
+    return f"✓ linear decay: the residual is {ratio:.2f} × the estimated sensor noise{closing}"
+
+
+def inertia_share(decay: "FreeDecay") -> float:
+    """Return which share of the variance of k the roll inertia brings in."""
+    inertia, stiffness = decay.numbers.inertia, decay.numbers.stiffness
+    if not (inertia.std > 0 and stiffness.std > 0):
+        return 0.0
+    return (inertia.std / inertia.value * stiffness.value / stiffness.std) ** 2
+
+
+def to_json(decay: "FreeDecay") -> dict[str, Any]:
+    """Return the binding result of the command: SI, radians, each quantity with its interval."""
+    logs = [recording.roll.log for recording in decay.recordings]
+    phases = [
+        phase
+        for recording in decay.recordings
+        for phase in log_phases(
+            recording.roll, [release for release in decay.releases if release.log == recording.roll.log]
+        )
+    ]
+    return {
+        "board": decay.board,
+        "logs": logs,
+        "log": ", ".join(logs or dict.fromkeys(release.log for release in decay.releases)),
+        "releases": [
+            {
+                "log": release.log,
+                "number": release.number,
+                "t_start_s": release.start,
+                "t_end_s": float(release.time[-1]),
+                "side": release.side,
+                "amplitude_rad": release.amplitude,
+                "hold_s": release.hold,
+                "end": release.end,
+                "rest_angle": rest.to_json(),
+                "peaks": [
+                    {"t_s": p.time, "angle_rad": p.roll, "half_cycle": p.number, "std_rad": p.std}
+                    for p in peaks
+                ],
+            }
+            for release, peaks, rest in zip(decay.releases, decay.peaks, decay.rest_angles, strict=True)
+        ],
+        "phases": [{"t_start_s": phase.start, "t_end_s": phase.end, "kind": phase.kind} for phase in phases],
+        **decay.numbers.to_json(),
+        "methods": {
+            "whole_trace": {**decay.numbers.to_json(), "signal": decay.trace.signal},
+            "peaks": None if decay.from_line is None else decay.from_line.to_json(),
+            "two_peaks": None if decay.two_peaks is None else {"log_decrement": decay.two_peaks.to_json()},
+        },
+        "residual": {
+            "rms": decay.trace.noise,
+            "noise_floor": decay.floor.std,
+            "correlation": decay.trace.correlation,
+            "intervals_widened": decay.wider,
+            "unit": "rad" if decay.trace.signal == "roll" else "rad/s",
+            "linear": decay.linear,
+        },
+        "patterns": [{"effects": list(p.effects), "text": p.text} for p in decay.nonlinearities],
+        "notes": [note for recording in decay.recordings for note in recording.notes],
+        "warnings": list(decay.warnings),
+    }

@@ -1,0 +1,1 @@
+"""Which effect a model is missing."""

@@ -1,0 +1,133 @@
+"""A diagnosis in words, tables and JSON."""
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from sysid.effects import effect
+from sysid.text import WIDTH, count, display, percent, table
+
+if TYPE_CHECKING:
+    from sysid.diagnosis.diagnose import Candidate, Diagnosis
+
+SHOWN = 8
+"""Models in the table."""
+
+
+def fittable(names: Sequence[str]) -> tuple[str, ...]:
+    """Return those of some effects that `fit` can add: not what is another number of the record."""
+    return tuple(name for name in names if effect(name).identifiable_from_decay)
+
+
+def report(result: "Diagnosis", width: int = WIDTH) -> str:
+    """Return the ranked models, the verdict, how well unseen releases are predicted, and what to do next."""
+    verdict, floor = result.verdict, result.noise
+    show = display(is_rate=result.swing_frequency is not None)
+    rows = [_row(candidate, floor.std) for candidate in result.candidates[:SHOWN]]
+    if not any(candidate.effects == () for candidate in result.candidates[:SHOWN]):
+        rows.append(_row(result.baseline, floor.std))
+    lines = [
+        f"{result.board} · {count(result.releases, 'release')} · sensor noise {show(floor.std, 3)}, {floor.how}",
+        table(("missing", "error / noise", "held out / noise", "score"), rows, width=width),
+        "held out: error on releases that a model had not seen; score: 0 is best, from 8 on a model is ruled out",
+        f"Result: {_headline(result)} (confidence {percent(verdict.confidence)})",
+        verdict.explanation,
+        _predicted(result),
+    ]
+    lines += [
+        f"  looks the same in these logs: {', '.join(group)}" for group in verdict.indistinguishable_from
+    ]
+    if verdict.next_experiment:
+        lines.append(f"next experiment: {verdict.next_experiment}")
+    if result.effects:
+        flags = " ".join(f"--effect {name}" for name in result.effects)
+        lines.append(f"to add it: husky-sysid fit LOG... --board {result.board} {flags}")
+    return "\n".join(lines)
+
+
+def _headline(result: "Diagnosis") -> str:
+    names = " and ".join(result.verdict.effects)
+    if result.status == "none-missing":
+        return "no effect is missing"
+    if result.status == "missing":
+        return f"{names} {'is' if len(result.verdict.effects) == 1 else 'are'} missing"
+    return "something is missing that no effect of the catalogue explains" + (
+        f"; nearest: {names}" if names else ""
+    )
+
+
+def _row(candidate: "Candidate", floor: float) -> tuple[str, ...]:
+    held = "-" if candidate.heldout_rmse is None else f"{candidate.heldout_rmse / floor:.3f}"
+    name = ", ".join(candidate.effects) or "(nothing)"
+    return name, f"{candidate.rmse / floor:.3f}", held, f"{candidate.score:.1f}"
+
+
+def _predicted(result: "Diagnosis") -> str:
+    """Say how well releases are predicted that were left out, each in its turn."""
+    before, after = (
+        ", ".join(f"{100 * error:.2g}" for error in errors)
+        for errors in (result.heldout_before, result.heldout_after)
+    )
+    what = (
+        "each release, predicted from the others,"
+        if len(result.heldout_before) > 1
+        else "the second half, predicted from the first,"
+    )
+    if result.best is result.base:
+        return f"{what} is off by {before} % of its RMS motion"
+    with_it = "with the nearest effects"
+    if result.verdict.status == "missing":
+        with_it = "with it" if len(result.verdict.effects) == 1 else "with them"
+    return f"{what} is off by {after} % of its RMS motion {with_it}, by {before} % without"
+
+
+def to_json(result: "Diagnosis") -> dict[str, Any]:
+    """Return the binding result of the command."""
+    verdict = result.verdict
+    # An error of a measured rate, as the amplitude of a swing at the joint's frequency that has that rate.
+    per = 1.0 if result.swing_frequency is None else 1.0 / result.swing_frequency
+    baseline, heldout = result.baseline, result.baseline.heldout_rmse
+    content: dict[str, Any] = {
+        "board": result.board,
+        "logs": list(result.logs),
+        "signal": "roll" if result.swing_frequency is None else "rate",
+        "noise_floor_rad": per * result.noise.std,
+        "baseline": {
+            "rmse_rad": per * baseline.rmse,
+            "heldout_rmse_rad": None if heldout is None else per * heldout,
+        },
+        "candidates": [
+            {
+                "effects": list(c.effects),
+                "rmse_rad": per * c.rmse,
+                "heldout_rmse_rad": None if c.heldout_rmse is None else per * c.heldout_rmse,
+                "score": c.score,
+                "parameters": {name: quantity.to_json() for name, quantity in c.parameters.items()},
+            }
+            for c in result.candidates
+        ],
+        "verdict": {
+            "status": verdict.status,
+            "effects": list(verdict.effects),
+            "confidence": verdict.confidence,
+            "indistinguishable_from": [list(group) for group in verdict.indistinguishable_from],
+            "heldout_nrmse_before": list(result.heldout_before),
+            "heldout_nrmse_after": list(result.heldout_after),
+            "error_before_rad": per * verdict.error_before,
+            "error_after_rad": per * verdict.error_after,
+            "next_experiment": verdict.next_experiment,
+            "explanation": verdict.explanation,
+            "share_of_peak_torque": dict(result.shares),
+        },
+        "warnings": list(result.doubts),
+    }
+    return _finite(content)
+
+
+def _finite(value: Any) -> Any:
+    """Return a value with null for every number that JSON cannot hold: a runaway model's error is infinite."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}  # pyright: ignore[reportUnknownVariableType]
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]  # pyright: ignore[reportUnknownVariableType]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,0 +1,379 @@
+"""What an effect is: a law with units, and everything that the tool and a user need to know about it.
+
+Every effect is one file beside this one that ends in `EFFECT = TorqueEffect(...)`, `SensorEffect(...)` or
+`SupportEffect(...)`. Its law is written once, against the small `Algebra`, and therefore runs both on CasADi
+expressions and on plain numpy. Nothing outside this folder knows an effect by its name.
+
+The law of the tilt joint, with roll φ, tilt x = φ - rest angle and rate v:
+
+    I φ̈ = -k x - d v + Σ τ(x, v, φ, z),   ż = …
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, Protocol
+
+import numpy as np
+
+from sysid.effects._algebra import Algebra, Value, Values
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+@dataclass(frozen=True, slots=True)
+class JointState:
+    """Where the joint is, as a torque law sees it."""
+
+    tilt: Value
+    """x: roll less the rest angle (and less the support's, if the joint stands on one) [rad]."""
+    rate: Value
+    """v: rate of `tilt` [rad/s]."""
+    roll: Value
+    """φ: absolute roll of the deck [rad]."""
+    stiffness: Value
+    """The joint's linear stiffness k [N*m/rad]."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinearJoint:
+    """The numbers of the linear law."""
+
+    inertia: Value
+    """Roll inertia I [kg*m^2]."""
+    stiffness: Value
+    """Linear stiffness k [N*m/rad]."""
+    damping: Value
+    """Linear damping d [N*m*s/rad]."""
+    rest_angle: Value
+    """Roll at rest [rad]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What a sensor reads, at one instant or at many."""
+
+    angle: Value
+    """[rad]."""
+    rate: Value
+    """Its rate [rad/s]."""
+    time: Value
+    """On the log's clock [s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scales:
+    """Sizes of the problem at hand, from which starts and bounds are made."""
+
+    inertia: float
+    """Roll inertia [kg*m^2]."""
+    stiffness: float
+    """Linear stiffness that fits the decay alone [N*m/rad]."""
+    damping: float
+    """Linear damping that fits the decay alone [N*m*s/rad]."""
+    amplitude: float
+    """Largest tilt in the logs [rad]."""
+    duration: float = 1.0
+    """Longest release [s]."""
+
+    @property
+    def frequency(self) -> float:
+        """Natural frequency [rad/s]."""
+        return float(np.sqrt(self.stiffness / self.inertia))
+
+    @property
+    def rate(self) -> float:
+        """Rate of an undamped swing of the largest amplitude [rad/s]."""
+        return self.amplitude * self.frequency
+
+    @property
+    def torque(self) -> float:
+        """Spring torque at the largest tilt [N*m]."""
+        return self.stiffness * self.amplitude
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameter:
+    """One number of an effect: its unit, its size for a given problem, and where to look for it."""
+
+    name: str
+    unit: str
+    size: Callable[[Scales], float]
+    """A strength that clearly shows in the decay; the unit in which the fit works."""
+    low: float
+    """Lower bound in units of `size`."""
+    high: float
+    """Upper bound in units of `size`."""
+    starts: tuple[float, ...] = (0.1,)
+    """Starting values in units of `size`; several where the cost has several valleys."""
+    neutral: float | None = 0.0
+    """Value at which the effect vanishes; None where no single value does."""
+    default: float | None = None
+    """Value taken where a user leaves the parameter out."""
+    rough: bool = False
+    """Whether the cost is rough along it, because it decides in which half swing the deck stops."""
+
+    def bounds(self, scales: Scales) -> tuple[float, float]:
+        """Return the bounds in `unit`."""
+        size = self.size(scales)
+        return self.low * size, self.high * size
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class State:
+    """One internal variable of an effect, e.g. the elongation of a Maxwell arm."""
+
+    name: str
+    start: Callable[[Algebra, Value, Value, Value, Values], Value]
+    """`start(m, tilt, hold, stiffness, parameters)`: its value at release, after a hold of that length; a
+    sensor's gets the absolute roll for the tilt."""
+    size: Callable[[Scales], float]
+    """Its typical size, for scaling when it is fitted."""
+    rate: Callable[[Algebra, JointState, Value, Values], Value] | None = None
+    """`rate(m, motion, z, parameters)`: its time derivative."""
+    late_release: Callable[[Algebra, Value, Value, Value, Values], Value] | None = None
+    """For a sensor's: `late_release(m, roll, rate, acceleration, parameters)`, its value at a release noticed late, when the deck
+    has that rate already."""
+    detection_delay: Callable[[float, float, Mapping[str, float]], float] | None = None
+    """For a sensor's: `detection_delay(acceleration, noise, parameters)`, for how long a release does not show in its reading [s]."""
+    return_map: Callable[[Algebra, Value, Values], Value] | None = None
+    """For rate-independent states: z follows the tilt, and `return_map(m, z, parameters)` limits it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MujocoSupport:
+    """How an effect reaches MuJoCo, as data for the docs and the exporter."""
+
+    means: str
+    """What is written into the MJCF."""
+    since: str
+    """First MuJoCo version that runs it exactly ('' where it belongs to the log, not the model)."""
+    warp: bool
+    """Whether MuJoCo Warp of that version runs it."""
+    substitute: str = ""
+    """The nearest that MuJoCo 3.11 has, where `since` is newer; '' where not needed."""
+
+    def exact_in(self, version: str) -> bool:
+        """Return whether that MuJoCo version runs the effect exactly."""
+        return bool(self.since) and _numbers(version) >= _numbers(self.since)
+
+    def substituted_in(self, version: str) -> bool:
+        """Return whether that MuJoCo version gets the substitute."""
+        return bool(self.substitute) and not self.exact_in(version)
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    return tuple(int(part) for part in version.split(".")[:2])
+
+
+class ToMjcf(Protocol):
+    """Writes an effect into a spec."""
+
+    def __call__(
+        self,
+        spec: "mujoco.MjSpec",
+        joint: "mujoco.MjsJoint",
+        parameters: Mapping[str, float],
+        *,
+        exact: bool = True,
+    ) -> tuple[str, ...]:
+        """Add the effect to `joint` of `spec`, in place.
+
+        The joint's `stiffness[0]`, `damping[0]` and `springref` hold the linear law already, its parent
+        body carries the roll inertia, and its axis is "1 0 0". `exact=False` writes the substitute
+        that MuJoCo 3.11 runs, where there is one.
+
+        Returns:
+            One line for each thing written, for the comments of the MJCF file.
+
+        Raises:
+            HuskyError: MuJoCo cannot hold these parameters.
+        """
+        ...
+
+
+def spec_angle(spec: "mujoco.MjSpec", angle: float) -> float:
+    """Return an angle [rad] in the unit that the spec's compiler reads: degrees, unless told otherwise."""
+    return float(np.degrees(angle)) if spec.compiler.degree else angle
+
+
+def rest_of(spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint") -> float:
+    """Return the joint's springref [rad], whichever unit the spec's compiler reads."""
+    return float(np.radians(joint.springref) if spec.compiler.degree else joint.springref)
+
+
+def unchanged(m: Algebra, reading: Reading, parameters: Values, states: Sequence[Value]) -> Reading:
+    """Return the reading itself."""
+    del m, parameters, states
+    return reading
+
+
+def belongs_to_log(
+    spec: "mujoco.MjSpec",
+    joint: "mujoco.MjsJoint",
+    parameters: Mapping[str, float],
+    *,
+    exact: bool = True,
+) -> tuple[str, ...]:
+    """Write nothing: the effect is in the measurement and must not go into the model."""
+    del spec, joint, parameters, exact
+    return ()
+
+
+Role = Literal["torque", "support", "shift", "record", "measurement"]
+"""What an effect changes: the torque of the joint; what the joint stands on; the rest angle; the
+numbers of the record (indistinguishable from another k and d in a free decay); or the sensor."""
+
+DecaySign = Literal["constant loss", "growing loss", "longer period", "shorter period", "moving level"]
+"""What the peaks of a decay show: a loss per swing that does not depend on the amplitude, or more than in
+proportion to it; a period that grows or falls with the amplitude; a level that moves with time."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effect:
+    """What every effect says of itself; one of the three kinds below says what it does."""
+
+    name: str
+    title: str
+    """For people, e.g. 'dry friction'."""
+    parameters: tuple[Parameter, ...]
+    role: Role
+    law: str
+    """The law as a formula, for the docs."""
+    formula: str = ""
+    """Its term on the left-hand side of the printed law, with `{parameter}` for values; '' where it has none."""
+    source: str
+    """Where the law comes from."""
+    does: str
+    """What it does to a decay, in one sentence."""
+    look_alikes: tuple[str, ...]
+    """Effects that make nearly the same decay."""
+    experiment: str
+    """The experiment that tells it from its look-alikes."""
+    mujoco: MujocoSupport
+    to_mjcf: ToMjcf
+    example: tuple[float, ...]
+    """Parameters that show the effect clearly on the `pink` board, for pictures and tests."""
+    states: tuple[State, ...] = ()
+    limiting_cases: tuple[tuple[str, Callable[[Values], Sequence[dict[str, float]]]], ...] = ()
+    """Simpler effects that this one turns into at the edge of its parameters, by name. The function takes all parameters of a
+    joint ('stiffness', 'effect.parameter') and returns starts: those that change and those of the simpler effect; none far
+    from the edge."""
+    nonsmooth: bool = False
+    """Whether its torque bends where no turning point is: a search then needs finer steps, and shorter first looks."""
+    sharpness: float = 1.0
+    """How many times the integration steps of a smooth joint it needs, for kinks or a mode of its own: with a sensor of
+    0.04° at 1 kHz the integration should then change χ² by less than one, or by less than ten where it is nonsmooth."""
+    identifiable_from_decay: bool = True
+    """Whether a free decay can tell it from another stiffness and damping."""
+    same_as: tuple[str, ...] = ()
+    """Effects, and parameters of the linear joint, that no free decay can tell it from."""
+    excludes: tuple[str, ...] = ()
+    """Effects that make no sense beside it: it contains them, or they answer to the same."""
+    minimum_amplitude: float = 0.0
+    """Tilt that a log must reach to tell it from the linear law [rad]."""
+    record_direction: tuple[float, float] | None = None
+    """In which proportion it changes ln k and ln d against the record; None where it does more than that."""
+    decay_signs: tuple[tuple[DecaySign, int], ...] = ()
+    """What the peaks of a decay show of it, and its place among the effects that show the same, the likeliest first."""
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of the parameters, in the order of the command line."""
+        return tuple(parameter.name for parameter in self.parameters)
+
+    @property
+    def slides(self) -> bool:
+        """Whether it is dry friction."""
+        return False
+
+    @property
+    def part_of_joint(self) -> bool:
+        """Whether it is in the board, and not in the log or in a simulator."""
+        return True
+
+    def named(self, values: Sequence[Value]) -> dict[str, Value]:
+        """Return values in the parameters' order by name."""
+        return dict(zip(self.parameter_names, values, strict=True))
+
+    def term(self, values: Sequence[float]) -> str:
+        """Return its term of the printed law with its sign, e.g. '+ 0.15 sgn φ̇'; '' where it has no formula."""
+        if not self.formula:
+            return ""
+        sizes = {name: f"{abs(value):.3g}" for name, value in self.named(values).items()}
+        return f"{'-' if values[0] < 0 else '+'} {self.formula.format(**sizes)}"
+
+
+def no_torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
+    """Return zero torque."""
+    del m, motion, parameters, states
+    return 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TorqueEffect(Effect):
+    """An effect of the joint itself: a torque, dry friction, or another number of the linear law."""
+
+    role: Role = "torque"
+    torque: Callable[[Algebra, JointState, Values, Sequence[Value]], Value] = no_torque
+    """`torque(m, motion, parameters, states)` [N*m], without dry friction."""
+    friction: Callable[[Algebra, Value, Values], Value] | None = None
+    """`friction(m, speed, parameters)` [N*m] ≥ 0: dry friction at |v|; at speed 0, what it takes to slide."""
+    modifies: Callable[[LinearJoint, Values], LinearJoint] | None = None
+    """`modifies(joint, parameters)`: the linear law with another number."""
+    restarts: Callable[[Mapping[str, float]], Sequence[dict[str, float]]] | None = None
+    """Where to search again from if a search ended at an edge beyond which the law does not change, so that no descent
+    comes back: takes and returns the effect's parameters in units of their sizes; none elsewhere."""
+    grounded: bool = False
+    """Whether it acts between deck and ground, past what the joint stands on."""
+    adds_stiffness: str = ""
+    """The parameter that adds to the joint's stiffness at small tilts; '' where none does."""
+    acts_during_hold: bool = False
+    """Whether a hand can hold the board against it, so that a release sets off faster than the spring alone makes it."""
+    timestep: str = ""
+    """The parameter that is a simulator's time step, where the effect is that simulator; else ''."""
+
+    @property
+    def slides(self) -> bool:
+        """Whether it is dry friction."""
+        return self.friction is not None
+
+    @property
+    def part_of_joint(self) -> bool:
+        """Whether it is in the board, and not in the log or in a simulator."""
+        return not self.timestep
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorEffect(Effect):
+    """An effect of the sensor or of the log: the board does not have it.
+
+    One with internal states is integrated with the joint; one without is applied to the samples after those, in the
+    catalogue's order.
+    """
+
+    role: Role = "measurement"
+    to_mjcf: ToMjcf = belongs_to_log
+    mujoco: MujocoSupport = MujocoSupport(means="nothing: it belongs to the log", since="", warp=False)
+    observe: Callable[[Algebra, Reading, Values, Sequence[Value]], Reading] = unchanged
+    """`observe(m, reading, parameters, states)`: what it makes of a reading."""
+    clock_ratio: str = ""
+    """The parameter by which the log's clock counts too much time, where the effect is such a clock; else ''."""
+
+    @property
+    def part_of_joint(self) -> bool:
+        """Whether it is in the board, and not in the log or in a simulator."""
+        return False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SupportEffect(Effect):
+    """What the joint stands on, as a body of its own. Its two states are its roll and its rate."""
+
+    role: Role = "support"
+    acceleration: Callable[[Algebra, Value, Value, Value, Values], Value]
+    """`acceleration(m, angle, rate, torque, parameters)` of the support [rad/s^2], which the joint turns with -torque."""
+    series_stiffness: str
+    """The parameter that is a stiffness in series with the joint's."""
+    stepped: tuple[str, str]
+    """The parameters that are its inertia and its damping, which a time step changes as it does the joint's."""

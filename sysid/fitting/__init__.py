@@ -1,0 +1,1 @@
+"""Least squares of a joint to measured releases."""

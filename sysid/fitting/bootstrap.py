@@ -1,0 +1,200 @@
+"""Block bootstrap: intervals that ask the residuals themselves, not a model of them.
+
+With releases enough whole releases are drawn again, so that whatever differs from one to the next (how the
+deck was let go, a bushing that warms up) is in the spread. With few, the fitted motion is kept and blocks of
+residuals are laid over it anew: long enough that their memory survives.
+
+Sources: Künsch (Annals of Statistics 1989) for moving blocks; Politis and White (Econometric Reviews 2004)
+for their length; Efron and Tibshirani (1993), chapter 14, for the bias-corrected percentiles.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from sysid.board import Board
+from sysid.errors import HuskyError
+from sysid.fitting.covariance import noise_behind, torque_like
+from sysid.fitting.problem import Problem
+from sysid.fitting.result import JointFit
+from sysid.least_squares import minimise
+from sysid.noise.autoregression import ResidualNoise
+from sysid.quantity import Z95
+from sysid.roll import Array
+
+ENOUGH_RELEASES = 12
+"""From here on whole releases are drawn; the spread of fewer is too narrow by several percent, and ragged."""
+FEWEST_DRAWS = 100
+"""The ends of a 95 % interval are the 2.5 % tails: two draws of a hundred."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bootstrap:
+    """Parameters fitted again and again."""
+
+    drawn: Literal["releases", "blocks"]
+    block: int
+    """Length of the blocks [samples]; 0 where whole releases were drawn."""
+    draws: Array
+    """Fitted parameters in their units, shape (n, q)."""
+    names: tuple[str, ...]
+    intervals: dict[str, tuple[float, float]]
+    """95 %, bias-corrected percentiles, with the inertia's uncertainty."""
+    failed: int
+    """Draws whose fit found no bounded motion; they are left out."""
+
+    @property
+    def how(self) -> str:
+        """What was drawn, in words."""
+        if self.drawn == "releases":
+            return f"{len(self.draws)} draws of whole releases"
+        if self.block == 1:
+            return f"{len(self.draws)} draws of single residuals (they are white)"
+        return f"{len(self.draws)} draws of residuals in blocks of {self.block} samples"
+
+    @property
+    def roughness(self) -> float:
+        """Relative standard deviation of an interval's half-width that the finite number of draws leaves."""
+        return 1.36 / float(np.sqrt(len(self.draws)))
+
+    def to_json(self) -> dict[str, object]:
+        """Return the intervals for machines."""
+        return {
+            "how": self.how, "draws": len(self.draws), "failed": self.failed, "block_samples": self.block,
+            "ci95": {name: list(ends) for name, ends in self.intervals.items()},
+            "std": dict(zip(self.names, np.std(self.draws, axis=0).tolist(), strict=True)),
+        }  # fmt: skip
+
+
+def require_enough(draws: int) -> None:
+    """Accept a number of draws that an interval can be read from.
+
+    Raises:
+        HuskyError: They are too few.
+    """
+    if draws < FEWEST_DRAWS:
+        raise HuskyError(
+            f"{draws} draws are too few for the ends of a 95 % interval; expected at least {FEWEST_DRAWS} "
+            "(--bootstrap 400 is good to 7 % of the width)."
+        )
+
+
+def bootstrap(
+    fit: JointFit,
+    board: Board,
+    draws: int,
+    *,
+    seed: int = 0,
+    progress: Callable[[int], None] = lambda done: None,
+) -> Bootstrap:
+    """Fit `draws` logs that could as well have been measured.
+
+    Args:
+        fit: The fit.
+        board: Gives the inertia's uncertainty; each draw has an inertia of its own.
+        draws: How many.
+        seed: Of the draws.
+        progress: Called with the number of draws done.
+
+    Raises:
+        HuskyError: Fewer draws than an interval needs, or most of them cannot be fitted.
+    """
+    require_enough(draws)
+    rng = np.random.default_rng(seed)
+    whole = len(fit.records) >= ENOUGH_RELEASES
+    noise = noise_behind(fit.problem, fit.minimum, fit.residuals)
+    block = 0 if whole else block_length(noise, fit.problem.samples)
+    low, high = fit.problem.bounds()
+    count = len(fit.problem.names)
+    found: list[Array] = []
+    for number in range(draws):
+        if whole:
+            again, start, bounds = _of_releases(fit, rng)
+        else:
+            again, start, bounds = _of_blocks(fit, noise, block, rng), fit.minimum.point, (low, high)
+        minimum = minimise(again.normal, start, *bounds, iterations=40, tolerance=1e-6)
+        if np.isfinite(minimum.normal.cost):
+            found.append(minimum.point[:count] * again.sizes()[:count])
+        progress(number + 1)
+    if len(found) < max(FEWEST_DRAWS, draws // 2):
+        raise HuskyError(
+            f"only {len(found)} of {draws} drawn logs could be fitted: the model is at the edge of what these "
+            "logs fix. Fit fewer effects."
+        )
+    names = fit.problem.names
+    table = np.array(found)
+    best = np.array([fit.quantities[name].value for name in names])
+    inertia = 1 + board.inertia.std / board.inertia.value * rng.standard_normal(len(table))
+    scaled = np.where([torque_like(fit.problem, name) for name in names], table * inertia[:, None], table)
+    intervals = {name: corrected_percentiles(scaled[:, i], float(best[i])) for i, name in enumerate(names)}
+    return Bootstrap("releases" if whole else "blocks", block, scaled, names, intervals, draws - len(found))
+
+
+def block_length(noise: ResidualNoise, count: int) -> int:
+    """Return the length of blocks that suits the memory of the noise [samples].
+
+    Politis and White (2004) weigh the bias of short blocks against the scatter of few; blocks are never
+    shorter than five times the memory either, so that cutting it costs no more than a twentieth of the width.
+    """
+    covariances = noise.covariances(4096)
+    lags = np.arange(len(covariances))
+    total = float(covariances[0] + 2 * covariances[1:].sum())
+    moment = float(2 * np.sum(lags * covariances))
+    if total <= 0 or moment <= 0:
+        return 1
+    length = max((1.5 * (moment / total) ** 2 * count) ** (1 / 3), 5 * moment / total)
+    return int(np.clip(np.ceil(length), 1, max(1, count // 4)))
+
+
+def corrected_percentiles(draws: Array, best: float) -> tuple[float, float]:
+    """Return the 95 % interval of draws, corrected where their median is not the best value.
+
+    Like a profile it does not depend on how the parameter is written (k or its logarithm).
+    """
+    from scipy.stats import norm
+
+    n = len(draws)
+    below = (np.sum(draws < best) + 0.5 * np.sum(draws == best)) / n
+    shift = float(norm.ppf(np.clip(below, 1 / n, 1 - 1 / n)))
+    shares = norm.cdf([2 * shift - Z95, 2 * shift + Z95])
+    low, high = np.quantile(draws, shares)
+    return float(low), float(high)
+
+
+def _of_blocks(fit: JointFit, noise: ResidualNoise, block: int, rng: np.random.Generator) -> Problem:
+    """Return the problem on fitted motions with blocks of residuals laid over them."""
+    pool = fit.residuals
+    seen = float(np.sqrt(sum(float(r @ r) for r in pool) / fit.problem.samples))
+    # What the fit took out of the residuals is put back in their size.
+    larger = noise.std / max(seen, 1e-300)
+    mean = float(np.mean(np.concatenate(pool)))
+    records = [
+        replace(record, signal=record.signal + own - larger * (blocks(pool, len(own), block, rng) - mean))
+        for record, own in zip(fit.records, fit.residuals, strict=True)
+    ]
+    return fit.problem.with_(records=records)
+
+
+def blocks(pool: Sequence[Array], count: int, length: int, rng: np.random.Generator) -> Array:
+    """Return blocks of a pool of series one after another, shape (count,)."""
+    length = min(length, *(len(series) for series in pool))
+    places = np.array([len(series) - length + 1 for series in pool])
+    ends = np.cumsum(places)
+    picked: list[Array] = []
+    for place in rng.integers(0, ends[-1], -(-count // length)):
+        which = int(np.searchsorted(ends, place, side="right"))
+        begin = int(place - ends[which] + places[which])
+        picked.append(pool[which][begin : begin + length])
+    return np.concatenate(picked)[:count]
+
+
+def _of_releases(fit: JointFit, rng: np.random.Generator) -> tuple[Problem, Array, tuple[Array, Array]]:
+    """Return the problem on releases drawn with replacement, with its start and bounds."""
+    shared, own = len(fit.problem.names), fit.problem.n_local
+    drawn = rng.integers(0, len(fit.records), len(fit.records))
+    again = fit.problem.with_(records=[fit.records[i] for i in drawn])
+    point = fit.minimum.point
+    start = [point[:shared], *(point[shared + i * own : shared + (i + 1) * own] for i in drawn)]
+    return again, np.concatenate(start), again.bounds()

@@ -1,0 +1,213 @@
+"""What a fit knows of its own parameters: covariance, intervals, and what the data leave open, in words."""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.board import Board
+from sysid.fitting.problem import Problem
+from sysid.fitting.records import Record
+from sysid.joint.structure import Structure
+from sysid.least_squares import Minimum
+from sysid.noise.autoregression import ResidualNoise, residual_noise
+from sysid.noise.lasting import kept_after, own_std
+from sysid.quantity import Quantity
+from sysid.roll import Array
+
+UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "rest_angle": "rad"}
+
+
+def total_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
+    """Return the covariance of the free parameters with the inertia's uncertainty in it, shape (free, free)."""
+    parameters = problem.parameters(minimum.point)
+    by_inertia = np.array(
+        [parameters[n] / board.inertia.value if torque_like(problem, n) else 0.0 for n in problem.names]
+    )
+    own = parameter_covariance(problem, minimum, problem.residuals(minimum.point))
+    return own + np.outer(by_inertia, by_inertia) * board.inertia.std**2
+
+
+def torque_like(problem: Problem, name: str) -> bool:
+    """Whether a parameter scales with the roll inertia: a decay fixes only its ratio to it."""
+    return {**UNITS, **_effect_units(problem.structure)}[name][:3] in ("N*m", "kg*")
+
+
+def parameter_quantities(
+    problem: Problem,
+    minimum: Minimum,
+    board: Board,
+    covariance: Array | None = None,
+    *,
+    certain: bool = True,
+) -> dict[str, Quantity]:
+    """Return the free parameters as quantities; `certain=False` leaves the deviations unknown and is quick."""
+    units = {**UNITS, **_effect_units(problem.structure)}
+    parameters = problem.parameters(minimum.point)
+    if certain and covariance is None:
+        covariance = total_covariance(problem, minimum, board)
+    deviation = (
+        np.full(len(problem.names), np.nan)
+        if covariance is None
+        else np.sqrt(np.maximum(np.diag(covariance), 0))
+    )
+    return {
+        name: Quantity(parameters[name], float(std), units[name], "least squares of the decay")
+        for name, std in zip(problem.names, deviation, strict=True)
+    }
+
+
+def _effect_units(structure: Structure) -> dict[str, str]:
+    return {f"{part.name}.{p.name}": p.unit for part in structure.parts for p in part.parameters}
+
+
+def parameter_covariance(problem: Problem, minimum: Minimum, residuals: Sequence[Array]) -> Array:
+    """Return the covariance of the free parameters, with residuals that may be correlated.
+
+    The sandwich H⁻¹ (Jᵀ R J) H⁻¹, where R is the covariance of the noise behind the residuals
+    (`sysid.noise.autoregression`); for white noise R = σ² 1. Under a robust loss the influence of each residual is
+    bounded, in both layers. A film states errors that last, so that a fit takes them up: what it states is the least.
+
+    Returns:
+        Covariance, shape (free, free), in the parameters' units.
+    """
+    sensitivity = sensitivity_of(problem, minimum)
+    noise = noise_behind(problem, minimum, residuals, sensitivity)
+    shared, sizes = len(problem.names), problem.sizes()
+
+    def sandwich(noises: Sequence[ResidualNoise]) -> Array:
+        meat = sum(
+            (j.T @ noise.applied(j) for j, noise in zip(sensitivity.rows, noises, strict=True)),
+            np.zeros_like(sensitivity.inverse),
+        )
+        return (sensitivity.inverse @ meat @ sensitivity.inverse)[:shared, :shared]
+
+    covariance = sandwich([noise] * len(sensitivity.rows))
+    if any(record.release.errors_last for record in problem.records):
+        stated = sandwich([_stated_noise(record, problem) or noise for record in problem.records])
+        covariance = max(covariance, stated, key=lambda matrix: float(np.trace(matrix)))
+    return covariance * np.outer(sizes[:shared], sizes[:shared])
+
+
+def _stated_noise(record: Record, problem: Problem) -> ResidualNoise | None:
+    """Return the noise that a film states of itself, which lasts from frame to frame; None for a sensor."""
+    release = record.release
+    if not release.errors_last:
+        return None
+    std = float(np.median(own_std(release)))
+    step = problem.average * np.median(np.diff(record.time), keepdims=True)
+    kept = kept_after(step, problem.scales.frequency)
+    return ResidualNoise(std**2 * (1 - float(kept[0]) ** 2), kept)
+
+
+@dataclass(frozen=True, slots=True)
+class Sensitivity:
+    """How the residuals move with all unknowns, in units of their sizes."""
+
+    rows: tuple[Array, ...]
+    """Of each record, shape (n, unknowns); zero in columns of other records and of unknowns at a bound."""
+    inverse: Array
+    """(JᵀJ)⁻¹, shape (unknowns, unknowns), zero for unknowns at a bound."""
+
+
+def sensitivity_of(problem: Problem, minimum: Minimum) -> Sensitivity:
+    """Return the Jacobian at a minimum and the inverse of its square."""
+    shared, own, sizes = len(problem.names), problem.n_local, problem.sizes()
+    free = ~minimum.at_bound
+    rows: list[Array] = []
+    square = np.zeros((len(sizes), len(sizes)))
+    for index, (_, jacobian) in enumerate(problem.linearise(minimum.point)):
+        where = np.r_[0:shared, shared + index * own : shared + (index + 1) * own]
+        row = np.zeros((len(jacobian), len(sizes)))
+        row[:, where] = jacobian * sizes[where]
+        row[:, ~free] = 0.0
+        counted = row if problem.weights is None else row[problem.weights[index] >= 1]
+        square += counted.T @ counted
+        rows.append(row)
+    inverse = np.zeros_like(square)
+    inverse[np.ix_(free, free)] = _inverse(square[np.ix_(free, free)])
+    return Sensitivity(tuple(rows), inverse)
+
+
+def noise_behind(
+    problem: Problem, minimum: Minimum, residuals: Sequence[Array], sensitivity: Sensitivity | None = None
+) -> ResidualNoise:
+    """Return the noise behind the residuals of a minimum."""
+    sensitivity = sensitivity or sensitivity_of(problem, minimum)
+    values, vectors = np.linalg.eigh(sensitivity.inverse)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    if problem.weights is not None:
+        residuals = [r * w for r, w in zip(residuals, problem.weights, strict=True)]
+    return residual_noise(residuals, [row @ root for row in sensitivity.rows])
+
+
+def _inverse(matrix: Array) -> Array:
+    diagonal = np.diag(matrix)
+    scale = 1.0 / np.sqrt(np.maximum(diagonal, 1e-24 * max(float(diagonal.max(initial=0.0)), 1e-200)))
+    values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
+    # A direction that the data leave open keeps a huge variance instead of none.
+    floored = np.maximum(values, 1e-13 * max(float(values[-1]), 1e-300))
+    return (vectors / floored) @ vectors.T * np.outer(scale, scale)
+
+
+def identifiability_warnings(
+    problem: Problem, minimum: Minimum, quantities: Mapping[str, Quantity], covariance: Array
+) -> list[str]:
+    """Say what the data do not fix."""
+    lines: list[str] = []
+    for name, bound in zip(problem.names, minimum.at_bound, strict=False):
+        if bound:
+            lines.append(f"{name} = {quantities[name].value:.4g} {quantities[name].unit} is at its bound")
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    correlation = covariance / np.outer(deviation, deviation)
+    names = list(problem.names)
+    for i, j in itertools.combinations(range(len(names)), 2):
+        if abs(correlation[i, j]) > 0.995:
+            lines.append(
+                f"{names[i]} and {names[j]} cannot be told apart by these releases (correlation "
+                f"{correlation[i, j]:+.4f}): only their combination is fixed"
+            )
+    for name, quantity in quantities.items():
+        if name in ("stiffness", "damping", "rest_angle") or not np.isfinite(quantity.std):
+            continue
+        if quantity.std > abs(quantity.value) and quantity.value != 0:
+            lines.append(f"{name} is not different from zero within its uncertainty ({quantity})")
+    lines += [
+        line
+        for part in problem.structure.effects
+        if (line := identified_combination(part, quantities, covariance))
+    ]
+    return lines
+
+
+def identified_combination(effect: str, quantities: Mapping[str, Quantity], covariance: Array) -> str:
+    """Say which combination of an effect's parameters the data fix, where they fix none of them well.
+
+    In logarithms a product of powers is a direction, and the best known one is the covariance's narrowest.
+    """
+    names = list(quantities)
+    own = [
+        i for i, (name, q) in enumerate(quantities.items())
+        if name.startswith(f"{effect}.") and q.value != 0 and 0 < q.std < np.inf
+    ]  # fmt: skip
+    values = np.array([quantities[names[i]].value for i in own])
+    if len(own) < 2:
+        return ""
+    spread = covariance[np.ix_(own, own)] / np.outer(values, values)
+    shares = np.sqrt(np.diag(spread))
+    variances, directions = np.linalg.eigh(spread)
+    best = float(np.sqrt(max(variances[0], 0.0)))
+    if shares.max() < 0.3 or np.count_nonzero(shares > 0.04) < 2 or best > 0.25 * float(shares.max()):
+        return ""
+    powers = directions[:, 0] / directions[np.argmax(np.abs(directions[:, 0])), 0]
+    best /= float(np.abs(directions[:, 0]).max())
+    if np.count_nonzero(np.abs(powers) > 0.05) < 2:
+        return ""
+    product = " · ".join(
+        names[i].split(".")[1] + ("" if abs(power - 1) < 0.005 else f"^{power:.2f}")
+        for i, power in zip(own, powers, strict=True)
+        if abs(power) > 0.05
+    )
+    each = ", ".join(f"{names[i].split('.')[1]} ± {196 * s:.0f} %" for i, s in zip(own, shares, strict=True))
+    return f"of {effect} these releases fix {product} to ± {196 * best:.1f} %, but not each of them ({each})"

@@ -1,0 +1,71 @@
+"""How far a law that is given misses the measured releases, with only their own starts fitted."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sysid.board import Board
+from sysid.effects._base import Scales
+from sysid.errors import HuskyError
+from sysid.fitting.problem import Problem
+from sysid.fitting.records import Bias, Record
+from sysid.joint import JointLaw
+from sysid.least_squares import minimise
+from sysid.roll import Array
+
+
+def residuals_of_law(
+    board: Board, records: Sequence[Record], *, bias: Bias = "shared", law: JointLaw | None = None
+) -> list[Array]:
+    """Return the residuals of a law that is given, with only roll and rate at each release fitted.
+
+    Args:
+        board: Its law is taken, unless `law` is given.
+        records: Releases.
+        bias: With 'per-release', the sensor zero of each release is fitted too.
+        law: The joint.
+
+    Returns:
+        Model minus measurement of each record [rad or rad/s].
+    """
+    return fit_initial_states(law or JointLaw.from_board(board), records, bias=bias)[0]
+
+
+def fit_initial_states(
+    law: JointLaw, records: Sequence[Record], *, bias: Bias = "shared", steps_per_period: int = 120
+) -> tuple[list[Array], list[tuple[float, float]]]:
+    """Fit roll and rate at each release to a given law.
+
+    Returns:
+        Residuals of each record, and (roll [rad], rate [rad/s]) at each release.
+    """
+    structure = law.structure
+    amplitude = max(max(float(np.ptp(r.release.roll)) for r in records) / 1.6, 1e-4)
+    scales = Scales(
+        inertia=law.inertia, stiffness=max(law.frequency**2 * law.inertia, 1e-9), damping=max(law.damping, 0.0),
+        amplitude=amplitude, duration=max(float(r.time[-1]) for r in records),
+    )  # fmt: skip
+    parameters = law.parameters
+    del parameters["inertia"]
+    free_states = bool(structure.internal_states) and any(r.release.hold <= 0 for r in records)
+    residuals: list[Array] = []
+    starts: list[tuple[float, float]] = []
+    for record in records:
+        problem = Problem(
+            structure,
+            [record],
+            scales,
+            bias=bias,
+            fixed=parameters,
+            free_states=free_states,
+            steps_per_period=steps_per_period,
+        )
+        found = minimise(problem.normal, problem.start(parameters), *problem.bounds(), iterations=30)
+        if not np.isfinite(found.normal.cost):
+            raise HuskyError(
+                "the record's law moves without bound from the measured release. Refit it (husky-sysid fit)."
+            )
+        residuals += problem.residuals(found.point)
+        own = found.point * problem.sizes()
+        starts.append((float(own[0]), float(own[1])))
+    return residuals, starts

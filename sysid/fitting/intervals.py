@@ -1,0 +1,111 @@
+"""Three intervals of one parameter, side by side: do they agree, and if not, which to trust and why."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from sysid.fitting.bootstrap import Bootstrap
+from sysid.fitting.profile import Profile
+from sysid.quantity import Quantity
+
+_BENT = 1.2
+"""Ratio of the two sides of a profile from which its cost is no parabola."""
+_WIDER = 1.25
+"""Ratio of two widths from which they disagree, if draws enough were made to see it."""
+
+Trusted = Literal["Jacobian", "profile", "bootstrap"]
+
+
+@dataclass(frozen=True, slots=True)
+class Agreement:
+    """What the intervals of one parameter say together."""
+
+    name: str
+    trust: Trusted
+    interval: tuple[float, float]
+    """The one to trust."""
+    text: str
+    """Why, in words."""
+
+
+def agreements(
+    quantities: Mapping[str, Quantity], profiles: Sequence[Profile], bootstrap: Bootstrap | None
+) -> list[Agreement]:
+    """Compare the intervals of all parameters that were profiled or drawn again."""
+    shapes = {shape.name: shape for shape in profiles}
+    names = list(shapes) or list(bootstrap.names if bootstrap else ())
+    return [_agreement(name, quantities[name], shapes.get(name), bootstrap) for name in names]
+
+
+def _agreement(
+    name: str, quantity: Quantity, shape: Profile | None, bootstrap: Bootstrap | None
+) -> Agreement:
+    trust: Trusted = "Jacobian"
+    interval, words = quantity.ci95, ""
+    if shape is not None:
+        bend = _bend(quantity, shape)
+        if bend:
+            trust, interval, words = "profile", shape.interval, bend
+    drawn = bootstrap.intervals.get(name) if bootstrap else None
+    if bootstrap is None or drawn is None:
+        return Agreement(name, trust, interval, words or "the cost is a parabola there: both are the same")
+    ratio = (drawn[1] - drawn[0]) / (interval[1] - interval[0])
+    limit = max(_WIDER, 1 + 3 * bootstrap.roughness)
+    others = "the others" if shape is not None else "the Jacobian"
+    if ratio > limit:
+        cause = (
+            "releases differ from one another by more than the noise within them"
+            if bootstrap.drawn == "releases"
+            else f"the residuals are not the steady noise that {others} take them for; ask husky-sysid diagnose "
+            "what the model lacks"
+        )
+        return Agreement(
+            name,
+            "bootstrap",
+            drawn,
+            _joined(words, f"the bootstrap scatters {ratio:.1f} times as far: {cause}"),
+        )
+    if ratio < 1 / limit:
+        narrow = (
+            f"the bootstrap is narrower (by {1 / ratio:.1f}): it sees few independent stretches of residual"
+        )
+        return Agreement(name, trust, interval, _joined(words, narrow))
+    agree = f"the bootstrap agrees (width {ratio:.2f} of it, good to {100 * bootstrap.roughness:.0f} %)"
+    return Agreement(name, trust, interval, _joined(words, agree))
+
+
+def _bend(quantity: Quantity, shape: Profile) -> str:
+    """Say how a profile differs from the Jacobian's parabola; nothing where it does not."""
+    low, high = shape.interval
+    below, above = quantity.value - low, high - quantity.value
+    half = (quantity.ci95[1] - quantity.ci95[0]) / 2
+    if shape.deeper > 0.5:
+        return (
+            f"a lower cost lies at {shape.best:.4g} {quantity.unit} (deviance {shape.deeper:.1f} below): the fit "
+            "ended in a side valley; fit again, with more releases if it persists"
+        )
+    if not (np.isfinite(low) and np.isfinite(high)):
+        side = "either side" if not (np.isfinite(low) or np.isfinite(high)) else (
+            "above" if np.isfinite(low) else "below"
+        )  # fmt: skip
+        return (
+            f"the logs do not bound it on {side}"
+            if side == "either side"
+            else f"the logs do not bound it {side}"
+        )
+    if any(shape.at_bound):
+        end = low if shape.at_bound[0] else high
+        return (
+            f"it reaches its own bound of {end:.3g} within the interval: the logs give a limit, not a value"
+        )
+    if max(below / above, above / below) > _BENT:
+        return f"the cost bends: {-below:+.2g} to one side, {above:+.2g} to the other"
+    if max((below + above) / 2 / half, 2 * half / (below + above)) > _WIDER:
+        return f"the cost is no parabola: the profile is {(below + above) / 2 / half:.2f} times as wide"
+    return ""
+
+
+def _joined(*texts: str) -> str:
+    return "; ".join(text for text in texts if text)

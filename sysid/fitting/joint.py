@@ -1,0 +1,214 @@
+"""Fit one joint to releases: the search, then the parameters that the data do without, then outliers."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from sysid.board import Board
+from sysid.effects import catalogue, effect
+from sysid.effects._base import TorqueEffect
+from sysid.errors import HuskyError, did_you_mean
+from sysid.fitting.problem import Problem
+from sysid.fitting.records import Bias, make_records
+from sysid.fitting.result import JointFit, summarise
+from sysid.fitting.search import scales_of, search
+from sysid.joint.structure import Structure, structure_of
+from sysid.least_squares import Minimum, minimise
+from sysid.noise.floor import noise_floor
+from sysid.noise.whiteness import correlation_length
+from sysid.roll import Release
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FitOptions:
+    """How a fit is done."""
+
+    bias: Bias = "shared"
+    """One sensor zero for all releases, or one each (for integrated gyros)."""
+    robust: bool = False
+    """Huber's loss, against outliers of the sensor."""
+    use_rate: bool = False
+    """Fit the measured rate instead of the roll."""
+    fixed: Mapping[str, float] = field(default_factory=dict[str, float])
+    """Parameters held at a value, by 'stiffness', 'damping', 'rest_angle' or 'effect.parameter'."""
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
+    """Lowest and highest value of parameters, by the same names, in their units."""
+    steps_per_period: int = 60
+    """Of the integrator, in the final fit."""
+
+
+def check_effects(names: Sequence[str]) -> None:
+    """Accept effects that a free decay can say something about.
+
+    Raises:
+        HuskyError: Unknown, or not identifiable from free decays; the message says why.
+    """
+    for name in names:
+        part = effect(name)
+        if not part.identifiable_from_decay:
+            raise HuskyError(
+                f"'{name}' cannot be fitted to a free decay: only k/I, d/I and torque/I show in it, so another "
+                f"stiffness and damping do the same. {part.experiment}"
+            )
+        alike = [other for other in names if other == name or other in part.same_as]
+        if len(alike) > 1:
+            raise HuskyError(
+                f"{' and '.join(alike)} cannot be told apart in a free decay: all of them move it by a constant. "
+                "Fit one of them."
+            )
+
+
+def check_parameters(names: Sequence[str], options: FitOptions) -> None:
+    """Accept held and bounded parameters of a joint with some effects.
+
+    Raises:
+        HuskyError: A parameter that the joint does not have, bounds without room, or nothing left that pulls back.
+    """
+    structure = structure_of(names)
+    known = structure.parameters[1:]
+    for name in (*options.fixed, *options.bounds):
+        if name not in known:
+            raise HuskyError(
+                f"the joint has no parameter '{name}'.{did_you_mean(name, known)} It has {', '.join(known)}."
+            )
+    for name, (low, high) in options.bounds.items():
+        if not low < high:
+            raise HuskyError(f"the bounds of {name} are {low:g} to {high:g}; expected the lower one first.")
+        if name in options.fixed:
+            raise HuskyError(f"{name} is held and bounded at once; give one of both.")
+    if options.fixed.get("stiffness", 1.0) <= 0 and not _pulls_back(structure):
+        pulling = [
+            name
+            for name, part in catalogue().items()
+            if isinstance(part, TorqueEffect) and part.adds_stiffness
+        ]
+        raise HuskyError(
+            "stiffness is held at 0 and nothing else pulls the deck back. Add the effect that does "
+            f"(--effect {' or '.join(pulling)})."
+        )
+
+
+def _pulls_back(structure: Structure) -> bool:
+    return any(part.adds_stiffness for part in structure.torques)
+
+
+def fit_joint(
+    releases: Sequence[Release],
+    board: Board,
+    effects: Sequence[str] = (),
+    options: FitOptions | None = None,
+) -> JointFit:
+    """Fit stiffness, damping, rest angle and the parameters of some effects to releases.
+
+    Args:
+        releases: Free decays of one board.
+        board: Gives the roll inertia, and a start.
+        effects: Names of the catalogue.
+        options: How.
+
+    Raises:
+        HuskyError: Nothing to fit, an effect that free decays cannot identify, or no convergence.
+    """
+    options = options or FitOptions()
+    check_effects(effects)
+    check_parameters(effects, options)
+    if not releases:
+        raise HuskyError("no release to fit. Let the deck go and record until it rests.")
+    noise = noise_floor(releases, rate=options.use_rate)
+    records = make_records(releases, noise.std, rate=options.use_rate, settled=True)
+    scales = scales_of(records, board)
+    structure = structure_of(effects)
+    fixed, bias = dict(options.fixed), options.bias
+    if board.stiffness == 0 and _pulls_back(structure):
+        fixed.setdefault("stiffness", 0.0)
+    zeros = any("rest_angle" in part.same_as for part in structure.parts)
+    if fixed.get("stiffness") == 0 and not (zeros or options.use_rate):
+        bias = "per-release"  # without a spring no rest angle can stand for the sensor's zero
+    if zeros or options.use_rate or bias == "per-release":
+        fixed.setdefault("rest_angle", board.rest_angle)
+    fine = options.steps_per_period * (3 if structure.nonsmooth else 1)
+    problem, minimum, evaluations = search(
+        structure, records, scales, bias=bias, fixed=fixed, bounded=options.bounds, steps_per_period=fine
+    )
+    problem, minimum, more = _plainest(problem, minimum)
+    evaluations += more
+    warnings: list[str] = []
+    if not (board.stiffness and (board.fit or board.decay)):
+        problem, minimum, warnings = _springless(problem, minimum, board)
+    if options.robust:
+        problem, minimum = _robust(problem, minimum)
+    if not np.isfinite(minimum.normal.cost):
+        raise HuskyError("the fit found no parameters with a bounded motion. Check the unit of the log.")
+    found = summarise(problem, minimum, board, noise, evaluations)
+    return replace(found, warnings=(*warnings, *found.warnings))
+
+
+def _plainest(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimum, int]:
+    """Leave parameters that an effect can do without at their default where the data do not ask for more.
+
+    A stop may brake, but one that need not is told by two numbers, and MuJoCo can hold it. The price of a
+    parameter is BIC's.
+    """
+    evaluations = 0
+    for part in problem.structure.parts:
+        for parameter in part.parameters:
+            name = f"{part.name}.{parameter.name}"
+            if parameter.default is None or name not in problem.names:
+                continue
+            simpler = problem.with_(fixed={**problem.fixed, name: parameter.default})
+            start = np.delete(minimum.point, problem.names.index(name))
+            without = minimise(simpler.normal, start, *simpler.bounds())
+            evaluations += without.evaluations
+            noise = 2 * minimum.normal.cost / max(1, problem.samples - len(minimum.point))
+            if 2 * (without.normal.cost - minimum.normal.cost) < np.log(problem.samples) * max(noise, 1.0):
+                problem, minimum = simpler, without
+    return problem, minimum, evaluations
+
+
+def _springless(problem: Problem, minimum: Minimum, board: Board) -> tuple[Problem, Minimum, list[str]]:
+    """Let gravity take the spring's place where the data do without a spring: a pendulum has none.
+
+    A decay hardly tells the one from the other. A spring that was measured before is not given up for that, and one
+    that is clearly there is kept; the price of a parameter is BIC's. No spring is negative, whatever that would explain.
+    """
+    parts = [part for part in problem.structure.torques if part.adds_stiffness]
+    added = [f"{part.name}.{part.adds_stiffness}" for part in parts]
+    free = {*problem.names} - {*problem.bounded}
+    if not (added and {added[0], "stiffness"} <= free):
+        return problem, minimum, []
+    known = problem.parameters(minimum.point)
+    rest_angle = problem.fixed.get("rest_angle", board.rest_angle)
+    zeros = "rest_angle" in problem.names and not problem.records[0].is_rate
+    simpler = problem.with_(
+        fixed={**problem.fixed, "stiffness": 0.0, "rest_angle": rest_angle},
+        bias="per-release" if zeros else problem.bias,
+    )
+    start = simpler.start({**known, added[0]: known[added[0]] + known["stiffness"]})
+    without = minimise(simpler.normal, start, *simpler.bounds())
+    # Residuals that follow the motion count once in their correlation length.
+    noise = 2 * minimum.normal.cost / max(1, problem.samples - len(minimum.point))
+    unit = max(noise, 1.0) * max(correlation_length(problem.residuals(minimum.point)), 1.0)
+    worth = 2 * (without.normal.cost - minimum.normal.cost) / unit
+    if not np.isfinite(without.normal.cost) or (known["stiffness"] > 0 and worth > np.log(problem.samples)):
+        return problem, minimum, []
+    text = (
+        f"these logs show no spring beside {parts[0].name}: stiffness is held at 0. If there is one, hold it at its value "
+        "(--fix stiffness=VALUE)"
+    )
+    return simpler, without, [text]
+
+
+def _robust(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimum]:
+    """Refit with Huber's weights (1.345 standard deviations), iterated to a standstill."""
+    for _ in range(8):
+        residuals = problem.residuals(minimum.point)
+        spread = 1.4826 * float(np.median(np.abs(np.concatenate(residuals))))
+        weights = [np.minimum(1.0, 1.345 * spread / np.maximum(np.abs(r), 1e-300)) for r in residuals]
+        problem.weights = weights
+        following = minimise(problem.normal, minimum.point, *problem.bounds())
+        done = float(np.max(np.abs(following.point - minimum.point))) < 1e-6
+        minimum = following
+        if done:
+            break
+    return problem, minimum

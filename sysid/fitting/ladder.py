@@ -1,0 +1,79 @@
+"""The ladder of models: what each effect takes off the error."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from sysid.board import Board
+from sysid.fitting.joint import FitOptions, fit_joint
+from sysid.fitting.result import JointFit
+from sysid.joint.structure import structure_of
+from sysid.roll import Array, Release
+
+PLAIN = "spring and damper"
+"""The simplest model."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rung:
+    """One model of a ladder, from the linear joint up."""
+
+    label: str
+    """The effect that it adds."""
+    fit: JointFit
+    heldout_rmse: float
+    """On releases that were left out [rad or rad/s]; NaN where that was not asked for."""
+
+    @property
+    def rmse(self) -> float:
+        """On the releases that were fitted [rad or rad/s]."""
+        return self.fit.rmse
+
+    @property
+    def simulated(self) -> tuple[Array, ...]:
+        """Each fitted release as the model has it [rad or rad/s], shapes (n,)."""
+        pairs = zip(self.fit.records, self.fit.residuals, strict=True)
+        return tuple(record.signal + residual for record, residual in pairs)
+
+
+def ladder(
+    releases: Sequence[Release],
+    board: Board,
+    effects: Sequence[str],
+    options: FitOptions,
+    *,
+    heldout: bool = True,
+) -> Iterator[Rung]:
+    """Fit the linear joint, then the joint with one effect more each time.
+
+    Args:
+        releases: Free decays of one board.
+        board: Gives the roll inertia.
+        effects: In the order in which they are added.
+        options: How.
+        heldout: Also predict releases that are left out.
+
+    Raises:
+        SysidError: A model cannot be fitted; those before it have been returned.
+    """
+    for count in range(len(effects) + 1):
+        fitted = fit_joint(releases, board, effects[:count], _without_missing(options, effects[:count]))
+        yield rung_of(effects[:count], fitted, fitted.heldout_rmse() if heldout else math.nan)
+
+
+def _without_missing(options: FitOptions, effects: Sequence[str]) -> FitOptions:
+    """Return options for a joint that lacks effects: what is said of those is left out, and so is a spring that is none."""
+    structure = structure_of(effects)
+    kept = set(structure.parameters)
+    if not any(part.adds_stiffness for part in structure.torques):
+        kept -= {"stiffness"} if options.fixed.get("stiffness") == 0 else set()
+    return replace(
+        options,
+        fixed={name: value for name, value in options.fixed.items() if name in kept},
+        bounds={name: ends for name, ends in options.bounds.items() if name in kept},
+    )
+
+
+def rung_of(effects: Sequence[str], fitted: JointFit, heldout: float) -> Rung:
+    """Return the rung of a fit with some effects."""
+    return Rung(f"+ {effects[-1]}" if effects else PLAIN, fitted, heldout)

@@ -1,0 +1,349 @@
+"""From releases to normal equations: single shooting with exact sensitivities.
+
+All releases share the physics; each has its own roll and rate at release, its own internal states, and
+on request its own sensor bias. Unknowns are scaled by their sizes, so that one is a large change of any.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from sysid.effects._base import Scales, SensorEffect
+from sysid.fitting.records import LETTING_GO, UNSURE_START, Bias, Record
+from sysid.fitting.shooting import Shooting
+from sysid.joint.hermite import hermite_matrix
+from sysid.joint.integrator import build_stepper, steps_for
+from sysid.joint.sensor import at_samples, clock_ratio, reader
+from sysid.joint.structure import Structure
+from sysid.least_squares import Normal
+from sysid.roll import Array, Release
+
+
+@dataclass(frozen=True, slots=True)
+class _Path:
+    """What turns one record into residuals."""
+
+    shooting: Shooting
+    signal: Array
+    clock: Array
+    std: float
+    """Signal, time on the log's clock and noise of the samples, or of means of neighbours; shape (n,)."""
+    reader: Any
+    """What the sensor does to samples, a CasADi function; None where it does nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Start:
+    """How fast one record may start."""
+
+    unsure: float
+    """How well the instant of the release is known [s]; 0 where it was no release from rest."""
+    pull: float
+    """Acceleration with which it sets off [rad/s²]."""
+    std: float
+    """Noise of a sample [rad]; of a rate, as a swing at the joint's frequency."""
+    inward: float
+    """Sign of a rate towards the rest angle."""
+
+
+@dataclass
+class Problem:
+    """Least squares of one structure on some records.
+
+    The vector of unknowns is: free parameters of the joint, then for each record its roll, rate, free
+    internal states and, with bias 'per-release', its bias; each in units of its size.
+    """
+
+    structure: Structure
+    records: Sequence[Record]
+    scales: Scales
+    bias: Bias = "shared"
+    fixed: Mapping[str, float] = field(default_factory=dict[str, float])
+    """Parameters held at a value, by the structure's names."""
+    bounded: Mapping[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
+    """Bounds of free parameters instead of their own, in their units."""
+    free_states: bool = True
+    steps_per_period: int = 40
+    average: int = 1
+    """Neighbouring samples whose means are fitted instead of each: nearly as good, and quicker."""
+    weights: Sequence[Array] | None = None
+    """Of each sample of each record, for robust losses; None for all ones."""
+
+    def with_(self, **changes: Any) -> "Problem":
+        """Return the problem with some of its fields changed; weights belong to the records and do not go along."""
+        return replace(self, **{"weights": None, **changes})
+
+    @property
+    def step(self) -> float:
+        """Integration step [s]."""
+        return 2 * np.pi / self.scales.frequency / self.steps_per_period
+
+    @cached_property
+    def _paths(self) -> list[_Path]:
+        """Grids, functions and buffers: made when first needed, and left behind when a problem is pickled."""
+        stepper = build_stepper(self.structure, free_states=self.free_states, sensitivities=True)
+        paths: list[_Path] = []
+        sensed = bool(at_samples(self.structure))
+        ratio = clock_ratio(self.structure, self.fixed)
+        for record in self.records:
+            time, release = record.time / ratio, record.release
+            steps = steps_for(float(time[-1]), self.step)
+            mean = _averaging(len(time), self.average)
+            slopes = (False, True) if sensed else (record.is_rate,)
+            at = [mean @ hermite_matrix(time, self.step, steps, slope=slope) for slope in slopes]
+            signal = mean @ record.signal
+            paths.append(
+                _Path(
+                    shooting=Shooting(stepper, steps, at, max(release.hold, 0.0)),
+                    signal=signal,
+                    clock=mean @ (record.time + float(release.time[0])),
+                    std=record.std / float(np.sqrt(self.average)),
+                    reader=reader(self.structure).map("readings", "serial", len(signal), [3], [])
+                    if sensed
+                    else None,
+                )
+            )
+        return paths
+
+    @cached_property
+    def _starts(self) -> list[_Start]:
+        """Known from the releases alone, so that whoever asks for them need not build the joint's functions."""
+        starts: list[_Start] = []
+        for record in self.records:
+            release = record.release
+            sampling = float(np.median(np.diff(release.time[:32])))
+            pull = self.scales.frequency**2 * release.amplitude
+            if self.structure.acts_during_hold:  # else only the spring has set it off
+                pull = max(pull, _first_pull(release))
+            unsure = max(UNSURE_START, 0.5 * sampling)
+            std = record.std / (self.scales.frequency if record.is_rate else 1.0)
+            inward = -float(np.sign(release.roll[0] - release.rest))
+            starts.append(_Start(unsure if release.hold > 0 else 0.0, pull, std, inward))
+        return starts
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what is made again from the rest."""
+        made = ("_paths", "_starts", "names", "_sizes", "_columns")
+        return {key: value for key, value in self.__dict__.items() if key not in made}
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The structure's parameters that are free."""
+        return tuple(n for n in self.structure.parameters[1:] if n not in self.fixed)
+
+    @property
+    def n_local(self) -> int:
+        """How many unknowns each record has of its own."""
+        return self._motion + (self.bias == "per-release")
+
+    @property
+    def _motion(self) -> int:
+        """How many of them are roll, rate and internal states."""
+        return 2 + (len(self.structure.internal_states) if self.free_states else 0)
+
+    @cached_property
+    def _columns(self) -> list[int]:
+        """Columns of a reading that are wanted: the reading, the free parameters, the record's own motion."""
+        every = self.structure.parameters[1:]
+        free = [1 + i for i, n in enumerate(every) if n not in self.fixed]
+        return [0, *free, *range(1 + len(every), 1 + len(every) + self._motion)]
+
+    @property
+    def samples(self) -> int:
+        """Number of residuals."""
+        return sum(len(record.time) // self.average for record in self.records)
+
+    def sizes(self) -> Array:
+        """Return the size of each unknown, shape (p,)."""
+        return self._sizes
+
+    @cached_property
+    def _sizes(self) -> Array:
+        s = self.scales
+        known = {"stiffness": s.stiffness, "damping": s.stiffness / s.frequency, "rest_angle": s.amplitude}
+        for part in self.structure.parts:
+            known.update({f"{part.name}.{p.name}": p.size(s) for p in part.parameters})
+        own = [s.amplitude, s.rate]
+        if self.free_states:
+            own += [state.size(s) for state in self.structure.internal_states]
+        own += [s.amplitude] if self.bias == "per-release" else []
+        return np.array([known[name] for name in self.names] + own * len(self.records))
+
+    def bounds(self) -> tuple[Array, Array]:
+        """Return lower and upper bounds in units of the sizes, shape (p,) each."""
+        known = {"stiffness": (-3.0, 50.0), "damping": (-0.5, 20.0), "rest_angle": (-2.0, 2.0)}
+        for part in self.structure.parts:
+            known.update({f"{part.name}.{p.name}": (p.low, p.high) for p in part.parameters})
+        own = [(-4.0, 4.0)] * 2
+        if self.free_states:
+            own += [(-10.0, 10.0)] * len(self.structure.internal_states)
+        own += [(-2.0, 2.0)] if self.bias == "per-release" else []
+        pairs = np.array([known[name] for name in self.names] + own * len(self.records))
+        for index, name in enumerate(self.names):
+            if name in self.bounded:
+                pairs[index] = np.array(self.bounded[name]) / self.sizes()[index]
+        return pairs[:, 0], pairs[:, 1]
+
+    def start(self, parameters: Mapping[str, float]) -> Array:
+        """Return unknowns for given parameters; the rest from the records themselves."""
+        values = [parameters[name] for name in self.names]
+        vector = self.vector_of(parameters)
+        for record in self.records:
+            roll, rate = _first_motion(record)
+            own = [roll, rate]
+            if self.free_states and self.structure.internal_states:
+                held = build_stepper(self.structure, free_states=False, sensitivities=False)
+                start = np.asarray(held.initial(vector, own, max(record.release.hold, 0.0))).ravel()[2:]
+                kept = [
+                    not isinstance(part, SensorEffect) for part in self.structure.parts for _ in part.states
+                ]
+                own += list(start[kept])
+            values += own + ([0.0] if self.bias == "per-release" else [])
+        return np.array(values) / self.sizes()
+
+    def vector_of(self, parameters: Mapping[str, float]) -> Array:
+        """Return the structure's parameter vector, inertia first."""
+        full = {"inertia": self.scales.inertia, **parameters, **self.fixed}
+        return np.array([full[name] for name in self.structure.parameters])
+
+    def parameters(self, unknowns: Array) -> dict[str, float]:
+        """Return all parameters by name, fixed ones included, without the inertia."""
+        count = len(self.names)
+        values = unknowns[:count] * self.sizes()[:count]
+        return {**dict(zip(self.names, map(float, values), strict=True)), **self.fixed}
+
+    def residuals(self, unknowns: Array) -> list[Array]:
+        """Return model minus measurement of each record [rad or rad/s]."""
+        return [pair[0] for pair in self.linearise(unknowns)]
+
+    def linearise(self, unknowns: Array) -> list[tuple[Array, Array]]:
+        """Return residual, shape (n,), and Jacobian, shape (n, free + own), of each record; not scaled.
+
+        The Jacobian's columns are the free parameters and then the record's own unknowns.
+        """
+        values = unknowns * self.sizes()
+        shared, own, motion = len(self.names), self.n_local, self._motion
+        parameters = self.parameters(unknowns)
+        vector = self.vector_of(parameters)
+        result: list[tuple[Array, Array]] = []
+        for index, path in enumerate(self._paths):
+            mine = values[shared + index * own : shared + (index + 1) * own]
+            at = path.shooting.read(vector, mine[:motion], self.step)
+            if len(self._columns) < at.shape[1]:
+                at = at[:, self._columns]
+            result.append(self._observed(path, at, mine, vector))
+        return result
+
+    def _observed(self, path: _Path, at: Array, mine: Array, vector: Array) -> tuple[Array, Array]:
+        """Turn what leaves the filters of the sensor into what it reads, and subtract the measurement."""
+        if path.reader is not None:
+            at = self._read(path, at, vector)
+        residual, jacobian = at[:, 0] - path.signal, at[:, 1:]
+        if self.bias == "per-release":
+            residual = residual + mine[-1]
+            jacobian = np.column_stack([jacobian, np.ones(len(residual))])
+        return residual, jacobian
+
+    def _read(self, path: _Path, at: Array, vector: Array) -> Array:
+        """Apply what the sensor does to samples: from angles above rates, shape (2n, c), to its reading, shape (n, c)."""
+        n, is_rate = len(path.signal), int(self.records[0].is_rate)
+        angle, rate = at[:n], at[n:]
+        reading, slopes = path.reader(angle[:, 0], rate[:, 0], path.clock, vector)
+        by = np.asarray(slopes)[is_rate].reshape(n, -1)
+        with np.errstate(all="ignore"):  # a joint that runs away; `normal` refuses it
+            result = by[:, :1] * angle + by[:, 1:2] * rate
+        result[:, 0] = np.asarray(reading)[is_rate]
+        for column, name in enumerate(self.names, start=1):
+            result[:, column] += by[:, 1 + self.structure.parameters.index(name)]
+        return result
+
+    def normal(self, unknowns: Array) -> Normal:
+        """Return cost and normal equations, residuals in units of their noise."""
+        shared, own = len(self.names), self.n_local
+        sizes = self.sizes()
+        gradient = np.zeros(len(sizes))
+        hessian = np.zeros((len(sizes), len(sizes)))
+        cost = 0.0
+        for index, (residual, jacobian) in enumerate(self.linearise(unknowns)):
+            if not np.all(np.isfinite(residual)) or not np.all(np.isfinite(jacobian)):
+                return Normal(np.inf, gradient, hessian)
+            where = np.r_[0:shared, shared + index * own : shared + (index + 1) * own]
+            if max(float(np.abs(residual).max()), float(np.abs(jacobian).max())) > 1e30:
+                return Normal(np.inf, gradient, hessian)
+            scale = 1.0 / self._paths[index].std
+            r, j = residual * scale, jacobian * (scale * sizes[where])
+            if self.weights is not None:
+                root = np.sqrt(self.weights[index])
+                r, j = r * root, j * root[:, None]
+            cost += 0.5 * float(r @ r)
+            gradient[where] += j.T @ r
+            hessian[np.ix_(where, where)] += j.T @ j
+            where_rate = shared + index * own + 1
+            inward, slope = self._inward(index, unknowns)
+            cost += 0.5 * inward**2
+            gradient[where_rate] += slope * inward
+            hessian[where_rate, where_rate] += slope**2
+        return Normal(cost, gradient, hessian)
+
+    def _inward(self, index: int, unknowns: Array) -> tuple[float, float]:
+        """Return how much faster than from rest a record starts, in deviations, and its slope with the rate.
+
+        A deck that was held still starts at rate zero. A hand may drag and make it late, so only a start
+        towards the rest angle that is too fast counts, beyond what `UNSURE_START` of its acceleration makes.
+        Without this a stop that acts in the first milliseconds only would be taken for a push.
+        """
+        begin = self._starts[index]
+        if begin.unsure == 0 or begin.pull == 0:
+            return 0.0, 0.0
+        at = len(self.names) + index * self.n_local + 1
+        slope = begin.inward * float(self.sizes()[at]) / self._spread(begin, unknowns)
+        return (slope * unknowns[at], slope) if slope * unknowns[at] > 0 else (0.0, 0.0)
+
+    def _spread(self, begin: _Start, unknowns: Array) -> float:
+        """Return the deviation that a start faster than from rest may have [rad/s]: a filter hides the first of it."""
+        late = begin.unsure
+        for part in self.structure.parts:
+            for state in part.states:
+                if state.detection_delay is not None:
+                    known = self.parameters(unknowns)
+                    own = {p.name: known[f"{part.name}.{p.name}"] for p in part.parameters}
+                    late = float(np.hypot(late, state.detection_delay(begin.pull, begin.std, own)))
+        return late * begin.pull
+
+    def start_penalty(self, unknowns: Array) -> float:
+        """Return the sum of squares that `normal` charges for starts that are too fast."""
+        return sum(self._inward(index, unknowns)[0] ** 2 for index in range(len(self.records)))
+
+
+def _first_pull(release: Release) -> float:
+    """Return the acceleration with which a release sets off [rad/s²]: a stop that it leans on pulls hardest."""
+    time = release.time - release.time[0]
+    first, last = np.searchsorted(time, (1.5 * LETTING_GO, 5 * LETTING_GO))
+    gone = np.abs(release.roll[first : last + 1] - release.roll[0]) - 3 * float(np.median(release.std))
+    return float(np.max(2 * gone / time[first : last + 1] ** 2, initial=0.0))
+
+
+def _averaging(count: int, width: int) -> Any:
+    """Return the sparse matrix of means of `width` neighbours, shape (count // width, count)."""
+    from scipy.sparse import csr_matrix, identity
+
+    if width == 1:
+        return identity(count, format="csr")
+    rows = count // width
+    used = rows * width
+    entries = np.full(used, 1.0 / width)
+    return csr_matrix((entries, (np.arange(used) // width, np.arange(used))), shape=(rows, count))
+
+
+def _first_motion(record: Record) -> tuple[float, float]:
+    """Return roll and rate at release from a parabola through the first samples."""
+    release = record.release
+    if record.is_rate:
+        return float(release.roll[0]), float(np.median(record.signal[:3]))
+    span = max(5, int(np.searchsorted(record.time, 0.01)))
+    t, y = record.time[:span], record.signal[:span]
+    fit = np.polynomial.polynomial.polyfit(t, y, min(2, len(t) - 1))
+    return float(fit[0]), float(fit[1]) if span > 12 else 0.0

@@ -1,0 +1,218 @@
+"""Profile likelihood: how far each parameter can move while all others follow.
+
+The interval from the Jacobian takes the cost for a parabola. Where it is none (an effect near zero, a stop
+that is hardly touched, a pair that trades off along a bend) the profile shows the true shape: the
+parameter is held beside its best value, everything else is fitted again, and the rise of the cost is read.
+
+With residuals that are correlated the plain rise promises too much. It is divided by the same factor by
+which correlation widens the variance of this parameter (the vertical adjustment of a misspecified
+likelihood; Chandler and Bate, Biometrika 2007), so where the cost is a parabola both intervals are one.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.board import Board
+from sysid.fitting.covariance import parameter_covariance, torque_like
+from sysid.fitting.result import JointFit
+from sysid.least_squares import Minimum, Normal, minimise
+from sysid.quantity import Z95
+from sysid.roll import Array
+
+_PICTURE = (0.25, 0.5, 0.75, 1.25)
+"""Shares of the way to the end of the interval that are looked at as well."""
+_CLOSE = 0.01
+"""How closely the root of the deviance meets 1.96."""
+_TRIES = 14
+_FARTHEST = 40.0
+"""Of the Jacobian's deviations: beyond, the data leave the parameter open."""
+
+
+@dataclass(frozen=True, slots=True)
+class Profile:
+    """The profile of one parameter."""
+
+    name: str
+    best: float
+    """Where the profile is lowest among all points seen, in the parameter's unit."""
+    values: Array
+    """Where it was looked at, ascending, shape (n,)."""
+    rise: Array
+    """Rise of the adjusted deviance there; 3.84 ends the 95 % interval; shape (n,)."""
+    interval: tuple[float, float]
+    """95 %, with the inertia's uncertainty; ±inf where the data leave it open."""
+    at_bound: tuple[bool, bool]
+    """Whether an end is the parameter's own bound (a friction is not negative) and not the data's."""
+    deeper: float
+    """By how much the deviance fell below the fit's own minimum; 0 where the fit was right."""
+
+    def to_json(self) -> dict[str, object]:
+        """Return the profile for machines."""
+        low, high = (float(end) if np.isfinite(end) else None for end in self.interval)
+        return {
+            "ci95": [low, high], "at_bound": list(self.at_bound), "values": self.values.tolist(),
+            "rise": self.rise.tolist(),
+        }  # fmt: skip
+
+
+def profiles(fit: JointFit, board: Board) -> Iterator[Profile]:
+    """Profile each free parameter of a fit, one after another.
+
+    Args:
+        fit: The fit.
+        board: Gives the inertia's uncertainty, which is added to both sides in quadrature.
+    """
+    problem, minimum = fit.problem, fit.minimum
+    low, high = problem.bounds()
+    own = parameter_covariance(problem, minimum, fit.residuals)
+    sizes = problem.sizes()
+    for index, name in enumerate(problem.names):
+        if minimum.at_bound[index]:
+            continue
+        size = float(sizes[index])
+        deviation = float(np.sqrt(own[index, index])) / size
+        shape = profile(problem.normal, minimum, low, high, index, deviation)
+        best = float(minimum.point[index])
+        share = board.inertia.std / board.inertia.value if torque_like(problem, name) else 0.0
+        inertia = Z95 * abs(best) * share
+        below, above = (float(np.hypot(end - best, inertia)) for end in shape.interval)
+        yield Profile(
+            name, size * shape.best, size * shape.values, shape.rise,
+            (size * (best - below), size * (best + above)), shape.at_bound, shape.deeper,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """A profile in the units of the unknowns."""
+
+    best: float
+    values: Array
+    rise: Array
+    interval: tuple[float, float]
+    at_bound: tuple[bool, bool]
+    deeper: float
+
+
+def profile(
+    normal: Callable[[Array], Normal], minimum: Minimum, low: Array, high: Array, index: int, deviation: float
+) -> Shape:
+    """Walk away from a minimum to both sides along one unknown.
+
+    Args:
+        normal: Cost and normal equations at a point.
+        minimum: Where the cost is least.
+        low: Lower bounds, shape (p,).
+        high: Upper bounds, shape (p,).
+        index: Which unknown.
+        deviation: Its standard deviation, correlation of the residuals included.
+    """
+    plain = _variance(minimum.normal.hessian, ~minimum.at_bound, index)
+    adjustment = deviation**2 / plain if plain > 0 else 1.0
+
+    def rise(value: float, near: Minimum) -> tuple[float, Minimum]:
+        found = _refit(normal, near, low, high, index, value)
+        return 2 * (found.normal.cost - minimum.normal.cost) / adjustment, found
+
+    here = float(minimum.point[index])
+    sides = [
+        _walk(rise, minimum, here, float(bound), sign * deviation)
+        for sign, bound in ((-1.0, low[index]), (1.0, high[index]))
+    ]
+    points = sorted([*sides[0].points, (here, 0.0), *sides[1].points])
+    values, rises = (np.array(column) for column in zip(*points, strict=True))
+    return Shape(
+        float(values[np.argmin(rises)]), values, rises, (sides[0].end, sides[1].end),
+        (sides[0].at_bound, sides[1].at_bound), float(max(0.0, -rises.min())),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class _Side:
+    points: list[tuple[float, float]]
+    end: float
+    at_bound: bool
+
+
+def _walk(
+    rise: Callable[[float, Minimum], tuple[float, Minimum]],
+    minimum: Minimum,
+    best: float,
+    bound: float,
+    step: float,
+) -> _Side:
+    """Find where the deviance has risen to 1.96² on one side, and look at some points more for the picture."""
+    far = best + _FARTHEST * step
+    limit = min(bound, far) if step > 0 else max(bound, far)
+    seen: dict[float, tuple[float, Minimum]] = {best: (0.0, minimum)}
+
+    def root(value: float) -> float:
+        near = min(seen, key=lambda other: abs(other - value))
+        deviance, found = rise(value, seen[near][1])
+        if not np.isfinite(deviance):  # a joint that runs away
+            return 1e3
+        seen[value] = deviance, found
+        return float(np.sqrt(max(deviance, 0.0)))
+
+    inside, outside = (best, 0.0), None
+    value = best + Z95 * step
+    for _ in range(_TRIES):
+        value = min(value, limit) if step > 0 else max(value, limit)
+        height = root(value)
+        if abs(height - Z95) < _CLOSE:
+            value = best + (value - best) * Z95 / height
+            break
+        if height > Z95:
+            outside = value, height
+        else:
+            inside = value, height
+            if value == limit:
+                break
+        if outside is None:
+            growth = Z95 / max(height, 1e-3)
+            value = best + (value - best) * float(np.clip(growth, 1.05, 3.0))
+        else:  # the root of the deviance is nearly a straight line
+            share = (Z95 - inside[1]) / (outside[1] - inside[1])
+            value = inside[0] + float(np.clip(share, 0.1, 0.9)) * (outside[0] - inside[0])
+    open_ended = value == limit and inside[0] == limit
+    if value != best:
+        for share in _PICTURE:
+            further = best + share * (value - best)
+            if abs(further - best) <= abs(limit - best):
+                root(further)
+    points = [(where, deviance) for where, (deviance, _) in seen.items() if where != best]
+    if not open_ended:
+        return _Side(points, value, at_bound=False)
+    return _Side(
+        points, bound if limit == bound else float(np.copysign(np.inf, step)), at_bound=limit == bound
+    )
+
+
+def _refit(
+    normal: Callable[[Array], Normal], last: Minimum, low: Array, high: Array, index: int, value: float
+) -> Minimum:
+    """Fit all unknowns but one, from where they were, moved along with it."""
+    others = np.arange(len(low)) != index
+    hessian = last.normal.hessian
+    start = last.point.copy()
+    free = others & ~last.at_bound
+    pull = hessian[np.ix_(free, [index])][:, 0] * (value - start[index])
+    start[free] -= np.linalg.lstsq(hessian[np.ix_(free, free)], pull, rcond=1e-10)[0]
+    start[index] = value
+    pinned_low, pinned_high = low.copy(), high.copy()
+    pinned_low[index] = pinned_high[index] = value
+    moved = minimise(normal, start, pinned_low, pinned_high, iterations=40, tolerance=1e-6)
+    if np.isfinite(moved.normal.cost):
+        return moved
+    plain = last.point.copy()
+    plain[index] = value
+    return minimise(normal, plain, pinned_low, pinned_high, iterations=40, tolerance=1e-6)
+
+
+def _variance(hessian: Array, free: np.ndarray, index: int) -> float:
+    keep = np.flatnonzero(free)
+    inverse = np.linalg.pinv(hessian[np.ix_(keep, keep)], rcond=1e-13, hermitian=True)
+    where = int(np.searchsorted(keep, index))
+    return float(inverse[where, where])

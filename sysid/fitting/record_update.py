@@ -1,0 +1,135 @@
+"""A fitted joint becomes part of the board record: values, deviations, provenance, and a history line."""
+
+import datetime
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sysid.board import Board, BoardEffect
+from sysid.effects import effect
+from sysid.errors import HuskyError
+from sysid.files import sha256
+from sysid.fitting.initial_state import residuals_of_law
+from sysid.fitting.result import JointFit
+from sysid.quantity import Quantity
+
+
+def require_usable(fit: JointFit) -> None:
+    """Accept a fit that may be recorded.
+
+    Raises:
+        HuskyError: It did not converge, a parameter ended at its bound, or the data leave one open.
+    """
+    if fit.minimum.status != "converged":
+        raise HuskyError(
+            f"the fit did not converge ({fit.status}); the record is unchanged. Try other effects (husky-sysid "
+            "diagnose), or fewer."
+        )
+    names = list(fit.quantities)
+    for name, at_bound in zip(names, fit.minimum.at_bound, strict=False):
+        value = fit.quantities[name]
+        if not at_bound or name in fit.problem.bounded:
+            continue
+        vanished = "." in name and abs(value.value) < 1e-12
+        alone = sum(other.startswith(name.split(".")[0] + ".") for other in names) == 1
+        cause = (
+            "these logs show no such effect" if vanished and alone
+            else "these logs can do without it; a simpler effect says as much" if vanished
+            else "the logs do not fix it, or the effect is the wrong one"
+        )  # fmt: skip
+        raise HuskyError(
+            f"{name} ended at its bound ({value.value:.4g} {value.unit}): {cause}; the record is unchanged. "
+            "Ask husky-sysid diagnose what the logs do show."
+        )
+    for name in ("stiffness", "damping"):
+        if name in fit.quantities and fit.quantities[name].value <= 0:
+            raise HuskyError(
+                f"{name} came out as {fit.quantities[name].value:.4g}, which no passive joint has; the record is "
+                f"unchanged. Ask husky-sysid diagnose what the logs do show, or hold it (--fix {name}=0)."
+            )
+    for name, quantity in fit.quantities.items():
+        if quantity.std > 3 * max(abs(quantity.value), 1e-9) and name != "rest_angle":
+            raise HuskyError(
+                f"{name} is {quantity}: these logs do not fix it; the record is unchanged. {_advice(name)}"
+            )
+
+
+def _advice(name: str) -> str:
+    return effect(name.split(".")[0]).experiment if "." in name else "Record more releases, to both sides."
+
+
+def updated_board(
+    board: Board,
+    fit: JointFit,
+    logs: Mapping[str, Path],
+    *,
+    heldout: float,
+    today: datetime.date | None = None,
+) -> Board:
+    """Return the board with a fit in it: no check has passed it yet.
+
+    Args:
+        board: The record before.
+        fit: The fit.
+        logs: The files that were fitted, by the names that the record shall give them.
+        heldout: RMSE on releases that were left out [rad].
+        today: Date of the fit; today if None.
+    """
+    day = (today or datetime.datetime.now(tz=datetime.UTC).date()).isoformat()
+    kept = {**board.tilt}
+    for name in ("stiffness", "damping", "rest_angle"):
+        if name in fit.quantities:
+            kept[name] = replace(fit.quantities[name], method="")
+        elif name in fit.problem.fixed:
+            kept[name] = Quantity(
+                fit.problem.fixed[name],
+                kept[name].std if fit.problem.fixed[name] == kept[name].value else 0.0,
+                kept[name].unit,
+            )
+    effects = tuple(BoardEffect(name, _parameters(fit, name, values)) for name, values in fit.law.effects)
+    names = [name for name, _ in fit.law.effects]
+    line: dict[str, Any] = {
+        "date": day, "effects": names, "rmse_before": error_of(board, fit), "rmse": fit.rmse,
+        "heldout_rmse": heldout, "noise_floor": fit.noise.std,
+    }  # fmt: skip
+    return replace(
+        board,
+        tilt=kept,
+        effects=effects,
+        fit={
+            "logs": [{"path": name, "sha256": sha256(log)} for name, log in logs.items()],
+            # The law is continuous; this is the step at which the fit integrated it.
+            "integrator": "RK4",
+            "timestep": fit.problem.step,
+            "signal": "rate" if fit.records[0].is_rate else "roll",
+            "releases": len(fit.records),
+            "rmse": fit.rmse,
+            "heldout_rmse": heldout,
+            "noise_floor": fit.noise.std,
+            "unit": "rad/s" if fit.records[0].is_rate else "rad",
+            "version": version("husky-sysid"),
+            "date": day,
+        },
+        check={},
+        history=(*board.history, line),
+    )
+
+
+def _parameters(fit: JointFit, name: str, values: Sequence[float]) -> Mapping[str, Quantity]:
+    quantities: dict[str, Quantity] = {}
+    for parameter, value in zip(effect(name).parameters, values, strict=True):
+        known = fit.quantities.get(f"{name}.{parameter.name}")
+        quantities[parameter.name] = (
+            Quantity(value, 0.0, parameter.unit) if known is None else replace(known, method="")
+        )
+    return quantities
+
+
+def error_of(board: Board, fit: JointFit) -> float:
+    """Return the RMSE of the record as it stands on the fitted releases, roll and rate at release free."""
+    residuals = residuals_of_law(board, fit.records, bias=fit.problem.bias)
+    return float(np.sqrt(np.mean(np.concatenate(residuals) ** 2)))

@@ -1,0 +1,119 @@
+"""What is fitted of each release: which signal, from when, and until when."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, TypedDict
+
+import numpy as np
+
+from sysid.noise.floor import pooled_step
+from sysid.roll import Array, Release
+
+Bias = Literal["shared", "per-release"]
+"""Sensor zero: one for all releases (it is then part of the rest angle), or one for each."""
+Signal = Literal["auto", "roll", "rate", "per-release"]
+"""What is fitted or compared: the roll, with one zero for all releases; the measured rate; or the roll with a zero for
+each release. 'auto' chooses by what the sensor measured and whether its zero drifts."""
+
+
+class SignalOptions(TypedDict):
+    """A choice of signal, as the fitting functions take it."""
+
+    use_rate: bool
+    bias: Bias
+
+
+def signal_of(releases: Sequence[Release], signal: Signal = "auto") -> SignalOptions:
+    """Return which signal of some releases to fit.
+
+    A rate gyro's roll is only its integral, which drifts: there the rate itself. A roll that was fused from
+    accelerometer and gyro has a zero that wanders from release to release.
+
+    Args:
+        releases: From one board.
+        signal: 'auto', or what the caller wants.
+    """
+    if signal == "auto":
+        drifting = any(release.zero == "drifting" for release in releases)
+        integrals = all(release.measured == "rate" for release in releases)
+        signal = "rate" if integrals else "per-release" if drifting else "roll"
+    return {"use_rate": signal == "rate", "bias": "per-release" if signal == "per-release" else "shared"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Record:
+    """What is fitted of one release."""
+
+    release: Release
+    time: Array
+    """Since the release [s], shape (n,)."""
+    signal: Array
+    """Measured roll [rad], or roll rate [rad/s] if `is_rate`, shape (n,)."""
+    is_rate: bool
+    std: float
+    """Noise of the signal, one number [rad or rad/s]."""
+
+
+def make_records(
+    releases: Sequence[Release], std: float, *, rate: bool, settled: bool = False
+) -> tuple[Record, ...]:
+    """Cut the tails at rest that say nothing new and return what is to be fitted.
+
+    Args:
+        releases: From one board.
+        std: Noise floor of the signal [rad or rad/s].
+        rate: Fit the measured rate (the roll is only its integral) instead of the roll.
+        settled: Keep what a coarse sensor shows of the rest: rounded, but where a deck sticks tells its friction.
+    """
+    records: list[Record] = []
+    step = pooled_step(releases, rate=rate)
+    coarse = COARSE_STEPS * step if step > std else 0.0
+    for release in releases:
+        measured = release.rate if rate and release.rate is not None else release.roll
+        end = _end_of_motion(release, measured, std)
+        begin = _onset(release)
+        if coarse > 0 and not settled:
+            level = 0.0 if rate else release.rest
+            beyond = np.flatnonzero(np.abs(measured[:end] - level) > coarse)
+            end = max(min(end, begin + 32), int(beyond[-1]) + 1 if len(beyond) else 0)
+        time = release.time[begin:end] - release.time[0]
+        records.append(Record(release=release, time=time, signal=measured[begin:end], is_rate=rate, std=std))
+    return tuple(records)
+
+
+COARSE_STEPS = 3.0
+"""Steps of a coarse sensor within which a swing is not fitted: what it rounds there is no noise any more."""
+LETTING_GO = 0.004
+"""For how long a hand still drags while it lets go [s]."""
+UNSURE_START = 0.002
+"""How well the instant of a release from a hold is known [s]."""
+
+
+def _onset(release: Release) -> int:
+    """Return the first sample without a hand on the deck.
+
+    A finger that slides off rounds the start just as a filter in the sensor would. The motion still begins at
+    the release, where rubber and sliders are as the hold left them; roll and rate there are fitted.
+    """
+    if release.hold <= 0:
+        return 0
+    return int(np.searchsorted(release.time - release.time[0], LETTING_GO))
+
+
+def _end_of_motion(release: Release, signal: Array, std: float) -> int:
+    """Return how many samples to keep: the motion, and as long again of the rest after it.
+
+    A long rest would outweigh the motion and teach nothing: a joint that sticks is still. The last tenth
+    of a release that came to rest, or was caught, may hold the hand that comes for the next one, and is left
+    out.
+    """
+    n = len(signal)
+    if release.end == "log":
+        return n
+    quiet = max(16, int(0.9 * n))
+    level = float(np.median(signal[int(0.7 * quiet) : quiet]))
+    window = max(1, n // 100)
+    smooth = np.convolve(signal[:quiet] - level, np.ones(window) / window, mode="same")
+    moving = np.flatnonzero(np.abs(smooth[: quiet - window]) > 5.0 * std / np.sqrt(window))
+    last = int(moving[-1]) if len(moving) else quiet
+    return min(quiet, 2 * last + 16)

@@ -1,0 +1,141 @@
+"""A fit in words, tables and JSON."""
+
+from collections.abc import Sequence
+from math import floor, isfinite, log10
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sysid.text import WIDTH, count, display, table
+
+if TYPE_CHECKING:
+    from sysid.fit_mjcf import Fit
+    from sysid.fitting.bootstrap import Bootstrap
+    from sysid.fitting.intervals import Agreement
+    from sysid.fitting.profile import Profile
+    from sysid.fitting.result import JointFit
+
+
+HELD_OUT = "held out: error on releases that the fit had not seen"
+"""Below the ladder."""
+
+
+def report(fit: "Fit", width: int = WIDTH) -> str:
+    """Return the quantities before and after, and the errors from the linear joint up."""
+    show = display(is_rate=fit.is_rate)
+    known = {
+        **{name: quantity for name, quantity in fit.before.tilt.items() if name != "range"},
+        **{
+            f"{part.name}.{name}": quantity
+            for part in fit.before.effects
+            for name, quantity in part.parameters.items()
+        },
+    }
+    quantities = table(
+        ("quantity", "before", "after ± 95 %"),
+        [(name, str(known.get(name, "-")), str(quantity)) for name, quantity in fit.quantities.items()],
+        width=width,
+    )
+    rungs = table(
+        ("model", "error", "held out", "error / noise"),
+        [
+            (
+                rung.label,
+                show(rung.rmse),
+                show(rung.heldout_rmse),
+                f"{rung.rmse / fit.noise.std:.3f}",
+            )
+            for rung in fit.ladder
+        ],
+        width=width,
+    )
+    heading = (
+        f"{fit.before.name} · {count(len(fit.joint.records), 'release')} · {fit.status} · sensor noise "
+        f"{show(fit.noise.std, 3)}, {fit.noise.how}"
+    )
+    return "\n".join(
+        (heading, quantities, rungs, HELD_OUT, f"record as it stood: error {show(fit.rmse_before)}")
+    )
+
+
+def to_json(fit: "Fit") -> dict[str, Any]:
+    """Return the result of the command: SI, radians, each quantity with its interval."""
+    # An error of a measured rate, as the amplitude of a swing at the joint's frequency that has that rate.
+    per = 1.0 / fit.law.frequency if fit.is_rate else 1.0
+    return {
+        "board": fit.before.name,
+        "effects": [name for name, _ in fit.law.effects],
+        "inertia": fit.before.inertia.to_json(),
+        "parameters": {name: quantity.to_json() for name, quantity in fit.quantities.items()},
+        "correlation": {
+            "names": list(fit.quantities),
+            "matrix": np.nan_to_num(fit.joint.correlation).tolist(),
+        },
+        "rmse_rad": per * fit.rmse,
+        "nrmse": fit.joint.nrmse,
+        "heldout_rmse_rad": per * fit.heldout_rmse,
+        "noise_floor_rad": per * fit.noise.std,
+        "signal": "rate" if fit.is_rate else "roll",
+        "rmse_before_rad": per * fit.rmse_before,
+        "ladder": [
+            {"model": r.label, "rmse_rad": per * r.rmse, "heldout_rmse_rad": per * r.heldout_rmse}
+            for r in fit.ladder
+        ],
+        **({"fixed": dict(fit.options.fixed)} if fit.options.fixed else {}),
+        **(
+            {"bounds": {name: list(ends) for name, ends in fit.options.bounds.items()}}
+            if fit.options.bounds
+            else {}
+        ),
+        "status": fit.status,
+        "warnings": list(fit.joint.warnings),
+    }
+
+
+def interval_report(
+    fit: "JointFit",
+    profiles: "Sequence[Profile]",
+    bootstrap: "Bootstrap | None",
+    agreements: "Sequence[Agreement]",
+    width: int = WIDTH,
+) -> str:
+    """Return the 95 % intervals of a fit, from each method side by side, and which to trust."""
+    columns = ["95 % interval", "Jacobian"]
+    columns += (["profile"] if profiles else []) + ([bootstrap.how] if bootstrap else [])
+    by_name = {shape.name: shape for shape in profiles}
+    rows: list[list[str]] = []
+    for name, quantity in fit.quantities.items():
+        row = [name, _interval(quantity.ci95, quantity.std)]
+        if profiles:
+            row.append(_interval(by_name[name].interval, quantity.std) if name in by_name else "-")
+        if bootstrap:
+            row.append(_interval(bootstrap.intervals[name], quantity.std))
+        rows.append(row)
+    trust = (f"{one.name}: trust the {one.trust}'s interval: {one.text}" for one in agreements)
+    return "\n".join((table(columns, rows, width=width), *trust))
+
+
+def interval_json(
+    profiles: "Sequence[Profile]", bootstrap: "Bootstrap | None", agreements: "Sequence[Agreement]"
+) -> dict[str, Any]:
+    """Return what `fit --profile` and `fit --bootstrap` add to the JSON."""
+    return {
+        **({"profile": {shape.name: shape.to_json() for shape in profiles}} if profiles else {}),
+        **({"bootstrap": bootstrap.to_json()} if bootstrap else {}),
+        "intervals": [
+            {
+                "name": one.name,
+                "trust": one.trust,
+                "ci95": [end if isfinite(end) else None for end in one.interval],
+                "text": one.text,
+            }
+            for one in agreements
+        ],
+    }
+
+
+def _interval(interval: tuple[float, float], error: float) -> str:
+    """Print an interval to a tenth of its deviation."""
+    decimals = max(0, 1 - floor(log10(error))) if error > 0 and isfinite(error) else 4
+    low, high = (f"{end:.{decimals}f}" if isfinite(end) else "open" for end in interval)
+    return f"{low} … {high}"

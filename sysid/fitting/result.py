@@ -1,0 +1,119 @@
+"""A fitted joint: its law, its parameters with their uncertainty, and what is left."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sysid.board import Board
+from sysid.fitting.covariance import identifiability_warnings, parameter_quantities, total_covariance
+from sysid.fitting.cross_validation import heldout_residuals, rms
+from sysid.fitting.problem import Problem
+from sysid.fitting.records import Record
+from sysid.joint.law import JointLaw
+from sysid.joint.torques import torque_shares
+from sysid.least_squares import Minimum
+from sysid.noise.floor import NoiseFloor
+from sysid.quantity import Quantity
+from sysid.roll import Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointFit:
+    """A fitted joint, with what is known of its uncertainty."""
+
+    law: JointLaw
+    quantities: Mapping[str, Quantity]
+    """'stiffness', 'damping', 'rest_angle' and 'effect.parameter', with the inertia's uncertainty in them."""
+    covariance: Array
+    """Of `quantities`, in their order, shape (q, q)."""
+    rmse: float
+    """Root mean square residual over all samples [rad; rad/s if the rate was fitted]."""
+    noise: NoiseFloor
+    records: tuple[Record, ...]
+    starts: tuple[tuple[float, float], ...]
+    """Roll [rad] and rate [rad/s] at each release."""
+    residuals: tuple[Array, ...]
+    """Model minus measurement of each record."""
+    evaluations: int
+    warnings: tuple[str, ...] = ()
+    problem: Problem = field(repr=False)
+    minimum: Minimum = field(repr=False)
+
+    @property
+    def correlation(self) -> Array:
+        """Correlation of the quantities, shape (q, q)."""
+        deviation = np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))
+        return self.covariance / np.outer(deviation, deviation)
+
+    @property
+    def status(self) -> str:
+        """How the search ended, in words."""
+        return f"{self.minimum.status} after {self.evaluations} evaluations"
+
+    @property
+    def nonsmooth(self) -> bool:
+        """Whether the cost has kinks, which an interval from the Jacobian does not see."""
+        structure = self.law.structure
+        return structure.has_dry_friction or structure.nonsmooth
+
+    @property
+    def measured_rms(self) -> float:
+        """RMS of the measured signal about rest, of all records together."""
+        total, count = 0.0, 0
+        for record in self.records:
+            rest = 0.0 if record.is_rate else self.law.rest_angle
+            total += float(np.sum((record.signal - rest) ** 2))
+            count += len(record.signal)
+        return float(np.sqrt(total / count))
+
+    def heldout_rmse(self) -> float:
+        """Return the error on releases that were left out, one after another [rad or rad/s].
+
+        With one release it is the second half of its motion, predicted from the first.
+        """
+        return rms(heldout_residuals(self.problem, self.minimum))
+
+    @property
+    def nrmse(self) -> float:
+        """RMSE over the RMS of the measurement about rest."""
+        return self.rmse / self.measured_rms
+
+
+def summarise(
+    problem: Problem, minimum: Minimum, board: Board, noise: NoiseFloor, evaluations: int
+) -> JointFit:
+    """Turn a minimum into quantities with uncertainty."""
+    names = problem.names
+    residuals = problem.residuals(minimum.point)
+    parameters = problem.parameters(minimum.point)
+    covariance = total_covariance(problem, minimum, board)
+    quantities = parameter_quantities(problem, minimum, board, covariance)
+    own = problem.n_local
+    begins = minimum.point[len(names) :] * problem.sizes()[len(names) :]
+    vector = problem.vector_of(parameters)
+    squares = sum(float(r @ r) for r in residuals)
+    return JointFit(
+        law=JointLaw.from_vector(problem.structure, vector),
+        quantities=quantities,
+        covariance=covariance,
+        rmse=float(np.sqrt(squares / problem.samples)),
+        noise=noise,
+        records=tuple(problem.records),
+        starts=tuple((float(begins[i * own]), float(begins[i * own + 1])) for i in range(len(problem.records))),
+        residuals=tuple(residuals),
+        evaluations=evaluations,
+        warnings=tuple(identifiability_warnings(problem, minimum, quantities, covariance)),
+        problem=problem,
+        minimum=minimum,
+    )  # fmt: skip
+
+
+def strength(problem: Problem, minimum: Minimum, effects: Sequence[str]) -> dict[str, float]:
+    """Return the peak torque of effects over the peak torque of the joint, along the fitted motion."""
+    law = JointLaw.from_vector(problem.structure, problem.vector_of(problem.parameters(minimum.point)))
+    own, shared = problem.n_local, len(problem.names)
+    begins = (minimum.point * problem.sizes())[shared:]
+    starts = [(begins[i * own], begins[i * own + 1]) for i in range(len(problem.records))]
+    times = [record.time for record in problem.records]
+    return torque_shares(law, times, starts, effects)

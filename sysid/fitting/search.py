@@ -1,0 +1,269 @@
+"""Where the best parameters of a joint are: starts, sizes, and a search that rough costs do not catch."""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sysid.board import Board
+from sysid.effects._base import Scales
+from sysid.errors import HuskyError
+from sysid.fitting.problem import Problem
+from sysid.fitting.records import Bias, Record
+from sysid.joint.structure import Structure
+from sysid.least_squares import Minimum, minimise
+from sysid.roll import Array
+
+_LONG = (1.25, 4.0)
+_SHORT = (0.6, 1.25, 2.5, 4.0)
+"""How many periods of each release are looked at before the whole: a stop that is met at each swing decides
+when the next one begins, and whoever looks at all of them at once sees false valleys only."""
+
+
+_VISCOUS = (0.6, 0.2)
+"""Shares of the loss left to the damper from which a joint with dry friction is searched."""
+_ASTRAY = 1.5
+"""Ratio of stiffnesses, with one rest angle for all releases and with one each, from which the former errs."""
+
+
+def scales_of(records: Sequence[Record], board: Board) -> Scales:
+    """Return the sizes of the problem from a linear fit, started from the data and from the board."""
+    amplitude = max(float(np.ptp(r.release.roll)) for r in records)
+    amplitude = max(amplitude / 1.6, 1e-4)
+    duration = max(float(r.time[-1]) for r in records)
+    rough = Scales(
+        inertia=board.inertia.value, stiffness=board.stiffness, damping=board.damping,
+        amplitude=amplitude, duration=duration,
+    )  # fmt: skip
+    together = _linear_scales(records, rough, "shared")
+    if records[0].is_rate or len(records) == 1:
+        return together
+    apart = _linear_scales(records, rough, "per-release")
+    # One rest angle for all is right, unless the sensor drifts so far that the stiffness has to pay for it.
+    return together if 1 / _ASTRAY < together.stiffness / apart.stiffness < _ASTRAY else apart
+
+
+def _linear_scales(records: Sequence[Record], known: Scales, bias: Bias) -> Scales:
+    """Return the sizes with the linear joint's stiffness and damping that fit best, from several starts."""
+    rest = _rest(records)
+    guesses = (
+        [(known.stiffness / known.inertia, known.damping / known.inertia)] if known.stiffness > 0 else []
+    )
+    guesses += [guess for record in records if (guess := linear_guess(record)) is not None]
+    best: tuple[float, Scales] | None = None
+    for square, decay in guesses:
+        rough = replace(known, stiffness=known.inertia * square, damping=known.inertia * decay)
+        fixed = {"rest_angle": rest} if bias == "per-release" else {}
+        problem = Problem(Structure(), records, rough, bias=bias, fixed=fixed, steps_per_period=30)
+        start = problem.start({"stiffness": rough.stiffness, "damping": rough.damping, "rest_angle": rest})
+        minimum = minimise(problem.normal, start, *problem.bounds(), iterations=25)
+        found = problem.parameters(minimum.point)
+        if found["stiffness"] <= 0:
+            continue
+        if best is None or minimum.normal.cost < best[0]:
+            scale = replace(rough, stiffness=found["stiffness"], damping=found["damping"])
+            best = minimum.normal.cost, scale
+    if best is None:
+        raise HuskyError(
+            "the releases do not swing about a rest angle, so no stiffness can be found. "
+            "Check the column and the sign of the roll."
+        )
+    return best[1]
+
+
+def _rest(records: Sequence[Record]) -> float:
+    return 0.0 if records[0].is_rate else float(np.median([r.release.rest for r in records]))
+
+
+def linear_guess(record: Record) -> tuple[float, float] | None:
+    """Return (k/I, d/I) of a release by regression on its running integrals, or None if it makes no sense.
+
+    φ(t) = φ₀ + v₀ t + (k/I) x₀ t²/2 - (k/I) ∬φ - (d/I) (∫φ - φ₀ t): linear in its unknowns, and integrals are
+    kind to noise. A start only: noise in the regressors biases it a little.
+    """
+    t, y = record.time, record.signal
+    step = np.diff(t, prepend=t[0])
+    once = np.cumsum(step * y)
+    twice = np.cumsum(step * once)
+    if record.is_rate:
+        # The same equation, differentiated once.
+        table = np.column_stack([np.ones_like(t), t, once, twice])
+    else:
+        table = np.column_stack([np.ones_like(t), t, t**2, once, twice])
+    scale = np.maximum(np.abs(table).max(axis=0), 1e-300)
+    solution = np.linalg.lstsq(table / scale, y, rcond=None)[0] / scale
+    decay, square = -float(solution[-2]), -float(solution[-1])
+    return (square, max(decay, 0.0)) if square > 0 else None
+
+
+def starting_points(
+    structure: Structure, scales: Scales, fixed: Mapping[str, float] | None = None, *, most: int = 12
+) -> list[dict[str, float]]:
+    """Return the starts from which a structure is searched: all combinations of its parameters' starts.
+
+    Args:
+        structure: The joint.
+        scales: Of the problem.
+        fixed: Parameters that are held.
+        most: Number of combinations.
+    """
+    held = fixed or {}
+    linear = {"stiffness": scales.stiffness, "damping": max(scales.damping, 0.0), "rest_angle": 0.0}
+    lists: list[list[tuple[str, float]]] = []
+    for part in structure.parts:
+        for p in part.parameters:
+            lists.append([(f"{part.name}.{p.name}", s * p.size(scales)) for s in p.starts])
+    points: list[dict[str, float]] = []
+    for choice in itertools.islice(itertools.product(*lists), most):
+        point = {**linear, **dict(choice)}
+        # What others add to the stiffness or take from it, the spring makes up for.
+        for part in structure.supports:
+            point["stiffness"] *= 1.0 / (
+                1.0 - linear["stiffness"] / point[f"{part.name}.{part.series_stiffness}"]
+            )
+        for part in structure.torques:
+            added = point.get(f"{part.name}.{part.adds_stiffness}", 0.0)
+            point["stiffness"] -= min(added, 0.98 * linear["stiffness"])
+            if "stiffness" in held and part.adds_stiffness:  # a spring that is held leaves it the rest
+                point[f"{part.name}.{part.adds_stiffness}"] = linear["stiffness"] - held["stiffness"]
+        points.append(point)
+    if structure.has_dry_friction:
+        # The linear fit gave the damper all of the loss; dry friction takes its share of that, more or less.
+        points = [{**point, "damping": share * point["damping"]} for share in _VISCOUS for point in points]
+    return points
+
+
+def search(
+    structure: Structure,
+    records: Sequence[Record],
+    scales: Scales,
+    *,
+    bias: Bias = "shared",
+    fixed: Mapping[str, float] | None = None,
+    bounded: Mapping[str, tuple[float, float]] | None = None,
+    steps_per_period: int = 60,
+    starts: Sequence[Mapping[str, float]] | None = None,
+    average: int = 1,
+) -> tuple[Problem, Minimum, int]:
+    """Find the best parameters of a structure: many short searches on a coarse grid, the best one finely.
+
+    Friction makes the cost rough, because it decides in which half swing the deck stops. So the search
+    begins with the first swings only, and the rest follows when the parameters are nearly right.
+    Internal states at release follow from the hold before it, or are free where the log does not show it.
+
+    Returns:
+        The fine problem, its minimum, and how many evaluations it all took.
+    """
+    fixed = dict(fixed or {})
+    rest = _rest(records)
+    free_states = bool(structure.internal_states) and any(record.release.hold <= 0 for record in records)
+    starts = starting_points(structure, scales, fixed) if starts is None else starts
+    nonsmooth = structure.nonsmooth
+    coarse_steps = min(60 if nonsmooth else 24, steps_per_period)
+    coarse = Problem(
+        structure, records, scales, bias=bias, fixed=fixed, bounded=dict(bounded or {}), free_states=free_states,
+        steps_per_period=coarse_steps, average=average,
+    )  # fmt: skip
+    horizons = [] if not structure.effects else _SHORT if nonsmooth else _LONG
+    early = [
+        coarse.with_(records=[first_swings(record, scales, periods) for record in records])
+        for periods in horizons
+    ]
+    evaluations = 0
+    found: list[tuple[float, Array]] = []
+    for start in starts:
+        point = coarse.start({**start, "rest_angle": start.get("rest_angle") or rest})
+        for problem in early:
+            first = minimise(problem.normal, point, *problem.bounds(), iterations=12, tolerance=1e-4)
+            evaluations += first.evaluations
+            point = first.point
+        second = minimise(coarse.normal, point, *coarse.bounds(), iterations=15, tolerance=1e-5)
+        evaluations += second.evaluations
+        found.append((second.normal.cost, second.point))
+    found.sort(key=lambda item: item[0])
+    found[0] = scan_rough_parameters(coarse, _restarted(coarse, found[0]))
+    fine = coarse.with_(steps_per_period=steps_per_period, average=1)
+    best: Minimum | None = None
+    # On the coarse grid a kink falls between two points, so its costs rank neighbours only roughly.
+    tried, near = (4, 3.0) if nonsmooth else (2, 1.2)
+    for cost, point in found[:tried]:
+        if best is not None and cost > near * found[0][0]:
+            break
+        minimum = minimise(fine.normal, point, *fine.bounds(), iterations=60)
+        evaluations += minimum.evaluations
+        if best is None or minimum.normal.cost < best.normal.cost:
+            best = minimum
+    assert best is not None
+    return fine, best, evaluations
+
+
+_SHARES = (0.6, 0.75, 0.87, 1.15, 1.35, 1.65)
+"""Of a rough parameter, at which it is held on the way out of a false valley."""
+
+
+def scan_rough_parameters(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]:
+    """Walk along rough parameters out of a false valley: hold one elsewhere, let the rest follow, then free it.
+
+    The cost is rough along a friction, because it decides in which half swing each release stops; a
+    descent gets caught, a walk that re-fits everything else does not. At the noise there is nothing to gain.
+    """
+    names = [problem.names.index(name) for name in problem.structure.rough if name in problem.names]
+    low, high = problem.bounds()
+    for index in names:
+        for _ in range(4):
+            if found[0] < 0.55 * problem.samples:
+                return found
+            best = found
+            for factor in _SHARES:
+                pinned_low, pinned_high = low.copy(), high.copy()
+                value = np.clip(found[1][index] * factor, low[index], high[index])
+                pinned_low[index] = pinned_high[index] = value
+                held = minimise(
+                    problem.normal, found[1], pinned_low, pinned_high, iterations=8, tolerance=1e-3
+                )
+                if held.normal.cost < found[0]:
+                    freed = minimise(problem.normal, held.point, low, high, iterations=12, tolerance=1e-4)
+                    best = min(best, (freed.normal.cost, freed.point), key=lambda item: item[0])
+            if best[0] > 0.98 * found[0]:
+                break
+            found = best
+    return found
+
+
+def _restarted(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]:
+    """Search again from where effects say that a search which ended there has to."""
+    low, high = problem.bounds()
+    best = found
+    for part in problem.structure.torques:
+        names = [f"{part.name}.{name}" for name in part.parameter_names]
+        if part.restarts is None or any(name not in problem.names for name in names):
+            continue
+        where = [problem.names.index(name) for name in names]
+        for start in part.restarts(part.named([float(value) for value in found[1][where]])):
+            point = found[1].copy()
+            point[where] = [start[name] for name in part.parameter_names]
+            again = minimise(problem.normal, point, low, high, iterations=15, tolerance=1e-5)
+            best = min(best, (again.normal.cost, again.point), key=lambda item: item[0])
+    return best
+
+
+def first_swings(record: Record, scales: Scales, periods: float) -> Record:
+    """Return the beginning of a record."""
+    end = int(np.searchsorted(record.time, periods * 2 * np.pi / scales.frequency))
+    end = max(end, min(30, len(record.time)))
+    return replace(record, time=record.time[:end], signal=record.signal[:end])
+
+
+def fit_each(problem: Problem, minimum: Minimum) -> list[tuple[float, float]]:
+    """Fit each record alone and return its stiffness and its sum of squared residuals in units of the noise."""
+    shared, own = len(problem.names), problem.n_local
+    rows: list[tuple[float, float]] = []
+    for index, record in enumerate(problem.records):
+        alone = problem.with_(records=[record])
+        start = np.r_[
+            minimum.point[:shared], minimum.point[shared + index * own : shared + (index + 1) * own]
+        ]
+        found = minimise(alone.normal, start, *alone.bounds(), iterations=25)
+        rows.append((alone.parameters(found.point)["stiffness"], 2 * found.normal.cost))
+    return rows

@@ -1,0 +1,182 @@
+"""The equations of motion of a joint, written in CasADi, and one integration step of them.
+
+A step is RK4. Dry friction and sliders change their branch where the rate passes through zero, so a
+step in which that happens is cut there: friction holds its sign up to the turning point, decides
+between sticking and going back, and the rest of the step follows. Friction therefore sticks exactly
+and dissipates exactly.
+"""
+
+from typing import Any
+
+from sysid.effects._algebra import Value
+from sysid.effects._base import JointState, LinearJoint, SupportEffect, TorqueEffect
+from sysid.joint.structure import LINEAR, Structure
+
+_STILL = 1e-9
+"""Rate below which the joint counts as standing [rad/s]."""
+
+
+class CasadiAlgebra:
+    """Torque laws on CasADi expressions."""
+
+    def __init__(self) -> None:
+        """Import CasADi only when a law is built."""
+        import casadi
+
+        self._casadi: Any = casadi
+
+    def sin(self, x: Value) -> Value:
+        """Sine."""
+        return self._casadi.sin(x)
+
+    def exp(self, x: Value) -> Value:
+        """Exponential."""
+        return self._casadi.exp(x)
+
+    def abs(self, x: Value) -> Value:
+        """Absolute value."""
+        return self._casadi.fabs(x)
+
+    def minimum(self, a: Value, b: Value) -> Value:
+        """The smaller."""
+        return self._casadi.fmin(a, b)
+
+    def maximum(self, a: Value, b: Value) -> Value:
+        """The larger."""
+        return self._casadi.fmax(a, b)
+
+    def where(self, condition: Value, yes: Value, no: Value) -> Value:
+        """`yes` where the condition holds, else `no`."""
+        return self._casadi.if_else(condition, yes, no)
+
+
+class EquationsOfMotion:
+    """The equations of one structure for given symbolic parameters."""
+
+    def __init__(self, structure: Structure, parameters: Any) -> None:
+        """Split the parameter vector, shape (p,), among the effects."""
+        import casadi
+
+        self._ca: Any = casadi
+        self.m = CasadiAlgebra()
+        joint = LinearJoint(*(parameters[i] for i in range(len(LINEAR))))
+        self.layout = [
+            (part, part.named(items_of(parameters, where)), states)
+            for part, where, states in structure.layout()
+        ]
+        for part, values, _ in self.layout:
+            if isinstance(part, TorqueEffect) and part.modifies is not None:
+                joint = part.modifies(joint, values)
+        self.joint = joint
+        self.support = next((s for part, _, s in self.layout if isinstance(part, SupportEffect)), None)
+
+    def motion(self, y: Any) -> JointState:
+        """Return where the joint is in state y."""
+        roll, rate = y[0], y[1]
+        tilt = roll - self.joint.rest_angle
+        if self.support is not None:
+            where = self.support.start
+            tilt, rate = tilt - y[where], rate - y[where + 1]
+        return JointState(tilt, rate, roll, self.joint.stiffness)
+
+    def torques(self, y: Any) -> tuple[Any, Any]:
+        """Return (torque of the joint, torque on the deck alone) without dry friction [N*m]."""
+        motion = self.motion(y)
+        joint = -self.joint.stiffness * motion.tilt - self.joint.damping * motion.rate
+        deck: Any = 0.0
+        for part, values, states in self.layout:
+            if not isinstance(part, TorqueEffect):
+                continue
+            torque = part.torque(self.m, motion, values, items_of(y, states))
+            if part.grounded:
+                deck = deck + torque
+            else:
+                joint = joint + torque
+        return joint, deck
+
+    def friction(self, speed: Any) -> Any:
+        """Return the dry friction of all effects at that speed [N*m]."""
+        levels = [
+            part.friction(self.m, speed, values)
+            for part, values, _ in self.layout
+            if isinstance(part, TorqueEffect) and part.friction is not None
+        ]
+        return sum(levels[1:], levels[0]) if levels else 0.0
+
+    def derivative(self, y: Any, slide: Any) -> Any:
+        """Return ẏ with dry friction against the sliding direction `slide`; 0 sticks, None is smooth."""
+        motion = self.motion(y)
+        joint, deck = self.torques(y)
+        if slide is not None:
+            joint = joint - slide * self.friction(self.m.abs(motion.rate))
+        moving: Any = 1.0 if slide is None else slide * slide
+        rates = [y[1] * moving, (joint + deck) / self.joint.inertia * moving]
+        for part, values, states in self.layout:
+            if isinstance(part, SupportEffect):
+                s, w = items_of(y, states)
+                rates += [w, part.acceleration(self.m, s, w, joint, values)]
+                continue
+            for state, z in zip(part.states, items_of(y, states), strict=True):
+                rates.append(0.0 if state.rate is None else state.rate(self.m, motion, z, values))
+        return self._ca.vertcat(*rates)
+
+    def slipped(self, y: Any, tilt_before: Any) -> Any:
+        """Return y with its sliders carried along from `tilt_before` to the tilt of y."""
+        moved = self.motion(y).tilt - tilt_before
+        items = items_of(y, slice(0, y.shape[0]))
+        for part, values, states in self.layout:
+            for index, state in zip(range(states.start, states.stop), part.states, strict=True):
+                if state.return_map is not None:
+                    items[index] = state.return_map(self.m, items[index] + moved, values)
+        return self._ca.vertcat(*items)
+
+    def rk4(self, y: Any, h: Any, slide: Any) -> tuple[Any, Any]:
+        """Return the state after one RK4 step and the derivative at its start."""
+        before = self.motion(y).tilt
+
+        def rate(stage: Any) -> Any:
+            return self.derivative(self.slipped(stage, before), slide)
+
+        k1 = rate(y)
+        k2 = rate(y + h / 2 * k1)
+        k3 = rate(y + h / 2 * k2)
+        k4 = rate(y + h * k3)
+        return self.slipped(y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), before), k1
+
+    def direction(self, y: Any) -> Any:
+        """Return where a joint that stands starts to slide: -1, +1, or 0 if friction holds it."""
+        joint, deck = self.torques(y)
+        torque = joint + deck
+        return self._ca.if_else(self._ca.fabs(torque) > self.friction(0.0), self._ca.sign(torque), 0.0)
+
+    def sliding_step(self, y: Any, h: Any) -> tuple[Any, Any, Any]:
+        """Return (state after a step without a turn, slope of the rate at its start, whether it turned)."""
+        ca = self._ca
+        rate = self.motion(y).rate
+        slide = ca.if_else(ca.fabs(rate) > _STILL, ca.sign(rate), self.direction(y))
+        whole, start = self.rk4(y, h, slide)
+        turns = ca.logic_and(slide * self.motion(whole).rate < 0, ca.fabs(rate) > _STILL)
+        return whole, start[1] if self.support is None else start[1] - start[self.support.start + 1], turns
+
+    def event_step(self, y: Any, h: Any) -> Any:
+        """Return the state after a step that is cut where the rate passes through zero."""
+        ca = self._ca
+        whole, slope, _ = self.sliding_step(y, h)
+        rate, after = self.motion(y).rate, self.motion(whole).rate
+        slide = ca.sign(rate)
+        # Root of the parabola through the rates at both ends with the starting acceleration, as a share of h.
+        slope = h * slope
+        bend = after - rate - slope
+        root = ca.sqrt(ca.fmax(slope**2 - 4 * bend * rate, 1e-300))
+        below = -slope * slide + root
+        share = ca.fmin(ca.fmax(2 * rate * slide / ca.if_else(below > 1e-30, below, 1.0), 0.0), 1.0)
+        top, _ = self.rk4(y, share * h, slide)
+        stopped = top[1] - self.motion(top).rate
+        top = ca.vertcat(top[0], stopped, *items_of(top, slice(2, top.shape[0])))
+        rest, _ = self.rk4(top, (1 - share) * h, self.direction(top))
+        return rest
+
+
+def items_of(vector: Any, where: slice) -> list[Any]:
+    """Return the entries of a CasADi vector in a slice."""
+    return [vector[index] for index in range(where.start, where.stop)]

@@ -1,0 +1,140 @@
+"""Integration of a joint with exact sensitivities: CasADi functions of one step, and of many."""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from sysid.effects._base import SensorEffect
+from sysid.joint.equations import EquationsOfMotion, items_of
+from sysid.joint.sensor import filtered
+from sysid.joint.structure import Structure
+
+
+@dataclass(frozen=True, slots=True)
+class Stepper:
+    """CasADi functions of one structure."""
+
+    structure: Structure
+    free_states: bool
+    sensitivities: bool
+    initial: Any
+    """(parameters, unknowns, hold) → state and sensitivities at release."""
+    step: Any
+    """(state and sensitivities, parameters and step) → the same one step later; output at its start."""
+
+    @property
+    def unknowns(self) -> int:
+        """How many numbers each release has of its own: roll, rate and free internal states."""
+        return 2 + (len(self.structure.internal_states) if self.free_states else 0)
+
+    @property
+    def columns(self) -> int:
+        """Columns of the sensitivities: all parameters but the inertia, then the unknowns."""
+        return len(self.structure.parameters) - 1 + self.unknowns if self.sensitivities else 0
+
+
+@cache
+def build_stepper(structure: Structure, *, free_states: bool, sensitivities: bool) -> Stepper:
+    """Build the functions of one structure; kept for the life of the process.
+
+    Args:
+        structure: The effects.
+        free_states: Internal states at release are unknowns; else they follow from the hold before it.
+        sensitivities: Carry derivatives with respect to parameters and unknowns along.
+    """
+    import casadi
+
+    ca: Any = casadi
+    count, states = len(structure.parameters), len(structure.states)
+    parameters = ca.SX.sym("parameters", count)
+    unknowns = ca.SX.sym("unknowns", 2 + (len(structure.internal_states) if free_states else 0))
+    hold, h = ca.SX.sym("hold"), ca.SX.sym("h")
+    equations = EquationsOfMotion(structure, parameters)
+
+    first = _first_state(equations, unknowns, hold, free_states=free_states)
+    wanted = ca.vertcat(parameters[1:], unknowns)
+    seed = ca.jacobian(first, wanted) if sensitivities else ca.SX(2 + states, 0)
+    initial = ca.Function(
+        "initial", [parameters, unknowns, hold], [ca.vertcat(first, ca.vec(ca.densify(seed)))]
+    )
+
+    y = ca.SX.sym("y", 2 + states)
+    columns = wanted.shape[0] if sensitivities else 0
+    carried = ca.SX.sym("carried", 2 + states, columns)
+    accumulated, given = ca.vertcat(y, ca.vec(carried)), ca.vertcat(parameters, h)
+    own = ca.SX(2, unknowns.shape[0])
+
+    def with_sensitivities(following: Any) -> Any:
+        if not sensitivities:
+            return ca.vertcat(following, ca.vec(carried))
+        by_parameter = ca.horzcat(ca.jacobian(following, parameters[1:]), ca.SX(2 + states, own.shape[1]))
+        return ca.vertcat(following, ca.vec(ca.jacobian(following, y) @ carried + by_parameter))
+
+    out = ca.vertcat(*filtered(equations, y))
+    seen = ca.SX(2, 0)
+    if sensitivities:
+        seen = ca.jacobian(out, y) @ carried + ca.horzcat(ca.jacobian(out, parameters[1:]), own)
+    output = ca.densify(ca.vec(ca.horzcat(out, seen).T))
+    if not structure.has_dry_friction:
+        following = with_sensitivities(equations.rk4(y, h, None)[0])
+        step = ca.Function("step", [accumulated, given], ca.cse([following, output]))
+        return Stepper(structure, free_states, sensitivities, initial, step)
+
+    # A cut costs three steps and is rare, so it is computed only where the joint does turn.
+    whole, _, turns = equations.sliding_step(y, h)
+    slid = ca.SX.sym("slid", accumulated.shape[0])
+    slide = ca.Function("slide", [accumulated, given], ca.cse([with_sensitivities(whole), output, turns]))
+    cut = with_sensitivities(equations.event_step(y, h))
+    turn = ca.Function.if_else(
+        "turn",
+        ca.Function("cut", [accumulated, given, slid], ca.cse([cut])),
+        ca.Function("keep", [accumulated, given, slid], [slid]),
+    )
+    state, numbers = ca.MX.sym("state", accumulated.shape[0]), ca.MX.sym("numbers", given.shape[0])
+    moved, read, turned = slide(state, numbers)
+    step = ca.Function("step", [state, numbers], [turn(turned, state, numbers, moved), read])
+    return Stepper(structure, free_states, sensitivities, initial, step)
+
+
+def _first_state(equations: EquationsOfMotion, unknowns: Any, hold: Any, *, free_states: bool) -> Any:
+    """Return the state at release: what is unknown as it is, the rest as the hold left it."""
+    import casadi
+
+    ca: Any = casadi
+    tilt = unknowns[0] - equations.joint.rest_angle
+    internal: list[Any] = []
+    free = iter(items_of(unknowns, slice(2, unknowns.shape[0])))
+    for part, values, _ in equations.layout:
+        for state in part.states:
+            if isinstance(part, SensorEffect):
+                pull = -equations.joint.stiffness * tilt / equations.joint.inertia
+                internal.append(
+                    state.start(equations.m, unknowns[0], hold, equations.joint.stiffness, values)
+                    if state.late_release is None
+                    else state.late_release(equations.m, unknowns[0], unknowns[1], pull, values)
+                )  # fmt: skip
+            elif free_states:
+                internal.append(next(free))
+            else:
+                internal.append(state.start(equations.m, tilt, hold, equations.joint.stiffness, values))
+    return ca.vertcat(unknowns[:2], *internal)
+
+
+@cache
+def rollout(stepper: Stepper, steps: int) -> Any:
+    """Return (start, parameters and step) → outputs at the start of each of `steps` steps, shape (·, steps).
+
+    An output is what the sensor sees and its derivatives, then its rate and the same.
+    """
+    import casadi
+
+    ca: Any = casadi
+    start, given = ca.MX.sym("start", stepper.step.size1_in(0)), ca.MX.sym("given", stepper.step.size1_in(1))
+    _, seen = stepper.step.mapaccum("path", steps)(start, ca.repmat(given, 1, steps))
+    return ca.Function("path", [start, given], [seen])
+
+
+def steps_for(duration: float, h: float) -> int:
+    """Return how many grid points cover a duration [s] at step h, rounded up so that functions are shared."""
+    wanted = int(duration / h) + 2
+    return max(64, 32 * -(-wanted // 32)) if wanted > 64 else 64

@@ -1,0 +1,120 @@
+"""What a simulator's time step makes of a joint: the poles of MuJoCo's step, both ways, and its path.
+
+Of spring, damper and inertia alone the step is a linear map of (roll, rate). With the metric M = I + h d, which
+'discrete' raises to I + h d + h² k, its determinant is a = I/M and its trace 1 + a - h² k/M. RK4 takes four
+terms of the exponential, and its poles are the continuous ones to 1e-6 at any step that a scene runs at.
+"""
+
+import cmath
+from typing import Any
+
+import numpy as np
+
+from sysid.errors import HuskyError
+from sysid.joint.equations import EquationsOfMotion
+from sysid.joint.law import JointLaw
+from sysid.joint.mujoco_step import Hinge, Integrator, step
+from sysid.roll import Array
+
+
+def continuous_map(inertia: float, stiffness: float, damping: float, timestep: float) -> tuple[float, float]:
+    """Return (trace, determinant) of what a continuous joint does in one step: e^(s₁h) + e^(s₂h), e^((s₁+s₂)h).
+
+    Args:
+        inertia: I [kg*m^2].
+        stiffness: k [N*m/rad].
+        damping: d [N*m*s/rad].
+        timestep: h [s].
+    """
+    root = cmath.sqrt(damping * damping - 4 * inertia * stiffness)
+    poles = np.array([-damping + root, -damping - root]) / (2 * inertia)
+    return float(np.exp(poles * timestep).sum().real), float(np.exp(-damping / inertia * timestep))
+
+
+def step_map(
+    inertia: float, stiffness: float, damping: float, timestep: float, integrator: str = "implicitfast"
+) -> tuple[float, float]:
+    """Return (trace, determinant) of MuJoCo's step of a joint; arguments as in `continuous_map`."""
+    if integrator == "RK4":
+        return continuous_map(inertia, stiffness, damping, timestep)
+    h = timestep
+    metric = inertia + h * damping + (h * h * stiffness if integrator == "discrete" else 0.0)
+    determinant = inertia / metric
+    return 1 + determinant - h * h * stiffness / metric, determinant
+
+
+def joint_of_map(
+    trace: float, determinant: float, stiffness: float, timestep: float, integrator: str = "implicitfast"
+) -> tuple[float, float]:
+    """Return (inertia [kg*m^2], damping [N*m*s/rad]) of the joint whose step of MuJoCo has that trace and determinant.
+
+    The damping comes out negative where the integrator itself damps more.
+    """
+    h = timestep
+    if integrator == "RK4":
+        s = np.log(np.roots([1.0, -trace, determinant]).astype(complex)) / h
+        inertia = stiffness / float((s[0] * s[1]).real)
+        return inertia, -float((s[0] + s[1]).real) * inertia
+    metric = h * h * stiffness / (1 + determinant - trace)
+    inertia = determinant * metric
+    if integrator == "discrete":
+        return inertia, (metric - inertia) / h - h * stiffness
+    return inertia, inertia * (1 / determinant - 1) / h
+
+
+def sampled_k_d(
+    inertia: float, stiffness: float, damping: float, timestep: float, integrator: str = "implicitfast"
+) -> tuple[float, float]:
+    """Return (k, d) of the continuous joint of the same inertia that moves, at the samples, as MuJoCo's step does.
+
+    NaN where the step does not swing.
+    """
+    trace, determinant = step_map(inertia, stiffness, damping, timestep, integrator)
+    cosine = trace / (2.0 * np.sqrt(determinant))
+    if abs(cosine) >= 1:
+        return float("nan"), float("nan")
+    decay, frequency = -0.5 * np.log(determinant) / timestep, np.arccos(cosine) / timestep
+    return float((decay**2 + frequency**2) * inertia), float(2 * decay * inertia)
+
+
+def stepped(
+    law: JointLaw, time: Array, angle: float, rate: float, *, integrator: Integrator = "implicitfast"
+) -> tuple[Array, Array]:
+    """Return roll [rad] and rate [rad/s] of a law that MuJoCo steps at the law's own time step, shape (n,) each.
+
+    Args:
+        law: The joint; its torques may depend on tilt and rate only.
+        time: When to look [s], shape (n,), ascending, from 0 on; straight lines between steps.
+        angle: Roll at release [rad].
+        rate: Roll rate at release [rad/s].
+        integrator: MuJoCo's.
+
+    Raises:
+        HuskyError: The law has dry friction or memory.
+    """
+    import casadi
+
+    ca: Any = casadi
+    h, plain = law.timestep, law.of_joint()
+    if plain.structure.has_dry_friction or plain.structure.states:
+        raise HuskyError(
+            f"a time step together with {', '.join(plain.structure.effects)}: the plain step loop holds smooth "
+            "laws without memory only. Simulate the MJCF instead (husky-sysid mjcf)."
+        )
+    equations = EquationsOfMotion(plain.structure, ca.DM(plain.vector))
+    linear = equations.joint
+
+    def others(q: Any, v: Any) -> Any:
+        joint, deck = equations.torques(ca.vertcat(q, v))
+        return joint + deck + linear.stiffness * (q - linear.rest_angle) + linear.damping * v
+
+    hinge = Hinge(
+        inertia=linear.inertia, stiffness=(linear.stiffness, 0.0, 0.0), damping=(linear.damping, 0.0, 0.0),
+        springref=linear.rest_angle, damper=others,
+    )  # fmt: skip
+    y = ca.SX.sym("y", 2)
+    move = ca.Function("move", [y], [ca.vertcat(*step(hinge, y[0], y[1], timestep=h, integrator=integrator))])
+    count = int(float(time[-1]) / h) + 2
+    path = np.column_stack([[angle, rate], np.asarray(move.mapaccum("moves", count)([angle, rate]))])
+    grid = h * np.arange(count + 1)
+    return np.interp(time, grid, path[0]), np.interp(time, grid, path[1])

@@ -1,0 +1,68 @@
+"""The torques of a joint along a motion: how strong each effect is, in plain numbers."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sysid.effects import effect
+from sysid.effects._algebra import NumpyAlgebra
+from sysid.effects._base import JointState, TorqueEffect
+from sysid.joint.law import JointLaw
+from sysid.joint.trajectory import simulate
+from sysid.roll import Array
+
+
+def effect_torque(law: JointLaw, name: str, time: Array, roll: Array, rate: Array) -> Array:
+    """Return the torque of one effect of a law along a motion [N*m], shape (n,).
+
+    For effects without memory it is the law itself. One with memory (an arm, a slider, a support) is what the
+    joint's other torques leave of the inertia's.
+
+    Args:
+        law: The joint.
+        name: One of its effects.
+        time: Of the motion [s], shape (n,).
+        roll: Roll [rad], shape (n,).
+        rate: Roll rate [rad/s], shape (n,).
+    """
+    part = effect(name)
+    parameters = part.named(dict(law.effects)[name])
+    m = NumpyAlgebra()
+    motion = JointState(roll - law.rest_angle, rate, roll, law.stiffness)
+    if part.states:
+        total = law.inertia * np.gradient(rate, time)
+        rest = -law.stiffness * motion.tilt - law.damping * rate
+        for other, _ in law.effects:
+            if other != name and not effect(other).states:
+                rest = rest + effect_torque(law, other, time, roll, rate)
+        return total - rest
+    torque = np.zeros_like(roll)
+    if not isinstance(part, TorqueEffect):
+        return torque
+    torque = torque + part.torque(m, motion, parameters, ())
+    if part.friction is not None:
+        torque = torque - np.sign(rate) * part.friction(m, np.abs(rate), parameters)
+    return torque
+
+
+def torque_shares(
+    law: JointLaw, times: Sequence[Array], starts: Sequence[tuple[float, float]], effects: Sequence[str]
+) -> dict[str, float]:
+    """Return the peak torque of each effect over the peak of spring and damper, over some releases."""
+    plain = law.of_joint()
+    peaks = dict.fromkeys(effects, 0.0)
+    whole = 1e-300
+    for time, (angle, rate) in zip(times, starts, strict=True):
+        grid = np.linspace(0.0, float(time[-1]), 2000)
+        path = simulate(plain, grid, angle, rate)
+        spring = law.stiffness * (path.roll - law.rest_angle) + law.damping * path.rate
+        for part in plain.structure.torques:
+            if part.adds_stiffness:
+                spring = spring - effect_torque(plain, part.name, grid, path.roll, path.rate)
+        whole = max(whole, float(np.abs(spring).max()))
+        for name in effects:
+            part = effect(name)
+            if part.part_of_joint and not (isinstance(part, TorqueEffect) and part.modifies is not None):
+                torque = effect_torque(plain, name, grid, path.roll, path.rate)
+                peaks[name] = max(peaks[name], float(np.quantile(np.abs(torque), 0.999)))
+    return {name: peak / whole for name, peak in peaks.items() if peak > 0}

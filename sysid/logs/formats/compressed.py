@@ -1,0 +1,85 @@
+"""Logs that were compressed as one file: gzip, bzip2, xz."""
+
+import bz2
+import gzip
+import lzma
+import tempfile
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+from sysid.errors import HuskyError
+from sysid.logs.formats.registry import Format, open_log
+from sysid.logs.table.file import LogFile
+from sysid.roll import Array
+
+UNPACKERS: Mapping[bytes, Callable[[Path], IO[bytes]]] = {
+    b"\x1f\x8b": gzip.open,
+    b"BZh": bz2.open,
+    b"\xfd7zXZ": lzma.open,
+}
+"""First bytes, and what unpacks."""
+MAX_UNPACKED = 1 << 30
+"""No log of a rocking board is larger as text."""
+
+
+@dataclass(frozen=True, slots=True)
+class CompressedLog:
+    """A log that is unpacked anew whenever something is read of it."""
+
+    path: Path
+    names: tuple[str, ...]
+    units: tuple[str | None, ...]
+    has_header: bool
+    notes: tuple[str, ...]
+
+    def read(self, names: Sequence[str]) -> dict[str, Array]:
+        """Return whole columns of float64, shape (n,) each; missing values are NaN."""
+        with _unpacked(self.path) as log:
+            return log.read(names)
+
+
+def open_compressed(path: Path) -> CompressedLog:
+    """Open the log in a compressed file.
+
+    Raises:
+        HuskyError: It is damaged, or too large.
+    """
+    with _unpacked(path) as log:
+        return CompressedLog(path, log.names, log.units, log.has_header, ("unpacked", *log.notes))
+
+
+@contextmanager
+def _unpacked(path: Path) -> Iterator[LogFile]:
+    """Unpack a log for a while; what is wrong with it is said of the file that the user named."""
+    with path.open("rb") as file:
+        head = file.read(16)
+    unpack = next(opener for magic, opener in UNPACKERS.items() if head.startswith(magic))
+    with tempfile.TemporaryDirectory() as folder:
+        inside = Path(folder) / (path.stem or "log")
+        try:
+            with unpack(path) as packed, inside.open("wb") as file:
+                size = 0
+                while block := packed.read(1 << 20):
+                    size += file.write(block)
+                    if size > MAX_UNPACKED:
+                        raise HuskyError(f"{path}: unpacks to more than 1 GiB. Cut the log into parts.")
+        except (OSError, EOFError, zlib.error, lzma.LZMAError) as error:
+            raise HuskyError(
+                f"{path}: damaged ({error}). Compress it again, or give the log itself."
+            ) from error
+        try:
+            yield open_log(inside)
+        except HuskyError as error:
+            raise HuskyError(str(error).replace(str(inside), str(path))) from error
+
+
+FORMAT = Format(
+    name="compressed",
+    order=4,
+    sniff=lambda path, head: head.startswith(tuple(UNPACKERS)),
+    open=open_compressed,
+)

@@ -1,0 +1,272 @@
+"""Text tables in any dialect: the head tells the dialect, pandas reads the rest."""
+
+import re
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sysid.errors import HuskyError
+from sysid.logs.formats.dialect import (
+    DATE,
+    HEAD_BYTES,
+    HEAD_LINES,
+    MAX_LINE,
+    cell_unit,
+    comment_sign,
+    decode_head,
+    dialect_note,
+    find_dialect,
+    find_header,
+    first_row,
+    is_missing,
+    is_number,
+    read_number,
+    refuse_binary_middle,
+    split_line,
+    unique_names,
+)
+from sysid.logs.formats.registry import Format
+from sysid.roll import Array
+
+
+@dataclass(frozen=True, slots=True)
+class CsvTable:
+    """A text table whose columns are read when asked for."""
+
+    path: Path
+    names: tuple[str, ...]
+    units: tuple[str | None, ...]
+    """From a row of units below the header; None where there is none."""
+    has_header: bool
+    delimiter: str
+    decimal: str
+    encoding: str
+    width: int
+    """Cells in a row, an empty one behind a last delimiter included."""
+    skip: int
+    """Lines before the first row of numbers."""
+    comment: str | None
+    blanks: bool
+    """Whether blanks follow delimiters."""
+    dates: frozenset[str]
+    """Columns that hold dates or times of day instead of numbers."""
+    notes: tuple[str, ...]
+
+    def read(self, names: Sequence[str]) -> dict[str, Array]:
+        """Return whole columns, missing values as NaN, dates as seconds.
+
+        Raises:
+            HuskyError: A cell is not a number, or the rows have different lengths.
+        """
+        wanted = [self.names.index(name) for name in names]
+        self._require_memory(len(wanted))
+        dates = [index for index in wanted if self.names[index] in self.dates]
+        try:
+            try:
+                frame = self._frame(wanted, texts=dates)
+            except ValueError:  # units in the cells, thousands or a typographic minus: slower, cell by cell
+                frame = self._frame(wanted, texts=wanted)
+                for index in set(wanted) - set(dates):
+                    frame[index] = frame[index].fillna("nan").map(self._number)
+        except MemoryError as error:
+            raise HuskyError(
+                f"{self.path}: too large for this computer's memory. Cut it into parts."
+            ) from error
+        except (ValueError, OverflowError) as error:  # pandas' ParserError is a ValueError
+            raise HuskyError(f"{self.path}: {self._explain(error, wanted)}") from error
+        columns: dict[str, Array] = {}
+        for index in wanted:
+            name = self.names[index]
+            columns[name] = seconds_of(frame[index]) if name in self.dates else frame[index].to_numpy()
+        return columns
+
+    def _number(self, cell: str) -> float:
+        return float("nan") if is_missing(cell) else read_number(cell, self.decimal)
+
+    def _frame(self, wanted: Sequence[int], *, texts: Sequence[int]) -> Any:
+        """Return columns by their index: those of `texts` as they are written, the others as numbers."""
+        import pandas as pd
+
+        kinds: Any = {index: "str" if index in texts else "float64" for index in wanted}
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # pandas on columns that are not used
+            return pd.read_csv(
+                self.path,
+                sep=r"\s+" if self.delimiter == " " else self.delimiter,
+                decimal=self.decimal,
+                header=None,
+                names=list(range(len(self.names))),
+                usecols=None if len(wanted) == self.width else wanted,
+                dtype=kinds,
+                index_col=False,
+                skiprows=self.skip,
+                comment=self.comment,
+                encoding=self.encoding,
+                encoding_errors="replace",
+                skipinitialspace=self.blanks,  # costs half as much again, so only where needed
+                skip_blank_lines=True,
+                na_values=["-"],
+                engine="c",
+            )
+
+    def _require_memory(self, columns: int) -> None:
+        """Refuse what would not fit, before the computer starts to swap."""
+        size = self.path.stat().st_size
+        free = _free_memory()
+        with self.path.open("rb") as file:
+            file.seek(size // 2)
+            probe = file.read(1 << 16)
+        needed = size * max(1, probe.count(b"\n")) / len(probe) * 8 * (2 * columns + 4)
+        if free is not None and needed > free:
+            raise HuskyError(
+                f"{self.path}: {size / 1e9:.1f} GB of rows need about {needed / 1e9:.1f} GB of memory, and "
+                f"{free / 1e9:.1f} GB are free. Cut it into parts."
+            )
+
+    def _explain(self, error: Exception, wanted: Sequence[int]) -> str:
+        """Return why pandas could not read the file, with the line and the cell where it is one."""
+        found = re.search(r"Expected (\d+) fields in line (\d+), saw (\d+)", str(error))
+        if found:
+            return (
+                f"line {found[2]} has {found[3]} fields where {found[1]} were expected; "
+                "two writers, or a text with the delimiter in it. Mend or delete the line."
+            )
+        try:
+            with self.path.open(encoding=self.encoding, errors="replace", newline="") as file:
+                for number, line in enumerate(file, 1):
+                    if (
+                        number <= self.skip
+                        or not line.strip()
+                        or line.lstrip().startswith(self.comment or "\0")
+                    ):
+                        continue
+                    cells = split_line(line.rstrip("\r\n"), self.delimiter)
+                    for index in wanted:
+                        cell = cells[index] if index < len(cells) else ""
+                        if self.names[index] not in self.dates and not is_number(cell, self.decimal):
+                            return (
+                                f"line {number}, column '{self.names[index]}': '{cell[:40]}' is not a number. "
+                                "Mend the line, or name another column with --column."
+                            )
+        except OSError:
+            pass
+        return f"cannot be read as a table ({str(error).splitlines()[0][:120]})."
+
+
+def open_csv(path: Path) -> CsvTable:
+    """Find a text table's dialect from its first 256 KiB.
+
+    Raises:
+        HuskyError: The file is empty, binary, or holds no rows of numbers.
+    """
+    with path.open("rb") as file:
+        head = file.read(HEAD_BYTES)
+        refuse_binary_middle(path, file)
+    text, encoding = decode_head(path, head)
+    lines = text.splitlines()
+    if len(head) == HEAD_BYTES and len(lines) > 1:
+        lines.pop()  # cut in the middle
+    del lines[HEAD_LINES:]
+    if not text.strip("\ufeff \r\n\t\0"):
+        raise HuskyError(f"{path}: the file is empty. Was the recording saved?")
+    if max(map(len, lines)) > MAX_LINE:
+        raise HuskyError(
+            f"{path}: a line of {max(map(len, lines))} characters: no table with a row for each sample. "
+            "If the rows are columns in it, transpose it."
+        )
+    comment = comment_sign(lines)
+    rows = [
+        (number, line)
+        for number, line in enumerate(lines)
+        if line.strip() and not (comment and line.lstrip().startswith(comment))
+    ]
+    delimiter, decimal, cells = find_dialect(path, [line for _, line in rows])
+    width = cells
+    first = first_row(rows, delimiter, decimal, width)
+    header, units = find_header(lines, rows, first, delimiter, decimal, width, comment)
+    sample = [split_line(line, delimiter) for _, line in rows[first : first + 50]]
+    while (
+        width > 1
+        and not any(len(row) >= width and row[width - 1] for row in sample)
+        and not (header and header[width - 1])
+    ):
+        width -= 1  # a delimiter at the end of each line
+    names = unique_names(header[:width] if header else [f"column {n}" for n in range(1, width + 1)])
+    dates = frozenset(
+        name for n, name in enumerate(names) if all(DATE.fullmatch(row[n]) for row in sample if n < len(row))
+    )
+    below = units[:width] if units else [None] * width
+    beside = [
+        next((u for row in sample if n < len(row) and (u := cell_unit(row[n]))), None) for n in range(width)
+    ]
+    skipped = rows[first][0]
+    notes = [dialect_note(delimiter, decimal, bool(header))]
+    if skipped > (1 if header else 0) + bool(units):
+        notes.append(f"{skipped} lines before the first row of numbers")
+    return CsvTable(
+        path=path,
+        names=names,
+        units=tuple(
+            "s" if name in dates else unit or other
+            for name, unit, other in zip(names, below, beside, strict=True)
+        ),
+        has_header=bool(header),
+        delimiter=delimiter,
+        decimal=decimal,
+        encoding=encoding,
+        width=cells,
+        skip=skipped,
+        comment=comment[0] if comment else None,
+        blanks=delimiter != " " and any(delimiter + " " in line for _, line in rows),
+        dates=dates,
+        notes=tuple(notes),
+    )
+
+
+def seconds_of(texts: Any) -> Array:
+    """Return dates or times of day, a pandas series of n texts, as seconds since the first, shape (n,)."""
+    import pandas as pd
+
+    clean = texts.str.strip()
+    first = DATE.fullmatch(str(clean.iloc[0])) if len(clean) else None
+    day = (first and first[1]) or ""
+    if re.match(r"\d{4}-", day):
+        clean = clean.str.replace(",", ".", regex=False)
+        stamps = pd.to_datetime(clean, errors="coerce", utc=True, format="ISO8601")
+    elif day:
+        fields = clean.str.extract(r"^(\d+)\D(\d+)").astype(float)
+        # Only differences count: where no day is beyond 12, the usual order of that sign will do.
+        day_first = "." in day if (fields <= 12).all(axis=None) else bool((fields[0] > 12).any())
+        stamps = pd.to_datetime(clean, errors="coerce", format="mixed", dayfirst=day_first)
+    else:
+        stamps = _time_of_day(clean.str.lower().str.replace(",", ".", regex=False))
+    return ((stamps - stamps.iloc[0]) / pd.Timedelta(seconds=1)).to_numpy(dtype=np.float64)
+
+
+def _time_of_day(texts: Any) -> Any:
+    """Return times of day as time deltas: 14:05:00.5, 2:05:00 pm, or minutes and seconds 05:00.5."""
+    import pandas as pd
+
+    after, half = texts.str.endswith("pm"), texts.str.endswith("m")
+    clock = texts.str.rstrip("apm ")
+    short = clock.str.count(":") < 2
+    clock = clock.where(~short, clock + ":00" if half.any() else "00:" + clock)
+    time, noon = pd.to_timedelta(clock, errors="coerce"), pd.Timedelta(hours=12)
+    return time.where(~half, time % noon + after.astype(int) * noon)
+
+
+def _free_memory() -> float | None:
+    """Return the memory that is free for use [bytes], None where the system does not say."""
+    try:
+        text = Path("/proc/meminfo").read_text(encoding="ascii")
+    except OSError:
+        return None
+    found = re.search(r"MemAvailable:\s*(\d+) kB", text)
+    return float(found[1]) * 1024 if found else None
+
+
+FORMAT = Format(name="text table", order=9, sniff=lambda path, head: True, open=open_csv)

@@ -1,0 +1,217 @@
+"""The dialect of a text table, from its head: encoding, delimiter, decimal sign, header and units."""
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import BinaryIO
+
+from sysid.errors import HuskyError
+from sysid.logs.table.names import parse_unit
+
+HEAD_BYTES = 1 << 18
+HEAD_LINES = 2000
+MAX_LINE = 20_000
+DIALECTS = (
+    (",", "."),
+    ("\t", "."),
+    (";", "."),
+    (";", ","),
+    ("\t", ","),
+    ("|", "."),
+    ("|", ","),
+    (" ", "."),
+    (" ", ","),
+)
+"""Delimiter and decimal sign, in the order of preference; ' ' is any run of blanks."""
+COMMENTS = ("#", "%", "//")
+_BOMS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
+_MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "inf", "-inf", "+inf", "#n/a", "<na>"}
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?")
+_DAY = r"\d{4}-\d\d-\d\d[T ]|\d{4}/\d\d?/\d\d? |\d\d?[./-]\d\d?[./-]\d{2,4},? "
+DATE = re.compile(rf"({_DAY})?\d{{1,2}}:\d\d(:\d\d([.,]\d+)?)?( ?[AaPp][Mm])?(Z|[+-]\d\d:?\d\d)?")
+"""A time of day, or a date and time: 2024-03-31T14:05:00.5, 31.03.2024 14:05, 3/31/2024 2:05:00 PM."""
+_THOUSANDS = {".": re.compile(r"[+-]?\d{1,3}(,\d{3})+\.\d*"), ",": re.compile(r"[+-]?\d{1,3}(\.\d{3})+,\d*")}
+"""Numbers with separated thousands, by decimal sign; without that sign 1,234 may as well be a decimal comma."""
+_MEASURE = re.compile(r"([+-]?[\d.,]+(?:[eE][+-]?\d+)?)\s*([^\d\s.,+-].*)")
+"""A number with its unit in one cell."""
+
+
+def split_line(line: str, delimiter: str) -> list[str]:
+    """Return the cells of one line, without quotes and blanks around them."""
+    if delimiter == " ":
+        return line.split()
+    try:
+        cells = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))
+    except (csv.Error, StopIteration):
+        cells = line.split(delimiter)
+    return [cell.strip() for cell in cells]
+
+
+def decode_head(path: Path, head: bytes) -> tuple[str, str]:
+    """Return the head as text with plain line ends, and its encoding.
+
+    Raises:
+        HuskyError: It is empty or binary.
+    """
+    if not head.strip():
+        raise HuskyError(f"{path}: the file is empty. Was the recording saved?")
+    encoding = next((name for bom, name in _BOMS if head.startswith(bom)), None)
+    if encoding is None:
+        control = sum(head.count(byte) for byte in (*range(9), *range(14, 32)))
+        if control > len(head) // 1000:
+            raise HuskyError(
+                f"{path}: this is a binary file, not a text table. Readable are CSV, TSV, Parquet, MCAP, "
+                "phone exports (zip) and video, each with its usual file name ending."
+            )
+        encoding = "utf-8"
+        try:
+            head[: head.rfind(b"\n") + 1].decode("utf-8")
+        except UnicodeDecodeError:
+            encoding = "cp1252"
+    text = head.decode(encoding, errors="replace").replace("\r\n", "\n").replace("\r", "\n")
+    return text, encoding
+
+
+def refuse_binary_middle(path: Path, file: BinaryIO) -> None:
+    """Look into a large file at several places: a text that goes over into zero bytes was not closed well."""
+    size = file.seek(0, 2)
+    file.seek(0)
+    utf16 = file.read(2) in (b"\xff\xfe", b"\xfe\xff")
+    for place in range(HEAD_BYTES, size, max(HEAD_BYTES, size // 64)):
+        file.seek(place)
+        if not utf16 and b"\0\0" in file.read(4096):
+            raise HuskyError(
+                f"{path}: zero bytes from about byte {place} on: the recording was not closed well, or this is no "
+                "text table. Cut the file off before them."
+            )
+
+
+def comment_sign(lines: Sequence[str]) -> str | None:
+    """Return what comment lines begin with, or None where there are none."""
+    starts = Counter(sign for line in lines for sign in COMMENTS if line.lstrip().startswith(sign))
+    return starts.most_common(1)[0][0] if starts else None
+
+
+def find_dialect(path: Path, lines: Sequence[str]) -> tuple[str, str, int]:
+    """Return delimiter, decimal sign and number of columns: the ones that make most cells numbers."""
+    sample = [*lines[-200:]]
+    best, best_score = None, (0.0, 0)
+    for delimiter, decimal in DIALECTS:
+        rows = [split_line(line, delimiter) for line in sample]
+        rows = [row for row in rows if any(is_number(cell, decimal) and cell for cell in row)]
+        if not rows:
+            continue
+        width = Counter(len(row) for row in rows).most_common(1)[0][0]
+        regular = [row for row in rows if len(row) == width]
+        cells = [cell for row in regular for cell in row]
+        good = sum(is_number(cell, decimal) or bool(DATE.fullmatch(cell)) for cell in cells) / len(cells)
+        score = (round(good * len(regular) / len(sample), 2), width)
+        if score > best_score:
+            best, best_score = (delimiter, decimal, width), score
+    if best is None or best_score[0] < 0.25:
+        raise HuskyError(
+            f"{path}: no rows of numbers in its first {len(lines)} lines. Expected a table with a column of "
+            "time and one of roll, angle or rotation rate."
+        )
+    return best
+
+
+def first_row(rows: Sequence[tuple[int, str]], delimiter: str, decimal: str, width: int) -> int:
+    """Return the index of the first of `rows` that holds numbers."""
+    for index, (_, line) in enumerate(rows):
+        cells = split_line(line, delimiter)
+        numbers = sum(bool(_NUMBER.fullmatch(plain_number(cell, decimal))) for cell in cells)
+        if len(cells) == width and numbers and numbers * 2 >= sum(1 for cell in cells if cell):
+            return index
+    return 0
+
+
+def find_header(
+    lines: Sequence[str],
+    rows: Sequence[tuple[int, str]],
+    first: int,
+    delimiter: str,
+    decimal: str,
+    width: int,
+    comment: str | None,
+) -> tuple[list[str], list[str | None]]:
+    """Return the names above the first row of numbers, and the units below them where there is such a row."""
+    above = [split_line(line, delimiter) for _, line in rows[:first]]
+    if not above and comment:  # numpy.savetxt and gnuplot write the header as a comment
+        commented = [line.strip().lstrip("#%/ ") for line in lines[: rows[first][0]]]
+        above = [
+            cells for cells in (split_line(line, delimiter) for line in commented) if len(cells) == width
+        ]
+    above = [row for row in above if width - 1 <= len(row) <= width + 1 and sum(map(bool, row)) * 2 > width]
+    if not above:
+        return [], []
+    last = [*above[-1], ""][:width] if len(above[-1]) < width else above[-1][:width]
+    units = [parse_unit(cell) for cell in last]
+    filled = sum(map(bool, last))
+    if len(above) > 1 and sum(unit is not None for unit in units) * 2 >= filled and len(set(last)) <= filled:
+        names = [*above[-2], ""][:width] if len(above[-2]) < width else above[-2][:width]
+        if sum(parse_unit(cell) is not None for cell in names) < sum(unit is not None for unit in units):
+            return names, list(units)
+    return last, []
+
+
+def dialect_note(delimiter: str, decimal: str, header: bool) -> str:
+    """Return the dialect in words."""
+    shown = {",": "commas", "\t": "tabs", ";": "semicolons", "|": "bars", " ": "blanks"}[delimiter]
+    return (
+        f"table separated by {shown}"
+        + (", decimal comma" if decimal == "," else "")
+        + ("" if header else ", no header: columns are numbered")
+    )
+
+
+def unique_names(names: Sequence[str]) -> tuple[str, ...]:
+    """Return column names without quotes, numbered where they are empty or repeated."""
+    seen: Counter[str] = Counter()
+    unique: list[str] = []
+    for number, name in enumerate(names, 1):
+        name = name.strip().strip("\ufeff\"'") or f"column {number}"
+        seen[name] += 1
+        unique.append(name if seen[name] == 1 else f"{name} ({seen[name]})")
+    return tuple(unique)
+
+
+def plain_number(cell: str, decimal: str) -> str:
+    """Return a cell as Python reads numbers: without a unit, separated thousands and typographic minus."""
+    cell = cell.strip().replace("−", "-")
+    measure = _MEASURE.fullmatch(cell)
+    if measure and parse_unit(measure[2]) is not None:
+        cell = measure[1]
+    if _THOUSANDS[decimal].fullmatch(cell):
+        cell = cell.replace("," if decimal == "." else ".", "")
+    return cell.replace(",", ".") if decimal == "," else cell
+
+
+def read_number(cell: str, decimal: str) -> float:
+    """Return the number in a cell.
+
+    Raises:
+        ValueError: There is none.
+    """
+    plain = plain_number(cell, decimal)
+    if not _NUMBER.fullmatch(plain):
+        raise ValueError(cell)
+    return float(plain.lower().replace("d", "e"))
+
+
+def cell_unit(cell: str) -> str | None:
+    """Return the unit that stands behind the number in a cell, if one does."""
+    measure = _MEASURE.fullmatch(cell.strip())
+    return parse_unit(measure[2]) if measure else None
+
+
+def is_missing(cell: str) -> bool:
+    """Return whether a cell stands for a missing number."""
+    return cell.strip().lower() in _MISSING
+
+
+def is_number(cell: str, decimal: str) -> bool:
+    """Return whether a cell is a number or stands for a missing one."""
+    return is_missing(cell) or bool(_NUMBER.fullmatch(plain_number(cell, decimal)))

@@ -1,0 +1,64 @@
+"""The formats of logs: one a file of this folder, found by being there.
+
+Such a file ends in `FORMAT = Format(...)`. A log is opened by the first format, in their order, that knows it
+by its first bytes, whatever its name ends in.
+"""
+
+import importlib
+import pkgutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from sysid.errors import HuskyError
+from sysid.logs import formats as package
+from sysid.logs.table.file import LogFile
+
+HEAD = 16
+"""First bytes of a file that formats are shown."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Format:
+    """One kind of file."""
+
+    name: str
+    order: int
+    """Formats are asked in this order; the last one takes what nobody knows."""
+    sniff: Callable[[Path, bytes], bool]
+    """Whether a file is of this format, from its path and its first 16 bytes (none of a folder)."""
+    open: Callable[[Path], LogFile]
+    """The file as named columns of numbers."""
+
+
+def starts_with(magic: bytes) -> Callable[[Path, bytes], bool]:
+    """Return the test for a format that is known by its first bytes."""
+    return lambda _, head: head.startswith(magic)
+
+
+@cache
+def formats() -> tuple[Format, ...]:
+    """Return every format in their order."""
+    modules = (
+        importlib.import_module(f"{package.__name__}.{found.name}")
+        for found in pkgutil.iter_modules(package.__path__)
+    )
+    found = [module.FORMAT for module in modules if hasattr(module, "FORMAT")]
+    return tuple(sorted(found, key=lambda format: format.order))
+
+
+def open_log(path: Path) -> LogFile:
+    """Open a log, a file or a folder.
+
+    Raises:
+        HuskyError: It cannot be opened, or is of no known format.
+    """
+    head = b""
+    try:
+        if not path.is_dir():
+            with path.open("rb") as file:
+                head = file.read(HEAD)
+    except OSError as error:
+        raise HuskyError(f"{path}: cannot be opened ({error.strerror}).") from error
+    return next(format for format in formats() if format.sniff(path, head)).open(path)

@@ -1,0 +1,114 @@
+"""Logs in: any file that holds a rocking board becomes one `Roll`.
+
+What is inferred (column, unit, axis, clock) is written into `Roll.notes`, what is wrong with the log into
+`Roll.warnings`, and every inference can be overridden by `LogOptions`.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from sysid.errors import HuskyError
+from sysid.logs.formats.registry import open_log
+from sysid.logs.sources.registry import Reading, choose_source
+from sysid.logs.table.choose import Choice, columns_of
+from sysid.logs.table.clock import MIN_SAMPLES, Clock, even_clock, repair_clock, usual_step
+from sysid.logs.table.names import Column
+from sysid.logs.table.options import LogOptions
+from sysid.logs.table.remarks import Remarks
+from sysid.logs.table.rows import measured_rows, on_common_rows
+from sysid.roll import Array, Roll
+from sysid.video.options import VIDEO_SUFFIXES, VideoOptions
+
+
+def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
+    """Read any log or film as roll against time.
+
+    Raises:
+        HuskyError: The file cannot be read, holds no roll, or holds too little to be a measurement.
+    """
+    options = options or LogOptions()
+    if options.rate is not None and not 0 < options.rate < np.inf:
+        raise HuskyError(f"--rate {options.rate}: a sampling rate is a positive number of hertz.")
+    if not path.exists():
+        raise HuskyError(f"{path}: there is no such file.")
+    if path.suffix.lower() in VIDEO_SUFFIXES:
+        from sysid.video_roll import roll_from_video
+
+        return roll_from_video(path, replace(options.video or VideoOptions(), rate=options.rate))
+    log = open_log(path)
+    time, columns = columns_of(log, options)
+    source, choice = choose_source(log, columns, time, options)
+    names = [name for name in (*choice.columns, time and time.name, choice.std) if name]
+    data = log.read(names)
+    try:
+        clock, data, cleaned = _clean(choice, time, data, options)
+        roll = source.to_roll(
+            Reading(
+                log=str(path),
+                choice=choice,
+                time=clock.time,
+                signals=tuple(data[name] for name in choice.columns),
+                std=data[choice.std] if choice.std else None,
+                options=options,
+            )
+        )
+        roll = _checked(roll)
+    except HuskyError as error:
+        raise HuskyError(f"{path}: {error}") from None
+    rate = 1 / usual_step(roll.time)
+    sampling = f"{roll.time.size} samples in {roll.time[-1] - roll.time[0]:.4g} s at {rate:.4g} Hz"
+    return replace(
+        roll,
+        notes=(*log.notes, *choice.remarks.notes, *cleaned.notes, *roll.notes, *clock.notes, sampling),
+        warnings=(*clock.warnings, *cleaned.warnings, *choice.remarks.warnings, *roll.warnings),
+    )
+
+
+def _clean(
+    choice: Choice, time: Column | None, data: dict[str, Array], options: LogOptions
+) -> tuple[Clock, dict[str, Array], Remarks]:
+    """Drop rows without numbers and repair the clock; the returned columns have the clock's rows."""
+    stamps = data.pop(time.name) if time else None
+    data, joined = on_common_rows(data, stamps)
+    signals = {name: data[name] for name in choice.columns}
+    rows = signals[choice.columns[0]].size
+    kept, dropped = measured_rows(signals, stamps)
+    count = rows if kept is None else kept.size
+    if count < MIN_SAMPLES:
+        raise HuskyError(
+            f"{count} of {rows} rows hold numbers in {', '.join(map(repr, choice.columns))}; "
+            f"at least {MIN_SAMPLES} are needed. Is it the right file and column?"
+        )
+    if kept is not None:
+        data = {name: column[kept] for name, column in data.items()}
+        stamps = stamps if stamps is None else stamps[kept]
+    liveliest = data[max(choice.columns, key=lambda name: float(np.std(data[name][:200_000])))]
+    if liveliest.min() == liveliest.max():
+        raise HuskyError(
+            f"{', '.join(map(repr, choice.columns))} never changes (always {liveliest[0]:g}): the sensor was dead, "
+            "or it is the wrong column. Name another with --column."
+        )
+    if stamps is None or time is None:
+        clock = even_clock(rows, options.rate or 1.0, kept)
+    else:
+        clock = repair_clock(stamps, liveliest, time.unit, time.name, computed=choice.std is not None)
+    return clock, {name: clock.of(column) for name, column in data.items()}, joined + dropped
+
+
+def _checked(roll: Roll) -> Roll:
+    """Return a roll that computing with is safe for, with no standard deviation below rounding.
+
+    Raises:
+        HuskyError: It does not move, or overflowed.
+    """
+    reach = float(np.ptp(roll.roll))
+    if not np.isfinite(reach) or not np.diff(roll.time).min() > 0:
+        raise HuskyError(
+            "its numbers are too large or too close to compute with. Is the unit right? See --unit, --rate."
+        )
+    if reach == 0:
+        raise HuskyError("roll never changes about this axis. Choose another with --axis or --column.")
+    smallest = 1e-9 * reach
+    return roll if roll.std.min() >= smallest else replace(roll, std=np.maximum(roll.std, smallest))

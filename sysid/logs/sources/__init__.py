@@ -1,0 +1,1 @@
+"""One kind of sensor a module: columns to roll."""

@@ -1,0 +1,160 @@
+"""Roll from an angle: an encoder, or what a fusion filter has made of its sensors."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sysid.logs.sources.registry import Reading, Source
+from sysid.logs.table.choose import Choice, std_of
+from sysid.logs.table.names import ANGLE_UNITS, Column, unit_kind
+from sysid.logs.table.remarks import Remarks, note, warning
+from sysid.noise.sensor import estimate_noise, saturated
+from sysid.roll import Array, Roll
+
+
+def find_angle(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]:
+    """Return the angles, about an axis if one is given, the one whose name is the plainest first."""
+    angles = [c for c in columns if c.kind == "angle" and (not axis or (c.axis or "x") == axis)]
+
+    def rank(column: Column) -> tuple[object, ...]:
+        aside = not axis and column.axis in ("y", "z")
+        return (
+            column.doubt,
+            aside,
+            not column.is_roll,
+            column.unit != "rad",
+            column.unit is None,
+            len(column.name),
+        )
+
+    angles.sort(key=rank)
+    choices = [
+        Choice(
+            columns=(column.name,),
+            unit=column.unit,
+            sign=sign,
+            doubt=column.doubt,
+            std=std_of(column, columns),
+            remarks=note(f"roll from '{column.name}'"),
+        )
+        for column in angles
+    ]
+    if len(angles) > 1:
+        rivals = ", ".join(repr(column.name) for column in angles[1:5])
+        why = f"roll from '{angles[0].name}' rather than {rivals}: {_why(angles[0], angles[1])}"
+        choices[0] = replace(choices[0], remarks=note(why))
+    if angles and not axis and angles[0].axis in ("y", "z"):
+        aside = f"'{angles[0].name}' is the only angle and taken as roll, though its name says otherwise"
+        choices[0] = choices[0].with_remarks(warning(aside))
+    return choices
+
+
+def angle_turning(choice: Choice, signals: Sequence[Array], period: float) -> Array:
+    """Return the slope of an angle [rad/s], shape (n,); in doubt it is in degrees, as filters write it."""
+    (angle,) = signals
+    scale = choice.scale or ANGLE_UNITS[choice.unit or "deg"]
+    slope = scale / period * np.gradient(angle)
+    largest = float(np.percentile(np.abs(slope), 99.9))  # where it wraps it does not turn
+    return np.clip(slope, -largest, largest)
+
+
+def _why(best: Column, other: Column) -> str:
+    if other.doubt > best.doubt:
+        return f"'{other.name}' is not named as the plain measurement"
+    if best.is_roll and not other.is_roll:
+        return "its name says roll"
+    if other.axis in ("y", "z") and best.axis not in ("y", "z"):
+        return "the other turns about another axis"
+    if best.unit == "rad" and other.unit != "rad":
+        return "it is in rad, which needs no conversion"
+    return "it has the plainest name"
+
+
+def angle_from(column: Column, columns: Sequence[Column], sign: float) -> Choice:
+    """Return one column that the user names, as an angle."""
+    return Choice(
+        columns=(column.name,),
+        unit=column.unit if unit_kind(column.unit) == "angle" else None,
+        sign=sign,
+        std=std_of(column, columns),
+        remarks=note(f"roll from '{column.name}'"),
+    )
+
+
+def angle_scale(angle: Array, choice: Choice) -> tuple[float, Remarks]:
+    """Return radians per unit of an angle, shape (n,), and how that is known."""
+    (name,) = choice.columns
+    if choice.scale is not None:
+        return choice.scale, note(f"one count is {choice.scale:g} rad, as --unit says")
+    if choice.unit is not None:
+        return ANGLE_UNITS[choice.unit], Remarks()
+    reach = float(np.max(np.abs(angle - np.median(angle))))
+    unit = "deg" if reach > np.pi else "rad"
+    why = f"'{name}' names no unit; taken as {unit}, because it reaches {reach:.3g} from its median"
+    unsure = 0.9 < reach < 30
+    return ANGLE_UNITS[unit], warning(f"{why}. That can be wrong: say it with --unit") if unsure else note(
+        why
+    )
+
+
+def roll_from_angle(reading: Reading) -> Roll:
+    """Return an angle scaled, unwrapped and weighed."""
+    choice, (angle,) = reading.choice, reading.signals
+    scale, remarks = angle_scale(angle, choice)
+    factor = scale * choice.sign
+    roll, unwrapping = _unwrapped(angle if factor == 1 else angle * factor)
+    remarks += unwrapping
+    noise = estimate_noise(roll)
+    if reading.std is not None and np.all(reading.std > 0):
+        std = reading.std * abs(scale)
+        remarks += note(f"standard deviation from '{choice.std}'")
+    else:
+        std = np.full(roll.size, noise.std)
+        step = f", quantised in steps of {np.rad2deg(noise.step):.3g}°" if noise.step > noise.std else ""
+        remarks += note(f"sensor noise {np.rad2deg(noise.std):.3g}° from the signal itself{step}")
+    excess = saturated(roll, noise)
+    if excess is not None:
+        np.maximum(std, excess, out=std)
+        remarks += warning(
+            f"'{choice.columns[0]}' is saturated in {np.count_nonzero(excess)} samples (at {np.rad2deg(roll.min()):.3g}° or "
+            f"{np.rad2deg(roll.max()):.3g}°): they count for little, and amplitudes near there are lower bounds"
+        )
+    return Roll(
+        log=reading.log,
+        time=reading.time,
+        roll=roll,
+        std=std,
+        origin="angle",
+        notes=remarks.notes,
+        warnings=remarks.warnings,
+    )
+
+
+def _unwrapped(roll: Array) -> tuple[Array, Remarks]:
+    """Undo jumps of a whole turn, and bring the middle of the record into ±half a turn."""
+    turn, remarks = 2 * np.pi, Remarks()
+    if np.ptp(roll) > 0.75 * turn:
+        steps = np.diff(roll)
+        jumps = np.flatnonzero(np.abs(steps) > 0.75 * turn)
+        if jumps.size:
+            turns = np.zeros(roll.size)
+            turns[jumps + 1] = -np.round(steps[jumps] / turn)
+            roll = roll + np.cumsum(turns) * turn
+            remarks += note(f"angle wrapped by a whole turn {jumps.size} times: unwrapped")
+    whole = float(np.round(np.median(roll[:: max(1, roll.size // 100_000)]) / turn))
+    if whole:
+        roll = roll - whole * turn
+        remarks += note(f"{whole:+g} whole turns taken off")
+    return roll, remarks
+
+
+SOURCE = Source(
+    name="angle",
+    order=0,
+    quantity="angle",
+    find=find_angle,
+    to_roll=roll_from_angle,
+    turning=angle_turning,
+    from_column=angle_from,
+)

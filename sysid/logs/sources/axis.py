@@ -1,0 +1,82 @@
+"""The axis that the deck turns about, in the axes of a sensor that is mounted anyhow."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.logs.table.choose import Choice
+from sysid.logs.table.remarks import Remarks, note, warning
+from sysid.roll import Array
+
+ONE_AXIS = 0.8
+"""Share of the rotation about one axis from which on a motion counts as one-axis."""
+UPRIGHT = 0.8
+"""Cosine between roll axis and vertical beyond which gravity tells too little of roll."""
+
+
+@dataclass(frozen=True, slots=True)
+class RollAxis:
+    """The axis that the deck turns about, in sensor axes."""
+
+    vector: Array
+    """Unit vector forward, shape (3,)."""
+    share: float
+    """Share of the squared rotation rate that is about it, 0 to 1."""
+    remarks: Remarks
+    """How it was chosen."""
+
+
+def find_roll_axis(rates: Array, choice: Choice) -> RollAxis:
+    """Return the user's axis, or the one that the sensor turns about most; its largest component is positive.
+
+    Args:
+        rates: Rotation rates in sensor axes [rad/s], shape (n, 3).
+        choice: Its axis and sign count.
+    """
+    free = rates - np.median(rates, axis=0)
+    moments, axes = np.linalg.eigh(free.T @ free)
+    if choice.axis:
+        vector = np.eye(3)["xyz".index(choice.axis)]
+        share = float(np.sum((free @ vector) ** 2) / max(moments.sum(), 1e-30))
+        remarks = note(
+            f"roll about the sensor's {'-' if choice.sign < 0 else '+'}{choice.axis}, as --axis says"
+        )
+    else:
+        vector = axes[:, -1] * np.sign(axes[np.argmax(np.abs(axes[:, -1])), -1])
+        share = float(moments[-1] / max(moments.sum(), 1e-30))
+        main = "xyz"[int(np.argmax(np.abs(vector)))]
+        shown = ", ".join(f"{value:.2f}" for value in vector)
+        remarks = note(
+            f"roll about ({shown}) of the sensor, {100 * share:.0f} % of its rotation, taken as forward; "
+            f"--axis -{main} if the sensor's {main} points backward"
+        )
+    if share < ONE_AXIS:
+        remarks += warning(
+            f"the sensor turns about several axes (only {100 * share:.0f} % about the roll axis): not a one-axis motion"
+        )
+    return RollAxis(vector * choice.sign, share, remarks)
+
+
+def angle_about(axis: Array, up: Array) -> tuple[Array, Remarks] | None:
+    """Return the roll about an axis [rad], shape (n,), from the vertical in sensor axes; None if the axis is upright.
+
+    Roll is zero where the sensor axis that is nearest to the vertical points along it, as seen along the roll
+    axis: a sensor that lies flat reads the true roll, whichever of its faces is up.
+
+    Args:
+        axis: Unit vector forward in sensor axes, shape (3,).
+        up: Unit vectors against gravity in sensor axes, shape (n, 3).
+    """
+    mean = up.mean(axis=0)
+    if np.median(np.abs(up @ axis)) > UPRIGHT:
+        return None
+    square = np.eye(3) - np.outer(axis, axis)
+    facing = (square @ mean) / np.linalg.norm(square, axis=0).clip(1e-9)
+    facing[np.linalg.norm(square, axis=0) < 0.5] = 0.0  # nearly along the roll axis
+    nearest = int(np.argmax(np.abs(facing)))
+    sign = 1.0 if facing[nearest] >= 0 else -1.0
+    top = square[:, nearest] * sign
+    top /= np.linalg.norm(top)
+    left = np.cross(top, axis)
+    zero = note(f"roll is zero where the sensor's {'+' if sign > 0 else '-'}{'xyz'[nearest]} points up")
+    return np.unwrap(np.arctan2(up @ left, up @ top)), zero

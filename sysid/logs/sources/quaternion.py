@@ -1,0 +1,81 @@
+"""Roll from an orientation quaternion."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sysid.errors import HuskyError
+from sysid.logs.sources.axis import angle_about, find_roll_axis
+from sysid.logs.sources.registry import Reading, Source
+from sysid.logs.sources.rotations import quaternion_matrices, rotation_angles
+from sysid.logs.table.choose import Choice, triple
+from sysid.logs.table.names import Column
+from sysid.logs.table.remarks import note
+from sysid.noise.sensor import estimate_noise
+from sysid.roll import Roll
+
+
+def find_quaternion(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]:
+    """Return the columns w, x, y, z of one orientation."""
+    found = triple(columns, "quaternion", "wxyz")
+    if found is None:
+        return []
+    choice = Choice(
+        columns=tuple(column.name for column in found),
+        doubt=found[0].doubt,
+        axis=axis,
+        sign=sign,
+        remarks=note(f"roll from the orientation '{found[0].name}'..., taken as sensor to earth"),
+    )
+    return [choice]
+
+
+def roll_from_quaternion(reading: Reading) -> Roll:
+    """Return the swing of an orientation about its roll axis; the orientation turns sensor into earth axes.
+
+    Raises:
+        HuskyError: The rows are no orientation.
+    """
+    choice, quaternion = reading.choice, np.stack(reading.signals, axis=1)
+    norm = np.linalg.norm(quaternion, axis=1)
+    usual = float(np.median(norm))
+    off = np.count_nonzero(~(np.abs(norm - usual) < 0.1 * usual))
+    if off:
+        raise HuskyError(
+            f"{', '.join(map(repr, choice.columns))}: {off} rows are no orientation (their norm is not that of the "
+            "others). Is the order w, x, y, z and the file whole?"
+        )
+    attitude = quaternion_matrices(quaternion)
+    turned = rotation_angles(attitude[:-1].transpose(0, 2, 1) @ attitude[1:])
+    rates = turned / np.diff(reading.time)[:, None]
+    rates = np.concatenate((rates[:1], 0.5 * (rates[1:] + rates[:-1]), rates[-1:]))
+    axis = find_roll_axis(rates, choice)
+    remarks = axis.remarks
+    about = angle_about(axis.vector, attitude[:, 2, :])
+    if about is None:  # the axis stands upright: the sum of the turns is all there is
+        roll = np.concatenate(([0.0], np.cumsum(turned @ axis.vector)))
+        remarks += note("the roll axis stands upright: roll is counted from the first sample")
+    else:
+        roll, zero = about
+        remarks += zero
+    noise = estimate_noise(roll)
+    remarks += note(f"noise {np.rad2deg(noise.std):.3g}° from the signal itself")
+    return Roll(
+        log=reading.log,
+        time=reading.time,
+        roll=roll,
+        std=np.full(roll.size, noise.std),
+        origin="quaternion",
+        zero="constant",
+        notes=remarks.notes,
+        warnings=remarks.warnings,
+    )
+
+
+SOURCE = Source(
+    name="quaternion",
+    order=3,
+    quantity=None,
+    find=find_quaternion,
+    to_roll=roll_from_quaternion,
+)

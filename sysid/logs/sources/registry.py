@@ -1,0 +1,222 @@
+"""The kinds of sensor that roll can be made from: one a file of this folder, found by being there.
+
+Such a file ends in `SOURCE = Source(...)`. What a kind of sensor means for whoever uses the roll (whether its
+zero is known, what it measures) is written into the `Roll`, so that nobody need ask for the kind.
+"""
+
+import importlib
+import pkgutil
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from sysid.errors import HuskyError, did_you_mean
+from sysid.logs import sources as package
+from sysid.logs.table.choose import Choice, find_column, parse_axis
+from sysid.logs.table.clock import MIN_SAMPLES, time_scale, typical_step
+from sysid.logs.table.file import LogFile
+from sysid.logs.table.names import ANGLE_UNITS, RATE_UNITS, Column, parse_unit, unit_kind
+from sysid.logs.table.options import LogOptions
+from sysid.logs.table.remarks import note, warning
+from sysid.logs.table.rows import LARGEST
+from sysid.roll import Array, Roll
+
+HARDLY, ALIKE = 0.2, 0.5
+"""A column that turns less than this share of another, with less than this correlation, is not the deck's."""
+AVERAGED = (1, 4, 16)
+"""Rows that are averaged before two rates are compared: the slope of an angle is mostly noise from row to row."""
+_UNITS = {"angle": ("an angle", "rad", ANGLE_UNITS), "rate": ("a rotation rate", "rad/s", RATE_UNITS)}
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """The chosen columns of one log, on a clock that is in order."""
+
+    log: str
+    choice: Choice
+    time: Array
+    """Time [s], shape (n,), strictly increasing."""
+    signals: tuple[Array, ...]
+    """The chosen columns in the log's units, shape (n,) each."""
+    std: Array | None
+    """The column of their standard deviation, shape (n,), where there is one."""
+    options: LogOptions
+
+    @property
+    def counted(self) -> slice:
+        """The rows between `LogOptions.start` and `.stop`; all where too few lie there."""
+        low = 0 if self.options.start is None else int(np.searchsorted(self.time, self.options.start))
+        high = (
+            None if self.options.stop is None else int(np.searchsorted(self.time, self.options.stop, "right"))
+        )
+        return slice(low, high) if self.time[low:high].size >= MIN_SAMPLES else slice(None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Source:
+    """One kind of sensor."""
+
+    name: str
+    """As `--source` takes it."""
+    order: int
+    """Where the names of the columns leave it open, the lowest is taken."""
+    quantity: Literal["angle", "rate"] | None
+    """What `--unit` gives the unit of; None where the columns have none."""
+    find: Callable[[Sequence[Column], str, float], Sequence[Choice]]
+    """Its columns among some, about an axis ('' for any) with a sign: the best by their names first, none where none are
+    there."""
+    to_roll: Callable[[Reading], Roll]
+    """Roll from its columns, with notes and warnings of its own."""
+    turning: Callable[[Choice, Sequence[Array], float], Array] | None = None
+    """How fast it turns [rad/s], shape (n,), from its columns, shape (n,) each, sampled every so many seconds; None where
+    that is not told by so little. Of several that turn differently, the one that moves is the deck's."""
+    from_column: Callable[[Column, Sequence[Column], float], Choice] | None = None
+    """One column that the user names, beside the others and with a sign; None where one is not enough."""
+
+
+@cache
+def sources() -> Mapping[str, Source]:
+    """Return every kind of sensor by name, in their order."""
+    modules = (
+        importlib.import_module(f"{package.__name__}.{found.name}")
+        for found in pkgutil.iter_modules(package.__path__)
+    )
+    found = [module.SOURCE for module in modules if hasattr(module, "SOURCE")]
+    return MappingProxyType({source.name: source for source in sorted(found, key=lambda s: s.order)})
+
+
+def choose_source(
+    log: LogFile, columns: Sequence[Column], time: Column | None, options: LogOptions
+) -> tuple[Source, Choice]:
+    """Choose what to make roll from.
+
+    Names decide; but of two that turn differently the one that moves wins, whatever it is called.
+
+    Raises:
+        HuskyError: A named column, source or unit does not exist, or the log holds nothing of the kind.
+    """
+    axis, sign = parse_axis(options.axis) if options.axis else ("", 1.0)
+    if options.source not in ("auto", *sources()):
+        raise HuskyError(
+            f"--source '{options.source}': there is no such source.{did_you_mean(options.source, sources())} "
+            f"Known: auto, {', '.join(sources())}."
+        )
+    if options.column is not None:
+        column = find_column(log, options.column, columns, "--column")
+        source, choice = _named(log, column, columns, sign, options)
+        return source, _with_unit(source, choice, options)
+    wanted = sources().values() if options.source == "auto" else [sources()[options.source]]
+    found = [(s, choice) for s in wanted for choice in s.find(columns, axis, sign)]
+    if not found:
+        what = "roll, angle or rotation rate" if options.source == "auto" else options.source
+        raise HuskyError(
+            f"{log.path}: no column of {what} among {', '.join(map(repr, log.names[:30]))}"
+            + (f" about axis '{options.axis}'" if options.axis else "")
+            + ". Name one with --column, and its unit with --unit."
+        )
+    doubt = min(choice.doubt for _, choice in found)
+    source, choice = _that_moves(log, [pair for pair in found if pair[1].doubt == doubt], time, options)
+    others = ", ".join(dict.fromkeys(other.name for other, _ in found if other is not source))
+    if others:
+        choice = choice.with_remarks(note(f"the log also holds {others}: choose with --source"))
+    return source, _with_unit(source, choice, options)
+
+
+def _that_moves(
+    log: LogFile, found: Sequence[tuple[Source, Choice]], time: Column | None, options: LogOptions
+) -> tuple[Source, Choice]:
+    """Return the first of some, or the one that moves where the first hardly does and has nothing in common with it."""
+    rivals = [pair for pair in found if pair[0].turning is not None]
+    if found[0] not in rivals or len(rivals) < 2:
+        return found[0]
+    names = dict.fromkeys(name for _, choice in rivals for name in choice.columns)
+    data = log.read([*names, *([time.name] if time else [])])
+    sound = np.logical_and.reduce([np.abs(column) < LARGEST for column in data.values()])
+    if np.count_nonzero(sound) < MIN_SAMPLES:
+        return found[0]
+    period = 1 / (options.rate or 1.0)
+    if time is not None:
+        scale, _ = time_scale(data[time.name][sound], time.unit)
+        period = max(typical_step(data[time.name][sound]) * scale, 1e-9)
+    turning: list[Array] = []
+    for source, choice in rivals:
+        assert source.turning is not None
+        turning.append(source.turning(choice, [data[name][sound] for name in choice.columns], period))
+    smooth = [[_averaged(rate, rows) for rate in turning] for rows in AVERAGED]
+    sizes = np.array([[float(np.std(rate)) for rate in rates] for rates in smooth])
+    best = int(np.argmax(np.median(sizes, axis=0)))
+    hardly = np.any(sizes[:, 0] < HARDLY * sizes[:, best])
+    if not hardly or max(_likeness(rates[0], rates[best]) for rates in smooth) > ALIKE:
+        return found[0]
+    source, choice = rivals[best]
+    named, taken = found[0][1].columns[0], ", ".join(map(repr, choice.columns))
+    return source, choice.with_remarks(
+        warning(
+            f"'{named}' hardly moves while {taken} does: roll is made from what moves. "
+            f"--column '{named}' takes the other all the same"
+        )
+    )
+
+
+def _averaged(rate: Array, rows: int) -> Array:
+    """Return a rate, shape (n,), averaged over some rows."""
+    return np.convolve(rate, np.ones(rows) / rows, "valid")
+
+
+def _likeness(one: Array, other: Array) -> float:
+    """Return the largest correlation of two rates at any shift of up to a twentieth of the record."""
+    shift = max(1, one.size // 20)
+    size = 1 << int(2 * one.size - 1).bit_length()
+    one, other = (np.asarray((rate - rate.mean()) / max(float(rate.std()), 1e-300)) for rate in (one, other))
+    product = np.fft.irfft(np.fft.rfft(one, size) * np.conj(np.fft.rfft(other, size)), size) / one.size
+    return float(np.abs(np.concatenate((product[: shift + 1], product[-shift:]))).max())
+
+
+def _named(
+    log: LogFile, column: Column, columns: Sequence[Column], sign: float, options: LogOptions
+) -> tuple[Source, Choice]:
+    """Return the source that one column makes: the user's, else the one of its quantity, else the first."""
+    kind = unit_kind(parse_unit(options.unit)) if options.unit else "unknown"
+    kind = kind if kind in _UNITS else column.kind
+    single = [source for source in sources().values() if source.from_column is not None]
+    chosen = [
+        *(source for source in single if source.name == options.source),
+        *(source for source in single if source.quantity == kind),
+    ]
+    if kind == "accel" and not chosen:
+        raise HuskyError(
+            f"{log.path}: '{column.name}' is an acceleration; roll needs an angle, a rotation rate, or all three "
+            "axes of accelerometer and gyro (leave --column out)."
+        )
+    source = (chosen or single)[0]
+    assert source.from_column is not None
+    return source, source.from_column(column, columns, sign)
+
+
+def _with_unit(source: Source, choice: Choice, options: LogOptions) -> Choice:
+    """Return the choice with the user's unit in place of the name's."""
+    if options.unit is None:
+        return choice
+    if source.quantity is None:
+        raise HuskyError(
+            f"--unit '{options.unit}': roll is made from {', '.join(map(repr, choice.columns))}, which has no unit. "
+            "Leave it out, or name another column with --column."
+        )
+    what, si, table = _UNITS[source.quantity]
+    unit = parse_unit(options.unit)
+    if unit in table:
+        return replace(choice, unit=unit)
+    try:
+        scale = float(options.unit)
+    except ValueError:
+        scale = 0.0
+    if not 0 < abs(scale) < np.inf:
+        raise HuskyError(
+            f"--unit '{options.unit}': not a unit of {what}. Known: {', '.join(table)}, or the size of one "
+            f"count as a number (in {si})."
+        )
+    return replace(choice, scale=scale)

@@ -1,0 +1,152 @@
+"""Which columns of a log hold time and roll, in which unit: by name, and by content where the name is silent."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from sysid.errors import HuskyError, did_you_mean
+from sysid.logs.table.file import LogFile
+from sysid.logs.table.names import Column, Kind, parse_column
+from sysid.logs.table.options import LogOptions
+from sysid.logs.table.remarks import Remarks
+
+AXIS_NAMES = {"roll": "x", "pitch": "y", "yaw": "z", "x": "x", "y": "y", "z": "z"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choice:
+    """Where roll is in a log."""
+
+    columns: tuple[str, ...]
+    """One angle or rate; three rates x, y, z; three rates and three accelerations; or a quaternion w, x, y, z."""
+    unit: str | None = None
+    """Unit of the angle or of the rates; None where neither name nor user says it."""
+    accel_unit: str | None = None
+    scale: float | None = None
+    """Radians (or rad/s) in one count, where the user gave a number as the unit."""
+    axis: str = ""
+    """Sensor axis that points forward, 'x', 'y' or 'z'; '' to infer it."""
+    sign: float = 1.0
+    std: str | None = None
+    """Column of the angle's own standard deviation."""
+    doubt: int = 0
+    """Words that say that these are second-hand: a reference, a goal, a phone's own fusion."""
+    remarks: Remarks
+    """How the columns were chosen."""
+
+    def with_remarks(self, remarks: Remarks) -> "Choice":
+        """Return the choice with more to say."""
+        return replace(self, remarks=self.remarks + remarks)
+
+
+def columns_of(log: LogFile, options: LogOptions) -> tuple[Column | None, list[Column]]:
+    """Return the column of time, None where the user gives the rate, and the others with what is known of them.
+
+    Raises:
+        HuskyError: There is no time, or nothing says what the columns are.
+    """
+    columns = [parse_column(name, unit) for name, unit in zip(log.names, log.units, strict=True)]
+    if not any(column.kind != "unknown" for column in columns) and options.column is None:
+        from sysid.logs.table.content import name_columns_by_content
+
+        columns = name_columns_by_content(log, columns)
+    time = time_column(log, columns, options)
+    return time, [column for column in columns if time is None or column.name != time.name]
+
+
+def find_column(log: LogFile, wanted: str, columns: Sequence[Column], option: str) -> Column:
+    """Return the column that the user means: its name in any case, or its number counted from 1.
+
+    Raises:
+        HuskyError: There is none.
+    """
+    text = wanted.strip()
+    for column in columns:
+        if column.name == text:
+            return column
+    for column in columns:
+        if column.name.lower() == text.lower():
+            return column
+    if text.isdigit() and 1 <= int(text) <= len(log.names):
+        name = log.names[int(text) - 1]
+        text = name
+        for column in columns:
+            if column.name == name:
+                return column
+    if text in log.names:
+        raise HuskyError(
+            f"{log.path}: {option} '{wanted}' is the column of time. If it is not, name the time with --time-column."
+        )
+    known = ", ".join(f"'{name}'" for name in log.names[:30])
+    raise HuskyError(
+        f"{log.path}: {option} '{wanted}': there is no such column.{did_you_mean(wanted, log.names)} "
+        f"The columns are {known}."
+    )
+
+
+def parse_axis(text: str) -> tuple[str, float]:
+    """Return the axis 'x', 'y' or 'z' and the sign of '-y', '+roll', ...
+
+    Raises:
+        HuskyError: It is no axis.
+    """
+    name = text.strip().lower()
+    sign = -1.0 if name.startswith("-") else 1.0
+    axis = AXIS_NAMES.get(name.lstrip("+-"))
+    if axis is None:
+        raise HuskyError(
+            f"--axis '{text}': expected x, y, z, roll, pitch or yaw, with a minus sign to flip it."
+        )
+    return axis, sign
+
+
+def time_column(log: LogFile, columns: Sequence[Column], options: LogOptions) -> Column | None:
+    """Return the column of time; None where the user gives the sampling rate.
+
+    Raises:
+        HuskyError: There is none.
+    """
+    if options.rate is not None:
+        return None
+    if options.time_column is not None:
+        return find_column(log, options.time_column, columns, "--time-column")
+    times = [column for column in columns if column.kind == "time"]
+    # A unit in the name ('seconds_elapsed') beats a bare 'time', which may be the epoch in anything.
+    times.sort(key=lambda column: (column.doubt, column.unit is None))
+    if not times:
+        raise HuskyError(
+            f"{log.path}: no column of time among {', '.join(map(repr, log.names[:30]))}. "
+            "Name it with --time-column, or give the sampling rate with --rate."
+        )
+    return times[0]
+
+
+def std_of(column: Column, columns: Sequence[Column]) -> str | None:
+    """Return the column of the same name and unit with 'std' in it."""
+    for other in columns:
+        same = (
+            other.axis == column.axis
+            and other.is_roll == column.is_roll
+            and (other.unit or column.unit) == column.unit
+        )
+        if other.kind == "std" and same:
+            return other.name
+    return None
+
+
+def triple(columns: Sequence[Column], kind: Kind, axes: str) -> tuple[Column, ...] | None:
+    """Return the columns x, y, z (or w, x, y, z) of one sensor: the least doubtful complete set."""
+    groups: dict[tuple[int, str, str | None], dict[str, Column]] = {}
+    for column in columns:
+        if (
+            column.kind == kind
+            and column.axis
+            and column.axis in axes
+            and not (kind == "rate" and column.is_roll)
+        ):
+            groups.setdefault((column.doubt, column.group, column.unit), {}).setdefault(column.axis, column)
+    complete = [(key, members) for key, members in groups.items() if len(members) == len(axes)]
+    if not complete:
+        return None
+    # Every axis of ROS's linear_acceleration carries one doubtful word, because phones mean without gravity by it.
+    _, members = min(complete, key=lambda item: (item[0][0], len(item[0][1])))
+    return tuple(members[axis] for axis in axes)

@@ -1,0 +1,80 @@
+"""Columns without names: what the numbers themselves say."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sysid.errors import HuskyError
+from sysid.logs.table.file import LogFile
+from sysid.logs.table.names import Column, Kind
+from sysid.roll import Array
+
+
+def name_columns_by_content(log: LogFile, columns: Sequence[Column]) -> list[Column]:
+    """Return the columns with the quantities that their numbers tell.
+
+    Time is the first column that always increases. Four columns of unit norm are a quaternion w, x, y, z;
+    three whose norm rests at 9.81 m/s² or 1 g an accelerometer, and three others beside it a gyro. One
+    column that moves is the angle; of two, the angle is the one whose slope the other is.
+
+    Raises:
+        HuskyError: The numbers leave it open.
+    """
+    data = log.read(log.names)
+    data = {name: column[np.isfinite(column)] for name, column in data.items()}
+    found: dict[str, tuple[Kind, str]] = {}
+    moving: list[str] = []
+    for name in log.names:
+        column = data[name]
+        if column.size < 2 or column.min() == column.max():
+            continue
+        if not any(kind == "time" for kind, _ in found.values()) and np.all(np.diff(column) > 0):
+            found[name] = ("time", "")
+        else:
+            moving.append(name)
+    signals = {name: data[name] for name in moving}
+    if len({column.size for column in signals.values()}) > 1:
+        signals = {}
+    found |= _sensors(moving, signals)
+    if not any(kind in ("angle", "rate", "quaternion") for kind, _ in found.values()):
+        raise HuskyError(
+            f"{log.path}: nothing says which of the columns {', '.join(map(repr, log.names[:12]))} is roll. "
+            "Name it with --column (a number counts from 1), and its unit with --unit."
+        )
+    return [
+        replace(column, kind=found[column.name][0], axis=found[column.name][1])
+        if column.name in found
+        else column
+        for column in columns
+    ]
+
+
+def _sensors(names: Sequence[str], signals: dict[str, Array]) -> dict[str, tuple[Kind, str]]:
+    if len(names) == 1:
+        return {names[0]: ("angle", "")}
+    if len(names) == 2 and len(signals) == 2:
+        first, second = names
+        slopes = abs(_slope_correlation(signals[first], signals[second]))
+        backwards = abs(_slope_correlation(signals[second], signals[first]))
+        if max(slopes, backwards) > 0.9:
+            angle, rate = (first, second) if slopes > backwards else (second, first)
+            return {angle: ("angle", ""), rate: ("rate", "")}
+    found: dict[str, tuple[Kind, str]] = {}
+    if len(names) == 4 and np.allclose(np.sqrt(sum(signals[name] ** 2 for name in names)), 1.0, atol=0.02):
+        found = {name: ("quaternion", axis) for name, axis in zip(names, "wxyz", strict=True)}
+    if len(names) == 6 and len(signals) == 6:
+        for start in (0, 3):
+            accel, gyro = names[start : start + 3], names[3 - start : 6 - start]
+            norm = float(np.median(np.sqrt(sum(signals[name] ** 2 for name in accel))))
+            if 9.0 < norm < 10.6 or 0.92 < norm < 1.08:
+                found = {name: ("accel", axis) for name, axis in zip(accel, "xyz", strict=True)}
+                found |= {name: ("rate", axis) for name, axis in zip(gyro, "xyz", strict=True)}
+    return found
+
+
+def _slope_correlation(angle: Array, rate: Array) -> float:
+    slope = np.gradient(angle)
+    if slope.std() == 0 or rate.std() == 0:
+        return 0.0
+    return float(np.corrcoef(slope, rate)[0, 1])

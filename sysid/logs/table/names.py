@@ -1,0 +1,224 @@
+"""What a column's name says: quantity, axis and unit.
+
+Names come from phones, robots and spreadsheets: `roll_deg`, `gyroX (rad/s)`, `angular_velocity.x`,
+`Gyroscope x (rad/s)`, `ax`. A name is cut into words, its unit is taken off, and the words that are
+left decide. What the name leaves open stays None, and the content has to say (`sysid.logs.table.choose`).
+"""
+
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+Kind = Literal["time", "angle", "rate", "accel", "quaternion", "std", "other", "unknown"]
+
+ANGLE_UNITS = {
+    "rad": 1.0,
+    "mrad": 1e-3,
+    "deg": 0.017453292519943295,
+    "turn": 6.283185307179586,
+}
+"""Radians in one of each unit."""
+RATE_UNITS = {
+    "rad/s": 1.0,
+    "mrad/s": 1e-3,
+    "deg/s": 0.017453292519943295,
+    "mdeg/s": 1.7453292519943295e-5,
+    "rpm": 0.10471975511965977,
+}
+"""rad/s in one of each unit."""
+ACCEL_UNITS = {"m/s^2": 1.0, "g": 9.80665, "mg": 9.80665e-3}
+"""m/s² in one of each unit."""
+TIME_UNITS = {
+    "s": 1.0,
+    "ms": 1e-3,
+    "us": 1e-6,
+    "ns": 1e-9,
+    "cs": 1e-2,
+    "100 ns": 1e-7,
+    "min": 60.0,
+    "h": 3600.0,
+}
+"""Seconds in one of each unit."""
+
+_ALIASES = {
+    "rad": ("radian", "radians", "rads"),
+    "mrad": ("milliradian", "milliradians"),
+    "deg": ("degree", "degrees", "degs", "°", "grad", "º"),
+    "turn": ("turns", "rev", "revs", "revolution", "revolutions"),
+    "rad/s": ("rad s", "radps", "rad/sec", "rad sec", "rad s-1", "rad s 1", "rad per s", "rad·s⁻¹", "rads/s"),
+    "mrad/s": ("mrad s", "mradps"),
+    "deg/s": (
+        "deg s",
+        "degps",
+        "dps",
+        "°/s",
+        "º/s",
+        "deg/sec",
+        "deg sec",
+        "degrees/s",
+        "degrees s",
+        "deg s 1",
+    ),
+    "mdeg/s": ("mdps", "mdeg s"),
+    "rpm": ("rev/min", "rev min"),
+    "m/s^2": ("m/s2", "m/s²", "m s2", "m s 2", "m s^2", "mps2", "ms2", "ms-2", "m s-2", "m/s/s", "m s s"),
+    "g": ("gs", "g0", "gee"),
+    "mg": ("millig",),
+    "s": ("sec", "secs", "second", "seconds"),
+    "ms": ("msec", "millis", "millisecond", "milliseconds"),
+    "us": ("usec", "micros", "microsecond", "microseconds", "µs", "μs"),
+    "ns": ("nsec", "nanos", "nanosec", "nanosecond", "nanoseconds"),
+    "cs": ("centisecond", "centiseconds"),
+    "100 ns": ("100ns",),
+    "min": ("minute", "minutes"),
+    "h": ("hr", "hrs", "hour", "hours"),
+}
+_UNITS = {alias: unit for unit, aliases in _ALIASES.items() for alias in (unit, *aliases)}
+_UNIT_KIND: dict[str, Kind] = {
+    **dict.fromkeys(ANGLE_UNITS, "angle"),
+    **dict.fromkeys(RATE_UNITS, "rate"),
+    **dict.fromkeys(ACCEL_UNITS, "accel"),
+    **dict.fromkeys(TIME_UNITS, "time"),
+}
+
+_TIME_WORDS = {"t", "time", "times", "timestamp", "timestamps", "stamp", "elapsed", "clock", "zeit", "tiempo",
+               "temps", "epoch", "datetime", "utc", "millis", "micros"}  # fmt: skip
+_RATE_WORDS = {"gyro", "gyr", "gyroscope", "gyroscopes", "omega", "rate", "speed", "velocity", "vel", "dot", "qvel",
+               "angvel", "thetadot", "phidot", "angularvelocity", "angularrate", "rotationrate"}  # fmt: skip
+_ACCEL_WORDS = {"acc", "accel", "accelerometer", "acceleration", "acceler"}
+_QUATERNION_WORDS = {"q", "quat", "quaternion", "orientation", "attitude"}
+_ROLL_WORDS = {"roll", "phi", "bank", "heel", "tilt", "lean"}
+_ANGLE_WORDS = _ROLL_WORDS | {"angle", "theta", "pitch", "yaw", "heading", "psi", "pos", "position", "qpos", "encoder",
+                              "winkel", "angulo", "inclination", "deflection", "swing"}  # fmt: skip
+_OTHER_WORDS = {"mag", "magnetometer", "magnetic", "magn", "temp", "temperature", "pressure", "battery", "voltage",
+                "current", "torque", "effort", "force", "latitude", "longitude", "altitude", "heave", "surge", "sway",
+                "area", "px", "frame", "index", "sample", "count", "seq", "id", "row", "accuracy", "absolute", "norm",
+                "covariance", "gravity", "light", "sound", "movement", "label", "height", "width"}  # fmt: skip
+_STD_WORDS = {"std", "sigma", "stdev", "stddev", "sd"}
+_DOUBTFUL = {"ref", "reference", "truth", "mocap", "optical", "goal", "target", "cmd", "command", "commanded",
+             "setpoint", "desired", "des", "raw", "logged", "err", "error", "model", "sim", "simulated", "predicted",
+             "uncalibrated", "wrapped", "old", "linear", "user", "fused"}  # fmt: skip
+"""Words of columns that are not the plain measurement: goals, references, second-hand copies."""
+_GLUED = re.compile(
+    r"(gyroscope|gyro|gyr|omega|w|g|accelerometer|accel|acc|a|magnetometer|mag|m|quat|q|rot)([xyzw])"
+)
+_GLUED_WORD = {"w": "omega", "g": "gyro", "a": "acc", "m": "mag", "q": "quat", "rot": "gyro"}
+_GREEK = str.maketrans({"φ": "phi", "ϕ": "phi", "θ": "theta", "ω": "omega", "γ": "tilt", "ψ": "psi"})
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One column, as far as its name tells."""
+
+    name: str
+    kind: Kind
+    axis: str
+    """'x', 'y', 'z' or 'w'; an angle's 'x' is roll, 'y' pitch, 'z' yaw; '' where the name is silent."""
+    unit: str | None
+    """A key of the tables above, or None where the name is silent."""
+    doubt: int
+    """How many words say that this is not the plain measurement; the lowest is taken."""
+    group: str
+    """The words that are neither quantity nor axis: columns of one sensor share them."""
+    is_roll: bool = False
+    """Whether the name says roll (or tilt, lean, heel, bank), not merely some angle."""
+
+
+def parse_unit(text: str) -> str | None:
+    """Return the unit's standard spelling, or None if it is none that is known here."""
+    plain = re.sub(r"\s+", " ", text.strip().strip("[](){}").strip().lower())
+    return _UNITS.get(plain) or _UNITS.get(plain.replace("_", " ").replace("*", " "))
+
+
+def unit_kind(unit: str | None) -> Kind:
+    """Return the quantity that a unit measures."""
+    return _UNIT_KIND.get(unit or "", "unknown")
+
+
+def parse_column(name: str, unit: str | None = None) -> Column:
+    """Return what a column's name says; `unit` comes from a row of units below the header, if there is one."""
+    label, in_brackets = _split_brackets(name)
+    words = _words(label)
+    found = (parse_unit(unit) if unit else None) or (parse_unit(in_brackets) if in_brackets else None)
+    if found is None:
+        words, found = _split_unit(words)
+    kind = _kind(words, found)
+    if found is not None and kind != "std" and unit_kind(found) != kind:
+        found = None
+    axis = _axis(words, kind)
+    doubt = sum(word in _DOUBTFUL for word in words)
+    known = (
+        _TIME_WORDS
+        | _RATE_WORDS
+        | _ACCEL_WORDS
+        | _QUATERNION_WORDS
+        | _ANGLE_WORDS
+        | {"angular", "w", "x", "y", "z"}
+    )
+    group = " ".join(word for word in words if word not in known)
+    return Column(name, kind, axis, found, doubt, group, bool(_ROLL_WORDS & set(words)))
+
+
+def _split_brackets(name: str) -> tuple[str, str]:
+    match = re.fullmatch(r"\s*(.*?)\s*[\(\[\{]([^\)\]\}]*)[\)\]\}]\s*", name)
+    if match and match[1]:
+        return match[1], match[2]
+    head, _, tail = name.rpartition("/")  # 'roll / deg'; but also '/imu/angular_velocity/x'
+    if head.strip() and parse_unit(tail) and not parse_unit(f"{head.split()[-1]}/{tail}"):
+        return head, tail
+    return name, ""
+
+
+def _words(label: str) -> list[str]:
+    label = label.translate(_GREEK)
+    label = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", label)
+    words: list[str] = []
+    for word in re.split(r"[^0-9a-z°µμ²]+", label.lower()):
+        glued = _GLUED.fullmatch(word)
+        if numbered := re.fullmatch(r"(?:q|quat|quaternion)([0-3])", word):
+            words += ["quat", "wxyz"[int(numbered[1])]]
+        elif glued:
+            words += [_GLUED_WORD.get(glued[1], glued[1]), glued[2]]
+        elif word:
+            words.append(word)
+    return words
+
+
+def _split_unit(words: list[str]) -> tuple[list[str], str | None]:
+    """Take the unit off the name: the longest run of words that is one, last in the name first."""
+    for length in (3, 2, 1):
+        for start in range(len(words) - length, -1, -1):
+            text = " ".join(words[start : start + length])
+            unit = _UNITS.get(text)
+            # A lone letter is a unit only at the end, behind a word ('t_s', 'acc_x_g').
+            if unit and (len(text) > 1 or (start > 0 and start + length == len(words))):
+                rest = words[:start] + words[start + length :]
+                return (rest if rest else words), unit
+    return words, None
+
+
+def _kind(words: list[str], unit: str | None) -> Kind:
+    found = set(words)
+    if found & _STD_WORDS:
+        return "std"
+    if found & _OTHER_WORDS:
+        return "other"
+    if unit_kind(unit) in ("rate", "accel", "angle"):
+        return unit_kind(unit)
+    if found & _QUATERNION_WORDS and found & set("xyzw"):
+        return "quaternion"
+    for kind, vocabulary in (("accel", _ACCEL_WORDS), ("rate", _RATE_WORDS), ("angle", _ANGLE_WORDS)):
+        if found & vocabulary:
+            return kind  # type: ignore[return-value]
+    if found & _TIME_WORDS or unit_kind(unit) == "time":
+        return "time"
+    return "unknown"
+
+
+def _axis(words: list[str], kind: Kind) -> str:
+    if kind in ("angle", "rate", "std"):
+        for axis, names in (("x", _ROLL_WORDS), ("y", {"pitch"}), ("z", {"yaw", "heading", "psi"})):
+            if names & set(words):
+                return axis
+    letters = [word for word in words if word in ("x", "y", "z", "w")]
+    return letters[-1] if letters else ""

@@ -1,0 +1,31 @@
+"""What the user says about a log instead of leaving it to inference."""
+
+from dataclasses import dataclass
+
+from sysid.video.options import VideoOptions
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogOptions:
+    """What the user says about a log instead of leaving it to inference."""
+
+    column: str | None = None
+    """The column to read roll from: its name, or its number counted from 1."""
+    unit: str | None = None
+    """The column's unit ('deg', 'rad/s', ...), or the size of one count in rad (or rad/s for a rate)."""
+    axis: str | None = None
+    """The sensor axis that points forward: 'x', '-y', ...; for angles also 'roll', 'pitch', 'yaw'."""
+    rate: float | None = None
+    """Sampling rate [Hz]: replaces the time column."""
+    time_column: str | None = None
+    """The column of time: its name, or its number counted from 1."""
+    source: str = "auto"
+    """What to make roll from, where a log holds several: 'auto', or a name of `sysid.logs.sources`."""
+    lever_arm: tuple[float, float, float] | None = None
+    """From the tilt axis to the accelerometer, in sensor axes [m]; None estimates it."""
+    start: float | None = None
+    """What is before this time [s] says nothing of the sensor either; it is read all the same."""
+    stop: float | None = None
+    """Nor does what is after this time [s]."""
+    video: VideoOptions | None = None
+    """How a film is read; its `rate` is the one above."""

@@ -1,0 +1,1 @@
+"""What a sensor adds to a measured motion."""

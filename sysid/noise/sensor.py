@@ -1,0 +1,107 @@
+"""Sensor noise, quantisation step and saturation of a signal, from the signal itself."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.roll import Array
+
+BLOCK = 64
+MAX_BLOCKS = 2000
+DIFFERENCE = 6
+_GAIN = 924.0
+"""Sum of the squared coefficients of the sixth difference: what it does to the variance of white noise."""
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """What a sensor adds to a signal."""
+
+    std: float
+    """Standard deviation of one sample, in the signal's unit."""
+    step: float
+    """Quantisation step in the signal's unit; 0 where none can be seen."""
+
+
+def estimate_noise(signal: Array) -> Noise:
+    """Estimate a sensor's noise from the smoothness of its signal.
+
+    White noise is what is left of a smooth motion in sixth differences (a sine of angular frequency ω,
+    sampled every T, leaves (ωT)⁶ of its amplitude); the median over short blocks ignores release, catch
+    and knocks. A filtered sensor has less noise in high differences than it has, so the scatter about a
+    straight line in the quietest blocks is a second estimate, and the larger one counts. Neither can be
+    below what rounding to the quantisation step leaves, step / √12.
+
+    Args:
+        signal: Evenly sampled signal, shape (n,).
+    """
+    blocks = _blocks(signal)
+    step = quantisation_step(np.diff(blocks, axis=1).ravel())
+    differences = np.diff(blocks, DIFFERENCE, axis=1)
+    high = float(np.median(np.sqrt(np.mean(differences**2, axis=1) / _GAIN)))
+    scatter = np.sort(_scatter_about_line(blocks))
+    quiet = float(np.median(scatter[: max(1, len(scatter) // 5)]))
+    # Blocks as quiet as this may still move; where motion is all there is, high differences know better.
+    quiet = quiet if quiet < 3 * max(high, step / np.sqrt(12)) else 0.0
+    return Noise(std=max(high, quiet, step / np.sqrt(12)), step=step)
+
+
+def quantisation_step(differences: Array) -> float:
+    """Return the step that nearly all differences of neighbouring samples, shape (n,), are multiples of, or 0."""
+    changes = np.abs(differences)
+    size = float(changes.max(initial=0.0))
+    changes = changes[changes > 1e-9 * size]
+    if changes.size < 8:
+        return 0.0
+    step = float(changes.min())
+    # Rounded decimals make the smallest difference a little off; refine it by the larger multiples.
+    for limit in (4.0, 40.0, 400.0):
+        near = changes[changes < limit * step]
+        step = float(np.sum(near) / np.sum(np.round(near / step)))
+    ratio = changes[changes < 100 * step] / step
+    return step if np.mean(np.abs(ratio - np.round(ratio)) < 0.1) > 0.95 else 0.0
+
+
+def saturated(signal: Array, noise: Noise) -> Array | None:
+    """Return how far each sample may lie beyond the value that the sensor stopped at, shape (n,), 0 where free.
+
+    A sensor at its limit repeats its largest or smallest value, and goes in and out of it steeply. At a
+    turning point, even of a coarsely quantised signal, the way in and out is flat; a deck that is held
+    leaves gently. Beyond the limit the motion is taken as a parabola through the slopes at both ends:
+    height = slope · duration / 4. None where nothing is saturated.
+    """
+    excess: Array | None = None
+    for limit in (signal.max(), signal.min()):
+        at_limit = np.flatnonzero(signal == limit)
+        if at_limit.size < 3:
+            continue
+        breaks = np.flatnonzero(np.diff(at_limit) > 1)
+        starts = at_limit[np.concatenate(([0], breaks + 1))]
+        stops = at_limit[np.concatenate((breaks, [at_limit.size - 1]))] + 1
+        inside = (stops - starts >= 3) & (starts >= 2) & (stops <= signal.size - 2)
+        starts, stops = starts[inside], stops[inside]
+        slopes = np.minimum(
+            np.abs(signal[starts - 1] - signal[starts - 2]), np.abs(signal[stops] - signal[stops + 1])
+        )
+        for run in np.flatnonzero(slopes > 4 * max(noise.std, noise.step)):
+            excess = np.zeros_like(signal) if excess is None else excess
+            start, stop = starts[run], stops[run]
+            excess[start:stop] = slopes[run] * (stop - start) / 4
+    return excess
+
+
+def _blocks(signal: Array) -> Array:
+    """Cut the signal into at most MAX_BLOCKS blocks of BLOCK samples spread over all of it, shape (m, b)."""
+    length = min(BLOCK, signal.size)
+    count = signal.size // length
+    starts = np.unique(np.linspace(0, signal.size - length, min(count, MAX_BLOCKS)).astype(np.intp))
+    return signal[starts[:, None] + np.arange(length)]
+
+
+def _scatter_about_line(blocks: Array) -> Array:
+    """Standard deviation of each block about its own straight line, shape (m,)."""
+    size = blocks.shape[1]
+    ramp = np.arange(size) - (size - 1) / 2
+    centred = blocks - blocks.mean(axis=1, keepdims=True)
+    slope = centred @ ramp / np.sum(ramp**2)
+    return np.sqrt(np.sum((centred - slope[:, None] * ramp) ** 2, axis=1) / max(size - 2, 1))

@@ -1,0 +1,73 @@
+"""Whether residuals are noise: their autocorrelation, and tests for whiteness."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sysid.roll import Array
+
+
+def autocorrelation(residuals: Sequence[Array], lags: int) -> Array:
+    """Return the pooled autocorrelation of residuals for lags 0 to `lags`, shape (lags + 1,)."""
+    total = np.zeros(lags + 1)
+    for residual in residuals:
+        n = len(residual)
+        size = 1 << (2 * n - 1).bit_length()
+        spectrum = np.abs(np.fft.rfft(residual, size)) ** 2
+        covariance = np.fft.irfft(spectrum, size)[: min(lags + 1, n)]
+        total[: len(covariance)] += covariance
+    return total / max(total[0], 1e-300)
+
+
+def ljung_box(residuals: Sequence[Array], lags: int = 20) -> tuple[float, int]:
+    """Return the Ljung–Box statistic pooled over releases and its degrees of freedom (Biometrika 1978)."""
+    statistic, degrees = 0.0, 0
+    for residual in residuals:
+        n = len(residual)
+        count = min(lags, n // 5)
+        if count < 1:
+            continue
+        rho = autocorrelation([residual], count)[1:]
+        statistic += n * (n + 2) * float(np.sum(rho**2 / (n - np.arange(1, count + 1))))
+        degrees += count
+    return statistic, degrees
+
+
+def correlation_length(residuals: Sequence[Array]) -> float:
+    """Return over how many samples residuals are correlated: 1 + 2 Σ ρ up to the first lag within noise."""
+    n = sum(len(r) for r in residuals)
+    longest = max(2, min(max(len(r) for r in residuals) // 4, 2000))
+    rho = autocorrelation(residuals, longest)[1:]
+    small = np.flatnonzero(rho < 2.0 / np.sqrt(n))
+    end = int(small[0]) if len(small) else len(rho)
+    return float(1 + 2 * np.sum(rho[:end]))
+
+
+def band_excess(residuals: Sequence[Array], steps: Sequence[float], frequency: float) -> tuple[float, float]:
+    """Compare the power of residuals in the band of the motion with the power above it.
+
+    A model that lacks something leaves power where the joint moves; white noise has the same everywhere.
+    The test does not depend on the sampling rate, as one on the first lags does.
+
+    Args:
+        residuals: Of each release, evenly sampled.
+        steps: Sampling period of each [s].
+        frequency: Upper end of the band [Hz].
+
+    Returns:
+        Ratio of the mean powers (1 for white noise) and the probability of at least this ratio by chance.
+    """
+    from scipy.special import fdtrc
+
+    low = high = 0.0
+    in_low = in_high = 0
+    for residual, step in zip(residuals, steps, strict=True):
+        power = np.abs(np.fft.rfft(residual)) ** 2 / len(residual)
+        band = np.fft.rfftfreq(len(residual), step) <= frequency
+        band[: max(2, min(len(power) // 3, 4))] = True
+        low, high = low + float(power[band].sum()), high + float(power[~band].sum())
+        in_low, in_high = in_low + int(band.sum()), in_high + int((~band).sum())
+    if in_high < 4 or high == 0:
+        return 1.0, 1.0
+    ratio = (low / in_low) / (high / in_high)
+    return ratio, float(fdtrc(2 * in_low, 2 * in_high, ratio))

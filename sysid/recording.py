@@ -1,0 +1,174 @@
+"""A recording: one log's roll, the releases that were found in it, and what reading it brought to light."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+from sysid.errors import SysidError
+from sysid.files import sha256
+from sysid.logs.read import read_roll
+from sysid.logs.table.options import LogOptions
+from sysid.releases.find import find_releases
+from sysid.releases.phases import Phase, log_phases
+from sysid.roll import Release, Roll
+from sysid.video.options import VideoOptions
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recording:
+    """A log or film of a rocking board, read."""
+
+    roll: Roll
+    """Roll against time, the whole log."""
+    releases: tuple[Release, ...]
+    """The free decays in it, in order of time, at least one."""
+
+    @classmethod
+    def read(
+        cls,
+        path: str | Path,
+        *,
+        column: str | None = None,
+        unit: str | None = None,
+        axis: str | None = None,
+        rate: float | None = None,
+        time_column: str | None = None,
+        source: str = "auto",
+        lever_arm: tuple[float, float, float] | None = None,
+        video: VideoOptions | None = None,
+        start: float | None = None,
+        stop: float | None = None,
+        release: Sequence[float] = (),
+    ) -> Self:
+        """Read a log or film and find the releases in it; what is not given is inferred.
+
+        Args:
+            path: CSV, Parquet, MCAP, phone export (zip or folder) or video.
+            column: Column with the roll angle or rate: its name, or its number counted from 1.
+            unit: Its unit ('deg', 'rad/s', ...), or the size of one count in rad or rad/s.
+            axis: Sensor axis that points forward ('x', '-y', ...), or the angle to take ('roll', ...).
+            rate: Sampling or film frame rate [Hz], where the file's own is missing or wrong.
+            time_column: Column with the time: its name, or its number counted from 1.
+            source: What to make roll from, where a log holds several.
+            lever_arm: From the tilt axis to the accelerometer, along the sensor's axes [m].
+            video: How a film is read.
+            start: Ignore the log before this time [s].
+            stop: Ignore the log after this time [s].
+            release: Times at which the deck was let go [s], instead of finding them.
+
+        Raises:
+            SysidError: The file cannot be read as roll, or no free decay is in it.
+        """
+        options = LogOptions(
+            column=column, unit=unit, axis=axis, rate=rate, time_column=time_column, source=source,
+            lever_arm=lever_arm, start=start, stop=stop, video=video,
+        )  # fmt: skip
+        return cls.of(read_roll(Path(path), options), start=start, stop=stop, release=release)
+
+    @classmethod
+    def of(
+        cls,
+        roll: Roll,
+        *,
+        start: float | None = None,
+        stop: float | None = None,
+        release: Sequence[float] = (),
+    ) -> Self:
+        """Find the releases in a roll that is in memory.
+
+        Args:
+            roll: The whole log.
+            start: Ignore the log before this time [s].
+            stop: Ignore the log after this time [s].
+            release: Times at which the deck was let go [s], instead of finding them.
+
+        Raises:
+            SysidError: No free decay is in it.
+        """
+        return cls(
+            roll=roll, releases=tuple(find_releases(roll, start=start, stop=stop, releases=tuple(release)))
+        )
+
+    @property
+    def path(self) -> Path:
+        """The file, as it was named."""
+        return Path(self.roll.log)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was inferred while reading: column, unit, clock, noise."""
+        return self.roll.notes
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is wrong with the log."""
+        return self.roll.warnings
+
+    @property
+    def phases(self) -> tuple[Phase, ...]:
+        """What happens when, without gaps: rest, held, free, caught."""
+        return tuple(log_phases(self.roll, self.releases))
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return the roll as a table: time_s, roll_rad, roll_std_rad."""
+        import pandas as pd
+
+        return pd.DataFrame(
+            {"time_s": self.roll.time, "roll_rad": self.roll.roll, "roll_std_rad": self.roll.std}
+        )
+
+
+Data = Recording | Release | Iterable[Recording | Release]
+"""What every verb takes: a recording, several, or releases."""
+
+
+def unpack(data: Data) -> tuple[tuple[Recording, ...], list[Release]]:
+    """Return the recordings in what a verb was given, and all releases.
+
+    Raises:
+        SysidError: There is none, or a measurement was given twice.
+    """
+    items = [data] if isinstance(data, Recording | Release) else list(data)
+    recordings = tuple(item for item in items if isinstance(item, Recording))
+    refuse_duplicates(recording.path for recording in recordings)
+    releases: list[Release] = []
+    for item in items:
+        releases += item.releases if isinstance(item, Recording) else [item]
+    if not releases:
+        raise SysidError("no release was given. Let the deck go and record until it rests.")
+    return recordings, releases
+
+
+def reading_warnings(recordings: Sequence[Recording]) -> tuple[str, ...]:
+    """Return what is wrong with some logs; where there are several, each warning names its log."""
+    if len(recordings) == 1:
+        return recordings[0].warnings
+    return tuple(f"{recording.path}: {text}" for recording in recordings for text in recording.warnings)
+
+
+def refuse_duplicates(logs: Iterable[Path]) -> None:
+    """Accept logs that are different measurements: one given twice would count as new data.
+
+    A copy under another name is told by its content; a folder, or a file that is not there, by its path only.
+
+    Raises:
+        SysidError: Two of the logs are the same.
+    """
+    files = list(logs)
+    if len(files) < 2:
+        return
+    seen: dict[str, Path] = {}
+    for log in files:
+        key = sha256(log) if log.is_file() else str(log.resolve())
+        first = seen.get(key)
+        if first is not None:
+            copy = f"{first} was given twice" if first == log else f"{first} and {log} hold the same bytes"
+            raise SysidError(
+                f"{copy}: a measurement counts once, for a repeated one would narrow every interval without saying "
+                "anything new. Leave one out, or record another."
+            )
+        seen[key] = log

@@ -1,0 +1,199 @@
+"""Segments of shrinking swings: the skeletons of free decays, told from what a hand does.
+
+A free decay is a segment of swings between turning points, each shorter than the one before, about one and
+the same rest angle and at one and the same pace. A hand that lifts the deck moves away from that angle,
+at another pace, or makes swings that grow.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from sysid.errors import HuskyError
+from sysid.releases.extrema import HalfCycle, SmoothedSignal
+
+SMALLEST_RELEASE = 0.08
+"""Segments below this share of the largest one's first swing are not counted as releases."""
+SMALLEST_OF_LOG = 0.12
+"""Nor are they where the largest one's first swing is below this share of the log's whole range."""
+WANDER = 0.03
+"""Share of the first swing by which the zero of a sensor may move within one swing: a gyro's integral, a warm IMU."""
+STILL_HELD = 1.0
+"""A deck that has not left this many swings' 10 to 90 % times after the given release was not let go then."""
+SHARE_OF_HALF = 0.59
+"""10 to 90 % time of a swing over half a period, lightly damped."""
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """Successive swings that shrink: the skeleton of one free decay."""
+
+    swings: tuple[HalfCycle, ...]
+    rest: float
+    settles: bool
+    """Whether the deck stays, or moves less than can be told, after the last swing."""
+    after: HalfCycle | None
+    """The swing that breaks the segment: a hand moves the deck again."""
+    start: float | None = None
+    """Time of the release [s] where the user gave it."""
+
+    @property
+    def pace(self) -> float:
+        """10 to 90 % time of a swing [s]."""
+        return float(np.median([swing.duration for swing in self.swings[:4]]))
+
+    @property
+    def sizes(self) -> list[float]:
+        """Amplitudes about rest at the turning points [rad]."""
+        return [
+            abs(self.swings[0].origin - self.rest),
+            *(abs(swing.target - self.rest) for swing in self.swings),
+        ]
+
+
+def free_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segment]:
+    """Return the segments that share one rest angle and one pace."""
+    segments = _shrinking_segments(signal, swings)
+    if not segments:
+        return []
+    largest = max(segment.swings[0].size for segment in segments)
+    if largest < SMALLEST_OF_LOG * float(np.ptp(signal.roll)):
+        return []
+    segments = [segment for segment in segments if segment.swings[0].size > SMALLEST_RELEASE * largest]
+    groups = [[other for other in segments if _same_board(segment, other, signal)] for segment in segments]
+    return max(groups, key=lambda group: _segment_score(group, signal))
+
+
+def _segment_score(group: list[Segment], signal: SmoothedSignal) -> float:
+    """How much segments look like free decays: quick swings, many that are not small, an angle often come to."""
+    speed = sum(
+        sum(swing.size**2 / swing.duration for swing in segment.swings[:8]) / segment.swings[0].size
+        for segment in group
+    )
+    room = max(5.0 * signal.noise, 0.1 * group[0].sizes[0])
+    at_rest = [abs(level - group[0].rest) < room for level in signal.levels]
+    return speed * max(1, sum(now and not before for before, now in pairwise([False, *at_rest])))
+
+
+def _same_board(one: Segment, other: Segment, signal: SmoothedSignal) -> bool:
+    """Whether two segments are about the same angle and move at the same pace."""
+    room = max(5.0 * signal.noise, 0.35 * min(one.sizes[0], other.sizes[0]))
+    return abs(one.rest - other.rest) < room and 0.6 < one.pace / other.pace < 1.6
+
+
+def _shrinking_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segment]:
+    """Split the swings into segments that shrink, each followed as far as it goes on about its own rest."""
+    segments: list[Segment] = []
+    begin = 0
+    while begin < len(swings):
+        finish = begin + 1
+        while finish < len(swings) and _continues(signal, swings[begin], swings[finish - 1], swings[finish]):
+            finish += 1
+        segment = _segment(signal, swings, begin, finish)
+        if segment is not None:
+            segments.append(segment)
+            finish = len(swings) if segment.after is None else swings.index(segment.after)
+        begin = finish
+    return segments
+
+
+def _continues(signal: SmoothedSignal, first: HalfCycle, one: HalfCycle, other: HalfCycle) -> bool:
+    """Whether the next swing is a shorter one back, of about the same pace, and follows without a stay."""
+    shorter = other.size < one.size + _room(signal, first, one)
+    return (
+        shorter and _same_pace(signal, one.duration, other) and one.way * other.way < 0 and not one.to_plateau
+    )
+
+
+def _room(signal: SmoothedSignal, first: HalfCycle, one: HalfCycle) -> float:
+    """Return by how much the swing after `one` may be longer without a hand [rad], in a segment that begins with `first`.
+
+    Noise, a zero that wanders, and few samples about a turning point: the largest of n in half a cycle falls short of
+    the turn by up to 1 - cos(π / 2n) of the amplitude.
+    """
+    interval = float(signal.time[1] - signal.time[0])
+    count = max(one.duration / (SHARE_OF_HALF * interval), 2.0)
+    return max(6.0 * signal.noise, WANDER * first.size, one.size * (1 - math.cos(math.pi / (2 * count))))
+
+
+def _same_pace(signal: SmoothedSignal, pace: float, swing: HalfCycle) -> bool:
+    """Whether a swing takes about as long as others; the time of a small one is not known."""
+    return 0.5 * pace < swing.duration < 2.5 * pace or swing.size < 3.0 * signal.min_movement
+
+
+def _segment(signal: SmoothedSignal, swings: list[HalfCycle], begin: int, finish: int) -> Segment | None:
+    """Build the segment of swings `begin` to `finish` - 1 and of what follows about the same rest angle.
+
+    Returns None where that angle is not to be seen.
+    """
+    chosen = swings[begin:finish]
+    if len(chosen) > 4 and not chosen[0].from_plateau and _first_swing_is_odd(chosen):
+        chosen = chosen[1:]
+    if len(chosen) == 1 and not chosen[0].to_plateau:
+        return None
+    rest = _rest_angle(chosen)
+    # A slow turning point looks like a stay, and close to rest the noise makes a swing grow: neither ends it.
+    while finish < len(swings):
+        swing = swings[finish]
+        homeward = (rest - swing.origin) * swing.way > 0.3 * swing.size**2
+        shorter = swing.size < chosen[-1].size + _room(signal, chosen[0], chosen[-1])
+        goes_on = homeward and shorter and _same_pace(signal, chosen[0].duration, swing)
+        away = max(swing.size if homeward else 0.0, abs(swing.target - rest))
+        if not goes_on and away > 2.0 * signal.min_movement:
+            break
+        chosen += [swing] if goes_on else []
+        finish += 1
+    after = swings[finish] if finish < len(swings) else None
+    pause = float(signal.time[-1 if after is None else after.left] - signal.time[chosen[-1].reached])
+    settles = chosen[-1].to_plateau or pause > 2.5 * max(swing.duration for swing in chosen[:3])
+    settles = settles or (after is None and chosen[-1].size < 2.0 * signal.min_movement)
+    return Segment(tuple(chosen), rest, settles, after)
+
+
+def _rest_angle(swings: list[HalfCycle]) -> float:
+    """Return the angle about which the turning points of a segment converge [rad].
+
+    Three successive ones of a linear decay give it exactly, (a c - b²) / (a + c - 2 b) (Aitken); the
+    widest count most. One or two swings that end at rest leave no choice but their last point.
+    """
+    turns = np.array([swings[0].origin, *(swing.target for swing in swings)])
+    if len(turns) == 2 or (len(turns) == 3 and swings[-1].to_plateau):
+        return float(turns[-1])
+    a, b, c = turns[:-2], turns[1:-1], turns[2:]
+    bend = a + c - 2 * b
+    return float(np.sum(bend * (a * c - b * b)) / np.sum(bend**2))
+
+
+def _first_swing_is_odd(swings: list[HalfCycle]) -> bool:
+    """Whether the first swing loses far more than the next ones: a hand was still on the deck."""
+    losses = [math.log(one.size / other.size) for one, other in pairwise(swings[:4])]
+    return losses[0] > 0.12 + 2.0 * losses[1] - losses[2] and losses[0] > 1.8 * losses[1]
+
+
+def given_segment(signal: SmoothedSignal, swings: list[HalfCycle], time: float, log: str) -> Segment:
+    """Return the segment that begins at a given time; the next one where the deck is still held then."""
+    later = [swing for swing in swings if signal.time[swing.reached] > time]
+    if not later or time < signal.time[0]:
+        raise HuskyError(
+            f"{log}: nothing moves after a release at {time:.6g} s; the log runs from {signal.time[0]:.6g} s "
+            f"to {signal.time[-1]:.6g} s."
+        )
+    index = int(np.searchsorted(signal.time, time))
+    if later[0].left - index > STILL_HELD * later[0].duration / float(signal.time[1] - signal.time[0]):
+        # Nobody had let go yet: the release is the one that follows, from when the deck leaves.
+        follows = [
+            found for found in free_segments(signal, swings) if signal.time[found.swings[0].left] >= time
+        ]
+        if follows:
+            return follows[0]
+    if later[0].left < index:
+        later[0] = replace(later[0], begin=index, left=index, origin=float(signal.roll[index]))
+    finish = 1
+    while finish < len(later) and _continues(signal, later[0], later[finish - 1], later[finish]):
+        finish += 1
+    segment = _segment(signal, later, 0, finish)
+    if segment is None:
+        segment = Segment((later[0],), later[0].target, False, later[1] if len(later) > 1 else None)
+    return replace(segment, start=time)

@@ -1,0 +1,204 @@
+"""Where a log is at rest, held by a hand, let go, swinging freely, and caught again.
+
+Decays are told from what a hand does by the turning points alone (`sysid.releases.chains`), so no threshold
+on angle or rate is needed, and the first sample may already be in the middle of a decay.
+"""
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+
+from sysid.errors import HuskyError
+from sysid.releases.chains import Segment, free_segments, given_segment
+from sysid.releases.extrema import HalfCycle, SmoothedSignal, crossing_time, half_cycles_of, smooth_signal
+from sysid.roll import Release, Roll
+
+STILL = 0.03
+"""A deck within this share of the first amplitude counts as held still."""
+HALF_SWING = 1 / 0.59
+"""Half a period in units of the 10 to 90 % time of one swing, lightly damped."""
+
+_Ending = tuple[float, Literal["rest", "caught", "log"]]
+
+
+def find_releases(
+    roll: Roll,
+    *,
+    start: float | None = None,
+    stop: float | None = None,
+    releases: Sequence[float] = (),
+) -> list[Release]:
+    """Find every free decay in a log.
+
+    Args:
+        roll: The whole log.
+        start: Look from here on only [s].
+        stop: Look up to here only [s].
+        releases: Times at which the deck was let go [s], instead of finding them; where each decay
+            ends is still found.
+
+    Returns:
+        The free decays in order of time, at least one.
+
+    Raises:
+        HuskyError: There is no free decay, or a time lies outside the log.
+    """
+    part = _cut(roll, start, stop)
+    std = float(np.median(part.std))
+    signal = smooth_signal(part.time, part.roll, std if math.isfinite(std) else 0.0)
+    swings = half_cycles_of(signal)
+    if not swings:
+        raise HuskyError(
+            f"{roll.log}: nothing moves by more than {math.degrees(signal.min_movement):.2g}° "
+            f"(noise {math.degrees(signal.noise):.2g}°), so there is no decay. "
+            "Is it the right column (--column) and the right stretch of the log (--from, --to)?"
+        )
+    if releases:
+        segments = [given_segment(signal, swings, time, roll.log) for time in sorted(releases)]
+    else:
+        segments = free_segments(signal, swings)
+    if not segments:
+        raise HuskyError(
+            f"{roll.log}: it moves, but no stretch swings freely to rest. Give the times at which the deck "
+            "was let go (--release), or the stretch to look at (--from, --to)."
+        )
+    limits = [*(segment.start for segment in segments[1:]), None]
+    return [
+        _release(part, signal, segment, number, limit)
+        for number, (segment, limit) in enumerate(zip(segments, limits, strict=True), start=1)
+    ]
+
+
+def _cut(roll: Roll, start: float | None, stop: float | None) -> Roll:
+    """Return the part of the log between two times, on the same clock."""
+    begin, end = float(roll.time[0]), float(roll.time[-1])
+    low, high = begin if start is None else start, end if stop is None else stop
+    inside = (roll.time >= low) & (roll.time <= high)
+    if np.count_nonzero(inside) < 8:
+        raise HuskyError(
+            f"{roll.log}: {np.count_nonzero(inside)} samples between {low:.6g} s and {high:.6g} s; the log runs "
+            f"from {begin:.6g} s to {end:.6g} s. A decay needs at least 8 samples."
+        )
+    return roll if inside.all() else roll[inside]
+
+
+def _release(
+    roll: Roll, signal: SmoothedSignal, segment: Segment, number: int, limit: float | None
+) -> Release:
+    """Cut one free decay out of the log."""
+    begin, hold = _let_go(signal, segment)
+    finish, end = _ending(signal, segment, begin)
+    if limit is not None and limit <= finish:
+        finish, end = float(np.nextafter(limit, -math.inf)), "caught"
+    inside = (roll.time >= begin - 1e-9) & (roll.time <= finish + 1e-9)
+    rest = segment.rest
+    if end == "rest":
+        rest = float(np.median(signal.roll[(signal.time >= finish - segment.pace) & (signal.time <= finish)]))
+    return Release.of(roll[inside], number=number, rest=rest, hold=hold, end=end)
+
+
+def _let_go(signal: SmoothedSignal, segment: Segment) -> tuple[float, float]:
+    """Return when the deck was let go and how long it had been held still before [s]."""
+    swing = segment.swings[0]
+    width = max(5, round(0.25 * segment.pace / float(signal.time[1] - signal.time[0])))
+    before = np.convolve(
+        np.pad(signal.roll[: swing.left + 1], (width // 2, width - 1 - width // 2), "edge"),
+        np.ones(width) / width,
+        "valid",
+    )
+    still = np.abs(before - swing.origin) <= max(3.0 * signal.noise, STILL * segment.sizes[0])
+    last = int(np.flatnonzero(still)[-1]) if still.any() else swing.left
+    moving = np.flatnonzero(~still[:last])
+    since = int(moving[-1]) + 1 if len(moving) else 0
+    if segment.start is not None:
+        return segment.start, max(0.0, segment.start - float(signal.time[since]))
+    if signal.time[last] - signal.time[since] < 0.5 * segment.pace:
+        return _onset(signal, swing, swing.origin) if swing.begin else float(signal.time[0]), 0.0
+    begin = _onset(signal, swing, float(np.median(before[since : last + 1])))
+    return begin, begin - float(signal.time[since])
+
+
+def _onset(signal: SmoothedSignal, swing: HalfCycle, level: float) -> float:
+    """Return when a swing left its level [s].
+
+    Released from rest, the square root of the way gone is a power series in time, so time is one in that
+    root. Fitted between 8 and 40 % of the way, clear of noise and smoothing, two terms come out early and
+    three late; mixed as here they are right to 0.3 % of a period for ζ from 0.02 to 0.8.
+    """
+    way = (signal.roll[swing.left : swing.finish + 1] - level) * math.copysign(
+        1.0, swing.target - swing.origin
+    )
+    time = signal.time[swing.left : swing.finish + 1]
+    size = abs(swing.target - level)
+    shares = np.linspace(max(0.08, min(0.3, 3.0 * signal.noise / size)), 0.4, 14)
+    times = np.array([crossing_time(time, way, share * size) for share in shares])
+    series = np.vander(np.sqrt(shares), 3, increasing=True)
+    two, three = (np.linalg.lstsq(series[:, :terms], times, rcond=None)[0][0] for terms in (2, 3))
+    start = float(0.35 * two + 0.65 * three)
+    return min(max(start, float(signal.time[swing.left]) - swing.duration), float(times[0]))
+
+
+def _ending(signal: SmoothedSignal, segment: Segment, begin: float) -> _Ending:
+    """Return when the free decay ends [s], and why."""
+    last = segment.swings[-1]
+    stop = len(signal.time) - 1 if segment.after is None else segment.after.left
+    if segment.after is None and not segment.settles:
+        return float(signal.time[-1]), "log"
+    if _last_swing_is_cut(signal, segment):
+        return _followed(signal, segment, last.begin), "caught"
+    if segment.settles:
+        settled, leaves = settled_between(signal, last.reached, stop, segment.sizes[0])
+        tail = max(4.0 * segment.pace, 0.5 * (settled - begin))
+        if segment.after is not None:  # a hand is felt before it is seen
+            leaves -= max(0.5 * segment.pace, 0.25 * (leaves - settled))
+        return max(settled, min(settled + tail, leaves)), "rest"
+    return _followed(signal, segment, last.finish), "caught"
+
+
+def _last_swing_is_cut(signal: SmoothedSignal, segment: Segment) -> bool:
+    """Whether the last swing ends where no free deck would: held away from rest, or braked far too much."""
+    sizes = segment.sizes
+    if len(segment.swings) == 1:
+        return False
+    lost = [one - other for one, other in pairwise(sizes)]
+    room = 3.0 * signal.noise + 0.05 * sizes[0]
+    if len(lost) < 3:
+        return segment.settles and sizes[-1] > 0.25 * sizes[0] + room
+    # Dry friction that takes 2 F/k off each swing can hold the deck up to F/k beside the middle.
+    held = 3.0 * signal.noise + 0.02 * sizes[0] + float(np.median(lost[:-1]))
+    return lost[-1] > 1.6 * max(lost[:-1]) + room or (segment.settles and sizes[-1] > held)
+
+
+def _followed(signal: SmoothedSignal, segment: Segment, turn: int) -> float:
+    """Return how long the deck goes on as predicted after its last good turning point [s]."""
+    half = HALF_SWING * segment.pace
+    sizes = [size for size in segment.sizes if size > 3.0 * signal.noise]
+    ratio = (sizes[-1] / sizes[0]) ** (1 / max(1, len(sizes) - 1)) if len(sizes) > 1 else 0.1
+    decay, omega = -math.log(min(ratio, 0.99)) / half, math.pi / half
+    later = signal.time[turn:] - signal.time[turn]
+    later = later[later <= half]
+    size = float(signal.roll[turn]) - segment.rest
+    wave = np.cos(omega * later) + decay / omega * np.sin(omega * later)
+    error = np.abs(
+        signal.roll[turn : turn + len(later)] - segment.rest - size * np.exp(-decay * later) * wave
+    )
+    off = np.flatnonzero(error > max(4.0 * signal.noise, 0.08 * abs(size)))
+    reach = float(later[off[0]]) - 0.12 * half if len(off) else float(later[-1])
+    return float(signal.time[turn]) + max(0.0, reach)
+
+
+def settled_between(signal: SmoothedSignal, reached: int, stop: int, amplitude: float) -> tuple[float, float]:
+    """Return from when until when the deck stays at rest, about its first stay after index `reached` [s]."""
+    stays = [(first, last) for first, last in signal.plateaus if last > reached and first < stop]
+    first, last = stays[0] if stays else (reached, stop)
+    first, last = max(first, reached), min(last, stop)
+    level = float(np.median(signal.roll[first : last + 1]))
+    loud = np.flatnonzero(np.abs(signal.roll - level) > max(4.0 * signal.noise, 0.01 * amplitude))
+    middle = (first + last) // 2
+    before, after = loud[loud < middle], loud[loud > middle]
+    settled = int(before[-1]) + 1 if len(before) else 0
+    leaves = min(int(after[0]) - 1 if len(after) else stop, stop)
+    return float(signal.time[settled]), float(signal.time[leaves])

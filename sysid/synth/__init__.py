@@ -1,0 +1,6 @@
+"""Synthetic logs from a known truth, by formulas of their own."""
+
+from sysid.synth.log import SyntheticLog, SynthOptions, TrueRelease
+from sysid.synth.synthesis import synthesise
+
+__all__ = ["SynthOptions", "SyntheticLog", "TrueRelease", "synthesise"]

@@ -1,0 +1,173 @@
+"""A synthetic log: how it was recorded, what the sensor read, and the truth behind it."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from sysid.errors import HuskyError
+from sysid.files import write_json
+from sysid.roll import Release, Roll
+from sysid.synth.effects import PARAMETERS
+from sysid.synth.law import TrueLaw
+from sysid.synth.sensors import Dialect, Sensor, write_log
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SynthOptions:
+    """How the board is moved and recorded."""
+
+    angles: tuple[float, ...] = (math.radians(10.0),)
+    """Roll at each release [rad], right edge down positive."""
+    rate: float = 1000.0
+    """Sampling rate [Hz]."""
+    duration: float = 2.0
+    """Time left to each free decay [s]."""
+    hold: float = 0.6
+    """Time for which the deck is held before each release [s]."""
+    push: float = 0.5
+    """Time that the hand takes to push the deck over [s]."""
+    lead: float = 0.6
+    """Untouched rest at the start of the log [s]."""
+    tremor: float = math.radians(0.03)
+    """Root mean square tremor of the holding hand [rad]."""
+    hand: bool = True
+    """Keep rest and hand in the log; without, a log of one release starts at the release."""
+    jitter: float = 0.0
+    """Standard deviation of the sampling instants, in sampling periods; the stamps tell the truth."""
+    dropout: float = 0.0
+    """Share of samples that are missing, lost in runs of about five."""
+    seed: int = 0
+    dialect: Dialect = "angle"
+    sensor: Sensor = field(default_factory=lambda: Sensor(noise=math.radians(0.1)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrueRelease:
+    """What happened at one release, on the log's clock."""
+
+    start: float
+    """Time of letting go [s]."""
+    end: float
+    """Time at which the hand takes the deck again or the log ends [s]."""
+    angle: float
+    """True roll then [rad]."""
+    rate: float
+    """True roll rate then [rad/s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SyntheticLog:
+    """A log and the truth behind it."""
+
+    board: str
+    law: TrueLaw
+    effects: Mapping[str, tuple[float, ...]]
+    options: SynthOptions
+    time: Array
+    """Time stamps [s], shape (n,)."""
+    channels: Array
+    """What the sensor read, shape (n, channels) (see `measure`)."""
+    true_motion: Array
+    """True roll [rad], rate [rad/s] and acceleration [rad/s^2], shape (n, 3); the last is 0 where no
+    sensor needs it."""
+    releases: tuple[TrueRelease, ...]
+
+    def to_roll(self, name: str = "synthetic") -> Roll:
+        """Return an angle log as the reader would.
+
+        Raises:
+            HuskyError: The log holds no angle.
+        """
+        if self.channels.shape[1] != 1 or self.options.dialect == "gyro":
+            raise HuskyError(f"a log of dialect '{self.options.dialect}' holds no angle; read it as a file.")
+        roll = self.channels[:, 0]
+        return Roll(
+            log=name, time=self.time, roll=roll, std=np.full(len(roll), self.angle_std), origin="angle"
+        )
+
+    @property
+    def angle_std(self) -> float:
+        """Standard deviation of one angle sample [rad]: white noise and rounding."""
+        sensor = self.options.sensor
+        return math.hypot(sensor.noise, sensor.quantisation / math.sqrt(12))
+
+    def to_releases(self, name: str = "synthetic") -> list[Release]:
+        """Return the free decays of an angle log, cut where they truly begin and end.
+
+        Raises:
+            HuskyError: The log holds no angle.
+        """
+        roll = self.to_roll(name)
+        rest = self.law.equilibrium() + self.options.sensor.bias
+        found: list[Release] = []
+        for number, true in enumerate(self.releases, start=1):
+            part = slice(*np.searchsorted(roll.time, (true.start - 1e-9, true.end - 1e-9)).tolist())
+            found.append(
+                Release(
+                    log=name, number=number, time=roll.time[part], roll=roll.roll[part], std=roll.std[part],
+                    origin="angle", rest=rest, hold=self.options.hold, end="log",
+                )
+            )  # fmt: skip
+        return found
+
+    def truth(self) -> dict[str, Any]:
+        """Return everything that is true of the log, as JSON-ready data."""
+        law, sensor = self.law, self.options.sensor
+        parameters = {
+            "inertia": {"value": law.inertia, "unit": "kg*m^2"},
+            "stiffness": {"value": law.stiffness, "unit": "N*m/rad"},
+            "damping": {"value": law.damping, "unit": "N*m*s/rad"},
+            "rest_angle": {"value": law.rest, "unit": "rad"},
+        }
+        effects = [
+            {
+                "name": name,
+                "parameters": {
+                    parameter.name: {"value": value, "unit": parameter.unit}
+                    for parameter, value in zip(PARAMETERS[name], values, strict=True)
+                },
+            }
+            for name, values in self.effects.items()
+        ]
+        options: dict[str, Any] = {
+            name: getattr(self.options, name)
+            for name in self.options.__dataclass_fields__
+            if name not in ("sensor", "seed", "angles")
+        }
+        return {
+            "synthetic": True,
+            "board": self.board,
+            "parameters": parameters,
+            "effects": effects,
+            "releases": [
+                {
+                    "t_start_s": release.start,
+                    "t_end_s": release.end,
+                    "angle_rad": release.angle,
+                    "rate_rad_s": release.rate,
+                }
+                for release in self.releases
+            ],
+            "seed": self.options.seed,
+            "samples": len(self.time),
+            "options": {**options, "angles": list(self.options.angles)},
+            "sensor": {name: getattr(sensor, name) for name in sensor.__dataclass_fields__},
+        }
+
+    def save(self, path: Path, command: str = "") -> tuple[Path, Path]:
+        """Write the log and, beside it, the truth; return both paths.
+
+        Raises:
+            HuskyError: The name does not go with the dialect, or the folder cannot be written to.
+        """
+        truth = path.with_suffix(".truth.json")
+        write_log(path, self.time, self.channels, self.options.dialect)
+        write_json(truth, {**self.truth(), "command": command} if command else self.truth())
+        return path, truth

@@ -1,0 +1,343 @@
+"""The true motion of a synthetic board: its own torque laws and its own event-driven integrator.
+
+Nothing here is shared with the model that is fitted (no CasADi, no MuJoCo, no effect catalogue): a test
+that recovers the truth of a synthetic log compares two independent accounts of the same physics.
+
+Smooth stretches are integrated by DOP853. Wherever a law has a kink or a jump (dry friction that sticks
+or slips, a dead band, an end stop, a slider that yields) the integration stops at the very instant,
+changes its mode and goes on, so that friction sticks exactly and dissipates exactly. A hand's spline has knots;
+it stops at each of them, because a step of eighth order over a kink is off by far more than its tolerance.
+
+Equation of motion, with x = φ − s − rest and u = v − w:
+    I φ̈ = τ(x, u) − M sin φ,    I₂ s̈ = −k₂ s − d₂ w − τ(x, u),    ż = u − z/T
+where s is the roll of a compliant support (0 without one) and z the stretch of a Maxwell arm.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from sysid.errors import HuskyError
+from sysid.synth.law import Modes, TrueLaw
+
+Array = npt.NDArray[np.float64]
+
+RTOL = 1e-8
+ATOL = 1e-10
+"""Tolerances of DOP853; the motion is then right to about 1e-8 rad, a hundred-thousandth of sensor noise."""
+_LARGEST = 2 * math.pi
+"""Roll beyond which a deck has turned over [rad]."""
+_PROBES = (0.2, 0.4, 0.6, 0.8, 1.0)
+"""Where in a step the guards are looked at, as fractions: a kink crossed twice within one step shows."""
+_MAX_STEPS = 20_000
+"""A few seconds of computing; boards need some hundred in one release, with hard stops some thousand."""
+
+
+class Hand(Protocol):
+    """A hand that leads the deck: roll acceleration [rad/s^2] at a time [s]."""
+
+    @property
+    def knots(self) -> Array:
+        """Where its acceleration is not smooth [s], shape (m,), ascending."""
+        ...
+
+    def acceleration(self, time: float) -> float:
+        """Return the roll acceleration [rad/s^2] at `time` [s]."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """Everything that the motion starts from: state (φ, v, s, w, z), shape (5,), and modes."""
+
+    state: Array
+    modes: Modes
+
+    @classmethod
+    def at_rest(cls, law: TrueLaw) -> "Condition":
+        """Return the condition of a deck that nobody has touched: no stretch in arm or slider."""
+        roll = law.equilibrium()
+        support = -law.gravity * math.sin(roll) / law.support_stiffness if law.support_inertia else 0.0
+        x = roll - support - law.rest
+        return cls(np.array([roll, 0.0, support, 0.0, 0.0]), Modes(origin=x).regions(law, x))
+
+
+@dataclass(slots=True)
+class _Motion:
+    """The hybrid system between two times: right-hand side and guards of the present modes."""
+
+    law: TrueLaw
+    modes: Modes
+    hand: Hand | None
+
+    def accelerations(self, time: float, y: Array, friction: float | None) -> tuple[float, float, float]:
+        """Return (deck acceleration, support acceleration, friction torque).
+
+        With `friction` None the joint is locked: the torque that keeps u constant comes out.
+        """
+        law = self.law
+        roll, v, s, w, z = y.tolist()
+        x, u = roll - s - law.rest, v - w
+        torque = law.smooth_torque(x, u, self.modes) - law.arm_stiffness * z + self.slider(x)
+        if self.hand is None:
+            deck, deck_gain = (torque - law.gravity * math.sin(roll)) / law.inertia, 1.0 / law.inertia
+        else:
+            deck, deck_gain = self.hand.acceleration(time), 0.0
+        support = support_gain = 0.0
+        if law.support_inertia:
+            support = (-law.support_stiffness * s - law.support_damping * w - torque) / law.support_inertia
+            support_gain = -1.0 / law.support_inertia
+        gain = deck_gain - support_gain
+        locking = (support - deck) / gain if gain else 0.0
+        applied = locking if friction is None else friction
+        return deck + deck_gain * applied, support + support_gain * applied, applied
+
+    def slider(self, x: float) -> float:
+        """Torque of the Jenkins slider [N*m]."""
+        if self.modes.slider:
+            return -self.modes.slider * self.law.slider_torque
+        return -self.law.slider_stiffness * (x - self.modes.origin)
+
+    def friction(self, u: float) -> float | None:
+        """Dry friction torque of the present mode; None while it sticks."""
+        if self.law.static_friction == 0:
+            return 0.0
+        return -self.modes.friction * self.law.sliding_friction(u) if self.modes.friction else None
+
+    def rates(self, time: float, y: Array) -> Array:
+        """Right-hand side of the differential equation, shape (5,)."""
+        _, v, _, w, z = y.tolist()
+        deck, support, _ = self.accelerations(time, y, self.friction(v - w))
+        return np.array((v, deck, w, support, v - w - z / self.law.arm_time))
+
+    def locks(self) -> bool:
+        """Whether dry friction decides anything now (a hand on a rigid board overrules it)."""
+        return self.law.static_friction > 0 and (self.hand is None or self.law.support_inertia > 0)
+
+    def guards(self) -> list[tuple[str, Callable[[float, Array], float]]]:
+        """Return named functions that are positive while the present modes hold."""
+        law, modes = self.law, self.modes
+
+        def x(y: Array) -> float:
+            return float(y[0] - y[2]) - law.rest
+
+        def u(y: Array) -> float:
+            return float(y[1] - y[3])
+
+        guards: list[tuple[str, Callable[[float, Array], float]]] = []
+        if self.locks() and modes.friction:
+            guards.append(("friction", lambda _, y: modes.friction * u(y)))
+        elif self.locks():
+            guards.append(
+                ("friction", lambda t, y: law.static_friction - abs(self.accelerations(t, y, None)[2]))
+            )
+        if law.slider_stiffness and modes.slider:
+            guards.append(("slider", lambda _, y: modes.slider * u(y)))
+        elif law.slider_stiffness:
+            reach = law.slider_torque / law.slider_stiffness
+            guards.append(("slider", lambda _, y: reach - abs(x(y) - modes.origin)))
+        for name, edge, side in (("stop", law.stop_angle, modes.stop), ("gap", law.half_gap, modes.gap)):
+            if edge == 0 or not math.isfinite(edge):
+                continue
+            if side:
+                guards.append((name, lambda _, y, edge=edge, side=side: side * x(y) - edge))
+            else:
+                guards.append((name, lambda _, y, edge=edge: edge - abs(x(y))))
+        return guards
+
+    def switch(self, name: str, time: float, y: Array) -> Array:
+        """Change the mode whose guard gave way; return the state to go on from."""
+        law, modes = self.law, self.modes
+        x = float(y[0] - y[2]) - law.rest
+        if name == "friction":
+            if modes.friction:
+                y = y.copy()
+                y[1 if self.hand is None else 3] = y[3 if self.hand is None else 1]  # u is 0, exactly
+            self.modes = replace(modes, friction=0)
+            _, _, needed = self.accelerations(time, y, None)
+            slips = modes.friction == 0 or abs(needed) > law.static_friction
+            self.modes = replace(modes, friction=-int(math.copysign(1, needed)) if slips else 0)
+        elif name == "slider" and modes.slider:
+            origin = x - modes.slider * law.slider_torque / law.slider_stiffness
+            self.modes = replace(modes, slider=0, origin=origin)
+        elif name == "slider":
+            self.modes = replace(modes, slider=int(math.copysign(1, x - modes.origin)))
+        else:
+            side = 0 if getattr(modes, name) else int(math.copysign(1, x))
+            self.modes = replace(modes, **{name: side})
+        return y
+
+    def begin(self, time: float, y: Array) -> None:
+        """Choose the friction mode that the state calls for."""
+        u = float(y[1] - y[3])
+        if not self.locks():
+            return
+        self.modes = replace(self.modes, friction=0)
+        if abs(u) > 1e-12:
+            self.modes = replace(self.modes, friction=int(math.copysign(1, u)))
+            return
+        _, _, needed = self.accelerations(time, y, None)
+        if abs(needed) > self.law.static_friction:
+            self.modes = replace(self.modes, friction=-int(math.copysign(1, needed)))
+
+    def stands_still(self) -> bool:
+        """Whether the deck is stuck for good: nothing left that could move."""
+        law = self.law
+        free = self.hand is None and not law.arm_stiffness and not law.support_inertia
+        return free and self.locks() and self.modes.friction == 0
+
+
+def simulate(
+    law: TrueLaw,
+    start: Condition,
+    begin: float,
+    end: float,
+    times: Array,
+    hand: Hand | None = None,
+    *,
+    accelerations: bool = False,
+    rtol: float = RTOL,
+    atol: float = ATOL,
+) -> tuple[Array, Condition]:
+    """Integrate from `begin` to `end` [s] and sample at `times` [s], shape (n,), ascending, in between.
+
+    Args:
+        law: The true joint.
+        start: State and modes at `begin`.
+        begin: Start [s].
+        end: End [s].
+        times: Where to sample [s].
+        hand: Leads the deck instead of letting it move freely.
+        accelerations: Fill the third column of the samples; it is 0 otherwise.
+        rtol: Relative tolerance of DOP853.
+        atol: Absolute tolerance of DOP853.
+
+    Returns:
+        Samples (roll, rate, acceleration), shape (n, 3), and the condition at `end`.
+
+    Raises:
+        HuskyError: The motion grows without bound, chatters or is far too stiff.
+    """
+    try:
+        with np.errstate(all="ignore"):
+            return _simulate(law, start, begin, end, times, hand, accelerations, rtol, atol)
+    except (ArithmeticError, ValueError) as error:  # a number left the range of floats
+        raise HuskyError(
+            f"the true motion cannot be followed ({error}): it grows without bound, chatters or is far too stiff. "
+            "Use milder effects."
+        ) from error
+
+
+def _simulate(
+    law: TrueLaw,
+    start: Condition,
+    begin: float,
+    end: float,
+    times: Array,
+    hand: Hand | None,
+    accelerations: bool,
+    rtol: float,
+    atol: float,
+) -> tuple[Array, Condition]:
+    from scipy.integrate import DOP853
+
+    motion = _Motion(law, start.modes, hand)
+    motion.begin(begin, start.state)
+    samples = np.zeros((len(times), 3))
+    time, state, taken, steps = begin, start.state, 0, 0
+    longest = _longest_step(law) if law.has_kinks else np.inf
+    knots = np.empty(0) if hand is None else hand.knots
+    step = None
+    while time < end:
+        if motion.stands_still():
+            state = state.copy()
+            state[1] = 0.0
+            samples[taken:] = (state[0], 0.0, 0.0)
+            return samples, Condition(state, motion.modes)
+        until = min([end, *knots[np.searchsorted(knots, time, side="right") :][:1]])
+        solver: Any = DOP853(
+            motion.rates, time, state, until, rtol=rtol, atol=atol, max_step=longest,
+            first_step=None if step is None else min(step, until - time),
+        )  # fmt: skip
+        guards = motion.guards()
+        event = None
+        while solver.status == "running" and event is None:
+            steps += 1
+            message = solver.step()
+            if message is not None or steps > _MAX_STEPS or not abs(float(solver.y[0])) < _LARGEST:
+                raise ArithmeticError(f"beyond t = {solver.t:.6g} s")
+            step = solver.step_size
+            stop = len(times) if solver.t >= end else int(np.searchsorted(times, solver.t))
+            path = solver.dense_output() if guards or stop > taken else None
+            event = _first_event(guards, path, solver.t_old, solver.t) if path and guards else None
+            if event is not None:
+                stop = int(np.searchsorted(times, event[1]))
+            if path and stop > taken:
+                _sample(motion, times[taken:stop], path, samples[taken:stop], accelerations=accelerations)
+                taken = stop
+            time, state = (solver.t, solver.y) if event is None or not path else (event[1], path(event[1]))
+        if event is not None:
+            state = motion.switch(event[0], time, state)
+            step = longest / 4
+    return samples, Condition(state, motion.modes)
+
+
+def _sample(
+    motion: _Motion, times: Array, path: Callable[[Array], Array], samples: Array, *, accelerations: bool
+) -> None:
+    states = path(times)
+    samples[:, 0], samples[:, 1] = states[0], states[1]
+    if not accelerations:
+        return
+    for row, (time, state) in enumerate(zip(times.tolist(), states.T, strict=True)):
+        samples[row, 2] = motion.rates(time, state)[1]
+
+
+def _longest_step(law: TrueLaw) -> float:
+    """Return a step that no oscillation of the law fits into twice [s]."""
+    inertia = min(law.inertia, law.support_inertia or law.inertia)
+    stiffness = law.stiffness + law.slider_stiffness + law.arm_stiffness
+    stiffness += law.support_stiffness + (law.stop_stiffness if math.isfinite(law.stop_angle) else 0.0)
+    stiffness = stiffness or abs(law.gravity)  # a pendulum
+    return 1.0 / math.sqrt(stiffness / inertia)
+
+
+def _first_event(
+    guards: list[tuple[str, Callable[[float, Array], float]]],
+    path: Callable[[Array | float], Array],
+    begin: float,
+    end: float,
+) -> tuple[str, float] | None:
+    """Return name and time of the first guard that gives way between `begin` and `end`."""
+    probes = [begin, *(begin + f * (end - begin) for f in _PROBES[:-1]), end]
+    states = path(np.array(probes)).T
+    first: tuple[str, float] | None = None
+    for name, guard in guards:
+        before = guard(begin, states[0])
+        for left, right, state in zip(probes[:-1], probes[1:], states[1:], strict=True):
+            after = guard(right, state)
+            if after < 0:
+                crossing = left
+                if before > 0:
+                    crossing = _crossing(guard, path, left, right)
+                if first is None or crossing < first[1]:
+                    first = (name, crossing)
+                break
+            before = after
+    return first
+
+
+def _crossing(
+    guard: Callable[[float, Array], float], path: Callable[[Array | float], Array], left: float, right: float
+) -> float:
+    from scipy.optimize import brentq
+
+    def value(time: float) -> float:
+        return guard(time, path(time))
+
+    time: Any = brentq(value, left, right, xtol=1e-14)
+    return float(time)

@@ -1,0 +1,93 @@
+"""Tables and small words of a report: plain text, the same in a terminal, a pipe and a notebook."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from sysid.quantity import Quantity
+
+WIDTH = 160
+"""Of a report that is not written to a terminal [characters]."""
+DEGREES = 57.29577951308232
+"""One radian [deg]."""
+
+
+def table(
+    columns: Sequence[str], rows: Sequence[Sequence[str]], title: str | None = None, *, width: int = WIDTH
+) -> str:
+    """Return a table as lines of text, cells wrapped where it would be wider than `width` characters."""
+    from io import StringIO
+
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    content = Table(title=title, title_justify="left")
+    for column in columns:
+        content.add_column(escape(column), overflow="fold")
+    for row in rows:
+        content.add_row(*map(escape, row))  # '[kg]' is a unit, not a style
+    text = StringIO()
+    Console(file=text, width=width, color_system=None, highlight=False, emoji=False).print(content)
+    return text.getvalue().rstrip("\n")
+
+
+def quantity_frame(quantities: "Mapping[str, Quantity]") -> "pd.DataFrame":
+    """Return quantities as rows: value, std, low and high end of the 95 % interval, unit, how."""
+    import pandas as pd
+
+    rows = [
+        {"value": q.value, "std": q.std, "low": q.ci95[0], "high": q.ci95[1], "unit": q.unit, "how": q.method}
+        for q in quantities.values()
+    ]
+    return pd.DataFrame(rows, index=pd.Index(quantities, name="quantity"))
+
+
+@dataclass(frozen=True, slots=True)
+class Display:
+    """How people are shown a roll or its rate."""
+
+    unit: str
+    scale: float
+    """Of one rad, or rad/s, in `unit`."""
+
+    def __call__(self, value: float, digits: int = 4) -> str:
+        """Return a roll [rad] or rate [rad/s] in `unit`."""
+        return f"{self.scale * value:.{digits}g}{self.unit}"
+
+
+def display(*, is_rate: bool) -> Display:
+    """Return how errors of a roll, or of a measured rate, are shown."""
+    return Display(" rad/s", 1.0) if is_rate else Display("°", DEGREES)
+
+
+LEAST_REST = 5e-4
+"""A rest angle below this, half the last digit that is printed, is left out of a printed law [rad]."""
+
+
+def linear_law(inertia: float, damping: float, stiffness: float, rest: float) -> str:
+    """Return the left-hand side of a linear joint, e.g. '8.70e-3 φ̈ + 0.402 φ̇ + 14.68 (φ - 0.0100)', all SI."""
+    roll = "φ" if abs(rest) < LEAST_REST else f"(φ {'-' if rest > 0 else '+'} {abs(rest):.4f})"
+    leading = "φ̈" if inertia == 1 else f"{short(inertia)} φ̈"
+    return f"{leading} + {short(damping)} φ̇ + {stiffness:.4g} {roll}"
+
+
+def count(number: int, noun: str) -> str:
+    """Return '1 gap', '2 gaps'."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def short(value: float) -> str:
+    """Return a number with three digits, below a hundredth as 8.70e-3."""
+    if abs(value) >= 0.01 or value == 0:
+        return f"{value:.3g}"
+    digits, _, power = f"{value:.2e}".partition("e")
+    return f"{digits}e{int(power)}"
+
+
+def percent(share: float) -> str:
+    """Return a probability in words of whole percents."""
+    return "over 99 %" if share > 0.99 else f"{100 * share:.0f} %"

@@ -1,0 +1,1 @@
+"""Frames and the camera that took them."""

@@ -1,0 +1,171 @@
+"""The camera's matrix and lens: from a file, from a film of a chessboard, or the guess that serves."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from sysid.errors import HuskyError
+from sysid.roll import Array
+from sysid.video.film.frames import Clip, grey, open_clip
+from sysid.video.options import VIDEO_SUFFIXES
+from sysid.video.types import Picture
+
+USUAL_FOCAL = 0.9
+"""Focal length of a phone's main camera in film mode, in long sides of the picture (58 degrees)."""
+FOCAL_SPREAD = 0.25
+"""Standard deviation of its logarithm: zoom, crop and stabilisation."""
+CHESSBOARDS = ((9, 6), (8, 6), (7, 6), (8, 5), (7, 5), (6, 5), (10, 7), (7, 4), (6, 4))
+"""Inner corners of the chessboards that are looked for."""
+VIEWS = 30
+"""Views of the chessboard that are used at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lens:
+    """A pinhole camera with radial and tangential distortion, in OpenCV's convention."""
+
+    matrix: Array
+    """Camera matrix [px], shape (3, 3)."""
+    distortion: Array
+    """k1, k2, p1, p2, k3 ...; all zero where the lens is taken as straight."""
+    known: bool
+    """Whether it was calibrated."""
+    note: str
+    """Where it comes from, for people."""
+
+    def straighten(self, points: Array) -> Array:
+        """Return points (..., 2) [px] as a lens without distortion would show them; NaN stays NaN."""
+        if not np.any(self.distortion):
+            return points
+        flat = points.reshape(-1, 1, 2)
+        seen = np.isfinite(flat).all(axis=(1, 2))
+        result = np.full_like(flat, np.nan)
+        if seen.any():
+            criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-7)
+            result[seen] = cv2.undistortPoints(
+                flat[seen], self.matrix, self.distortion, P=self.matrix, criteria=criteria
+            )
+        return result.reshape(points.shape)
+
+
+def lens_of(clip: Clip, calibration: Path | None) -> Lens:
+    """Return the lens that a clip was filmed with.
+
+    Without calibration the focal length is a phone's usual one. A scale does not matter for an angle;
+    what a wrong focal length does to the perspective is added to the uncertainty.
+
+    Raises:
+        HuskyError: The calibration cannot be read, or belongs to another shape of picture.
+    """
+    if calibration is None:
+        focal = USUAL_FOCAL * max(clip.width, clip.height)
+        matrix = np.array([[focal, 0, (clip.width - 1) / 2], [0, focal, (clip.height - 1) / 2], [0, 0, 1]])
+        return Lens(
+            matrix, np.zeros(5), False, "lens not calibrated: a phone's usual one, without distortion"
+        )
+    if calibration.suffix.lower() in VIDEO_SUFFIXES:
+        matrix, distortion, size, note = _from_chessboard(calibration)
+    else:
+        matrix, distortion, size, note = _from_file(calibration)
+    scale = clip.width / size[0]
+    if abs(clip.height / size[1] / scale - 1) > 0.01:
+        raise HuskyError(
+            f"{calibration}: it is for pictures of {size[0]}x{size[1]}, the film has {clip.width}x{clip.height}. "
+            "Calibrate in the mode and attitude in which you film."
+        )
+    matrix = np.diag([scale, scale, 1.0]) @ matrix
+    return Lens(matrix, distortion, True, note)
+
+
+def write_calibration(lens: Lens, size: tuple[int, int]) -> str:
+    """Return a calibration as JSON text that `lens_of` reads."""
+    return json.dumps(
+        {
+            "image_width": size[0],
+            "image_height": size[1],
+            "camera_matrix": lens.matrix.tolist(),
+            "distortion_coefficients": lens.distortion.tolist(),
+        },
+        indent=2,
+    )
+
+
+def _from_file(path: Path) -> tuple[Array, Array, tuple[int, int], str]:
+    """Read JSON with our field names, or the YAML and XML that OpenCV's and ROS's calibrators write."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise HuskyError(f"{path}: cannot read the calibration ({error}).") from error
+    try:
+        if text.lstrip().startswith("{"):
+            raw = json.loads(text)
+            matrix = np.array(raw["camera_matrix"], float).reshape(3, 3)
+            distortion = np.ravel(np.array(raw["distortion_coefficients"], float))
+            size = int(raw["image_width"]), int(raw["image_height"])
+        else:
+            if not text.startswith(("%YAML", "<?xml")):
+                text = "%YAML:1.0\n---\n" + text
+            store = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
+            matrix = np.asarray(store.getNode("camera_matrix").mat(), float).reshape(3, 3)
+            distortion = np.ravel(np.asarray(store.getNode("distortion_coefficients").mat(), float))
+            size = int(store.getNode("image_width").real()), int(store.getNode("image_height").real())
+    except (KeyError, ValueError, TypeError, AttributeError, SystemError, cv2.error) as error:
+        raise HuskyError(
+            f"{path}: not a calibration. Expected image_width, image_height, camera_matrix (3x3) and "
+            "distortion_coefficients, as JSON or as OpenCV's YAML; or a film of a chessboard."
+        ) from error
+    if not (np.isfinite(matrix).all() and matrix[0, 0] > 0 and matrix[1, 1] > 0 and min(size) > 0):
+        raise HuskyError(
+            f"{path}: the focal lengths or the picture's size are not positive. Calibrate again."
+        )
+    return matrix, distortion, size, f"lens from {path}"
+
+
+def _from_chessboard(path: Path) -> tuple[Array, Array, tuple[int, int], str]:
+    clip = open_clip(path)
+    every = max(1, clip.announced // (3 * VIEWS))
+    pattern: tuple[int, int] | None = None
+    views: list[Array] = []
+    for frame in clip.frames(every):
+        dark = grey(frame.picture)
+        pattern = pattern or _which_chessboard(dark)
+        corners = _chessboard(dark, pattern) if pattern else None
+        if corners is not None and (not views or np.abs(corners - views[-1]).mean() > 0.01 * clip.width):
+            views.append(corners)
+    if pattern is None or len(views) < 5:
+        raise HuskyError(
+            f"{path}: a chessboard is seen in {len(views)} different attitudes; 5 are needed. Film a printed one "
+            "(9x6 inner corners) slowly from all sides, filling the picture."
+        )
+    views = [views[i] for i in np.unique(np.linspace(0, len(views) - 1, min(len(views), VIEWS)).astype(int))]
+    grid = np.zeros((pattern[0] * pattern[1], 3), np.float32)
+    grid[:, :2] = np.mgrid[0 : pattern[0], 0 : pattern[1]].T.reshape(-1, 2)
+    size = (clip.width, clip.height)
+    error, matrix, distortion, _, _ = cv2.calibrateCamera(
+        [grid] * len(views), [view.astype(np.float32) for view in views], size, np.eye(3), np.zeros(5)
+    )
+    note = f"lens from {len(views)} views of a {pattern[0]}x{pattern[1]} chessboard, {error:.2f} px"
+    if error > 1.5:
+        raise HuskyError(
+            f"{path}: {note} off on average: the board is bent or the film blurred. Film it again."
+        )
+    return np.asarray(matrix, float), np.ravel(np.asarray(distortion, float)), size, note
+
+
+def _which_chessboard(dark: Picture) -> tuple[int, int] | None:
+    for pattern in CHESSBOARDS:
+        if _chessboard(dark, pattern) is not None:
+            return pattern
+    return None
+
+
+def _chessboard(dark: Picture, pattern: tuple[int, int]) -> Array | None:
+    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
+    good, corners = cv2.findChessboardCorners(dark, pattern, flags=flags)
+    if not good:
+        return None
+    criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.01)
+    return np.asarray(cv2.cornerSubPix(dark, corners, (7, 7), (-1, -1), criteria), float).reshape(-1, 2)

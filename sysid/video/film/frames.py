@@ -1,0 +1,203 @@
+"""Frames of a clip with the container's own time stamps, one at a time."""
+
+import os
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from queue import Full, Queue
+from threading import Event, Thread
+
+import cv2
+import numpy as np
+
+from sysid.errors import HuskyError
+from sysid.roll import Array
+from sysid.video.types import Picture
+
+MAX_SIZE = (4096, 2304)
+"""Largest picture that is read [px]: 4K; 8K would take seconds a frame and tell no more."""
+FRAMES_AHEAD = 3
+"""Frames that are decoded ahead of the one that is worked on."""
+MAX_MISSING_SHARE = 0.05
+"""Share of the announced frames that may be missing before a file counts as cut off."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One frame, upright."""
+
+    index: int
+    time: float
+    """The container's stamp [s]."""
+    picture: Picture
+
+
+@dataclass(frozen=True, slots=True)
+class Clip:
+    """A film that opens and has a sane first frame; frames are decoded again at each iteration."""
+
+    path: Path
+    width: int
+    """Width as shown, after turning by `rotation` [px]."""
+    height: int
+    rotation: int
+    """Clockwise turn that the container asks for [deg]: 0, 90, 180 or 270."""
+    announced: int
+    """Number of frames according to the container; 0 where it does not say."""
+    codec: str = ""
+    """Four letters that name the compression, in capitals, e.g. H264, HEVC, MJPG, FMP4; empty where not known."""
+
+    def frames(self, every: int = 1) -> Generator[Frame]:
+        """Decode the clip from its start; only every `every`-th frame is converted to a picture.
+
+        Raises:
+            HuskyError: The file ends before its announced length, or its stamps stand still.
+        """
+        count, last = 0, -np.inf
+        with _quiet(), _opened(self.path) as capture:
+            while capture.grab():
+                if count % every == 0:
+                    good, picture = capture.retrieve()
+                    if not good:
+                        break
+                    time = capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
+                    if count > 0 and time == last == 0.0:
+                        raise HuskyError(
+                            f"{self.path}: the frames carry no time stamps. Wrap the film into an MP4 file, "
+                            "or give its frame rate with --rate."
+                        )
+                    last = time
+                    yield Frame(count, time, np.asarray(picture, np.uint8))
+                count += 1
+        missing = self.announced - count
+        if missing > max(2, MAX_MISSING_SHARE * self.announced):
+            raise HuskyError(
+                f"{self.path}: the file announces {self.announced} frames and ends after {count}: it is cut off. "
+                "Copy it again from the camera."
+            )
+
+    def ahead(self) -> Generator[Frame]:
+        """Like `frames`, decoding the next ones in a thread while one is worked on.
+
+        Raises:
+            HuskyError: As `frames` does.
+        """
+        ready: Queue[Frame | BaseException | None] = Queue(maxsize=FRAMES_AHEAD)
+        stop = Event()
+
+        def put(item: Frame | BaseException | None) -> bool:
+            while not stop.is_set():
+                try:
+                    ready.put(item, timeout=0.1)
+                except Full:
+                    continue
+                return True
+            return False
+
+        def decode() -> None:
+            try:
+                for frame in self.frames():
+                    if not put(frame):
+                        return
+                put(None)
+            except BaseException as error:  # noqa: BLE001  raised again by whoever waits for frames
+                put(error)
+
+        worker = Thread(target=decode, daemon=True)
+        worker.start()
+        try:
+            while (item := ready.get()) is not None:
+                if isinstance(item, BaseException):
+                    raise item
+                yield item
+        finally:
+            stop.set()
+            worker.join()
+
+    def first(self) -> Frame:
+        """Return the first frame."""
+        return next(iter(self.frames()))
+
+    def row_share(self, points: Array) -> Array:
+        """Return when, from 0 to 1 of the read-out, the sensor reads the pixels `points` (..., 2)."""
+        across, down = points[..., 0] / self.width, points[..., 1] / self.height
+        return {0: down, 90: 1 - across, 180: 1 - down, 270: across}[self.rotation]
+
+
+def open_clip(path: Path) -> Clip:
+    """Check that a file is a film that can be read, without decoding more than one frame.
+
+    Raises:
+        HuskyError: It is missing, not a film, has no pictures (audio only), or too large ones.
+    """
+    if not path.is_file():
+        raise HuskyError(f"{path}: no such file. Check the name.")
+    if path.stat().st_size == 0:
+        raise HuskyError(f"{path}: the file is empty. Copy it again from the camera.")
+    with _quiet(), _opened(path) as capture:
+        width, height = (
+            int(capture.get(prop)) for prop in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
+        )
+        if width <= 0 or height <= 0:
+            raise HuskyError(f"{path}: no pictures in it (sound only?). Give the film of the board.")
+        if max(width, height) > MAX_SIZE[0] or min(width, height) > MAX_SIZE[1]:
+            raise HuskyError(
+                f"{path}: pictures of {width}x{height} are larger than {MAX_SIZE[0]}x{MAX_SIZE[1]}. Film in 4K or "
+                "less: a higher frame rate tells more than more pixels."
+            )
+        announced = max(0, int(capture.get(cv2.CAP_PROP_FRAME_COUNT)))
+        rotation = int(capture.get(cv2.CAP_PROP_ORIENTATION_META)) % 360
+        letters = max(0, int(capture.get(cv2.CAP_PROP_FOURCC))).to_bytes(8, "little")[:4]
+        codec = letters.decode("ascii", "ignore").strip("\0 ").upper()
+        good, picture = capture.read()
+    if not good:
+        raise HuskyError(f"{path}: no frame can be decoded; the file is damaged or empty. Copy it again.")
+    turned = rotation if rotation % 90 == 0 else 0
+    return Clip(path, picture.shape[1], picture.shape[0], turned, announced, codec)
+
+
+def crop(picture: Picture, box: tuple[int, int, int, int]) -> tuple[Picture, tuple[int, int]]:
+    """Cut left, top, right, bottom [px] out of a picture, as far as it reaches; return part and corner."""
+    left, top = max(box[0], 0), max(box[1], 0)
+    right, bottom = min(box[2], picture.shape[1]), min(box[3], picture.shape[0])
+    return picture[top : max(bottom, top), left : max(right, left)], (left, top)
+
+
+def grey(picture: Picture) -> Picture:
+    """Return the picture in grey."""
+    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8) if picture.ndim == 3 else picture
+
+
+@contextmanager
+def _opened(path: Path) -> Generator[cv2.VideoCapture]:
+    try:
+        capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    except cv2.error as error:
+        raise HuskyError(f"{path}: not a film that can be read ({error.err}).") from error
+    try:
+        if not capture.isOpened():
+            raise HuskyError(
+                f"{path}: not a film that can be read: no pictures in it, cut off before its index, or "
+                "another kind of file. Copy it again from the camera, or convert it to MP4."
+            )
+        yield capture
+    finally:
+        capture.release()
+
+
+@contextmanager
+def _quiet() -> Generator[None]:
+    """Keep FFmpeg's and OpenCV's own complaints off the terminal: ours says what to do."""
+    level = cv2.utils.logging.getLogLevel()
+    before = os.environ.get("OPENCV_FFMPEG_LOGLEVEL")
+    os.environ["OPENCV_FFMPEG_LOGLEVEL"] = "-8"
+    cv2.utils.logging.setLogLevel(0)
+    try:
+        yield
+    finally:
+        cv2.utils.logging.setLogLevel(level)
+        if before is None:
+            del os.environ["OPENCV_FFMPEG_LOGLEVEL"]
+        else:
+            os.environ["OPENCV_FFMPEG_LOGLEVEL"] = before

@@ -1,0 +1,1 @@
+"""Points in pictures to the angle of a body."""

@@ -1,0 +1,60 @@
+"""Single frames that the frames before and after them do not bear out.
+
+A deck has inertia: its angle cannot jump from one frame to the next and back. Where it seems to, something was
+in front of what is followed, or another thing was taken for it.
+"""
+
+import numpy as np
+
+from sysid.roll import Array
+
+SPIKE_PATTERN = np.array([1 / 6, -2 / 3, 1.0, -2 / 3, 1 / 6])
+"""What one wrong frame does to the deviations of five from the cubics through their neighbours."""
+SPIKE_LIKENESS = 0.9
+"""Correlation of the deviations with that pattern: a letting go, or a fast swing, has another one."""
+SPIKE_STDS = 5.0
+"""Deviation that is no noise, in standard deviations."""
+
+
+def outlier_frames(time: Array, angle: Array, std: Array) -> Array:
+    """Return how far each frame is off from what its neighbours say [rad], shape (n,); 0 for all but lone ones.
+
+    Args:
+        time: Times [s], shape (n,).
+        angle: Angles [rad]; NaN where not seen.
+        std: Their standard deviations.
+    """
+    seen = np.flatnonzero(np.isfinite(angle))
+    wrong = np.zeros(len(angle))
+    if len(seen) < 9:
+        return wrong
+    t, x = time[seen], angle[seen]
+    off = np.zeros(len(x))
+    off[2:-2] = x[2:-2] - _between(t, x)
+    noise = np.sqrt(2.0) * std[seen]
+    for row in range(4, len(x) - 4):
+        five = off[row - 2 : row + 3]
+        size = float(five @ SPIKE_PATTERN / (SPIKE_PATTERN @ SPIKE_PATTERN))
+        likeness = abs(float(five @ SPIKE_PATTERN)) / max(
+            float(np.linalg.norm(five) * np.linalg.norm(SPIKE_PATTERN)), 1e-15
+        )
+        if likeness > SPIKE_LIKENESS and abs(size) > SPIKE_STDS * np.median(noise[row - 4 : row + 5]):
+            wrong[seen[row]] = abs(size)
+    return wrong
+
+
+def _between(time: Array, angle: Array) -> Array:
+    """Angle at each time but the outer two, by the cubic through two neighbours on either side; shape (n - 4,)."""
+    n = len(time)
+    others = (0, 1, 3, 4)
+    at = time[2 : n - 2]
+    result = np.zeros(n - 4)
+    for one in others:
+        share = np.ones(n - 4)
+        for other in others:
+            if other != one:
+                share *= (at - time[other : n - 4 + other]) / (
+                    time[one : n - 4 + one] - time[other : n - 4 + other]
+                )
+        result += share * angle[one : n - 4 + one]
+    return result

@@ -1,0 +1,79 @@
+"""Pictures as a camera along the board's axis would take them, and angles in them."""
+
+import numpy as np
+
+from sysid.roll import Array
+from sysid.video.types import Complex
+
+
+def rectify(points: Array, matrix: Array, yaw: float, pitch: float) -> Complex:
+    """Return points (..., 2) [px] as a camera looking along the axis would see them, x + i y (y down).
+
+    Args:
+        points: Picture coordinates [px].
+        matrix: Camera matrix [px], shape (3, 3).
+        yaw: Direction of the axis, to the right of the line of sight [rad].
+        pitch: Downwards [rad].
+    """
+    look = _look(yaw, pitch)
+    x = (points[..., 0] - matrix[0, 2]) / matrix[0, 0]
+    y = (points[..., 1] - matrix[1, 2]) / matrix[1, 1]
+    across = x * look[0, 0] + y * look[1, 0] + look[2, 0]
+    down = x * look[0, 1] + y * look[1, 1] + look[2, 1]
+    with np.errstate(invalid="ignore"):  # points that are not seen are NaN, and stay so
+        return (across + 1j * down) / (x * look[0, 2] + y * look[1, 2] + look[2, 2])
+
+
+def unrectify(z: Complex, matrix: Array, yaw: float, pitch: float) -> Array:
+    """Return where a camera that looks aside sees `z`, shape (..., 2) [px]: the inverse of `rectify`."""
+    look = _look(yaw, pitch)
+    ray = np.stack([z.real, z.imag, np.ones(z.shape)], axis=-1) @ look.T
+    return ray[..., :2] / ray[..., 2:] * [matrix[0, 0], matrix[1, 1]] + matrix[:2, 2]
+
+
+def enlargement(z: Complex, yaw: float, pitch: float) -> Array:
+    """Return by how much rectifying enlarges areas at `z`, as a square root and in focal lengths.
+
+    Noise of the picture grows with it, which must not count as a better or worse fit.
+    """
+    look = _look(yaw, pitch)
+    return (look[2, 0] * z.real + look[2, 1] * z.imag + look[2, 2]) ** 1.5
+
+
+def longer(matrix: Array, logarithm: float) -> Array:
+    """Return a camera matrix with its focal lengths scaled by exp(logarithm)."""
+    scaled = matrix.copy()
+    scaled[0, 0] *= np.exp(logarithm)
+    scaled[1, 1] *= np.exp(logarithm)
+    return scaled
+
+
+def _look(yaw: float, pitch: float) -> Array:
+    """Axes of the camera that looks along the axis, as columns, without a twist about it."""
+    turn = np.hypot(yaw, pitch)
+    if turn < 1e-12:
+        return np.eye(3)
+    # The axis is the optical axis turned to the right by yaw and down by pitch.
+    vector = np.array([-pitch, yaw, 0.0]) / turn
+    cross = np.array([[0, 0, vector[1]], [0, 0, -vector[0]], [-vector[1], vector[0], 0]])
+    return np.eye(3) + np.sin(turn) * cross + (1 - np.cos(turn)) * cross @ cross
+
+
+def smear(angle: Array) -> Array:
+    """What an unknown exposure does: a smeared body is seen at its mean, not at the middle of the exposure.
+
+    The mean over an exposure T is off by φ̈ T²/24; for T anywhere between 0 and the frame interval the
+    root mean square of that is the second difference of the angle over 54.
+    """
+    smear = np.zeros(len(angle))
+    with np.errstate(invalid="ignore"):
+        smear[1:-1] = np.abs(np.diff(np.exp(1j * angle), n=2)) / 54
+    return np.where(np.isfinite(smear), smear, 0.0)
+
+
+def unwrap(angle: Array) -> Array:
+    """Return the angles without jumps of whole turns, past the NaN of frames that show nothing."""
+    good = np.isfinite(angle)
+    result = angle.copy()
+    result[good] = np.unwrap(angle[good])
+    return result

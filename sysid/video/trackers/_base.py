@@ -1,0 +1,113 @@
+"""What a tracker is: it finds something in a film that can be followed, and says how its points make an angle."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from sysid.roll import Array
+from sysid.video.film.frames import Clip, Frame
+from sysid.video.film.survey import Survey, box_of, survey
+from sysid.video.film.track import Track
+from sysid.video.options import VideoOptions
+from sysid.video.pose.angle import AngleTrack
+from sysid.video.pose.camera_state import CameraState
+from sysid.video.pose.view import View
+from sysid.video.types import Box
+
+Solve = Callable[[View, Array, CameraState], AngleTrack]
+"""Points, camera matrix and what is known of the camera beforehand to the angle."""
+
+DIRECTION_STD = np.radians(15.0)
+"""Standard deviation of the camera's direction before the film shows it: people stand about square [rad]."""
+UNSEEN_DIRECTION_STD = np.radians(5.0)
+"""Standard deviation of the camera's direction where nothing in the film shows it [rad]."""
+DEAD_ZONE = 0.15
+"""Motion of the outermost points of colour or faint texture that compression may leave out of a film, to either
+side [px]: as found in films of 0.1 bit a pixel. A phone's have two to four times as many. Black on white shows more."""
+
+
+class Follower(Protocol):
+    """Follows points on the board from frame to frame."""
+
+    @property
+    def points(self) -> int:
+        """Number of points N."""
+        ...
+
+    @property
+    def box(self) -> Box:
+        """Left, top, right and bottom [px] of where the board may come, as far as is known at first."""
+        ...
+
+    def update(self, frame: Frame) -> Array | None:
+        """Return the points in this frame [px], shape (N, 2), NaN where one is not seen; None if none is."""
+        ...
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A film in which something is to be found."""
+
+    clip: Clip
+    options: VideoOptions
+
+    @cached_property
+    def region(self) -> Box | None:
+        """Left, top, right and bottom [px] of where the user says the board moves."""
+        return None if self.options.roi is None else box_of(self.clip, self.options.roi)
+
+    @cached_property
+    def look(self) -> Survey:
+        """What moves in it; found when it is asked for, as that takes a pass through the film."""
+        return survey(self.clip, self.options.roi)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Target:
+    """Something in a film that can be followed, how its points make an angle, and what to tell people."""
+
+    follower: Follower
+    what: str
+    """What is followed, for messages."""
+    why: str
+    """What was found, for people."""
+    solve: Solve
+    zero: Callable[[AngleTrack], float]
+    """What to add so that zero is where it should be [rad]."""
+    zero_note: str
+    finds_direction: bool = True
+    """Whether the points show from where the camera looks."""
+    warnings: tuple[str, ...] = ()
+    settle: Callable[[Track], Track] | None = None
+    """What to leave out of the track once the whole film is known."""
+    joined: tuple[tuple[int, int], ...] = ()
+    """Points between which a line is drawn, so that a person sees what they are."""
+
+    @property
+    def direction_std(self) -> float:
+        """Standard deviation of yaw and pitch before the film is looked at [rad]."""
+        return DIRECTION_STD if self.finds_direction else UNSEEN_DIRECTION_STD
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tracker:
+    """One way to follow a board."""
+
+    rank: int
+    """Where none is asked for, that of the lowest rank is tried first."""
+    find: Callable[[Scene], Target | None]
+    not_found: str
+    """What to tell people where it finds nothing; `{where}` is the region that they gave."""
+    takes_pivot: bool = False
+    """Whether it can use a pivot that the user gives."""
+
+
+def level_angle(track: AngleTrack, direction: complex, symmetry: int) -> float:
+    """Return what turns the angles so that a body of this symmetry, seen along `direction` at angle 0, starts level."""
+    tilt = float(np.angle(direction))
+    rest = float(np.nanmedian(track.angle)) + tilt
+    step = 2 * np.pi / symmetry
+    return tilt - step * round(rest / step)

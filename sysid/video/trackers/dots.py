@@ -1,0 +1,331 @@
+"""Coloured stickers: two on the deck's end, or one dot that swings about a pivot."""
+
+from dataclasses import dataclass, field
+from functools import partial
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from sysid.errors import HuskyError
+from sysid.roll import Array
+from sysid.video.film.frames import Frame, crop
+from sysid.video.film.survey import Survey
+from sysid.video.pose.angle import AngleTrack, fit_angle
+from sysid.video.pose.camera_state import CameraState, spread_by
+from sysid.video.pose.prior import BodyPrior
+from sysid.video.pose.rectify import longer, rectify, smear, unwrap
+from sysid.video.pose.view import View
+from sysid.video.trackers._base import DEAD_ZONE, Scene, Target, Tracker, level_angle
+from sysid.video.types import Complex, Picture
+
+Chroma = npt.NDArray[np.float32]
+
+MIN_CHROMA = 28.0
+"""Distance from grey, in CIELAB units, from which a colour is taken as a sticker's."""
+MIN_AREA, MAX_AREA_SHARE = 40, 0.02
+"""Area of a dot: least [px], and largest as a share of the picture."""
+PLACE_FLOOR = 0.08
+"""Least standard deviation of a dot's place [px]: films hold colour at half the resolution of brightness."""
+MIN_UNCOVERED = 0.85
+"""A dot of which less than this share is left is covered in part."""
+
+
+@dataclass(frozen=True, slots=True)
+class Dot:
+    """One patch of colour."""
+
+    place: Array
+    """Centre [px], shape (2,)."""
+    radius: float
+    """Radius of the circle of the same area [px]."""
+    chroma: Array
+    """Colour, a and b of CIELAB, shape (2,)."""
+
+
+def find_dots(look: Survey) -> tuple[Dot, ...]:
+    """Return the two dots, or the one, that move; nothing where no colour stands out."""
+    part, corner = crop(look.first.picture, look.box)
+    dots = _patches(part, corner, look)
+    pairs = [
+        (min(a.radius, b.radius) * np.linalg.norm(a.chroma + b.chroma), a, b)
+        for number, a in enumerate(dots)
+        for b in dots[number + 1 :]
+        if np.linalg.norm(a.chroma - b.chroma) < 18
+        and 0.65 < a.radius / b.radius < 1.55
+        and np.linalg.norm(a.place - b.place) > 4 * max(a.radius, b.radius)
+    ]
+    if pairs:
+        _, a, b = max(pairs, key=lambda pair: pair[0])
+        return (a, b) if a.place[0] < b.place[0] else (b, a)
+    return tuple(sorted(dots, key=lambda dot: -dot.radius * float(np.linalg.norm(dot.chroma)))[:1])
+
+
+@dataclass(slots=True)
+class DotFollower:
+    """Follows dots by their colour; the centre of each is a mean weighted by how much dot a pixel holds."""
+
+    dots: tuple[Dot, ...]
+    box: tuple[int, int, int, int]
+    confined: bool = False
+    """Whether dots outside the box are not looked at: the user gave it."""
+    _places: Array = field(init=False)
+    _velocity: Array = field(init=False)
+    _time: float | None = None
+    _lost: int = 0
+    _size: Array = field(init=False)
+    """How much dot there is of each, in pixels; NaN before it was seen."""
+
+    def __post_init__(self) -> None:
+        """Start where the dots were found."""
+        self._size = np.full(len(self.dots), np.nan)
+        self._places = np.array([dot.place for dot in self.dots])
+        self._velocity = np.zeros_like(self._places)
+
+    @property
+    def points(self) -> int:
+        """One or two."""
+        return len(self.dots)
+
+    def update(self, frame: Frame) -> Array | None:
+        """Return the dots' centres [px], shape (N, 2); None unless all are seen."""
+        interval = 0.0 if self._time is None else frame.time - self._time
+        predicted = self._places + self._velocity * interval
+        places = np.full_like(self._places, np.nan)
+        sizes = self._size.copy()
+        for number, dot in enumerate(self.dots):
+            reach = (3.0 + 2.0 * min(self._lost, 10)) * dot.radius + 0.5 * float(
+                np.linalg.norm(predicted[number] - self._places[number])
+            )
+            if len(self.dots) == 2:
+                reach = min(reach, 0.6 * float(np.linalg.norm(self._places[1] - self._places[0])))
+            found = self._near(frame.picture, predicted[number], reach, dot)
+            if found is not None and self.confined and not self._inside(found[0]):
+                continue
+            # A hand in front of a part of a dot moves the middle of what is left; blur only spreads it.
+            if found is not None and not found[1] < MIN_UNCOVERED * self._size[number]:
+                places[number], sizes[number] = found
+        if not np.isfinite(places).all() or not self._plausible(places):
+            self._lost += 1
+            return None
+        if self._lost == 0 and interval > 0:
+            self._velocity = (places - self._places) / interval
+        elif interval > 0:
+            self._velocity[:] = 0
+        self._places, self._time, self._lost = places, frame.time, 0
+        self._size = np.where(np.isfinite(self._size), 0.9 * self._size + 0.1 * sizes, sizes)
+        return places
+
+    def _inside(self, place: Array) -> bool:
+        left, top, right, bottom = self.box
+        return bool(left <= place[0] < right and top <= place[1] < bottom)
+
+    def _plausible(self, places: Array) -> bool:
+        if len(places) == 1:
+            return True
+        length = np.linalg.norm(self.dots[1].place - self.dots[0].place)
+        return bool(0.75 < np.linalg.norm(places[1] - places[0]) / length < 1.35)
+
+    def _near(self, picture: Picture, place: Array, reach: float, dot: Dot) -> tuple[Array, float] | None:
+        """Find a dot; return its centre [px] and how much of it there is [px]."""
+        low, high = np.floor(place - reach), np.ceil(place + reach) + 1
+        part, corner = crop(picture, (int(low[0]), int(low[1]), int(high[0]), int(high[1])))
+        if min(part.shape[:2]) < 4:
+            return None
+        weight = _dot_share(part, dot)
+        mask = (weight > 0.5).astype(np.uint8)
+        count, labels, stats, centres = cv2.connectedComponentsWithStats(mask)
+        if count < 2:
+            return None
+        area = stats[1:, cv2.CC_STAT_AREA] / (np.pi * dot.radius**2)
+        distance = np.linalg.norm(centres[1:] + corner - place, axis=1)
+        score = distance / reach + np.abs(np.log(np.maximum(area, 1e-3)))
+        best = int(np.argmin(score))
+        if not 0.4 < area[best] < 2.5:
+            return None
+        core = (labels == best + 1).astype(np.uint8)
+        region = np.asarray(cv2.dilate(core, np.ones((7, 7), np.uint8)), np.uint8)
+        if self._touches_border(region, part.shape, corner, picture.shape):
+            return None
+        soft = np.clip(weight, 0, 1) * region
+        rows, columns = np.mgrid[0 : part.shape[0], 0 : part.shape[1]]
+        total = soft.sum()
+        centre = [(soft * columns).sum() / total + corner[0], (soft * rows).sum() / total + corner[1]]
+        return np.array(centre), float(total)
+
+    @staticmethod
+    def _touches_border(
+        region: npt.NDArray[np.uint8], size: tuple[int, ...], corner: tuple[int, int], whole: tuple[int, ...]
+    ) -> bool:
+        """Whether the dot is cut by the picture's border."""
+        return bool(
+            (corner[0] == 0 and region[:, 0].any())
+            or (corner[1] == 0 and region[0].any())
+            or (corner[0] + size[1] == whole[1] and region[:, -1].any())
+            or (corner[1] + size[0] == whole[0] and region[-1].any())
+        )
+
+
+def fit_pivot(
+    view: View, matrix: Array, before: CameraState, *, pivot: tuple[float, float] | None = None
+) -> AngleTrack:
+    """Angle of one dot about a pivot: given, or the centre of the circle that the dot runs on.
+
+    One dot shows neither direction of the axis nor read-out: they stay as they are known beforehand.
+
+    Args:
+        view: The points, one a frame.
+        matrix: Camera matrix [px], shape (3, 3).
+        before: What is known of camera and lens.
+        pivot: Pivot [px].
+    """
+    dot = view.all_points(before.readout)[:, 0]
+    circle = _circle(dot, matrix, before.value, pivot)
+    angle = np.angle(circle.arm)
+
+    def angle_at(value: Array) -> Array:
+        return np.angle(_circle(view.all_points(value[3])[:, 0], matrix, value, pivot).arm)
+
+    # d angle / d centre, less what it is at rest, carries the pivot's uncertainty.
+    slope = np.stack([circle.arm.imag, -circle.arm.real], axis=1) / np.abs(circle.arm)[:, None] ** 2
+    slope = slope - np.nanmedian(slope, axis=0)
+    variance = (circle.noise / circle.radius) ** 2 + np.einsum("ni,ij,nj->n", slope, circle.covariance, slope)
+    unknown = spread_by(before, angle, angle_at, view.share, view.time(before.readout))
+    std = np.sqrt(variance + unknown + smear(angle) ** 2)
+    std = np.where(np.isfinite(angle), std, np.nan)
+    return AngleTrack(unwrap(angle), std, before, circle.noise * matrix[0, 0], 0, np.array([1 + 0j]))
+
+
+@dataclass(frozen=True, slots=True)
+class _Circle:
+    """The circle that a dot runs on, in the rectified picture."""
+
+    arm: Complex
+    """From the pivot to the dot, shape (n,)."""
+    radius: float
+    covariance: Array
+    """Of the pivot, shape (2, 2)."""
+    noise: float
+    """Standard deviation of the dot's place."""
+
+
+def _circle(dot: Array, matrix: Array, value: Array, pivot: tuple[float, float] | None) -> _Circle:
+    """Least squares of the distances (Gander, Golub and Strebel, 1994), with a loss that ignores outliers."""
+    from scipy.optimize import least_squares
+
+    camera = longer(matrix, value[2])
+    focal = camera[0, 0]
+    z = rectify(dot, camera, value[0], value[1])
+    seen = np.isfinite(z)
+    if pivot is not None:
+        centre = complex(rectify(np.array(pivot, float), camera, value[0], value[1]))
+        radius, covariance = float(np.mean(np.abs(z[seen] - centre))), np.zeros((2, 2))
+        residual = np.abs(z[seen] - centre) - radius
+    else:
+        design = np.stack([z[seen].real, z[seen].imag, np.ones(seen.sum())], axis=1)
+        guess, *_ = np.linalg.lstsq(design, -(np.abs(z[seen]) ** 2), rcond=None)
+        centre = complex(-guess[0] / 2, -guess[1] / 2)
+        start = [centre.real, centre.imag, np.sqrt(max(abs(centre) ** 2 - guess[2], 1e-6))]
+
+        def distance(circle: Array) -> Array:
+            return np.abs(z[seen] - complex(circle[0], circle[1])) - circle[2]
+
+        fit = least_squares(distance, start, loss="soft_l1", f_scale=3 / focal, x_scale=0.1)
+        centre, radius = complex(fit.x[0], fit.x[1]), float(fit.x[2])
+        residual = distance(fit.x)
+        covariance = np.linalg.inv(fit.jac.T @ fit.jac)[:2, :2] * np.mean(residual**2)
+    noise = float(np.sqrt(np.mean(residual**2)) + 0.02 / focal)
+    return _Circle(np.where(seen, z - centre, np.nan), radius, covariance, noise)
+
+
+def _chroma(part: Picture) -> Chroma:
+    lab = cv2.cvtColor(part.astype(np.float32) / 255, cv2.COLOR_BGR2LAB)
+    return np.asarray(lab[..., 1:], np.float32)
+
+
+def _dot_share(part: Picture, dot: Dot) -> Chroma:
+    """How much of each pixel is dot, from 0 to 1: colours mix linearly where a dot's rim is blurred.
+
+    The surroundings' colour is the part's median; what lies off the line between both colours is
+    something else.
+    """
+    chroma = _chroma(part)
+    around = np.median(chroma.reshape(-1, 2), axis=0)
+    line = dot.chroma - around
+    length = float(line @ line)
+    if length < 100:
+        return np.zeros(part.shape[:2], np.float32)
+    along = (chroma - around) @ line / length
+    off = np.linalg.norm(chroma - around - along[..., None] * line, axis=-1) / np.sqrt(length)
+    return np.where((off < 0.45) & (along > 0.15), np.minimum(along, 1.0), 0).astype(np.float32)
+
+
+def _patches(part: Picture, corner: tuple[int, int], look: Survey) -> list[Dot]:
+    chroma = _chroma(np.asarray(cv2.GaussianBlur(part, (0, 0), 1.0), np.uint8))
+    strength = np.linalg.norm(chroma - np.median(chroma.reshape(-1, 2), axis=0), axis=-1)
+    strong = strength[strength > MIN_CHROMA]
+    if len(strong) < MIN_AREA:
+        return []
+    # Relative to the strongest colour, so that a wooden deck is no dot where a sticker shines.
+    level = max(MIN_CHROMA, 0.6 * float(np.sort(strong)[-MIN_AREA]))
+    mask = cv2.morphologyEx((strength > level).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    count, labels, stats, centres = cv2.connectedComponentsWithStats(mask)
+    whole = look.first.picture.shape[0] * look.first.picture.shape[1]
+    dots: list[Dot] = []
+    for label in range(1, count):
+        _, _, width, height, area = stats[label]
+        if not MIN_AREA <= area <= MAX_AREA_SHARE * whole or not 0.5 < width / height < 2:
+            continue
+        if area < 0.55 * width * height:  # a disc fills 0.79 of its box
+            continue
+        place = centres[label] + corner
+        if not look.moving[round(place[1]), round(place[0])]:
+            continue
+        colour = np.median(chroma[labels == label], axis=0).astype(np.float64)
+        dots.append(Dot(place, float(np.sqrt(area / np.pi)), colour))
+    return dots
+
+
+def _find(scene: Scene) -> Target | None:
+    options, look = scene.options, scene.look
+    dots = find_dots(look)
+    if not dots:
+        return None
+    follower = DotFollower(dots, look.box, confined=options.roi is not None)
+    size = ", ".join(f"{2 * dot.radius:.0f} px wide at {dot.place[0]:.0f},{dot.place[1]:.0f}" for dot in dots)
+    if len(dots) == 2:
+        if options.pivot is not None:
+            raise HuskyError(
+                f"--pivot {options.pivot[0]:g} {options.pivot[1]:g}: it is what a single dot turns about, and two dots "
+                "move here, which need none. Leave it out, or give the region of the one with --roi LEFT TOP WIDTH HEIGHT."
+            )
+        return Target(
+            follower=follower,
+            what="the pair of dots",
+            why=f"follows two coloured dots ({size})",
+            solve=partial(fit_angle, prior=BodyPrior(floor=PLACE_FLOOR, dead_zone=DEAD_ZONE)),
+            zero=_level_pair,
+            joined=((0, 1),),
+            zero_note="roll zero is where the line between the dots is level in the picture",
+        )
+    return Target(
+        follower=follower,
+        what="the dot",
+        why=f"follows one coloured dot ({size}) about a {'fitted' if options.pivot is None else 'given'} pivot",
+        solve=partial(fit_pivot, pivot=options.pivot),
+        zero=partial(level_angle, direction=1 + 0j, symmetry=4),
+        zero_note="roll zero is where the dot is straight below, above or beside the pivot in the picture",
+        finds_direction=False,
+    )
+
+
+def _level_pair(track: AngleTrack) -> float:
+    return level_angle(track, complex(track.shape[1] - track.shape[0]), 2)
+
+
+TRACKER = Tracker(
+    rank=1,
+    find=_find,
+    not_found="no coloured dot that moves is seen{where}. Use stickers of a colour that nothing else has",
+    takes_pivot=True,
+)

@@ -1,0 +1,43 @@
+"""The straight edges of a bare deck's end."""
+
+from functools import partial
+
+from sysid.video.trackers._base import Scene, Target, Tracker, level_angle
+from sysid.video.trackers._edge_profile import PIECES
+from sysid.video.trackers.edge.find import find_deck_end
+from sysid.video.trackers.edge.follower import EdgeFollower
+from sysid.video.trackers.edge.slope import deck_slopes
+from sysid.video.trackers.edge.turn import fit_direction
+
+
+def _find(scene: Scene) -> Target | None:
+    look = scene.look
+    end = find_deck_end(look, deck_slopes(scene.clip, look))
+    if end is None:
+        return None
+    count = len(end.ends)
+    lengths = ", ".join(f"{right - left:.0f}" for left, right in end.ends[..., 0])
+    warnings: tuple[str, ...] = ()
+    if scene.options.camera_angle is None:
+        warnings = (
+            "an edge does not show from where the camera looks: it is taken to look along the board's axis "
+            "to within 5 degrees (say otherwise with --camera-angle)",
+        )
+    return Target(
+        follower=EdgeFollower(end, look.pictures[0], look.box),
+        what="the deck's edge",
+        why=f"follows {count} straight edge{'s' if count > 1 else ''} ({lengths} px long)",
+        solve=partial(fit_direction, pivot=end.pivot),
+        zero=partial(level_angle, direction=1 + 0j, symmetry=2),
+        zero_note="roll zero is where the edge is level in the picture",
+        joined=tuple((point, point + 1) for point in range(PIECES * count) if (point + 1) % PIECES),
+        finds_direction=False,
+        warnings=warnings,
+    )
+
+
+TRACKER = Tracker(
+    rank=3,
+    find=_find,
+    not_found="no straight edge that moves is seen{where}. Give its region with --roi LEFT TOP WIDTH HEIGHT",
+)

@@ -1,0 +1,158 @@
+"""Edges of a body that turns about an axis: their points show where they are across the edge only.
+
+In the picture of a camera along the axis, a point of an edge lies at
+
+    Im(exp(-i φ) (z - q)) = h + s + c
+
+where φ is the turn, q what the body turns about, h the point's own distance from there, s a shift of the whole
+body and c one of its edge. Every point has one h, whatever the turn: that tells the points of the deck's edges from
+those that something else has lent them, the outline of a long side or a wheel.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from sysid.roll import Array
+from sysid.video.types import Complex
+
+Edge = npt.NDArray[np.intp]
+POINT_STD = 0.2
+"""Usual error of a point [px]."""
+SHIFT_STD = 0.7
+"""Standard deviation of what shake and soft trucks shift the body by [px]."""
+EDGE_SHIFT_STD = 0.3
+"""Standard deviation of what shade and compression shift one edge by [px]."""
+PIVOT_STD = 40.0
+"""Standard deviation of where the pivot is taken to be [px]."""
+ATTITUDE_BINS = 12
+"""Attitudes that count alike, over the range of turns, when the body is learned."""
+LOSS_SCALES = (2.0, 2.0, 1.5, 1.0, 0.7, 0.5, 0.4, 0.4, 0.4, 0.4)
+"""Distance from where the body has them at which points count half, round by round [px]."""
+
+
+@dataclass(frozen=True, slots=True)
+class EdgeBody:
+    """The body, how it turned, and how far each point is trusted."""
+
+    angle: Array
+    """φ, 0 where the edges are level [rad], shape (n,)."""
+    pivot: Complex
+    """q of each point's edge [px], shape (M,)."""
+    weight: Array
+    """Trust in each point of each frame, from 0 to 1, shape (n, M)."""
+    rest: Array
+    """What does not fit [px], shape (n, M); 0 where not seen."""
+    along: Array
+    """Place of each point along the edges, from the pivot [px], shape (n, M)."""
+
+
+def fit_edges(z: Complex, edge: Edge, pivot: complex) -> EdgeBody:
+    """Find the turn of edges.
+
+    Args:
+        z: Points of the edges in every frame [px], shape (n, M); NaN where not seen.
+        edge: Number of the edge of each point, shape (M,).
+        pivot: What they turn about, roughly [px].
+    """
+    seen = np.isfinite(z)
+    place = np.where(seen, z, pivot) - pivot  # from where the pivot was taken to be
+    angle = rough_turn(z, edge)
+    shift = np.zeros(len(z))
+    turned = np.exp(-1j * angle)[:, None] * place
+    centre, height = np.zeros(len(edge), np.complex128), np.nan_to_num(_medians(turned.imag, seen))
+    along, rest, weight = turned.real, turned.imag - height, seen.astype(np.float64)
+    for scale in (*LOSS_SCALES, LOSS_SCALES[-1]):
+        for _ in range(3):
+            weight = seen / (1 + (rest / scale) ** 2) ** 2
+            centre, height = _body(np.exp(-1j * angle)[:, None] * place, angle, weight, edge)
+            for _ in range(2):
+                turned = np.exp(-1j * angle)[:, None] * (place - centre)
+                along, rest = turned.real, turned.imag - shift[:, None] - height
+                weight = seen / (1 + (rest / scale) ** 2) ** 2
+                more, further = _turn_step(rest, along, shift, weight, edge)
+                angle, shift = angle + more, shift + further
+                rest = rest - more[:, None] * along - further[:, None]
+    slope = _slope(along, height, weight, edge)
+    return EdgeBody(
+        angle + slope, pivot + centre, weight, np.where(seen, rest, 0.0), np.where(seen, along, 0.0)
+    )
+
+
+def rough_turn(z: Complex, edge: Edge) -> Array:
+    """Median slope between points of each edge that are half its length apart [rad], shape (n,)."""
+    half = np.bincount(edge).max() // 2
+    pair = edge[half:] == edge[:-half]
+    with np.errstate(invalid="ignore"):
+        slope = np.angle((z[:, half:] - z[:, :-half])[:, pair])
+    some = np.isfinite(slope).any(axis=1)
+    middle = np.full(len(z), np.nan)
+    middle[some] = np.nanmedian(slope[some], axis=1)
+    return np.interp(np.arange(len(z)), np.flatnonzero(some), middle[some])
+
+
+def moments(weight: Array, edge: Edge, *values: Array) -> list[Array]:
+    """Sums over the points of each edge, weighed, of 1 and of some values, each (n, E)."""
+    belongs = (edge[:, None] == np.arange(edge.max() + 1)).astype(np.float64)
+    return [weight @ belongs, *((weight * value) @ belongs for value in values)]
+
+
+def _attitudes(angle: Array) -> Array:
+    """One over how many frames show about the same attitude, shape (n,)."""
+    number = np.round((angle - angle.min()) / max(float(np.ptp(angle)) / ATTITUDE_BINS, 1e-6)).astype(int)
+    return 1 / np.bincount(number)[number]
+
+
+def _medians(values: Array, seen: npt.NDArray[np.bool_]) -> Array:
+    """Median of each column's seen values; NaN where there are none."""
+    some = seen.any(axis=0)
+    middle = np.full(values.shape[1], np.nan)
+    middle[some] = np.nanmedian(np.where(seen, values, np.nan)[:, some], axis=0)
+    return middle
+
+
+def _body(turned: Complex, angle: Array, weight: Array, edge: Edge) -> tuple[Complex, Array]:
+    """What each point's edge turns about, and its distance from there, by how far it is from the origin at each turn."""
+    design = np.stack([-np.sin(angle), np.cos(angle)], axis=1)
+    weight = weight * _attitudes(angle)[:, None] + 1e-9
+    total = weight.sum(axis=0)
+    mean = (weight.T @ design) / total[:, None]
+    y = (weight * turned.imag).sum(axis=0) / total
+    centre = np.zeros(len(edge), np.complex128)
+    for one in range(edge.max() + 1):
+        own = edge == one
+        w, some, there = weight[:, own], total[own], mean[own]
+        normal = (design * w.sum(axis=1)[:, None]).T @ design - (there * some[:, None]).T @ there
+        pull = design.T @ (w * turned.imag[:, own]).sum(axis=1) - there.T @ (some * y[own])
+        prior = (
+            w.shape[1] * (POINT_STD / PIVOT_STD) ** 2 * np.eye(2)
+        )  # all points of an attitude may err alike
+        centre[own] = complex(*np.linalg.solve(normal + prior, pull))
+    return centre, y + mean[:, 0] * -centre.real - mean[:, 1] * centre.imag
+
+
+def _turn_step(rest: Array, along: Array, shift: Array, weight: Array, edge: Edge) -> tuple[Array, Array]:
+    """Change of turn and shift in every frame that fits best."""
+    total, x, y, xx, xy = moments(weight, edge, along, rest, along**2, along * rest)
+    total = np.maximum(total, 1e-9)
+    inside, pull = (xx - x**2 / total).sum(axis=1), (xy - x * y / total).sum(axis=1)
+    # An edge as a whole may be off by more than its points suggest.
+    trust = 1 / (1 / total + (EDGE_SHIFT_STD / POINT_STD) ** 2)
+    x, y = x / total, y / total
+    tight = (POINT_STD / SHIFT_STD) ** 2
+    a, b, d = inside + (trust * x**2).sum(axis=1), (trust * x).sum(axis=1), trust.sum(axis=1) + tight
+    p, q = pull + (trust * x * y).sum(axis=1), (trust * y).sum(axis=1) - tight * shift
+    determinant = np.maximum(a * d - b**2, 1e-6)
+    return np.clip((d * p - b * q) / determinant, -0.02, 0.02), np.clip((a * q - b * p) / determinant, -2, 2)
+
+
+def _slope(along: Array, height: Array, weight: Array, edge: Edge) -> float:
+    """Common slope of the edges where the angle is zero."""
+    total = weight.sum(axis=0)
+    x = (weight * along).sum(axis=0) / np.maximum(total, 1e-9)
+    number, sx, sy, sxx, sxy = moments(
+        total[None], edge, x[None], height[None], x[None] ** 2, (x * height)[None]
+    )
+    number = np.maximum(number, 1e-9)
+    return float((sxy - sx * sy / number).sum() / (sxx - sx**2 / number).sum())

@@ -1,0 +1,253 @@
+"""The edges of the deck's end, and what they turn about: what stays where it is in pictures turned back.
+
+Pictures are turned back by the slope of the lines in them, about a point. About the right one, the edges of the
+deck's end coincide in all pictures; nothing else does, neither its long sides, which lead away from the camera, nor
+the horizon.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from sysid.roll import Array
+from sysid.video.film.still_picture import camera_shift
+from sysid.video.film.survey import Survey
+from sysid.video.trackers.edge.brightness_steps import Steps, steps_of, without_still
+
+MIN_LENGTH = 0.06
+"""Shortest edge that is followed, in widths of the picture."""
+MAX_EDGES = 4
+"""Edges that are followed at most."""
+MAX_SLOPE = 8.0
+"""Slope of brightness beyond which more is no better [grey levels/px]: the deck's end against its own upper side
+tells as much as against a bright wall."""
+STRAIGHT_LENGTH = 15
+"""Length over which brightness must step alike, so that it is an edge rather than texture [px]."""
+PIVOT_GRID = (9.0, 18.0)
+"""How near to the pivot, across and down, pictures turned back begin to coincide, in small pictures [px]."""
+ATTITUDE_STEP = np.radians(3.0)
+"""Turns that are one attitude."""
+GRID_ACROSS, GRID_DOWN = 3.0, 1.0
+"""Steps of the grid that turns with the deck [px]."""
+MIN_STRENGTH = 0.2
+"""What an edge must show of the best one's steps of brightness."""
+TRIMMED_SHARE, BOX_MARGIN = 0.2, 0.4
+"""Share of the steps of brightness that are left out at either end, and what is added again, in widths of the rest."""
+MISSING_ATTITUDES = 0.35
+"""Share of the attitudes in which an edge of the deck may be weaker than it counts: against a dark floor, say."""
+MIN_ALONG_SHARE = 0.3
+"""What an edge must show anywhere along it of what it shows at its best."""
+MAX_TURN = np.radians(40.0)
+"""Largest slope that is looked for."""
+HALF_RIDGE = 3
+"""Half the width of the ridge that an edge is when all pictures are laid on each other, in steps of the grid."""
+MIN_SPACING = 4
+"""Distance of two edges [px]."""
+
+
+@dataclass(frozen=True, slots=True)
+class DeckEnd:
+    """Edges of the deck's end when its lines are level."""
+
+    pivot: Array
+    """What they turn about [px], shape (2,)."""
+    ends: Array
+    """Left and right end of each [px], from the pivot, shape (E, 2, 2)."""
+    turns: Array
+    """Slope of the lines in each picture [rad]."""
+
+
+def find_deck_end(look: Survey, slopes: Array) -> DeckEnd | None:
+    """Return the edges of the deck's end; None where there are none.
+
+    Args:
+        look: Pictures of the film.
+        slopes: Rough slope of the lines across the deck in each frame [rad].
+    """
+    every = [steps_of(picture) for picture in look.pictures]
+    shifts = np.array([camera_shift(look.pictures[0], picture) for picture in look.pictures])
+    every = without_still(every, shifts)
+    turns = slopes[list(look.indices)]
+    box = _usual_box(every, turns, look.box)
+    if box is None:
+        return None
+    left, top, right, bottom = box
+    size = right - left
+    if size < MIN_LENGTH * look.pictures[0].shape[1]:
+        return None
+    unit = 1 / every[0].scale
+    x = np.arange(-0.55 * size, 0.55 * size, GRID_ACROSS * unit)
+    y = np.arange(-0.2 * size, 0.2 * size, GRID_DOWN * unit)
+    grid = np.stack(np.meshgrid(x, y), axis=-1)
+    pivot = np.array([left + right, top + bottom]) / 2
+    reach = np.array([0.25 * size, 0.5 * (bottom - top)])
+    steps = 2 * np.ceil(reach / (unit * np.array(PIVOT_GRID))).astype(int) + 1
+    coarse = grid[:, ::3]
+    for round_ in range(4):
+        weight = _attitudes(turns)
+        tried = pivot + np.stack(
+            np.meshgrid(*(np.linspace(-r, r, n) for r, n in zip(reach, steps, strict=True))), -1
+        ).reshape(-1, 2)
+        some = slice(None, None, 1 if round_ else 2)
+        score = [
+            _sharpness(_mean(every[some], shifts[some], turns[some], weight[some], at, coarse))
+            for at in tried
+        ]
+        pivot = tried[int(np.argmax(score))]
+        turns = turns + _level(
+            every, shifts, turns, weight, pivot, coarse, np.radians(15.0 if round_ < 3 else 2.0)
+        )
+        reach, steps = np.maximum(2 * reach / (steps - 1), unit), np.array([5, 5])
+        mean = _mean(every, shifts, turns, weight, pivot, grid)
+        turns = np.array([
+            _best_turn(one, shift, pivot, grid, mean, turn, wide=round_ in (1, 2))
+            for one, shift, turn in zip(every, shifts, turns, strict=True)
+        ])  # fmt: skip
+    always = _in_most_attitudes(every, shifts, turns, pivot, grid)
+    ends = _lines(always, x, y, MIN_LENGTH * look.pictures[0].shape[1])
+    return DeckEnd(pivot, ends, turns) if len(ends) else None
+
+
+def _usual_box(
+    every: list[Steps], slopes: Array, box: tuple[int, int, int, int]
+) -> tuple[float, float, float, float] | None:
+    """Where brightness steps across the lines of the deck: a hand that passes widens the box of what moves.
+
+    The horizon is as level as a deck at rest, so that pictures of a tilted one tell.
+    """
+    tilted = np.abs(slopes - np.median(slopes)) > 2 * ATTITUDE_STEP
+    sides: list[Array] = []
+    for one, turn in zip(every, slopes, strict=True):
+        if tilted.sum() > 1 and not tilted[len(sides)]:
+            sides.append(np.full(4, np.nan))
+            continue
+        left, top, right, bottom = np.round(np.array(box) * one.scale).astype(int)
+        across = np.abs(np.cos(turn) * one.down - np.sin(turn) * one.right)
+        along = np.abs(np.cos(turn) * one.right + np.sin(turn) * one.down)
+        amount = ((across > MAX_SLOPE / 2) & (along < ATTITUDE_STEP * across))[top:bottom, left:right]
+        if not amount.any():
+            sides.append(np.full(4, np.nan))
+            continue
+        ends: list[float] = []
+        for axis, begin in ((0, left), (1, top)):
+            share = np.cumsum(amount.sum(axis=axis))
+            low, high = np.searchsorted(share, share[-1] * np.array([TRIMMED_SHARE, 1 - TRIMMED_SHARE]))
+            ends += [(begin + low) / one.scale, (begin + high) / one.scale]
+        sides.append(np.array(ends))
+    if not np.isfinite(sides).all(axis=1).any():
+        return None
+    left, right, top, bottom = np.nanmedian(sides, axis=0)
+    wide, high = BOX_MARGIN * (right - left), BOX_MARGIN * (bottom - top)
+    return left - wide, top - high, right + wide, bottom + high
+
+
+def _attitudes(turns: Array) -> Array:
+    """One over how many pictures show about the same attitude."""
+    number = np.round((turns - turns.min()) / ATTITUDE_STEP).astype(int)
+    weight = 1 / np.sqrt(np.bincount(number)[number])
+    return weight / weight.sum()
+
+
+def turned(place: Array, turn: float) -> Array:
+    """Turn places (..., 2) about the origin, clockwise in the picture."""
+    return place @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+
+
+def _shown(one: Steps, shift: Array, turn: float, pivot: Array, grid: Array) -> Array:
+    """How much of an edge one picture shows at each place of the grid that turns with the deck."""
+    step = one.across(pivot + shift + turned(grid, turn), np.array(turn))
+    width = max(1, round(STRAIGHT_LENGTH / (one.scale * float(grid[0, 1, 0] - grid[0, 0, 0]))))
+    return np.minimum(np.abs(cv2.blur(step, (width, 1))), MAX_SLOPE)
+
+
+def _mean(every: list[Steps], shifts: Array, turns: Array, weight: Array, pivot: Array, grid: Array) -> Array:
+    shown = (
+        w * _shown(one, shift, float(turn), pivot, grid)
+        for one, shift, turn, w in zip(every, shifts, turns, weight, strict=True)
+    )
+    return sum(shown, np.zeros(grid.shape[:2]))
+
+
+def _in_most_attitudes(every: list[Steps], shifts: Array, turns: Array, pivot: Array, grid: Array) -> Array:
+    """What shows of an edge in all attitudes but a few: the horizon does where the deck rests."""
+    attitude = np.round(turns / (2 * ATTITUDE_STEP)).astype(int)
+    each = [
+        _mean(
+            [every[k] for k in some],
+            shifts[some],
+            turns[some],
+            np.full(len(some), 1 / len(some)),
+            pivot,
+            grid,
+        )
+        for some in (np.flatnonzero(attitude == one) for one in np.unique(attitude))
+    ]
+    return np.asarray(np.quantile(each, MISSING_ATTITUDES, axis=0), np.float64)
+
+
+def _sharpness(mean: Array) -> float:
+    """How straight and thin the edges are."""
+    return float(np.sum(_ridges(mean).mean(axis=1) ** 2))
+
+
+def _ridges(mean: Array) -> Array:
+    """How much more of an edge there is than above and below."""
+    beside = np.maximum(np.roll(mean, HALF_RIDGE, axis=0), np.roll(mean, -HALF_RIDGE, axis=0))
+    ridge = np.maximum(mean - beside, 0.0)
+    ridge[:HALF_RIDGE] = ridge[-HALF_RIDGE:] = 0.0
+    return ridge
+
+
+def _level(
+    every: list[Steps], shifts: Array, turns: Array, weight: Array, pivot: Array, grid: Array, reach: float
+) -> float:
+    """How much more all pictures are to be turned, so that the edges run along the grid."""
+
+    def best(tried: Array) -> float:
+        score = [_sharpness(_mean(every, shifts, turns + more, weight, pivot, grid)) for more in tried]
+        return float(tried[int(np.argmax(score))])
+
+    rough = best(np.linspace(-reach, reach, 21))
+    return best(rough + np.linspace(-reach, reach, 21) / 10)
+
+
+def _best_turn(
+    one: Steps, shift: Array, pivot: Array, grid: Array, mean: Array, turn: float, *, wide: bool
+) -> float:
+    """The turn at which a picture shows most of the edges that all have."""
+    clear = np.where(mean > 0.5 * mean.max(), mean, 0.0)[:, ::2]
+    rows = clear.any(axis=1)
+    part, weight = grid[:, ::2][rows], clear[rows]
+
+    def best(turns: Array) -> float:
+        score = [float(np.sum(weight * _shown(one, shift, float(at), pivot, part))) for at in turns]
+        return float(turns[int(np.argmax(score))])
+
+    if wide:
+        turn = best(np.arange(-MAX_TURN, MAX_TURN, np.radians(1.5)))
+    turn = best(turn + np.radians(np.arange(-1.5, 1.6, 0.5)))
+    return best(turn + np.radians(np.arange(-0.4, 0.5, 0.2)))
+
+
+def _lines(mean: Array, x: Array, y: Array, shortest: float) -> Array:
+    """Ridges of the mean picture: left and right end of each."""
+    ridge = _ridges(mean)
+    strength = ridge.mean(axis=1)
+    ridge = np.maximum(ridge, np.maximum(np.roll(ridge, 1, axis=0), np.roll(ridge, -1, axis=0)))
+    found: list[Array] = []
+    for row in np.argsort(-strength):
+        rows = slice(max(0, row - MIN_SPACING), row + MIN_SPACING + 1)
+        if (
+            strength[row] < strength[rows].max()
+            or strength[row] < MIN_STRENGTH * strength.max()
+            or len(found) == MAX_EDGES
+        ):
+            continue
+        there = np.flatnonzero(ridge[row] > MIN_ALONG_SHARE * np.quantile(ridge[row], 0.9))
+        if len(there) < 2:
+            continue
+        a, b = np.quantile(there, [0.02, 0.98]).astype(int)
+        if x[b] - x[a] >= shortest:
+            found.append(np.array([[x[a], y[row]], [x[b], y[row]]]))
+    return np.array(found).reshape(-1, 2, 2)

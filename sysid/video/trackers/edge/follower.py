@@ -1,0 +1,120 @@
+"""Follows the edges of the deck's end, where there is neither mark nor texture."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from sysid.roll import Array
+from sysid.video.film.frames import Frame, grey
+from sysid.video.film.still_picture import camera_shift
+from sysid.video.trackers._edge_profile import PIECES, find_pieces
+from sysid.video.trackers.edge.brightness_steps import Steps, steps_of
+from sysid.video.trackers.edge.find import MAX_SLOPE, DeckEnd, turned
+from sysid.video.types import Picture
+
+EDGE_SAMPLES = 24
+"""Points of an edge whose steps of brightness tell the rough turn."""
+AVERAGED_SAMPLES = 4
+"""Of these, how many neighbours must step alike."""
+TURN_STEP = np.radians(1.5)
+"""Steps of the turn that is looked for first."""
+MAX_FRAME_TURN = np.radians(15.0)
+"""Turn from frame to frame that is looked for first."""
+MAX_TURN = np.radians(45.0)
+"""Where the deck may be if it was not found there."""
+MAX_SHIFT = 6.0
+"""How far a shaking camera and soft trucks may shift the edges [px]."""
+EDGE_REACH = 2.5
+"""Distance from where the deck's turn puts an edge within which it is looked for at last [px]."""
+MIN_CONTRAST = 8.0
+"""Least contrast of an edge [grey levels]."""
+MIN_FITTING_SHARE = 0.35
+"""Share of the edges' points that must lie where one turn puts them."""
+FIT_SCALE = 0.6
+"""Distance that counts half [px]."""
+
+
+@dataclass(slots=True)
+class EdgeFollower:
+    """Follows edges that turn as one about one point: the turn that puts most of them on steps of brightness."""
+
+    end: DeckEnd
+    first: Picture
+    """The picture in which the deck's end is where `end` says, whatever the camera does later."""
+    box: tuple[int, int, int, int]
+    _turn: float = field(init=False, default=0.0)
+    _lost: bool = field(init=False, default=True)
+
+    @property
+    def points(self) -> int:
+        """Points along all edges; they show where they are across the edge only."""
+        return PIECES * len(self.end.ends)
+
+    def update(self, frame: Frame) -> Array | None:
+        """Return the points of the edges [px], shape (N, 2), NaN where one is not seen; None where few are."""
+        dark = grey(frame.picture)
+        centre = self.end.pivot + camera_shift(self.first, dark)
+        turn, shift = self._search(steps_of(dark), centre)
+        points = np.full((self.points, 2), np.nan)
+        fits = np.zeros(self.points, bool)
+        for reach in (2 * EDGE_REACH, EDGE_REACH, EDGE_REACH):
+            place = centre + turned(self.end.ends + np.array([0.0, shift]), turn)
+            points = find_pieces(dark, place, reach, MIN_CONTRAST).reshape(-1, 2)
+            back = turned(points - centre, -turn)
+            off = back[:, 1] - np.repeat(self.end.ends[:, 0, 1], PIECES) - shift
+            more, further, fits = _line(back[:, 0], off)
+            turn, shift = turn + more, shift + further
+        self._lost = fits.mean() < MIN_FITTING_SHARE
+        if self._lost:
+            return None
+        self._turn = turn
+        return points
+
+    def _search(self, steps: Steps, centre: Array) -> tuple[float, float]:
+        """Turn and shift across the edges at which they show best."""
+        unit = 1 / steps.scale
+        reach = MAX_TURN if self._lost else MAX_FRAME_TURN
+        middle = 0.0 if self._lost else self._turn
+        turn, shift = middle, 0.0
+        for width, count, astray in (
+            (reach, 1 + round(2 * reach / TURN_STEP), MAX_SHIFT),
+            (np.radians(1.5), 9, 1.5),
+            (np.radians(0.4), 5, 0.5),
+        ):
+            turns = turn + np.linspace(-width, width, count)
+            shifts = shift + unit * np.linspace(-astray, astray, 9)
+            score = self._score(steps, centre, turns, shifts)
+            score = score - 0.1 * score.max() * ((turns - middle) / reach)[:, None] ** 2
+            best = np.unravel_index(int(np.argmax(score)), score.shape)
+            turn, shift = float(turns[best[0]]), float(shifts[best[1]])
+        return turn, shift
+
+    def _score(self, steps: Steps, centre: Array, turns: Array, shifts: Array) -> Array:
+        """How much of the edges a picture shows at some turns and shifts, shape (T, S)."""
+        share = np.linspace(0.0, 1.0, EDGE_SAMPLES)[:, None]
+        line = self.end.ends[:, None, 0] + share * (self.end.ends[:, 1] - self.end.ends[:, 0])[:, None]
+        moved = line + shifts[:, None, None, None] * [0.0, 1.0]  # (S, E, P, 2)
+        cosine, sine = np.cos(turns)[:, None, None, None], np.sin(turns)[:, None, None, None]
+        place = np.stack(
+            [cosine * moved[..., 0] - sine * moved[..., 1], sine * moved[..., 0] + cosine * moved[..., 1]], -1
+        )
+        step = steps.across(centre + place, turns[:, None, None, None])
+        step = step.reshape(*step.shape[:3], EDGE_SAMPLES // AVERAGED_SAMPLES, AVERAGED_SAMPLES).mean(axis=4)
+        length = self.end.ends[:, 1, 0] - self.end.ends[:, 0, 0]
+        return np.minimum(np.abs(step), MAX_SLOPE).mean(axis=3) @ length
+
+
+def _line(along: Array, off: Array) -> tuple[float, float, npt.NDArray[np.bool_]]:
+    """Robust line through distances from where edges should be: its slope, its height, and which points are on it."""
+    seen = np.isfinite(off)
+    x, y = np.where(seen, along, 0.0), np.where(seen, off, 0.0)
+    slope = height = 0.0
+    rest = y
+    for scale in (2.0, 1.0, FIT_SCALE, FIT_SCALE):
+        weight = seen / (1 + (rest / scale) ** 2) ** 2 + 1e-9
+        mean, level = np.average(x, weights=weight), np.average(y, weights=weight)
+        slope = float(np.sum(weight * (x - mean) * (y - level)) / (np.sum(weight * (x - mean) ** 2) + 1e-6))
+        height = float(level - slope * mean)
+        rest = y - slope * x - height
+    return slope, height, np.asarray(seen & (np.abs(rest) < 2 * FIT_SCALE), np.bool_)

@@ -1,0 +1,152 @@
+"""The angle of the deck from points on the edges of its end, and how well it is known."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from sysid.roll import Array
+from sysid.video.pose.angle import AngleTrack
+from sysid.video.pose.camera_state import CameraState, rate_of, spread_by
+from sysid.video.pose.rectify import longer, rectify, smear, unwrap
+from sysid.video.pose.view import View
+from sysid.video.trackers._edge_profile import PIECES
+from sysid.video.trackers.edge.body import Edge, EdgeBody, fit_edges, moments
+from sysid.video.types import Complex
+
+MIN_POINTS, MIN_USUAL_SHARE = 6, 0.45
+"""Points that must lie where the body has them in a frame that is believed: so many, and this share of what is
+usual in the film."""
+POINT_FLOOR = 0.05
+"""Least standard deviation of a point [px]."""
+EDGE_BIAS = 0.05
+"""What shade, background and compression may shift an edge's points by, growing along it [px]: it is the same as
+long as the deck stands still, so that no scatter shows it."""
+SEVERAL_EDGES = 1.3
+"""So many edges a frame, as they count, tell how far edges turn from each other."""
+SLANT_NODES, SLANT_WEIGHTS = np.sqrt(3.0) * np.array([-1.0, 0.0, 1.0]), np.array([1.0, 4.0, 1.0]) / 6
+"""Slants at which an unknown direction is tried, in its standard deviations, and their weights."""
+SHUTTER_ROUNDS = 2
+"""Times that the shutter's correction is made, the second time with the turn that is known by then."""
+
+
+def fit_direction(view: View, matrix: Array, before: CameraState, *, pivot: Array) -> AngleTrack:
+    """Turn of the edges of the deck's end, as seen along its axis.
+
+    Lines across the axis show neither its direction nor focal length nor read-out: they stay as they are
+    known beforehand.
+
+    Args:
+        view: Points along each edge.
+        matrix: Camera matrix [px], shape (3, 3).
+        before: What is known of camera and lens.
+        pivot: What the deck turns about in the picture, roughly [px].
+    """
+    edge = np.arange(view.track.points.shape[1]) // PIECES
+    time = view.time(before.readout)
+    late = view.row_share(view.track.points.astype(np.float64)) - view.share[:, None]
+    still = view.all_points(0.0)
+    z = _along_axis(still, matrix, before.value)
+    about = complex(_along_axis(pivot, matrix, before.value))
+    body = fit_edges(z, edge, about)
+    for _ in range(SHUTTER_ROUNDS if before.readout else 0):
+        body = fit_edges(z - _moved(body, z, time, late * before.readout), edge, about)
+
+    def angle_at(value: Array) -> Array:
+        place = _along_axis(still, matrix, value)
+        return body.angle + _turned(place - _moved(body, place, time, late * value[3]), edge, body)
+
+    seen = angle_at(before.value)
+    unknown = spread_by(_of_known_direction(before), seen, angle_at, view.share, time)
+    unknown += _slant_spread(before, seen, angle_at)
+    noise = _variance(body, edge)
+    trusted = body.weight.sum(axis=1)
+    wrong = trusted < max(MIN_POINTS, MIN_USUAL_SHARE * float(np.median(trusted)))
+    angle = np.where(wrong, np.nan, body.angle)
+    own = noise + smear(angle) ** 2
+    return AngleTrack(
+        unwrap(angle),
+        np.where(wrong, np.nan, np.sqrt(own + unknown)),
+        before,
+        float(np.sqrt(np.average(body.rest**2, weights=body.weight))),
+        int((wrong & (np.isfinite(z).sum(axis=1) >= MIN_POINTS)).sum()),
+        np.array([1 + 0j]),
+        np.where(wrong, np.nan, np.sqrt(own)),
+    )
+
+
+def _along_axis(points: Array, matrix: Array, value: Array) -> Complex:
+    """Points as a camera along the axis sees them [px]."""
+    camera = longer(matrix, value[2])
+    return camera[0, 0] * rectify(points, camera, value[0], value[1])
+
+
+def _moved(body: EdgeBody, z: Complex, time: Array, late: Array) -> Complex:
+    """How far points have turned with the body by the time that the sensor reads them.
+
+    An edge does not show what it does along itself: only its turn about the pivot says how its points move.
+    """
+    return 1j * rate_of(time, body.angle)[:, None] * (z - body.pivot) * np.nan_to_num(late)
+
+
+def _turned(z: Complex, edge: Edge, body: EdgeBody) -> Array:
+    """Slope of the edges against the body's angle, as their points lie one by one [rad], shape (n,)."""
+    place: Complex = np.exp(-1j * body.angle)[:, None] * np.where(body.weight > 0, z, 0)
+    total, x, y, xx, xy = moments(
+        body.weight, edge, place.real, place.imag, place.real**2, place.real * place.imag
+    )
+    total = np.maximum(total, 1e-9)
+    return (xy - x * y / total).sum(axis=1) / np.maximum((xx - x**2 / total).sum(axis=1), 1e-9)
+
+
+def _of_known_direction(before: CameraState) -> CameraState:
+    """CameraState but for yaw and pitch."""
+    covariance = before.covariance.copy()
+    covariance[:2], covariance[:, :2] = 0.0, 0.0
+    return replace(before, covariance=covariance)
+
+
+def _slant_spread(before: CameraState, angle: Array, angle_at: Callable[[Array], Array]) -> Array:
+    """What a direction that is not known leaves open of an angle, less what it does at rest [rad²], shape (n,).
+
+    A slant squeezes the picture by its square: the derivative where a camera looks along the axis shows
+    nothing of it. So the mean square is taken over the directions themselves, by Gauss and Hermite's rule.
+    """
+    yaw, pitch = before.std[:2]
+    square = np.zeros(len(angle))
+    if yaw == 0 and pitch == 0:
+        return square
+    for right, share in zip(SLANT_NODES, SLANT_WEIGHTS, strict=True):
+        for down, part in zip(SLANT_NODES, SLANT_WEIGHTS, strict=True):
+            aside = np.array([right * yaw, down * pitch, 0.0, 0.0])
+            change = np.angle(np.exp(1j * (angle_at(before.value + aside) - angle)))
+            square += share * part * (change - np.nanmedian(change)) ** 2
+    return square
+
+
+def _variance(body: EdgeBody, edge: Edge) -> Array:
+    """What noise leaves open of the turn [rad²], shape (n,)."""
+    total, x, y, xx, xy, square = moments(
+        body.weight, edge, body.along, body.rest, body.along**2, body.along * body.rest, body.rest**2
+    )
+    total = np.maximum(total, 1e-9)
+    inside = xx - x**2 / total
+    lever, points = np.maximum(inside.sum(axis=1), 1e-9), total.sum(axis=1)
+    edges = np.maximum(lever**2 / np.maximum((inside**2).sum(axis=1), 1e-9), 1.0)
+    noise = np.maximum(square.sum(axis=1) / np.maximum(points - 3, 1), POINT_FLOOR**2)
+    alike = _alike(body, edge)
+    if (
+        edges.mean() > SEVERAL_EDGES
+    ):  # how much further edges turn from each other than points that err alone make them
+        apart = (xy - x * y / total) ** 2 / np.maximum(inside, 1e-9)
+        alike = max(alike, float(apart.sum() / (noise * (edges - 1)).sum()))
+    return noise * alike / lever + EDGE_BIAS**2 * points / lever / edges
+
+
+def _alike(body: EdgeBody, edge: Edge) -> float:
+    """How many neighbouring points share their errors, so that they count as one."""
+    same = edge[1:] == edge[:-1]
+    weight = np.sqrt(body.weight[:, 1:] * body.weight[:, :-1]) * same
+    product = (weight * body.rest[:, 1:] * body.rest[:, :-1]).sum() / weight.sum()
+    likeness = np.clip(product / np.average(body.rest**2, weights=body.weight), 0.0, 0.9)
+    return float((1 + likeness) / (1 - likeness))

@@ -1,0 +1,251 @@
+"""An ArUco or AprilTag marker on the deck's end: found once, then followed edge by edge."""
+
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from sysid.roll import Array
+from sysid.video.film.frames import Frame, crop, grey
+from sysid.video.pose.angle import AngleTrack, fit_angle
+from sysid.video.pose.prior import BodyPrior
+from sysid.video.trackers._base import Scene, Target, Tracker, level_angle
+from sysid.video.trackers._edge_profile import corners, find_edges
+from sysid.video.types import Box, Picture
+
+DICTIONARIES = {
+    "ArUco 4x4": cv2.aruco.DICT_4X4_50,
+    "AprilTag 36h11": cv2.aruco.DICT_APRILTAG_36h11,
+    "ArUco 5x5": cv2.aruco.DICT_5X5_250,
+    "ArUco 6x6": cv2.aruco.DICT_6X6_250,
+    "AprilTag 16h5": cv2.aruco.DICT_APRILTAG_16h5,
+    "AprilTag 25h9": cv2.aruco.DICT_APRILTAG_25h9,
+}
+SEARCH_FRAMES = 20
+"""Frames in which a marker is looked for."""
+MIN_SIDE = 24
+"""Shortest side of a marker that is followed [px]."""
+MIN_LIKENESS = 0.6
+"""Least correlation of a marker's cells with what its number says."""
+CONVERGED = 0.15
+"""Edges are measured once more where that moves the corners by more than this [px]."""
+FULL_SEARCH_EVERY = 5
+"""A lost marker is looked for in the whole picture in every so many frames: that is slow."""
+
+
+@dataclass(frozen=True, slots=True)
+class Marker:
+    """A marker as found in one picture."""
+
+    kind: str
+    number: int
+    corners: Array
+    """Upper left, upper right, lower right, lower left of the marker [px], shape (4, 2)."""
+
+
+def find_marker(picture: Picture, region: Box | None = None) -> Marker | None:
+    """Return the largest marker of any known dictionary in a picture, or None.
+
+    Args:
+        picture: The picture.
+        region: Left, top, right and bottom [px] of where to look; everywhere if None.
+    """
+    part, corner = crop(picture, region or (0, 0, picture.shape[1], picture.shape[0]))
+    dark = grey(part)
+    found: list[Marker] = []
+    for kind, dictionary in DICTIONARIES.items():
+        found += _detect(dark, kind, dictionary)
+        if found:  # a marker of one dictionary may look like a poor one of another
+            break
+    largest = max(found, key=lambda marker: float(np.ptp(marker.corners, axis=0).max()), default=None)
+    return None if largest is None else replace(largest, corners=largest.corners + corner)
+
+
+@dataclass(slots=True)
+class MarkerFollower:
+    """Follows one marker: its four edges from frame to frame, found anew where that fails."""
+
+    marker: Marker
+    region: Box | None = None
+    """Left, top, right and bottom [px]: it is followed inside only. Everywhere if None."""
+    cells: Array = field(init=False)
+    """Brightness of the marker's cells, border included, less its mean, in standard deviations."""
+    _middles: npt.NDArray[np.float32] = field(init=False)
+    """Where the cells' middles are, in cells."""
+    _corners: Array | None = None
+    _velocity: Array = field(default_factory=lambda: np.zeros((4, 2)))
+    _time: float = 0.0
+    _lost: int = 0
+    _miss: float = 3.0
+    """How far the corners were from where they were expected in the last frame [px]."""
+    searches: int = 0
+    """Number of searches through a whole picture: they are what costs time."""
+
+    def __post_init__(self) -> None:
+        """Look up what the marker's cells should look like."""
+        dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARIES[self.marker.kind])
+        size = dictionary.markerSize + 2
+        cells = dictionary.generateImageMarker(self.marker.number, size).astype(np.float64)
+        self.cells = (cells - cells.mean()) / cells.std()
+        rows, columns = np.mgrid[0:size, 0:size] + 0.5
+        self._middles = np.stack([columns, rows], axis=-1).astype(np.float32).reshape(-1, 1, 2)
+        self._corners = self.marker.corners - ((0, 0) if self.region is None else self.region[:2])
+
+    @property
+    def points(self) -> int:
+        """Four corners."""
+        return 4
+
+    @property
+    def box(self) -> tuple[int, int, int, int]:
+        """The board reaches about three markers to each side."""
+        low, high = self.marker.corners.min(axis=0), self.marker.corners.max(axis=0)
+        reach = 1.5 * (high - low).max()
+        left, top, right, bottom = np.concatenate([low - reach, high + reach]).astype(int)
+        return int(left), int(top), int(right), int(bottom)
+
+    def update(self, frame: Frame) -> Array | None:
+        """Return the corners in this frame [px], shape (4, 2), or None where the marker is not seen."""
+        if self.region is None:
+            return self._follow(frame)
+        part, corner = crop(frame.picture, self.region)
+        found = self._follow(replace(frame, picture=part))
+        return None if found is None else found + corner
+
+    def _follow(self, frame: Frame) -> Array | None:
+        interval = frame.time - self._time
+        found = predicted = None
+        if self._corners is not None:
+            predicted = self._corners + self._velocity * interval
+            found = self._refine(frame.picture, predicted)
+            if found is None:
+                found = self._search_near(frame.picture, predicted)
+        if found is None and self._lost % FULL_SEARCH_EVERY == 0:
+            self.searches += 1
+            found = self._detect_in(frame.picture, (0, 0))
+        if found is None:
+            self._lost += 1
+            return None
+        self._miss = 3.0 if predicted is None else float(np.abs(found - predicted).max())
+        if self._corners is not None and self._lost == 0 and interval > 0:
+            self._velocity = (found - self._corners) / interval
+        else:
+            self._velocity = np.zeros((4, 2))
+        self._corners, self._time, self._lost = found, frame.time, 0
+        return found
+
+    def _search_near(self, picture: Picture, predicted: Array) -> Array | None:
+        assert self._corners is not None
+        both = np.concatenate([predicted, self._corners])
+        margin = 0.8 * np.ptp(self._corners, axis=0).max() * (1 + self._lost)
+        low, high = both.min(axis=0) - margin, both.max(axis=0) + margin
+        part, corner = crop(picture, (int(low[0]), int(low[1]), int(high[0]), int(high[1])))
+        if part.size == 0 or min(part.shape[:2]) < MIN_SIDE:
+            return None
+        return self._detect_in(part, corner)
+
+    def _detect_in(self, part: Picture, corner: tuple[int, int]) -> Array | None:
+        kind = self.marker.kind
+        for marker in _detect(grey(part), kind, DICTIONARIES[kind]):
+            if marker.number == self.marker.number:
+                return self._refine(part, marker.corners, corner)
+        return None
+
+    def _refine(self, picture: Picture, rough: Array, corner: tuple[int, int] = (0, 0)) -> Array | None:
+        """Fit the four edges near `rough`; None where the picture does not show this marker there."""
+        side = np.linalg.norm(np.roll(rough, -1, axis=0) - rough, axis=1)
+        if side.min() < MIN_SIDE / 2 or side.max() > 3 * side.min():
+            return None
+        cell = side.mean() / len(self.cells)
+        margin = int(cell) + 6
+        low, high = rough.min(axis=0) - margin, rough.max(axis=0) + margin
+        part, shift = crop(picture, (int(low[0]), int(low[1]), int(high[0]) + 1, int(high[1]) + 1))
+        if part.size == 0 or np.any(rough < 2) or np.any(rough > np.array(picture.shape[1::-1]) - 3):
+            return None
+        dark = grey(part)
+        place = rough - shift
+        reach, moved, passes = min(0.75 * cell, 3.0 + 3.0 * self._miss, 12.0), np.inf, 0
+        while moved > CONVERGED and passes < 3:
+            before, passes = place, passes + 1
+            edges = find_edges(dark, np.stack([place, np.roll(place, -1, axis=0)], axis=1), reach)
+            if edges.used.min() < 0.5 or edges.contrast.min() < 12 or edges.scatter.max() > 0.2 * cell:
+                return None
+            place = corners(edges)
+            if not np.isfinite(place).all() or np.abs(place - rough + shift).max() > 2 * cell:
+                return None
+            moved, reach = float(np.abs(place - before).max()), min(0.6 * cell, 5.0)
+        if self._likeness(dark, place) < MIN_LIKENESS:
+            return None
+        return place + shift + corner
+
+    def _likeness(self, dark: Picture, place: Array) -> float:
+        """Correlation of the cells seen with the cells that the marker should have."""
+        count = len(self.cells)
+        unit = np.array([[0, 0], [count, 0], [count, count], [0, count]], np.float32)
+        homography = cv2.getPerspectiveTransform(unit, place.astype(np.float32))
+        pixels = cv2.perspectiveTransform(self._middles, homography)
+        seen = cv2.remap(dark, pixels[..., 0], pixels[..., 1], cv2.INTER_LINEAR).ravel().astype(np.float64)
+        return float(seen @ self.cells.ravel() / (len(seen) * max(float(seen.std()), 1e-9)))
+
+
+def _detect(dark: Picture, kind: str, dictionary: int) -> list[Marker]:
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.minMarkerPerimeterRate = 4 * MIN_SIDE / max(dark.shape)
+    # Thresholding windows up to a marker's cell: blurred and small markers both.
+    parameters.adaptiveThreshWinSizeMin, parameters.adaptiveThreshWinSizeMax = 5, 37
+    parameters.adaptiveThreshWinSizeStep = 16
+    detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(dictionary), parameters)
+    found: Any = detector.detectMarkers(dark)  # the stubs say that there always are numbers
+    places, numbers, _ = found
+    if numbers is None:
+        return []
+    return [
+        Marker(kind, int(number), np.asarray(place, np.float64).reshape(4, 2))
+        for place, number in zip(places, np.ravel(numbers), strict=True)
+    ]
+
+
+def marker_cells(number: int) -> npt.NDArray[np.uint8]:
+    """Return the cells of an ArUco 4x4 marker, black border included: 0 black, 255 white, shape (6, 6).
+
+    Args:
+        number: 0 to 49.
+    """
+    dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARIES["ArUco 4x4"])
+    return np.asarray(dictionary.generateImageMarker(number, dictionary.markerSize + 2), np.uint8)
+
+
+def _find(scene: Scene) -> Target | None:
+    clip = scene.clip
+    region = scene.region or (0, 0, clip.width, clip.height)
+    for frame in clip.frames(max(1, clip.announced // SEARCH_FRAMES)):
+        marker = find_marker(frame.picture, region)
+        if marker is not None:
+            break
+    else:
+        return None
+    return Target(
+        follower=MarkerFollower(marker, region),
+        what=f"{marker.kind} marker {marker.number}",
+        why=f"follows {marker.kind} marker {marker.number}",
+        solve=partial(fit_angle, prior=BodyPrior(square=True)),
+        zero=_level_square,
+        joined=((0, 1), (1, 2), (2, 3), (3, 0)),
+        zero_note="roll zero is where the marker's edges are level in the picture",
+    )
+
+
+def _level_square(track: AngleTrack) -> float:
+    upper_left = np.exp(1j * np.pi / 4 * np.array([-3, -1, 1, 3]))
+    return level_angle(track, complex(np.vdot(upper_left, track.shape)), 4)
+
+
+TRACKER = Tracker(
+    rank=0,
+    find=_find,
+    not_found="no ArUco or AprilTag marker is seen{where}. Print a larger one with a white margin, film it sharp and "
+    "large (50 px or more)",
+)

@@ -1,0 +1,14 @@
+"""Arrays that all rooms of the film share."""
+
+import numpy as np
+import numpy.typing as npt
+
+Complex = npt.NDArray[np.complex128]
+"""Places in a picture, x + i y with y down."""
+Picture = npt.NDArray[np.uint8]
+"""A picture as OpenCV holds it: (height, width, 3) in the order blue, green, red, or (height, width) grey."""
+Mask = npt.NDArray[np.bool_]
+Rows = npt.NDArray[np.intp]
+"""Numbers of frames."""
+Box = tuple[int, int, int, int]
+"""Left, top, right and bottom [px]."""

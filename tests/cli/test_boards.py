@@ -1,0 +1,434 @@
+"""Board records: validation, atomic writing, round trip, the shipped two, and `husky-sysid boards`."""
+
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from command_line import husky
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sysid.board import (
+    DECAY_UNITS,
+    GEOMETRY_UNITS,
+    MASS_UNITS,
+    PHYSICAL,
+    PUBLISHED_UNITS,
+    TILT_UNITS,
+    Board,
+    BoardEffect,
+    board_to_toml,
+    load_board,
+    save_board,
+)
+from sysid.errors import HuskyError
+from sysid.free_decay import decay_from_peaks
+from sysid.quantity import Quantity
+from sysid.workspace import Workspace, shipped_data
+
+SHIPPED = shipped_data() / "boards"
+
+
+@pytest.fixture
+def pink() -> Board:
+    return load_board(SHIPPED / "pink.toml")
+
+
+# --- the shipped records -----------------------------------------------------------------------
+
+
+def make_boards():
+    spec = importlib.util.spec_from_file_location("make_boards", SHIPPED / "make_boards.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("name", ["pink", "black"])
+def test_shipped_record_is_what_its_script_writes(name: str) -> None:
+    board = getattr(make_boards(), name)()
+    assert (SHIPPED / f"{name}.toml").read_text() == board_to_toml(board)
+
+
+@pytest.mark.parametrize(
+    ("name", "k", "d", "printed_k", "printed_d"),
+    [("black", "34.850", "0.5400", 34.835, 0.540), ("pink", "14.684", "0.4022", 14.677, 0.402)],
+)
+def test_paper_to_its_last_digit(name: str, k: str, d: str, printed_k: float, printed_d: float) -> None:
+    """k and d from T and two peaks; what the paper prints lies within the rounding of its own inputs."""
+    board = load_board(SHIPPED / f"{name}.toml")
+    numbers = decay_from_peaks(
+        board.decay["period"], board.decay["first_peak"], board.decay["second_peak"], board.inertia
+    )
+    assert f"{numbers.stiffness.value:.3f}" == k
+    assert f"{numbers.damping.value:.4f}" == d
+    assert board.stiffness == pytest.approx(numbers.stiffness.value, rel=1e-5)
+    assert board.damping == pytest.approx(numbers.damping.value, rel=1e-5)
+    assert board.tilt["stiffness"].std == pytest.approx(numbers.stiffness.std, rel=1e-2)
+    assert board.published["stiffness"].value == printed_k
+    assert f"{numbers.damping.value:.3f}" == f"{printed_d:.3f}"
+    assert numbers.stiffness.ci95[0] < printed_k < numbers.stiffness.ci95[1]
+
+
+def test_shipped_deck_is_a_cuboid_of_the_stated_inertia() -> None:
+    for path in SHIPPED.glob("*.toml"):
+        board = load_board(path)
+        size = board.geometry["width"].value ** 2 + board.geometry["thickness"].value ** 2
+        assert board.mass["deck"].value * size / 12 == pytest.approx(board.inertia.value, rel=1e-3)
+
+
+# --- validation --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("schema = 1", "schema = 2", "schema is 2, expected 1"),
+        ("schema = 1", "", "schema is None, expected 1"),
+        ('name = "pink"', "name = 3", "field 'name' is 3; expected a text"),
+        ("[mass]", "[masses]", "unknown field 'masses'. Did you mean 'mass'?"),
+        ("length = ", "lenght = ", "unknown field 'geometry.lenght'. Did you mean 'length'?"),
+        ("width = {value = 0.2, std = 0.002, unit = \"m\"}", "", "field 'geometry.width' is missing"),
+        ('std = 0.002, unit = "m"', 'std = 0.002, unit = "mm"', "unit' is 'mm'; expected 'm'"),
+        ("{value = 0.2, std = 0.002", "{value = -0.2, std = 0.002", "expected a positive number"),
+        ("{value = 0.2, std = 0.002", "{value = inf, std = 0.002", "expected a positive number"),
+        ("{value = 0.2, std = 0.002", "{value = nan, std = 0.002", "expected a positive number"),
+        ("{value = 0.2, std = 0.002", "{value = 0.2, std = -1", "expected 0 or more"),
+        ("{value = 0.2, std = 0.002", "{value = true, std = 0.002", "value' is True; expected a number"),
+        ("{value = 0.2, std = 0.002", '{value = "0.2", std = 0.002', "expected a number"),
+        ("{value = 0.2, std = 0.002", "{std = 0.002", "value' is None; expected a number"),
+        ('width = {value = 0.2, std = 0.002, unit = "m"}', "width = 0.2", "'geometry.width' is 0.2; expected {"),
+        ("[tilt]", "[[tilt]]", "section '[tilt]' is"),
+        ('method = "as', 'methods = "as', "field 'inertia.method' is missing"),
+        ("[inertia]", "[inertia", "not a TOML file"),
+        ("[tilt]", '[[effect]]\nname = "coulomb"\n[tilt]', "section '[effect[0].parameters]' is missing"),
+        ("[tilt]", "[[effect]]\n[tilt]", "field 'effect[0].name' is missing"),
+        ("[tilt]", "effect = 3\n[tilt]", "unknown field"),
+    ],
+)  # fmt: skip
+def test_faulty_record_names_file_field_and_expectation(
+    tmp_path: Path, old: str, new: str, message: str
+) -> None:
+    text = (SHIPPED / "pink.toml").read_text()
+    assert old in text
+    path = tmp_path / "pink.toml"
+    path.write_text(text.replace(old, new, 1))
+    with pytest.raises(HuskyError) as raised:
+        load_board(path)
+    assert str(path) in str(raised.value)
+    assert message in str(raised.value)
+
+
+@pytest.mark.parametrize("content", [b"\xff\xfe\x00", b"\x00" * 100, b"", b"[[[", b"schema = 1"])
+def test_any_other_file_is_refused(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "x.toml"
+    path.write_bytes(content)
+    with pytest.raises(HuskyError, match=r"x\.toml"):
+        load_board(path)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.data())
+def test_mutated_record_is_read_or_refused_in_one_line(data: st.DataObject) -> None:
+    """Cut, doubled or altered bytes: a board or one HuskyError, never another exception."""
+    import tempfile
+
+    text = bytearray((SHIPPED / "pink.toml").read_bytes())
+    for _ in range(data.draw(st.integers(1, 4))):
+        at = data.draw(st.integers(0, len(text) - 1))
+        match data.draw(st.sampled_from(["cut", "byte", "double"])):
+            case "cut":
+                del text[at : at + data.draw(st.integers(1, 30))]
+            case "byte":
+                text[at] = data.draw(st.integers(0, 255))
+            case _:
+                text[at:at] = text[at : at + 20]
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "pink.toml"
+        path.write_bytes(text)
+        with suppress(HuskyError):
+            assert load_board(path).stiffness > 0
+
+
+# --- writing -----------------------------------------------------------------------------------
+
+texts = st.text(st.characters(codec="utf-8", exclude_categories=["Cs"]), max_size=20)
+
+
+def quantities(units):
+    return st.fixed_dictionaries(
+        {
+            key: st.builds(Quantity, st.floats(*PHYSICAL[unit]), st.floats(0, 1e6), st.just(unit))
+            for key, unit in units.items()
+        }
+    )
+
+
+plain = st.recursive(
+    st.booleans() | st.integers(-(10**9), 10**9) | st.floats(allow_nan=False) | texts,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(texts.filter(bool), inner, max_size=3),
+    max_leaves=8,
+)
+sections = st.dictionaries(texts.filter(bool), plain, max_size=4)
+boards = st.builds(
+    Board,
+    name=texts,
+    description=texts,
+    source=texts,
+    geometry=quantities(GEOMETRY_UNITS),
+    mass=quantities(MASS_UNITS),
+    inertia=st.builds(Quantity, st.floats(*PHYSICAL["kg*m^2"]), st.floats(0, 1e6), st.just("kg*m^2"), texts),
+    tilt=quantities(TILT_UNITS),
+    decay=st.just({}) | quantities(DECAY_UNITS),
+    published=st.just({}) | quantities(PUBLISHED_UNITS),
+    effects=st.lists(
+        st.builds(
+            BoardEffect,
+            texts,
+            st.dictionaries(
+                texts.filter(bool),
+                st.builds(Quantity, st.floats(-1e9, 1e9), st.floats(0, 1e6), st.sampled_from(["N*m", "1"])),
+                max_size=3,
+            ),
+        ),
+        max_size=3,
+    ).map(tuple),
+    fit=sections,
+    check=sections,
+    history=st.lists(sections, max_size=3).map(tuple),
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(board=boards)
+def test_round_trip(board: Board) -> None:
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "board.toml"
+        save_board(board, path)
+        assert load_board(path) == board
+
+
+@pytest.mark.parametrize("failing", ["write_bytes", "replace"])
+def test_failure_while_writing_leaves_the_old_record_whole(
+    tmp_path: Path, pink: Board, monkeypatch: pytest.MonkeyPatch, failing: str
+) -> None:
+    path = tmp_path / "pink.toml"
+    save_board(pink, path)
+    before = path.read_bytes()
+
+    def fail(self: Path, *_: object) -> None:
+        if failing == "write_bytes":
+            with self.open("wb") as file:
+                file.write(b"half of")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, failing, fail)
+    with pytest.raises(HuskyError, match="No space left"):
+        save_board(replace(pink, description="new"), path)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_kill_while_writing_leaves_the_old_record_whole(tmp_path: Path, pink: Board) -> None:
+    """The process dies between the data and the renaming, as at a power cut."""
+    path = tmp_path / "pink.toml"
+    save_board(pink, path)
+    before = path.read_bytes()
+    code = f"""
+import os, signal
+from dataclasses import replace
+from pathlib import Path
+from sysid.board import load_board, save_board
+path = Path({str(path)!r})
+board = load_board(path)
+Path.replace = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
+save_board(replace(board, description="new"), path)
+"""
+    result = subprocess.run([sys.executable, "-c", code], check=False)
+    assert result.returncode == -9
+    assert path.read_bytes() == before
+
+
+def test_record_that_could_not_be_read_back_is_not_written(tmp_path: Path, pink: Board) -> None:
+    path = tmp_path / "pink.toml"
+    save_board(pink, path)
+    before = path.read_bytes()
+    with pytest.raises(HuskyError, match="expected a positive number"):
+        save_board(pink.with_tilt(stiffness=Quantity(-3.0, 0.1, "N*m/rad")), path)
+    assert path.read_bytes() == before
+
+
+def test_unwritable_folder_is_named(tmp_path: Path, pink: Board) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(HuskyError, match="cannot write there"):
+        save_board(pink, tmp_path / "file" / "pink.toml")
+
+
+# --- workspace ---------------------------------------------------------------------------------
+
+
+def test_workspace_record_comes_before_the_shipped_one(tmp_path: Path, pink: Board) -> None:
+    space = Workspace(tmp_path)
+    assert space.load_board("pink") == pink
+    mine = pink.with_tilt(stiffness=Quantity(20.0, 0.1, "N*m/rad"))
+    assert space.save_board(mine) == tmp_path / "data" / "boards" / "pink.toml"
+    assert space.load_board("pink").stiffness == 20.0
+    assert load_board(SHIPPED / "pink.toml") == pink  # the package is never written to
+    assert space.board_names() == ["black", "pink"]
+
+
+def test_unknown_board_is_answered_with_the_known_ones(tmp_path: Path) -> None:
+    with pytest.raises(
+        HuskyError, match=r"unknown board 'pnk'\. Did you mean 'pink'\? Known boards: black, pink"
+    ):
+        Workspace(tmp_path).load_board("pnk")
+
+
+@pytest.mark.parametrize("name", ["", "../boards/pink", "/etc/passwd", "pink.toml", "."])
+def test_board_names_are_no_paths(tmp_path: Path, name: str) -> None:
+    with pytest.raises(HuskyError, match="unknown board"):
+        Workspace(tmp_path).load_board(name)
+
+
+def test_record_under_another_name_is_refused(tmp_path: Path, pink: Board) -> None:
+    save_board(pink, tmp_path / "data" / "boards" / "red.toml")
+    with pytest.raises(HuskyError, match="field 'name' is 'pink'; expected 'red'"):
+        Workspace(tmp_path).load_board("red")
+
+
+# --- the command -------------------------------------------------------------------------------
+
+
+def test_boards_lists_the_derivation(tmp_path: Path) -> None:
+    result = husky("boards", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "k = 34.850 N·m/rad, d = 0.5400 N·m·s/rad" in result.stdout
+    assert "k = 14.684 N·m/rad, d = 0.4022 N·m·s/rad" in result.stdout
+    assert "34.835, 0.540" in result.stdout
+    assert "I [kg·m²]" in result.stdout
+    content = json.loads(husky("boards", "--json", "-", cwd=tmp_path).stdout)
+    assert [board["board"] for board in content["boards"]] == ["black", "pink"]
+    assert content["boards"][1]["damping_ratio"] == pytest.approx(0.5627, abs=1e-4)
+    assert content["boards"][1]["natural_frequency_hz"] == pytest.approx(6.539, abs=1e-3)
+    assert content["boards"][1]["shipped"] is True
+
+
+def test_boards_shows_a_fitted_board_whole(tmp_path: Path, pink: Board) -> None:
+    fitted = replace(
+        pink,
+        decay={},
+        published={},
+        effects=(BoardEffect("coulomb", {"torque": Quantity(0.11, 0.01, "N*m")}),),
+        fit={"timestep": 0.002, "logs": [{"path": "a.csv", "sha256": "00"}], "rmse": 0.0021},
+        history=({"effects": "none", "rmse_before": 0.01}, {"effects": "coulomb", "rmse_after": 0.002}),
+    )
+    Workspace(tmp_path).save_board(fitted.checked({"passed": True, "nrmse": 0.012}))
+    result = husky("boards", "pink", "--json", "out.json", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    for text in ("fitted to 1 log, rmse 2.1 mrad", "coulomb: torque", "passed (nrmse 1.2 %)", "rmse_before"):
+        assert text in result.stdout
+    content = json.loads((tmp_path / "out.json").read_text())
+    assert content["passed"] is True
+    assert content["shipped"] is False
+    assert content["effect"][0]["parameters"]["torque"]["value"] == 0.11
+    assert content["derivation"] is None
+
+
+def test_boards_warns_of_an_unknown_effect_and_of_wrong_parameters(tmp_path: Path, pink: Board) -> None:
+    odd = (
+        BoardEffect("magnetism", {}),
+        BoardEffect("coulomb", {"torque": Quantity(0.1, 0.0, "N*mm")}),
+    )
+    Workspace(tmp_path).save_board(replace(pink, effects=odd))
+    result = husky("boards", "pink", cwd=tmp_path)
+    assert result.returncode == 0
+    assert "'magnetism' of the record is not in the catalogue" in result.stderr
+    assert "torque in N*m" in result.stderr
+
+
+def test_one_broken_record_does_not_hide_the_others(tmp_path: Path) -> None:
+    folder = tmp_path / "data" / "boards"
+    folder.mkdir(parents=True)
+    (folder / "mine.toml").write_text("schema = 1\n")
+    result = husky("boards", "--json", "out.json", cwd=tmp_path)
+    assert result.returncode == 0
+    assert "mine.toml" in result.stderr
+    assert "pink" in result.stdout
+    assert len(json.loads((tmp_path / "out.json").read_text())["errors"]) == 1
+    assert husky("boards", "mine", cwd=tmp_path).returncode == 1
+
+
+def test_json_on_stdout_is_alone(tmp_path: Path) -> None:
+    result = husky("boards", "pink", "--json", "-", cwd=tmp_path)
+    assert json.loads(result.stdout)["derivation"]["stiffness"]["unit"] == "N*m/rad"
+    assert os.listdir(tmp_path) == []  # noqa: PTH208  looking changes nothing
+
+
+def test_a_check_does_not_survive_an_edit_by_hand(tmp_path: Path, pink: Board) -> None:
+    space = Workspace(tmp_path)
+    path = space.save_board(pink.checked({"passed": True, "nrmse": 0.012}))
+    assert space.load_board("pink").passed
+    path.write_text(path.read_text().replace("14.684", "24.684"))
+    edited = space.load_board("pink")
+    assert edited.stiffness == 24.684
+    assert not edited.passed
+    assert edited.check_is_stale
+    assert "out of date" in husky("boards", cwd=tmp_path).stdout
+
+
+def test_words_about_a_board_do_not_undo_its_check(pink: Board) -> None:
+    checked = pink.checked({"passed": True})
+    assert replace(checked, description="another", history=({"rmse": 1.0},)).passed
+
+
+def test_commands_beside_each_other_lose_nothing(tmp_path: Path, pink: Board) -> None:
+    space = Workspace(tmp_path)
+    space.save_board(pink)
+    fits = [
+        replace(pink.with_tilt(stiffness=Quantity(k, 0.1, "N*m/rad")), history=({"stiffness": k},))
+        for k in (15.0, 16.0)
+    ]
+    for fit in fits:  # both read the record before either wrote it
+        space.save_board(fit, since=pink)
+    with pytest.raises(HuskyError, match="changed by another command"):
+        space.save_board(pink.checked({"passed": True}), since=pink)
+    now = space.load_board("pink")
+    assert [line["stiffness"] for line in now.history] == [15.0, 16.0]
+    assert now.stiffness == 16.0
+    assert not now.check
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("value = 0.0087", "value = 1e-300"),
+        ("value = 0.0087", "value = 1e300"),
+        ("wheel_radius = {value = 0.03", "wheel_radius = {value = 1e-9"),
+        ("rake = {value = 1.0471975511965976", "rake = {value = 1e6"),
+        ("std = 0.0468", "std = nan"),
+        ("std = 0.0468", "std = inf"),
+        ("stiffness = {value = 14.684", "stiffness = {value = 1e8"),
+    ],
+)
+def test_absurd_numbers_are_refused_by_name(tmp_path: Path, old: str, new: str) -> None:
+    text = (shipped_data() / "boards" / "pink.toml").read_text()
+    assert text.count(old) == 1
+    path = tmp_path / "pink.toml"
+    path.write_text(text.replace(old, new))
+    with pytest.raises(HuskyError, match="expected"):
+        load_board(path)
+
+
+def test_a_record_nested_without_end_is_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "deep.toml"
+    path.write_text("x = " + "[" * 5000 + "]" * 5000)
+    with pytest.raises(HuskyError, match="not a TOML file"):
+        load_board(path)

@@ -1,0 +1,116 @@
+"""The command line as a whole: every command is there, usage errors exit with 2, failures with 1."""
+
+import importlib
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from command_line import husky
+
+from sysid.cli import COMMANDS, EXIT_CODES, build_app
+
+HEAVY = {"numpy", "pandas", "scipy", "matplotlib", "casadi", "mujoco", "cv2", "rerun", "torch", "control"}
+
+ROOT = Path(__file__).parents[2]
+
+
+def heavy_modules_after(statement):
+    code = f"{statement}; import sys; print(*sys.modules)"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+    return HEAVY & set(result.stdout.split())
+
+
+def test_help_names_every_command_and_the_exit_codes():
+    result = subprocess.run([sys.executable, "-m", "sysid.cli", "--help"], capture_output=True, text=True)
+    assert result.returncode == 0
+    assert set(COMMANDS) <= set(result.stdout.split())
+    assert EXIT_CODES.split(";")[0] in result.stdout
+
+
+def test_help_imports_nothing_heavy():
+    assert heavy_modules_after("import sysid.cli; sysid.cli.build_app()") == set()
+
+
+def test_an_interruption_is_caught_before_anything_slow_is_imported():
+    code = "import sysid.cli, sys; print(*sys.modules)"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert "sysid.cli" in result.stdout
+    assert not {"cyclopts", "rich", "importlib.metadata"} & set(result.stdout.split())
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_explains_itself(name):
+    result = husky(name, "--help")
+    assert result.returncode == 0, result.stderr
+    assert "--json" in result.stdout
+    assert "--workspace" in result.stdout
+    assert "--empty" not in result.stdout  # what cyclopts makes of a list of options; no command means it
+
+
+def test_command_modules_import_nothing_heavy():
+    """All in one process, one after the other: whichever is the first to import something heavy is named."""
+    code = "import importlib, sys\nfor name in sys.argv[1:]:\n before = set(sys.modules)\n"
+    code += " importlib.import_module(f'sysid.cli.{name}')\n print(name, *set(sys.modules) - before)"
+    names = [*(name for name in COMMANDS if name != "train"), "train"]
+    done = subprocess.run([sys.executable, "-c", code, *names], capture_output=True, text=True, check=True)
+    heavy = {
+        name: HEAVY & set(modules) - {"numpy"} for name, *modules in map(str.split, done.stdout.splitlines())
+    }
+    assert list(heavy) == names
+    # The options of `train` are the task's own, and name MuJoCo's types.
+    assert heavy.pop("train") <= {"mujoco"}
+    assert not {name: modules for name, modules in heavy.items() if modules}
+
+
+def test_every_command_file_is_listed():
+    package = importlib.import_module("sysid.cli")
+    files = {path.stem for path in Path(package.__path__[0]).glob("*.py")}
+    shared = {
+        "__init__",
+        "__main__",
+        "console",
+        "fit_intervals",
+        "log_options",
+        "parameter_options",
+        "ride_options",
+    }
+    assert files - shared == set(COMMANDS)
+
+
+def test_unknown_command_is_a_usage_error_with_a_suggestion():
+    result = husky("dcay")
+    assert result.returncode == 2
+    assert 'Did you mean "decay"?' in result.stderr
+
+
+def test_unknown_board_is_an_error_with_a_suggestion(tmp_path):
+    result = husky("boards", "pnk", "--workspace", str(tmp_path))
+    assert result.returncode == 1
+    assert "Did you mean 'pink'?" in result.stderr
+    assert "Traceback" not in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_examples_of_the_help_are_commands(name):
+    app = build_app()
+    assert COMMANDS[name].examples
+    for example in COMMANDS[name].examples:
+        app.parse_args(shlex.split(example), exit_on_error=False, print_error=False)
+    assert (ROOT / "docs" / COMMANDS[name].page).is_file()
+
+
+def test_options_stand_in_their_groups():
+    help_text = husky("fit", "--help").stdout
+    titles = ("─ Log ─", "─ Film ─", "─ Fit ─", "─ Output ─")
+    places = [help_text.index(title) for title in titles]
+    assert places == sorted(places)
+    panels = re.split(r"╭─ (\w+) ─+╮", help_text[: help_text.index("Examples:")])
+    text = dict(zip(panels[1::2], panels[2::2], strict=True))
+    for option, group in (("--column", "Log"), ("--roi", "Film"), ("--effect", "Fit"), ("--json", "Output")):
+        assert [title for title in text if f"{option} " in text[title]] == [group]
+    assert "husky-sysid fit tip.csv --board pink" in help_text

@@ -1,0 +1,145 @@
+"""`husky-sysid decay` as a user calls it."""
+
+import json
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from decay_truth import Recipe, make_roll
+
+from sysid.cli import build_app
+from sysid.errors import HuskyError
+from sysid.workspace import shipped_data
+
+NAMES = (
+    "log_decrement",
+    "damping_ratio",
+    "period_s",
+    "omega_d",
+    "omega_n",
+    "inertia",
+    "stiffness",
+    "damping",
+)
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    path = tmp_path_factory.mktemp("logs") / "rock.csv"
+    roll = make_roll(Recipe(sampling=500, amplitudes=(0.2, -0.18, 0.15)))
+    np.savetxt(
+        path, np.column_stack([roll.time, roll.roll]), "%.6f", ",", header="time_s,roll_rad", comments=""
+    )
+    return path
+
+
+def run(*arguments):
+    return build_app()(
+        ["decay", *map(str, arguments)], result_action="return_value", exit_on_error=False, print_error=False
+    )
+
+
+def test_prints_releases_table_law_verdict_and_paths(log, tmp_path, capsys):
+    assert run(log, "--board", "pink", "--workspace", tmp_path) == 0
+    out, err = capsys.readouterr()
+    assert out.startswith(f"{log} · ")
+    for text in (
+        "first amplitude",
+        "right",
+        "left",
+        "value ± 95 %",
+        "log decrement δ",
+        "stiffness k = I ω_n²",
+    ):
+        assert text in out
+    assert "\n8.70e-3 φ̈ + 0." in out
+    assert "✓ linear decay" in out
+    assert re.search(r"roll inertia I +│ 0\.0087000 ± 0\.0000057 +│ kg·m² ", out)
+    assert str(tmp_path / "reports" / "pink" / "decay.json") in out
+    assert "roll from 'roll_rad'" in err  # what was inferred
+    picture = tmp_path / "reports" / "pink" / "decay.png"
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert not list(picture.parent.glob(".*"))
+
+
+def test_result_file_is_what_the_design_says(log, tmp_path, capsys):
+    assert run(log, "--board", "pink", "--workspace", tmp_path, "--json", "-", "--no-picture") == 0
+    content = json.loads(capsys.readouterr().out)  # nothing else on stdout
+    assert content == json.loads((tmp_path / "reports" / "pink" / "decay.json").read_text())
+    assert not (tmp_path / "reports" / "pink" / "decay.png").exists()
+    for name in NAMES:
+        quantity = content[name]
+        assert set(quantity) == {"value", "std", "ci95", "unit"}
+        assert quantity["ci95"][0] <= quantity["value"] <= quantity["ci95"][1]
+    assert content["board"] == "pink"
+    assert content["log"] == str(log)
+    assert content["warnings"] == []
+    assert len(content["releases"]) == 3
+    for release in content["releases"]:
+        assert release["t_start_s"] < release["t_end_s"]
+        assert {"t_s", "angle_rad"} <= set(release["peaks"][0])
+    assert content["stiffness"]["value"] == pytest.approx(
+        content["inertia"]["value"] * content["omega_n"]["value"] ** 2
+    )
+    assert content["omega_n"]["value"] == pytest.approx(41.083, rel=0.05)
+
+
+def test_json_to_a_file_and_a_given_release(log, tmp_path, capsys):
+    target = tmp_path / "deep" / "result.json"
+    arguments = ("--board", "black", "--workspace", tmp_path, "--json", target, "--no-picture")
+    assert run(log, *arguments, "--from", "2", "--to", "5", "--release", "2.28") == 0
+    content = json.loads(target.read_text())
+    assert [round(release["t_start_s"], 2) for release in content["releases"]] == [2.28]
+    assert "2.2" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [(("--board", "pnk"), "Did you mean 'pink'"), (("--board", "pink", "--from", "90"), "the log runs from")],
+)
+def test_expected_failures_write_nothing(log, tmp_path, arguments, text):
+    with pytest.raises(HuskyError, match=text):
+        run(log, *arguments, "--workspace", tmp_path)
+    assert not (tmp_path / "reports").exists()
+
+
+def test_an_unwritable_workspace_is_one_line_and_exit_1(log, tmp_path):
+    blocked = tmp_path / "reports"
+    blocked.write_text("a file where the folder should be")
+    command = [sys.executable, "-m", "sysid.cli", "decay", log, "--board", "pink", "--workspace", tmp_path]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+    assert "cannot write there" in done.stderr.splitlines()[-1]
+
+
+def test_starts_without_what_it_does_not_need(log, tmp_path):
+    program = (
+        "import sys; from sysid.cli import build_app\n"
+        f"build_app()(['decay', {str(log)!r}, '--board', 'pink', '--workspace', {str(tmp_path)!r}], result_action='return_value')\n"
+        "heavy = {'matplotlib.pyplot', 'casadi', 'mujoco', 'cv2', 'rerun', 'scipy'} & set(sys.modules)\n"
+        "sys.exit(','.join(heavy) or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-300:]
+
+
+def test_friction_in_the_rest_levels_is_no_linear_decay(tmp_path, capsys):
+    """The log with hidden friction: k from a linear decay is 80 % too stiff, and is not handed out as good."""
+    log = shipped_data() / "decays" / "pink_hidden.csv"
+    assert run(log, "--board", "pink", "--workspace", tmp_path, "--json", "-", "--no-picture") == 0
+    content = json.loads(capsys.readouterr().out)
+    assert content["residual"]["linear"] is False
+    assert content["patterns"][0]["effects"][0] == "coulomb"
+    text = " ".join(content["warnings"])
+    assert "come to rest 0.9" in text
+    assert "does not agree with the record of board 'pink': k = " in text
+    assert "where the record has 14.684" in text
+    assert run(log, "--board", "pink", "--workspace", tmp_path, "--no-picture") == 0
+    out = capsys.readouterr().out
+    assert "✗ not a linear decay: it rests at -0.5" in out
+    assert "husky-sysid diagnose" in out
+    assert "✓" not in out
+    assert "which this is not" in out

@@ -1,0 +1,154 @@
+"""`fit` changes the record once, wholly, and only when it is sure."""
+
+import contextlib
+import io
+import json
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from sysid.board import load_board
+from sysid.cli.console import Common
+from sysid.cli.fit import fit
+from sysid.errors import HuskyError
+from sysid.files import sha256
+from sysid.workspace import shipped_data
+
+LOG = shipped_data() / "decays" / "pink_hidden.csv"
+
+
+def run(folder, *effects, **options):
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        return fit([LOG], board="pink", effect=effects, common=Common(workspace=folder, **options))
+
+
+def test_record_gets_values_provenance_and_a_line_of_history(tmp_path):
+    assert run(tmp_path, "coulomb", json=str(tmp_path / "fit.json")) == 0
+    board = load_board(tmp_path / "data" / "boards" / "pink.toml")
+    (coulomb,) = board.effects
+    torque = coulomb.parameters["torque"]
+    assert abs(torque.value - 0.15) < 3 * torque.std
+    assert board.fit["logs"][0]["sha256"] == sha256(LOG)
+    assert board.fit["rmse"] < 1.1 * board.fit["noise_floor"]
+    assert board.check == {}
+    (line,) = board.history
+    assert line["effects"] == ["coulomb"]
+    assert line["rmse_before"] > 2 * line["rmse"]
+    content = json.loads((tmp_path / "fit.json").read_text())
+    errors = [rung["rmse_rad"] for rung in content["ladder"]]
+    assert len(errors) == 2
+    assert errors[1] < 0.8 * errors[0]
+    assert (tmp_path / "reports" / "pink" / "ladder.png").is_file()
+    assert "coulomb" not in (shipped_data() / "boards" / "pink.toml").read_text()
+
+
+def test_a_bootstrap_of_too_few_draws_is_refused_before_anything_is_fitted(tmp_path, monkeypatch):
+    import sysid.fit_mjcf
+
+    monkeypatch.setattr(sysid.fit_mjcf, "fit_joint", None)
+    with pytest.raises(HuskyError, match="1 draws are too few"):
+        fit([LOG], board="pink", bootstrap=1, common=Common(workspace=tmp_path))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_fit_broken_off_during_its_intervals_leaves_the_record(tmp_path, monkeypatch):
+    import sysid.fitting.bootstrap
+
+    def broken_off(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(sysid.fitting.bootstrap, "bootstrap", broken_off)
+    out = io.StringIO()
+    with (
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(io.StringIO()),
+        pytest.raises(KeyboardInterrupt),
+    ):
+        fit([LOG], board="pink", bootstrap=100, common=Common(workspace=tmp_path))
+    assert "written" not in out.getvalue()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_errors_of_a_rate_are_given_as_angles(tmp_path):
+    """What ends in `_rad` is one: an error of the rate over the joint's frequency, as `compare` gives it."""
+    from sysid.joint import JointLaw
+    from sysid.synth import SynthOptions, synthesise
+
+    record = load_board(shipped_data() / "boards" / "pink.toml")
+    log = tmp_path / "gyro.csv"
+    synthesise(record, {}, SynthOptions(angles=(0.17, -0.15), duration=1.0, dialect="gyro")).save(log)
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        fit([log], board="pink", common=Common(workspace=tmp_path, json=str(tmp_path / "fit.json")))
+    content = json.loads((tmp_path / "fit.json").read_text())
+    board = load_board(tmp_path / "data" / "boards" / "pink.toml")
+    assert content["signal"] == "rate"
+    assert board.fit["unit"] == "rad/s"
+    frequency = JointLaw.from_board(board).frequency
+    (rung,) = content["ladder"]
+    for name, entry in (
+        ("rmse_rad", "rmse"),
+        ("heldout_rmse_rad", "heldout_rmse"),
+        ("noise_floor_rad", "noise_floor"),
+    ):
+        assert content[name] == pytest.approx(board.fit[entry] / frequency, rel=1e-6)
+    assert content["rmse_before_rad"] == pytest.approx(board.history[-1]["rmse_before"] / frequency, rel=1e-6)
+    assert (rung["rmse_rad"], rung["heldout_rmse_rad"]) == (content["rmse_rad"], content["heldout_rmse_rad"])
+
+
+@pytest.mark.parametrize(
+    ("effect", "reason"),
+    [("inertia", "only k/I"), ("end-stop", "unchanged"), ("frobnicate", "unknown effect")],
+)
+def test_a_refused_fit_leaves_no_trace(tmp_path, effect, reason):
+    with pytest.raises(HuskyError, match=reason):
+        run(tmp_path, effect)
+    assert not (tmp_path / "data").exists()
+
+
+KILLED = """
+import os, signal, sys, tempfile
+from pathlib import Path
+import numpy, casadi
+left = [int(sys.argv[1])]
+def dying(call):
+    def wrapped(*args, **kwargs):
+        left[0] -= 1
+        if left[0] == 0:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return call(*args, **kwargs)
+    return wrapped
+for owner, name in ((tempfile, "mkstemp"), (Path, "write_bytes"), (Path, "chmod"), (Path, "replace")):
+    setattr(owner, name, dying(getattr(owner, name)))
+from sysid.cli.console import Common
+from sysid.cli.fit import fit
+fit([Path(sys.argv[2])], board="pink", effect=("coulomb",), common=Common(workspace=Path(sys.argv[3])))
+"""
+
+
+@pytest.mark.slow
+def test_a_fit_killed_at_any_write_leaves_a_whole_record(tmp_path):
+    """SIGKILL at the first call that touches the disk, the second, and so on, until it gets through."""
+    record = tmp_path / "data" / "boards" / "pink.toml"
+    record.parent.mkdir(parents=True)
+    old = (shipped_data() / "boards" / "pink.toml").read_text()
+    killed = kept = 0
+    for moment in range(1, 30):
+        record.write_text(old)
+        done = subprocess.run(
+            [sys.executable, "-c", KILLED, str(moment), str(LOG), str(tmp_path)],
+            capture_output=True,
+            check=False,
+        )
+        assert done.returncode in (0, -signal.SIGKILL), done.stderr.decode()
+        board = load_board(record)
+        kept += record.read_text() == old
+        assert record.read_text() == old or [part.name for part in board.effects] == ["coulomb"]
+        if done.returncode == 0:
+            break
+        killed += 1
+    assert done.returncode == 0
+    assert killed >= 6
+    assert kept == killed, "the record is written last, so that whatever is killed has left the old one"
+    assert record.read_text() != old

@@ -1,0 +1,85 @@
+"""Options that cannot be meant are refused, and those that are not used are named."""
+
+from pathlib import Path
+
+import pytest
+
+from sysid.cli import build_app
+from sysid.cli.log_options import LogArguments, VideoArguments, unused_options
+from sysid.errors import HuskyError
+from sysid.workspace import shipped_data
+
+PINK = shipped_data() / "decays" / "pink.csv"
+
+
+def husky(*arguments: str) -> None:
+    build_app()(list(arguments), exit_on_error=False, result_action="return_value")
+
+
+@pytest.mark.parametrize("step", ["0", "-0.001", "0.5"])
+def test_a_step_that_cannot_be_is_refused(tmp_path, step):
+    with pytest.raises(HuskyError, match=f"--timestep {step}: expected seconds"):
+        husky("check", str(PINK), "--board", "pink", f"--timestep={step}", "--workspace", str(tmp_path))
+
+
+@pytest.mark.parametrize("command", ["compare", "check"])
+def test_a_tolerance_that_cannot_be_is_refused(tmp_path, command):
+    with pytest.raises(HuskyError, match="--tolerance -1: expected a share"):
+        husky(command, str(PINK), "--board", "pink", "--tolerance=-1", "--workspace", str(tmp_path))
+
+
+def test_options_of_the_other_kind_of_log_are_named(tmp_path, capsys):
+    output = str(tmp_path / "roll.csv")
+    husky("roll", str(PINK), "--output", output, "--method", "marker", "--roi", "0", "0", "10", "10")
+    assert "not used: --method, --roi; this is no film" in " ".join(capsys.readouterr().err.split())
+    husky("roll", str(PINK), "--output", output, "--column", "roll_rad")
+    assert "not used" not in capsys.readouterr().err
+    arguments = LogArguments(column="2", rate=120.0, video=VideoArguments(method="marker"))
+    assert unused_options(Path("film.MP4"), arguments) == ["--column"]
+
+
+def test_metres_where_centimetres_were_meant_are_doubted(capsys):
+    cuboid = ("inertia", "cuboid", "--mass", "2.58±0.05")
+    husky(*cuboid, "--width", "20±0.2", "--height", "2±0.1")
+    assert "Lengths without a unit are metres" in " ".join(capsys.readouterr().err.split())
+    husky(*cuboid, "--width", "20±0.2cm", "--height", "2±0.1cm")
+    assert "metres" not in capsys.readouterr().err
+
+
+def test_swapped_decays_are_told_from_too_little_mass():
+    added = ("inertia", "added-mass", "--mass", "0.5", "--offset", "0.09")
+    with pytest.raises(HuskyError, match="Are --bare and --loaded swapped"):
+        husky(*added, "--bare", "32±0.1", "--loaded", "41±0.1")
+    with pytest.raises(HuskyError, match="Put more mass further out"):
+        husky(*added, "--bare", "41±1", "--loaded", "41.1±1")
+
+
+def test_a_new_inertia_is_not_taken_for_rounding(tmp_path, capsys):
+    husky("boards", "--workspace", str(tmp_path))
+    assert "rounded on the way" in capsys.readouterr().out
+    husky(
+        "inertia", "cuboid", "--mass", "2.58±0.05", "--width", "20±0.2cm", "--height", "2±0.1cm",
+        "--save", "pink", "--workspace", str(tmp_path),
+    )  # fmt: skip
+    capsys.readouterr()
+    husky("boards", "pink", "--workspace", str(tmp_path))
+    assert "printed there, for another roll inertia: 14.677" in capsys.readouterr().out
+
+
+def test_a_log_given_as_commands_lacks_a_column():
+    from policy_runtime.loop.commands import load_script
+
+    with pytest.raises(HuskyError, match=r"column 'speed_m_s' is missing.*found time_s, roll_rad"):
+        load_script(PINK)
+
+
+@pytest.mark.parametrize("angle", [(95.0, 0.0), (0.0, -60.0), (float("nan"), 0.0)])
+def test_a_camera_that_does_not_see_the_roll_is_refused(angle):
+    with pytest.raises(HuskyError, match=r"--camera-angle .* at most 45"):
+        _ = VideoArguments(camera_angle=angle).options
+
+
+def test_the_film_that_is_drawn_and_the_table_are_two_files(tmp_path):
+    both = str(tmp_path / "seen.mp4")
+    with pytest.raises(HuskyError, match="same file"):
+        husky("roll", str(tmp_path / "film.mp4"), "-o", both, "--overlay", both)

@@ -1,0 +1,120 @@
+"""Errors that last from frame to frame: what decay makes of a film's roll."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from decay_truth import linear_decay
+
+from sysid.decay.linear_fit import fit_traces
+from sysid.decay.trace import Trace, head, traces_of, with_ar1_errors
+from sysid.fitting.joint import FitOptions, fit_joint
+from sysid.free_decay import fit_decay
+from sysid.noise.lasting import LASTS
+from sysid.quantity import Quantity
+from sysid.roll import Release
+from sysid.workspace import Workspace
+
+OMEGA, ZETA = 41.083, 0.56265
+STD = np.radians(0.05)
+
+
+def errors(time, rng):
+    """An Ornstein–Uhlenbeck process of unit variance that lasts for an eighth of the period."""
+    kept = np.exp(-np.diff(time) * OMEGA / (2 * np.pi * LASTS))
+    x = np.empty(len(time))
+    x[0] = rng.normal()
+    for i, share in enumerate(kept, start=1):
+        x[i] = share * x[i - 1] + np.sqrt(1 - share**2) * rng.normal()
+    return x
+
+
+def filmed(seed, *, rate=120.0, lasting=True, own=True, slant=0.0, jitter=0.0):
+    """Two releases with lasting errors; a slant shrinks the swing and widens the deviations with it."""
+    rng = np.random.default_rng(seed)
+    releases = []
+    for number, angle in enumerate((0.35, -0.3), start=1):
+        steps = 1 / rate * (1 + jitter * rng.uniform(-1, 1, round(0.45 * rate)))
+        time = np.cumsum(steps) - steps[0]
+        roll, _ = linear_decay(time, OMEGA, ZETA, angle)
+        releases.append(
+            Release(
+                log="film.mp4", number=number, time=time, roll=(1 - slant) * roll + STD * errors(time, rng),
+                std=np.hypot(STD, 0.02 * np.abs(roll)), own_std=np.full(len(time), STD) if own else None,
+                origin="video", zero="constant", errors_last=lasting, rest=0.0, hold=0.2, end="rest",
+            )
+        )  # fmt: skip
+    return releases
+
+
+def stiffness(releases):
+    """k over the true one, and its standard deviation."""
+    fit = fit_traces(releases)
+    return (fit.omega_n / OMEGA) ** 2, 2 * np.sqrt(fit.covariance[0, 0]) / OMEGA
+
+
+@pytest.mark.parametrize(("rate", "jitter"), [(60.0, 0.0), (240.0, 0.3)])
+def test_intervals_of_a_film_hold_at_any_rate(rate, jitter):
+    found = np.array([stiffness(filmed(seed, rate=rate, jitter=jitter)) for seed in range(120)])
+    score = (found[:, 0] - 1) / found[:, 1]
+    assert 0.91 < np.mean(np.abs(score) < 1.96) <= 0.99
+    assert 0.85 < np.std(score) < 1.15
+
+
+def test_a_slant_does_not_take_the_weight_from_the_large_swing():
+    apart = np.array(
+        [[stiffness(filmed(seed, own=own, slant=0.01))[0] - 1 for own in (True, False)] for seed in range(40)]
+    )
+    assert np.sqrt(np.mean(apart[:, 0] ** 2)) < 0.85 * np.sqrt(np.mean(apart[:, 1] ** 2))
+
+
+def test_a_small_residual_does_not_promise_more_than_the_film_states():
+    """Lag and dead zones are smooth: a fit takes them up, so that what is left looks better than it is."""
+    smooth = [replace(one, roll=linear_decay(one.time, OMEGA, ZETA, one.roll[0])[0]) for one in filmed(0)]
+    still, noisy = (stiffness(releases)[1] for releases in (smooth, filmed(0)))
+    assert still == pytest.approx(noisy, rel=0.2)
+    numbers = fit_decay(smooth, Quantity(8.7e-3, 0.0, "kg*m^2")).numbers
+    assert 0.005 < numbers.stiffness.std / numbers.stiffness.value < 0.03
+
+
+def test_news_of_lasting_errors_is_white():
+    rng = np.random.default_rng(0)
+    time = np.cumsum(rng.uniform(0.003, 0.02, 400))
+    trace = with_ar1_errors(Trace(time, time, np.ones(400), STD), OMEGA)
+    news = np.stack([trace.whiten(errors(time, rng)) for _ in range(300)])
+    assert np.mean(news**2) == pytest.approx(1, abs=0.02)
+    for lag in (1, 2, 5):
+        assert abs(np.mean(news[:, lag:] * news[:, :-lag])) < 0.015
+    np.testing.assert_allclose(head(trace, 0.5).whiten(trace.time[: len(head(trace, 0.5).time)]),
+                               trace.whiten(trace.time)[: len(head(trace, 0.5).time)])  # fmt: skip
+
+
+def test_a_sensor_is_taken_as_before():
+    traces, _ = traces_of(filmed(0, lasting=False))
+    assert all(with_ar1_errors(trace, OMEGA) is trace and trace.ar1 is None for trace in traces)
+
+
+def test_errors_larger_than_stated_widen_the_interval_by_as_much():
+    exact = Quantity(8.7e-3, 0.0, "kg*m^2")
+    scores, grown = [], []
+    for seed in range(40):
+        honest = filmed(seed)
+        bold = [replace(one, std=one.std / 4, own_std=np.full(len(one.time), STD / 4)) for one in honest]
+        k = fit_decay(bold, exact).numbers.stiffness
+        scores.append((k.value / (exact.value * OMEGA**2) - 1) * k.value / k.std)
+        grown.append(k.std / fit_decay(honest, exact).numbers.stiffness.std)
+    assert np.mean(np.abs(scores) < 1.96) >= 0.85
+    assert 0.7 < np.median(grown) < 1.6
+
+
+def test_intervals_of_a_fit_hold_for_a_short_film():
+    """27 frames of one release: too few for their errors to be seen to last, so the fit takes them up."""
+    board = Workspace(Path()).load_board("pink")
+    fits = [fit_joint(filmed(seed, rate=60.0)[:1], board, (), FitOptions()) for seed in range(60)]
+    truth = board.inertia.value * OMEGA**2
+    score = np.array(
+        [(fit.quantities["stiffness"].value - truth) / fit.quantities["stiffness"].std for fit in fits]
+    )
+    assert np.mean(np.abs(score) < 1.96) > 0.9
+    assert 0.7 < np.std(score) < 1.2

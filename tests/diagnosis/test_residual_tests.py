@@ -1,0 +1,172 @@
+"""What a model leaves: noise of a sensor, white or coloured, or a motion that the model does not know."""
+
+import pickle
+from dataclasses import replace
+
+import hidden_truths as truths
+import numpy as np
+import pytest
+
+from sysid.diagnosis.diagnose import diagnose
+from sysid.diagnosis.residual_tests import LEFT, has_line, kind_of, whiteness
+from sysid.diagnosis.score_statistic import score_test
+from sysid.diagnosis.search import Searcher
+from sysid.errors import HuskyError
+from sysid.fitting.records import make_records
+from sysid.fitting.search import scales_of
+from sysid.noise.autoregression import ResidualNoise, residual_noise
+from sysid.noise.floor import noise_floor, pooled_step
+
+BY_NAME = {truth.name: truth for truth in truths.TRUTHS}
+SEED = 60
+
+
+def fitted(name, effects, tmp_path, **changes):
+    """A model fitted to a log of the hidden-effect suite, and the period of its joint."""
+    truth = replace(BY_NAME[name], **{"rates": (500.0,), "noises": (0.04,), **changes})
+    releases = truths.make(truth, SEED, tmp_path)
+    records = make_records(releases, noise_floor(releases).std, rate=False)
+    searcher = Searcher(records=records, scales=scales_of(records, truths.board_of(truth)), bias="shared")
+    return searcher.polished(searcher.alone(effects)), 2 * np.pi / searcher.scales.frequency
+
+
+@pytest.mark.parametrize(
+    ("name", "effects", "kind"),
+    [
+        ("none", (), "white"),
+        ("quadratic-damping 0.03", ("quadratic-damping",), "white"),
+        ("coulomb 0.1", ("coulomb",), "white"),
+        ("none, noise of 5 ms", (), "coloured"),
+        ("coulomb 0.03", (), "motion"),
+        ("periodic torque", (), "motion"),
+    ],
+)
+def test_what_is_left_is_called_what_it_is(name, effects, kind, tmp_path):
+    assert kind_of(*fitted(name, effects, tmp_path)) == kind
+
+
+def test_slow_noise_has_no_line_where_chance_makes_one_frequency_stand_out():
+    """Noise that is correlated over 50 ms, three records of 1 s: often a third of its power is in one line."""
+    slow = ResidualNoise(1.0, np.array([np.exp(-1 / 25)]))
+    rng = np.random.default_rng(3)
+    draws = [[slow.drawn(500, rng) for _ in range(3)] for _ in range(40)]
+    strict = ResidualNoise(
+        1.0, np.zeros(2)
+    )  # a noise that may have a line of its own gets no benefit of the doubt
+    assert sum(has_line(draw, strict) for draw in draws) > 10
+    assert sum(has_line(draw, residual_noise(draw)) for draw in draws) <= 1
+    swing = 4 * slow.std * np.sin(2 * np.pi * 6 * np.arange(500) / 500)
+    assert all(
+        has_line(loud, residual_noise(loud)) for loud in ([r + swing for r in draw] for draw in draws[:5])
+    )
+
+
+def test_a_torque_that_looks_like_noise_is_found_by_its_shape(tmp_path):
+    """Damping by the tilt, fitted as damping by the rate squared: its spectrum hardly shows the rest."""
+    model, period = fitted("damping by the tilt", ("quadratic-damping",), tmp_path, noises=(0.1,))
+    test = score_test(model.problem, model.minimum.point)
+    assert test.probability < LEFT
+    assert test.probability < 1e-3 * whiteness(model, period)
+    assert test.freedom >= 8
+
+
+def test_shapes_that_the_fit_has_already_are_not_counted(tmp_path):
+    """A fit with the cubic has its direction: the same test leaves it out and finds nothing."""
+    linear, _ = fitted("cubic-stiffness 60", (), tmp_path)
+    cubic, _ = fitted("cubic-stiffness 60", ("cubic-stiffness",), tmp_path)
+    before, after = (score_test(m.problem, m.minimum.point) for m in (linear, cubic))
+    assert before.probability < 1e-12
+    assert after.probability > 1e-4
+    assert after.freedom == before.freedom - 1
+
+
+def test_a_problem_goes_to_another_process_and_back(tmp_path):
+    model, _ = fitted("none, heavy", ("coulomb",), tmp_path)
+    copy = pickle.loads(pickle.dumps(model))
+    assert copy.problem.normal(model.minimum.point).cost == model.minimum.normal.cost
+
+
+def test_a_drift_goes_on_between_releases(tmp_path):
+    """A sensor that drifts does not start again at each release."""
+    model, _ = fitted("sensor-drift -0.02", ("sensor-drift",), tmp_path)
+    assert model.parameters["sensor-drift.rate"] == pytest.approx(-0.02, rel=0.02)
+    assert model.rmse < 1.02 * model.problem.records[0].std
+
+
+def test_the_last_of_a_swing_is_no_noise(tmp_path):
+    """The stretch at rest still swings a little; it must not raise the noise floor."""
+    releases = [replace(r, end="rest") for r in truths.make(replace(BY_NAME["none"], noises=(0.2,), rates=(1000.0,)), 31, tmp_path)]  # fmt: skip
+    assert noise_floor(releases).std == pytest.approx(np.radians(0.2), rel=0.03)
+
+
+def test_a_coarse_sensor_is_fitted_while_the_deck_moves_over_several_steps(tmp_path):
+    truth = replace(BY_NAME["none, coarse steps"], noises=(0.1,), rates=(500.0,))
+    releases = truths.make(truth, SEED, tmp_path)
+    step = pooled_step(releases, rate=False)
+    assert step == pytest.approx(np.radians(0.2))
+    for record in make_records(releases, noise_floor(releases).std, rate=False):
+        assert abs(record.signal[-1] - record.release.rest) > 2.5 * step
+        assert len(record.time) < len(record.release.time)
+
+
+def test_a_filter_is_found_though_the_release_is_noticed_late(tmp_path):
+    """Behind a filter of 15 ms the first milliseconds look like rest; the fit knows that the reading trails."""
+    model, _ = fitted("lowpass 0.015", ("lowpass",), tmp_path)
+    assert model.parameters["lowpass.time_constant"] == pytest.approx(0.015, rel=0.02)
+    assert model.parameters["damping"] == pytest.approx(0.04, rel=0.02)
+    assert model.rmse < 1.03 * model.problem.records[0].std
+    starts = model.minimum.point[len(model.problem.names) :].reshape(3, 2) * model.problem.sizes()[-2:]
+    assert np.all(starts[:, 0] * starts[:, 1] < 0), "no release was late, so this log tests nothing"
+
+
+def test_where_a_deck_sticks_is_no_shift_of_its_rest_angle(tmp_path):
+    """From one short release friction, stiffness and rest angle trade places, which a linearised deviation does not see."""
+    from sysid.diagnosis.against_record import record_deviation
+
+    truth = BY_NAME["coulomb 0.15, heavy"]
+    (release, *_), board = truths.make(truth, 3007, tmp_path), truths.board_of(truth)
+    records = make_records([release], noise_floor([release]).std, rate=False)
+    searcher = Searcher(records=records, scales=scales_of(records, board), bias="shared")
+    model = searcher.polished(searcher.alone(("coulomb",)))
+    assert record_deviation(model, board, look_at_linear=False).effects == ()
+    moved = board.with_tilt(rest_angle=replace(board.tilt["rest_angle"], value=0.08))
+    assert record_deviation(model, moved, look_at_linear=False).effects == ("offset",)
+
+
+def test_one_release_cannot_tell_a_drift_from_a_shift(tmp_path):
+    from sysid.diagnosis.against_record import record_deviation
+
+    truth = replace(BY_NAME["offset -0.01, heavy"], rates=(500.0,), noises=(0.2,))
+    releases = truths.make(truth, SEED, tmp_path)
+    board = truths.board_of(truth)
+    for some, alike in ((releases[:1], True), (releases, False)):
+        records = make_records(some, noise_floor(some).std, rate=False)
+        searcher = Searcher(records=records, scales=scales_of(records, board), bias="shared")
+        deviation = record_deviation(searcher.polished(searcher.alone(())), board, look_at_linear=False)
+        assert deviation.effects == ("offset",)
+        assert (("sensor-drift",) in deviation.alike) == alike
+
+
+def test_a_release_too_short_for_differences_leaves_the_noise_to_the_others(tmp_path):
+    releases = truths.make(replace(BY_NAME["none"], noises=(0.1,), rates=(500.0,)), SEED, tmp_path)
+    stub = replace(releases[0], **{n: getattr(releases[0], n)[:9] for n in ("time", "roll", "std")})
+    assert noise_floor([stub, *releases[1:]]).std == pytest.approx(np.radians(0.1), rel=0.05)
+    with pytest.raises(HuskyError, match="has 9 samples"):
+        noise_floor([stub])
+
+
+@pytest.mark.slow
+def test_coloured_noise_and_coarse_steps_raise_no_alarm(tmp_path):
+    for name in ("none, noise of 30 ms", "none, coarse steps"):
+        truth = BY_NAME[name]
+        result = diagnose(truths.make(truth, 3, tmp_path), truths.board_of(truth))
+        assert result.verdict.status == "none-missing", (name, result.verdict)
+        assert result.verdict.error_after < 1.15 * result.noise.std
+
+
+@pytest.mark.slow
+def test_a_weak_filter_that_moves_the_stiffness_is_an_explanation(tmp_path):
+    """What does not show in the decay's shape may still have moved k and d against the record."""
+    truth = BY_NAME["lowpass 0.01, heavy"]
+    verdict = diagnose(truths.make(truth, 31, tmp_path), truths.board_of(truth)).verdict
+    assert {"lowpass"} in [set(verdict.effects), *map(set, verdict.indistinguishable_from)]

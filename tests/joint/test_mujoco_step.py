@@ -1,0 +1,222 @@
+"""The CasADi step against MuJoCo itself, over random joints, every integrator and step."""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sysid.errors import HuskyError
+from sysid.joint.mujoco_step import Hinge, hinge_from_model, rollout_function, simulate_steps, step
+
+pytestmark = pytest.mark.train
+
+STEPS = (0.0005, 0.001, 0.002, 0.005)
+INTEGRATORS = ("Euler", "implicit", "implicitfast", "RK4")
+DURATION = 2.0
+
+
+@dataclass(frozen=True)
+class Case:
+    """A random joint: made of sizes that real joints have, so that no step is unstable."""
+
+    frequency: float
+    damping_ratio: float
+    inertia: float
+    armature: float
+    even: float
+    cubic: float
+    quadratic: float
+    cubic_damping: float
+    rest: float
+    friction: float
+    friction_solver: int
+    limit: float
+    limit_solver: int
+    start: float
+    rate: float
+
+    def spec(self, integrator: str, timestep: float, *, friction: bool, limit: bool) -> mujoco.MjSpec:
+        spec = mujoco.MjSpec()
+        spec.compiler.degree = False
+        spec.option.timestep = timestep
+        spec.option.gravity = [0.0, 0.0, 0.0]
+        spec.option.integrator = mujoco.mjtIntegrator.__members__[f"mjINT_{integrator.upper()}"]
+        body = spec.worldbody.add_body(name="deck", mass=1.0, ipos=[0.0, 0.0, 0.0])
+        body.inertia, body.explicitinertial = [self.inertia] * 3, True
+        joint = body.add_joint(name="tilt", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[1.0, 0.0, 0.0])
+        stiffness = self.frequency**2 * self.inertia
+        joint.armature = self.armature * self.inertia
+        joint.stiffness[0] = stiffness
+        joint.stiffness[1] = self.even * stiffness
+        joint.stiffness[2] = self.cubic * stiffness
+        joint.damping[0] = 2 * self.damping_ratio * self.frequency * self.inertia
+        joint.damping[1] = self.quadratic * self.inertia
+        joint.damping[2] = self.cubic_damping * self.inertia
+        joint.springref = self.rest
+        if friction:
+            joint.frictionloss = self.friction * stiffness
+            joint.solref_friction, joint.solimp_friction = (
+                ([0.02, 1.0], [0.9, 0.95, 0.001, 0.5, 2.0]),
+                ([0.002, 1.0], [0.9999, 0.9999, 0.001, 0.5, 2.0]),
+                ([-100.0, -50.0], [0.95, 0.99, 0.001, 0.5, 2.0]),
+            )[self.friction_solver]
+        if limit:
+            joint.limited = mujoco.mjtLimited.mjLIMITED_TRUE
+            joint.range = [-self.limit, 1.1 * self.limit]
+            joint.solref_limit, joint.solimp_limit = (
+                ([0.02, 1.0], [0.9, 0.95, 0.001, 0.5, 2.0]),
+                ([-3000.0, -20.0], [0.9, 0.95, 0.001, 0.5, 2.0]),
+                ([0.01, 0.5], [0.5, 0.99, 0.02, 0.3, 3.0]),
+                ([0.02, 1.0], [0.0, 0.95, 0.01, 0.5, 1.0]),
+            )[self.limit_solver]
+        return spec
+
+
+def cases() -> st.SearchStrategy[Case]:
+    number = st.floats
+    return st.builds(
+        Case,
+        frequency=number(10, 80),
+        damping_ratio=number(0.005, 0.9),
+        inertia=number(0.003, 0.1),
+        armature=number(0, 0.3),
+        even=number(-1, 1),
+        cubic=number(-1, 30),
+        quadratic=number(0, 0.3),
+        cubic_damping=number(0, 0.05),
+        rest=number(-0.05, 0.05),
+        friction=number(0.001, 0.05),
+        friction_solver=st.integers(0, 2),
+        limit=number(0.05, 0.15),
+        limit_solver=st.integers(0, 3),
+        start=number(-0.2, 0.2),
+        rate=number(-2, 2),
+    )
+
+
+def largest_difference(spec: mujoco.MjSpec, start: tuple[float, float], integrator: str) -> float:
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.qpos[0], data.qvel[0] = start
+    steps = int(DURATION / model.opt.timestep)
+    expected = np.empty(steps + 1)
+    expected[0] = start[0]
+    for i in range(steps):
+        mujoco.mj_step(model, data)
+        expected[i + 1] = data.qpos[0]
+    ours = simulate_steps(
+        hinge_from_model(model, "tilt"), start, steps, timestep=model.opt.timestep, integrator=integrator
+    )
+    return float(np.abs(ours[:, 0] - expected).max())
+
+
+@pytest.mark.parametrize("timestep", STEPS)
+@pytest.mark.parametrize("integrator", [*INTEGRATORS, "discrete"])
+@given(case=cases())
+@settings(max_examples=8, deadline=None, derandomize=True)
+def test_smooth_joints_equal_mujoco_to_rounding(integrator: str, timestep: float, case: Case):
+    if integrator == "discrete" and "mjINT_DISCRETE" not in mujoco.mjtIntegrator.__members__:
+        pytest.skip("this MuJoCo has no integrator 'discrete'")
+    spec = case.spec(integrator, timestep, friction=False, limit=False)
+    assert largest_difference(spec, (case.start, case.rate), integrator) < 1e-9
+
+
+@pytest.mark.parametrize("timestep", STEPS)
+@pytest.mark.parametrize("integrator", [*INTEGRATORS, "discrete"])
+@given(case=cases(), friction=st.booleans())
+@settings(max_examples=8, deadline=None, derandomize=True)
+def test_friction_and_limits_equal_mujoco(integrator: str, timestep: float, case: Case, friction: bool):
+    """Through sticking, slipping and hits, for all forms of solref and solimp."""
+    if integrator == "discrete" and "mjINT_DISCRETE" not in mujoco.mjtIntegrator.__members__:
+        pytest.skip("this MuJoCo has no integrator 'discrete'")
+    spec = case.spec(integrator, timestep, friction=friction, limit=True)
+    assert largest_difference(spec, (case.start, case.rate), integrator) < 1e-7
+    spec = case.spec(integrator, timestep, friction=True, limit=not friction)
+    assert largest_difference(spec, (case.start, case.rate), integrator) < 1e-7
+
+
+@pytest.mark.parametrize("integrator", ["implicitfast", "discrete"])
+@pytest.mark.parametrize(("solref", "solimp"), [
+    ((0.001, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0)), ((0.002, 0.3), (0.9, 0.9999, 0.01, 0.5, 2.0)),
+    ((-2e4, -50.0), (0.9, 0.95, 0.001, 0.5, 2.0)), ((0.001, 1.0), (0.9, 0.99, 0.01, 0.5, 2.0)), ((0.05, 2.0), (0.5, 0.5, 0.001, 0.5, 2.0)),
+])  # fmt: skip
+def test_rows_stiffer_than_the_step_allows_equal_mujoco(
+    integrator: str, solref: tuple[float, float], solimp: tuple[float, ...]
+):
+    if integrator == "discrete" and "mjINT_DISCRETE" not in mujoco.mjtIntegrator.__members__:
+        pytest.skip("this MuJoCo has no integrator 'discrete'")
+    case = Case(30, 0.1, 0.01, 0.1, 0.2, 1.0, 0.05, 0.01, 0.01, 0.02, 0, 0.1, 0, 0.18, 0.5)
+    spec = case.spec(integrator, 0.005, friction=True, limit=True)
+    joint = spec.joint("tilt")
+    joint.solref_limit = joint.solref_friction = solref
+    joint.solimp_limit = joint.solimp_friction = solimp
+    assert largest_difference(spec, (case.start, case.rate), integrator) < 1e-7
+
+
+def test_gravity_enters_as_a_torque():
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    body = spec.worldbody.add_body(name="deck", mass=2.0, ipos=[0.0, 0.0, -0.03])
+    body.inertia, body.explicitinertial = [0.01] * 3, True
+    joint = body.add_joint(name="tilt", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[1.0, 0.0, 0.0])
+    joint.stiffness[0], joint.damping[0] = 3.0, 0.02
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.qpos[0] = 0.3
+    mujoco.mj_step(model, data, nstep=500)
+    hinge = hinge_from_model(model, "tilt", torque=lambda q, v: -2.0 * 9.81 * 0.03 * ca.sin(q))
+    assert hinge.inertia == pytest.approx(0.01 + 2.0 * 0.03**2)
+    ours = simulate_steps(hinge, (0.3, 0.0), 500, timestep=0.002, integrator="Euler")
+    assert ours[-1] == pytest.approx([data.qpos[0], data.qvel[0]], abs=1e-12)
+
+
+@pytest.mark.parametrize("eulerdamp", [True, False])
+@pytest.mark.parametrize("damping", [0.2, -0.01])
+def test_euler_knows_the_flag_eulerdamp_and_negative_damping(eulerdamp: bool, damping: float):
+    spec = Case(30, 0.3, 0.01, 0, 0, 0, 0, 0, 0, 0.01, 0, 0.1, 0, 0.1, 0).spec(
+        "Euler", 0.005, friction=False, limit=False
+    )
+    spec.joint("tilt").damping[0] = damping
+    if not eulerdamp:
+        spec.option.disableflags = int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
+    assert largest_difference(spec, (0.1, 0.0), "Euler") < 1e-9
+
+
+def test_sensitivities_are_exact():
+    """CasADi's derivative of a 2 s rollout against central differences, through friction."""
+    symbols = ca.SX.sym("p", 3)
+    hinge = Hinge(
+        inertia=0.00715,
+        stiffness=(symbols[0], 0.0, 0.0),
+        damping=(symbols[1], 0.0, 0.0),
+        frictionloss=symbols[2],
+        limits=(-0.15, 0.15),
+    )
+    rollout = rollout_function(hinge, symbols, 400, timestep=0.005)
+    start, values = ca.MX.sym("start", 2), ca.MX.sym("values", 3)
+    last = rollout(start, values)[0, 60]
+    slope = ca.Function("slope", [start, values], [ca.jacobian(last, ca.vertcat(start, values))])
+    at = np.array([0.14, 0.5, 34.0, 0.3, 0.02])
+    value = ca.Function("value", [start, values], [last])
+    for i, exact in enumerate(np.array(slope(at[:2], at[2:])).ravel()):
+        delta = 1e-6 * np.eye(5)[i]
+        high, low = (float(value((at + d)[:2], (at + d)[2:])) for d in (delta, -delta))
+        assert exact == pytest.approx((high - low) / 2e-6, rel=1e-5, abs=1e-9)
+
+
+def test_what_has_no_closed_form_is_refused_in_words():
+    hinge = Hinge(inertia=0.01, stiffness=(10.0, 0.0, 0.0), frictionloss=0.1)
+    with pytest.raises(HuskyError, match="Did you mean 'implicitfast'"):
+        step(hinge, 0.1, 0.0, timestep=0.005, integrator="implicit_fast")  # pyright: ignore[reportArgumentType]
+    spec = mujoco.MjSpec()
+    for name in ("a", "b"):
+        body = spec.worldbody.add_body(
+            name=name, mass=1.0, inertia=[1, 1, 1], ipos=[0, 0, 0], explicitinertial=True
+        )
+        body.add_joint(name=f"{name}_joint")
+    with pytest.raises(HuskyError, match="2 degrees of freedom"):
+        hinge_from_model(spec.compile(), "a_joint")

@@ -1,0 +1,318 @@
+"""Roll from inertial sensors: truth recovered, mounted any way, off the axis, and against optical tracking."""
+
+import numpy as np
+import pytest
+from rocking import imu, rocking, write_csv
+
+from sysid.errors import HuskyError
+from sysid.logs import LogOptions, read_roll
+from sysid.logs.sources.gravity_smoother import smooth_gravity
+from sysid.logs.sources.rotations import (
+    integrate_rate,
+    quaternion_matrices,
+    rotation_angles,
+    rotation_matrices,
+)
+from sysid.logs.table.names import RATE_UNITS
+
+TIME = np.arange(0, 8, 1 / 200)
+OFFSET = np.array([0.012, -0.02, 0.005])
+
+
+def turn_about(axis, angle):
+    return rotation_matrices(np.array([axis], dtype=float) * angle)[0]
+
+
+def sensor(
+    tmp_path, *, seed=0, arm=(0.0, 0.0, 0.0), mount=None, rate_unit=1.0, accel_unit=1.0, names=None, **motion
+):
+    rng = np.random.default_rng(seed)
+    gyro, accel = imu(TIME, *rocking(TIME, release=2.0, **motion), arm=arm, mount=mount)
+    gyro = (gyro + OFFSET + rng.normal(0, 3e-3, gyro.shape)) / rate_unit
+    accel = (accel + rng.normal(0, 0.03, accel.shape)) / accel_unit
+    names = names or ("t_s", "gx", "gy", "gz", "ax", "ay", "az")
+    return write_csv(tmp_path / "imu.csv", names, TIME, *gyro.T, *accel.T)
+
+
+def worst_deg(roll, **motion):
+    truth = rocking(roll.time, release=2.0, **motion)[0]
+    return float(np.rad2deg(np.abs(roll.roll - truth).max()))
+
+
+# Rotations
+
+
+def test_rotations_go_there_and_back():
+    rng = np.random.default_rng(0)
+    angles = rng.normal(0, 0.7, (200, 3))
+    matrices = rotation_matrices(angles)
+    np.testing.assert_allclose(
+        matrices @ matrices.transpose(0, 2, 1), np.broadcast_to(np.eye(3), (200, 3, 3)), atol=1e-12
+    )
+    np.testing.assert_allclose(rotation_angles(matrices), angles, atol=1e-12)
+    half = np.linalg.norm(angles, axis=1, keepdims=True) / 2
+    quaternion = np.hstack((np.cos(half), np.sin(half) * angles / (2 * half)))
+    np.testing.assert_allclose(quaternion_matrices(-3 * quaternion), matrices, atol=1e-12)
+
+
+@pytest.mark.parametrize("count", [2, 3, 100, 1001])
+def test_the_running_product_is_the_product_one_by_one(count):
+    rng = np.random.default_rng(count)
+    time, rate = np.cumsum(rng.uniform(0.5, 1.5, count)) * 1e-2, rng.normal(0, 3, (count, 3))
+    product = [np.eye(3)]
+    for step, first, second in zip(np.diff(time), rate[:-1], rate[1:], strict=True):
+        product.append(product[-1] @ rotation_matrices((0.5 * (first + second) * step)[None])[0])
+    np.testing.assert_allclose(integrate_rate(time, rate), product, atol=1e-11)
+
+
+# Gyro and accelerometer
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("zeta", [0.03, 0.5])
+@pytest.mark.parametrize("arm", [(0.0, 0.0, 0.0), (0.1, 0.08, 0.05)], ids=["on the axis", "off the axis"])
+def test_roll_is_recovered_and_its_offset_too(tmp_path, seed, zeta, arm):
+    roll = read_roll(sensor(tmp_path, seed=seed, zeta=zeta, arm=arm))
+    assert roll.origin == "imu"
+    assert worst_deg(roll, zeta=zeta) < 0.2
+    truth = rocking(TIME, release=2.0, zeta=zeta)[1]
+    assert np.std(roll.rate - truth) < 1.5 * 3e-3
+    assert abs(np.mean(roll.rate - truth)) < 1e-3
+    assert any("cm from the axis" in note for note in roll.notes) == (arm != (0.0, 0.0, 0.0))
+
+
+def test_the_lever_arm_is_found_or_taken_as_given(tmp_path):
+    path = sensor(tmp_path, arm=(0.0, 0.08, 0.05), zeta=0.02)
+    found = next(note for note in read_roll(path).notes if "cm from the axis" in note)
+    x, y, z = (float(value) for value in found[found.index("(") + 1 : found.index(")")].split(","))
+    assert (x, y, z) == pytest.approx((0, 8, 5), abs=0.5)
+    given = read_roll(path, LogOptions(lever_arm=(0.0, 0.08, 0.05)))
+    assert any("given" in note for note in given.notes)
+    assert worst_deg(given, zeta=0.02) < 0.2
+
+
+def test_without_rest_the_lever_arm_decides():
+    rng = np.random.default_rng(0)
+    roll, rate, acceleration = rocking(TIME, release=-0.1, zeta=0.004)
+    gyro, accel = imu(TIME, roll, rate, acceleration, arm=(0.0, 0.05, 0.1))
+    gyro, accel = gyro + rng.normal(0, 3e-3, gyro.shape), accel + rng.normal(0, 0.03, accel.shape)
+
+    def rms_deg(**options):
+        up = smooth_gravity(TIME, gyro, accel, **options).up
+        return float(np.rad2deg(np.sqrt(np.mean((np.arctan2(up[:, 1], up[:, 2]) - roll) ** 2))))
+
+    given, found, ignored = (
+        rms_deg(lever_arm=np.array((0.0, 0.05, 0.1))),
+        rms_deg(find_lever_arm=True),
+        rms_deg(),
+    )
+    assert given < 0.2
+    assert found < 0.2
+    assert ignored > 10 * max(given, found)
+
+
+@pytest.mark.parametrize(
+    ("mount", "flipped"),
+    [
+        (turn_about((0, 0, 1), 0.6), False),
+        (turn_about((0, 0, 1), np.pi / 2), True),
+        (turn_about((0, 0, 1), np.pi), True),
+        (turn_about((1, 0, 0), np.pi), False),  # face down
+    ],
+    ids=["askew", "across", "backward", "face down"],
+)
+def test_the_sensor_may_lie_any_way_on_the_deck(tmp_path, mount, flipped):
+    path = sensor(tmp_path, mount=mount)
+    roll = read_roll(path)
+    forward = mount.T @ (1.0, 0.0, 0.0)
+    main = int(np.argmax(np.abs(forward)))
+    backward = bool(forward[main] < 0)
+    assert backward == flipped
+    assert any("taken as forward" in note for note in roll.notes)
+    if backward:
+        roll = read_roll(path, LogOptions(axis="-" + "xyz"[main]))
+    assert worst_deg(roll) < 0.2
+
+
+@pytest.mark.parametrize("rate_unit", ["rad/s", "deg/s", "mdeg/s", "mrad/s"])
+@pytest.mark.parametrize("accel_unit", [1.0, 9.80665, 9.80665e-3, 9.80665 / 16384])
+def test_silent_units_are_told_by_gravity(tmp_path, rate_unit, accel_unit):
+    roll = read_roll(sensor(tmp_path, rate_unit=RATE_UNITS[rate_unit], accel_unit=accel_unit))
+    assert worst_deg(roll) < 0.2
+    assert any(rate_unit in text and "turn the accelerometer's vertical" in text for text in roll.warnings)
+
+
+def test_an_upright_axis_is_left_to_the_gyro(tmp_path):
+    gyro, accel = imu(TIME, *rocking(TIME, release=2.0))
+    accel = np.broadcast_to((9.81, 0.0, 0.0), accel.shape) + np.random.default_rng(0).normal(
+        0, 0.02, accel.shape
+    )
+    gyro = gyro + np.random.default_rng(1).normal(0, 2e-3, gyro.shape)
+    path = write_csv(
+        tmp_path / "imu.csv",
+        ("t_s", "gx (rad/s)", "gy (rad/s)", "gz (rad/s)", "ax", "ay", "az"),
+        TIME,
+        *gyro.T,
+        *accel.T,
+    )
+    roll = read_roll(path)
+    assert roll.origin == "gyro"
+    assert any("upright" in warning for warning in roll.warnings)
+    assert worst_deg(roll, rest=0.0) < 0.3
+
+
+def test_accelerations_without_gravity_leave_the_gyro(tmp_path):
+    names = ("t_s", *(f"gyro{a} (rad/s)" for a in "XYZ"), *(f"userAcceleration.{a}" for a in "xyz"))
+    rng = np.random.default_rng(0)
+    gyro, _ = imu(TIME, *rocking(TIME, release=2.0))
+    path = write_csv(
+        tmp_path / "imu.csv",
+        names,
+        TIME,
+        *(gyro + rng.normal(0, 2e-3, gyro.shape)).T,
+        *rng.normal(0, 0.1, gyro.shape).T,
+    )
+    roll = read_roll(path)
+    assert roll.origin == "gyro"
+    assert any("no gravity" in warning for warning in roll.warnings)
+
+
+def test_a_motion_about_several_axes_is_a_warning(tmp_path):
+    gyro, accel = imu(TIME, *rocking(TIME, release=2.0))
+    gyro[:, 1] += 3 * np.sin(5 * TIME)
+    path = write_csv(
+        tmp_path / "imu.csv", ("t_s", "gx", "gy", "gz", "ax", "ay", "az"), TIME, *gyro.T, *accel.T
+    )
+    assert any("several axes" in warning for warning in read_roll(path).warnings)
+
+
+def test_inclination_of_a_hand_moved_sensor_against_optical_tracking(real_logs):
+    log = real_logs / "broad_imu" / "01_undisturbed_slow_rotation_A_62s.csv"
+    data = np.genfromtxt(log, delimiter=",", names=True)
+    column = np.stack([data[name] for name in data.dtype.names], axis=1)
+    time, rate, accel, quaternion, moving = (
+        column[:, 0],
+        column[:, 1:4],
+        column[:, 4:7],
+        column[:, 10:14],
+        column[:, 14],
+    )
+    found = smooth_gravity(time, rate, accel)
+    valid = np.isfinite(quaternion).all(axis=1) & (moving == 1)
+    true = quaternion_matrices(quaternion[valid])[:, 2, :]
+    error = np.rad2deg(np.arccos(np.clip(np.sum(found.up[valid] * true, axis=1), -1, 1)))
+    assert np.sqrt(np.mean(error**2)) < 0.45
+
+
+# Gyro alone
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_gyro_alone_starts_from_its_rest(tmp_path, seed):
+    rng = np.random.default_rng(seed)
+    rate = rocking(TIME, release=2.0, omega=30.0)[1] + 0.05 + rng.normal(0, 3e-3, TIME.size)
+    path = write_csv(tmp_path / "log.csv", ("t_s", "gyro (deg/s)"), TIME, np.rad2deg(rate))
+    roll = read_roll(path)
+    assert roll.origin == "gyro"
+    assert worst_deg(roll, rest=0.0, omega=30.0) < 0.15
+    assert any("from the rest at" in note for note in roll.notes)
+    np.testing.assert_allclose(roll.rate, rate - 0.05, atol=2e-3)
+    assert roll.rate_std[0] == pytest.approx(3e-3, rel=0.15)
+    assert np.all(np.diff(roll.std) >= 0)  # the integral's error is a random walk
+
+
+def test_a_drifting_offset_goes_from_rest_to_rest(tmp_path):
+    rate = rocking(TIME, release=2.0, omega=30.0, zeta=0.15)[1] + np.linspace(0.02, 0.06, TIME.size)
+    rate += np.random.default_rng(0).normal(0, 3e-3, TIME.size)
+    roll = read_roll(write_csv(tmp_path / "log.csv", ("t_s", "gyro_rad_s"), TIME, rate))
+    assert any("drifting" in note for note in roll.notes)
+    assert worst_deg(roll, rest=0.0, omega=30.0, zeta=0.15) < 0.6
+
+
+def test_a_saturated_gyro_is_a_warning(tmp_path):
+    rate = np.clip(rocking(TIME, release=2.0, zeta=0.02)[1], -5, 5) + 0.0
+    roll = read_roll(write_csv(tmp_path / "log.csv", ("t_s", "gyro_rad_s"), TIME, rate))
+    assert any("saturated at 5 rad/s" in warning for warning in roll.warnings)
+    assert roll.rate_std.max() > 0.1
+
+
+# Orientation
+
+
+@pytest.mark.parametrize("mirrored", [1.0, -1.0])
+def test_a_quaternion_gives_the_swing_about_its_axis(tmp_path, mirrored):
+    roll = rocking(TIME, release=2.0)[0]
+    half = roll / 2
+    # yaw 1.4 rad, then roll about the body's x
+    w, x, y, z = (
+        np.cos(0.7) * np.cos(half),
+        np.cos(0.7) * np.sin(half),
+        np.sin(0.7) * np.sin(half),
+        np.sin(0.7) * np.cos(half),
+    )
+    columns = [mirrored * part for part in (w, x, y, z)]
+    path = write_csv(tmp_path / "log.csv", ("t_s", "q_w", "q_x", "q_y", "q_z"), TIME, *columns)
+    found = read_roll(path)
+    assert found.origin == "quaternion"
+    np.testing.assert_allclose(found.roll, roll, atol=1e-6)
+    path = write_csv(
+        tmp_path / "bad.csv",
+        ("t_s", "q_w", "q_x", "q_y", "q_z"),
+        TIME,
+        *(np.where(TIME < 4, 3, 1) * part for part in columns),
+    )
+    with pytest.raises(HuskyError, match="norm is not that of"):
+        read_roll(path)
+
+
+# What the columns do not say
+
+
+SIX_WAYS = [turn_about(axis, angle) for axis in np.eye(3) for angle in (0.0, np.pi / 2)]
+ARM = (0.1, 0.08, 0.05)
+
+
+@pytest.mark.parametrize("way", range(6))
+@pytest.mark.parametrize("rate_unit", ["rad/s", "deg/s"])
+@pytest.mark.parametrize("names", [None, ("t_s", *(f"w{a}" for a in "xyz"), *(f"a{a}" for a in "xyz"))])
+def test_the_unit_of_a_gyro_off_the_axis(tmp_path, way, rate_unit, names):
+    """The lever arm's accelerations are not gravity, and a triad is never in rpm."""
+    path = sensor(
+        tmp_path,
+        seed=way,
+        arm=ARM,
+        mount=SIX_WAYS[way],
+        rate_unit=RATE_UNITS[rate_unit],
+        zeta=0.02,
+        names=names,
+    )
+    roll = read_roll(path, LogOptions(axis="x" if way in (0, 1, 2, 4) else None))
+    assert np.ptp(roll.roll) == pytest.approx(np.ptp(rocking(TIME, release=2.0, zeta=0.02)[0]), rel=0.03)
+    assert any(rate_unit in text and "--unit" in text for text in roll.warnings)
+
+
+@pytest.mark.parametrize("counts_per_deg_s", [131.0, 16.4, 14.375])
+def test_raw_counts_of_a_gyro(tmp_path, counts_per_deg_s):
+    size = np.deg2rad(1 / counts_per_deg_s)
+    rng = np.random.default_rng(0)
+    gyro, accel = imu(TIME, *rocking(TIME, release=2.0))
+    counts = np.round((gyro + OFFSET + rng.normal(0, 3e-3, gyro.shape)) / size)
+    accel = accel + rng.normal(0, 0.03, accel.shape)
+    path = write_csv(
+        tmp_path / "imu.csv", ("t_s", "gx", "gy", "gz", "ax", "ay", "az"), TIME, *counts.T, *accel.T
+    )
+    roll = read_roll(path)
+    assert np.ptp(roll.roll) == pytest.approx(np.ptp(rocking(TIME, release=2.0)[0]), rel=0.05)
+    assert any("one count" in text for text in roll.warnings)
+
+
+def test_a_gyro_that_gravity_tells_nothing_of_is_warned_of(tmp_path):
+    """About an upright axis gravity does not move."""
+    rng = np.random.default_rng(0)
+    rate = rocking(TIME, release=2.0)[1]
+    gyro = np.stack((0 * rate, 0 * rate, rate), axis=1) + rng.normal(0, 3e-3, (len(TIME), 3))
+    accel = np.array((0.0, 0.0, 9.81)) + rng.normal(0, 0.03, (len(TIME), 3))
+    path = write_csv(
+        tmp_path / "imu.csv", ("t_s", "gx", "gy", "gz", "ax", "ay", "az"), TIME, *gyro.T, *accel.T
+    )
+    assert any("names no unit" in text for text in read_roll(path).warnings)

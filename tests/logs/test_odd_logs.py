@@ -1,0 +1,59 @@
+"""Logs that must not pass for what they are not: one given twice, one in another unit of time."""
+
+import shutil
+
+import pytest
+
+from sysid.cli import build_app
+from sysid.errors import HuskyError
+from sysid.workspace import shipped_data
+
+LOG = shipped_data() / "decays" / "pink.csv"
+
+
+def run(*arguments):
+    return build_app()(
+        list(map(str, arguments)), result_action="return_value", exit_on_error=False, print_error=False
+    )
+
+
+@pytest.mark.parametrize("command", ["fit", "compare", "diagnose", "check", "report"])
+def test_a_log_given_twice_is_refused_by_name(command, tmp_path):
+    with pytest.raises(HuskyError, match=r"pink\.csv was given twice"):
+        run(command, LOG, LOG, "--board", "pink", "--workspace", tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_copy_under_another_name_is_the_same_log(tmp_path):
+    copy = tmp_path / "copy.csv"
+    shutil.copy(LOG, copy)
+    with pytest.raises(HuskyError, match=r"pink\.csv and .*copy\.csv hold the same bytes"):
+        run("fit", LOG, copy, "--board", "pink", "--workspace", tmp_path / "w")
+    assert not (tmp_path / "w").exists()
+
+
+@pytest.fixture
+def milliseconds(tmp_path):
+    """The log's first two releases with their times in ms, in a column that says s."""
+    lines = LOG.read_text().splitlines()
+    rows = [line.split(",") for line in lines[1:3500]]
+    log = tmp_path / "ms.csv"
+    log.write_text("\n".join([lines[0], *(f"{1000 * float(t)},{roll}" for t, roll in rows)]))
+    return log
+
+
+@pytest.mark.slow
+def test_fit_saves_no_period_that_nothing_has(milliseconds, tmp_path, capsys):
+    with pytest.raises(HuskyError, match=r"natural period is 15\d(\.\d)? s.*record is unchanged.*--rate"):
+        run("fit", milliseconds, "--board", "pink", "--workspace", tmp_path)
+    assert not (tmp_path / "data").exists()
+    assert run("fit", milliseconds, "--board", "pink", "--workspace", tmp_path, "--any-period") == 0
+    assert (tmp_path / "data" / "boards" / "pink.toml").exists()
+    assert "natural period is 15" in capsys.readouterr().err
+
+
+def test_decay_doubts_a_period_and_names_the_time(milliseconds, tmp_path, capsys):
+    assert run("decay", milliseconds, "--board", "pink", "--workspace", tmp_path, "--no-picture") == 0
+    err = " ".join(capsys.readouterr().err.split())
+    assert "natural period is 15" in err
+    assert "the damping ratio agrees, and only the period is" in err

@@ -1,0 +1,239 @@
+"""Logs as people have them: glitches, stand-ins for nothing, odd cells and dates, archives, other programs' files."""
+
+import bz2
+import gzip
+import io
+import lzma
+import struct
+import time as clock
+import zipfile
+
+import numpy as np
+import pytest
+from rocking import OMEGA, imu, rocking, write_csv
+
+from sysid.errors import HuskyError
+from sysid.free_decay import fit_decay
+from sysid.logs import read_roll
+from sysid.quantity import Quantity
+from sysid.releases import find_releases
+
+TIME = np.arange(0, 6, 1 / 200)
+INERTIA = Quantity(8.7e-3, 0.0, "kg*m^2")
+
+
+def swing(**motion):
+    return rocking(TIME, **motion)[0] + np.random.default_rng(0).normal(0, 1e-3, len(TIME))
+
+
+def right(path, tolerance=2e-3):
+    """Whether a plain reading of the log finds the deck's frequency."""
+    found = fit_decay(find_releases(read_roll(path)), INERTIA).numbers.omega_n.value
+    assert found == pytest.approx(OMEGA, rel=tolerance)
+    return read_roll(path)
+
+
+def cells(tmp_path, form, *, header=("time_s", "roll_deg"), time=None, sep=","):
+    times = [f"{t:.4f}" for t in TIME] if time is None else time
+    return write_csv(tmp_path / "log.csv", header, times, [form(v) for v in np.degrees(swing())], sep=sep)
+
+
+# Rows that are no measurements
+
+
+@pytest.mark.parametrize("value", [-9999.0, 1e6, -400.0])
+def test_three_glitches_are_dropped_with_a_warning(tmp_path, value):
+    angle = np.degrees(swing())
+    angle[[150, 420, 421, 900]] = value
+    roll = right(write_csv(tmp_path / "log.csv", ("time_s", "roll_deg"), TIME, angle))
+    assert any("lie far from all others" in text for text in roll.warnings)
+    assert len(roll.time) == len(TIME) - 4
+
+
+def test_stretches_of_a_stand_in_value_are_dropped(tmp_path):
+    angle = np.degrees(swing())
+    angle[[*range(50, 90), *range(700, 760)]] = -9999
+    assert (
+        len(right(write_csv(tmp_path / "log.csv", ("time_s", "roll_deg"), TIME, angle)).time)
+        == len(TIME) - 100
+    )
+
+
+@pytest.mark.parametrize("rate", [20.0, 200.0, 1000.0])
+@pytest.mark.parametrize("rest", [0.0, 600.0])
+def test_a_decay_after_long_rest_is_no_glitch(tmp_path, rate, rest):
+    """The deck moves in one row of a thousand, far beyond all that it did before."""
+    time = np.arange(0, rest + 3, 1 / rate)
+    angle = np.where(time < rest, 0.0, rocking(time - rest, release=0.5, rest=0.0)[0])
+    angle = angle + np.random.default_rng(1).normal(0, 2e-4, len(time))
+    roll = read_roll(write_csv(tmp_path / "log.csv", ("time_s", "roll_rad"), time, angle))
+    assert len(roll.time) == len(time)
+
+
+def test_imu_rows_of_their_own_are_brought_together(tmp_path):
+    gyro, accel = imu(TIME, *rocking(TIME, zeta=0.05))
+    blank = [""] * 3
+    rows = ["t_s,gx (rad/s),gy (rad/s),gz (rad/s),ax (m/s2),ay (m/s2),az (m/s2)"]
+    for t, w, a in zip(TIME, gyro, accel, strict=True):
+        rows.append(",".join([f"{t:.4f}", *(f"{x:.6f}" for x in w), *blank]))
+        rows.append(",".join([f"{t + 0.0025:.4f}", *blank, *(f"{x:.6f}" for x in a)]))
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(rows) + "\n")
+    assert right(path).origin == "imu"
+
+
+def test_a_weak_release_does_not_refuse_the_others():
+    releases = find_releases(read_roll_of(swing()))
+    weak = find_releases(read_roll_of(swing(amplitude=0.003)))
+    result = fit_decay([*releases, *weak], INERTIA)
+    assert len(result.releases) == 1
+    assert any("left out" in text for text in result.warnings)
+    with pytest.raises(HuskyError, match="too little to fit"):
+        fit_decay(weak, INERTIA)
+
+
+def read_roll_of(angle):
+    from sysid.roll import Roll
+
+    return Roll(log="made", time=TIME, roll=angle, std=np.full(len(TIME), 1e-3), origin="angle")
+
+
+# Cells
+
+
+def test_units_in_the_cells(tmp_path):
+    path = cells(
+        tmp_path, lambda v: f"{v:.3f} deg", header=("time", "roll"), time=[f"{t:.4f} sec" for t in TIME]
+    )
+    roll = right(path)
+    assert roll.roll[0] == pytest.approx(0.32, abs=0.01)
+
+
+def test_typographic_minus(tmp_path):
+    right(cells(tmp_path, lambda v: f"{v:.3f}".replace("-", "−")))
+
+
+def test_separated_thousands(tmp_path):
+    """Milliseconds as a spreadsheet shows them."""
+    time = [f"{1e3 * t:,.1f}" for t in TIME]
+    right(cells(tmp_path, lambda v: f"{v:.3f}", header=("time_ms", "roll_deg"), time=time, sep="\t"))
+
+
+def test_a_decimal_comma_of_three_places_is_no_thousand(tmp_path):
+    path = cells(tmp_path, lambda v: f"{v:.3f}".replace(".", ","), sep=";")
+    assert np.ptp(read_roll(path).roll) == pytest.approx(np.ptp(swing()), rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    "form",
+    ["%d.%m.%Y %H:%M:%S.%f", "%m/%d/%Y %I:%M:%S.%f %p", "%Y/%m/%d %H:%M:%S.%f", "%I:%M:%S.%f %p"],
+    ids=["31.03.2024", "03/31/2024 PM", "2024/03/31", "PM"],
+)
+def test_dates_as_they_are_written(tmp_path, form):
+    from datetime import datetime, timedelta
+
+    begin = datetime(2024, 3, 31, 11, 59, 57)
+    stamps = [(begin + timedelta(seconds=float(t))).strftime(form) for t in TIME]
+    roll = right(cells(tmp_path, lambda v: f"{v:.4f}", header=("time", "roll_deg"), time=stamps))
+    assert roll.time[-1] - roll.time[0] == pytest.approx(TIME[-1], abs=1e-3)
+
+
+@pytest.mark.parametrize("scale", [1.0, 16384.0, 0.7])
+def test_quaternions_by_number_and_of_any_length(tmp_path, scale):
+    half = swing() / 2
+    values = scale * np.stack((np.cos(half), np.sin(half), 0 * half, 0 * half))
+    right(write_csv(tmp_path / "log.csv", ("time_s", "q0", "q1", "q2", "q3"), TIME, *values))
+
+
+# Other files
+
+
+@pytest.mark.parametrize("pack", [gzip.compress, bz2.compress, lzma.compress], ids=["gzip", "bzip2", "xz"])
+def test_compressed_logs(tmp_path, pack):
+    plain = write_csv(tmp_path / "log.csv", ("time_s", "roll_rad"), TIME, swing())
+    path = tmp_path / "log.csv.z"
+    path.write_bytes(pack(plain.read_bytes()))
+    right(path)
+    path.write_bytes(pack(plain.read_bytes())[:-200])
+    with pytest.raises(HuskyError, match=r"log\.csv\.z"):
+        read_roll(path)
+
+
+def test_matlab_files(tmp_path):
+    scipy_io = pytest.importorskip("scipy.io")
+    path = tmp_path / "log.mat"
+    scipy_io.savemat(path, {"time_s": TIME, "roll_rad": swing(), "name": "pink", "gain": 3.0})
+    right(path)
+    scipy_io.savemat(path, {"data": {"time_s": TIME, "roll_rad": swing()}})
+    right(path)
+    path.write_bytes(path.read_bytes()[:-3000])
+    with pytest.raises(HuskyError, match=r"log\.mat"):
+        read_roll(path)
+
+
+@pytest.mark.parametrize(
+    ("head", "command"),
+    [
+        (b"\x89HDF\r\n\x1a\n", "h5dump"),
+        (b"MATLAB 7.3 MAT-file", "save"),
+        (b"\xd0\xcf\x11\xe0", "libreoffice --headless --convert-to csv"),
+        (b"#ROSBAG V2.0", "mcap convert"),
+        (b"SQLite format 3\0", "mcap convert"),
+    ],
+)
+def test_other_formats_say_which_command_converts(tmp_path, head, command):
+    path = tmp_path / "log.bin"
+    path.write_bytes(head + bytes(500))
+    with pytest.raises(HuskyError, match=command):
+        read_roll(path)
+
+
+# Archives
+
+
+def export(tmp_path, **extra):
+    gyro, accel = imu(TIME, *rocking(TIME))
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, values, unit in (("Gyroscope", gyro, "rad/s"), ("Accelerometer", accel, "m/s^2")):
+            table = tmp_path / "table.csv"
+            write_csv(table, ("Time (s)", *(f"{name} {a} ({unit})" for a in "xyz")), TIME, *values.T)
+            archive.writestr(f"{name}.csv", table.read_text())
+        for name, text in extra.items():
+            archive.writestr(f"{name}.csv", text)
+    path = tmp_path / "export.zip"
+    path.write_bytes(buffer.getvalue())
+    return path
+
+
+@pytest.mark.parametrize("place", range(60, 4000, 400))
+def test_one_bad_byte_is_said(tmp_path, place):
+    path = export(tmp_path)
+    data = bytearray(path.read_bytes())
+    data[place] ^= 0xFF
+    path.write_bytes(data)
+    with pytest.raises(HuskyError, match=r"export\.zip"):
+        read_roll(path)
+
+
+def test_what_is_not_needed_is_not_unpacked(tmp_path):
+    """A gigabyte of microphone beside the sensors, packed to a megabyte."""
+    path = export(tmp_path, Microphone="0" * (64 << 20))
+    assert read_roll(path).origin == "imu"
+    bomb = bytearray(path.read_bytes())
+    place = bomb.rindex(b"PK\x01\x02", 0, bomb.rindex(b"Accelerometer.csv"))
+    struct.pack_into("<I", bomb, place + 24, 2_000_000_000)
+    path.write_bytes(bomb)
+    with pytest.raises(HuskyError, match="more than 1 GiB"):
+        read_roll(path)
+
+
+def test_thousands_of_files_are_refused_at_once(tmp_path):
+    path = tmp_path / "many.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        for number in range(10_001):
+            archive.writestr(f"Gyroscope{number}.csv", "")
+    begin = clock.perf_counter()
+    with pytest.raises(HuskyError, match="10001 files"):
+        read_roll(path)
+    assert clock.perf_counter() - begin < 2.0

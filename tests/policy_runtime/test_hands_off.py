@@ -1,0 +1,45 @@
+"""What the board does by itself under a load of 40 kg."""
+
+import math
+
+import numpy as np
+import pytest
+from hands_off import let_go, theoretical_radius
+from riding import pink
+
+from sim.skate.world.scene import SceneOptions, as_written
+
+
+@pytest.fixture(scope="module")
+def board():
+    return as_written(pink(), SceneOptions())
+
+
+@pytest.mark.parametrize("tilt", [2.0, 4.0, 8.0])
+@pytest.mark.parametrize("speed", [0.5, 1.0, 2.0])
+def test_it_rolls_the_circle_that_its_tilt_asks_for(board, tilt, speed):
+    run = let_go(board, speed=speed, tilt=math.radians(tilt), held=True, time=2.0)
+    roll = float(run.roll[-1])
+    assert math.degrees(roll) == pytest.approx(tilt, rel=0.03)
+    assert run.radius() == pytest.approx(theoretical_radius(board, roll), rel=0.015)
+
+
+@pytest.mark.parametrize("coasting", [False, True])
+def test_its_energy_does_not_grow(board, coasting):
+    run = let_go(board, speed=2.0, tilt=0.0 if coasting else 0.14, held=not coasting, time=2.0)
+    assert run.largest_rise() < 1e-3 * run.energy[0]
+    assert run.energy[-1] < 0.9 * run.energy[0]
+
+
+def test_a_tilted_deck_rights_itself_and_gains_nothing_while_it_rolls(board):
+    run = let_go(board, speed=1.0, tilt=0.1, time=1.0)
+    assert run.largest_rise() < 1e-3 * run.energy[0]
+    assert np.abs(run.roll[-20:]).max() < 2e-3
+
+
+def test_it_coasts_as_its_documentation_says(board):
+    """Table in benchmarks/results/hands_off.md; the load makes no difference."""
+    for speed, loss in ((0.5, 0.084), (1.0, 0.127), (2.0, 0.202)):
+        for load in (0.0, 40.0):
+            run = let_go(board, load=load, speed=speed, time=1.0)
+            assert run.deceleration() == pytest.approx(loss, rel=0.02)

@@ -1,0 +1,149 @@
+import math
+
+import numpy as np
+import pytest
+
+from policy_runtime.evaluation.metrics import Rides, episode_errors, reachable_headings
+from policy_runtime.evaluation.statistics import mean_over, proportion
+from sysid.errors import HuskyError
+
+STEPS, PUSH, STEER = 40, slice(0, 20), slice(25, 35)
+
+
+def rides(**changes):
+    """One episode: 20 steps of pushing, 10 of steering, everything as told."""
+    shape = (STEPS, 1)
+    values = {
+        "alive": np.ones(shape, bool),
+        "pushing": np.zeros(shape, bool),
+        "steering": np.zeros(shape, bool),
+        "commanded_speed": np.full(shape, 1.0),
+        "target_heading": np.zeros(shape),
+        "speed": np.full(shape, 1.0),
+        "heading": np.zeros(shape),
+        "joints": np.zeros((*shape, 23)),
+        "foot_on_ground": np.zeros((*shape, 2), bool),
+        "foot_on_deck": np.zeros((*shape, 2), bool),
+        "succeeded": np.array([True]),
+    }
+    values["pushing"][PUSH] = True
+    values["steering"][STEER] = True
+    values["foot_on_deck"][..., 1] = True
+    values["foot_on_deck"][STEER, :, 0] = True
+    return Rides(**(values | changes))
+
+
+def test_a_perfect_ride_has_no_error():
+    for name, value in episode_errors(rides()).items():
+        assert value[0] == 0, name
+
+
+def test_velocity_counts_in_pushing_only():
+    speed = np.full((STEPS, 1), 9.0)
+    speed[PUSH] = np.where(np.arange(20) % 2, 1.3, 0.9)[:, None]
+    errors = episode_errors(rides(speed=speed))
+    assert errors["E_vel"][0] == pytest.approx(0.2)
+    assert errors["E_vel_mean_speed"][0] == pytest.approx(0.1)  # mean speed 1.1
+
+
+def test_heading_counts_in_steering_only_and_wraps():
+    heading = np.full((STEPS, 1), 2.0)
+    heading[STEER] = math.pi - 0.1
+    heading[34] = math.pi - 0.05
+    target = np.full((STEPS, 1), -math.pi + 0.1)
+    errors = episode_errors(rides(heading=heading, target_heading=target))
+    assert errors["E_yaw"][0] == pytest.approx((9 * 0.2 + 0.15) / 10)
+    assert errors["E_yaw_final"][0] == pytest.approx(0.15)
+
+
+def test_smoothness_is_the_change_of_joints_a_step():
+    joints = np.zeros((STEPS, 1, 23))
+    joints[:, 0, 0] = 0.023 * np.arange(STEPS)
+    errors = episode_errors(rides(joints=joints))
+    assert errors["E_smth"][0] == pytest.approx(0.001)
+    assert errors["E_smth_norm"][0] == pytest.approx(0.023)
+    assert errors["E_smth_rms"][0] == pytest.approx(0.023 / math.sqrt(23))
+
+
+def test_wrong_feet_are_counted():
+    deck, ground = rides().foot_on_deck.copy(), rides().foot_on_ground.copy()
+    deck[3, 0, 1] = False  # pushing: right foot off the deck
+    deck[4, 0, 0] = True  # pushing: left foot on it
+    ground[26, 0, 0] = True  # steering: left foot on the ground
+    deck[22] = False  # mounting: whatever it does
+    errors = episode_errors(rides(foot_on_deck=deck, foot_on_ground=ground))
+    assert errors["E_contact"][0] == pytest.approx(3 / 30)
+    assert errors["E_contact_push"][0] == pytest.approx(2 / 20)
+    assert errors["E_contact_steer"][0] == pytest.approx(1 / 10)
+
+
+def test_what_comes_after_the_end_does_not_count():
+    alive = np.ones((STEPS, 1), bool)
+    alive[10:] = False
+    speed = np.full((STEPS, 1), 1.0)
+    speed[10:] = 77.0
+    joints = np.zeros((STEPS, 1, 23))
+    joints[10:] = 5.0
+    errors = episode_errors(rides(alive=alive, speed=speed, joints=joints))
+    assert errors["E_vel"][0] == 0
+    assert errors["E_smth"][0] == 0
+    assert np.isnan(errors["E_yaw"][0])
+    assert np.isnan(errors["E_yaw_final"][0])
+
+
+def test_joining_rides_of_different_length_keeps_their_errors():
+    short = rides()
+    cut = {name: getattr(short, name)[:15] for name in Rides.__dataclass_fields__ if name != "succeeded"}
+    cut["speed"] = cut["speed"] + 0.3
+    short = Rides(**cut, succeeded=np.array([False]))
+    both = Rides.join([rides(), short])
+    errors = episode_errors(both)
+    np.testing.assert_allclose(errors["E_vel"], [0.0, 0.3], atol=1e-12)
+    assert np.isnan(errors["E_yaw"][1])
+    np.testing.assert_array_equal(both.succeeded, [True, False])
+
+
+def test_shapes_that_disagree_are_refused_in_words():
+    with pytest.raises(HuskyError, match=r"'joints' has shape \(40, 1, 22\)"):
+        rides(joints=np.zeros((STEPS, 1, 22)))
+
+
+def test_headings_reached_are_those_of_whole_steering_stretches():
+    heading = np.zeros((STEPS, 1))
+    heading[STEER, 0] = np.linspace(3.1, 3.1 + 0.4, 10)  # through π
+    target = np.full((STEPS, 1), 3.1 + 0.5 - 2 * math.pi)
+    rows = reachable_headings(
+        rides(heading=(heading + math.pi) % (2 * math.pi) - math.pi, target_heading=target)
+    )
+    np.testing.assert_allclose(rows, [[0.5, 0.4, 1.0]], atol=1e-9)
+    alive = np.ones((STEPS, 1), bool)
+    alive[30:] = False
+    assert len(reachable_headings(rides(alive=alive))) == 0
+
+
+def test_wilson_interval_against_textbook_values():
+    share = proportion(90, 100)
+    low, high = share.ci95
+    assert share.value == 0.9
+    assert (low, high) == (pytest.approx(0.8256, abs=1e-4), pytest.approx(0.9448, abs=1e-4))
+    assert proportion(0, 20).ci95[0] == 0
+    assert proportion(20, 20).ci95[1] == 1
+    assert math.isnan(proportion(0, 0).value)
+
+
+def test_interval_over_seeds_covers_the_truth_as_often_as_it_says():
+    rng = np.random.default_rng(11)
+    covered = 0
+    for _ in range(400):
+        seeds = [rng.normal(1.0 + shift, 0.5, 50) for shift in rng.normal(0, 0.2, 5)]
+        low, high = mean_over(seeds, "m/s").ci95
+        covered += low <= 1.0 <= high
+    assert 0.92 <= covered / 400 <= 0.98
+
+
+def test_nan_is_left_out_and_nothing_left_is_said():
+    quantity = mean_over([np.array([1.0, np.nan, 3.0])], "m")
+    assert quantity.value == 2.0
+    assert math.isnan(mean_over([np.array([np.nan])], "m").value)
+    assert "never" in mean_over([np.array([np.nan])], "m").method
+    assert math.isnan(mean_over([np.array([2.0])], "m").std)

@@ -1,0 +1,241 @@
+import dataclasses
+
+import numpy as np
+import pytest
+from riding import answer_of, make_onnx, our_metadata, pink, published_metadata
+
+from policy_runtime.loop.commands import Command
+from policy_runtime.loop.observing import FeedbackObservation, PaperObservation, ReleaseObservation
+from policy_runtime.loop.policy import OnnxPolicy, action_for
+from policy_runtime.loop.policy_file import open_policy
+from policy_runtime.robots import RobotState
+from sim.skate.robot.g1 import JOINTS, default_pose, servos
+from sim.skate.rotation import from_yaw
+from sysid.errors import HuskyError, QualityGateError
+
+pytestmark = pytest.mark.train
+
+
+@pytest.fixture
+def runtime():
+    return pytest.importorskip("onnxruntime", reason="policies need onnxruntime (extra 'run')")
+
+
+def state_of(rng, time=0.0):
+    quaternion = rng.normal(size=4)
+    return RobotState(
+        time=time,
+        age=0.0,
+        quaternion=quaternion / np.linalg.norm(quaternion),
+        angular_velocity=rng.normal(size=3),
+        joint_position=rng.normal(size=23),
+        joint_velocity=rng.normal(size=23),
+        joint_torque=np.zeros(23),
+    )
+
+
+def gravity_in(quaternion):
+    w, x, y, z = quaternion
+    rotation = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    return rotation.T @ [0, 0, -1], np.arctan2(rotation[1, 0], rotation[0, 0])
+
+
+def frames_by_hand(states, commands, actions, steps):
+    """The parts of each frame, written out from the interface's description."""
+    parts = []
+    for state, command, action, step in zip(states, commands, actions, steps, strict=True):
+        gravity, heading = gravity_in(state.quaternion)
+        parts.append(
+            {
+                "command": [2.0 * command.speed, command.turn],
+                "heading": [heading / np.pi],
+                "gyro": 0.25 * state.angular_velocity,
+                "gravity": gravity,
+                "position": state.joint_position - default_pose(),
+                "velocity": 0.05 * state.joint_velocity,
+                "action": action,
+                "phase": [(step % 300) / 300],
+            }
+        )
+    return parts
+
+
+@pytest.fixture
+def ride():
+    rng = np.random.default_rng(7)
+    steps = [3, 4, 5, 6, 7, 308]
+    states = [state_of(rng) for _ in steps]
+    commands = [Command(*rng.uniform(0, 1, 2)) for _ in steps]
+    actions = [rng.normal(size=23) for _ in steps]
+    return states, commands, actions, steps
+
+
+def test_paper_observation_is_frame_by_frame_oldest_first(ride):
+    builder = PaperObservation()
+    for row in zip(*ride, strict=True):
+        observation = builder.build(*row)
+    frames = frames_by_hand(*ride)[1:]
+    expected = np.concatenate([np.concatenate([v for k, v in f.items() if k != "heading"]) for f in frames])
+    assert observation.shape == (390,)
+    np.testing.assert_allclose(observation, expected, atol=1e-9)
+
+
+def test_release_observation_is_term_by_term_oldest_first_with_heading(ride):
+    builder = ReleaseObservation()
+    for row in zip(*ride, strict=True):
+        observation = builder.build(*row)
+    frames = frames_by_hand(*ride)[1:]
+    expected = np.concatenate([np.concatenate([f[key] for f in frames]) for key in frames[0]])
+    assert observation.shape == (395,)
+    np.testing.assert_allclose(observation, expected, atol=1e-9)
+
+
+def test_feedback_takes_what_the_pelvis_has_yawed_off_the_turn():
+    rng = np.random.default_rng(3)
+    state = state_of(rng)
+    yawed = lambda angle: dataclasses.replace(state, quaternion=from_yaw(angle))  # noqa: E731
+    builder, action = FeedbackObservation(), np.zeros(23)
+    seen = [
+        builder.frame(yawed(angle), Command(1.0, turn), action, step)[1]
+        for angle, turn, step in [(3.0, 0.5, 120), (3.2, 0.5, 121), (-3.0, -0.4, 150), (3.2, -0.4, 151)]
+    ]
+    # From 3.0 to 3.2 a turn of 0.5 has 0.3 left; at step 150 steering begins and the yaw counts anew,
+    # across the jump at ±π: from -3.0 to 3.2 is -0.083.
+    np.testing.assert_allclose(seen, [0.5, 0.3, -0.4, -0.4 + 2 * np.pi - 6.2], atol=1e-9)
+    builder.reset()
+    assert builder.frame(yawed(1.0), Command(1.0, 0.2), action, 7)[1] == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize("kind", [PaperObservation, FeedbackObservation, ReleaseObservation])
+def test_first_frame_fills_the_history_after_a_reset(ride, kind):
+    builder = kind()
+    rows = list(zip(*ride, strict=True))
+    for row in rows:
+        builder.build(*row)
+    builder.reset()
+    again = builder.build(*rows[0])
+    fresh = kind()
+    np.testing.assert_array_equal(again, fresh.build(*rows[0]))
+
+
+def test_runtime_and_training_build_the_same_observation(ride):
+    torch = pytest.importorskip("torch", reason="training needs torch")
+    from sim.skate.mdp.actor_observation import projected_gravity, raw_frame, scale_frame
+
+    states, commands, actions, steps = ride
+
+    def tensor(rows):
+        return torch.tensor(np.array(rows), dtype=torch.float32)
+
+    frames = scale_frame(
+        raw_frame(
+            tensor(commands),
+            tensor([s.angular_velocity for s in states]),
+            projected_gravity(tensor([s.quaternion for s in states])),
+            tensor([s.joint_position for s in states]) - tensor(default_pose()),
+            tensor([s.joint_velocity for s in states]),
+            tensor(actions),
+            tensor(steps)[:, None] % 300 / 300,
+        )
+    ).numpy()
+    builder = PaperObservation()
+    for row in zip(*ride, strict=True):
+        observation = builder.build(*row)
+    np.testing.assert_allclose(observation, frames[1:].ravel(), atol=1e-6)
+
+
+@pytest.mark.parametrize("size", [390, 395])
+def test_policy_of_either_interface_answers_as_computed_by_hand(tmp_path, runtime, ride, size):
+    metadata = published_metadata() if size == 395 else our_metadata(pink())
+    constants = make_onnx(tmp_path / "policy.onnx", size=size, metadata=metadata)
+    policy = OnnxPolicy(open_policy(tmp_path / "policy.onnx", pink()))
+    states, commands, _, steps = ride
+    policy.reset(states[0])
+    builder = ReleaseObservation() if size == 395 else FeedbackObservation()
+    action = np.zeros(23) if size == 395 else action_for(states[0].joint_position)
+    for state, command, step in zip(states, commands, steps, strict=True):
+        target = policy.act(state, command, step)
+        action = answer_of(constants, builder.build(state, command, action, step))
+        np.testing.assert_allclose(policy.action, action, atol=1e-5)
+        np.testing.assert_allclose(target, default_pose() + servos().action_scale * action, atol=1e-5)
+
+
+def test_published_policy_says_nothing_of_the_board_and_that_is_noted(tmp_path, runtime):
+    make_onnx(tmp_path / "policy.onnx", size=395, metadata=published_metadata())
+    assert any("which board" in note for note in open_policy(tmp_path / "policy.onnx", pink()).notes)
+
+
+def changed(key, index, value):
+    metadata = our_metadata(pink())
+    parts = metadata[key].split(",")
+    parts[index] = value
+    return metadata | {key: ",".join(parts)}
+
+
+@pytest.mark.parametrize(
+    ("metadata", "message"),
+    [
+        (lambda: {}, "no 'joint_names'"),
+        (lambda: changed("joint_names", 4, "left_toe_joint"), r"joint 4: 'left_toe_joint'"),
+        (lambda: our_metadata(pink()) | {"joint_names": ",".join(JOINTS[:22])}, "22 joints instead of 23"),
+        (lambda: changed("joint_stiffness", 3, "120"), "joint stiffness of left_knee_joint is 120"),
+        (lambda: changed("joint_damping", 0, "5"), "joint damping of left_hip_pitch_joint"),
+        (lambda: changed("action_scale", 22, "0.25"), "action scale of right_elbow_joint is 0.25"),
+        (lambda: changed("default_joint_pos", 3, "0.669"), "default joint pos of left_knee_joint"),
+        (lambda: changed("joint_stiffness", 3, "x"), "expected 23 numbers"),
+        (lambda: our_metadata(pink()) | {"board": "black"}, "trained on board 'black', not on 'pink'"),
+        (lambda: our_metadata(pink()) | {"board_stiffness": "34.8"}, "trained with board stiffness 34.8"),
+        (lambda: our_metadata(pink()) | {"board_inertia": "0.0084"}, "trained with board inertia 0.0084"),
+        (lambda: our_metadata(pink()) | {"board_damping": "low"}, "'low'; expected a number"),
+    ],
+)
+def test_a_mismatch_refuses_in_words(tmp_path, runtime, metadata, message):
+    make_onnx(tmp_path / "policy.onnx", size=390, metadata=metadata())
+    with pytest.raises(HuskyError, match=message):
+        open_policy(tmp_path / "policy.onnx", pink())
+
+
+def test_a_board_that_no_longer_passes_is_the_gate_and_force_overrides(tmp_path, runtime):
+    passed = pink().checked({"passed": True})
+    make_onnx(tmp_path / "policy.onnx", size=390, metadata=our_metadata(passed))
+    open_policy(tmp_path / "policy.onnx", passed)
+    failing = pink().checked({"passed": False})
+    with pytest.raises(QualityGateError, match="has not as it is recorded now"):
+        open_policy(tmp_path / "policy.onnx", failing)
+    forced = open_policy(tmp_path / "policy.onnx", failing, force=True)
+    assert any("forced" in note for note in forced.notes)
+
+
+def test_a_refit_within_the_spread_of_training_is_noted_and_rides(tmp_path, runtime):
+    metadata = our_metadata(pink()) | {"board_stiffness": f"{1.03 * pink().stiffness}"}
+    make_onnx(tmp_path / "policy.onnx", size=390, metadata=metadata)
+    notes = open_policy(tmp_path / "policy.onnx", pink()).notes
+    assert any("board stiffness 15.12" in note and "14.68" in note for note in notes)
+
+
+def test_wrong_files_are_refused_in_words(tmp_path, runtime):
+    with pytest.raises(HuskyError, match="no such policy"):
+        open_policy(tmp_path / "none.onnx")
+    (tmp_path / "text.onnx").write_text("hello")
+    with pytest.raises(HuskyError, match="not an ONNX model"):
+        open_policy(tmp_path / "text.onnx")
+    make_onnx(tmp_path / "small.onnx", size=48, metadata=published_metadata())
+    with pytest.raises(HuskyError, match=r"not a skating policy.*obs \[1, 48\].*expected one input of 390"):
+        open_policy(tmp_path / "small.onnx")
+    make_onnx(tmp_path / "twelve.onnx", size=390, metadata=published_metadata(), actions=12)
+    with pytest.raises(HuskyError, match="output of 23"):
+        open_policy(tmp_path / "twelve.onnx")
+
+
+def test_missing_onnxruntime_is_said_in_words(tmp_path, monkeypatch):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "onnxruntime", None)
+    with pytest.raises(HuskyError, match=r"needs onnxruntime.*pip install"):
+        open_policy(tmp_path / "policy.onnx")

@@ -1,0 +1,567 @@
+"""Worlds, scripts, evaluation, export, and the commands around them."""
+
+import json
+import sys
+from types import SimpleNamespace
+
+import mujoco
+import numpy as np
+import pytest
+from riding import HoldStill, make_onnx, our_metadata, pink, published_metadata, world_or_skip
+
+from policy_runtime.evaluation.metrics import episode_errors
+from policy_runtime.evaluation.plain import Protocol, _Episode, evaluate_policy, run_episode
+from policy_runtime.evaluation.recording import Recorder
+from policy_runtime.export import export_folder, load_folder
+from policy_runtime.loop.commands import Command, Constant
+from policy_runtime.loop.gravity_load import GravityLoad, shares
+from policy_runtime.loop.scripted import scripted, scripted_push, standing
+from policy_runtime.loop.world import joint_limits, make_world
+from policy_runtime.robots.simulated import Gantry
+from policy_runtime.runtime import Runtime
+from sim.skate.robot.g1 import servos
+from sim.skate.robot.poses import load_poses
+from sysid.cli import build_app
+from sysid.errors import HuskyError
+
+pytestmark = pytest.mark.train
+
+
+def ride(world, policy, duration):
+    recorder = Recorder(world.robot)
+    limits = joint_limits(world.robot.model)
+    result = Runtime(
+        robot=world.robot,
+        policy=policy,
+        commands=Constant(Command(0.8, 0.0)),
+        limits=limits,
+        on_tick=recorder.add,
+        stop_time=0.0,
+    ).run(duration)
+    return result, recorder.recording()
+
+
+@pytest.fixture(scope="module")
+def held_ride():
+    """The steering pose on the rolling board, held upright by a gantry, 5 s."""
+    world = world_or_skip(start="steer", gantry=Gantry())
+    world.reset(speed=1.0)
+    return world, *ride(world, standing(), 5.0)
+
+
+def test_feet_stay_on_the_deck_and_wheels_on_the_ground(held_ride):
+    _, result, recording = held_ride
+    assert result.stopped is None
+    settled = recording.time > 0.2
+    assert recording.column("foot_on_deck")[settled].all()
+    assert not recording.column("foot_on_ground")[settled].any()
+    assert recording.column("wheel_on_ground")[settled].all()
+    assert recording.column("other_contacts").max() == 0
+
+
+def test_nothing_jitters(held_ride):
+    _, _, recording = held_ride
+    late = recording.time > 3.0
+    assert np.abs(np.diff(recording.column("roll")[late])).max() < 1e-3
+    assert np.abs(np.diff(recording.joints[late], axis=0)).max() < 1e-3
+
+
+def test_tilt_steers_the_board_as_two_trucks_do(held_ride):
+    _, _, recording = held_ride
+    late = recording.time > 2.0
+    heading = np.unwrap(recording.column("board_heading")[late])
+    measured = (heading[-1] - heading[0]) / (recording.time[late][-1] - recording.time[late][0])
+    roll, speed = recording.column("roll")[late], recording.column("board_speed")[late]
+    tangent = np.tan(pink().geometry["rake"].value) * np.sin(roll)
+    theory = np.mean(-2 * speed * tangent / pink().geometry["wheelbase"].value)
+    assert measured == pytest.approx(theory, rel=0.05)
+    assert abs(measured) > 0.05  # it does turn
+
+
+def test_gantry_moves_nothing_by_itself():
+    world = world_or_skip(start="steer", gantry=Gantry())
+    world.reset()
+    _, recording = ride(world, standing(), 2.0)
+    assert np.abs(recording.column("board_speed")[recording.time > 1.0]).max() < 0.1
+
+
+def test_without_a_gantry_no_script_stays_up_and_the_guard_says_why():
+    world = world_or_skip()
+    world.reset()
+    result, _ = ride(world, scripted("zero"), 5.0)
+    assert result.stopped.startswith(("tilt", "joint limit"))
+
+
+def test_pushing_script_pushes():
+    world = world_or_skip(start="push", gantry=Gantry())
+    world.reset()
+    result, recording = ride(world, scripted_push(), 2.4)
+    assert result.stopped is None
+    assert recording.column("board_speed").max() > 0.2  # from rest
+    down = np.flatnonzero(recording.column("foot_on_ground")[:, 0])
+    pushes = 1 + np.sum(np.diff(down) > 10)  # bounces of less than 0.2 s belong to one
+    assert pushes == 3
+    assert recording.column("foot_on_deck")[:, 1].mean() > 0.95
+
+
+def test_unknown_script_is_refused_in_words():
+    with pytest.raises(HuskyError, match=r"unknown script 'pusch'.*Did you mean 'push'"):
+        scripted("pusch")
+
+
+@pytest.mark.parametrize("name", ["push", "steer"])
+def test_asked_for_targets_come_to_rest_in_the_pose(name):
+    """Hold the pose by its feet: the weight must sag the servos exactly into it."""
+    load = GravityLoad() if world_or_skip() else None
+    pose = load_poses()[name]
+    feet = (name == "steer", True)
+    torque = load.torques(pose.joints, pose.quaternion, feet)
+    asked = load.asked(pose.joints, pose.quaternion, feet)
+    np.testing.assert_allclose(servos().stiffness * (asked - pose.joints), torque, atol=1e-9)
+    # Statics by virtual work: what raises the centre of mass over the foot costs the weight times the height.
+    model, data = load.model, mujoco.MjData(load.model)
+    data.qpos[3:7], data.qpos[7:] = pose.quaternion, pose.joints
+    mujoco.mj_forward(model, data)
+    if name == "push":  # all weight on the right foot, under the centre of mass
+        right = model.body("right_ankle_roll_link").id
+        pressure = data.subtree_com[1].copy()
+        pressure[2] = data.xpos[right, 2] - 0.035
+        com, foot = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+        mujoco.mj_jacSubtreeCom(model, data, com, 1)
+        mujoco.mj_jac(model, data, foot, None, pressure, right)
+        weight = model.body_subtreemass[1] * 9.81
+        np.testing.assert_allclose(torque, weight * (com[2] - foot[2])[6:], atol=1e-6)
+        np.testing.assert_allclose((com[2] - foot[2])[:6], 0.0, atol=1e-9)  # nothing tips it over
+
+
+def test_two_feet_share_the_weight_under_the_centre_of_mass():
+    if world_or_skip():
+        load = GravityLoad()
+    pose = load_poses()["steer"]
+    torque = load.torques(pose.joints, pose.quaternion, (True, True))
+    model, data = load.model, load.data
+    forces = shares(
+        [10, 11], [np.array([-0.2, 0.0, 0.0]), np.array([0.2, 0.05, 0.0])], np.array([0.1, 0.03, 0.7])
+    )
+    assert sum(share for *_, share in forces) == pytest.approx(1.0)
+    np.testing.assert_allclose(sum(share * point for _, point, share in forces)[:2], [0.1, 0.03])
+    # Weight and soles' forces leave nothing over that would move the pelvis.
+    mujoco.mj_inverse(model, data)
+    feet = [model.body(f"{side}_ankle_roll_link").id for side in ("left", "right")]
+    soles = [data.xpos[foot] + data.xmat[foot].reshape(3, 3) @ [0.04, 0.0, -0.035] for foot in feet]
+    total = data.qfrc_bias.copy()
+    jacobian = np.zeros((3, model.nv))
+    for foot, point, share in shares(feet, soles, data.subtree_com[1]):
+        mujoco.mj_jac(model, data, jacobian, None, point, foot)
+        total -= jacobian[2] * share * model.body_subtreemass[1] * 9.81
+    np.testing.assert_allclose(total[:6], 0.0, atol=1e-6)
+    np.testing.assert_allclose(total[6:], torque, atol=1e-6)
+
+
+def test_direct_coupling_sets_the_trucks():
+    world = world_or_skip(coupling="direct")
+    world.reset()
+    _, recording = ride(world, HoldStill(), 0.5)
+    roll, trucks = recording.column("roll"), recording.column("trucks")
+    expected = np.arctan(np.tan(pink().geometry["rake"].value) * np.sin(roll))
+    np.testing.assert_allclose(trucks, np.column_stack([expected, expected]), atol=1e-6)
+
+
+def test_episode_ends_when_the_robot_falls_and_is_repeatable():
+    world = world_or_skip()
+    first, ending = run_episode(world, scripted("zero"), Protocol(), np.random.default_rng([1, 2]))
+    assert ending in ("fallen", "body contact", "off the board")
+    assert first.time[-1] < 5
+    again, _ = run_episode(world, scripted("zero"), Protocol(), np.random.default_rng([1, 2]))
+    np.testing.assert_array_equal(first.qpos, again.qpos)
+    other, _ = run_episode(world, scripted("zero"), Protocol(), np.random.default_rng([1, 3]))
+    assert first.command[0, 0] != other.command[0, 0]
+
+
+def endings(truths):
+    """Return after which tick an episode ends and how, for a series of what the simulator says."""
+
+    class World:
+        class robot:
+            pass
+
+    class Recorded:
+        def __len__(self):
+            return 1
+
+    episode = _Episode(World, Recorded(), Protocol(), np.random.default_rng(0))
+    for i, truth in enumerate(truths):
+        World.robot.truth = staticmethod(lambda truth=truth: truth)
+        if episode.at(i * 0.02) is None:
+            return i, episode.ending
+    return None, episode.ending
+
+
+def truth(deck=(True, True), upright=1.0, other=0):
+    return SimpleNamespace(foot_on_deck=np.array(deck), upright=upright, other_contacts=other)
+
+
+def test_what_ends_an_episode():
+    off = truth(deck=(False, False))
+    assert endings([truth()] * 50) == (None, "time limit")
+    assert endings([off] * 3 + [truth()] * 20) == (None, "time limit")  # it has only just been set down
+    assert endings([truth()] * 20 + [off] + [truth()] * 20) == (None, "time limit")  # a hop
+    assert endings([truth()] * 20 + [off, off]) == (21, "off the board")
+    assert endings([truth()] * 20 + [truth(deck=(False, True))] * 9) == (None, "time limit")
+    assert endings([truth()] * 20 + [truth(upright=0.3)]) == (20, "fallen")  # 72.5 degrees
+    assert endings([truth()] * 20 + [truth(upright=0.4)] * 5) == (None, "time limit")
+    assert endings([truth()] * 20 + [truth(other=1)]) == (20, "body contact")
+
+
+def test_turns_are_drawn_anew_in_every_cycle():
+    world = world_or_skip(start="steer", gantry=Gantry())
+    protocol = Protocol(duration=13.0, speed=(0.5, 0.5))
+    recording, ending = run_episode(world, standing(), protocol, np.random.default_rng(5))
+    assert ending == "time limit"
+    turns = recording.command[:, 1]
+    assert len(np.unique(turns)) == 2  # at the start, and from the second steering stretch on
+    assert np.all(np.abs(turns) <= np.pi / 4)
+    changes = np.flatnonzero(np.diff(turns)) + 1
+    assert (recording.step[changes] % 300 == 150).all()
+    begins = np.flatnonzero(recording.step % 300 == 150)
+    expected = recording.column("board_heading")[begins] + turns[begins]
+    np.testing.assert_allclose(recording.target_heading[begins], expected)
+
+
+@pytest.mark.slow
+def test_evaluation_is_the_same_whatever_the_workers():
+    world_or_skip()
+    one = evaluate_policy("zero", pink(), episodes=3, seeds=(0, 1), workers=1)
+    two = evaluate_policy("zero", pink(), episodes=3, seeds=(0, 1), workers=2)
+    assert one.endings == two.endings
+    assert one.duration.value == pytest.approx(two.duration.value)
+    for name, quantity in one.errors.items():
+        assert quantity.value == pytest.approx(two.errors[name].value, nan_ok=True), name
+        assert quantity.ci95 == pytest.approx(two.errors[name].ci95, nan_ok=True), name
+    assert one.success.value == 0
+    assert sum(one.endings.values()) == 6
+    assert one.errors["E_vel"].value > 0
+
+
+def test_shoves_reach_the_robot():
+    world = world_or_skip(start="steer", gantry=Gantry())
+    calm, _ = run_episode(world, standing(), Protocol(duration=11), np.random.default_rng(3))
+    shoved, _ = run_episode(world, standing(), Protocol(duration=11, pushes=0.5), np.random.default_rng(3))
+    early = calm.time < 4.9
+    np.testing.assert_array_equal(calm.qpos[early], shoved.qpos[early])
+    assert np.abs(calm.joints[-1] - shoved.joints[-1]).max() > 1e-6
+
+
+def test_recording_round_trips_through_its_file(tmp_path, held_ride):
+    _, _, recording = held_ride
+    recording.save(tmp_path / "ride.npz")
+    with np.load(tmp_path / "ride.npz") as numbers:
+        np.testing.assert_array_equal(numbers["qpos"], recording.qpos)
+        np.testing.assert_array_equal(numbers["roll"], recording.column("roll"))
+    errors = episode_errors(recording.rides(succeeded=True))
+    assert errors["E_contact_push"][0] == 1.0  # both feet on the deck is no pushing
+
+
+# Export
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    world_or_skip()
+    pytest.importorskip("onnxruntime", reason="policies need onnxruntime (extra 'run')")
+    where = tmp_path_factory.mktemp("export")
+    make_onnx(where / "policy.onnx", size=395, metadata=published_metadata())
+    export_folder(pink(), where / "out", policy=where / "policy.onnx")
+    return where / "out"
+
+
+def test_exported_scene_moves_as_the_original(folder):
+    bundle = load_folder(folder)
+    original = make_world(pink())
+    exported = bundle.world()
+    original.reset()
+    exported.reset()
+    np.testing.assert_allclose(exported.start, original.start, atol=1e-9)
+    ride(original, HoldStill(), 0.4)
+    ride(exported, HoldStill(), 0.4)
+    np.testing.assert_allclose(exported.robot.data.qpos, original.robot.data.qpos, atol=1e-4)
+    assert exported.robot.model.nmesh == 35
+
+
+@pytest.mark.slow
+def test_exported_folder_runs_without_mjlab(folder, monkeypatch, capsys, tmp_path):
+    from sim.skate.robot import g1
+
+    monkeypatch.setattr(g1, "find_spec", lambda name: None)
+    with pytest.raises(HuskyError, match="mjlab"):
+        make_world(pink())
+    code = build_app()(
+        ["play", str(folder), "--duration", "0.2", "-o", str(tmp_path)], result_action="return_value"
+    )
+    assert code == 0
+    assert "policy rode pink for 0.20 s" in capsys.readouterr().out
+    assert (tmp_path / "ride-policy.rrd").stat().st_size > 100_000
+
+
+def test_changed_or_missing_files_are_noticed(folder, tmp_path):
+    import shutil
+
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy)
+    (copy / "pink.toml").write_text((copy / "pink.toml").read_text() + "# changed\n")
+    with pytest.raises(HuskyError, match=r"pink\.toml: has changed since it was exported"):
+        load_folder(copy)
+    (copy / "pink.toml").unlink()
+    with pytest.raises(HuskyError, match="missing from the exported folder"):
+        load_folder(copy)
+    (copy / "folder.json").write_text("{}")
+    with pytest.raises(HuskyError, match="not a folder of format 1"):
+        load_folder(copy)
+    (copy / "folder.json").unlink()
+    with pytest.raises(HuskyError, match="not an exported folder"):
+        load_folder(copy)
+
+
+def test_export_keeps_its_hands_off_other_folders(tmp_path):
+    world_or_skip()
+    (tmp_path / "thesis.txt").write_text("years of work")
+    with pytest.raises(HuskyError, match="not empty, and not an exported folder"):
+        export_folder(pink(), tmp_path)
+    assert (tmp_path / "thesis.txt").read_text() == "years of work"
+
+
+def test_export_to_where_nothing_can_be_written_is_one_clear_line(tmp_path):
+    world_or_skip()
+    (tmp_path / "file").write_text("no folder")
+    for folder in (tmp_path / "file", tmp_path / "file" / "export"):
+        with pytest.raises(HuskyError, match=r"cannot write there \(.*--output"):
+            export_folder(pink(), folder)
+    assert (tmp_path / "file").read_text() == "no folder"
+
+
+# Commands
+
+
+def call(capsys, *arguments):
+    code = build_app()([str(argument) for argument in arguments], result_action="return_value")
+    return code, capsys.readouterr()
+
+
+@pytest.mark.slow
+def test_play_writes_picture_and_recording(capsys, tmp_path):
+    world_or_skip()
+    code, said = call(
+        capsys, "play", "stand", "--board", "pink", "--start", "steer", "--start-speed", 1, "--gantry",
+        "--duration", 1, "-o", tmp_path, "--json", "-",
+    )  # fmt: skip
+    assert code == 0
+    result = json.loads(said.out)
+    assert result["stopped"] is None
+    assert result["duration_s"] == pytest.approx(1.0)
+    for kind in ("picture", "numbers", "recording"):
+        assert (tmp_path / result["files"][kind].split("/")[-1]).stat().st_size > 10_000
+
+
+def test_run_ends_with_one_when_the_robot_was_stopped(capsys, tmp_path):
+    world_or_skip()
+    code, said = call(capsys, "run", "zero", "--board", "pink", "--duration", 4, "-o", tmp_path)
+    assert code == 1
+    assert "ended: tilt" in said.out or "ended: joint limit" in said.out
+    log = json.loads((tmp_path / "run-zero.json").read_text())
+    assert log["events"][-1]["kind"] == "stop"
+    assert log["timing"]["decide"]["p99_ms"] > 0
+
+
+def test_run_obeys_a_file_of_commands(capsys, tmp_path):
+    world_or_skip()
+    (tmp_path / "c.csv").write_text("time_s,speed_m_s,turn_rad\n0,0.5,0\n")
+    code, _ = call(
+        capsys, "run", "stand", "-b", "pink", "--start", "steer", "--gantry", "--duration", 0.3,
+        "--commands", tmp_path / "c.csv", "-o", tmp_path,
+    )  # fmt: skip
+    assert code == 0
+
+
+def test_rehearsal_drives_the_simulated_robot_over_the_network(capsys, tmp_path):
+    world_or_skip()
+    pytest.importorskip("cyclonedds", reason="the robot's interface needs cyclonedds (extra 'robot')")
+    code, said = call(
+        capsys, "run", "stand", "-b", "pink", "--start", "steer", "--gantry", "--robot", "rehearsal",
+        "--domain", 79, "--duration", 0.5, "-o", tmp_path, "--json", "-",
+    )  # fmt: skip
+    result = json.loads(said.out)
+    assert result["ticks"] > 0
+    assert code == (0 if result["stopped"] is None else 1)  # a crowded computer may be too slow to rehearse
+
+
+def test_the_real_robot_takes_only_boards_that_passed(capsys, tmp_path):
+    world_or_skip()
+    with pytest.raises(HuskyError, match="has not passed `check`") as caught:
+        call(capsys, "run", "zero", "-b", "pink", "--robot", "unitree", "-o", tmp_path)
+    assert caught.value.exit_code == 3
+
+
+def test_evaluate_prints_a_table_and_writes_json(capsys, tmp_path):
+    world_or_skip()
+    code, said = call(
+        capsys, "evaluate", "zero", "-b", "pink", "--episodes", 2, "--seeds", 1, "--workers", 1, "--breakdown",
+        "-o", tmp_path, "--json", tmp_path / "e.json",
+    )  # fmt: skip
+    assert code == 0
+    assert "E_succ" in said.out
+    assert "0 [0, 0.6576]" in said.out  # Wilson's of 0 in 2; no ± would say it
+    result = json.loads((tmp_path / "e.json").read_text())
+    assert result["E_succ"]["value"] == 0
+    assert result["E_yaw"]["value"] is None
+    assert "speed by pushing stretch, m/s" in said.out
+    first, *_ = result["breakdown"]
+    assert first["rows"]["stretch 1"]["v_cmd"] > 0.1
+    assert (tmp_path / "evaluate-zero-mujoco.png").stat().st_size > 10_000
+
+
+def test_export_command_says_what_it_wrote(capsys, tmp_path):
+    world_or_skip()
+    code, said = call(capsys, "export", "-b", "pink", "-o", tmp_path / "x", "--json", "-")
+    assert code == 0
+    assert json.loads(said.out)["policy"] is None
+    with pytest.raises(HuskyError, match="holds no policy"):
+        call(capsys, "play", tmp_path / "x")
+
+
+def test_motions_lists_plots_and_plays(capsys, tmp_path):
+    world_or_skip()
+    code, said = call(
+        capsys, "motions", "push-low-slow", "--plot", tmp_path / "m.png", "--rerun", tmp_path / "m.rrd",
+        "--json", tmp_path / "m.json",
+    )  # fmt: skip
+    assert code == 0
+    assert "push-low-slow" in said.out
+    listed = json.loads((tmp_path / "m.json").read_text())["motions"]
+    assert [entry["name"] for entry in listed] == ["push-low-slow"]
+    assert (tmp_path / "m.png").stat().st_size > 10_000
+    assert (tmp_path / "m.rrd").stat().st_size > 100_000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("play", "zero"), "which board"),
+        (("play", "zero", "-b", "pinck"), "Did you mean 'pink'"),
+        (("play", "nothing.onnx", "-b", "pink"), "no such policy"),
+        (("run", "zero", "-b", "pink", "--robot", "rehearsal", "--viewer"), "belong to --robot simulated"),
+        (("play", "zero", "-b", "pink", "--speed", "9"), "--speed 9: policies are trained for 0 to 1.5"),
+        (("play", "zero", "-b", "pink", "--turn-deg", "nan"), "--turn-deg nan"),
+        (("play", "zero", "-b", "pink", "--duration", "0"), "longer than 0"),
+        (("play", "zero", "-b", "pink", "--commands", "none.csv"), "none.csv: cannot be read"),
+        (("evaluate", "zero", "-b", "pink", "--episodes", "0"), "at least 1"),
+        (("evaluate", "zero", "-b", "pink", "--duration", "-1"), "longer than 0"),
+        (("evaluate", "zero", "-b", "pink", "--randomised"), "Add --simulator mjlab"),
+        (("motions", "none.npy"), "no such motion"),
+    ],
+)
+def test_wrong_use_is_refused_in_words(capsys, arguments, message):
+    if "nothing.onnx" in arguments:
+        pytest.importorskip("onnxruntime", reason="policies need onnxruntime (extra 'run')")
+    world_or_skip()
+    with pytest.raises(HuskyError, match=message):
+        call(capsys, *arguments)
+
+
+def test_mjlab_without_torch_is_refused_in_words(capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "torch", None)
+    monkeypatch.delitem(sys.modules, "sim.skate.mdp.measuring", raising=False)
+    with pytest.raises(HuskyError, match="needs mjlab and torch"):
+        call(capsys, "evaluate", "zero", "-b", "pink", "--simulator", "mjlab", "--force")
+
+
+def test_what_mjlab_and_warp_print_is_kept_from_stdout(capsys, monkeypatch):
+    from policy_runtime.evaluation import parallel as evaluate_parallel
+
+    def ride(*arguments):
+        sys.stdout.write("Module joints load on device 'cpu'\n")
+        raise HuskyError("far enough")
+
+    monkeypatch.setattr(evaluate_parallel, "_ride", ride)
+    with pytest.raises(HuskyError, match="far enough"):
+        call(capsys, "evaluate", "zero", "-b", "pink", "--simulator", "mjlab", "--json", "-", "--force")
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "Module joints" in said.err
+
+
+def test_viewer_without_a_display_is_refused_in_words(capsys, monkeypatch, tmp_path):
+    world_or_skip()
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    with pytest.raises(HuskyError, match="needs a display"):
+        call(capsys, "play", "zero", "-b", "pink", "--viewer", "-o", tmp_path)
+
+
+def test_a_policy_for_another_board_is_refused(capsys, tmp_path):
+    world_or_skip()
+    pytest.importorskip("onnxruntime", reason="policies need onnxruntime (extra 'run')")
+    make_onnx(tmp_path / "p.onnx", size=390, metadata=our_metadata(pink()))
+    with pytest.raises(HuskyError, match="trained on board 'pink', not on 'black'"):
+        call(capsys, "play", tmp_path / "p.onnx", "-b", "black")
+
+
+# The same protocol in the training's simulator
+
+
+@pytest.fixture
+def mjlab():
+    for module in ("torch", "mjlab", "warp"):
+        pytest.importorskip(module, reason="evaluating in parallel needs the training stack")
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")  # the training stack's own
+def test_parallel_evaluation_agrees_with_the_plain_one_on_what_falls(mjlab):
+    from policy_runtime.evaluation.parallel import evaluate_in_parallel
+
+    protocol = Protocol(duration=2.0, speed=(0.5, 0.5))
+    parallel = evaluate_in_parallel("zero", pink(), episodes=8, seeds=(0,), protocol=protocol, device="cpu")
+    plain = evaluate_policy("zero", pink(), episodes=8, seeds=(0,), protocol=protocol)
+    assert parallel.success.value == plain.success.value == 0
+    assert sum(parallel.endings.values()) == 8
+    assert parallel.duration.value == pytest.approx(plain.duration.value, rel=0.15)
+    assert parallel.errors["E_vel"].value == pytest.approx(plain.errors["E_vel"].value, rel=0.3)
+    assert parallel.errors["E_smth"].value == pytest.approx(plain.errors["E_smth"].value, rel=0.3)
+
+
+def test_parallel_evaluation_answers_many_observations_as_one_by_one(tmp_path):
+    pytest.importorskip("onnxruntime", reason="policies need onnxruntime (extra 'run')")
+    from policy_runtime.evaluation.parallel import BatchPolicy
+    from policy_runtime.loop.policy_file import open_policy
+
+    make_onnx(tmp_path / "p.onnx", size=390, metadata=our_metadata(pink()))
+    observations = np.random.default_rng(0).normal(size=(7, 390)).astype(np.float32)
+    together = BatchPolicy(str(tmp_path / "p.onnx"), pink()).act(observations)
+    session = open_policy(tmp_path / "p.onnx").session
+    apart = [session.run(["actions"], {"obs": row[None]})[0][0] for row in observations]
+    np.testing.assert_allclose(together, apart, atol=1e-6)
+    make_onnx(tmp_path / "release.onnx", size=395, metadata=published_metadata())
+    with pytest.raises(HuskyError, match=r"takes 395 numbers, the task gives 390"):
+        BatchPolicy(str(tmp_path / "release.onnx"), pink())
+
+
+def test_ending_a_run_from_outside_brakes_and_is_logged(tmp_path):
+    import signal
+    import subprocess
+    import sys
+    import time
+
+    world_or_skip()
+    command = [
+        *(sys.executable, "-m", "sysid.cli", "run", "stand", "-b", "pink", "--start", "steer", "--gantry"),
+        *("--duration", "60", "-o", str(tmp_path)),
+    ]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    for line in process.stderr:
+        if "start: policy" in line:
+            break
+    time.sleep(0.3)
+    process.send_signal(signal.SIGTERM)
+    process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert json.loads((tmp_path / "run-stand.json").read_text())["stopped"] == "interrupted"

@@ -1,0 +1,570 @@
+"""The run folder, boards from the posterior, the style extension, and a short training on the CPU."""
+
+import json
+import math
+import os
+import shutil
+import subprocess
+import sys
+import warnings
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from policy_runtime.learning.run_folder import LearnOptions, RunConfig, RunFolder, newest_run
+from sim.skate.cycle.start import Start
+from sim.skate.options import SkateOptions
+from sim.skate.world.posterior import Spread, draw_boards, tilt_draws
+from sysid.board import BoardEffect, load_board
+from sysid.cli import build_app
+from sysid.errors import HuskyError, QualityGateError
+from sysid.quantity import Quantity
+from sysid.workspace import shipped_data
+
+pytestmark = pytest.mark.train
+
+PINK = shipped_data() / "boards" / "pink.toml"
+
+
+def run(folder, *arguments, processes=1):
+    command = [sys.executable, "-m"]
+    if processes > 1:
+        command += ["torch.distributed.run", "--standalone", f"--nproc-per-node={processes}", "-m"]
+    command += ["policy_runtime.train", str(folder), "--device", "cpu", *arguments]
+    environment = os.environ | {"OMP_NUM_THREADS": "1", "MUJOCO_GL": "disable", "MJLAB_WARP_QUIET": "1"}
+    subprocess.run(command, check=True, env=environment, cwd=Path(__file__).parents[2])
+
+
+@pytest.fixture
+def started(tmp_path):
+    folder = RunFolder(tmp_path / "run")
+    config = RunConfig(
+        task=SkateOptions(boards=2), learn=LearnOptions(environments=16, iterations=3, save_every=2)
+    )
+    folder.begin(config, PINK)
+    return folder
+
+
+def test_options_survive_the_file_infinity_included(tmp_path):
+    task = SkateOptions(
+        turn_time=math.inf, start=Start(standing=1.0, pushing=0.0, steering=0.0), terrain="steps"
+    )
+    config = RunConfig(task=task, learn=LearnOptions(hidden=(64, 32), seed=7))
+    folder = RunFolder(tmp_path)
+    folder.write_config(config)
+    assert folder.read_config() == config
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            'terrain = "flat"',
+            'terrain = "stairs"',
+            r"terrain is 'stairs'; expected one of flat, slopes, steps",
+        ),
+        ("seed = 1", "sead = 1", r"unknown option 'sead'.*Did you mean 'seed'"),
+        ("standing = 0.4", "standing = 0.9", r"shares of starts add up to 1.5"),
+        ("environments = 16", 'environments = "many"', r"environments is 'many'; expected int"),
+    ],
+)
+def test_a_bad_option_is_named(started, old, new, message):
+    text = started.config.read_text()
+    assert old in text
+    started.config.write_text(text.replace(old, new))
+    with pytest.raises(HuskyError, match=message):
+        started.read_config()
+
+
+def test_a_folder_without_a_run_is_said_in_words(tmp_path):
+    with pytest.raises(HuskyError, match="no training run there"):
+        RunFolder(tmp_path).read_config()
+
+
+def test_a_line_cut_short_by_a_kill_is_left_out(started):
+    started.curves.write_text('{"iteration": 1}\n{"iteration": 2}\n{"itera')
+    assert [row["iteration"] for row in started.read_curves()] == [1, 2]
+    started.add_to_curves({"iteration": 3})
+    started.add_to_curves({"iteration": 4})
+    assert [row["iteration"] for row in started.read_curves()] == [1, 2, 3, 4]
+
+
+def test_iterations_that_a_kill_has_lost_are_shown_once(started):
+    for iteration, reward in ((1, 1.0), (2, 2.0), (3, 3.0), (2, 4.0)):
+        started.add_to_curves({"iteration": iteration, "reward": reward})
+    assert [row["reward"] for row in started.read_curves()] == [1.0, 4.0]
+
+
+def test_a_run_says_what_it_was_made_from(started):
+    origin = json.loads(started.origin.read_text())
+    assert len(origin["board_sha256"]) == 64
+    assert len(origin["motions_sha256"]) >= 4
+    assert origin["versions"]["mujoco"]
+
+
+def test_a_run_can_begin_with_another_ones_checkpoint(tmp_path):
+    checkpoint = tmp_path / "model_7.pt"
+    checkpoint.write_bytes(b"weights")
+    folder = RunFolder(tmp_path / "next")
+    folder.begin(RunConfig(), PINK, checkpoint)
+    assert folder.checkpoints() == [folder.checkpoint(7)]
+    assert folder.checkpoint(7).read_bytes() == b"weights"
+    assert len(json.loads(folder.origin.read_text())["start_from"]["sha256"]) == 64
+    with pytest.raises(HuskyError, match=r"no checkpoint; expected a file model_N\.pt"):
+        RunFolder(tmp_path / "other").begin(RunConfig(), PINK, tmp_path / "policy.onnx")
+
+
+def resumed(folder, *arguments):
+    target = ["--resume", str(folder.path), "--workspace", str(folder.path.parent)]
+    return build_app()(
+        ["train", "--board", "pink", "--force", *target, *arguments],
+        exit_on_error=False,
+        result_action="return_value",
+    )
+
+
+def with_checkpoint(folder, iteration):
+    """Put a checkpoint's name there; what is in it is read by nobody here."""
+    folder.checkpoint(iteration).parent.mkdir(exist_ok=True)
+    folder.checkpoint(iteration).touch()
+    folder.add_to_curves({"iteration": iteration, "samples": 1, "survival": 1, "speed_error": 1})
+
+
+@pytest.fixture
+def begun(tmp_path, monkeypatch):
+    """A run that began on the CPU, and what the command would start: the number of GPUs of each start."""
+    from policy_runtime.learning import curves
+    from sysid.cli import train as command
+
+    starts = []
+    monkeypatch.setattr(curves, "draw_curves", lambda rows, picture, title: picture)
+    for name in ("_require_mjlab", "_require_gpus", "_require_readable"):
+        monkeypatch.setattr(command, name, lambda *given: None)
+    monkeypatch.setattr(command, "_run", lambda folder, gpus, minutes, printer: starts.append(gpus))
+    folder = RunFolder(tmp_path / "run")
+    folder.begin(RunConfig(learn=LearnOptions(environments=16, iterations=3)), PINK, gpus=0)
+    return folder, starts
+
+
+def test_a_run_without_checkpoints_does_not_begin_anew_under_resume(begun):
+    folder, starts = begun
+    with pytest.raises(HuskyError, match="holds no checkpoint to go on from"):
+        resumed(folder)
+    assert starts == []
+
+
+def test_a_run_goes_on_where_it_began_and_beyond_its_end_with_a_new_total(begun, capsys):
+    folder, starts = begun
+    with_checkpoint(folder, 2)
+    assert resumed(folder) == 0
+    assert starts == [0]
+    assert "not used" not in capsys.readouterr().err
+    with_checkpoint(folder, 3)
+    assert resumed(folder) == 0
+    assert starts == [0]
+    assert "all of its 3 iterations are done; go on with a larger --iterations" in capsys.readouterr().err
+    assert resumed(folder, "--iterations", "5", "--gpus", "1") == 0
+    assert starts == [0, 1]
+    assert folder.read_config().learn.iterations == 5
+    with pytest.raises(HuskyError, match="has done 3 already"):
+        resumed(folder, "--iterations", "2")
+    assert folder.read_config().learn.iterations == 5
+
+
+def test_options_that_a_resumed_run_does_not_take_up_are_named(begun, capsys):
+    folder, _ = begun
+    with_checkpoint(folder, 2)
+    resumed(folder, "--environments", "64", "--coupling", "none", "--mount-steps", "20", "--seed", "1")
+    said = " ".join(capsys.readouterr().err.split())
+    assert "not used: --coupling, --mount-steps, --environments. --resume goes on" in said
+    config = folder.read_config()
+    assert (config.learn.environments, config.task.mount_steps, config.task.steered) == (16, 30, True)
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [
+        ("environments", "0"),
+        ("environments", "-3"),
+        ("mount-steps", "-3"),
+        ("iterations", "0"),
+        ("minutes", "0"),
+    ],
+)
+def test_an_impossible_option_starts_nothing(begun, tmp_path, option, value):
+    from cyclopts import ValidationError
+
+    _, starts = begun
+    with pytest.raises(ValidationError, match=f"--{option}"):
+        build_app()(
+            ["train", "--board", "pink", "--force", "--workspace", str(tmp_path), f"--{option}={value}"],
+            exit_on_error=False,
+            print_error=False,
+        )
+    assert starts == []
+    assert not (tmp_path / "reports").exists()
+
+
+def test_a_start_of_which_nothing_came_leaves_no_folder(begun, tmp_path):
+    assert begun
+    with pytest.raises(HuskyError, match="ended before its first iteration"):
+        build_app()(
+            ["train", "--board", "pink", "--force", "--workspace", str(tmp_path), "--gpus", "0"],
+            exit_on_error=False,
+            result_action="return_value",
+        )
+    assert list((tmp_path / "reports" / "pink").iterdir()) == []
+
+
+def test_runs_are_numbered(tmp_path):
+    with pytest.raises(HuskyError, match="no training run"):
+        newest_run(tmp_path)
+    assert newest_run(tmp_path, free=True).name == "train-1"
+    (tmp_path / "train-3").mkdir()
+    assert newest_run(tmp_path).name == "train-3"
+    assert newest_run(tmp_path, free=True).name == "train-4"
+
+
+def test_boards_are_drawn_about_the_record_and_reach_the_simulator():
+    board = replace(
+        load_board(PINK),
+        effects=(BoardEffect("cubic-stiffness", {"coefficient": Quantity(50.0, 5.0, "N*m/rad^3")}),),
+    )
+    spread = Spread()
+    boards = draw_boards(board, 200, spread, np.random.default_rng(1))
+    draws = tilt_draws(boards[:20], 0.005)
+    np.testing.assert_allclose(draws.stiffness, [b.stiffness for b in boards[:20]])
+    steered = np.array([b.inertia.value for b in boards[:20]]) - draws.deck_inertia[:, 0]
+    slope = np.tan([b.geometry["rake"].value for b in boards[:20]])
+    assert (
+        np.ptp(steered / slope**2) < 1e-12
+    )  # the rest of the roll inertia is what steers, by tan² of the rake
+    np.testing.assert_allclose(draws.coupling[:, 1], slope, rtol=2e-3)  # σ ≈ tan λ · roll
+    assert 0 <= steered[0] < 0.1 * board.inertia.value
+    np.testing.assert_allclose(
+        draws.stiffness_polynomial[:, 1], [b.effects[0].parameters["coefficient"].value for b in boards[:20]]
+    )
+    stiffness = np.array([b.stiffness for b in boards])
+    assert stiffness.mean() == pytest.approx(board.stiffness, rel=0.02)
+    assert stiffness.std() == pytest.approx(spread.relative * board.stiffness, rel=0.2)
+    assert np.abs(stiffness / board.stiffness - 1).max() <= spread.truncate * spread.relative + 1e-9
+
+
+def test_a_board_that_has_not_passed_is_refused(tmp_path):
+    text = PINK.read_text()
+    (tmp_path / "data" / "boards").mkdir(parents=True)
+    (tmp_path / "data" / "boards" / "new.toml").write_text(
+        text.split("[check]")[0].replace('name = "pink"', 'name = "new"')
+    )
+    with pytest.raises(QualityGateError, match=r"'new' has not passed .*--force") as refusal:
+        build_app()(
+            ["train", "--board", "new", "--workspace", str(tmp_path)],
+            exit_on_error=False,
+            result_action="return_value",
+        )
+    assert refusal.value.exit_code == 3
+    assert not (tmp_path / "reports").exists()
+
+
+def test_style_is_one_for_reference_and_zero_far_off():
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("rsl_rl")
+    from policy_runtime.learning.amp import style_value
+
+    np.testing.assert_allclose(style_value(torch.tensor([1.0, -1.0, 3.0, 5.0, 0.0])), [1, 0, 0, 0, 0.75])
+
+
+def test_the_running_normaliser_is_the_statistics_of_all_it_saw():
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("rsl_rl")
+    from policy_runtime.learning.amp import RunningNormaliser
+
+    data = torch.tensor(np.random.default_rng(0).normal(3.0, 2.0, size=(300, 2)), dtype=torch.float)
+    normaliser = RunningNormaliser(2)
+    for part in data.split([50, 150, 100]):
+        normaliser.update(part)
+    np.testing.assert_allclose(normaliser.mean, data.mean(0), rtol=1e-4)
+    np.testing.assert_allclose(normaliser.variance, data.var(0, unbiased=False), rtol=1e-4)
+
+
+def test_the_discriminator_learns_to_tell_two_styles_apart():
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("rsl_rl")
+    from policy_runtime.learning.amp import Discriminator
+
+    torch.manual_seed(0)
+    reference, policy = torch.randn(512, 6) + 1.0, torch.randn(512, 6) - 1.0
+    net = Discriminator(6, (32, 32))
+    net.normaliser.update(torch.cat((reference, policy)))
+    optimiser = torch.optim.Adam(net.parameters(), lr=3e-3)
+    for _ in range(150):
+        optimiser.zero_grad()
+        net.loss(reference, policy, penalty=0.5).backward()
+        optimiser.step()
+    assert net(reference).mean() > 0.5
+    assert net(policy).mean() < -0.5
+
+
+def test_reference_windows_of_a_batch_are_of_the_stretches_of_the_policys():
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("rsl_rl")
+    from policy_runtime.learning.amp import AmpOptions, AmpPPO
+
+    torch.manual_seed(0)
+    # Of three kinds, grouped; the first number tells the windows apart.
+    kinds = torch.tensor([0, 0, 0, 0, 1, 1, 2])
+    reference = torch.cat((torch.arange(7.0)[:, None], torch.eye(3)[kinds]), dim=1)
+    learner = SimpleNamespace(amp=AmpOptions(stretches=3), reference=reference, device="cpu")
+    policy = torch.cat((torch.zeros(900, 1), torch.eye(3)[torch.arange(900) % 3]), dim=1)
+    chosen = AmpPPO._like(learner, policy)
+    torch.testing.assert_close(chosen[:, 1:], policy[:, 1:])
+    counts = torch.bincount(chosen[:, 0].long(), minlength=7)
+    assert counts[:4].sum() == counts[4:6].sum() == counts[6] == 300
+    assert counts.min() > 45  # all are used: 75 or 150 expected
+    learner.amp = AmpOptions()
+    assert torch.bincount(AmpPPO._like(learner, policy)[:, 0].long()).min() > 90  # 129 expected
+
+
+@pytest.mark.slow
+def test_training_runs_resumes_and_exports_a_policy_that_answers(started):
+    pytest.importorskip("mjlab")
+    ort = pytest.importorskip("onnxruntime")
+    run(started.path)
+    assert [path.name for path in started.checkpoints()] == ["model_2.pt", "model_3.pt"]
+    before = started.policy.read_bytes()
+    run(started.path, "--iterations", "4")
+    rows = started.read_curves()
+    assert [row["iteration"] for row in rows] == [1, 2, 3, 4]
+    assert all(math.isfinite(value) for row in rows for value in row.values())
+    assert started.policy.read_bytes() != before
+    if find_spec("tensorboard"):
+        assert list(started.path.glob("events.out.tfevents*"))
+    session = ort.InferenceSession(str(started.policy), providers=["CPUExecutionProvider"])
+    answer = session.run(["actions"], {"obs": np.zeros((1, 390), dtype=np.float32)})[0]
+    assert answer.shape == (1, 23)
+    assert session.get_modelmeta().custom_metadata_map["board"] == "pink"
+
+
+def tensors(content, where=""):
+    """Yield everything in nested dictionaries and lists with its place."""
+    if isinstance(content, dict):
+        for key, value in content.items():
+            yield from tensors(value, f"{where}/{key}")
+    elif isinstance(content, list | tuple):
+        for i, value in enumerate(content):
+            yield from tensors(value, f"{where}/{i}")
+    else:
+        yield where, content
+
+
+def assert_same_bits(first, second):
+    torch = pytest.importorskip("torch")
+    first, second = dict(tensors(first)), dict(tensors(second))
+    assert first.keys() == second.keys()
+    for where, value in first.items():
+        if isinstance(value, torch.Tensor):
+            assert torch.equal(value, second[where]), where
+        else:
+            assert value == second[where], where
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    """Two iterations of eight worlds, with a checkpoint after each."""
+    for module in ("torch", "mjlab"):
+        pytest.importorskip(module, reason="needs the training stack")
+    from policy_runtime.train import train
+
+    folder = RunFolder(tmp_path_factory.mktemp("trained") / "run")
+    learn = LearnOptions(environments=8, steps=6, iterations=2, save_every=1, hidden=(32, 16))
+    folder.begin(RunConfig(task=SkateOptions(boards=2), learn=learn), PINK)
+    with warnings.catch_warnings(action="ignore"):  # the training stack's own
+        assert train(folder, device="cpu") == 2
+    return folder
+
+
+def copied(folder, tmp_path, name):
+    shutil.copytree(folder.path, tmp_path / name)
+    return RunFolder(tmp_path / name)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_a_run_goes_on_bit_for_bit(trained, tmp_path):
+    import torch
+
+    from policy_runtime.learning.checkpoint import random_states, set_random_state
+    from policy_runtime.train import build, join_processes, restore, train
+
+    process, config = join_processes("cpu"), trained.read_config()
+    kept = torch.load(trained.checkpoint(2), weights_only=True)
+    env, learner = build(trained, config, process)
+    done, _ = restore(trained, config, env, learner, process)
+    assert (done.iterations, done.samples) == (2, 2 * 8 * 6) == (kept["iteration"], kept["samples"])
+    assert env.unwrapped.common_step_counter == kept["step_counter"] == 12
+    learned = learner.save()
+    assert_same_bits({key: kept[key] for key in learned}, learned)
+    assert learner.learning_rate == kept["optimizer_state_dict"]["param_groups"][0]["lr"]
+    then, now = kept["random"][0], random_states("cpu")[0]
+    for library in ("numpy", "python"):
+        assert_same_bits(then[library], now[library])
+    drawn = torch.rand(3)
+    set_random_state(then, "cpu")
+    env.reset()  # the first thing that takes random numbers
+    assert torch.equal(drawn, torch.rand(3))
+    env.close()
+
+    # Two runs that go on from it do the same.
+    ends = []
+    for name in ("first", "second"):
+        folder = copied(trained, tmp_path, name)
+        assert folder.read_config() == config
+        assert train(folder, device="cpu", iterations=3) == 3
+        ends.append(torch.load(folder.checkpoint(3), weights_only=True))
+        assert [row["samples"] for row in folder.read_curves()] == [48, 96, 144]
+    assert_same_bits(*ends)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_samples_are_counted_on_with_other_numbers_of_worlds(trained, tmp_path, capfd):
+    import torch
+
+    from policy_runtime.train import train
+
+    def begun(name, source):
+        folder = RunFolder(tmp_path / name)
+        learn = LearnOptions(environments=4, steps=5, iterations=3, hidden=(32, 16))
+        folder.begin(RunConfig(task=SkateOptions(boards=2, transition="style"), learn=learn), PINK, source)
+        train(folder, device="cpu")
+        return folder
+
+    folder = begun("other", trained.checkpoint(2))
+    assert [row["samples"] for row in folder.read_curves()] == [96 + 4 * 5]
+    assert "the discriminator starts afresh" in capfd.readouterr().err
+    old = torch.load(trained.checkpoint(2), weights_only=True)
+    for key in ("random", "samples"):
+        del old[key]
+    (tmp_path / "old").mkdir()
+    torch.save(old, tmp_path / "old" / "model_2.pt")
+    folder = begun("older", tmp_path / "old" / "model_2.pt")
+    assert [row["samples"] for row in folder.read_curves()] == [2 * 4 * 5 + 4 * 5]
+    assert "no count of samples; taken as 2 iterations of 20" in capfd.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("option", "kind"),
+    [
+        *(
+            (option, kind)
+            for option in ("--resume", "--from")
+            for kind in ("cut", "text", "foreign", "object")
+        ),
+        ("--from", "missing"),
+    ],
+)
+def test_a_broken_checkpoint_is_said_in_one_line(trained, tmp_path, kind, option):
+    import torch
+
+    folder = copied(trained, tmp_path, "run")
+    path = folder.checkpoint(2)
+    content = path.read_bytes()
+    if kind == "cut":
+        path.write_bytes(content[: len(content) // 2])
+    elif kind == "text":
+        path.write_text("weights")
+    elif kind == "foreign":
+        torch.save({"model_state_dict": {}}, path)
+    elif kind == "object":
+        torch.save(SkateOptions(), path)
+    else:
+        path.unlink()
+    target = ["--resume", str(folder.path)] if option == "--resume" else ["--from", str(path)]
+    with pytest.raises(HuskyError) as refusal:
+        build_app()(
+            ["train", "--board", "pink", "--gpus", "0", "--force", "--workspace", str(tmp_path), *target],
+            exit_on_error=False,
+            result_action="return_value",
+        )
+    message = str(refusal.value)
+    assert "\n" not in message
+    assert message.startswith(f"{path}: ")
+    words = {"foreign": "'actor_state_dict' is not in it", "missing": "cannot be read"}
+    assert words.get(kind, "not a whole checkpoint") in message
+    assert not (tmp_path / "reports").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_a_learner_of_another_size_is_refused(trained, tmp_path):
+    from policy_runtime.train import train
+
+    folder = copied(trained, tmp_path, "run")
+    folder.config.write_text(folder.config.read_text().replace("[32, 16]", "[24, 16]"))
+    with pytest.raises(
+        HuskyError, match=r"model_2\.pt: does not fit this run's learner \(size mismatch for mlp"
+    ):
+        train(folder, device="cpu", iterations=3)
+
+
+@pytest.mark.slow
+def test_two_processes_hold_the_same_weights_normalisers_and_discriminator(started, tmp_path):
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("mjlab")
+    run(started.path, "--keep-all", processes=2)
+    first, second = (
+        torch.load(started.path / "checkpoints" / f"process_{rank}.pt", weights_only=True) for rank in (0, 1)
+    )
+    for part in ("actor_state_dict", "critic_state_dict", "discriminator"):
+        assert first[part].keys() == second[part].keys()
+        for name, value in first[part].items():
+            torch.testing.assert_close(value, second[part][name], rtol=0, atol=1e-6, msg=f"{part} {name}")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("gpus", [0, 2])
+def test_what_stops_a_worker_reaches_the_user(started, gpus, capfd, monkeypatch):
+    for module in ("torch", "mjlab"):
+        pytest.importorskip(module, reason="needs the training stack")
+    from sysid.cli import train as command
+    from sysid.cli.console import Common, Printer
+
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    started.config.write_text(started.config.read_text().replace('terrain = "flat"', 'terrain = "stairs"'))
+    with pytest.raises(
+        HuskyError, match=r"training stopped with code 1;.*not come to a checkpoint"
+    ) as failure:
+        command._run(started, gpus, math.inf, Printer(Common()))
+    assert failure.value.exit_code == 1
+    said = capfd.readouterr()
+    assert "error: " in said.err
+    assert "terrain is 'stairs'" in said.err
+    assert said.out == ""
+    assert started.read_curves() == []
+
+
+def test_what_is_not_a_number_is_named_with_its_world():
+    torch = pytest.importorskip("torch")
+    tensordict = pytest.importorskip("tensordict")
+    from policy_runtime.train import check_finite
+
+    actor = torch.zeros(24, 8, 5)
+    actor[3, 6, 2] = math.nan
+    storage = SimpleNamespace(
+        observations=tensordict.TensorDict({"actor": actor}, batch_size=[24, 8]),
+        rewards=torch.zeros(24, 8, 1),
+    )
+    algorithm = SimpleNamespace(storage=storage)
+    check_finite(algorithm, {"value": 1.0}, 7)
+    with pytest.raises(
+        HuskyError, match=r"iteration 7: actor, number 2 \(angular_velocity\), of world 6 .* step 3"
+    ):
+        check_finite(algorithm, {"value": math.nan}, 7)
+    storage.observations["actor"].zero_()
+    with pytest.raises(HuskyError, match="value is not finite although"):
+        check_finite(algorithm, {"value": math.nan}, 7)

@@ -1,0 +1,285 @@
+"""Releases are found in logs of known truth, whatever the damping, the sensor and the hand."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from decay_truth import DEGREE, Recipe, linear_decay, make_roll
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from sysid.errors import HuskyError
+from sysid.logs import LogOptions, read_roll
+from sysid.releases import Phase, find_releases, log_phases, settling_time
+from sysid.releases.extrema import crossing_time, half_cycles_of, noise_level, smooth_signal
+from sysid.roll import Roll
+from sysid.workspace import shipped_data
+
+
+def starts(recipe, **options):
+    return [release.start for release in find_releases(make_roll(recipe), **options)]
+
+
+@pytest.mark.parametrize("zeta", [0.02, 0.1, 0.3, 0.54, 0.5626, 0.8])
+@pytest.mark.parametrize("sampling", [100, 1000])
+def test_every_release_of_both_sides_is_found(zeta, sampling):
+    recipe = Recipe(
+        zeta=zeta,
+        sampling=sampling,
+        amplitudes=(0.2, -0.18, -0.15, 0.22),
+        free=max(1.0, 5 / (zeta * 41)),
+        seed=3,
+    )
+    roll = make_roll(recipe)
+    found = find_releases(roll)
+    period = 2 * np.pi / recipe.omega
+    np.testing.assert_allclose([r.start for r in found], recipe.truth, atol=0.1 * period + 1 / sampling)
+    assert [r.side for r in found] == ["right", "left", "left", "right"]
+    assert [r.end for r in found] == ["rest"] * 4
+    np.testing.assert_allclose([r.amplitude for r in found], np.abs(recipe.amplitudes), rtol=0.1)
+    np.testing.assert_allclose([r.hold for r in found], recipe.holds, rtol=0.35)
+
+
+def test_release_time_is_right_to_one_percent_of_a_period():
+    recipe = Recipe(sampling=1000, noise=0.02 * DEGREE, amplitudes=(0.2,) * 6)
+    errors = np.array(starts(recipe)) - recipe.truth
+    assert np.abs(errors).max() < 0.01 * 2 * np.pi / recipe.omega
+
+
+def test_rough_logs_are_read_nearly_always():
+    """Hand tremor, 0.3° noise, 9 samples a swing, encoders, hands at the end: 120 logs, most of them hard."""
+    rng = np.random.default_rng(5)
+    wrong = 0
+    for _ in range(120):
+        zeta, omega = rng.choice([0.02, 0.1, 0.3, 0.45, 0.5626, 0.8]), rng.choice([15.0, 41.08, 69.8])
+        period = 2 * np.pi / omega
+        sampling = rng.choice([100.0, 400.0, 1000.0])
+        recipe = Recipe(
+            omega=omega,
+            zeta=zeta,
+            sampling=sampling if sampling * period > 9 else 200.0,
+            noise=rng.choice([0.02, 0.1, 0.3]) * DEGREE,
+            amplitudes=tuple(rng.uniform(0.1, 0.3, rng.integers(1, 5)) * rng.choice([-1, 1])),
+            rest=rng.uniform(-0.1, 0.1),
+            lift=rng.choice([0.4, 1.5]),
+            free=max(period + 0.3, min(6 / (zeta * omega), 40 * period)),
+            tremor=rng.choice([0, 0.01, 0.03]),
+            quantum=rng.choice([0, 0.0015]),
+            hand_at_end=bool(rng.random() < 0.3),
+            before=rng.choice([0.0, 1.0]),
+            seed=int(rng.integers(1e9)),
+        )
+        found = find_releases(make_roll(recipe))
+        good = len(found) == len(recipe.truth) and np.allclose(
+            [r.start for r in found], recipe.truth, atol=0.12 * period + 1.5 / recipe.sampling
+        )
+        wrong += not (good and all(r.end == "rest" for r in found))
+    assert wrong <= 8
+
+
+def test_the_first_sample_may_be_in_the_decay():
+    time = np.arange(2000) / 500
+    for start, rate in ((0.2, 0.0), (0.05, 4.0)):
+        roll, _ = linear_decay(time, 41, 0.1, start, rate)
+        made = Roll(log="x", time=time, roll=roll + 0.3, std=np.full(2000, 1e-4), origin="angle")
+        (release,) = find_releases(made)
+        assert release.start < 0.5 * 2 * np.pi / 41
+        assert release.hold == 0
+        assert release.rest == pytest.approx(0.3, abs=2e-3)
+
+
+def test_a_decay_cut_off_by_the_end_of_the_log():
+    recipe = Recipe(zeta=0.05, amplitudes=(0.2,), free=0.5)
+    roll = make_roll(recipe)
+    end = recipe.truth[0] + 0.5
+    (release,) = find_releases(roll, stop=end)
+    assert release.end == "log"
+    assert release.time[-1] == pytest.approx(end, abs=0.01)
+
+
+@pytest.mark.parametrize("after", [0.35, 0.6, 1.1])
+def test_a_catch_ends_the_decay_before_the_hand_is_felt(after):
+    recipe = Recipe(zeta=0.03, catch_after=after, free=2.5, sampling=500, noise=0.05 * DEGREE)
+    (release,) = find_releases(make_roll(recipe))
+    period = 2 * np.pi / recipe.omega
+    assert release.end == "caught"
+    assert after - 1.1 * period < release.time[-1] - recipe.truth[0] <= after + 0.1 * period
+
+
+def test_dry_friction_ends_at_rest_and_not_in_a_catch():
+    law = lambda x, v: -(41**2) * x - 2 * 0.05 * 41 * v - 41**2 * 0.012 * np.tanh(v / 0.01)  # noqa: E731
+    (release,) = find_releases(make_roll(Recipe(law=law, free=2.0, sampling=500)))
+    assert release.end == "rest"
+
+
+def test_user_says_where_to_look():
+    recipe = Recipe(amplitudes=(0.2, -0.2, 0.2))
+    roll = make_roll(recipe)
+    (second,) = find_releases(roll, start=recipe.truth[0] + 0.6, stop=recipe.truth[1] + 1.0)
+    assert second.start == pytest.approx(recipe.truth[1], abs=0.02)
+    given_time = recipe.truth[2] + 0.004
+    (third,) = find_releases(roll, releases=[given_time])
+    assert 0 <= third.start - given_time <= 1 / recipe.sampling + 1e-9
+    assert third.end == "rest"
+    both = find_releases(roll, releases=[recipe.truth[1], recipe.truth[0]])
+    assert [r.number for r in both] == [1, 2]
+    assert both[0].time[-1] < both[1].start
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"releases": [99.0]}, "nothing moves after"),
+        ({"start": 50.0}, "the log runs from 0 s"),
+        ({"start": 3.0, "stop": 2.0}, "at least 8 samples"),
+    ],
+)
+def test_times_outside_the_log_are_refused(options, text):
+    with pytest.raises(HuskyError, match=text):
+        find_releases(make_roll(Recipe()), **options)
+
+
+def test_nothing_to_find_is_said():
+    time = np.arange(3000) / 500
+    flat = Roll(log="flat.csv", time=time, roll=np.zeros(3000), std=np.zeros(3000), origin="angle")
+    with pytest.raises(HuskyError, match=r"flat.csv: nothing moves"):
+        find_releases(flat)
+    with pytest.raises(HuskyError, match="no stretch swings freely"):
+        find_releases(replace(flat, roll=0.1 * time))
+
+
+def test_phases_cover_the_log_without_gaps_and_name_what_happens():
+    recipe = Recipe(amplitudes=(0.2, -0.2), hand_at_end=True)
+    roll = make_roll(recipe)
+    phases = log_phases(roll, find_releases(roll))
+    assert [phase.kind for phase in phases] == [
+        "rest",
+        "held",
+        "free",
+        "rest",
+        "held",
+        "free",
+        "rest",
+        "held",
+    ]
+    assert phases[0].start == roll.time[0]
+    assert phases[-1].end == roll.time[-1]
+    assert all(one.end == other.start for one, other in pairwise(phases))
+    free = [phase for phase in phases if phase.kind == "free"]
+    np.testing.assert_allclose([phase.start for phase in free], recipe.truth, atol=0.015)
+    assert all(0.05 < phase.end - phase.start < 0.3 for phase in free)
+
+
+def test_a_deck_that_friction_stops_off_zero_is_at_rest_and_not_held():
+    roll = read_roll(shipped_data() / "decays" / "pink_hidden.csv", LogOptions())
+    phases = log_phases(roll, find_releases(roll))
+    assert [phase.kind for phase in phases] == [*["rest", "held", "free"] * 3, "rest"]
+    for held in (phase for phase in phases if phase.kind == "held"):
+        assert 0.9 < held.end - held.start < 1.2, "a hand takes a second; the deck lies still for two"
+
+
+def test_phases_after_a_catch():
+    roll = make_roll(Recipe(zeta=0.03, catch_after=0.6, free=2.5, sampling=500, noise=0.05 * DEGREE))
+    kinds = [phase.kind for phase in log_phases(roll, find_releases(roll))]
+    assert kinds[:4] == ["rest", "held", "free", "caught"]
+    assert Phase(0.0, 1.0, "rest") == Phase(0.0, 1.0, "rest")
+
+
+def test_settling_time_is_when_the_envelope_is_gone():
+    recipe = Recipe(sampling=1000, noise=0.02 * DEGREE)
+    (release,) = find_releases(make_roll(recipe))
+    assert 2.5 < (settling_time(release) - release.start) * recipe.zeta * recipe.omega < 7
+
+
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(
+    offset=st.floats(-3, 3),
+    side=st.sampled_from([-1.0, 1.0]),
+    scale=st.floats(0.3, 3),
+    seed=st.integers(0, 1000),
+)
+def test_offset_mirror_and_size_change_nothing(offset, side, scale, seed):
+    recipe = Recipe(amplitudes=(0.2, -0.17), seed=seed, zeta=0.3, noise=0.05 * DEGREE)
+    roll = make_roll(recipe)
+    plain = find_releases(roll)
+    moved = find_releases(replace(roll, roll=side * scale * roll.roll + offset, std=scale * roll.std))
+    np.testing.assert_allclose([r.start for r in moved], [r.start for r in plain], atol=1e-6)
+    np.testing.assert_allclose([r.hold for r in moved], [r.hold for r in plain], atol=0.02)
+    assert [r.side == "right" for r in moved] == [(r.side == "right") == (side > 0) for r in plain]
+
+
+def test_noise_level_sees_noise_and_not_motion():
+    rng = np.random.default_rng(0)
+    time = np.arange(4000) / 500
+    motion = 0.2 * np.sin(10 * time)
+    assert noise_level(motion + rng.normal(0, 1e-3, 4000)) == pytest.approx(1e-3, rel=0.06)
+    assert noise_level(np.round(motion / 0.01) * 0.01) == pytest.approx(0.01 / np.sqrt(12), rel=0.2)
+
+
+def test_legs_of_a_swing():
+    time = np.arange(1000) / 500
+    swings = half_cycles_of(smooth_signal(time, 0.1 * np.cos(2 * np.pi * time), 1e-5))
+    assert [swing.size for swing in swings] == pytest.approx([0.2] * 4, rel=1e-3)
+    assert [swing.duration for swing in swings] == pytest.approx([0.295] * 4, rel=0.02)
+    assert crossing_time(time, np.sin(time), 0.5) == pytest.approx(np.arcsin(0.5), abs=1e-5)
+
+
+REAL = {
+    "kvlcc2_roll_decay/run_21337.csv": (24.95, "log"),
+    "kvlcc2_roll_decay/run_21338.csv": (8.0, "log"),
+    "servo_passive_drop/drop_kp100.csv": (2.0, "rest"),
+    "servo_passive_drop/drop_kp200.csv": (2.0, "rest"),
+    "servo_passive_drop/drop_kp400.csv": (2.0, "rest"),
+    "servo_passive_drop/drop_kp800.csv": (2.0, "rest"),
+    "rotary_pendulum_freeswing/swing_01.csv": (0.73, "log"),
+}
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_real_logs(real_logs, name):
+    from sysid.logs import read_roll
+
+    (release,) = find_releases(read_roll(real_logs / name))
+    start, end = REAL[name]
+    assert release.start == pytest.approx(start, abs=0.15)
+    assert release.end == end
+
+
+# What a hand did, and what it did not
+
+
+def lightly_damped(zeta, period, rate, noise, wander):
+    """A decay from rest of the hand to the end of the log, on a sensor whose zero wanders."""
+    omega, hold = 2 * np.pi / period, 2 * period
+    time = np.arange(0, hold + 60 * period, 1 / rate)
+    free = np.maximum(time - hold, 0.0)
+    swing = 0.2 * np.exp(-zeta * omega * free) * np.cos(omega * np.sqrt(1 - zeta**2) * free)
+    zero = wander * np.sin(2 * np.pi * time / (7 * period) + 1)
+    roll = swing + zero + np.random.default_rng(1).normal(0, noise, len(time))
+    return Roll(log="made", time=time, roll=roll, std=np.full(len(time), noise), origin="angle")
+
+
+@pytest.mark.parametrize("zeta", [0.002, 0.005])
+@pytest.mark.parametrize(("period", "rate"), [(0.185, 50.0), (0.185, 1000.0), (1.0, 50.0), (5.0, 15.0)])
+@pytest.mark.parametrize("wander", [0.0, 0.01])
+def test_an_untouched_decay_stays_whole(zeta, period, rate, wander):
+    """Few samples a period, or a zero that wanders by a twentieth of the swing, are no hand."""
+    roll = lightly_damped(zeta, period, rate, 2e-4, wander)
+    (release,) = find_releases(roll)
+    assert release.time[-1] - release.time[0] > 50 * period
+
+
+def test_a_hand_that_adds_to_a_swing_ends_the_decay():
+    roll = lightly_damped(0.005, 1.0, 200.0, 2e-4, 0.0)
+    pushed = roll.roll + np.where(roll.time > 30, 0.15 * np.sin(2 * np.pi * roll.time), 0.0)
+    first, *_ = find_releases(replace(roll, roll=pushed))
+    assert first.time[-1] < 32
+    assert first.end == "caught"
+
+
+def test_a_release_given_in_the_hold_is_the_one_that_follows():
+    roll = lightly_damped(0.05, 0.5, 500.0, 2e-4, 0.0)
+    given, found = find_releases(roll, releases=(0.6,)), find_releases(roll)
+    assert given[0].start == pytest.approx(found[0].start, abs=1e-6)
+    assert given[0].hold > 0.9

@@ -1,0 +1,38 @@
+"""The picture of a comparison names its units, and shows where there is no data."""
+
+from dataclasses import replace
+
+from reports.figures.compare import compare_figure
+from sysid.board import load_board
+from sysid.comparison.compare import compare
+from sysid.logs import LogOptions, read_roll
+from sysid.releases import find_releases
+from sysid.workspace import shipped_data
+
+
+def test_panels_have_units_and_none_is_empty():
+    releases = find_releases(read_roll(shipped_data() / "decays" / "pink_hidden.csv", LogOptions()))
+    result = compare(releases, load_board(shipped_data() / "boards" / "pink.toml"))
+    figure = compare_figure(result, "a title")
+    by_label = {
+        axes.get_xlabel(): axes for axes in figure.axes if axes.get_ylabel() == "missing torque [N·m]"
+    }
+    assert set(by_label) == {"rate [rad/s]", "tilt [°]"}
+    drawn = by_label["rate [rad/s]"].lines[-1].get_xydata()
+    assert (
+        drawn == list(zip(result.missing.over_rate.at, result.missing.over_rate.torque, strict=True))
+    ).all()
+    assert "sim - real [°]" in [axes.get_ylabel() for axes in figure.axes]
+    assert all(axes.has_data() for axes in figure.axes)
+    assert not len(
+        result.measured_backbone.amplitude
+    )  # an overdamped board has no backbone, and no panel for one
+
+
+def test_several_logs_and_releases_left_out_are_named():
+    releases = find_releases(read_roll(shipped_data() / "decays" / "pink_hidden.csv", LogOptions()))
+    twice = [*releases, *(replace(release, log="other.csv") for release in releases)]
+    figure = compare_figure(compare(twice, load_board(shipped_data() / "boards" / "pink.toml")), "a title")
+    assert "4 of 6 releases drawn" in figure.get_suptitle()
+    titles = [axes.get_title(loc="left") for axes in figure.axes]
+    assert any(title.startswith("other.csv, release 1") for title in titles)

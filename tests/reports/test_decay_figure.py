@@ -1,0 +1,102 @@
+"""The decay picture holds what it should, for every kind of decay."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from decay_truth import DEGREE, Recipe, linear_decay, make_roll
+
+from reports.figures.decay import decay_figure
+from reports.figures.palette import REAL, SIM
+from sysid.free_decay import fit_decay
+from sysid.quantity import Quantity
+from sysid.releases import find_releases
+from sysid.roll import Roll
+
+INERTIA = Quantity(8.70e-3, 1e-4, "kg*m^2")
+
+
+def gyro_roll():
+    time = np.arange(0, 3, 0.002)
+    angle, rate = linear_decay(time, 15.0, 0.03, 0.2)
+    rate = rate + np.random.default_rng(0).normal(0, 0.01, len(time))
+    std = np.full(len(time), 0.01)
+    return Roll(
+        log="g",
+        time=time,
+        roll=angle,
+        std=std / 100,
+        origin="gyro",
+        zero="drifting",
+        measured="rate",
+        rate=rate,
+        rate_std=std,
+    )
+
+
+ROLLS = {
+    "three releases": lambda: make_roll(Recipe(sampling=500, amplitudes=(0.2, -0.18, 0.15))),
+    "light": lambda: make_roll(Recipe(zeta=0.02, free=6.0)),
+    "no second peak": lambda: make_roll(Recipe(zeta=0.8, sampling=1000)),
+    "overdamped": lambda: make_roll(
+        Recipe(zeta=1.3, sampling=1000, amplitudes=(0.2,) * 3, noise=0.02 * DEGREE)
+    ),
+    "gyro": gyro_roll,
+}
+
+
+@pytest.mark.parametrize("name", ROLLS)
+def test_every_kind_of_decay_has_its_picture(name, tmp_path):
+    roll = ROLLS[name]()
+    decay = fit_decay(find_releases(roll), INERTIA)
+    figure = decay_figure([roll], decay, "a title")
+    log, trace, residual, line = figure.axes
+    assert len(log.patches) == len(decay.releases)  # a shade each
+    marked = sum(len(drawn.get_xdata()) for drawn in log.lines if drawn.get_marker() == "o")
+    assert marked == sum(len(group) for group in decay.peaks)
+    colours = [drawn.get_color() for drawn in trace.lines]
+    assert colours.count(REAL) == colours.count(SIM) == len(decay.releases)
+    assert len(residual.lines) == len(decay.releases) + 1
+    if any(decay.peaks):
+        assert line.get_yscale() == "log"
+    else:
+        assert "no peak" in line.texts[0].get_text()
+    figure.savefig(tmp_path / "picture.png", dpi=60)
+    assert (tmp_path / "picture.png").stat().st_size > 5000
+
+
+def test_nothing_measured_is_cut_off_and_the_residual_is_simulated_minus_measured():
+    """The deck is widest before the hand has surely left it, and there the fit has not begun."""
+    roll = make_roll(Recipe(sampling=500, amplitudes=(0.35, -0.15)))
+    decay = fit_decay(find_releases(roll), INERTIA)
+    _, trace, residual, _ = decay_figure([roll], decay, "a title").axes
+    low, high = trace.get_ylim()
+    span = trace.get_xlim()[1]
+    for release, fitted, drawn in zip(decay.releases, decay.trace.releases, residual.lines, strict=False):
+        shown = np.rad2deg(release.roll - fitted.level)[release.time - release.start <= span]
+        assert low < shown.min() < shown.max() < high
+        np.testing.assert_allclose(
+            drawn.get_ydata(), np.rad2deg(fitted.modelled - fitted.trace.measured), atol=1e-12
+        )
+
+
+@pytest.mark.parametrize("noise", [0.1, 1e-3, 1e-5])
+def test_no_label_leaves_the_picture(noise):
+    roll = make_roll(Recipe(sampling=500, amplitudes=(0.2, -0.18), noise=noise * DEGREE))
+    figure = decay_figure([roll], fit_decay(find_releases(roll), INERTIA), "a title")
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        for text in (axes.xaxis.label, axes.yaxis.label, axes.title):
+            box = text.get_window_extent()
+            assert 0 <= box.x0 <= box.x1 <= figure.bbox.x1, text.get_text()
+
+
+def test_a_single_peak_has_a_whole_number():
+    roll = make_roll(Recipe(sampling=500))
+    decay = fit_decay(find_releases(roll), INERTIA)
+    alone = replace(decay, peaks=tuple(group[:1] for group in decay.peaks), line=None)
+    line = decay_figure([roll], alone, "a title").axes[3]
+    low, high = line.get_xlim()
+    ticks = [tick for tick in line.get_xticks() if low <= tick <= high]
+    assert ticks
+    assert all(tick == round(tick) for tick in ticks)

@@ -1,0 +1,330 @@
+"""The page of a board: whole, self-contained, and working in a real browser with the network off."""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from decay_truth import Recipe, make_roll
+
+from reports.figures.svg import MOST_POINTS, figure_to_svg, page_style, thin
+from reports.page.page import Page, choices, figure, table
+from sysid.cli import build_app
+from sysid.errors import HuskyError
+
+REPORTS = Path(__file__).parents[2] / "reports"
+
+
+def run(*arguments):
+    return build_app()(
+        list(map(str, arguments)), result_action="return_value", exit_on_error=False, print_error=False
+    )
+
+
+def write_log(path, **recipe):
+    roll = make_roll(Recipe(**{"sampling": 400, "amplitudes": (0.2, -0.15, 0.18), **recipe}))
+    table = np.column_stack([roll.time, roll.roll])
+    np.savetxt(path, table, "%.6f", ",", header="time_s,roll_rad", comments="")
+    return path
+
+
+@pytest.fixture(scope="module")
+def space(tmp_path_factory):
+    """A workspace in which pink was fitted with dry friction to a log that has it."""
+    folder = tmp_path_factory.mktemp("space")
+
+    def law(angle, rate):
+        return -1687.9 * angle - 12.0 * rate - 6.0 * np.tanh(rate / 1e-3)
+
+    log = write_log(folder / "rock.csv", law=law)
+    truth = {
+        "synthetic": True,
+        "parameters": {"stiffness": {"value": 14.68, "unit": "N*m/rad"}},
+        "effects": [],
+    }
+    (folder / "rock.truth.json").write_text(json.dumps(truth))
+    assert run("fit", log, "-b", "pink", "--effect", "coulomb", "--workspace", folder) == 0
+    assert run("report", "-b", "pink", "--workspace", folder) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def page(space):
+    return space / "reports" / "pink" / "report.html"
+
+
+def test_the_page_stands_alone_and_is_small(page):
+    text = page.read_text(encoding="utf-8")
+    assert len(text.encode()) < 2e6
+    outside = [link for link in re.findall(r'(?:src|href)="([^"]+)"', text) if link[0] != "#"]
+    assert outside == ["data:,"]
+    assert not re.findall(r"@import|url\((?!#)", text)
+    assert "http" not in re.sub(r'xmlns(:\w+)?="[^"]+"', "", text)
+
+
+def test_the_page_holds_what_the_record_and_the_logs_say(space, page):
+    text = page.read_text(encoding="utf-8")
+    sections = re.findall(r"<h2>(.*?)</h2>", text)
+    assert sections[:4] == [
+        "Verdict and warnings",
+        "Parameters",
+        "Identified law",
+        "Measured against simulated",
+    ]
+    record = (space / "data" / "boards" / "pink.toml").read_text()
+    digest = re.search(r'sha256 = "(\w+)"', record)[1]
+    assert digest in text
+    assert "as fitted" in text
+    assert "sgn φ̇" in text
+    assert "These logs are synthetic" in text
+    assert "14.68 N·m/rad" in text  # the truth, beside what was found
+    assert not re.search(r">[^<]*\d\.\d{9,}[^<]*<", text), "a number with nine digits"
+    assert str(space / "data") not in text  # paths are as seen from the workspace
+
+
+def test_a_changed_log_and_a_gone_one_are_said(space, tmp_path, capsys):
+    shutil.copytree(space, tmp_path / "copy")
+    copy = tmp_path / "copy"
+    record = copy / "data" / "boards" / "pink.toml"
+    record.write_text(record.read_text().replace(str(space / "rock.csv"), "rock.csv"))
+    log = copy / "rock.csv"
+    log.write_text(log.read_text() + "99.0,0.0\n")
+    assert run("report", "-b", "pink", "--workspace", copy) == 0
+    text = (copy / "reports" / "pink" / "report.html").read_text()
+    assert "rock.csv: changed since the fit" in text
+    assert "Measured against simulated" not in text
+    log.unlink()
+    assert run("report", "-b", "pink", "--workspace", copy) == 0
+    text = (copy / "reports" / "pink" / "report.html").read_text()
+    assert "rock.csv: gone" in text
+    assert "coulomb: torque" in text
+    assert "gone" in capsys.readouterr().err
+
+
+def test_a_board_never_fitted_is_said_in_clear_words(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-m", "sysid.cli", "report", "--board", "black"],
+        capture_output=True, text=True, cwd=tmp_path,
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert "never fitted" in done.stderr
+    assert "husky-sysid fit LOG... --board black" in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_shipped_board_is_reported_from_logs_that_are_given(tmp_path):
+    log = write_log(tmp_path / "rock.csv", sampling=250, amplitudes=(0.2,))
+    assert run("report", log, "-b", "pink", "--workspace", tmp_path) == 0
+    text = (tmp_path / "reports" / "pink" / "report.html").read_text()
+    assert "not part of the recorded fit" in text
+    assert "as shipped with the tool" in text
+
+
+def test_an_unwritable_place_is_said(space, tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(HuskyError, match="cannot write there"):
+        run("report", "-b", "pink", "--workspace", space, "-o", tmp_path / "file" / "report.html")
+
+
+@pytest.mark.slow
+def test_a_long_log_makes_no_large_page(tmp_path):
+    log = write_log(tmp_path / "long.csv", sampling=1000, free=20.0, zeta=0.01, amplitudes=(0.2,) * 3)
+    assert run("report", log, "-b", "pink", "--workspace", tmp_path) == 0
+    assert (tmp_path / "reports" / "pink" / "report.html").stat().st_size < 2e6
+
+
+def test_thinning_keeps_every_extreme():
+    rng = np.random.default_rng(1)
+    time = np.linspace(0, 600, 300_000)
+    curve = rng.normal(0, 1, len(time))
+    curve[[777, 200_001]] = 40, -40
+    x, y = thin(time, curve)
+    assert len(x) <= MOST_POINTS + 2
+    assert y.max() == 40
+    assert y.min() == -40
+    assert np.all(np.diff(x) > 0)
+
+
+def test_texts_are_escaped():
+    page = Page("a <b>", "c & d")
+    page.section("e", table(["<f>"], [["<g>"]]), choices([("<h>", "x"), ("i", "y")]))
+    text = page.render()
+    for raw in ("<b>", "<f>", "<g>", "<h>"):
+        assert raw not in text.split("</style>")[1].split("<script>")[0]
+
+
+# In a real browser.
+
+
+@pytest.fixture(scope="module")
+def tab(page, tmp_path_factory):
+    pytest.importorskip("websockets", reason="the package websockets is not installed")
+    from chromium import BINARY, browser
+
+    if BINARY is None:
+        pytest.skip("there is no Chromium here")
+    with browser(tmp_path_factory.mktemp("chromium")) as opened:
+        opened.call(
+            "Emulation.setDeviceMetricsOverride", width=1000, height=900, deviceScaleFactor=1, mobile=False
+        )
+        opened.open(page)
+        yield opened
+
+
+def test_the_browser_has_no_complaint_and_asks_for_nothing(tab):
+    assert tab.complaints == []
+    assert [url for url in tab.asked if not url.startswith(("file:", "data:"))] == []
+
+
+def test_every_figure_has_drawn_content(tab):
+    sizes = tab.run(
+        "[...document.querySelectorAll('svg.figure')].filter(s => s.getClientRects().length)"
+        ".map(s => [s.id, s.getBoundingClientRect().width, s.getBoundingClientRect().height,"
+        " Math.max(0, ...[...s.querySelectorAll('path')].map(p => p.getBBox().width))])"
+    )
+    assert {"release1", "ladder", "alike", "force", "correlation", "log1"} <= {size[0] for size in sizes}
+    for name, width, height, drawn in sizes:
+        assert width > 200, name
+        assert height > 100, name
+        assert drawn > 20, name
+
+
+def test_nothing_sticks_out_sideways(tab):
+    assert tab.run("document.documentElement.scrollWidth <= innerWidth")
+
+
+def test_labels_of_a_figure_do_not_collide(tab):
+    """Texts of one axis may touch, but none covers another."""
+    covered = tab.run(
+        """(() => {
+        const bad = [];
+        for (const svg of document.querySelectorAll('svg.figure')) {
+          if (!svg.getClientRects().length) continue;
+          const upright = [...svg.querySelectorAll('text')].filter(t => !/rotate\\(-(?!0\\b)/.test(
+            t.getAttribute('transform') || ''));
+          const boxes = upright.map(t => [t.textContent, t.getBoundingClientRect()]);
+          boxes.forEach(([a, p], i) => boxes.slice(i + 1).forEach(([b, q]) => {
+            const x = Math.min(p.right, q.right) - Math.max(p.left, q.left);
+            const y = Math.min(p.bottom, q.bottom) - Math.max(p.top, q.top);
+            if (x > 3 && y > 5) bad.push(`${svg.id}: ${a} / ${b}`);
+          }));
+        }
+        return bad;
+        })()"""
+    )
+    assert covered == []
+
+
+def test_a_series_can_be_switched_off_and_on(tab):
+    def state():
+        return tab.run(
+            "[...document.querySelectorAll('#release1 g')].filter(g => g.id.includes('series:sim'))"
+            ".map(g => g.style.display)"
+        )
+
+    box = "[...document.querySelectorAll('figure')].find(f => f.querySelector('#release1')).querySelectorAll('label')"
+    names = tab.run(f"[...{box}].map(l => l.textContent)")
+    assert names == ["real", "spring and damper", "sim"]
+    assert state() == ["", ""]
+    tab.run(f"{box}[2].querySelector('input').click()")
+    assert state() == ["none", "none"]  # the curve and its residual
+    tab.run(f"{box}[2].querySelector('input').click()")
+    assert state() == ["", ""]
+
+
+def test_releases_are_switched(tab):
+    def shown():
+        return tab.run(
+            "['release1', 'release2', 'release3'].filter(n => document.getElementById(n).getClientRects().length)"
+        )
+
+    assert shown() == ["release1"]
+    tab.run("document.querySelector('[data-shows=\"release 2\"]').click()")
+    assert shown() == ["release2"]
+    tab.run("document.querySelector('[data-shows=\"release 1\"]').click()")
+
+
+def test_values_show_under_the_pointer(tab):
+    tab.run("document.getElementById('release1').scrollIntoView({block: 'center'})")
+    left, top, width, height = tab.run(
+        "(r => [r.left, r.top, r.width, r.height])(document.getElementById('release1').getBoundingClientRect())"
+    )
+    tab.move(left + 0.4 * width, top + 0.3 * height)
+    tips = tab.run(
+        "[...document.querySelectorAll('.tip')].filter(t => t.style.display == 'block').map(t => t.textContent)"
+    )
+    (tip,) = tips
+    lines = dict(line.split(": ") for line in tip.splitlines())
+    assert set(lines) == {"x", "real", "spring and damper", "sim"} or {"real", "sim"} < set(lines)
+    assert abs(float(lines["real"]) - float(lines["sim"])) < 1.0
+
+
+def contrast(tab, selector):
+    """Contrast of a text against the page (WCAG 2), by the browser's own computed colours."""
+    texts = tab.run(
+        f"(e => [e instanceof SVGElement ? getComputedStyle(e).fill : getComputedStyle(e).color,"
+        f" getComputedStyle(document.body).backgroundColor])(document.querySelector({selector!r}))"
+    )
+
+    def luminance(text):
+        parts = np.array([float(v) for v in re.findall(r"[\d.]+", text)[:3]]) / 255
+        linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+        return float(linear @ [0.2126, 0.7152, 0.0722])
+
+    dark, light = sorted(map(luminance, texts))
+    return (light + 0.05) / (dark + 0.05)
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_light_and_dark_are_readable(tab, dark, tmp_path):
+    import cv2
+
+    tab.dark(dark)
+    for selector in ("h1", "p.sub", "th", "td", "#release1 text", "a", ".verdict", "figcaption"):
+        assert contrast(tab, selector) >= 4.5, selector
+    tab.picture(tmp_path / "page.png")
+    picture = cv2.imread(str(tmp_path / "page.png"))
+    assert (np.median(picture) < 60) == dark
+    tab.dark(False)
+
+
+def test_print_is_complete(tab, tmp_path):
+    tab.pdf(tmp_path / "page.pdf")
+    reader = shutil.which("pdftotext")
+    if reader is None:
+        pytest.skip("pdftotext is not installed")
+    text = subprocess.run([reader, tmp_path / "page.pdf", "-"], capture_output=True, text=True).stdout
+    for section in tab.run("[...document.querySelectorAll('h2')].map(h => h.textContent)"):
+        assert section in text
+    for number in (1, 2, 3):  # all releases, also those that are not chosen
+        assert f"release {number}: error" in text
+    assert "sha256" in text
+
+
+@pytest.mark.parametrize("board", ["pink", "black"])
+def test_the_finished_reports_are_whole(board):
+    folder = REPORTS / board
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    assert "These logs are synthetic" in text
+    assert "<h2>Provenance</h2>" in text
+    assert "http" not in re.sub(r'xmlns(:\w+)?="[^"]+"', "", text)
+    assert "/tmp" not in text
+    assert sum(path.stat().st_size for path in folder.iterdir()) < 1.5e6
+
+
+def test_narrow_figures_stay_narrow():
+    from matplotlib.figure import Figure
+
+    with page_style():
+        drawn = Figure(figsize=(3, 2), layout="constrained")
+        drawn.subplots().plot([0, 1], [0, 1], gid="series:real")
+        text = figure(figure_to_svg(drawn, "small", 'a "title"'), "caption")
+    assert "max-width: 312px" in text
+    assert "small-series:real" in text
+    hover = json.loads(re.search(r'class="hover">(.*?)</script>', text)[1])
+    assert hover[0]["series"][0]["y"] == [0.0, 1.0]

@@ -1,0 +1,128 @@
+import importlib.util
+
+import inverse_kinematics as ik
+import mujoco
+import numpy as np
+import pytest
+
+from sim.skate.robot import g1
+from sim.skate.robot.poses import load_poses
+from sysid.errors import HuskyError
+from sysid.workspace import shipped_data
+
+pytestmark = pytest.mark.train
+
+DECK_TOP, GROUND = 0.01, -0.10  # of both shipped boards, below and above the tilt axis [m]
+
+
+def placed(model, name):
+    data = mujoco.MjData(model)
+    data.qpos[:] = load_poses()[name].qpos()
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def sole(model, data, side):
+    """Return the lowest and highest point of the sole and its mean position in the plane."""
+    geoms = [i for i in range(model.ngeom) if f"{side}_foot" in model.geom(i).name]
+    ends = []
+    for i in geoms:
+        axis = data.geom_xmat[i].reshape(3, 3)[:, 2] * model.geom_size[i, 1]
+        ends += [data.geom_xpos[i] + axis, data.geom_xpos[i] - axis]
+    heights = np.array(ends)[:, 2] - model.geom_size[geoms[0], 0]
+    return heights.min(), heights.max(), np.array(ends)[:, :2]
+
+
+@pytest.mark.parametrize("name", ["push", "steer"])
+def test_joints_stay_within_soft_limits_and_no_limbs_touch(model, name):
+    joints = load_poses()[name].joints
+    low, high = model.jnt_range[1:].T
+    middle, half = (low + high) / 2, 0.9 * (high - low) / 2
+    assert np.all(np.abs(joints - middle) <= half)
+    assert placed(model, name).ncon == 0
+
+
+def test_push_has_the_right_foot_on_the_front_marker_and_the_left_above_the_ground(model):
+    data = placed(model, "push")
+    low, high, points = sole(model, data, "right")
+    np.testing.assert_allclose([low, high], DECK_TOP, atol=5e-4)
+    assert points[:, 0].min() < 0.2 < points[:, 0].max()  # the marker lies under the sole
+    assert np.all(np.abs(points[:, 1]) < 0.1)  # on the deck
+    low, high, points = sole(model, data, "left")
+    np.testing.assert_allclose([low, high], GROUND + 0.02, atol=5e-4)
+    assert points[:, 1].min() > 0.1 + 0.05  # beside the deck
+    for foot in g1.FOOT_BODIES:
+        assert data.body(foot).xmat.reshape(3, 3)[0, 0] > 0.999  # facing forward
+
+
+def test_push_balances_over_the_right_sole(model):
+    data = placed(model, "push")
+    *_, points = sole(model, data, "right")
+    com = data.subtree_com[1, :2]
+    assert np.all((points.min(0) - 0.01 <= com) & (com <= points.max(0) + 0.01))
+
+
+def test_steer_stands_side_on_over_both_markers_and_balances_over_the_axis(model):
+    data = placed(model, "steer")
+    for side, x in (("left", -0.2), ("right", 0.2)):
+        low, high, points = sole(model, data, side)
+        np.testing.assert_allclose([low, high], DECK_TOP, atol=5e-4)
+        assert data.body(f"{side}_ankle_roll_link").xpos[0] == pytest.approx(x, abs=1e-3)
+        assert np.all(np.abs(points[:, 1]) < 0.1)
+    np.testing.assert_allclose(data.subtree_com[1, :2], 0.0, atol=1e-3)
+    facing = data.body("pelvis").xmat.reshape(3, 3)[:, 0]
+    assert np.degrees(np.arctan2(facing[1], facing[0])) == pytest.approx(80, abs=2)
+
+
+def test_steer_is_a_moderate_crouch():
+    joints = dict(zip(g1.JOINTS, load_poses()["steer"].joints, strict=True))
+    for side in ("left", "right"):
+        assert 0.6 <= joints[f"{side}_knee_joint"] <= 1.0
+
+
+def test_the_file_is_what_the_recipe_gives(model):
+    path = shipped_data() / "motions" / "make_poses.py"
+    spec = importlib.util.spec_from_file_location("make_poses", path)
+    make_poses = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(make_poses)
+    for name, tasks in (("push", make_poses.push_tasks()), ("steer", make_poses.steer_tasks())):
+        pose = load_poses()[name]
+        start = pose.qpos()
+        start[7:] += 0.05  # another start finds the same pose
+        np.testing.assert_allclose(ik.solve(model, start, tasks)[:3], pose.position, atol=2e-4)
+        np.testing.assert_allclose(ik.solve(model, start, tasks)[7:], pose.joints, atol=2e-3)
+
+
+def test_inverse_kinematics_respects_limits_and_says_when_it_fails(model):
+    start = load_poses()["push"].qpos()
+    low, high = model.jnt_range[1:].T
+    far = ik.FrameTask(body="left_ankle_roll_link", position=np.array([2.0, 2.0, 2.0]))
+    posture = ik.PostureTask(joints=start[7:], weight=np.full(23, 0.1))
+    pelvis = ik.FrameTask(body="pelvis", position=start[:3], rotation=np.eye(3), weight=(10.0, 10.0, 10.0))
+    reached = ik.solve(model, start, [far, posture, pelvis], tolerance=1e-4)
+    assert np.all((low + 0.02 - 1e-9 <= reached[7:]) & (reached[7:] <= high - 0.02 + 1e-9))
+    with pytest.raises(HuskyError, match="did not settle"):
+        ik.solve(model, start, [far, posture, pelvis], steps=2)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x = [", "not a TOML file"),
+        ("[push]\nposition = [0, 0, 1]", r"\[push.joints\]"),
+        ("", r"pose '\[push\]' is missing"),
+    ],
+)
+def test_bad_pose_files_are_refused_in_words(tmp_path, text, message):
+    path = tmp_path / "poses.toml"
+    path.write_text(text)
+    with pytest.raises(HuskyError, match=message):
+        load_poses(path)
+
+
+def test_pose_file_with_nan_is_refused(tmp_path):
+    text = (shipped_data() / "motions" / "poses.toml").read_text()
+    path = tmp_path / "poses.toml"
+    path.write_text(text.replace("left_knee = 0.", "left_knee = nan #", 1))
+    with pytest.raises(HuskyError, match=r"push\.joints.*23 finite numbers"):
+        load_poses(path)

@@ -1,0 +1,185 @@
+"""The task's pure parts: rotations, cycle, guidance, transitions, observation frame."""
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim.skate import rotation
+from sim.skate.arrays import wrap_angle
+from sim.skate.cycle.clock import Clock
+from sim.skate.cycle.tilt_guidance import TiltGuidance
+from sim.skate.cycle.transitions import KEY_BODIES, TransitionPath, bezier
+from sim.skate.mdp.actor_observation import (
+    FRAME_SIZE,
+    NOISE,
+    PARTS,
+    SCALE,
+    History,
+    projected_gravity,
+    raw_frame,
+    scale_frame,
+)
+
+pytestmark = pytest.mark.train
+
+
+def quaternions(count, seed=0):
+    q = np.random.default_rng(seed).normal(size=(count, 4))
+    return q / np.linalg.norm(q, axis=-1, keepdims=True)
+
+
+def test_rotations_agree_with_mujoco():
+    q, p = quaternions(2)
+    v = np.array([0.3, -1.2, 2.0])
+    turned, product = np.zeros(3), np.zeros(4)
+    mujoco.mju_rotVecQuat(turned, v, q)
+    mujoco.mju_mulQuat(product, q, p)
+    np.testing.assert_allclose(rotation.rotate(q, v), turned, atol=1e-14)
+    np.testing.assert_allclose(rotation.rotate_back(q, turned), v, atol=1e-14)
+    np.testing.assert_allclose(rotation.multiply(q, p), product, atol=1e-14)
+
+
+@given(st.floats(-3.1, 3.1))
+def test_yaw_is_read_back(angle):
+    assert rotation.yaw(rotation.from_yaw(np.float64(angle))) == pytest.approx(angle, abs=1e-12)
+
+
+def test_slerp_goes_the_short_way_at_constant_rate():
+    start, end = quaternions(2, seed=1)
+    if start @ end < 0:
+        end = -end
+    whole = rotation.angle_between(start, end)
+    for fraction in (0.0, 0.25, 1.0):
+        here = rotation.slerp(start, -end, np.float64(fraction))  # -end is the same orientation
+        assert rotation.angle_between(start, here) == pytest.approx(fraction * whole, abs=1e-9)
+
+
+def test_slerp_between_equal_orientations_stays():
+    q = quaternions(1)[0]
+    np.testing.assert_allclose(rotation.slerp(q, q, np.float64(0.3)), q, atol=1e-12)
+
+
+def test_the_cycle_is_40_10_45_5_percent_of_six_seconds():
+    clock, steps = Clock(), np.arange(300)
+    assert clock.period * 0.02 == pytest.approx(6.0)
+    shares = [f(steps).mean() for f in (clock.pushing, clock.mounting, clock.steering, clock.dismounting)]
+    np.testing.assert_allclose(shares, [0.40, 0.10, 0.45, 0.05])
+    together = sum(
+        f(steps).astype(int) for f in (clock.pushing, clock.mounting, clock.steering, clock.dismounting)
+    )
+    assert np.all(together == 1)
+
+
+def test_transitions_run_from_just_above_zero_to_one():
+    clock = Clock()
+    mount, dismount = np.arange(120, 150), np.arange(285, 300)
+    for steps in (mount, dismount):
+        fractions = clock.transition_fraction(steps)
+        np.testing.assert_allclose(fractions, np.arange(1, len(steps) + 1) / len(steps))
+    assert clock.steering_time_left(np.array([150, 284, 285])).tolist() == pytest.approx([2.7, 0.02, 0.0])
+
+
+def test_guidance_inverts_the_boards_turning():
+    guidance = TiltGuidance(wheelbase=0.4, rake=np.pi / 3, limit=0.2)
+    tilt = guidance.reference(np.array(0.1), np.array(0.5), np.array(1.3), np.array(1.0))
+    assert guidance.yaw_rate(tilt, 1.3) * 1.0 == pytest.approx(0.4)
+    paper = TiltGuidance(wheelbase=0.4, rake=np.pi / 3, limit=0.2, kinematics="single-truck")
+    twice = paper.reference(np.array(0.1), np.array(0.5), np.array(1.3), np.array(1.0))
+    assert np.sin(twice) == pytest.approx(2 * np.sin(tilt))
+
+
+def test_guidance_is_limited_at_rest_and_backwards():
+    guidance = TiltGuidance(wheelbase=0.4, rake=np.pi / 3, limit=0.2)
+    speeds = np.array([-1.0, 0.0, guidance.least_speed])
+    tilts = guidance.reference(np.zeros(3), np.full(3, 0.7), speeds, np.full(3, 2.0))
+    assert np.ptp(tilts) == 0  # the floor holds, and the sign does not flip
+    assert 0 < tilts[0] <= 0.2
+    assert guidance.reference(np.array(3.0), np.array(-3.0), np.array(1.0), np.array(1.0)) > 0  # through π
+
+
+def test_guidance_refuses_a_zero_wheelbase():
+    with pytest.raises(ValueError, match="wheelbase is 0"):
+        TiltGuidance(wheelbase=0.0, rake=1.0, limit=0.2)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 5])
+def test_paths_of_any_order_start_and_end_where_they_shall(order):
+    rng = np.random.default_rng(order)
+    start, end = rng.normal(size=(2, 4, len(KEY_BODIES), 3))
+    path = TransitionPath(order=order, lift=0.2)
+    lifted = np.ones(len(KEY_BODIES))
+    np.testing.assert_allclose(path.positions(start, end, np.zeros(4), lifted), start, atol=1e-12)
+    np.testing.assert_allclose(path.positions(start, end, np.ones(4), lifted), end, atol=1e-12)
+
+
+def test_quadratic_path_peaks_at_half_the_lift_and_spares_what_stands():
+    start = np.zeros((1, 2, 3))
+    middle = TransitionPath(lift=0.2).positions(start, start, np.array([0.5]), np.array([1.0, 0.0]))
+    np.testing.assert_allclose(middle[0, :, 2], [0.1, 0.0], atol=1e-12)
+
+
+def test_bezier_of_order_three_has_the_binomial_weights():
+    points = [np.array([x, 0.0, 0.0]) for x in (1.0, 10.0, 100.0, 1000.0)]
+    value = bezier(points, np.float64(0.5))[0]
+    assert value == pytest.approx((1 + 3 * 10 + 3 * 100 + 1000) / 8)
+
+
+def test_path_of_order_zero_is_refused():
+    with pytest.raises(ValueError, match="order is 0"):
+        TransitionPath(order=0)
+
+
+def test_frame_has_78_numbers_in_the_documented_order():
+    assert sum(size for _, size, _, _ in PARTS) == FRAME_SIZE == len(SCALE) == len(NOISE)
+    parts = [np.full(size, i + 1.0) for i, (_, size, _, _) in enumerate(PARTS)]
+    frame = scale_frame(raw_frame(*parts))
+    assert frame[0] == 2.0  # speed is doubled
+    assert frame[1] == 1.0
+    assert frame[2] == 2 * 0.25  # gyro
+    assert frame[31] == 5 * 0.05  # first joint velocity
+    assert frame[77] == 7.0  # phase
+
+
+def test_gravity_points_down_in_the_bodys_frame():
+    q = quaternions(3)
+    np.testing.assert_allclose(
+        projected_gravity(q), rotation.rotate_back(q, np.array([0.0, 0.0, -1.0])), atol=1e-12
+    )
+
+
+def test_history_is_filled_by_the_first_frame_and_then_oldest_first():
+    history = History()
+    first, second = np.full(78, 1.0), np.full(78, 2.0)
+    assert history.push(first).reshape(5, 78)[:, 0].tolist() == [1, 1, 1, 1, 1]
+    assert history.push(second).reshape(5, 78)[:, 0].tolist() == [1, 1, 1, 1, 2]
+    history.reset()
+    assert history.push(second)[0] == 2
+
+
+@given(st.floats(-50, 50))
+def test_wrapped_angles_differ_by_whole_turns(angle):
+    wrapped = wrap_angle(angle)
+    assert -np.pi <= wrapped < np.pi + 1e-12
+    assert (angle - wrapped) / (2 * np.pi) == pytest.approx(round((angle - wrapped) / (2 * np.pi)), abs=1e-9)
+
+
+def test_torch_and_numpy_give_the_same():
+    torch = pytest.importorskip("torch")
+    q, p = quaternions(4), quaternions(4, seed=5)
+    fraction = np.linspace(0, 1, 4)
+    for ours, theirs in (
+        (rotation.multiply(q, p), rotation.multiply(torch.tensor(q), torch.tensor(p))),
+        (
+            rotation.slerp(q, p, fraction),
+            rotation.slerp(torch.tensor(q), torch.tensor(p), torch.tensor(fraction)),
+        ),
+        (
+            rotation.rotate(q[:, None], q[:, 1:]),
+            rotation.rotate(torch.tensor(q[:, None]), torch.tensor(q[:, 1:])),
+        ),
+        (projected_gravity(q), projected_gravity(torch.tensor(q))),
+        (scale_frame(np.ones((2, 78))), scale_frame(torch.ones(2, 78, dtype=torch.float64))),
+    ):
+        np.testing.assert_allclose(ours, theirs.numpy(), atol=1e-7)

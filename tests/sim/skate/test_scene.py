@@ -1,0 +1,167 @@
+"""The skating scene: the same physics in MuJoCo and in MuJoCo Warp, and what the board does under a load."""
+
+import math
+
+import mujoco
+import numpy as np
+import pytest
+
+from sim.board.scene import TILT_JOINT, TRUCK_JOINTS, board_spec
+from sim.skate.robot import g1
+from sim.skate.world.scene import SceneOptions, skate_spec, standing_state
+from sim.skate.world.terrain import SLOPES_DEG, STEPS, add_terrain
+from sysid.board import load_board
+from sysid.errors import HuskyError
+from sysid.workspace import shipped_data
+
+pytestmark = pytest.mark.train
+
+BOARDS = [load_board(shipped_data() / "boards" / f"{name}.toml") for name in ("pink", "black")]
+
+
+@pytest.fixture(scope="module")
+def needs_g1():
+    try:
+        g1.g1_xml()
+    except HuskyError as error:
+        pytest.skip(str(error))
+
+
+def free_board(board, *, load=0.0, tilt=0.0, speed=0.0):
+    """A board with a load on its level body and a held tilt, rolling along x."""
+    spec = board_spec(board)
+    if load:
+        spec.body("board").add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.2, 0.1, 0.05], pos=[0, 0, 0.1], mass=load,
+            contype=0, conaffinity=0,
+        )  # fmt: skip
+    if tilt:
+        spec.joint(TILT_JOINT).stiffness[0] = 5e3  # held there by a stiff spring
+        spec.joint(TILT_JOINT).damping[0] = 50.0
+        spec.joint(TILT_JOINT).springref = tilt
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.qpos[model.joint(TILT_JOINT).qposadr[0]] = tilt
+    data.qvel[0] = speed
+    for i in range(model.njnt):
+        if model.joint(i).name.endswith("wheel_joint"):
+            data.qvel[model.joint(i).dofadr[0]] = speed / board.geometry["wheel_radius"].value
+    return model, data
+
+
+def in_mujoco(model, data, steps):
+    states = []
+    for _ in range(steps):
+        mujoco.mj_step(model, data)
+        states.append(np.concatenate((data.qpos, data.qvel)))
+    return np.array(states)
+
+
+def in_warp(model, data, steps):
+    mujoco_warp = pytest.importorskip("mujoco_warp")
+    warp_model = mujoco_warp.put_model(model)
+    warp_data = mujoco_warp.put_data(model, data, nworld=1, nconmax=32, njmax=128)
+    states = []
+    for _ in range(steps):
+        mujoco_warp.step(warp_model, warp_data)
+        states.append(np.concatenate((warp_data.qpos.numpy()[0], warp_data.qvel.numpy()[0])))
+    return np.array(states)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("board", BOARDS, ids=lambda board: board.name)
+def test_free_decay_is_the_same_in_warp(board):
+    model, data = free_board(board)
+    model.opt.gravity[:] = 0  # what decays is the deck on its chassis
+    column = model.joint(TILT_JOINT).qposadr[0]
+    data.qpos[column] = 0.1
+    start = data.qpos.copy()
+    ours = in_mujoco(model, data, 80)[:, column]
+    data.qpos[:], data.qvel[:] = start, 0
+    theirs = in_warp(model, data, 80)[:, column]
+    assert np.abs(ours).max() > 0.03
+    assert np.sqrt(np.mean((ours - theirs) ** 2) / np.mean(ours**2)) < 1e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("tilt", "load"), [(0.0, 40.0), (0.08, 40.0), (0.08, 0.0)])
+def test_coasting_and_turning_are_the_same_in_warp(tilt, load):
+    model, data = free_board(BOARDS[0], load=load, tilt=tilt, speed=1.0)
+    start = data.qpos.copy(), data.qvel.copy()
+    ours = in_mujoco(model, data, 300)
+    data.qpos[:], data.qvel[:] = start
+    theirs = in_warp(model, data, 300)
+    nq = model.nq
+    speeds = [np.linalg.norm(states[-1, nq : nq + 2]) for states in (ours, theirs)]
+    assert speeds[0] == pytest.approx(speeds[1], rel=2e-3)
+    assert 1 - speeds[0] > 0.01  # rolling friction takes something
+    rates = [states[100:, nq + 5].mean() for states in (ours, theirs)]
+    assert rates[0] == pytest.approx(rates[1], rel=5e-3, abs=2e-3)
+
+
+@pytest.mark.parametrize("load", [0.0, 40.0])
+@pytest.mark.parametrize("tilt_deg", [2.0, 4.0, 8.0])
+@pytest.mark.parametrize("speed", [0.5, 1.0, 2.0])
+def test_a_tilted_board_turns_at_the_rate_of_two_steered_trucks(load, tilt_deg, speed):
+    board, tilt = BOARDS[0], math.radians(tilt_deg)
+    model, data = free_board(board, load=load, tilt=tilt, speed=speed)
+    in_mujoco(model, data, 100)
+    roll = data.joint(TILT_JOINT).qpos[0]
+    expected = math.atan(math.tan(board.geometry["rake"].value) * math.sin(roll))
+    for name in TRUCK_JOINTS:
+        assert data.joint(name).qpos[0] == pytest.approx(expected, rel=0.01)
+    v, rate = np.linalg.norm(data.qvel[:2]), -data.qvel[5]
+    theory = 2 * v * math.tan(expected) / board.geometry["wheelbase"].value
+    assert rate == pytest.approx(theory, rel=0.03)
+
+
+@pytest.mark.parametrize("coupling", ["equality", "direct"])
+def test_the_scene_has_the_robot_the_board_and_23_controls(needs_g1, coupling):
+    model = skate_spec(BOARDS[0], SceneOptions(coupling=coupling)).compile()
+    assert (model.nq, model.nv, model.nu) == (44, 42, 23)
+    assert [model.actuator(i).name for i in range(23)] == [f"robot/{name}" for name in g1.JOINTS]
+    assert model.opt.timestep == 0.005
+    assert model.body("terrain").id > 0
+
+
+def test_the_robot_starts_on_its_feet_without_falling_into_anything(needs_g1):
+    model = skate_spec(BOARDS[0]).compile()
+    data = mujoco.MjData(model)
+    data.qpos[:] = standing_state(model)
+    mujoco.mj_forward(model, data)
+    robot = [c for c in data.contact if "robot/" in model.geom(c.geom1).name + model.geom(c.geom2).name]
+    assert robot
+    assert all(contact.dist > -1e-3 for contact in robot)
+
+
+def test_without_steering_the_trucks_stay_straight(needs_g1):
+    model = skate_spec(BOARDS[0], SceneOptions(steered=False)).compile()
+    data = mujoco.MjData(model)
+    tilt = model.joint(f"board/{TILT_JOINT}").qposadr[0]
+    data.qpos[:] = standing_state(model)
+    data.qpos[tilt] = 0.15
+    for _ in range(20):
+        mujoco.mj_step(model, data)
+    assert abs(data.qpos[tilt]) > 0.01
+    for name in TRUCK_JOINTS:
+        assert abs(data.joint(f"board/{name}").qpos[0]) < 0.01
+
+
+@pytest.mark.parametrize(
+    ("kind", "lowest"),
+    [("slopes", -3.0 * sum(math.tan(math.radians(a)) for a in SLOPES_DEG)), ("steps", -sum(STEPS))],
+)
+def test_the_lane_is_level_at_the_start_and_goes_down(kind, lowest):
+    spec = mujoco.MjSpec()
+    add_terrain(spec, kind)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    geom = np.zeros(1, dtype=np.int32)
+    heights = {}
+    for x in (0.0, 3.0, 60.0):
+        down = mujoco.mj_ray(model, data, [x, 0.0, 5.0], [0.0, 0.0, -1.0], None, 1, -1, geom)
+        heights[x] = 5.0 - down
+    assert heights[0.0] == pytest.approx(0.0, abs=1e-9)
+    assert heights[3.0] == pytest.approx(0.0, abs=1e-9)
+    assert heights[60.0] == pytest.approx(lowest, abs=1e-6)

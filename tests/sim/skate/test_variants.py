@@ -1,0 +1,353 @@
+"""Every variant of the task, in worlds on the processor: what its option changes is there, and only then."""
+
+import contextlib
+import math
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from riding import pink
+
+from sim.skate.cycle.start import Start
+from sim.skate.options import NOMINAL, SkateOptions
+from sysid.workspace import Workspace
+
+pytestmark = [
+    pytest.mark.train,
+    pytest.mark.slow,
+    pytest.mark.filterwarnings("ignore"),
+]  # the stack's own warnings
+
+WORLDS = 8
+STANDING = Start(standing=1.0, pushing=0.0, steering=0.0)
+PUSHING = Start(standing=0.0, pushing=1.0, steering=0.0)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _training_stack():
+    for module in ("torch", "mjlab", "warp"):
+        pytest.importorskip(module, reason="needs the training stack")
+
+
+@contextlib.contextmanager
+def worlds(board=None, *, clips=(), **options):
+    """Eight worlds of a variant of the task after their first reset."""
+    from policy_runtime.learning.fused_rewards import SkateEnv
+    from sim.skate.task import skate_env_cfg
+
+    alike = {"boards": 0, "variation": NOMINAL, "foot_place": (0.0, 0.0)}
+    settings = SkateOptions(**(alike | options))
+    cfg = skate_env_cfg(board or pink(), settings, environments=WORLDS, seed=3, clips=clips)
+    with contextlib.redirect_stdout(sys.stderr):
+        env = SkateEnv(cfg, device="cpu")
+    try:
+        env.reset()
+        yield env
+    finally:
+        env.close()
+
+
+def step(env):
+    import torch
+
+    return env.step(torch.zeros(WORLDS, 23))
+
+
+def paid(env, term):
+    """Return what a reward term gave for the last step, weight included, before the step's time, (n,)."""
+    return env.reward_manager._step_reward[:, env.reward_manager.active_terms.index(term)].numpy()
+
+
+def test_pushing_by_tracking_follows_the_clip_nearest_in_speed():
+    from policy_runtime.motion.motions import load_motions
+    from policy_runtime.train import push_clips
+    from sim.skate.mdp.measuring import measure
+    from sim.skate.mdp.observations import skate_command
+
+    motions = load_motions()
+    with worlds(clips=push_clips(), pushing="tracking", start=PUSHING, speed=(0.3, 1.5)) as env:
+        command = skate_command(env)
+        for _ in range(3):
+            began = command.step.numpy().copy()
+            step(env)
+            state, reward = measure(env), paid(env, "push/tracking")
+            for world in range(WORLDS):
+                speed = float(state.commanded_speed[world])
+                clip = min(motions, key=lambda motion: abs(motion.speed - speed))
+                wanted = clip.joints[began[world] % len(clip.joints)]
+                error = float(((state.joint_position[world].numpy() - wanted) ** 2).mean())
+                # Episodes that begin in the push pose are on their way to the clip, whatever it is.
+                assert reward[world] == pytest.approx(5.0 * math.exp(-error / 0.022), rel=1e-3)
+        assert reward.max() > 0.1
+    with pytest.raises(ValueError, match="at least one reference clip"), worlds(pushing="tracking"):
+        pass
+
+
+def test_transitions_by_style_have_windows_of_every_stretch_and_no_path():
+    import torch
+
+    from policy_runtime.learning.style_reference import style_reference
+    from sim.skate.mdp.observations import skate_command
+
+    with worlds(transition="style", start=PUSHING, speed=(1.0, 1.0)) as env:
+        terms = env.reward_manager.active_terms
+        assert not {"transition/positions", "transition/orientations"} & set(terms)
+        command, clock = skate_command(env), skate_command(env).clock
+        frames = []
+        # Worlds 0 to 3: about to mount, mounting, dismounting, steering; told to stand in world 4.
+        command.step[:5] = torch.tensor([clock.push - 3, clock.push + 8, clock.period - 8, 200, 125])
+        command._command[4, 0] = 0.0
+        for _ in range(6):
+            obs = step(env)[0]
+            frames.append(command.reading.joint_position().clone())
+            phase = command.step % clock.period
+            window, mask = obs["style"], obs["style_mask"][:, 0]
+        assert window.shape == (WORLDS, style_reference(SkateOptions(transition="style")).shape[1])
+        alive = env.episode_length_buf >= 6
+        assert alive[:5].all()
+        for world in range(5):
+            torch.testing.assert_close(
+                window[world, :115], torch.cat([frame[world] for frame in frames[-5:]])
+            )
+        kinds = torch.stack((clock.pushing(phase), clock.mounting(phase), clock.dismounting(phase)), dim=1)
+        torch.testing.assert_close(window[:, 115:], kinds.float())
+        assert mask[:5].tolist() == [0, 1, 1, 0, 0]  # the first has been mounting for fewer than five frames
+
+
+def write_yaw(env, world, yaw):
+    """Turn the robot of a world about the vertical to a heading [rad]."""
+    import torch
+
+    from sim.skate.mdp.observations import skate_command
+
+    column = skate_command(env).reading.robot_q + 3
+    quaternion = torch.tensor([math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)])
+    env.sim.data.qpos[world, column : column + 4] = quaternion
+    skate_command(env).refresh()
+
+
+def test_the_default_variant():
+    """What the actor sees, who ends, which boards are drawn: one environment, because building one takes long."""
+    import torch
+
+    from sim.skate.mdp import randomisation
+    from sim.skate.mdp.measuring import measure
+    from sim.skate.mdp.observations import skate_command
+    from sim.skate.world.posterior import draw_boards, tilt_draws
+    from sim.skate.world.scene import SceneOptions, as_written
+
+    options = SkateOptions(boards=6, start=PUSHING, speed=(0.5, 1.5))
+    with worlds(boards=6, start=PUSHING, speed=(0.5, 1.5)) as env:
+        command, reading = skate_command(env), skate_command(env).reading
+        assert {"steer/tilt_guide", "transition/positions", "transition/orientations"} <= set(
+            env.reward_manager.active_terms
+        )
+
+        # Boards of the posterior, in turn.
+        rng = np.random.default_rng(3)
+        draws = tilt_draws(
+            draw_boards(as_written(pink(), SceneOptions()), 6, options.spread, rng), SceneOptions().timestep
+        )
+        joint = env.sim.mj_model.joint("board/board_tilt_joint")
+        stiffness = env.sim.model.jnt_stiffness[:, joint.id].numpy()
+        np.testing.assert_allclose(stiffness, draws.stiffness[np.arange(WORLDS) % 6], rtol=1e-6)
+        assert np.ptp(stiffness) > 0.5
+
+        # How far it still has to turn, by the yaw of the pelvis since it was told.
+        turns = command.command[:, 1].clone()
+        torch.testing.assert_close(command.seen()[:, 1], turns, atol=1e-6, rtol=0)
+        began = command._yaw_then[:2].clone()
+        write_yaw(env, 0, float(began[0]) + 0.5)
+        write_yaw(env, 1, float(began[1]) - 3.0)
+        seen = command.seen()
+        assert seen[0, 1] == pytest.approx(float(turns[0]) - 0.5, abs=1e-5)
+        assert seen[1, 1] == pytest.approx(math.remainder(float(turns[1]) + 3.0, 2 * math.pi), abs=1e-5)
+        torch.testing.assert_close(seen[2:, 1], turns[2:], atol=1e-6, rtol=0)
+        torch.testing.assert_close(seen[:, 0], command.command[:, 0])
+        env.reset()
+        command.step[2] = command.clock.push + command.clock.mount - 1
+        told = command.command[2, 1].item()
+        write_yaw(env, 2, 0.3)
+        frame = step(env)[0]["actor"].reshape(WORLDS, 5, 78)[:, -1]
+        assert command.command[2, 1].item() != told  # steering begins: a new turn, of which nothing is done
+        assert frame[2, 1].item() == pytest.approx(command.command[2, 1].item(), abs=1e-5)
+
+        # Noise within its bounds, which no two worlds share.
+        clean = reading.gyro() * 0.25
+        off = (frame[:, 2:5] - clean).abs()
+        assert 0 < off.max() <= 0.2 * 0.25 + 1e-6
+
+        # Pushes of the pelvis, to both sides and no more than told.
+        assert "push" in env.event_manager.active_terms["interval"]
+        columns = slice(reading.robot_v, reading.robot_v + 2)
+        before = env.sim.data.qvel[:, columns].clone()
+        randomisation.push(env, None, options.pushes)
+        kick = (env.sim.data.qvel[:, columns] - before).numpy()
+        assert -0.5 <= kick.min() < 0 < kick.max() <= 0.5
+
+        # A pushing foot that stays in the air ends the episode, and only while pushing.
+        env.reset()
+        command.step[:3] = torch.tensor([90, 90, 200])
+        command.air_time[:] = torch.tensor([1.3, 0.2, 1.3] + [0.2] * 5)
+        step(env)
+        idle = env.termination_manager.get_term("idle_foot")
+        assert not bool(measure(env).foot_on_ground[0, 0])
+        assert idle.tolist() == [True] + [False] * 7
+
+
+def test_fused_rewards_are_mjlabs_to_the_last_bit(monkeypatch):
+    import torch
+    from mjlab.managers.reward_manager import RewardManager
+
+    generator = torch.Generator().manual_seed(1)
+    with worlds() as env:
+        ours, theirs = env.reward_manager, RewardManager(env.cfg.rewards, env)
+        assert ours.active_terms == theirs.active_terms
+        steps = []
+
+        def compute(dt, fused=ours.compute):
+            wanted, given = theirs.compute(dt), fused(dt)
+            assert torch.equal(given, wanted)
+            assert torch.equal(ours._step_reward, theirs._step_reward)
+            steps.append(int(env.reset_buf.sum()))
+            return given
+
+        monkeypatch.setattr(ours, "compute", compute)
+        for _ in range(25):
+            env.step(0.5 * torch.randn(WORLDS, 23, generator=generator))
+        assert len(steps) == 25
+        assert sum(steps) > 0  # some have fallen on the way
+        ours.set_weight("always/alive", 3.0)
+        theirs.get_term_cfg("always/alive").weight = 3.0
+        env.step(torch.zeros(WORLDS, 23))
+
+
+def test_a_world_that_breaks_down_is_ended_named_and_not_counted(capfd):
+    import torch
+
+    from policy_runtime.learning.progress import Progress
+    from policy_runtime.train import Process, _say_broken, check_rewards
+    from sim.skate.mdp.observations import skate_command
+    from sysid.errors import HuskyError
+
+    with worlds(start=PUSHING, speed=(0.5, 1.5)) as env:
+        progress = Progress(env)
+        env.sim.data.qvel[3, skate_command(env).reading.board_v] = math.nan
+        observations = step(env)[0]
+        progress.add(torch.zeros(()))
+        assert env.termination_manager.get_term("not_finite").tolist() == [world == 3 for world in range(8)]
+        for values in observations.values():
+            assert torch.isfinite(values).all()
+        check_rewards(env, 4)
+        numbers = progress.read()
+        assert all(math.isfinite(value) for value in numbers.values())
+        assert numbers["end/not_finite"] == pytest.approx(1 / (WORLDS * 0.02 / 60))
+        _say_broken(progress.broken(), Process(0, 1, "cpu"), 4)
+        assert (
+            "iteration 4: position or velocity was not finite in world 3 of process 0"
+            in capfd.readouterr().err
+        )
+        assert progress.broken() == []
+
+        step(env)
+        term = env.reward_manager.get_term_cfg("push/air_time")
+        right, wrong = term.func, torch.tensor([1.0] * 5 + [math.nan] + [1.0] * 2)
+        term.func = lambda env, **arguments: right(env, **arguments) * wrong
+        step(env)
+        assert torch.isfinite(env.reward_buf).all()  # mjlab says nothing
+        with pytest.raises(HuskyError, match=r"iteration 5: reward 'push/air_time' is not finite in world 5"):
+            check_rewards(env, 5)
+
+
+def test_everything_switched_off():
+    import torch
+
+    from sim.skate.mdp.actor_observation import SCALE
+    from sim.skate.mdp.observations import skate_command
+
+    with worlds(
+        tilt_guidance=False, transition="none", pushing="none", steered=False, noise=False, pushes=0.0,
+        turn_feedback=False, idle_patience=0.0, stance_patience=0, smoothness=0.1, speed_tolerance=0.1,
+        start=STANDING, speed=(0.5, 0.5),
+    ) as env:  # fmt: skip
+        command, reading = skate_command(env), skate_command(env).reading
+        terms = env.reward_manager.active_terms
+        assert not [name for name in terms if name.startswith("transition/")]
+        assert not {"steer/tilt_guide", "steer/wrong_tilt"} & set(terms)
+        assert not {"idle_foot", "wrong_stance"} & set(env.termination_manager.active_terms)
+        assert "interval" not in env.event_manager.available_modes
+        assert env.reward_manager.get_term_cfg("always/action_rate").weight == -0.1
+        assert env.reward_manager.get_term_cfg("push/board_velocity").params["tolerance"] == 0.1
+        assert not command.step.any()  # standing: all begin the cycle at rest
+        assert not env.sim.data.qvel.any()
+
+        write_yaw(env, 0, 0.7)
+        torch.testing.assert_close(command.seen(), command.command)  # the turn as it was told
+        env.reset()
+        for _ in range(20):
+            obs = step(env)[0]
+        assert reading.tilt().abs().max() > 0.03  # the robot's weight on one side of the deck
+        assert reading.trucks().abs().max() < 2e-3  # does not steer
+        frame = obs["actor"].reshape(WORLDS, 5, 78)[:, -1]
+        torch.testing.assert_close(frame[:, 2:5], reading.gyro() * torch.tensor(SCALE[2:5]))
+
+
+def test_perturbed_transitions_on_the_other_board():
+    import torch
+
+    from sim.skate.cycle.transitions import TransitionPath
+    from sim.skate.mdp.observations import skate_command
+    from sim.skate.robot.poses import load_poses
+
+    steering = Start(standing=0.0, pushing=0.0, steering=1.0)
+    black = Workspace(Path("/nonexistent")).load_board("black")
+    with worlds(
+        black, transition="translation", mount_steps=20, bezier_order=3, lift=0.3, pose_offset=0.05,
+        kinematics="single-truck", start=steering, speed=(1.0, 1.0), pushes=0.0,
+    ) as env:  # fmt: skip
+        command, reading = skate_command(env), skate_command(env).reading
+        data, clock = env.sim.data, command.clock
+        assert "transition/positions" in env.reward_manager.active_terms
+        assert "transition/orientations" not in env.reward_manager.active_terms
+        joint = env.sim.mj_model.joint("board/board_tilt_joint")
+        assert env.sim.mj_model.jnt_stiffness[joint.id] == pytest.approx(black.stiffness, rel=0.02)
+
+        # All begin within steering, in the perturbed pose, and everything rolls along.
+        assert command.steering.all()
+        offset = reading.joint_position().numpy() - load_poses()["steer"].joints
+        assert np.abs(offset - 0.05).max() <= 0.01 + 1e-6
+        speed = reading.board_velocity()[:, 0]
+        assert 0.2 <= speed.min() < speed.max() <= 1.6
+        wheel = env.sim.mj_model.joint("board/front_left_wheel_joint").dofadr[0]
+        torch.testing.assert_close(data.qvel[:, wheel], speed / reading.wheel_radius)
+
+        # The paper's formula asks for the tilt that turns one axle: twice the sine.
+        two = replace(command.cfg.guidance, kinematics="two-truck")
+        heading, zero = reading.board_heading(), torch.zeros(WORLDS)
+        few = dict(speed=torch.full((WORLDS,), 1.5), time_left=torch.ones(WORLDS))
+        double = command.cfg.guidance.reference(zero, zero + 0.1, **few)
+        single = two.reference(zero, zero + 0.1, **few)
+        torch.testing.assert_close(torch.sin(double), 2 * torch.sin(single))
+        assert heading.abs().max() < 1e-3
+
+        # Mounting takes 20 steps and goes along a cubic with its own lift.
+        command.step[:] = clock.push - 1
+        step(env)
+        start = [tensor.clone() for tensor in command.key_bodies]
+        for _ in range(10):
+            step(env)
+        going = (env.episode_length_buf == 11).numpy()
+        assert going.any()
+        assert clock.mount == 20
+        assert clock.period == 290
+        fraction = np.full(WORLDS, 11 / 20)
+        end = np.array(command.cfg.steer_pose.key_positions)
+        lifted = np.ones(14)
+        lifted[6] = 0.0  # the right foot carries
+        path = TransitionPath(order=3, lift=0.3).positions(start[0].numpy(), end, fraction, lifted)
+        np.testing.assert_allclose(command.key_positions.numpy()[going], path[going], atol=1e-5)
+        for _ in range(10):
+            step(env)
+        assert not (command.transition & (env.episode_length_buf >= 21)).any()

@@ -1,0 +1,226 @@
+"""The gate passes what decays as measured, and says why where it does not."""
+
+import importlib.util
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from sim.board.scene import board_spec
+from sim.check import check_scene, smooth_power
+from sim.compensation.parasitics import measure, measure_parasitics
+from sim.compensation.scene import compensate_in_scene, scene_from_file, training_scene
+from sim.compensation.step import compensate_step
+from sysid.board import Board, BoardEffect, load_board
+from sysid.cli.check import check
+from sysid.cli.console import Common
+from sysid.errors import HuskyError, QualityGateError
+from sysid.joint import JointLaw, simulate
+from sysid.logs import LogOptions, read_roll
+from sysid.quantity import Quantity
+from sysid.releases import find_releases
+from sysid.roll import Release
+from sysid.workspace import Workspace, shipped_data
+
+DECAYS = shipped_data() / "decays"
+LYING = Path(__file__).parents[2] / "docs" / "examples" / "lying_scene.xml"
+
+
+@pytest.fixture(params=["pink", "black"])
+def board(request: pytest.FixtureRequest) -> Board:
+    return load_board(shipped_data() / "boards" / f"{request.param}.toml")
+
+
+def measured(board: Board, *, angle: float = 0.17, noise: float = 0.0, bias: float = 0.0) -> Release:
+    """A clean release by the continuous law, or with white noise and a sensor's offset."""
+    time = np.arange(0.0, 0.5, 0.002)
+    roll = simulate(JointLaw.from_board(board), time, angle).roll + bias
+    roll = roll + noise * np.random.default_rng(4).standard_normal(len(time))
+    return Release(
+        log="made", number=1, time=time, roll=roll, std=np.full(len(time), noise), origin="angle",
+        rest=board.rest_angle + bias, hold=0.5, end="rest",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("coupling", ["equality", "direct"])
+def test_our_scene_decays_like_the_board_within_a_percent(board: Board, coupling: str):
+    written = compensate_in_scene(board, coupling=coupling)
+    scene = training_scene(written.board, coupling=coupling)
+    releases = find_releases(read_roll(DECAYS / f"{board.name}.csv", LogOptions()))
+    result = check_scene(board, scene, releases)
+    assert len(result.releases) == 4
+    assert result.nrmse < 0.01
+    clean = check_scene(board, scene, [measured(board), measured(board, angle=-0.12)])
+    assert clean.nrmse < 0.005
+    assert written.board.stiffness == board.stiffness
+    assert written.decay_error < 0.005 < 0.02 < written.decay_error_before
+
+
+def test_typed_in_numbers_fail_the_gate(board: Board):
+    result = check_scene(board, training_scene(board), [measured(board, noise=0.002)])
+    assert not result.passed
+    wrong = compensate_in_scene(board.with_tilt(stiffness=Quantity(1.15 * board.stiffness, 0.0, "N*m/rad")))
+    assert check_scene(board, training_scene(wrong.board), [measured(board)]).nrmse > 0.03
+
+
+def test_noise_and_an_unknown_zero_do_not_count_against_the_scene(board: Board):
+    scene = training_scene(compensate_step(board, timestep=0.005).board, coupling="direct")
+    clean = check_scene(board, scene, [measured(board)])
+    glued_on_askew = replace(measured(board, noise=0.003, bias=0.05), zero="constant")
+    noisy = check_scene(board, scene, [glued_on_askew])
+    assert noisy.rmse > 0.0025
+    assert clean.hidden < 0.005 < noisy.hidden
+    assert noisy.nrmse == pytest.approx(clean.nrmse, abs=0.008)
+    assert noisy.releases[0].zero == pytest.approx(0.05, abs=1e-3)
+
+
+def test_decays_beyond_the_scenes_range_are_compared_from_where_they_come_within(board: Board):
+    scene = training_scene(compensate_in_scene(board).board)
+    result = check_scene(board, scene, [measured(board, angle=0.583)])
+    assert result.releases[0].cut > 0.01
+    assert result.nrmse < 0.01
+    outside = replace(measured(board), roll=np.full(250, 0.5), rest=0.0)
+    with pytest.raises(HuskyError, match="within the scene's tilt range"):
+        check_scene(board, scene, [outside])
+
+
+def test_a_clock_that_runs_fast_belongs_to_the_log(board: Board):
+    fast = replace(board, effects=(BoardEffect("clock", {"ratio": Quantity(1.1, 0.0, "1")}),))
+    scene = training_scene(compensate_in_scene(board).board)
+    assert check_scene(fast, scene, [measured(fast)]).nrmse < 0.005
+    assert check_scene(board, scene, [measured(fast)]).nrmse > 0.02
+
+
+def test_smooth_power_takes_the_noise_out():
+    rng = np.random.default_rng(0)
+    time = np.arange(0, 2, 0.002)
+    smooth = 0.01 * np.sin(2 * math.pi * 6 * time)
+    power, _ = smooth_power(smooth + 0.01 * rng.standard_normal(len(time)), 0.002)
+    assert power == pytest.approx(np.mean(smooth**2), rel=0.1)
+    alone = [smooth_power(0.01 * rng.standard_normal(len(time)), 0.002) for _ in range(200)]
+    values, deviations = np.array(alone).T
+    assert abs(values.mean()) < 3 * values.std() / math.sqrt(200)
+    assert values.std() == pytest.approx(deviations.mean(), rel=0.15)
+
+
+def test_what_the_scene_adds_is_found_where_it_was_put(board: Board):
+    """A spring on both trucks adds 2 k tan²λ, more damping and inertia of the deck show as themselves."""
+    spec_scene = training_scene(board, coupling="equality")
+    plain = measure(board, spec_scene)
+    assert plain.stiffness == pytest.approx(board.stiffness, rel=1e-4)
+    spec = board_spec(board)
+    spec.delete(spec.joint("board_free_joint"))
+    for end in ("front", "rear"):
+        servo = spec.add_actuator(name=f"{end}_servo", target=f"{end}_truck_joint")
+        servo.trntype = mujoco.mjtTrn.mjTRN_JOINT
+        servo.set_to_position(kp=1.0, kv=0.02)
+    found = measure_parasitics(board, replace(spec_scene, model=spec.compile()))
+    assert dict(found.parts)["servos"].stiffness == pytest.approx(2 * 1.0 * 3.0, rel=0.03)
+    assert dict(found.parts)["servos"].damping == pytest.approx(2 * 0.02 * 3.0, rel=0.3)
+    assert any("servos +" in reason for reason in found.reasons(board, 0.2))
+
+
+def test_effects_of_the_record_are_not_blamed_on_the_scene(board: Board):
+    effects = (
+        BoardEffect("coulomb", {"torque": Quantity(0.1, 0.0, "N*m")}),
+        BoardEffect("gravity", {"moment": Quantity(1.0, 0.0, "N*m")}),
+    )
+    rich = replace(board, effects=effects)
+    scene = training_scene(compensate_in_scene(rich).board)
+    assert measure_parasitics(rich, scene).reasons(rich, 0.2) == ()
+    assert check_scene(rich, scene, [measured(rich)]).nrmse < 0.01
+
+
+def test_the_lying_scene_is_made_by_its_script():
+    path = LYING.with_name("make_lying_scene.py")
+    module = importlib.util.module_from_spec(spec := importlib.util.spec_from_file_location("lying", path))
+    spec.loader.exec_module(module)
+    assert module.lying_scene(load_board(shipped_data() / "boards" / "pink.toml")) == LYING.read_text()
+
+
+def test_a_scene_that_lies_is_found_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    common = Common(json=str(tmp_path / "out.json"), workspace=tmp_path)
+    with pytest.raises(QualityGateError) as error:
+        check([DECAYS / "pink.csv"], board="pink", scene_file=LYING, common=common)
+    assert error.value.exit_code == 3
+    for words in (
+        "does not swing at all", "servos +45", "stop the deck at ±0.0577", "weighs 7.58 kg", "deck by itself"
+    ):  # fmt: skip
+        assert words in str(error.value)
+    shown = (LYING.parents[1] / "lying_scene.md").read_text(encoding="utf-8")
+    assert " ".join(str(error.value).split()) in " ".join(shown.split()), (
+        "the documentation quotes the verdict"
+    )
+    out = json.loads((tmp_path / "out.json").read_text())
+    assert out["passed"] is False
+    assert out["nrmse"] > 0.2
+    assert len(out["reasons"]) >= 5
+    assert not (tmp_path / "data").exists(), "a foreign scene says nothing about the board's own"
+    assert "servos" in capsys.readouterr().out
+
+
+def test_check_writes_its_verdict_into_the_workspace(tmp_path: Path):
+    common = Common(json="-", workspace=tmp_path)
+    assert check([DECAYS / "pink.csv"], board="pink", common=common) == 0
+    board = Workspace(tmp_path).load_board("pink")
+    assert board.passed
+    assert board.check["nrmse"] < 0.01
+    assert "equality coupling" in board.check["scene"]
+    with pytest.raises(QualityGateError, match=r"inertia .* is wanted"):
+        check([DECAYS / "black.csv"], board="black", export="physical", common=common)
+    assert not Workspace(tmp_path).load_board("black").passed
+    assert load_board(shipped_data() / "boards" / "pink.toml").check == {}
+
+
+def test_fit_in_scene_finds_what_the_scene_must_hold(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    from sysid.cli.fit import fit
+
+    common = Common(json=str(tmp_path / "fit.json"), workspace=tmp_path)
+    assert fit([DECAYS / "pink.csv"], board="pink", in_scene=True, common=common) == 0
+    board = Workspace(tmp_path).load_board("pink")
+    written = board.fit["in_scene"]
+    assert written["stiffness"] == pytest.approx(board.stiffness)
+    assert 0.85 < written["inertia"] / board.inertia.value < 0.92
+    assert written["decay_nrmse"] < 0.005
+    assert json.loads((tmp_path / "fit.json").read_text())["in_scene"] == written
+    assert "compensated in the scene" in capsys.readouterr().out
+    assert check([DECAYS / "pink.csv"], board="pink", common=Common(json="-", workspace=tmp_path)) == 0
+
+
+def test_bad_scene_files_are_refused_in_words(tmp_path: Path):
+    with pytest.raises(HuskyError, match=r"no joint .board_tilt.\..*board_tilt_joint"):
+        scene_from_file(LYING, joint="board_tilt")
+    with pytest.raises(HuskyError, match="turns about"):
+        scene_from_file(LYING, joint="front_truck_joint")
+    broken = tmp_path / "broken.xml"
+    broken.write_text("<mujoco><worldbody>")
+    with pytest.raises(HuskyError, match="cannot read it"):
+        scene_from_file(broken)
+
+
+def rests_at(board: Board, angle: float, std: float = 0.0) -> Board:
+    return board.with_tilt(rest_angle=Quantity(angle, std, "rad"))
+
+
+@pytest.mark.parametrize("angle", [0.02, 0.1])
+def test_a_scene_that_rests_elsewhere_fails_and_says_so(board: Board, angle: float):
+    off = rests_at(board, angle)
+    scene = training_scene(compensate_in_scene(off).board)
+    release = measured(board)
+    result = check_scene(off, scene, [release])
+    assert not result.passed
+    assert result.rest_error == pytest.approx(-angle, rel=0.05)
+    known_no_better = rests_at(board, angle, std=angle)
+    assert check_scene(known_no_better, scene, [release]).nrmse < 0.02
+    unknown_zero = replace(release, zero="constant")
+    assert check_scene(off, scene, [unknown_zero]).nrmse < 0.02
+
+
+def test_a_rest_angle_beyond_the_range_is_refused(board: Board):
+    scene = training_scene(compensate_in_scene(board).board)
+    with pytest.raises(HuskyError, match="lean on its stop"):
+        check_scene(rests_at(board, 3.0), scene, [measured(board)])

@@ -1,0 +1,214 @@
+"""The written file is the board: it loads, says where its numbers come from, and decays as it should."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+import pytest
+
+from sim.board.bench import swing
+from sim.check import check_scene
+from sim.compensation.scene import scene_from_file
+from sim.mjcf import board_mjcf, default_export
+from sysid.board import Board, BoardEffect, load_board, save_board
+from sysid.cli.console import Common
+from sysid.cli.mjcf import mjcf
+from sysid.effects import catalogue
+from sysid.errors import HuskyError
+from sysid.joint import JointLaw, simulate
+from sysid.quantity import Quantity
+from sysid.roll import Release
+from sysid.workspace import shipped_data
+
+pytestmark = pytest.mark.train
+
+
+@pytest.fixture(params=["pink", "black"])
+def board(request: pytest.FixtureRequest) -> Board:
+    return load_board(shipped_data() / "boards" / f"{request.param}.toml")
+
+
+def decay_of(board: Board, angle: float = 0.17) -> Release:
+    time = np.arange(0.0, 0.5, 0.002)
+    return Release(
+        log="made", number=1, time=time, roll=simulate(JointLaw.from_board(board), time, angle).roll,
+        std=np.zeros(len(time)), origin="angle", rest=0.0, hold=0.5, end="rest",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["bench", "scene"])
+@pytest.mark.parametrize(
+    ("integrator", "timestep"), [("implicitfast", 0.005), ("Euler", 0.002), ("RK4", 0.002)]
+)
+def test_the_file_decays_like_the_board(
+    board: Board, kind: str, integrator: str, timestep: float, tmp_path: Path
+):
+    made = board_mjcf(board, kind, integrator=integrator, timestep=timestep)
+    path = tmp_path / "board.xml"
+    path.write_text(made.xml)
+    scene = scene_from_file(path)
+    assert scene.model.opt.timestep == timestep
+    assert check_scene(board, scene, [decay_of(board)]).nrmse < 0.006
+    assert scene.model.jnt_stiffness[scene.model.joint("board_tilt_joint").id] == pytest.approx(
+        board.stiffness
+    )
+
+
+def test_the_physical_file_holds_the_records_numbers(board: Board):
+    root = ElementTree.fromstring(board_mjcf(board, "bench", export="physical").xml)
+    joint = root.find(".//joint[@name='board_tilt_joint']")
+    assert float(joint.get("stiffness")) == pytest.approx(board.stiffness, rel=1e-5)
+    assert float(joint.get("damping")) == pytest.approx(board.damping, rel=1e-5)
+    inertia = root.find(".//body[@name='deck']/inertial").get("diaginertia")
+    assert float(inertia.split()[0]) == pytest.approx(board.inertia.value, rel=1e-5)
+
+
+def test_comments_say_where_numbers_come_from_and_both_errors(board: Board):
+    text = board_mjcf(board, "scene").xml
+    for words in (
+        board.source, "Measured: roll inertia", "Measured: stiffness", "Unloaded decay: NRMSE", "Static stiffness",
+        "tan(truck) = tan(rake) sin(roll)", "in-scene",
+    ):  # fmt: skip
+        assert words in text
+    fitted = replace(board, fit={"logs": [{"path": "my.csv", "sha256": "0"}], "date": "2026-01-02"})
+    assert "Fitted to my.csv, 2026-01-02." in board_mjcf(fitted, "bench", timestep=0.001).xml
+    hyphens = replace(board, source="a -- b --- c")
+    ElementTree.fromstring(board_mjcf(hyphens, "bench", timestep=0.001).xml)
+
+
+@pytest.mark.parametrize("name", sorted(catalogue()))
+@pytest.mark.parametrize("kind", ["bench", "scene"])
+def test_every_effect_is_written_and_loads(name: str, kind: str):
+    board = load_board(shipped_data() / "boards" / "pink.toml")
+    found = catalogue()[name]
+    pairs = zip(found.parameters, found.example, strict=True)
+    rich = replace(board, effects=(BoardEffect(name, {p.name: Quantity(v, 0.0, p.unit) for p, v in pairs}),))
+    model = mujoco.MjModel.from_xml_string(board_mjcf(rich, kind, export="physical").xml)
+    assert model.joint("board_tilt_joint").axis[0] == 1.0
+
+
+@pytest.mark.parametrize("name", ["viscoelastic", "stribeck", "hysteresis"])
+def test_substitutes_need_nothing_newer_than_mujoco_3_11(name: str):
+    found, rich = catalogue()[name], with_example(name)
+    exact, older = (
+        board_mjcf(rich, "bench", export="physical", exact_effects=exact).xml for exact in (True, False)
+    )
+    assert "substitute for MuJoCo 3.11" in older
+    assert ("substitute" in exact) is not found.mujoco.exact_in(mujoco.__version__)
+    for newer in ("dcmotor", "springyield", "lugre"):
+        assert newer not in older
+
+
+def with_example(name: str) -> Board:
+    board = load_board(shipped_data() / "boards" / "pink.toml")
+    found = catalogue()[name]
+    pairs = zip(found.parameters, found.example, strict=True)
+    return replace(board, effects=(BoardEffect(name, {p.name: Quantity(v, 0.0, p.unit) for p, v in pairs}),))
+
+
+MEANS = {"viscoelastic": 'dyntype="dcmotor"', "stribeck": 'dyntype="dcmotor"', "hysteresis": "springyield="}
+
+
+@pytest.mark.parametrize("name", sorted(MEANS))
+def test_the_comment_states_the_model_that_this_mujoco_writes(name: str):
+    """Asked for the exact effect, an older MuJoCo still writes the substitute: the file must say so."""
+    made = board_mjcf(with_example(name), "bench", export="physical")
+    support = catalogue()[name].mujoco
+    written = MEANS[name] in made.xml
+    assert written is support.exact_in(mujoco.__version__)
+    assert ("; substitute for MuJoCo" in made.xml) is not written
+    assert bool(made.substitutes) is not written
+
+
+def test_a_substitute_costs_what_the_file_says():
+    board = with_example("hysteresis")
+    exact, older = (board_mjcf(board, "bench", timestep=0.001, exact_effects=e) for e in (True, False))
+    assert older.compensation.decay_error > 0.05
+    if catalogue()["hysteresis"].mujoco.exact_in(mujoco.__version__):
+        assert exact.compensation.decay_error < 0.01
+    (line,) = older.substitutes
+    assert "needs MuJoCo 4.0" in line
+    assert "for 3.11 it is written as coulomb" in line
+
+
+def test_substitutes_are_warned_of_and_named_by_check(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    from sysid.cli.check import check
+    from sysid.errors import QualityGateError
+
+    save_board(with_example("hysteresis"), tmp_path / "data" / "boards" / "pink.toml")
+    common = Common(json=str(tmp_path / "out.json"), workspace=tmp_path)
+    path = tmp_path / "board.xml"
+    assert mjcf(board="pink", output=path, bench=True, timestep=0.001, substitutes=True, common=common) == 0
+    assert "warning: effect 'hysteresis' needs MuJoCo 4.0" in (said := capsys.readouterr().err)
+    assert "is off by" in said
+    assert "4.0" in json.loads((tmp_path / "out.json").read_text())["substitutes"][0]
+    monkeypatch.setattr(mujoco, "__version__", "3.11.0")
+    with pytest.raises(QualityGateError, match=r"Why: effect 'hysteresis' needs MuJoCo 4\.0"):
+        check([shipped_data() / "decays" / "pink.csv"], board="pink", common=common)
+
+
+def test_defaults_of_export():
+    assert default_export("bench", 0.001) == "physical"
+    assert default_export("bench", 0.002) == "step-compensated"
+    assert default_export("scene", 0.005) == "in-scene"
+    board = load_board(shipped_data() / "boards" / "pink.toml")
+    with pytest.raises(HuskyError, match="Add --scene"):
+        board_mjcf(board, "bench", export="in-scene")
+
+
+def test_the_command_writes_file_and_json(tmp_path: Path):
+    path = tmp_path / "deep" / "board.xml"
+    common = Common(json=str(tmp_path / "out.json"), workspace=tmp_path)
+    assert mjcf(board="black", output=path, bench=True, common=common) == 0
+    out = json.loads((tmp_path / "out.json").read_text())
+    assert out["export"] == "step-compensated"
+    assert out["written"]["inertia_kgm2"] == pytest.approx(0.831 * 0.00715, rel=1e-3)
+    assert out["decay_nrmse"] < 1e-3 < out["decay_nrmse_uncompensated"]
+    assert mujoco.MjModel.from_xml_path(str(path)).nv == 1
+    with pytest.raises(HuskyError, match="exclude each other"):
+        mjcf(board="black", output=path, bench=True, scene=True, common=common)
+    with pytest.raises(HuskyError, match="expected seconds"):
+        mjcf(board="black", output=path, timestep=5.0, common=common)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["bench", "scene"])
+def test_mujoco_warp_decays_the_same(board: Board, kind: str):
+    warp = pytest.importorskip("mujoco_warp", reason="MuJoCo Warp is in the training environment only")
+    model = mujoco.MjModel.from_xml_string(board_mjcf(board, kind).xml)
+    data = mujoco.MjData(model)
+    tilt = model.joint("board_tilt_joint").qposadr[0]
+    data.qpos[tilt] = 0.1
+    mujoco.mj_forward(model, data)
+    warp_model, warp_data = warp.put_model(model), warp.put_data(model, data)
+    for _ in range(100):
+        mujoco.mj_step(model, data)
+        warp.step(warp_model, warp_data)
+        assert warp_data.qpos.numpy()[0, tilt] == pytest.approx(data.qpos[tilt], abs=1e-5)
+    if kind == "bench":
+        assert swing(model, 0.1, 0.0, 0.5).roll[100] == pytest.approx(data.qpos[tilt], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("kind", "expected"),
+    [
+        ("bench", (0.03191392236868486, -0.020157432476494243, 0.002537127046792464, 2.783436167048193e-05)),
+        ("scene", (0.03332761689698728, -0.01939404881479037, 0.0018291725904868584, 8.313932657950853e-05)),
+    ],
+)
+def test_a_file_decays_the_same_in_every_mujoco(kind: str, expected: tuple[float, ...]):
+    """Files written under MuJoCo 4.0 (`husky-sysid mjcf --board black --substitutes`), rolls as stepped there."""
+    model = mujoco.MjModel.from_xml_path(str(Path(__file__).parents[1] / "data" / f"black_{kind}.xml"))
+    data = mujoco.MjData(model)
+    tilt = model.joint("board_tilt_joint").qposadr[0]
+    data.qpos[tilt] = 0.15
+    rolls = []
+    for _ in range(40):
+        mujoco.mj_step(model, data)
+        rolls.append(data.qpos[tilt])
+    assert [rolls[step] for step in (4, 9, 19, 39)] == pytest.approx(expected, abs=1e-9)

@@ -1,0 +1,139 @@
+"""The bench at a training step decays like the board, and its static stiffness stays the board's."""
+
+import math
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from sim.board.bench import rig_spec, swing
+from sim.compensation.step import closed_form, compensate_step, decay_error, release_amplitudes, uncompensated
+from sysid.board import Board, BoardEffect, load_board
+from sysid.effects import catalogue, effect
+from sysid.errors import HuskyError
+from sysid.quantity import Quantity
+from sysid.roll import Array
+from sysid.workspace import shipped_data
+
+
+@pytest.fixture(params=["pink", "black"])
+def board(request: pytest.FixtureRequest) -> Board:
+    return load_board(shipped_data() / "boards" / f"{request.param}.toml")
+
+
+def with_effect(board: Board, name: str, *values: float) -> Board:
+    found = effect(name)
+    pairs = zip(found.parameters, values, strict=True)
+    return replace(board, effects=(BoardEffect(name, {p.name: Quantity(v, 0.0, p.unit) for p, v in pairs}),))
+
+
+def poles_of(board: Board) -> tuple[float, float]:
+    """ω_d [rad/s] and ζ of the record's spring, damper and inertia."""
+    natural = math.sqrt(board.stiffness / board.inertia.value)
+    ratio = board.damping / (2 * math.sqrt(board.stiffness * board.inertia.value))
+    return natural * math.sqrt(1 - ratio**2), ratio
+
+
+def measured_poles(roll: Array, timestep: float) -> tuple[float, float]:
+    """ω_d and ζ of a sampled free decay, from its two-term recursion x₊ = T x - D x₋."""
+    history = np.stack([roll[1:-1], -roll[:-2]], axis=1)
+    (trace, determinant), *_ = np.linalg.lstsq(history, roll[2:], rcond=None)
+    z = (trace + np.sqrt(complex(trace**2 - 4 * determinant))) / 2
+    s = np.log(z) / timestep
+    return abs(s.imag), -s.real / abs(s)
+
+
+@pytest.mark.parametrize(("name", "inertia", "damping"), [("black", -16.9, 1.0), ("pink", -10.8, 0.4)])
+def test_the_closed_form_moves_inertia_and_damping_as_calculated(name: str, inertia: float, damping: float):
+    board = load_board(shipped_data() / "boards" / f"{name}.toml")
+    done = compensate_step(board, timestep=0.005)
+    assert 100 * (done.inertia_ratio - 1) == pytest.approx(inertia, abs=0.06)
+    assert 100 * (done.damping_ratio - 1) == pytest.approx(damping, abs=0.06)
+    assert done.board.stiffness == board.stiffness
+    assert done.decay_error < 1e-3 < 0.02 < done.decay_error_before
+    assert abs(done.static_error) < 1e-9
+
+
+@pytest.mark.parametrize("integrator", ["implicitfast", "implicit", "Euler", "discrete", "RK4"])
+@pytest.mark.parametrize("timestep", [0.002, 0.005])
+def test_mujocos_own_rollout_has_the_boards_poles(board: Board, integrator: str, timestep: float):
+    if integrator == "discrete" and "mjINT_DISCRETE" not in mujoco.mjtIntegrator.__members__:
+        pytest.skip("this MuJoCo has no integrator 'discrete'")
+    written = closed_form(board, timestep=timestep, integrator=integrator)
+    model = rig_spec(written, timestep=timestep, integrator=integrator).compile()
+    frequency, ratio = measured_poles(swing(model, 0.3, 0.0, 0.4).roll, timestep)
+    assert (frequency, ratio) == pytest.approx(poles_of(board), rel=1e-9 if integrator != "RK4" else 1e-2)
+
+
+def test_typed_in_numbers_lose_damping():
+    """8.3 % of ζ on the stiff board at 5 ms; moving k and d alone would make it 20 % too stiff."""
+    board = load_board(shipped_data() / "boards" / "black.toml")
+    model = rig_spec(board, timestep=0.005).compile()
+    _, ratio = measured_poles(swing(model, 0.3, 0.0, 0.4).roll, 0.005)
+    assert 100 * (ratio / poles_of(board)[1] - 1) == pytest.approx(-8.3, abs=0.1)
+    done = compensate_step(board, timestep=0.005)
+    assert 1 / done.inertia_ratio == pytest.approx(1.20, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("coulomb", (0.15,)),
+        ("cubic-stiffness", (200.0,)),
+        ("cubic-stiffness", (-10.0,)),
+        ("quadratic-damping", (0.05,)),
+        ("gravity", (1.0,)),
+        ("freeplay", (0.01,)),
+        ("viscoelastic", (5.0, 0.05)),
+        ("hysteresis", (8.0, 0.2)),
+        ("second-mode", (0.004, 60.0, 0.1)),
+    ],
+)
+def test_richer_joints_are_compensated_numerically(board: Board, name: str, values: tuple[float, ...]):
+    done = compensate_step(with_effect(board, name, *values), timestep=0.005)
+    assert done.decay_error < 0.01
+    assert done.decay_error < 0.5 * done.decay_error_before
+    assert abs(done.static_error) < 1e-6
+
+
+IN_THE_JOINT = sorted(
+    name for name, part in catalogue().items() if part.role not in ("measurement", "record")
+)
+
+
+@pytest.mark.parametrize("name", IN_THE_JOINT)
+def test_mujoco_moves_by_the_law_of_every_effect(name: str):
+    """With a fine step the bench decays as the law says: each effect's MJCF is its torque law."""
+    board = load_board(shipped_data() / "boards" / "pink.toml")
+    rich = with_effect(board, name, *catalogue()[name].example)
+    model = rig_spec(rich, timestep=0.0002).compile()
+    assert decay_error(rich, model, release_amplitudes(rich)) < 0.0075
+    other = rig_spec(board, timestep=0.0002).compile()
+    assert decay_error(rich, other, release_amplitudes(rich)) > 0.015, "the example must show"
+
+
+def test_smooth_effects_are_exact_at_a_fine_runge_kutta_step(board: Board):
+    for name, values in (("cubic-stiffness", (200.0,)), ("quadratic-damping", (0.05,)), ("inertia", (1.3,))):
+        rich = with_effect(board, name, *values)
+        model = rig_spec(rich, timestep=0.0005, integrator="RK4").compile()
+        assert decay_error(rich, model, release_amplitudes(rich)) < 1e-4
+
+
+def test_overdamped_boards_are_compensated_too(board: Board):
+    slow = board.with_tilt(damping=Quantity(2.0, 0.0, "N*m*s/rad"))
+    done = compensate_step(slow, timestep=0.005)
+    assert done.decay_error < 1e-3
+
+
+def test_errors_of_the_physical_export_are_told(board: Board):
+    assert uncompensated(board, timestep=0.005).decay_error > 0.02
+    assert uncompensated(board, timestep=0.005, integrator="RK4").decay_error < 1e-3
+
+
+def test_what_cannot_be_compensated_is_refused(board: Board):
+    with pytest.raises(HuskyError, match="too long"):
+        closed_form(board, timestep=0.2)
+    light = board.with_tilt(damping=Quantity(0.01, 0.0, "N*m*s/rad"))
+    with pytest.raises(HuskyError, match=r"'discrete'.*damps more"):
+        closed_form(light, timestep=0.005, integrator="discrete")

@@ -1,0 +1,41 @@
+"""A command as the shell runs it, but in this process: what it prints, and its exit code."""
+
+import contextlib
+import io
+import os
+import sys
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from unittest import mock
+
+from sysid.cli import main
+
+
+@dataclass(frozen=True)
+class Done:
+    """What `subprocess.run` would say."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+def husky(*arguments: object, cwd: Path | None = None) -> Done:
+    """Run `husky-sysid` with these arguments in a folder."""
+    out, err, code = io.StringIO(), io.StringIO(), 0
+    with (
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+        contextlib.chdir(cwd or Path()),
+        mock.patch.dict(os.environ, {"COLUMNS": "100", "NO_COLOR": "1"}),
+        mock.patch.object(sys, "argv", ["husky-sysid", *map(str, arguments)]),
+        warnings.catch_warnings(),
+    ):
+        # cyclopts thinks that a test would pass the arguments; here they come as from the shell.
+        warnings.filterwarnings("ignore", "Cyclopts application invoked without tokens")
+        try:
+            main()
+        except SystemExit as stop:
+            code = stop.code or 0
+    return Done(code, out.getvalue(), err.getvalue())

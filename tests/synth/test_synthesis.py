@@ -1,0 +1,450 @@
+"""Synthetic logs: timeline, sensors, dialects, truth file, command line."""
+
+import io
+import json
+import math
+import zipfile
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pandas as pd
+import pytest
+from command_line import husky
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sysid.board import Board
+from sysid.errors import HuskyError
+from sysid.synth import SynthOptions, synthesise
+from sysid.synth.effects import PARAMETERS, complete_effects, parse_effect, true_law
+from sysid.synth.sensors import DIALECTS, GRAVITY, Sensor, lowpass
+from sysid.workspace import Workspace
+
+QUIET = SynthOptions(sensor=Sensor(gyro_bias=0.0, gyro_noise=0.0, accelerometer_noise=0.0), tremor=0.0)
+
+
+def with_options(**changes: object) -> SynthOptions:
+    from dataclasses import replace
+
+    sensor = {key: changes.pop(key) for key in list(changes) if key in Sensor.__dataclass_fields__}
+    return replace(QUIET, **changes, sensor=replace(QUIET.sensor, **sensor))
+
+
+@pytest.fixture(scope="module")
+def pink() -> Board:
+    return Workspace(Path()).load_board("pink")
+
+
+def test_options_in_degrees_are_refused_in_degrees(tmp_path: Path) -> None:
+    from sysid.cli.synth import synth
+
+    with pytest.raises(HuskyError, match=r"--noise-deg -1: expected degrees, 0 or more"):
+        synth(board="pink", output=tmp_path / "a.csv", noise_deg=-1.0)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_timeline_is_rest_hand_and_free_decay_in_turn(pink: Board) -> None:
+    log = synthesise(pink, {}, with_options(angles=(0.17, -0.1, 0.05)))
+    roll = log.channels[:, 0]
+    assert np.all(roll[log.time < 0.6] == 0.0)
+    assert [r.angle for r in log.releases] == pytest.approx([0.17, -0.1, 0.05], abs=1e-9)
+    for release, angle in zip(log.releases, (0.17, -0.1, 0.05), strict=True):
+        held = (log.time > release.start - 0.5) & (log.time < release.start)
+        assert roll[held] == pytest.approx(angle, abs=1e-6)
+        assert abs(roll[np.searchsorted(log.time, release.end - 2e-3)]) < 1e-6
+        assert np.abs(np.diff(roll[log.time < release.end])).max() < 0.02  # no jump anywhere
+
+
+def test_releases_are_cut_at_the_truth(pink: Board) -> None:
+    log = synthesise(pink, {}, with_options(angles=(0.17, -0.1)))
+    first, second = log.to_releases()
+    assert first.start == pytest.approx(log.releases[0].start)
+    assert len(first.time) == len(second.time) == 2000
+    assert (first.side, second.side) == ("right", "left")
+    assert second.amplitude == pytest.approx(0.1, abs=1e-6)
+
+
+def test_without_hand_the_log_starts_at_the_release(pink: Board) -> None:
+    log = synthesise(pink, {"viscoelastic": (5.0, 0.1)}, with_options(hand=False))
+    whole = synthesise(pink, {"viscoelastic": (5.0, 0.1)}, with_options())
+    assert log.time[0] == 0.0
+    assert log.channels[0, 0] == pytest.approx(math.radians(10))
+    kept = whole.time >= whole.releases[0].start - 1e-9
+    assert np.array_equal(log.channels, whole.channels[kept])
+
+
+def test_longer_hold_relaxes_the_arm(pink: Board) -> None:
+    """A relaxed arm pushes harder against the return, so the first swing goes further."""
+    short, long = (
+        synthesise(pink, {"viscoelastic": (8.0, 0.5)}, with_options(hold=hold, hand=False))
+        for hold in (0.05, 5.0)
+    )
+    assert np.abs(short.channels - long.channels).max() > 0.01
+
+
+def test_record_effects_act_and_are_replaced_by_name(pink: Board) -> None:
+    from dataclasses import replace
+
+    from sysid.board import BoardEffect
+    from sysid.quantity import Quantity
+
+    sticky = replace(pink, effects=(BoardEffect("coulomb", {"torque": Quantity(0.3, 0.0, "N*m")}),))
+    assert synthesise(sticky, {}, QUIET).effects == {"coulomb": (0.3,)}
+    assert synthesise(sticky, {"coulomb": (0.1,), "offset": (0.01,)}, QUIET).effects == {
+        "coulomb": (0.1,), "offset": (0.01,),
+    }  # fmt: skip
+
+
+def test_law_holds_every_parameter(pink: Board) -> None:
+    law = true_law(
+        pink, {"coulomb": (0.1,), "stribeck": (0.2, 0.3, 0.5), "inertia": (1.2,), "offset": (0.01,)}
+    )
+    assert (law.friction, law.static_friction, law.stribeck_velocity) == pytest.approx((0.3, 0.4, 0.5))
+    assert law.inertia == pytest.approx(1.2 * pink.inertia.value)
+    assert law.rest == pytest.approx(pink.rest_angle + 0.01)
+
+
+VALUES = {
+    "coulomb": (0.1,), "stribeck": (0.05, 0.15, 0.5), "quadratic-damping": (0.02,), "cubic-damping": (0.002,),
+    "cubic-stiffness": (200.0,), "asymmetric-stiffness": (15.0,), "gravity": (2.0,), "end-stop": (0.1, 150.0),
+    "freeplay": (0.02,), "preload": (0.3,), "offset": (0.02,), "viscoelastic": (6.0, 0.05),
+    "hysteresis": (6.0, 0.2), "second-mode": (0.02, 300.0, 0.2), "inertia": (1.3,), "discretisation": (0.005,),
+    "sensor-bias": (0.02,), "sensor-drift": (0.005,), "clock": (1.03,), "lowpass": (0.01,),
+}  # fmt: skip
+
+
+def test_every_effect_has_a_trial_value() -> None:
+    assert set(VALUES) == set(PARAMETERS)
+
+
+@pytest.mark.parametrize("name", VALUES)
+def test_every_effect_shows_in_the_log(pink: Board, name: str) -> None:
+    options = with_options(rate=200.0)
+    plain = synthesise(pink, {}, options)
+    changed = synthesise(pink, {name: VALUES[name]}, options)
+    assert (
+        max(np.abs(changed.channels - plain.channels).max(), np.abs(changed.time - plain.time).max()) > 1e-3
+    )
+    assert [effect["name"] for effect in changed.truth()["effects"]] == [name]
+
+
+@pytest.mark.parametrize("name", VALUES)
+def test_every_effect_goes_with_every_dialect(pink: Board, name: str) -> None:
+    if name == "sensor-bias":
+        with pytest.raises(HuskyError, match="rate gyro has none"):
+            synthesise(pink, {name: VALUES[name]}, with_options(rate=200.0, dialect="gyro"))
+        return
+    for dialect, width in (("gyro", 1), ("imu", 6)):
+        log = synthesise(pink, {name: VALUES[name]}, with_options(rate=200.0, dialect=dialect, duration=0.5))
+        assert log.channels.shape == (len(log.time), width)
+        assert np.all(np.isfinite(log.channels))
+
+
+def test_discretisation_is_what_mujoco_does(pink: Board) -> None:
+    effects = {
+        "discretisation": (0.005,), "cubic-stiffness": (80.0,), "quadratic-damping": (0.02,),
+        "asymmetric-stiffness": (5.0,), "cubic-damping": (0.001,),
+    }  # fmt: skip
+    log = synthesise(pink, effects, with_options(rate=200.0, hand=False))
+    xml = f"""<mujoco><option timestep="0.005" integrator="implicitfast" gravity="0 0 0"/><worldbody><body>
+      <joint type="hinge" axis="1 0 0" stiffness="{pink.stiffness} 5 80" damping="{pink.damping} 0.02 0.001"/>
+      <inertial pos="0 0 0" mass="1" diaginertia="{pink.inertia.value} 1 1"/></body></worldbody></mujoco>"""
+    model = mujoco.MjModel.from_xml_string(xml)
+    data = mujoco.MjData(model)
+    data.qpos[0] = log.releases[0].angle
+    path = []
+    for _ in log.time:
+        path.append(data.qpos[0])
+        mujoco.mj_step(model, data)
+    assert np.abs(log.channels[:, 0] - path).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("effects", "changes", "match"),
+    [
+        ({"discretisation": (0.005,)}, {"rate": 1000.0}, "between the simulator's steps"),
+        ({"discretisation": (0.005,), "coulomb": (0.1,)}, {"rate": 200.0}, "together with coulomb"),
+        ({"discretisation": (0.005,)}, {"rate": 200.0, "jitter": 0.1}, "jitter"),
+        ({"colomb": (0.1,)}, {}, "Did you mean 'coulomb'"),
+        ({"coulomb": ()}, {}, "has 0 parameters; expected 1"),
+        ({"coulomb": (1.0, 2.0)}, {}, "has 2 parameters; expected 1"),
+        ({"coulomb": (-0.1,)}, {}, "torque is -0.1; expected a positive"),
+        ({"gravity": (math.nan,)}, {}, "moment is nan; expected a finite"),
+        ({"stribeck": (0.3, 0.1, 1.0)}, {}, "static_torque is below"),
+        ({}, {"angles": ()}, "at least one"),
+        ({}, {"angles": (0.0,)}, "release angle is 0"),
+        ({}, {"angles": (2.0,)}, "release angle"),
+        ({}, {"rate": 0.0}, "rate is 0"),
+        ({}, {"duration": -1.0}, "duration is -1"),
+        ({}, {"hold": -1.0}, "hold is -1"),
+        ({}, {"noise": -1.0}, "noise is -1"),
+        ({}, {"jitter": 2.0}, "jitter"),
+        ({}, {"gyro_noise": math.nan}, "gyro noise is nan"),
+        ({}, {"lever_arm": (0.0, math.inf, 0.0)}, "lever arm"),
+        ({}, {"seed": -1}, "seed is -1"),
+        ({}, {"rate": 1e9}, "number of samples"),
+        ({}, {"duration": math.inf}, "duration is inf"),
+        ({"cubic-damping": (-1.0,)}, {}, "grows without bound"),
+        ({"preload": (100.0,)}, {}, "tips over"),
+        ({"discretisation": (0.1,)}, {"rate": 10.0, "duration": 20.0}, "use a shorter one"),
+        ({"discretisation": (1e-9,)}, {}, "use a longer one"),
+        ({}, {"dropout": 1.0}, "dropout"),
+        ({}, {"hand": False, "angles": (0.1, 0.2)}, "without a hand"),
+    ],
+)
+def test_impossible_wishes_are_refused(pink: Board, effects, changes, match: str) -> None:
+    with pytest.raises(HuskyError, match=match):
+        synthesise(pink, effects, with_options(**changes))
+
+
+SIZES = (
+    st.floats(1e-3, 1e3)
+    | st.floats(-1e3, 1e3)
+    | st.floats(1e-6, 1.0)
+    | st.sampled_from([0.0, 1e12, -1e12, math.inf, math.nan])
+)
+
+
+@pytest.mark.slow
+@settings(max_examples=60, deadline=None)
+@given(data=st.data())
+def test_any_effects_make_a_finite_log_or_one_clear_refusal(data: st.DataObject) -> None:
+    names = data.draw(st.lists(st.sampled_from(sorted(PARAMETERS)), min_size=1, max_size=3, unique=True))
+    effects = {name: data.draw(st.tuples(*[SIZES] * len(PARAMETERS[name]))) for name in names}
+    board = Workspace(Path()).load_board("pink")
+    try:
+        log = synthesise(board, effects, with_options(rate=100.0, duration=0.3))
+    except HuskyError:
+        return
+    assert np.all(np.isfinite(log.channels))
+    assert np.all(np.diff(log.time) > 0)
+
+
+def test_motion_that_leaves_the_numbers_is_refused(pink: Board) -> None:
+    effects = {
+        "stribeck": (0.0394, 1.267, 0.00198), "inertia": (0.00236,), "quadratic-damping": (-4.333,), "offset": (0.963,),
+    }  # fmt: skip
+    with pytest.raises(HuskyError, match="cannot be followed"):
+        synthesise(pink, effects, with_options(rate=100.0, duration=0.3))
+
+
+@pytest.mark.parametrize(
+    ("text", "match"),
+    [
+        ("coulomb", "write coulomb=TORQUE"),
+        ("coulomb=", "torque in"),
+        ("coulomb=a", "not a list"),
+        ("friction=1", "unknown"),
+    ],
+)
+def test_effect_text_is_checked(text: str, match: str) -> None:
+    with pytest.raises(HuskyError, match=match):
+        parse_effect(text)
+
+
+def test_effect_text_is_read() -> None:
+    assert parse_effect("end-stop=0.1,200") == ("end-stop", (0.1, 200.0))
+    assert complete_effects({"end-stop": (0.1, 200)}) == {"end-stop": (0.1, 200.0, 0.0)}
+
+
+def test_angle_sensor_errors(pink: Board) -> None:
+    plain = synthesise(pink, {}, QUIET)
+    drifting = synthesise(pink, {"sensor-bias": (0.01,), "sensor-drift": (0.002,)}, QUIET)
+    assert drifting.channels[:, 0] - plain.channels[:, 0] == pytest.approx(0.01 + 0.002 * plain.time)
+    fast = synthesise(pink, {"clock": (1.02,)}, QUIET)
+    assert fast.time == pytest.approx(1.02 * plain.time)
+    assert fast.releases[0].start == pytest.approx(1.02 * plain.releases[0].start)
+    assert np.array_equal(fast.channels, plain.channels)
+    coarse = synthesise(pink, {}, with_options(quantisation=0.01)).channels[:, 0]
+    assert np.abs(coarse / 0.01 - np.round(coarse / 0.01)).max() < 1e-9
+    assert np.abs(coarse - plain.channels[:, 0]).max() <= 0.005 + 1e-12
+    noisy = synthesise(pink, {}, with_options(noise=2e-3))
+    errors = (noisy.channels - plain.channels)[:, 0]
+    assert errors.std() == pytest.approx(2e-3, rel=0.05)
+    assert abs(np.corrcoef(errors[1:], errors[:-1])[0, 1]) < 0.05
+    assert noisy.to_roll().std[0] == pytest.approx(2e-3)
+
+
+def test_noise_does_not_change_the_motion(pink: Board) -> None:
+    quiet, noisy = (synthesise(pink, {}, with_options(noise=n, tremor=1e-3, seed=5)) for n in (0.0, 2e-3))
+    assert np.array_equal(quiet.true_motion, noisy.true_motion)
+    other = synthesise(pink, {}, with_options(noise=2e-3, tremor=1e-3, seed=6))
+    assert not np.array_equal(other.true_motion, noisy.true_motion)
+    again = synthesise(pink, {}, with_options(noise=2e-3, tremor=1e-3, seed=5))
+    assert np.array_equal(again.channels, noisy.channels)
+
+
+def test_jitter_samples_the_true_motion_where_the_stamps_say(pink: Board) -> None:
+    plain, jittered = (synthesise(pink, {}, with_options(jitter=j, rate=2000.0)) for j in (0.0, 0.2))
+    steps = np.diff(jittered.time)
+    assert steps.min() > 0
+    assert steps.std() == pytest.approx(0.2 * math.sqrt(2) / 2000, rel=0.2)
+    believed = np.interp(jittered.time, plain.time, plain.channels[:, 0])
+    assert np.abs(believed - jittered.channels[:, 0]).max() < 1e-4
+
+
+@settings(max_examples=20, deadline=None)
+@given(share=st.floats(0.02, 0.6), seed=st.integers(0, 1000))
+def test_dropout_loses_about_its_share(share: float, seed: int) -> None:
+    from sysid.synth.synthesis import _kept
+
+    kept = _kept(500_000, share, np.random.default_rng(seed))
+    assert 1 - kept.mean() == pytest.approx(share, rel=0.15)
+    assert kept[0]
+
+
+def test_drift_of_a_gyro_is_an_offset_of_its_rate(pink: Board) -> None:
+    for dialect, column in (("gyro", 0), ("imu", 3)):
+        plain, drifting = (
+            synthesise(pink, effects, with_options(dialect=dialect, gyro_bias=0.01)).channels[:, column]
+            for effects in ({}, {"sensor-drift": (0.004,)})
+        )
+        assert drifting - plain == pytest.approx(0.004)
+        assert plain[0] == pytest.approx(0.01)
+
+
+@pytest.mark.parametrize("irregular", [False, True])
+def test_lowpass_is_a_first_order_lag(irregular: bool) -> None:
+    """A sine comes out smaller and later by the textbook factor, once the start is forgotten."""
+    rng = np.random.default_rng(0)
+    time = np.cumsum(rng.uniform(5e-4, 1.5e-3, 2000)) if irregular else np.arange(2000) * 1e-3
+    tau, omega = 0.02, 40.0
+    output = lowpass(time, np.sin(omega * time), omega * np.cos(omega * time), tau)
+    gain, lag = 1 / math.hypot(1, omega * tau), math.atan(omega * tau)
+    late = time > time[0] + 15 * tau
+    assert np.abs(output - gain * np.sin(omega * time - lag))[late].max() < 1e-6
+
+
+def test_accelerometer_feels_gravity_and_the_lever_arm(pink: Board) -> None:
+    """Against the second derivative of the sensor's place in the world, turned into the sensor's frame."""
+    arm = (0.1, 0.03, 0.05)
+    log = synthesise(pink, {}, with_options(dialect="imu", lever_arm=arm, rate=4000.0, hand=False))
+    roll = log.true_motion[:, 0]
+    place = np.column_stack((
+        arm[1] * np.cos(roll) - arm[2] * np.sin(roll), arm[1] * np.sin(roll) + arm[2] * np.cos(roll)
+    ))  # fmt: skip
+    step = log.time[1] - log.time[0]
+    world = np.gradient(np.gradient(place, step, axis=0), step, axis=0) + np.array([0.0, GRAVITY])
+    felt_y = np.cos(roll) * world[:, 0] + np.sin(roll) * world[:, 1]
+    felt_z = -np.sin(roll) * world[:, 0] + np.cos(roll) * world[:, 1]
+    assert log.channels[3:-3, 1] == pytest.approx(felt_y[3:-3], abs=0.03)
+    assert log.channels[3:-3, 2] == pytest.approx(felt_z[3:-3], abs=0.03)
+    assert np.abs(felt_y).max() > 10  # most of it is the lever arm, not gravity
+    assert log.channels[:, 3] == pytest.approx(log.true_motion[:, 1])
+    tilted = synthesise(pink, {"sensor-bias": (0.05,)}, with_options(dialect="imu"))
+    still = tilted.time < 0.5
+    assert np.arctan2(tilted.channels[still, 1], tilted.channels[still, 2]) == pytest.approx(0.05)
+
+
+def read_back(path: Path, dialect: str) -> tuple[np.ndarray, np.ndarray]:
+    """Time and first channel (angle, or roll rate), by pandas alone."""
+    if path.suffix == ".zip":
+        with zipfile.ZipFile(path) as archive:
+            table = pd.read_csv(io.BytesIO(archive.read("Gyroscope.csv")))
+            force = "TotalAcceleration.csv" if dialect == "sensor-logger" else "Accelerometer.csv"
+            assert len(pd.read_csv(io.BytesIO(archive.read(force)))) == len(table)
+        names = (
+            ("seconds_elapsed", "x") if dialect == "sensor-logger" else ("Time (s)", "Gyroscope x (rad/s)")
+        )
+        return table[names[0]].to_numpy(), table[names[1]].to_numpy()
+    table = pd.read_csv(path)
+    scale = 1e-3 if dialect == "angle-deg" else 1.0
+    column = {"imu": "gyro_x_rad_s", "phyphox": "Gyroscope x (rad/s)"}.get(dialect, table.columns[1])
+    values = table[column].to_numpy()
+    return scale * table.iloc[:, 0].to_numpy(), np.radians(values) if dialect == "angle-deg" else values
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".zip"])
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_dialects_say_what_was_measured(pink: Board, tmp_path: Path, dialect, suffix: str) -> None:
+    log = synthesise(pink, {}, with_options(dialect=dialect, rate=200.0, noise=1e-3, gyro_noise=1e-3))
+    path = tmp_path / f"log{suffix}"
+    archives = ("phyphox", "sensor-logger") if suffix == ".zip" else tuple(d for d in DIALECTS if d[0] != "s")
+    if dialect not in archives:
+        with pytest.raises(HuskyError, match=r"name it|name the log"):
+            log.save(path)
+        assert list(tmp_path.iterdir()) == []
+        return
+    log.save(path)
+    time, values = read_back(path, dialect)
+    assert time == pytest.approx(log.time, abs=1e-6)
+    assert values == pytest.approx(log.channels[:, 3 if log.channels.shape[1] == 6 else 0], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("dialect", "suffix", "error_deg"),
+    [
+        ("angle", ".csv", 0.11), ("angle-deg", ".csv", 0.11), ("gyro", ".csv", 0.05), ("imu", ".csv", 0.05),
+        ("phyphox", ".csv", 0.05), ("phyphox", ".zip", 0.05), ("sensor-logger", ".zip", 0.05),
+    ],
+)  # fmt: skip
+def test_every_dialect_is_read_back_as_the_true_roll(
+    pink: Board, tmp_path: Path, dialect, suffix: str, error_deg: float
+) -> None:
+    """Without one option: columns, units, axis, gyro offset and lever arm are found by the reader."""
+    from sysid.logs import read_roll
+
+    log = synthesise(pink, {}, SynthOptions(angles=(0.17, -0.15, 0.1), rate=400.0, seed=1, dialect=dialect))
+    path, _ = log.save(tmp_path / f"log{suffix}")
+    roll = read_roll(path)
+    error = roll.roll - np.interp(roll.time, log.time - log.time[0], log.true_motion[:, 0])
+    assert math.degrees(np.std(error)) < error_deg
+    assert math.degrees(abs(np.mean(error))) < 0.1
+
+
+def test_command_writes_log_and_truth(tmp_path: Path) -> None:
+    arguments = (
+        "synth", "--board", "pink", "-o", "log.csv", "--effect", "coulomb=0.1", "--release-angle", "10",
+        "--release-angle", "-0.1rad", "--rate", "500", "--seed", "4",
+    )  # fmt: skip
+    result = husky(*arguments, "--json", "-", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    printed = json.loads(result.stdout)
+    truth = json.loads((tmp_path / "log.truth.json").read_text())
+    assert truth["effects"] == printed["effects"]
+    assert truth["effects"] == [{"name": "coulomb", "parameters": {"torque": {"value": 0.1, "unit": "N*m"}}}]
+    assert [r["angle_rad"] for r in truth["releases"]] == pytest.approx([math.radians(10), -0.1], abs=2e-3)
+    assert truth["command"].startswith("husky-sysid synth --board pink")
+    assert truth["parameters"]["stiffness"]["value"] == pytest.approx(14.684)
+    first = (tmp_path / "log.csv").read_bytes()
+    assert husky(*arguments, cwd=tmp_path).returncode == 0
+    assert (tmp_path / "log.csv").read_bytes() == first
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "match"),
+    [
+        (("--board", "pnk", "-o", "a.csv"), 1, "Did you mean 'pink'"),
+        (("--board", "pink", "-o", "a.csv", "--effect", "x=1"), 1, "unknown effect 'x'"),
+        (("--board", "pink", "-o", "a.csv", "--effect", "coulomb=1", "--effect", "coulomb=2"), 1, "twice"),
+        (("--board", "pink", "-o", "a.csv", "--release-angle", "much"), 1, "not an angle"),
+        (
+            ("--board", "pink", "-o", "a.csv", "--release-angle", "5", "--releases", "2"),
+            1,
+            "one or the other",
+        ),
+        (("--board", "pink", "-o", "a.csv", "--releases", "0"), 1, "at least 1"),
+        (("--board", "pink", "-o", "file/a.csv"), 1, "cannot write there"),
+        (("--board", "pink", "-o", "a.csv", "--dialect", "phone"), 2, "phone"),
+        (("-o", "a.csv"), 2, "--board"),
+    ],
+)
+def test_command_refuses_in_one_line(tmp_path: Path, arguments, code: int, match: str) -> None:
+    (tmp_path / "file").write_text("not a folder")
+    result = husky("synth", *arguments, cwd=tmp_path)
+    assert result.returncode == code
+    assert match in result.stderr + (result.stdout if code == 2 else "")
+    if code == 1:
+        assert result.stderr.count("\n") == 1
+        assert result.stdout == ""
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_several_releases_alternate_within_the_range_and_beyond_it_warns(tmp_path: Path) -> None:
+    result = husky("synth", "--board", "pink", "-o", "a.csv", "--releases", "4", "--json", "-", cwd=tmp_path)
+    angles = json.loads(result.stdout)["options"]["angles"]
+    assert [a > 0 for a in angles] == [True, False, True, False]
+    assert max(map(abs, angles)) < 0.2
+    result = husky("synth", "--board", "pink", "-o", "a.csv", "--release-angle", "20", cwd=tmp_path)
+    assert "beyond the range" in result.stderr

@@ -1,0 +1,186 @@
+"""The library as its page, its reference and its examples show it."""
+
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+import venv
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+import sysid
+
+ROOT = Path(__file__).parents[1]
+EXAMPLES = ROOT / "examples"
+DECAYS = ROOT / "data" / "decays"
+
+
+def script(name):
+    spec = importlib.util.spec_from_file_location(name, ROOT / "docs" / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def run(name, folder, python=sys.executable, **environment):
+    return subprocess.run(
+        [python, EXAMPLES / name], cwd=folder, capture_output=True, text=True, check=False,
+        env={**os.environ, **environment},
+    )  # fmt: skip
+
+
+def ran(name, folder):
+    done = run(name, folder, PYTHONPATH=str(ROOT))
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture
+def tip(tmp_path):
+    shutil.copy(DECAYS / "pink_hidden.csv", tmp_path / "tip.csv")
+    return tmp_path
+
+
+def test_ten_names_and_no_more():
+    assert len(sysid.__all__) == 10
+    assert set(sysid.__all__) <= set(dir(sysid))
+    assert all(getattr(sysid, name).__name__ in (name, "SysidError") for name in sysid.__all__)
+    with pytest.raises(AttributeError, match="it offers Board"):
+        sysid.nothing  # noqa: B018
+
+
+def test_star_gives_the_names_and_no_module_takes_their_place():
+    names = {}
+    exec(
+        "from sysid import *; import sysid.comparison.compare, sysid.fit_mjcf, sysid.diagnosis.diagnose",
+        names,
+    )
+    assert set(sysid.__all__) <= set(names)
+    assert all(callable(getattr(sysid, name)) for name in sysid.__all__)
+
+
+def test_reference_is_current():
+    assert (ROOT / "docs" / "api.md").read_text() == script("make_api").page(), "run docs/make_api.py"
+
+
+def test_every_public_name_says_what_it_is():
+    page = script("make_api").page()
+    assert all(f"## `sysid.{name}`" in page for name in sysid.__all__)
+
+
+def test_page_prints_what_it_says():
+    make = script("make_library")
+    text = make.TARGET.read_text()
+    assert make.page(text) == text, "run docs/make_library.py and read what changed"
+
+
+def test_from_a_log_to_a_board_in_fifteen_lines(tip):
+    out = ran("tip_to_board.py", tip)
+    assert "log decrement δ" in out
+    assert "sgn φ̇ = 0" in out
+    assert "N·m" in out
+    assert sysid.Board.load(tip / "boards" / "pink.toml").effects[0].name == "coulomb"
+
+
+def test_phone_log(tmp_path):
+    from sysid.synth import SynthOptions, synthesise
+
+    options = SynthOptions(angles=(0.17, -0.15), rate=200.0, dialect="phyphox")
+    synthesise(sysid.Board.load("pink"), {}, options).save(tmp_path / "phone.zip")
+    out = ran("phone_log.py", tmp_path)
+    assert "k = 14." in out
+    assert "stiffness k = I ω_n²" in out
+
+
+def test_where_it_differs(tip):
+    assert "% of the error at amplitudes below" in ran("where_it_differs.py", tip)
+    assert (tip / "where.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_learn_and_add(tip):
+    out = ran("learn_and_add.py", tip)
+    assert "missing: coulomb" in out
+    assert "+ coulomb" in out
+    assert (tip / "boards" / "pink.toml").is_file()
+
+
+def test_batch(tmp_path):
+    (tmp_path / "logs").mkdir()
+    for name in ("pink.csv", "pink_imu.csv"):
+        shutil.copy(DECAYS / name, tmp_path / "logs")
+    (tmp_path / "logs" / "broken.csv").write_text("nothing\n")
+    ran("batch.py", tmp_path)
+    table = pd.read_csv(tmp_path / "decays.csv", index_col="log")
+    assert table.loc[["pink.csv", "pink_imu.csv"], "stiffness"].between(13.5, 16).all()
+    assert "broken.csv" in table.loc["broken.csv", "problem"]
+
+
+@pytest.mark.slow
+def test_installed_outside_the_clone(tip, tmp_path_factory):
+    """The fifteen lines with nothing of the clone within reach: an installed wheel and its packages only."""
+    wheels, home = tmp_path_factory.mktemp("wheels"), tmp_path_factory.mktemp("home")
+    subprocess.run(
+        [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", wheels, ROOT],
+        check=True,
+        capture_output=True,
+    )
+    (wheel,) = wheels.glob("*.whl")
+    venv.create(home, system_site_packages=False, with_pip=False)
+    packages = home / "lib" / f"python{sys.version_info.major}.{sys.version_info.minor}" / "site-packages"
+    shutil.unpack_archive(wheel, packages, "zip")
+    # The packages that it needs are those of this environment, behind the wheel's own.
+    (packages / "here.pth").write_text("\n".join(path for path in sys.path if path.endswith("site-packages")))
+    done = run("tip_to_board.py", tip, home / "bin" / "python", PYTHONPATH="")
+    assert done.returncode == 0, done.stderr
+    assert "sgn φ̇ = 0" in done.stdout
+    where = subprocess.run(
+        [home / "bin" / "python", "-I", "-c", "import sysid; print(sysid.__file__)"],
+        capture_output=True, text=True, cwd=tip, check=False,
+    )  # fmt: skip
+    assert where.stdout.startswith(str(home))
+
+
+@pytest.mark.parametrize("dialect", ["gyro", "imu"])
+def test_library_and_command_say_the_same(tmp_path, dialect):
+    """The roll of a gyro is an integral that drifts, that of an IMU has a zero that wanders: both must know."""
+    import json
+
+    from sysid.cli import build_app
+    from sysid.synth import SynthOptions, synthesise
+
+    pink, log = sysid.Board.load("pink"), tmp_path / "log.csv"
+    options = SynthOptions(angles=(0.17, -0.15), rate=400.0, dialect=dialect)
+    synthesise(pink, {}, options).save(log)
+    recording = sysid.Recording.read(log)
+    results = {
+        "decay": sysid.fit_decay(recording, board=pink),
+        "fit": sysid.fit(recording, pink),
+        "compare": sysid.compare(recording, pink),
+    }
+    for command, result in results.items():
+        build_app()(
+            [command, str(log), "--board", "pink", "--workspace", str(tmp_path / command), "--json", str(tmp_path / "j")],
+            result_action="return_value", exit_on_error=False, print_error=False,
+        )  # fmt: skip
+        assert json.loads((tmp_path / "j").read_text()) == json.loads(json.dumps(result.to_json())), command
+    assert results["fit"].is_rate == (dialect == "gyro")
+
+
+def test_results_become_tables_and_texts(tmp_path):
+    log = sysid.Recording.read(DECAYS / "pink.csv")
+    decay = sysid.fit_decay(log)
+    assert decay.board is None
+    assert decay.to_json()["stiffness"]["value"] is None
+    assert "k and d need the roll inertia" in decay.report()
+    assert decay.to_dataframe().loc["omega_n", "low"] < 41.1 < decay.to_dataframe().loc["omega_n", "high"]
+    assert len(log.to_dataframe()) == len(log.roll.time)
+    assert {phase.kind for phase in log.phases} >= {"held", "free", "rest"}
+    one = sysid.fit_decay(log.releases[0], board=sysid.Board.load("pink"))
+    assert len(one.releases) == 1
+    with pytest.raises(sysid.SysidError, match="given twice"):
+        sysid.fit_decay([log, log])
+    with pytest.raises(sysid.SysidError, match="no release was given"):
+        sysid.fit_decay([])

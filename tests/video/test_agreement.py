@@ -1,0 +1,130 @@
+"""What is followed in a film must turn as one body: edges, patches and dots that do not are found out."""
+
+import warnings
+from pathlib import Path
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+
+from sysid.errors import HuskyError
+from sysid.video.film.frames import Frame
+from sysid.video.film.shake import still, still_places
+from sysid.video.film.track import Track
+from sysid.video.pose.angle import fit_angle
+from sysid.video.pose.camera_state import CameraState
+from sysid.video.pose.outliers import outlier_frames
+from sysid.video.pose.prior import BodyPrior
+from sysid.video.pose.rectify import rectify
+from sysid.video.pose.rigid_group import rigid_group
+from sysid.video.pose.view import View
+from sysid.video.trackers.dots import Dot, DotFollower
+from sysid.video.trackers.edge.slope import best_path
+from sysid.video_roll import _refuse_contradiction
+
+TIME = np.arange(90) / 60
+ROLL = np.where(TIME < 0.3, 0.4, 0.4 * np.exp(-4 * (TIME - 0.3)) * np.cos(25 * (TIME - 0.3)))
+
+
+def deck_and_wall():
+    """Patches of a deck, and more of a wall that agree with it as long as it is held, and are lost then."""
+    rng = np.random.default_rng(0)
+    deck = rng.uniform(-90, 90, 18) + 1j * rng.uniform(-25, 25, 18)
+    wall = rng.uniform(-300, 300, 30) + 1j * rng.uniform(-150, 150, 30)
+    place = np.concatenate([np.exp(1j * ROLL)[:, None] * deck, np.broadcast_to(wall, (90, 30))], axis=1)
+    points = np.stack([place.real, place.imag], axis=-1) + [640, 360] + 0.05 * rng.normal(size=(90, 48, 2))
+    points[18:, 18:] = np.nan  # the wall, as soon as the deck is let go ...
+    points[18:22, :18] = np.nan  # ... and the deck, while the tracker still held on to the wall
+    points[18:22, 18:] = points[17, 18:]
+    return points
+
+
+def turned(points, prior):
+    track = Track(TIME, points.astype(np.float32), still(len(TIME), 1000.0, 0j), np.arange(len(TIME)), 0)
+    view = View(track, lambda points: points, lambda points: points[..., 1] / 720)
+    matrix = np.array([[1000.0, 0, 640], [0, 1000, 360], [0, 0, 1]])
+    return fit_angle(view, matrix, CameraState(np.zeros(4), np.diag([0.07, 0.07, 0.06, 0.0])), prior)
+
+
+def test_patches_of_the_wall_do_not_hold_the_deck():
+    points = deck_and_wall()
+    ours = rigid_group(points, 10)
+    assert np.flatnonzero(ours).tolist() == list(range(18))
+    texture = BodyPrior(centre_std=0.03, shows_lens=False)
+    turning = turned(points[:, ours], texture)
+    seen = np.isfinite(turning.angle)
+    assert np.flatnonzero(~seen).tolist() == [18, 19, 20, 21]
+    error = (turning.angle - ROLL)[seen]
+    assert np.abs(error - np.median(error[-30:])).max() < np.radians(0.3)
+    with_wall = turned(points, texture)
+    assert np.isfinite(with_wall.angle[18:22]).any()  # what it would be without
+
+
+def test_a_picture_that_compression_repeats_is_less_certain():
+    rng = np.random.default_rng(1)
+    shape = rng.uniform(-90, 90, 20) + 1j * rng.uniform(-25, 25, 20)
+    place = np.exp(1j * ROLL)[:, None] * shape
+    points = np.stack([place.real, place.imag], axis=-1) + [640, 360] + 0.05 * rng.normal(size=(90, 20, 2))
+    points[70:] = points[70]
+    turning = turned(points, BodyPrior(dead_zone=0.15, shows_lens=False))
+    assert turning.std[71:].min() > 2 * np.median(turning.std[55:69])
+
+
+def test_the_slope_of_the_deck_is_told_by_the_whole_film():
+    slope = np.stack([ROLL, np.full(90, -0.3)], axis=1)
+    score = np.tile([1.0, 0.4], (90, 1))
+    score[[40, 41]] = [0.5, 1.0]  # another line is the better one here,
+    slope[60] = np.nan  # and none is seen there
+    path = best_path(slope, score)
+    good = np.arange(90) != 60
+    np.testing.assert_allclose(path[good], ROLL[good])
+    assert path[60] == pytest.approx(ROLL[59])
+
+
+def test_lone_frames_are_told_from_a_release():
+    rng = np.random.default_rng(4)
+    angle = ROLL + 0.001 * rng.normal(size=90)
+    std = np.full(90, 0.001)
+    assert not outlier_frames(TIME, angle, std).any()
+    angle[50] += 0.05
+    off = outlier_frames(TIME, angle, std)
+    assert np.flatnonzero(off).tolist() == [50]
+    assert off[50] == pytest.approx(0.05, rel=0.2)
+
+
+def test_a_dot_that_is_covered_in_part_is_not_seen():
+    def picture(cover):
+        image = np.full((200, 320, 3), (120, 130, 125), np.uint8)
+        for x in (80, 240):
+            cv2.circle(image, (x, 100), 12, (110, 20, 240), -1, cv2.LINE_AA)
+        image[:, 240 : 240 + cover] = (130, 160, 215)
+        return cv2.GaussianBlur(image, (0, 0), 0.8)
+
+    lab = cv2.cvtColor(np.float32([[[110, 20, 240]]]) / 255, cv2.COLOR_BGR2LAB)[0, 0, 1:]
+    dots = tuple(Dot(np.array([x, 100.0]), 12.0, np.float64(lab)) for x in (80, 240))
+    tracker = DotFollower(dots, (0, 0, 320, 200))
+    assert tracker.update(Frame(0, 0.0, picture(0))) is not None
+    # Half of it is hidden: the middle of what is left is 5 px off.
+    assert tracker.update(Frame(1, 0.02, picture(60))) is None
+    assert tracker.update(Frame(2, 0.04, picture(0))) is not None
+
+
+def test_a_film_that_contradicts_itself_is_refused():
+    angle = np.where(np.arange(90) < 40, 0.0, np.nan)
+    with pytest.raises(HuskyError, match="seen in 85 of 90 frames, but turns as one body in only 40"):
+        _refuse_contradiction(
+            Path("clip.mp4"),
+            SimpleNamespace(what="the deck's edge"),
+            SimpleNamespace(time=TIME, lost=5),
+            angle,
+        )
+
+
+def test_points_that_are_not_seen_are_no_warning():
+    matrix = np.array([[1000.0, 0, 640], [0, 1000, 360], [0, 0, 1]])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert np.isnan(rectify(np.full((3, 2), np.nan), matrix, 0.1, 0.1)).all()
+        motion = np.array([1.0, 2.0, 0.01, 0.0])
+        assert np.isnan(still_places(np.array([np.nan + 0j]), motion, 900.0)).all()

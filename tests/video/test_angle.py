@@ -1,0 +1,166 @@
+"""The angle from points: exact without noise, honest with it."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sysid.video.film.shake import still
+from sysid.video.film.track import Track
+from sysid.video.pose.angle import fit_angle
+from sysid.video.pose.camera_state import CameraState
+from sysid.video.pose.prior import BodyPrior
+from sysid.video.pose.rectify import rectify
+from sysid.video.pose.view import View
+from sysid.video.trackers.dots import fit_pivot
+
+SQUARE_BODY = BodyPrior(square=True)
+MATRIX = np.array([[1000.0, 0, 640], [0, 1000, 360], [0, 0, 1]])
+SQUARE = np.array([[-0.04, -0.14], [0.04, -0.14], [0.04, -0.06], [-0.04, -0.06]])
+
+
+def swing(n=150):
+    time = np.arange(n) / 60
+    return 0.45 * np.exp(-1.5 * time) * np.cos(12 * time)
+
+
+def picture(angle, yaw, pitch, shape=SQUARE, depth=None, distance=1.2, shift=0.0):
+    """Points of a body that turns about an axis through (0, 0) at `distance`, seen by a tilted pinhole."""
+    depth = np.zeros(len(shape)) if depth is None else depth
+    turned = (shape[:, 0] + 1j * shape[:, 1]) * np.exp(1j * angle)[:, None] + shift
+    body = np.stack([turned.real, turned.imag, np.broadcast_to(distance + depth, turned.shape)], axis=-1)
+    ey, ep = np.sin(yaw), np.sin(pitch)
+    axis = np.array([ey, ep, np.sqrt(1 - ey**2 - ep**2)])
+    right = np.array([axis[2], 0, -axis[0]]) / np.hypot(axis[0], axis[2])
+    seen = body @ np.stack([right, np.cross(axis, right), axis])
+    return seen[..., :2] / seen[..., 2:] * 1000 + [640, 360]
+
+
+def view(points, fps=60.0, rows=720):
+    """Points as a straight lens shows them to a still camera."""
+    n = len(points)
+    track = Track(np.arange(n) / fps, points.astype(np.float32), still(n, 1000.0, 0j), np.arange(n), 0)
+    return View(track, lambda points: points, lambda points: points[..., 1] / rows)
+
+
+def known(yaw=np.nan, pitch=np.nan, focal=0.0, readout=0.0):
+    """Direction not known where it is NaN; the rest given."""
+    value = np.array([yaw, pitch, focal, readout])
+    std = np.where(np.isnan(value), np.radians(15), 0.0)
+    return CameraState(np.nan_to_num(value), np.diag(std**2))
+
+
+@settings(deadline=None, max_examples=15)
+@given(st.floats(-0.25, 0.25), st.floats(-0.25, 0.25))
+def test_exact_points_give_the_exact_angle_from_any_camera(yaw, pitch):
+    angle = swing()
+    turning = fit_angle(view(picture(angle, yaw, pitch)), MATRIX, known(), SQUARE_BODY)
+    error = turning.angle - angle
+    assert np.abs(error - np.median(error)).max() < 2e-3
+
+
+def test_a_camera_at_a_slant_matters_and_is_found():
+    angle = swing()
+    points = picture(angle, 0.25, 0.05)
+    naive = fit_angle(view(points), MATRIX, known(0.0, 0.0)).angle - angle
+    turning = fit_angle(view(points), MATRIX, known(), SQUARE_BODY)
+    assert np.ptp(naive) > 5 * np.ptp(turning.angle - angle)
+    assert turning.camera_state.value[0] == pytest.approx(0.25, abs=0.02)
+
+
+def test_points_at_different_depths_still_turn_about_one_axis():
+    angle = swing()
+    depth = np.array([0.0, 0.02, 0.02, 0.0])
+    turning = fit_angle(
+        view(picture(angle, 0.1, 0.1, depth=depth)), MATRIX, known(), BodyPrior(centre_std=0.03)
+    )
+    error = turning.angle - angle
+    assert np.abs(error - np.median(error)).max() < 4e-3
+
+
+def test_shifts_of_the_body_are_no_angle():
+    angle = swing()
+    shift = 0.01 * np.sin(np.arange(150))[:, None]
+    turning = fit_angle(view(picture(angle, 0.0, 0.0, shift=shift)), MATRIX, known(), SQUARE_BODY)
+    error = turning.angle - angle
+    assert np.abs(error - np.median(error)).max() < 1e-3
+
+
+@pytest.mark.parametrize("noise", [0.05, 0.3])
+def test_stated_deviations_are_true(noise):
+    angle = swing()
+    scores = []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        points = picture(angle, 0.1, 0.15)
+        noisy = points + noise * rng.normal(size=points.shape)
+        turning = fit_angle(view(noisy), MATRIX, known(), SQUARE_BODY)
+        error = turning.angle - angle
+        scores.append((error - np.median(error[-60:])) / turning.std)
+    scores = np.concatenate(scores)
+    assert 0.9 < np.mean(np.abs(scores) < 1.96) < 0.985
+    assert 0.8 < np.sqrt(np.mean(scores**2)) < 1.25
+
+
+def test_frames_with_wrong_points_are_left_out():
+    angle = swing()
+    points = picture(angle, 0.0, 0.1)
+    points = points + 0.05 * np.random.default_rng(0).normal(size=points.shape)
+    points[120, 0] += 30
+    turning = fit_angle(view(points), MATRIX, known(), SQUARE_BODY)
+    assert turning.outliers == 1
+    assert np.isnan(turning.angle[120])
+
+
+def test_rectify_makes_circles_round():
+    angle = np.linspace(0, 2 * np.pi, 60)
+    z = rectify(picture(angle, 0.2, -0.1, shape=SQUARE[:1]), MATRIX, 0.2, -0.1)[:, 0]
+    radius = np.abs(z - z[:-1].mean())
+    assert np.ptp(radius) / radius.mean() < 1e-3
+
+
+def test_rolling_shutter_is_undone():
+    readout, fps = 0.015, 240
+    stamps = np.arange(200) / fps
+
+    def angle_at(time):
+        return 0.4 * np.cos(15 * time)
+
+    rows = picture(angle_at(stamps), 0, 0)
+    for _ in range(30):  # each point is where it is when its row is read
+        share = rows[..., 1] / 720
+        times = stamps[:, None] + readout * share
+        rows = np.stack([picture(angle_at(times[:, j]), 0, 0)[:, j] for j in range(4)], axis=1)
+    sheared = view(rows, fps)
+    turning = fit_angle(sheared, MATRIX, known(0.0, 0.0, 0.0, readout), SQUARE_BODY)
+    error = (turning.angle - angle_at(sheared.time(readout)))[2:-2]
+    assert np.abs(error - np.median(error)).max() < 2e-3
+    raw = fit_angle(sheared, MATRIX, known(0.0, 0.0), SQUARE_BODY).angle - angle_at(stamps)
+    assert np.ptp(raw) > 0.02
+
+
+@pytest.mark.parametrize("given_pivot", [True, False])
+def test_one_dot_about_a_pivot(given_pivot):
+    angle = swing()
+    points = picture(angle, 0, 0, shape=np.array([[0.0, 0.2]]))
+    turning = fit_pivot(view(points), MATRIX, known(0.0, 0.0), pivot=(640.0, 360.0) if given_pivot else None)
+    assert np.abs(turning.angle - np.pi / 2 - angle).max() < 1e-6
+
+
+def test_an_unknown_shutter_is_found():
+    readout, fps = 0.012, 120
+    stamps = np.arange(150) / fps
+
+    def angle_at(time):
+        return 0.4 * np.exp(-0.8 * time) * np.cos(25 * time)
+
+    rows = picture(angle_at(stamps), 0.05, 0.1)
+    for _ in range(30):
+        times = stamps[:, None] + readout * rows[..., 1] / 720
+        rows = np.stack([picture(angle_at(times[:, j]), 0.05, 0.1)[:, j] for j in range(4)], axis=1)
+    rows = rows + 0.05 * np.random.default_rng(0).normal(size=rows.shape)
+    std = np.array([0.25, 0.25, 0.2, 0.0024])
+    before = CameraState(np.array([0.0, 0.0, 0.0, 1 / 240]), np.diag(std**2), 1 / 60)
+    after = fit_angle(view(rows, fps), MATRIX, before, SQUARE_BODY).camera_state
+    assert after.std[3] < 0.5 * std[3]
+    assert abs(after.readout - readout) < 3 * after.std[3] + 2e-4

@@ -1,0 +1,146 @@
+"""The deck's edges: what turns as one about a point is the deck's end, and tells the turn; nothing else does."""
+
+import cv2
+import numpy as np
+import pytest
+
+from sysid.video.film.frames import Frame
+from sysid.video.film.shake import still
+from sysid.video.film.survey import Survey
+from sysid.video.film.track import Track
+from sysid.video.pose.camera_state import CameraState
+from sysid.video.pose.view import View
+from sysid.video.trackers._edge_profile import PIECES
+from sysid.video.trackers.edge.body import fit_edges
+from sysid.video.trackers.edge.find import find_deck_end
+from sysid.video.trackers.edge.follower import EdgeFollower
+from sysid.video.trackers.edge.turn import fit_direction
+
+TIME = np.arange(90) / 60
+ROLL = np.where(TIME < 0.3, 0.4, 0.4 * np.exp(-4 * (TIME - 0.3)) * np.cos(25 * (TIME - 0.3)))
+EDGE = np.repeat([0, 1], PIECES)
+PIVOT = 330 + 190j
+HEIGHT, WIDTH = 360, 640
+
+
+def turned_edges(roll, late=None, begin=-90):
+    """Points of two edges, 20 px apart, the lower one seen on one side; read late by a rolling shutter [s/row]."""
+    x = np.concatenate([np.linspace(begin, 90, PIECES), np.linspace(10, 90, PIECES)])
+    body = x + 1j * np.where(EDGE == 0, -10, 10)
+    time = np.repeat(TIME[:, None], len(body), axis=1)
+    for _ in range(4):
+        place = PIVOT + body * np.exp(1j * np.interp(time, TIME, roll))
+        time = TIME[:, None] + (0 if late is None else late * place.imag)
+    # Along the edge nothing tells one point from the next: they stay even there.
+    turn = np.exp(1j * np.interp(TIME + (0 if late is None else late * PIVOT.imag), TIME, roll))[:, None]
+    across = ((place - PIVOT) / turn).imag
+    place = PIVOT + (body.real + 1j * across) * turn
+    noise = 0.1 * np.random.default_rng(0).normal(size=place.shape)
+    return place + 1j * turn * noise
+
+
+def error_of(angle, roll=ROLL):
+    error = angle - roll
+    return np.degrees(error - np.median(error[-20:]))
+
+
+def test_points_that_do_not_turn_with_the_deck_are_not_believed():
+    z = turned_edges(ROLL)
+    level = np.abs(ROLL) < 0.05
+    # When the deck is level, the upper edge's outer half is lost to the outline of a long side.
+    outline = np.where(
+        level[:, None] & (np.arange(2 * PIECES) < PIECES // 2), -4 + 0.04 * np.arange(2 * PIECES), 0
+    )
+    body = fit_edges(z + 1j * outline, EDGE, PIVOT + 5 - 9j)
+    assert np.abs(error_of(body.angle)).max() < 0.2
+    assert body.weight[level][:, : PIECES // 2].mean() < 0.05
+    row = int(np.flatnonzero(level)[0])
+    straight = np.polyfit(z[row, :PIECES].real, (z + 1j * outline)[row, :PIECES].imag, 1)[0] - ROLL[row]
+    assert np.degrees(np.abs(straight)) > 0.5  # what a line through all of them would make of it
+
+
+def film_of(z):
+    points = np.stack([z.real, z.imag], axis=-1).astype(np.float32)
+    track = Track(TIME, points, still(len(TIME), 1000.0, 0j), np.arange(len(TIME)), 0)
+    return View(track, lambda points: points, lambda points: points[..., 1] / HEIGHT)
+
+
+def test_a_rolling_shutter_is_taken_out_by_the_turn_about_the_pivot():
+    readout, roll = 0.014, 0.4 * np.cos(25 * TIME)
+    view = film_of(turned_edges(roll, readout / HEIGHT, begin=0))
+    matrix = np.array([[900.0, 0, 320], [0, 900, 180], [0, 0, 1]])
+    truth = np.interp(TIME + readout * view.share, TIME, roll)
+    errors = []
+    for given in (readout, 0.0):
+        known = CameraState(np.array([0, 0, 0, given]), np.zeros((4, 4)))
+        turning = fit_direction(view, matrix, known, pivot=np.array([330.0, 185.0]))
+        error = np.degrees(turning.angle - truth)[1:-1]
+        errors.append(np.std(error))
+    assert errors[0] < 0.08  # the points' noise
+    assert errors[1] > 0.1
+
+
+def picture(roll):
+    """A deck's end with its upper side, its wheels and the horizon behind it."""
+    image = np.full((HEIGHT, WIDTH), 130, np.uint8)
+    image[200:] = 70
+    for x in (250, 390):
+        cv2.rectangle(image, (x - 20, 215), (x + 20, 260), 220, -1)
+    cv2.rectangle(image, (270, 225), (370, 240), 110, -1)
+    end = np.array([-90 - 10j, 90 - 10j, 90 + 10j, -90 + 10j]) * np.exp(1j * roll) + 320 + 200j
+    far = (end[:2] - 320 - 150j) * 0.6 + 320 + 150j  # farther from the camera, which looks down a little
+    for shape, shade in (([end[0], end[1], far[1], far[0]], 45), (end, 60)):
+        corners = np.round(16 * np.array([[p.real, p.imag] for p in shape])).astype(np.int32)
+        cv2.fillPoly(image, [corners], shade, cv2.LINE_AA, shift=4)
+    noise = np.random.default_rng(int(1e4 * abs(roll))).normal(0, 1.5, image.shape)
+    return np.clip(cv2.GaussianBlur(image.astype(float), (0, 0), 0.8) + noise, 0, 255).astype(np.uint8)
+
+
+@pytest.fixture(scope="module")
+def swing():
+    rolls = ROLL[10:70:3]
+    pictures = tuple(picture(roll) for roll in rolls)
+    first = Frame(0, 0.0, cv2.cvtColor(pictures[0], cv2.COLOR_GRAY2BGR))
+    moving = np.ones((HEIGHT, WIDTH), bool)
+    look = Survey(first, pictures, (210, 120, 430, 290), moving, tuple(range(len(pictures))))
+    slopes = rolls + np.radians(1.0) * np.random.default_rng(1).normal(size=len(rolls))
+    slopes[3] = -0.1  # a long side was the longest line there
+    return rolls, look, slopes
+
+
+def test_the_deck_end_is_what_coincides_when_pictures_are_turned_back(swing):
+    rolls, look, slopes = swing
+    end = find_deck_end(look, slopes)
+    assert end is not None
+    across = end.pivot[1] + end.ends[:, 0, 1]
+    assert np.abs(across - 190).min() < 2  # its upper edge, when it is level,
+    assert np.abs(across - 210).min() < 2  # its lower one, and, from farther away, that of the other end:
+    assert all(min(abs(at - 190), abs(at - 210), abs(at - 174)) < 3 for at in across)  # not the horizon
+    assert np.ptp(end.ends[..., 0], axis=1).max() > 140
+    off = np.degrees(end.turns - rolls)
+    assert np.abs(off - np.median(off)).max() < 2.0
+
+
+def test_its_edges_are_followed_into_attitudes_that_were_not_looked_at(swing):
+    _, look, slopes = swing
+    end = find_deck_end(look, slopes)
+    assert end is not None
+    tracker = EdgeFollower(end, look.pictures[0], look.box)
+    rolls = np.linspace(-0.45, 0.42, 14)
+    points = [
+        tracker.update(Frame(n, n / 60, cv2.cvtColor(picture(roll), cv2.COLOR_GRAY2BGR)))
+        for n, roll in enumerate(rolls)
+    ]
+    z = np.array([each @ [1, 1j] for each in points])
+    edge = np.arange(z.shape[1]) // PIECES
+    error = np.degrees(fit_edges(z, edge, complex(*end.pivot)).angle - rolls)
+    assert np.abs(error - np.median(error)).max() < 0.3
+
+
+def test_a_picture_without_the_deck_shows_no_edge(swing):
+    _, look, slopes = swing
+    end = find_deck_end(look, slopes)
+    assert end is not None
+    tracker = EdgeFollower(end, look.pictures[0], look.box)
+    wall = np.random.default_rng(2).normal(120, 4, (HEIGHT, WIDTH, 3)).clip(0, 255).astype(np.uint8)
+    assert tracker.update(Frame(0, 0.0, wall)) is None

@@ -1,0 +1,429 @@
+"""Roll from rendered films whose roll is known, and from files that are no films."""
+
+import json
+import shutil
+import struct
+import subprocess
+import sys
+import threading
+import tracemalloc
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+from film_container import turned
+from films import SMALL, TestFilm, make_film
+
+from sysid.errors import HuskyError
+from sysid.logs.clock_offset import clock_offset
+from sysid.roll import Roll
+from sysid.video.film.background import Background
+from sysid.video.film.camera import Lens, lens_of, write_calibration
+from sysid.video.film.frames import Frame, open_clip
+from sysid.video.film.shake import fit_rotations, seen_places, whole_shake
+from sysid.video.options import VIDEO_SUFFIXES
+from sysid.video_roll import VideoOptions, roll_from_video
+
+LIMIT = {"marker": 0.15, "dots": 0.3, "edge": 0.3, "features": 0.5}
+"""Allowed RMSE [deg]."""
+
+
+@pytest.fixture
+def realistic_film(film_of) -> TestFilm:
+    return film_of("realistic")
+
+
+def check(film: TestFilm, method: str, **options) -> Roll:
+    roll = roll_from_video(film.path, VideoOptions(method=method, **options))
+    error = film.error(roll)
+    rmse = np.degrees(np.sqrt(np.mean(error**2)))
+    assert rmse < LIMIT[method]
+    # A film of 50 frames: 90 to 98 % is what the long benchmark is held to.
+    assert np.mean(np.abs(error) < 1.96 * roll.std) >= 0.85
+    assert np.sqrt(np.mean((error / roll.std) ** 2)) > 0.2
+    return roll
+
+
+def test_marker(marker_film):
+    roll = check(marker_film, "marker", readout=0.0)
+    assert roll.origin == "video"
+    assert roll.roll[0] == pytest.approx(0.4, abs=0.01)  # right edge down is positive
+    assert abs(np.median(roll.roll[-10:])) < 0.01  # zero is the horizontal
+
+
+@pytest.mark.slow
+def test_everything_at_once(realistic_film):
+    roll = check(realistic_film, "marker", readout=0.01)
+    assert any("shake" in note for note in roll.notes)
+    assert any("varying" in note for note in roll.notes)
+    assert any("to the right" in note for note in roll.notes)
+
+
+@pytest.mark.slow
+def test_unknown_shutter_is_within_the_uncertainty(realistic_film):
+    known = roll_from_video(realistic_film.path, VideoOptions(readout=0.01))
+    unknown = check(realistic_film, "marker")
+    assert unknown.std.max() > known.std.max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["dots", "features", "edge"])
+def test_without_a_marker(film_of, method):
+    film = film_of(method)
+    found = check(film, method)
+    automatic = roll_from_video(film.path)
+    assert any(
+        {"dots": "dots", "features": "texture", "edge": "edge"}[method] in note for note in automatic.notes
+    )
+    assert found.roll[0] - np.median(found.roll[-10:]) == pytest.approx(0.4, abs=0.02)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("method", "mark", "faults"), [
+    # The deck's lower edge is lost in front of the wheels, and the horizon goes where the camera goes.
+    ("edge", "edge", {"shake_deg": 0.3, "focal": 1.19, "distance": 0.85, "pitch_deg": 1.2, "yaw_deg": -0.2}),
+    # The wall moves with the camera, and a hand passes in front of it.
+    ("features", "none", {"shake_deg": 0.3, "focal": 1.2, "pitch_deg": 0.0, "noise": 2.5, "hand": (0.5, 0.58)}),
+])  # fmt: skip
+def test_what_does_not_turn_with_the_deck_is_not_followed(film_folder, method, mark, faults):
+    film = make_film(film_folder, f"shaken-{method}", mark, replace(SMALL, **faults))
+    check(film, method)
+
+
+def test_rotated_by_the_container(marker_film, tmp_path):
+    film = tmp_path / "upright.mp4"
+    turned(marker_film.path, film, 90)
+    clip = open_clip(film)
+    assert (clip.width, clip.height, clip.rotation) == (360, 640, 90)
+    upright = roll_from_video(film, VideoOptions(readout=0.0))
+    straight = roll_from_video(marker_film.path, VideoOptions(readout=0.0))
+    swing = np.ptp(straight.roll)
+    assert np.ptp(upright.roll) == pytest.approx(swing, rel=0.02)
+    # A quarter turn of the picture does not change which way the deck turns.
+    assert np.corrcoef(upright.roll, straight.roll)[0, 1] > 0.999
+
+
+def test_rows_are_read_in_the_sensors_order(marker_film, tmp_path):
+    film = tmp_path / "turned.mp4"
+    point = np.array([[90.0, 64.0]])
+    shares = []
+    for degrees in (0, 90, 180, 270):
+        turned(marker_film.path, film, degrees)
+        shares.append(float(open_clip(film).row_share(point)[0]))
+    assert shares == pytest.approx([64 / 360, 1 - 90 / 360, 1 - 64 / 360, 90 / 360])
+
+
+def test_filmed_from_the_front_roll_turns_over(marker_film):
+    behind = roll_from_video(marker_film.path, VideoOptions(readout=0.0))
+    front = roll_from_video(marker_film.path, VideoOptions(readout=0.0, front=True))
+    np.testing.assert_allclose(front.roll, -behind.roll)
+
+
+def test_slow_motion_needs_the_true_rate(marker_film):
+    roll = roll_from_video(marker_film.path, VideoOptions(rate=240.0, readout=0.0))
+    assert roll.sampling_rate == pytest.approx(240)
+
+
+@pytest.mark.slow
+def test_too_slow_a_camera_is_refused(film_folder):
+    film = make_film(film_folder, "slow", "marker", replace(SMALL, fps=24.0), duration=1.2)
+    with pytest.raises(HuskyError, match=r"\d\.\d frames a period .* 8 are needed"):
+        roll_from_video(film.path)
+
+
+def test_overlay_shows_every_frame(marker_film, tmp_path):
+    overlay = tmp_path / "seen.mp4"
+    roll_from_video(marker_film.path, VideoOptions(overlay=overlay, readout=0.0))
+    assert sum(1 for _ in open_clip(overlay).frames()) == len(marker_film.stamps)
+    sheet = cv2.imread(str(overlay.with_suffix(".png")))
+    assert sheet.shape[0] > 300
+    orange = (np.abs(sheet.astype(int) - (0, 159, 230)).max(axis=2) < 40).sum()
+    assert orange > 100
+
+
+def test_clock_offset_between_film_and_imu(marker_film):
+    film = roll_from_video(marker_film.path, VideoOptions(readout=0.0))
+    rng = np.random.default_rng(0)
+    time = np.arange(0, 0.9, 1 / 200)
+    started = 0.037  # the logger began this much after the film's first frame
+    truth = marker_film.motion.at(time + started + marker_film.stamps[0])
+    imu = Roll(
+        log="imu", time=time[: len(truth)], roll=truth + 0.002 * rng.normal(size=len(time)),
+        std=np.full(len(time), 0.002), origin="imu", zero="drifting",
+    )  # fmt: skip
+    offset = clock_offset(film, imu)
+    assert offset.value == pytest.approx(started, abs=0.002)
+    assert offset.std < 0.002
+    same = np.interp(film.time, imu.time + offset.value, imu.roll)
+    inside = film.time > imu.time[0] + offset.value
+    difference = (film.roll - same)[inside]
+    difference -= np.median(difference[-10:])
+    assert np.mean(np.abs(difference) < 3 * np.hypot(film.std[inside], 0.002)) > 0.9
+
+
+def test_the_command_puts_a_film_on_the_clock_of_a_log(marker_film, tmp_path):
+    time = np.arange(0, 0.88, 0.005)
+    log = tmp_path / "imu.csv"
+    roll = marker_film.motion.at(time - 0.1 + marker_film.stamps[0])  # the log began 0.1 s before the film
+    pd.DataFrame({"time_s": time, "roll_rad": roll}).to_csv(log, index=False)
+    output, result = tmp_path / "roll.csv", tmp_path / "roll.json"
+    command = [sys.executable, "-m", "sysid.cli", "roll", marker_film.path, "--readout", "0", "--align", log]
+    run = subprocess.run(
+        [*map(str, command), "-o", str(output), "--json", str(result)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr
+    assert json.loads(result.read_text())["clock_offset"]["value"] == pytest.approx(0.1, abs=0.002)
+    table = pd.read_csv(output)
+    assert list(table.columns) == ["time_s", "roll_rad", "roll_std_rad"]
+    assert table["time_s"][0] == pytest.approx(0.1, abs=0.002)
+
+
+def test_clock_offset_refuses_different_motions(marker_film):
+    film = roll_from_video(marker_film.path, VideoOptions(readout=0.0))
+    time = np.arange(0, 2, 0.005)
+    other = Roll(
+        log="other",
+        time=time,
+        roll=0.1 * np.sin(97 * time),
+        std=np.full(400, 1e-3),
+        origin="imu",
+        zero="drifting",
+    )
+    with pytest.raises(HuskyError, match=r"do not show the same motion|nothing to align by"):
+        clock_offset(film, other)
+
+
+def test_lens_distortion_is_taken_out(tmp_path):
+    clip = _blank(tmp_path / "blank.avi", frames=3)
+    matrix = np.array([[400.0, 0, 159.5], [0, 400, 119.5], [0, 0, 1]])
+    lens = Lens(matrix, np.array([-0.2, 0.03, 0, 0, 0]), True, "")
+    file = tmp_path / "camera.json"
+    file.write_text(write_calibration(lens, (320, 240)))
+    read = lens_of(open_clip(clip), file)
+    straight = np.array([[20.0, 30.0], [300.0, 200.0], [160.0, 120.0]])
+    ray = (straight - matrix[:2, 2]) / 400
+    bent = cv2.projectPoints(np.c_[ray, np.ones(3)], np.zeros(3), np.zeros(3), matrix, lens.distortion)[0][
+        :, 0
+    ]
+    assert np.abs(bent - straight).max() > 1
+    np.testing.assert_allclose(read.straighten(bent), straight, atol=1e-3)
+
+
+def test_calibration_from_a_chessboard_film(tmp_path):
+    matrix = np.array([[500.0, 0, 319.5], [0, 500, 239.5], [0, 0, 1]])
+    squares = (np.indices((7, 10)).sum(axis=0) % 2 * 200 + 30).astype(np.uint8)
+    board = np.pad(np.kron(squares, np.ones((60, 60), np.uint8)), 60, constant_values=255)
+    writer = cv2.VideoWriter(str(tmp_path / "board.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 10, (640, 480))
+    rng = np.random.default_rng(0)
+    for _ in range(12):
+        turn, _ = cv2.Rodrigues(rng.uniform(-0.45, 0.45, 3))
+        scale = 0.45 / 600
+        plane = np.array([[scale, 0, -360 * scale], [0, scale, -270 * scale], [0, 0, 0]])
+        view = turn @ plane
+        view[2, 2] += 0.75
+        view[0, 2] += rng.uniform(-0.05, 0.05)
+        picture = cv2.warpPerspective(board, matrix @ view, (640, 480), borderValue=128)
+        writer.write(cv2.cvtColor(cv2.GaussianBlur(picture, (0, 0), 0.7), cv2.COLOR_GRAY2BGR))
+    writer.release()
+    lens = lens_of(open_clip(_blank(tmp_path / "blank.avi", size=(640, 480))), tmp_path / "board.avi")
+    assert lens.matrix[0, 0] == pytest.approx(500, rel=0.03)
+    assert lens.known
+
+
+def test_red_apple(real_logs):
+    folder = real_logs / "video_red_apple"
+    roll = roll_from_video(folder / "red_apple_pendulum.mov", VideoOptions(method="dots"))
+    track = pd.read_csv(folder / "red_apple_track.csv")
+    reference = -np.interp(roll.time, track["t_s"], track["angle_rad"])
+    error = roll.roll - reference
+    assert np.std(error) < 0.02
+    from scipy.optimize import curve_fit
+
+    def decay(time, rest, rate, cosine, frequency, sine):
+        turned = cosine * np.cos(frequency * time) + sine * np.sin(frequency * time)
+        return rest + np.exp(-rate * time) * turned
+
+    fit, _ = curve_fit(decay, roll.time, roll.roll, [0, 0.01, 0.4, 3.0, 0.0])
+    assert np.hypot(fit[3], fit[1]) == pytest.approx(3.024, rel=0.003)
+
+
+# Files that are no films, or not of a board.
+
+
+def _blank(path, frames=10, size=(320, 240), value=90):
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 30, size)
+    for _ in range(frames):
+        writer.write(np.full((size[1], size[0], 3), value, np.uint8))
+    writer.release()
+    return path
+
+
+def _wave(path):
+    data = np.zeros(8000, "<i2").tobytes()
+    header = (
+        b"WAVEfmt "
+        + struct.pack("<IHHIIHH", 16, 1, 1, 8000, 16000, 2, 16)
+        + b"data"
+        + struct.pack("<I", len(data))
+    )
+    path.write_bytes(b"RIFF" + struct.pack("<I", len(header) + len(data)) + header + data)
+    return path
+
+
+def _text(path):
+    path.write_text("time,roll\n" + "".join(f"{i / 100},{i}\n" for i in range(500)))
+    return path
+
+
+def _empty(path):
+    path.touch()
+    return path
+
+
+@pytest.mark.parametrize("make", [_wave, _text, _empty])
+def test_what_is_not_a_film_is_refused_in_one_line(make, tmp_path):
+    path = make(tmp_path / "clip.mp4")
+    command = [sys.executable, "-m", "sysid.cli", "roll", str(path), "-o", str(tmp_path / "roll.csv")]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert run.returncode == 1
+    assert run.stderr.startswith("error: ")
+    assert run.stderr.count("\n") == 1  # FFmpeg says nothing of its own
+    assert "clip.mp4" in run.stderr
+    assert not (tmp_path / "roll.csv").exists()
+
+
+def test_a_film_that_is_cut_off(marker_film, tmp_path):
+    data = marker_film.path.read_bytes()
+    film = tmp_path / "short.mp4"
+    film.write_bytes(data[: len(data) // 2])  # the index at the end is gone
+    with pytest.raises(HuskyError, match="cut off before its index"):
+        roll_from_video(film)
+
+
+def test_pictures_that_stop_early(tmp_path):
+    whole = _blank(tmp_path / "whole.avi", frames=60)
+    half = tmp_path / "half.avi"
+    half.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
+    with pytest.raises(HuskyError, match=r"cut off|moves"):
+        roll_from_video(half)
+
+
+def test_a_film_without_a_board(tmp_path):
+    with pytest.raises(HuskyError, match="nothing moves"):
+        roll_from_video(_blank(tmp_path / "wall.avi"))
+
+
+@pytest.mark.parametrize("method", ["marker", "dots", "features", "edge"])
+def test_each_method_says_what_it_misses(method, tmp_path):
+    path = tmp_path / "ball.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 60, (320, 240))
+    for i in range(40):
+        picture = np.full((240, 320, 3), 90, np.uint8)
+        cv2.circle(picture, (60 + 4 * i, 120), 9, (200, 200, 200), -1, cv2.LINE_AA)
+        writer.write(picture)
+    writer.release()
+    with pytest.raises(HuskyError, match="--method"):
+        roll_from_video(path, VideoOptions(method=method))
+
+
+def test_8k_is_refused_without_decoding(tmp_path):
+    path = _blank(tmp_path / "huge.avi", frames=2, size=(7680, 4320))
+    with pytest.raises(HuskyError, match="7680x4320 are larger than"):
+        roll_from_video(path)
+
+
+def test_a_cut_is_refused(marker_film, tmp_path):
+    path = tmp_path / "cut.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 60, (640, 360))
+    for frame in open_clip(marker_film.path).frames():
+        writer.write(frame.picture if frame.index < 25 else np.ascontiguousarray(frame.picture[::-1]) // 2)
+    writer.release()
+    with pytest.raises(HuskyError, match=r"changes at 0\.4\d s .* a cut"):
+        roll_from_video(path)
+
+
+def test_a_wrong_region_is_refused(marker_film):
+    with pytest.raises(HuskyError, match="--roi 600 0 100 100"):
+        roll_from_video(marker_film.path, VideoOptions(method="edge", roi=(600, 0, 100, 100)))
+
+
+def test_a_calibration_of_another_camera_is_refused(marker_film, tmp_path):
+    file = tmp_path / "camera.json"
+    file.write_text(write_calibration(Lens(np.diag([500.0, 500, 1]), np.zeros(5), True, ""), (480, 480)))
+    with pytest.raises(HuskyError, match="480x480"):
+        roll_from_video(marker_film.path, VideoOptions(calibration=file))
+    file.write_text("{}")
+    with pytest.raises(HuskyError, match="not a calibration"):
+        roll_from_video(marker_film.path, VideoOptions(calibration=file))
+
+
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="no ffmpeg to make films of other kinds with")
+@pytest.mark.parametrize("suffix", sorted(VIDEO_SUFFIXES))
+def test_every_kind_of_film_is_read(suffix, tmp_path):
+    path = tmp_path / f"clip{suffix}"
+    codec = {".webm": "libvpx", ".mpg": "mpeg2video", ".mpeg": "mpeg2video"}.get(suffix, "mpeg4")
+    source = ["-f", "lavfi", "-i", "testsrc=size=176x144:rate=25:duration=1", "-pix_fmt", "yuv420p"]
+    command = ["ffmpeg", "-y", "-loglevel", "error", *source, "-c:v", codec, str(path)]
+    made = subprocess.run(command, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)
+    if made.returncode != 0:
+        pytest.skip(f"this ffmpeg writes no {suffix}: {made.stderr.strip()[-80:]}")
+    frames = list(open_clip(path).frames())
+    assert len(frames) == 25
+    assert frames[-1].time - frames[0].time == pytest.approx(0.96, abs=0.001)
+
+
+def test_frames_decoded_ahead_are_the_same(marker_film):
+    clip = open_clip(marker_film.path)
+    plain = [(frame.index, frame.time, int(frame.picture.sum())) for frame in clip.frames()]
+    assert [(frame.index, frame.time, int(frame.picture.sum())) for frame in clip.ahead()] == plain
+    before = threading.active_count()
+    ahead = clip.ahead()
+    next(ahead)
+    ahead.close()  # whoever stops early leaves no thread behind
+    assert threading.active_count() <= before
+
+
+def test_shake_is_a_rotation_and_tells_the_lens():
+    rng = np.random.default_rng(0)
+    focal, centre = 900.0, 320 + 180j
+    home = rng.uniform(-300, 300, 14) + 1j * rng.uniform(-160, 160, 14)
+    turns = np.radians(0.4) * rng.normal(size=(200, 3))
+    motion = np.column_stack([focal * turns[:, :2], turns[:, 2], np.zeros(200)])
+    seen = seen_places(home, motion[:, None], focal)
+    seen = seen + 0.08 * (rng.normal(size=seen.shape) + 1j * rng.normal(size=seen.shape))
+    seen[:, 3] += 25  # something that moves on its own
+    seen[::3, 5] = np.nan
+    shake = whole_shake([fit_rotations(home, seen, 576.0)], 576.0, centre, known=False)
+    score = (shake.motion[:, 2] - turns[:, 2]) / shake.std
+    assert shake.significant
+    assert shake.focal == pytest.approx(focal, rel=0.05)
+    assert abs(np.log(shake.focal / focal)) < 2 * shake.focal_std < 0.3
+    assert 0.85 < np.sqrt(np.mean(score**2)) < 1.2
+    points = rng.uniform(0, 300, (200, 5, 2))
+    there = (
+        seen_places(points[..., 0] + 1j * points[..., 1] - centre, shake.motion[:, None], shake.focal)
+        + centre
+    )
+    back = shake.undo(np.stack([there.real, there.imag], axis=-1), np.arange(200))
+    np.testing.assert_allclose(back, points, atol=1e-6)
+
+
+def test_memory_grows_by_little_more_than_the_points(marker_film, tmp_path):
+    """What is kept for each frame: points, roll, and a few numbers of shake, never pictures."""
+    picture = open_clip(marker_film.path).first().picture
+    peaks = []
+    for count in (100, 1100):
+        background = Background((200, 100, 440, 260), lens_of(open_clip(marker_film.path), None))
+        frame = Frame(0, 0.0, picture)
+        tracemalloc.start()
+        for _ in range(count):
+            background.update(frame)
+        background.result()
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert (peaks[1] - peaks[0]) / 1000 < 1000  # bytes a frame; a picture has 691200
