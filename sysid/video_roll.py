@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 MIN_FRAMES_PER_PERIOD = 8
 """Frames a period below which the fastest part of a swing is guessed rather than seen."""
+SLOW_RATE, SLOW_PERIOD = 31.0, 0.6
+"""Slow motion plays at 30 frames/s [Hz] or less, and makes a board of 0.1 to 0.3 s swing slower than this [s]."""
 MIN_SWING = np.radians(1.0)
 """A record that swings by less is suspect [rad]."""
 
@@ -73,7 +75,13 @@ def roll_from_track(
 
     before = before_looking(track, lens, target.direction_std, options.readout, options.camera_angle)
     view = View(track, lens.straighten, clip.row_share)
-    found = target.solve(view, lens.matrix, before)
+    try:
+        found = target.solve(view, lens.matrix, before)
+    except np.linalg.LinAlgError:
+        raise HuskyError(
+            f"{clip.path}: {target.what} shows too few different attitudes for an angle to be told. Film the whole "
+            "swing, larger in the picture, or follow something else (--method)."
+        ) from None
     shaken = track.shake.std if track.shake.significant else np.zeros(len(found.std))
     std = np.hypot(found.std, shaken)
     own = std if found.own is None else np.hypot(found.own, shaken)
@@ -83,7 +91,8 @@ def roll_from_track(
     outliers = outlier_frames(time, angle, std)
     signal = Signal(time, angle, np.hypot(std, outliers), np.hypot(own, outliers), np.arange(len(time)))
     _refuse_contradiction(clip.path, target, track, angle)
-    signal, filled, dropped = fill_gaps(signal, _refuse_slow(clip.path, signal))
+    pace = _refuse_slow(clip.path, signal)
+    signal, filled, dropped = fill_gaps(signal, pace)
     notes = [
         *inferred(clip, lens, target, track, found, options),
         shutter_note(before, found.camera_state),
@@ -103,6 +112,12 @@ def roll_from_track(
         warnings.append(
             f"{dropped} of {len(track.time)} frames show too little of the board and are left out; "
             "keep hands and feet out of the picture"
+        )
+    rate = 1 / float(np.median(np.diff(track.time)))
+    if options.rate is None and rate < SLOW_RATE and SLOW_PERIOD < pace / rate < np.inf:
+        warnings.append(
+            f"it plays at {rate:.3g} frames/s and swings in {pace / rate:.2g} s, slower than a board: if it was filmed in "
+            "slow motion, give the rate at which it was filmed, as --rate 240"
         )
     roll = Roll(
         log=str(clip.path),

@@ -4,8 +4,9 @@ What runs: in README.md and docs/*.md, each line of a ```console block that star
 after setting up `.venv`. A line that ends with a backslash goes on in the next. The command must exit with 0, or with N
 where the line ends with `# exit N`. A block directly under `<!-- not run: reason -->` is skipped; a reason is required.
 
-What is quoted: block quotes and ```text blocks under a console block. Each of their lines must be in what the commands
-of that block printed, in that order; how lines are wrapped and how tables are drawn does not count.
+What is quoted: lines under a command in its console block, block quotes and ```text blocks below that block. Each of
+their lines must be in what the block's commands printed, in that order; how lines are wrapped and how tables are drawn
+does not count.
 
 What is left behind: nothing that git would see in a clone but files that a command line names. README and tutorial
 leave nothing at all outside `runs/`, which git ignores.
@@ -56,26 +57,36 @@ def blocks(text: str) -> list[Block]:
         if match["skip"]:
             assert match["reason"].strip(), "'not run' needs a reason"
             continue
-        commands = _commands(match["body"], text[: match.start("body")].count("\n") + 1)
+        commands, printed = _commands(match["body"], text[: match.start("body")].count("\n") + 1)
         below = text[match.end() : following.start() if following else None]
         quotes = (
             quote["text"] or re.sub("^> ?", "", quote["quote"], flags=re.M) for quote in QUOTE.finditer(below)
         )
-        found.append(Block(tuple(commands), tuple(line for quote in quotes for line in quote.splitlines())))
+        under = [line for quote in quotes for line in quote.splitlines()]
+        found.append(Block(tuple(commands), (*printed, *under)))
     return found
 
 
-def _commands(body: str, first: int) -> list[Command]:
-    found, lines = [], body.splitlines()
+def _commands(body: str, first: int) -> tuple[list[Command], list[str]]:
+    """Return the commands of a block that begins in line `first`, and the lines under them."""
+    found: list[Command] = []
+    printed: list[str] = []
+    ours = False
+    lines = body.splitlines()
     while lines:
         line, number = lines.pop(0), first
         first += 1
         while line.endswith("\\") and lines:
             line = line[:-1] + lines.pop(0)
             first += 1
-        if match := COMMAND.match(line):
+        match = COMMAND.match(line)
+        if match:
             found.append(Command(number, match["command"], int(match["exit"] or 0)))
-    return found
+        elif ours and not line.startswith("$ "):
+            printed.append(line)
+        if line.startswith("$ "):
+            ours = match is not None
+    return found, printed
 
 
 def clone(folder: Path) -> Path:
@@ -169,13 +180,13 @@ Text.
 ```console
 $ husky-sysid boards --json - \\
     | grep pink
+"board": "pink",
 $ ls
 table
 $ husky-sysid boards nobody  # exit 1
 ```
-> | "board": "pink", |
-> |---|---|
-> unknown board
+> | unknown board |
+> |---|
 > 'nobody'
 ```bash
 $ husky-sysid nothing
@@ -195,9 +206,9 @@ def test_which_lines_are_commands() -> None:
         Block(
             (
                 Command(3, "husky-sysid boards --json -     | grep pink", 0),
-                Command(7, "husky-sysid boards nobody", 1),
+                Command(8, "husky-sysid boards nobody", 1),
             ),
-            ('| "board": "pink", |', "|---|---|", "unknown board", "'nobody'"),
+            ('"board": "pink",', "| unknown board |", "|---|", "'nobody'"),
         ),
         Block((Command(21, "husky-sysid boards > runs/boards.txt", 0),), ()),
     ]
@@ -212,7 +223,7 @@ def test_the_runner_can_fail(tmp_path: Path) -> None:
     for right, other in (
         ("grep pink", "grep purple"),
         ("# exit 1", ""),
-        ("unknown board\n> 'nobody'", "'nobody'\n> unknown board"),
+        ("unknown board |\n> |---|\n> 'nobody'", "'nobody' |\n> |---|\n> unknown board"),
         ("runs/boards.txt", "boards.txt"),
     ):
         assert right in wrong
@@ -220,7 +231,7 @@ def test_the_runner_can_fail(tmp_path: Path) -> None:
     first, second, quotes, file = faults(wrong, tmp_path, named=False)
     assert first.startswith("line 3: ")
     assert "exit 1, expected 0" in first
-    assert second.startswith("line 7: ")
+    assert second.startswith("line 8: ")
     assert quotes == 'line 3: quoted but not printed:\n  "board": "pink",\n  unknown board'
     assert file.startswith("line 21: ")
     assert file.endswith("writes boards.txt")

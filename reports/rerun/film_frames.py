@@ -15,7 +15,7 @@ import numpy.typing as npt
 from reports.rerun.stream import TIMELINE
 from sysid.logs import LogOptions, read_roll
 from sysid.roll import Array, Roll
-from sysid.video.options import VIDEO_SUFFIXES, VideoOptions
+from sysid.video.options import VideoOptions
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -50,11 +50,6 @@ class FilmFrames:
             indexes=[rr.TimeColumn(TIMELINE, duration=self.time)],
             columns=rr.EncodedImage.columns(blob=list(self.pictures)),
         )
-
-
-def is_film(path: Path) -> bool:
-    """Return whether a log is a film."""
-    return path.suffix.lower() in VIDEO_SUFFIXES
 
 
 def read_film(path: Path, options: LogOptions) -> tuple[Roll, FilmFrames]:

@@ -14,7 +14,7 @@ from sysid.logs import LogOptions, read_roll
 from sysid.logs.sources.registry import sources
 from sysid.recording import Recording, refuse_duplicates
 from sysid.roll import Roll
-from sysid.video.options import VIDEO_SUFFIXES, VideoOptions
+from sysid.video.options import VideoOptions, is_film
 from sysid.video.trackers import Method
 
 
@@ -39,6 +39,8 @@ class VideoArguments:
         tuple[float, float] | None, Parameter(name="--pivot", negative="", allow_leading_hyphen=True)
     ] = None
     """Point in px that a single dot turns about."""
+    no_shake: Annotated[bool, Parameter(name="--no-shake", negative="")] = False
+    """The camera stands still; take no shake out."""
     front: Annotated[bool, Parameter(name="--front", negative="")] = False
     """Taken from the front of the board, not from behind."""
     overlay: Annotated[Path | None, Parameter(name="--overlay")] = None
@@ -60,6 +62,7 @@ class VideoArguments:
             readout=self.readout,
             camera_angle=None if angle is None else (math.radians(angle[0]), math.radians(angle[1])),
             pivot=self.pivot,
+            no_shake=self.no_shake,
             front=self.front,
             overlay=self.overlay,
         )
@@ -141,11 +144,6 @@ def refuse_overwriting_logs(
     calibration = arguments.video.calibration
     inputs = [*logs, *(() if calibration is None else (calibration,))]
     printer.keep(inputs, {"--overlay": arguments.video.overlay, **(outputs or {})})
-
-
-def is_film(log: Path) -> bool:
-    """Return whether a log is read as a film."""
-    return log.suffix.lower() in VIDEO_SUFFIXES
 
 
 def unused_options(log: Path, arguments: LogArguments) -> list[str]:

@@ -14,7 +14,6 @@ from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.cli.diagnose import progress_bar
 from sysid.cli.log_options import (
     LogArguments,
-    is_film,
     load_roll,
     recording_of,
     refuse_overwriting_logs,
@@ -22,6 +21,7 @@ from sysid.cli.log_options import (
 )
 from sysid.errors import SysidError
 from sysid.recording import Recording, refuse_duplicates
+from sysid.video.options import is_film
 
 if TYPE_CHECKING:
     from reports.evidence import Evidence, LogFile

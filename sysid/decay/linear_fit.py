@@ -38,7 +38,7 @@ class FittedTrace:
 
     @property
     def residual(self) -> Array:
-        """Measured minus modelled, shape (n,)."""
+        """Measured minus modelled [rad or rad/s], shape (n,)."""
         return self.trace.measured - self.modelled
 
 
@@ -95,7 +95,7 @@ def fit_traces(releases: Sequence[Release]) -> TraceFit:
 
 
 def decay_basis(time: Array, a: float, q: float) -> tuple[Array, Array]:
-    """Return u(t) and v(t) of the module's equation, shape (n,) each, on either side of critical damping."""
+    """Return u(t) [1] and v(t) [s] of the module's equation, shape (n,) each, on either side of critical damping."""
     envelope = np.exp(-a * time)
     if q > 0:
         root = math.sqrt(q)

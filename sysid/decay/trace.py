@@ -37,7 +37,7 @@ class Trace:
     """ρ, the share of each sample's error that it has from the one before, shape (n,); None where errors do not last."""
 
     def whiten(self, values: Array) -> Array:
-        """Return values, shape (n,) or (n, p), in typical deviations and without what the sample before tells of them."""
+        """Return values, shape (n,) or (n, p), in typical deviations (dimensionless) and without what the sample before tells of them."""
         scaled = (values.T * self.weight).T
         if self.ar1 is None:
             return scaled

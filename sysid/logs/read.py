@@ -19,7 +19,7 @@ from sysid.logs.table.options import LogOptions
 from sysid.logs.table.remarks import Remarks
 from sysid.logs.table.rows import measured_rows, on_common_rows
 from sysid.roll import Array, Roll
-from sysid.video.options import VIDEO_SUFFIXES, VideoOptions
+from sysid.video.options import VideoOptions, is_film
 
 
 def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
@@ -33,7 +33,7 @@ def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
         raise HuskyError(f"--rate {options.rate}: a sampling rate is a positive number of hertz.")
     if not path.exists():
         raise HuskyError(f"{path}: there is no such file.")
-    if path.suffix.lower() in VIDEO_SUFFIXES:
+    if is_film(path):
         from sysid.video_roll import roll_from_video
 
         return roll_from_video(path, replace(options.video or VideoOptions(), rate=options.rate))

@@ -29,7 +29,7 @@ class ResidualNoise:
     """a_1, a_2, …; empty for white noise."""
 
     def spectrum(self, size: int) -> Array:
-        """Return the power at the frequencies of a real FFT of that size, shape (size // 2 + 1,)."""
+        """Return the power at the frequencies of a real FFT of that size, shape (size // 2 + 1,), in the square of the signal's unit."""
         shape = np.abs(np.fft.rfft(np.concatenate([[1.0], -self.coefficients]), size)) ** 2
         return self.innovation / np.maximum(shape, 1e-12)
 
@@ -47,7 +47,7 @@ class ResidualNoise:
         return float(even[0] / np.mean(even))
 
     def covariances(self, size: int) -> Array:
-        """Return the autocovariance at lags 0 to size / 2, shape (size // 2 + 1,)."""
+        """Return the autocovariance at lags 0 to size / 2, shape (size // 2 + 1,), in the square of the signal's unit."""
         return np.fft.irfft(self.spectrum(size), size)[: size // 2 + 1]
 
     def _even(self, size: int) -> Array:
@@ -55,7 +55,7 @@ class ResidualNoise:
         return np.concatenate([half, half[-2:0:-1]])
 
     def applied(self, columns: Array) -> Array:
-        """Return the noise's covariance times columns, shape (n, q) like them."""
+        """Return the noise's covariance times columns, shape (n, q) like them, in their unit times the square of the signal's."""
         if len(self.coefficients) == 0:
             return self.innovation * columns
         size = _fft_size(2 * len(columns))
@@ -63,7 +63,7 @@ class ResidualNoise:
         return np.fft.irfft(power * np.fft.rfft(columns, size, axis=0), size, axis=0)[: len(columns)]
 
     def drawn(self, count: int, rng: np.random.Generator) -> Array:
-        """Return a stretch of such noise, shape (count,)."""
+        """Return a stretch of such noise, shape (count,), in the signal's unit."""
         from scipy.signal import lfilter
 
         lead = 20 * len(self.coefficients) + 200
@@ -79,7 +79,7 @@ def residual_noise(residuals: Sequence[Array], directions: Sequence[Array] | Non
     follows from U and from the noise itself; it is added back, a few times over.
 
     Args:
-        residuals: Of each record, evenly sampled.
+        residuals: Of each record, shape (n,), evenly sampled, in one unit.
         directions: Rows of each record of a matrix U with orthonormal columns that spans all directions
             in which the fit can move, shape (n, p) each; None to take residuals for noise.
     """
@@ -105,6 +105,10 @@ def autoregression(covariances: Array, count: int) -> ResidualNoise:
     """Return the autoregression of the lowest BIC for covariances at lags 0, 1, … of `count` samples.
 
     Levinson–Durbin; it stops where covariances belong to no stationary noise.
+
+    Args:
+        covariances: In the square of the signal's unit, shape (lags,).
+        count: Number of samples behind them.
     """
     variance = float(covariances[0])
     if not variance > 0:

@@ -33,7 +33,7 @@ def estimate_noise(signal: Array) -> Noise:
     below what rounding to the quantisation step leaves, step / √12.
 
     Args:
-        signal: Evenly sampled signal, shape (n,).
+        signal: Evenly sampled signal in any unit, shape (n,).
     """
     blocks = _blocks(signal)
     step = quantisation_step(np.diff(blocks, axis=1).ravel())
@@ -47,7 +47,7 @@ def estimate_noise(signal: Array) -> Noise:
 
 
 def quantisation_step(differences: Array) -> float:
-    """Return the step that nearly all differences of neighbouring samples, shape (n,), are multiples of, or 0."""
+    """Return the step that nearly all differences of neighbouring samples, shape (n,), are multiples of, in their unit; 0 if there is none."""
     changes = np.abs(differences)
     size = float(changes.max(initial=0.0))
     changes = changes[changes > 1e-9 * size]
@@ -63,7 +63,7 @@ def quantisation_step(differences: Array) -> float:
 
 
 def saturated(signal: Array, noise: Noise) -> Array | None:
-    """Return how far each sample may lie beyond the value that the sensor stopped at, shape (n,), 0 where free.
+    """Return how far each sample may lie beyond the value that the sensor stopped at, shape (n,) in its unit, 0 where free.
 
     A sensor at its limit repeats its largest or smallest value, and goes in and out of it steeply. At a
     turning point, even of a coarsely quantised signal, the way in and out is flat; a deck that is held

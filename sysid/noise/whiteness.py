@@ -8,7 +8,7 @@ from sysid.roll import Array
 
 
 def autocorrelation(residuals: Sequence[Array], lags: int) -> Array:
-    """Return the pooled autocorrelation of residuals for lags 0 to `lags`, shape (lags + 1,)."""
+    """Return the pooled autocorrelation (dimensionless) of residuals for lags 0 to `lags`, shape (lags + 1,)."""
     total = np.zeros(lags + 1)
     for residual in residuals:
         n = len(residual)
@@ -20,7 +20,12 @@ def autocorrelation(residuals: Sequence[Array], lags: int) -> Array:
 
 
 def ljung_box(residuals: Sequence[Array], lags: int = 20) -> tuple[float, int]:
-    """Return the Ljung–Box statistic pooled over releases and its degrees of freedom (Biometrika 1978)."""
+    """Return the Ljung–Box statistic pooled over releases and its degrees of freedom (Biometrika 1978).
+
+    Args:
+        residuals: Of each release, shape (n,), in any unit.
+        lags: Lags that count, at most.
+    """
     statistic, degrees = 0.0, 0
     for residual in residuals:
         n = len(residual)
@@ -34,7 +39,11 @@ def ljung_box(residuals: Sequence[Array], lags: int = 20) -> tuple[float, int]:
 
 
 def correlation_length(residuals: Sequence[Array]) -> float:
-    """Return over how many samples residuals are correlated: 1 + 2 Σ ρ up to the first lag within noise."""
+    """Return over how many samples residuals are correlated: 1 + 2 Σ ρ up to the first lag within noise.
+
+    Args:
+        residuals: Of each release, shape (n,), in any unit.
+    """
     n = sum(len(r) for r in residuals)
     longest = max(2, min(max(len(r) for r in residuals) // 4, 2000))
     rho = autocorrelation(residuals, longest)[1:]
@@ -50,7 +59,7 @@ def band_excess(residuals: Sequence[Array], steps: Sequence[float], frequency: f
     The test does not depend on the sampling rate, as one on the first lags does.
 
     Args:
-        residuals: Of each release, evenly sampled.
+        residuals: Of each release, shape (n,), evenly sampled, in any unit.
         steps: Sampling period of each [s].
         frequency: Upper end of the band [Hz].
 

@@ -68,7 +68,7 @@ class HalfCycle:
 
 
 def noise_level(roll: Array) -> float:
-    """Estimate the white noise in a signal [rad] from its third differences; 0 for a clean one.
+    """Estimate the white noise in a signal [rad], shape (n,), from its third differences; 0 for a clean one.
 
     The median makes it indifferent to the short stretches that move fast. A quantised signal has at
     least the noise of its quantum, which differences do not show where it rests on one value.
@@ -149,7 +149,7 @@ def half_cycles_of(signal: SmoothedSignal) -> list[HalfCycle]:
 
 
 def crossing_time(time: Array, level: Array, threshold: float) -> float:
-    """Return when `level` first rises through `threshold` [s], between samples; the last time if never."""
+    """Return when `level`, shape (n,), first rises through `threshold` [s], between samples; the last time if never."""
     above = np.flatnonzero(level >= threshold)
     if len(above) == 0:
         return float(time[-1])

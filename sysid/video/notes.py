@@ -14,6 +14,8 @@ from sysid.video.trackers._base import Target
 
 SHUTTER_SEEN = 0.5
 """A read-out counts as seen in the film if that leaves less than this share of its uncertainty."""
+STILL_CAMERA = 0.15
+"""Scatter of the board's middle at the end of a film up to which nothing shakes [px]."""
 OLD_CODECS = frozenset(
     {"FMP4", "MP4V", "XVID", "DIVX", "DX50", "DIV3", "MP42", "MP43", "H263", "S263", "MPG1", "MPG2", "FLV1"}
 )
@@ -31,6 +33,11 @@ def inferred(
         f"{clip.width}x{clip.height}, {len(track.time)} frames, {1 / np.mean(intervals):.4g} frames/s by {stamps}"
         + (f", varying by {100 * spread:.0f} %" if spread > 0.02 else "")
     )
+    if clip.slowed > 1 and options.rate is None:
+        yield (
+            f"filmed at {clip.slowed:.3g} times the rate at which it plays, as the phone notes in the file: its times are "
+            "divided by that (--rate)"
+        )
     yield target.why
     yield lens.note
     yield target.zero_note
@@ -47,6 +54,13 @@ def inferred(
         yield f"camera shake of {np.degrees(track.shake.size):.2g}° taken out by the background"
 
 
+def _stands_still(track: Track) -> bool:
+    """Return whether the board itself stands still in the picture at the end of the film, and so does the camera."""
+    end = track.points[-max(10, len(track.points) // 10) :].astype(np.float64)
+    seen = end[:, np.isfinite(end).all(axis=(0, 2))]
+    return seen.size > 0 and float(np.std(seen.mean(axis=1), axis=0).max()) < STILL_CAMERA
+
+
 def shutter_note(before: CameraState, after: CameraState) -> str:
     """Say where the read-out time comes from."""
     if not before.std[3]:
@@ -61,8 +75,13 @@ def shutter_note(before: CameraState, after: CameraState) -> str:
 
 def faults(clip: Clip, target: Target, track: Track, found: AngleTrack) -> Iterator[str]:
     """Yield what is wrong with a film."""
-    if not track.shake.found:
-        yield "too little background to see whether the camera shakes; use a tripod"
+    if track.shake.mistaken:
+        yield (
+            "what was taken for background turns with the board: no shake is taken out; use a tripod and say --no-shake, or "
+            "show something behind the board that stands still"
+        )
+    elif not track.shake.found and not _stands_still(track):
+        yield "too little background to see whether the camera shakes; use a tripod (and say --no-shake)"
     if track.repeated:
         yield f"{track.repeated} frames without a later time stamp than the one before are left out"
     if found.outliers:

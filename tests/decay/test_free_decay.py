@@ -495,3 +495,14 @@ def test_intervals_grow_with_a_residual_beyond_the_noise_and_not_with_noise():
         assert growth == pytest.approx(decay.wider, rel=0.3)
         assert decay.numbers.omega_n.std == pytest.approx(math.sqrt(decay.trace.covariance[0, 0]))
         assert abs(decay.numbers.omega_n.value - 41.083) < 3 * decay.numbers.omega_n.std
+
+
+def test_an_interval_wider_than_the_value_is_no_tick():
+    """A column that hardly moves gave k = 7374 ± 16567 with a tick."""
+    decay = fit_decay(find_releases(make_roll(Recipe())), INERTIA)
+    assert decay.known
+    assert "✓" in decay.report()
+    vague = replace(decay.numbers, omega_n=Quantity(40.0, 15.0, "rad/s"))
+    untold = replace(decay, numbers=vague)
+    assert not untold.known
+    assert "✓" not in untold.report()

@@ -291,6 +291,14 @@ def test_the_unit_of_a_gyro_off_the_axis(tmp_path, way, rate_unit, names):
     assert any(rate_unit in text and "--unit" in text for text in roll.warnings)
 
 
+@pytest.mark.parametrize("height", [-0.15, -0.02, 0.01, 0.02, 0.05, 0.1, 0.2])
+@pytest.mark.parametrize("rate_unit", ["rad/s", "deg/s"])
+def test_a_gyro_above_or_below_the_axis_keeps_its_unit(tmp_path, height, rate_unit):
+    """At 5 to 10 cm the lever arm's acceleration made deg/s look like rpm, and every angle six times as large."""
+    roll = read_roll(sensor(tmp_path, arm=(0.0, 0.0, height), rate_unit=RATE_UNITS[rate_unit], zeta=0.02))
+    assert np.ptp(roll.roll) == pytest.approx(np.ptp(rocking(TIME, release=2.0, zeta=0.02)[0]), rel=0.03)
+
+
 @pytest.mark.parametrize("counts_per_deg_s", [131.0, 16.4, 14.375])
 def test_raw_counts_of_a_gyro(tmp_path, counts_per_deg_s):
     size = np.deg2rad(1 / counts_per_deg_s)

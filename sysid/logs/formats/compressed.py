@@ -5,21 +5,20 @@ import gzip
 import lzma
 import tempfile
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
 
 from sysid.errors import HuskyError
 from sysid.logs.formats.registry import Format, open_log
 from sysid.logs.table.file import LogFile
 from sysid.roll import Array
 
-UNPACKERS: Mapping[bytes, Callable[[Path], IO[bytes]]] = {
-    b"\x1f\x8b": gzip.open,
-    b"BZh": bz2.open,
-    b"\xfd7zXZ": lzma.open,
+UNPACKERS: Mapping[bytes, Callable[[Path], gzip.GzipFile | bz2.BZ2File | lzma.LZMAFile]] = {
+    b"\x1f\x8b": gzip.GzipFile,
+    b"BZh": bz2.BZ2File,
+    b"\xfd7zXZ": lzma.LZMAFile,
 }
 """First bytes, and what unpacks."""
 MAX_UNPACKED = 1 << 30
@@ -37,7 +36,7 @@ class CompressedLog:
     notes: tuple[str, ...]
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
-        """Return whole columns of float64, shape (n,) each; missing values are NaN."""
+        """Return whole columns of float64, shape (n,) each, in the log's units; missing values are NaN."""
         with _unpacked(self.path) as log:
             return log.read(names)
 
@@ -53,7 +52,7 @@ def open_compressed(path: Path) -> CompressedLog:
 
 
 @contextmanager
-def _unpacked(path: Path) -> Iterator[LogFile]:
+def _unpacked(path: Path) -> Generator[LogFile]:
     """Unpack a log for a while; what is wrong with it is said of the file that the user named."""
     with path.open("rb") as file:
         head = file.read(16)

@@ -57,7 +57,7 @@ class CsvTable:
     notes: tuple[str, ...]
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
-        """Return whole columns, missing values as NaN, dates as seconds.
+        """Return whole columns, shape (n,) each, in the log's units; missing values as NaN, dates as seconds.
 
         Raises:
             HuskyError: A cell is not a number, or the rows have different lengths.
@@ -87,7 +87,7 @@ class CsvTable:
     def _number(self, cell: str) -> float:
         return float("nan") if is_missing(cell) else read_number(cell, self.decimal)
 
-    def _frame(self, wanted: Sequence[int], *, texts: Sequence[int]) -> Any:
+    def _frame(self, wanted: list[int], *, texts: Sequence[int]) -> Any:
         """Return columns by their index: those of `texts` as they are written, the others as numbers."""
         import pandas as pd
 
@@ -228,7 +228,7 @@ def open_csv(path: Path) -> CsvTable:
 
 
 def seconds_of(texts: Any) -> Array:
-    """Return dates or times of day, a pandas series of n texts, as seconds since the first, shape (n,)."""
+    """Return dates or times of day, a pandas series of n texts, as time since the first [s], shape (n,)."""
     import pandas as pd
 
     clean = texts.str.strip()

@@ -37,7 +37,7 @@ class MatTable:
         return (f"MATLAB file with {', '.join(self.columns)}",)
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
-        """Return whole columns of float64, shape (n,) each."""
+        """Return whole columns of float64, shape (n,) each, in the log's units."""
         return {name: self.columns[name] for name in names}
 
 

@@ -24,7 +24,7 @@ class ParquetTable:
     has_header: bool = True
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
-        """Return whole columns, missing values as NaN, time stamps as seconds.
+        """Return whole columns, shape (n,) each, in the log's units; missing values as NaN, time stamps as seconds.
 
         Raises:
             HuskyError: A column holds something else than numbers, or the file is damaged.

@@ -34,7 +34,7 @@ class SensorTables:
         return (None,) * len(self.names)
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
-        """Return columns at the times of the first one's sensor; others are interpolated, NaN outside their record."""
+        """Return columns, shape (n,) each, in the log's units at the times of the first one's sensor; others are interpolated."""
         base, _ = self.columns[next(name for name in names if name != TIME)]
         clock = self.clocks[base]
         result: dict[str, Array] = {}

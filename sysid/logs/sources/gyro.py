@@ -149,6 +149,11 @@ def estimate_bias(time: Array, rate: Array, noise: float) -> Bias:
 
     Where both ends rest and differ by more than their noise, the offset goes in a straight line from one to
     the other (a sensor that warms up).
+
+    Args:
+        time: Time [s], shape (n,).
+        rate: Rotation rate [rad/s], shape (n,).
+        noise: Standard deviation of a sample [rad/s].
     """
     rests: list[tuple[float, float, float]] = []
     for direction in (1, -1):
@@ -175,7 +180,14 @@ def estimate_bias(time: Array, rate: Array, noise: float) -> Bias:
 
 
 def find_rest(time: Array, rate: Array, noise: float, direction: int) -> slice | None:
-    """Return the rows at the beginning (direction 1) or the end (-1) in which a gyro shows noise alone, if any."""
+    """Return the rows at the beginning (direction 1) or the end (-1) in which a gyro shows noise alone, if any.
+
+    Args:
+        time: Time [s], shape (n,).
+        rate: Rotation rate [rad/s], shape (n,).
+        noise: Standard deviation of a sample [rad/s].
+        direction: From the beginning (1) or from the end (-1).
+    """
     size = max(16, round(REST_BLOCK / float(np.median(np.diff(time)))))
     ordered = rate[::direction]
     blocks = ordered[: ordered.size // size * size].reshape(-1, size)
@@ -193,7 +205,7 @@ def find_rest(time: Array, rate: Array, noise: float, direction: int) -> slice |
 
 
 def half_cycle(rate: Array) -> float:
-    """Return how many rows a half cycle of the oscillation takes, as it does where the rate is large."""
+    """Return how many rows a half cycle of a rate [rad/s], shape (n,), takes where it is large."""
     swing = rate - np.median(rate)
     side = np.where(np.abs(swing) > 0.2 * np.abs(swing).max(), np.sign(swing), 0.0)
     edges = np.flatnonzero(np.diff(side, prepend=0.0, append=0.0))
@@ -211,7 +223,7 @@ def _std_of_mean(time: Array, still: Array) -> float:
 
 
 def resting_level(angle: Array) -> float:
-    """Return the rest angle: where a quiet end lies, else what the oscillation is about, else the median."""
+    """Return the rest angle of a swing [rad], shape (n,): where a quiet end lies, else what the oscillation is about, else the median."""
     tail = angle[-max(8, angle.size // 20) :]
     if np.ptp(tail) < 0.02 * np.ptp(angle):
         return float(np.mean(tail))
@@ -224,6 +236,9 @@ def oscillation_level(signal: Array) -> tuple[float, float] | None:
 
     A decaying sine about a level c satisfies y(t + 2m) = a y(t + m) + b y(t) + (1 - a - b) c for any lag m
     (Prony); least squares over the record, with m a quarter of the period, gives c.
+
+    Args:
+        signal: In any unit, shape (n,).
     """
     centred = signal - np.mean(signal)
     crossings = np.flatnonzero(np.diff(np.signbit(centred)))

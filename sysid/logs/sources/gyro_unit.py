@@ -44,23 +44,25 @@ def scale_by_gravity(time: Array, rates: Array, accel: Array) -> tuple[float, Re
         rates: Rotation rates in sensor axes, in the unit that is looked for, shape (n, 3).
         accel: Specific force in sensor axes [m/s^2], shape (n, 3).
     """
+    counts = bool(np.all(rates == np.round(rates)))
     time, rates, accel = _liveliest(time, rates - np.median(rates, axis=0), accel)
     still = _left(time, 0.0 * rates, accel)
     noise = len(accel) * sum(estimate_noise(column).std ** 2 for column in accel.T)
-    named = [_left(time, RATE_UNITS[unit] * rates, accel) for unit in TRIAD_UNITS]
-    unit = TRIAD_UNITS[int(np.argmin(named))]
-    beside = min(_left(time, factor * RATE_UNITS[unit] * rates, accel) for factor in (0.5, 2.0))
-    whole = bool(np.all(rates * 2 == np.round(rates * 2)))  # counts; their median may be a half
-    if _clear(named, still, noise, accel.size) and beside > min(named) and not whole:
+    if not counts:
+        named = [_left(time, RATE_UNITS[unit] * rates, accel) for unit in TRIAD_UNITS]
+        unit = TRIAD_UNITS[int(np.argmin(named))]
+        beside = min(_left(time, factor * RATE_UNITS[unit] * rates, accel) for factor in (0.5, 2.0))
+        if beside < min(named) or not _clear(named, still, noise, accel.size):
+            return None
         return RATE_UNITS[unit], warning(
             f"rates taken as {unit}, because so they turn the accelerometer's vertical; no name says it. Say it with --unit"
         )
-    counts = [_left(time, size * rates, accel) for size in COUNTS]
-    best = int(np.argmin(counts))
-    if best in (0, len(counts) - 1):
+    tried = [_left(time, size * rates, accel) for size in COUNTS]
+    best = int(np.argmin(tried))
+    if best in (0, len(tried) - 1):
         return None
-    others = [left for index, left in enumerate(counts) if abs(index - best) > 2]
-    if not _clear([counts[best], *others], still, noise, accel.size):
+    others = [left for index, left in enumerate(tried) if abs(index - best) > 2]
+    if not _clear([tried[best], *others], still, noise, accel.size):
         return None
     size = float(COUNTS[best])
     for step in (1.12, 1.04, 1.01):

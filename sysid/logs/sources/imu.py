@@ -103,7 +103,7 @@ def _gravity(time: Array, rates: Array, accel: Array, axis: RollAxis, options: L
 
 
 def accel_in_si(accel: Array, choice: Choice) -> tuple[Array | None, Remarks]:
-    """Return the accelerations, shape (n, 3), in m/s²; None where they hold no gravity."""
+    """Return the accelerations [m/s²], shape (n, 3); None where they hold no gravity."""
     norm, remarks = float(np.median(np.linalg.norm(accel, axis=1))), Remarks()
     if choice.accel_unit is not None:
         scale = ACCEL_UNITS[choice.accel_unit]

@@ -10,6 +10,10 @@ def integrate_rate(time: Array, rate: Array) -> Array:
 
     Each step turns by the mean of the rates at its ends. The running product is taken within rows of about
     √n steps at once for all rows, and then along the rows.
+
+    Args:
+        time: Time [s], shape (n,).
+        rate: Rotation rates in the sensor's frame [rad/s], shape (n, 3).
     """
     angle = 0.5 * (rate[1:] + rate[:-1]) * np.diff(time)[:, None]
     count = angle.shape[0]
@@ -46,7 +50,7 @@ def cross_matrices(vector: Array) -> Array:
 
 
 def quaternion_matrices(quaternion: Array) -> Array:
-    """Return the rotations of quaternions w, x, y, z of any length, shape (n, 4), as matrices, shape (n, 3, 3)."""
+    """Return the rotations of quaternions w, x, y, z of any length (dimensionless), shape (n, 4), as matrices, shape (n, 3, 3)."""
     w, x, y, z = (quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)).T
     rows = (
         (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),

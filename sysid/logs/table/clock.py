@@ -38,17 +38,17 @@ class Clock:
     warnings: list[str] = field(default_factory=list[str])
 
     def of(self, signal: Array) -> Array:
-        """Return the rows of a signal, shape (n,) or (n, m), that stay."""
+        """Return the rows of a signal in any unit, shape (n,) or (n, m), that stay."""
         return signal if self.keep is None else signal[self.keep]
 
     def select(self, rows: npt.NDArray[np.intp]) -> None:
-        """Keep only these of the rows that have stayed so far, in this order."""
+        """Keep only these of the rows that have stayed so far, numbers without unit of shape (m,), in this order."""
         self.keep = rows if self.keep is None else self.keep[rows]
         self.time = self.time[rows]
 
 
 def even_clock(count: int, rate: float, kept: npt.NDArray[np.intp] | None = None) -> Clock:
-    """Return the clock of `count` rows sampled `rate` times a second, at the rows that were `kept`."""
+    """Return the clock of `count` rows sampled at `rate` [Hz], at the rows that were `kept`, shape (n,)."""
     rows = np.arange(count) if kept is None else kept
     clock = Clock((rows - rows[0]) / rate, notes=[f"time from --rate: {rate:g} Hz"])
     if clock.time.size > 1:
@@ -57,7 +57,7 @@ def even_clock(count: int, rate: float, kept: npt.NDArray[np.intp] | None = None
 
 
 def time_scale(stamps: Array, unit: str | None) -> tuple[float, str]:
-    """Return seconds per unit of the stamps, and how that is known.
+    """Return seconds per unit of the stamps, shape (n,), and how that is known.
 
     Where the name gives no unit, the size of an epoch stamp or the usual step gives it: sampling rates of
     boards lie between 5 Hz and 5 kHz, and the units are a thousand apart.
@@ -76,7 +76,7 @@ def time_scale(stamps: Array, unit: str | None) -> tuple[float, str]:
 
 
 def typical_step(stamps: Array) -> float:
-    """Return the step of most stamps, shape (n,): neither a pause nor stamps that come in bursts move it."""
+    """Return the step of most stamps in their unit, shape (n,): neither a pause nor stamps that come in bursts move it."""
     width = max(1, min(WINDOW, stamps.size // 8))
     while width < stamps.size:
         step = abs(float(np.median(stamps[width:] - stamps[:-width]))) / width
@@ -139,7 +139,7 @@ def repair_clock(
 
 
 def usual_step(time: Array) -> float:
-    """Return the median step of a clock, or of enough of its middle."""
+    """Return the median step of a clock [s], shape (n,), or of enough of its middle."""
     first = max(0, (time.size - SAMPLE) // 2)
     return float(np.median(np.diff(time[first : first + SAMPLE])))
 
@@ -149,6 +149,10 @@ def drop_repeats(clock: Clock, signal: Array) -> None:
 
     A held value stands for the same number of rows while the signal moves fast; an encoder between two
     counts does so only while it moves slowly, in steps of a count.
+
+    Args:
+        clock: Loses the rows that repeat.
+        signal: In any unit, shape (n,).
     """
     held = _held_rows(signal)
     if held < 2:

@@ -36,5 +36,5 @@ class LogFile(Protocol):
         ...
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
-        """Return whole columns of float64, shape (n,) each; missing values are NaN."""
+        """Return whole columns of float64, shape (n,) each, in the log's units; missing values are NaN."""
         ...

@@ -11,7 +11,7 @@ from sysid.roll import Array
 from sysid.video.film.camera import Lens
 from sysid.video.film.frames import Frame, crop, grey
 from sysid.video.film.shake import MIN_PATCHES, Shake, Sights, fit_rotations, still, whole_shake
-from sysid.video.types import Complex, Picture
+from sysid.video.types import Complex, Mask, Picture
 
 PATCH_GRID = (5, 4)
 """At most one patch of background in each cell of a grid this wide and high."""
@@ -32,8 +32,8 @@ FLOW_CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 15, 0.01)
 class Background:
     """Follows patches of what stands still, always against the first frame, so that nothing drifts."""
 
-    exclude: tuple[int, int, int, int]
-    """Left, top, right and bottom [px] of where the board moves."""
+    spare: Mask
+    """Pixels where the board may come, as large as the picture: no patch reaches into them."""
     lens: Lens
     _anchors: Array = field(default_factory=lambda: np.zeros((0, 2)))
     _reference: Picture | None = None
@@ -105,9 +105,9 @@ class Background:
         scale = max(1, width // 640)
         small = cv2.resize(dark, (width // scale, height // scale), interpolation=cv2.INTER_AREA)
         quality = cv2.cornerMinEigenVal(cv2.GaussianBlur(small, (0, 0), 1.0), 7)
-        left, top, right, bottom = (value // scale for value in self.exclude)
         margin = (HALF_PATCH + MAX_STEP) // scale + 2
-        quality[max(top - margin, 0) : bottom + margin, max(left - margin, 0) : right + margin] = 0
+        board = cv2.resize(self.spare.astype(np.uint8), small.shape[::-1], interpolation=cv2.INTER_AREA)
+        quality[cv2.dilate(board, np.ones((2 * margin + 1, 2 * margin + 1), np.uint8)) > 0] = 0
         quality[:margin], quality[-margin:], quality[:, :margin], quality[:, -margin:] = 0, 0, 0, 0
         anchors: list[tuple[int, int]] = []
         for rows in np.array_split(np.arange(quality.shape[0]), PATCH_GRID[1]):

@@ -10,7 +10,7 @@ import numpy as np
 from sysid.errors import HuskyError
 from sysid.roll import Array
 from sysid.video.film.frames import Clip, grey, open_clip
-from sysid.video.options import VIDEO_SUFFIXES
+from sysid.video.options import is_film
 from sysid.video.types import Picture
 
 USUAL_FOCAL = 0.9
@@ -66,7 +66,7 @@ def lens_of(clip: Clip, calibration: Path | None) -> Lens:
         return Lens(
             matrix, np.zeros(5), False, "lens not calibrated: a phone's usual one, without distortion"
         )
-    if calibration.suffix.lower() in VIDEO_SUFFIXES:
+    if is_film(calibration):
         matrix, distortion, size, note = _from_chessboard(calibration)
     else:
         matrix, distortion, size, note = _from_file(calibration)

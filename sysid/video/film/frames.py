@@ -13,12 +13,15 @@ import numpy as np
 
 from sysid.errors import HuskyError
 from sysid.roll import Array
+from sysid.video.film.container import read_container
 from sysid.video.types import Picture
 
 MAX_SIZE = (4096, 2304)
 """Largest picture that is read [px]: 4K; 8K would take seconds a frame and tell no more."""
 FRAMES_AHEAD = 3
 """Frames that are decoded ahead of the one that is worked on."""
+SLOW_MOTION = 1.5
+"""A film plays slowly if it was filmed at so many times the rate at which it plays."""
 MAX_MISSING_SHARE = 0.05
 """Share of the announced frames that may be missing before a file counts as cut off."""
 
@@ -29,7 +32,7 @@ class Frame:
 
     index: int
     time: float
-    """The container's stamp [s]."""
+    """The container's stamp [s], of a film that plays slowly as it was filmed."""
     picture: Picture
 
 
@@ -44,9 +47,11 @@ class Clip:
     rotation: int
     """Clockwise turn that the container asks for [deg]: 0, 90, 180 or 270."""
     announced: int
-    """Number of frames according to the container; 0 where it does not say."""
+    """Number of frames that the container announces to show; 0 where it does not say."""
     codec: str = ""
     """Four letters that name the compression, in capitals, e.g. H264, HEVC, MJPG, FMP4; empty where not known."""
+    slowed: float = 1.0
+    """How many times slower it plays than it was filmed, as the file notes."""
 
     def frames(self, every: int = 1) -> Generator[Frame]:
         """Decode the clip from its start; only every `every`-th frame is converted to a picture.
@@ -61,7 +66,7 @@ class Clip:
                     good, picture = capture.retrieve()
                     if not good:
                         break
-                    time = capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
+                    time = capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3 / self.slowed
                     if count > 0 and time == last == 0.0:
                         raise HuskyError(
                             f"{self.path}: the frames carry no time stamps. Wrap the film into an MP4 file, "
@@ -146,7 +151,11 @@ def open_clip(path: Path) -> Clip:
                 f"{path}: pictures of {width}x{height} are larger than {MAX_SIZE[0]}x{MAX_SIZE[1]}. Film in 4K or "
                 "less: a higher frame rate tells more than more pixels."
             )
-        announced = max(0, int(capture.get(cv2.CAP_PROP_FRAME_COUNT)))
+        said = read_container(path)
+        announced = max(0, int(said.shown * capture.get(cv2.CAP_PROP_FRAME_COUNT)))
+        slowed = (said.capture_rate or 0.0) / max(float(capture.get(cv2.CAP_PROP_FPS)), 1e-9)
+        if abs(slowed - round(slowed)) < 0.05 * slowed:  # the mean rate suffers from the last frame's length
+            slowed = float(round(slowed))
         rotation = int(capture.get(cv2.CAP_PROP_ORIENTATION_META)) % 360
         letters = max(0, int(capture.get(cv2.CAP_PROP_FOURCC))).to_bytes(8, "little")[:4]
         codec = letters.decode("ascii", "ignore").strip("\0 ").upper()
@@ -154,7 +163,15 @@ def open_clip(path: Path) -> Clip:
     if not good:
         raise HuskyError(f"{path}: no frame can be decoded; the file is damaged or empty. Copy it again.")
     turned = rotation if rotation % 90 == 0 else 0
-    return Clip(path, picture.shape[1], picture.shape[0], turned, announced, codec)
+    return Clip(
+        path,
+        picture.shape[1],
+        picture.shape[0],
+        turned,
+        announced,
+        codec,
+        slowed if slowed > SLOW_MOTION else 1.0,
+    )
 
 
 def crop(picture: Picture, box: tuple[int, int, int, int]) -> tuple[Picture, tuple[int, int]]:

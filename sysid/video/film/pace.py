@@ -18,13 +18,18 @@ def frames_per_period(time: Array, roll: Array, std: Array) -> float | None:
     counts, so that noise or a short window never makes a film look too slow.
     """
     step = np.diff(roll)
-    if len(step) < 8 or np.ptp(roll) < 8 * np.median(std):
+    if len(step) < 8:
+        return None
+    # The stated deviation holds what is common to all frames as well, a read-out that is not known above all: it
+    # would hide a swing. Noise alone is what differs from frame to frame where the deck rests, most of a film.
+    noise = min(float(np.median(std)), 1.4826 * float(np.median(np.abs(np.diff(step)))) / np.sqrt(6))
+    if np.ptp(roll) < 8 * noise:
         return None
     rate = np.abs(step) / np.diff(time)
     begin = int(np.argmax(rate))
     stop = min(begin + WINDOW_FRAMES, len(roll))
     moved = np.abs(roll[begin:stop] - np.median(roll[begin:stop]))
-    if stop - begin < 6 or moved.max() < 4 * np.median(std):
+    if stop - begin < 6 or moved.max() < 4 * noise:
         return None
     interval = float(np.median(np.diff(time)))
     count = (time[begin:stop] - time[begin]) / interval
@@ -36,5 +41,5 @@ def frames_per_period(time: Array, roll: Array, std: Array) -> float | None:
     swing = roll[begin:stop]
     explained = (basis @ (basis.transpose(0, 2, 1) @ swing)[..., None])[..., 0]
     error = np.mean((swing - explained) ** 2, axis=1)
-    tolerance = 1.5 * error.min() + float(np.median(std)) ** 2 + (0.02 * np.std(swing)) ** 2
+    tolerance = 1.5 * error.min() + noise**2 + (0.02 * np.std(swing)) ** 2
     return float(period[error <= tolerance].max())

@@ -24,6 +24,9 @@ MAX_SCATTER = 1.5
 """Scatter of the patches about a common rotation above which they show none [px]."""
 MIN_FRAMES_SEEN = 0.8
 """Share of the frames that must show the background for any of it to count."""
+MAX_LIKENESS, MIN_SHARE = 0.8, 0.03
+"""Correlation with the board's own turn, from frame to frame, and share of its size, from which on a motion is no
+camera's. A hand-held camera turns by a few tenths of a degree where a board turns by twenty."""
 POOLED_FREEDOM = 20.0
 """Degrees of freedom that the clip's mean scatter counts for beside each frame's own."""
 KAPPA_SPREAD = 0.5
@@ -71,6 +74,8 @@ class Shake:
     """Middle of the picture [px]."""
     found: bool
     """Whether there was enough background to see any of it."""
+    mistaken: bool = False
+    """Whether what was taken for background turned with the board, so that none of it is believed."""
 
     @property
     def size(self) -> float:
@@ -85,6 +90,17 @@ class Shake:
         turned = float(np.std(self.motion[:, 2])) > 2.5 * noise + 1e-5
         shifted = float(np.std(self.motion[:, :2], axis=0).max()) > 2.5 * self.shift_std + 0.1
         return self.found and (turned or shifted)
+
+    def goes_with(self, turn: Array) -> bool:
+        """Return whether the motion follows the board's own turn [rad], shape (n,), from frame to frame.
+
+        A camera shakes as it likes: it was the board, or its shadow, that was taken for background.
+        """
+        step = np.diff(turn)
+        moved = np.diff(self.motion[:, :3] / [self.focal, self.focal, 1.0], axis=0)
+        size = np.maximum(np.linalg.norm(moved, axis=0), 1e-12)
+        likeness = np.abs(step @ moved) / size / max(float(np.linalg.norm(step)), 1e-12)
+        return bool(np.any((likeness > MAX_LIKENESS) & (size > MIN_SHARE * np.linalg.norm(step))))
 
     def undo(self, points: Array, rows: Rows) -> Array:
         """Return points (m, N, 2) [px] of the frames `rows` (m,) where they would be with the camera still."""
@@ -209,9 +225,9 @@ def whole_shake(sights: list[Sights], focal: float, centre: complex, *, known: b
     return Shake(motion, std, shift_std, float(kappa_found**-0.5), focal_std, centre, True)
 
 
-def still(count: int, focal: float, centre: complex) -> Shake:
-    """Return the shake of a film whose background shows none."""
-    return Shake(np.zeros((count, 4)), np.zeros(count), 0.0, focal, np.inf, centre, False)
+def still(count: int, focal: float, centre: complex, *, found: bool = False) -> Shake:
+    """Return the shake of a film whose background shows none, or of a camera that is known to stand still."""
+    return Shake(np.zeros((count, 4)), np.zeros(count), 0.0, focal, np.inf, centre, found)
 
 
 def _against(home: Complex, seen: Complex, motion: Array, focal: float) -> tuple[Complex, Complex]:

@@ -74,6 +74,11 @@ def survey(clip: Clip, roi: tuple[int, int, int, int] | None) -> Survey:
             )
         return Survey(first, tuple(pictures), given, moving, tuple(indices))
     rows, columns = np.flatnonzero(moving.any(axis=1)), np.flatnonzero(moving.any(axis=0))
+    if not len(rows) and float(np.median((high - low).max(axis=2))) > MIN_CHANGE:
+        raise HuskyError(
+            f"{clip.path}: the whole picture moves: the camera pans, zooms or is carried. Put it on a tripod, and film from "
+            "before the release until the board rests."
+        )
     if not len(rows):
         raise HuskyError(
             f"{clip.path}: nothing moves in it. Is the board in the picture? Film the whole release, or give the "

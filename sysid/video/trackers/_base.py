@@ -78,9 +78,15 @@ class Target:
     zero: Callable[[AngleTrack], float]
     """What to add so that zero is where it should be [rad]."""
     zero_note: str
+    shows_level: bool = True
+    """Whether zero is a horizontal, rather than where the board rests or runs by chance."""
     finds_direction: bool = True
     """Whether the points show from where the camera looks."""
     warnings: tuple[str, ...] = ()
+    knows_shape: bool = False
+    """Whether its points' places on the board are known beforehand, so that it shows the camera's direction by itself."""
+    shows_body: bool = True
+    """Whether two or more of its points stay where they are on the board, so that they tell how all of it moved."""
     settle: Callable[[Track], Track] | None = None
     """What to leave out of the track once the whole film is known."""
     joined: tuple[tuple[int, int], ...] = ()
@@ -103,6 +109,8 @@ class Tracker:
     """What to tell people where it finds nothing; `{where}` is the region that they gave."""
     takes_pivot: bool = False
     """Whether it can use a pivot that the user gives."""
+    last_resort: bool = False
+    """Whether it is tried only where nothing else is found: it takes long."""
 
 
 def level_angle(track: AngleTrack, direction: complex, symmetry: int) -> float:

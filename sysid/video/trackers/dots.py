@@ -27,6 +27,9 @@ MIN_AREA, MAX_AREA_SHARE = 40, 0.02
 """Area of a dot: least [px], and largest as a share of the picture."""
 PLACE_FLOOR = 0.08
 """Least standard deviation of a dot's place [px]: films hold colour at half the resolution of brightness."""
+SAME_CHROMA = 18.0
+"""Distance in CIELAB below which two dots are of one colour: such a pair is preferred to any other."""
+BEST = 1e6
 MIN_UNCOVERED = 0.85
 """A dot of which less than this share is left is covered in part."""
 
@@ -48,17 +51,21 @@ def find_dots(look: Survey) -> tuple[Dot, ...]:
     part, corner = crop(look.first.picture, look.box)
     dots = _patches(part, corner, look)
     pairs = [
-        (min(a.radius, b.radius) * np.linalg.norm(a.chroma + b.chroma), a, b)
+        (_worth(a) + _worth(b) + (BEST if np.linalg.norm(a.chroma - b.chroma) < SAME_CHROMA else 0), a, b)
         for number, a in enumerate(dots)
         for b in dots[number + 1 :]
-        if np.linalg.norm(a.chroma - b.chroma) < 18
-        and 0.65 < a.radius / b.radius < 1.55
+        if 0.65 < a.radius / b.radius < 1.55
         and np.linalg.norm(a.place - b.place) > 4 * max(a.radius, b.radius)
     ]
     if pairs:
         _, a, b = max(pairs, key=lambda pair: pair[0])
         return (a, b) if a.place[0] < b.place[0] else (b, a)
-    return tuple(sorted(dots, key=lambda dot: -dot.radius * float(np.linalg.norm(dot.chroma)))[:1])
+    return tuple(sorted(dots, key=_worth)[-1:])
+
+
+def _worth(dot: Dot) -> float:
+    """How much a dot stands out: large and colourful."""
+    return dot.radius * float(np.linalg.norm(dot.chroma))
 
 
 @dataclass(slots=True)
@@ -315,6 +322,8 @@ def _find(scene: Scene) -> Target | None:
         solve=partial(fit_pivot, pivot=options.pivot),
         zero=partial(level_angle, direction=1 + 0j, symmetry=4),
         zero_note="roll zero is where the dot is straight below, above or beside the pivot in the picture",
+        shows_level=False,
+        shows_body=False,
         finds_direction=False,
     )
 

@@ -81,6 +81,8 @@ class FeatureFollower:
     """AngleTrack rate [rad/s], and nothing more: the shift follows from the middle's velocity."""
     _velocity: complex = 0j
     _time: float | None = None
+    _usual: int = 0
+    """Patches that were found last; if the expected turn shows about as many, no other is tried."""
     _corner: tuple[int, int] = (0, 0)
     _patch: Picture = field(init=False)
 
@@ -109,12 +111,12 @@ class FeatureFollower:
             found = self._measure(frame.picture, pose)
             if found is not None and (best is None or found[0] > best[0]):
                 best = found
-            if best is not None and best[0] > 0.6 * len(self.places):
+            if best is not None and (best[0] > 0.6 * len(self.places) or best[0] >= 0.8 * self._usual > 0):
                 break
         if best is None or best[0] < max(MIN_FEATURES // 2, 0.3 * len(self.places)):
             self._rate[:], self._velocity = 0, 0j
             return None
-        _, pose, points = best
+        self._usual, pose, points = best
         if interval > 0:
             self._rate[0] = np.angle(pose[0] / self._pose[0]) / interval
             self._velocity = (pose[0] * middle + pose[1] - now) / interval
@@ -244,6 +246,7 @@ def _find(scene: Scene) -> Target | None:
         settle=_those_of_the_board,
         solve=_fit,
         zero=_rest_at_the_end,
+        shows_level=False,
         zero_note="roll zero is where the deck is at the end of the film (its last tenth): texture shows no horizontal",
     )
 

@@ -32,12 +32,14 @@ def _find(scene: Scene) -> Target | None:
         zero_note="roll zero is where the edge is level in the picture",
         joined=tuple((point, point + 1) for point in range(PIECES * count) if (point + 1) % PIECES),
         finds_direction=False,
+        shows_body=False,
         warnings=warnings,
     )
 
 
 TRACKER = Tracker(
     rank=3,
+    last_resort=True,
     find=_find,
     not_found="no straight edge that moves is seen{where}. Give its region with --roi LEFT TOP WIDTH HEIGHT",
 )

@@ -1,0 +1,133 @@
+"""What an MP4 or QuickTime file says of its film beside the pictures: which part is shown, and how fast it was filmed.
+
+Both are boxes of the index (ISO 14496-12, and Apple's metadata keys, which Android uses as well); OpenCV passes
+neither on. A file of another kind, or one whose index is damaged, says nothing.
+"""
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+CONTAINERS = frozenset({b"moov", b"trak", b"mdia", b"edts", b"meta", b"udta", b"ilst"})
+MAX_INDEX = 1 << 28
+"""Largest index that is looked through [bytes]; an hour at 240 frames/s has 20 MB."""
+CAPTURE_RATE = b"com.android.capture.fps"
+
+
+@dataclass(frozen=True, slots=True)
+class Container:
+    """What is said of a film."""
+
+    shown: float = 1.0
+    """Share of the frames that are shown: phones trim by an edit list, and leave the others in the file."""
+    capture_rate: float | None = None
+    """Frames a second when it was filmed [Hz], where the phone notes it."""
+
+
+def read_container(path: Path) -> Container:
+    """Return what the index of a film says."""
+    try:
+        found = list(_boxes(_index(path)))
+        return Container(_shown(found), _capture_rate(found))
+    except (OSError, struct.error, ValueError, IndexError):
+        return Container()
+
+
+def _index(path: Path) -> bytes:
+    """Return the box `moov` with all that is in it; nothing where there is none."""
+    with path.open("rb") as file:
+        while len(head := file.read(8)) == 8:
+            size, kind = struct.unpack(">I4s", head)
+            begin = 8
+            if size == 1:
+                size, begin = struct.unpack(">Q", file.read(8))[0], 16
+            if kind == b"moov":
+                return head + file.read(min(size, MAX_INDEX) - 8)
+            if size < begin or not kind.isascii():
+                break
+            file.seek(size - begin, 1)
+    return b""
+
+
+def _boxes(data: bytes) -> Iterator[tuple[bytes, bytes]]:
+    """Yield kind and content of all boxes that hold no others, and b"trak" where a track begins."""
+    at = 0
+    while at + 8 <= len(data):
+        size, kind = struct.unpack_from(">I4s", data, at)
+        if not 8 <= size <= len(data) - at:
+            return
+        content = data[at + 8 : at + size]
+        if kind == b"trak":
+            yield kind, b""
+        if kind == b"ilst":
+            yield from ((b"item" + item, value) for item, value in _plain(content))
+        elif kind in CONTAINERS:
+            # QuickTime's `meta` holds boxes at once, ISO's has a version before them.
+            yield from _boxes(content[4:] if kind == b"meta" and content[4:8] != b"hdlr" else content)
+        else:
+            yield kind, content
+        at += size
+
+
+def _plain(data: bytes) -> Iterator[tuple[bytes, bytes]]:
+    at = 0
+    while at + 8 <= len(data):
+        size, kind = struct.unpack_from(">I4s", data, at)
+        if size < 8:
+            return
+        yield kind, data[at + 8 : at + size]
+        at += size
+
+
+def _shown(found: list[tuple[bytes, bytes]]) -> float:
+    """Length of the video track's edits over that of its media."""
+    scale = 0
+    track: dict[bytes, bytes] = {}
+    for kind, content in [*found, (b"trak", b"")]:
+        if kind == b"mvhd":
+            scale = struct.unpack_from(">I", content, 20 if content[0] else 12)[0]
+        if kind == b"trak":
+            if track.get(b"hdlr", b"")[8:12] == b"vide" and b"elst" in track and b"mdhd" in track:
+                return min(1.0, _edited(track[b"elst"], scale) / _media(track[b"mdhd"]))
+            track = {}
+        elif kind in (b"hdlr", b"elst", b"mdhd"):
+            track.setdefault(kind, content)
+    return 1.0
+
+
+def _edited(content: bytes, scale: int) -> float:
+    """Seconds of media that an edit list shows."""
+    long, count = content[0], struct.unpack_from(">I", content, 4)[0]
+    entries = struct.iter_unpack(">QqI" if long else ">IiI", content[8 : 8 + count * (20 if long else 12)])
+    return sum(duration for duration, start, _ in entries if start >= 0) / scale
+
+
+def _media(content: bytes) -> float:
+    """Seconds that a track's media last."""
+    scale, duration = struct.unpack_from(">IQ" if content[0] else ">II", content, 20 if content[0] else 12)
+    return duration / scale
+
+
+def _capture_rate(found: list[tuple[bytes, bytes]]) -> float | None:
+    keys = next((content for kind, content in found if kind == b"keys"), b"")
+    names = [name[4:] if name[:4] == b"mdta" else name for name in _names(keys)]
+    if CAPTURE_RATE not in names:
+        return None
+    item = b"item" + struct.pack(">I", 1 + names.index(CAPTURE_RATE))
+    for kind, content in found:
+        if kind == item and content[4:8] == b"data":
+            value = content[16:]
+            number = struct.unpack(">f", value)[0] if content[8:12] == b"\0\0\0\x17" else float(value)
+            return float(number) if 0 < number < 1e5 else None
+    return None
+
+
+def _names(keys: bytes) -> Iterator[bytes]:
+    at = 8
+    while at + 8 <= len(keys):
+        size = struct.unpack_from(">I", keys, at)[0]
+        if size < 8:
+            return
+        yield keys[at + 4 : at + size]
+        at += size

@@ -1,0 +1,266 @@
+"""Registration of the whole body: every pixel that turns with the board tells its turn, not a few points alone.
+
+What was followed says roughly how the board moved. Pictures from all over the film, turned back by that, agree where
+there is board and differ where there is none: their mean is what the board looks like, with little noise, and where they
+agree is the board. Each picture of the film is then laid onto that mean by least squares of the brightness, for six
+numbers of an affine motion (Lucas and Kanade, 1981; the gradients are the mean's own, as Baker and Matthews, 2004), with
+weights that ignore hands and shine. Four points of the board at these places stand for it from then on.
+"""
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from sysid.roll import Array
+from sysid.video.film.frames import Clip, crop, grey
+from sysid.video.film.survey import Survey
+from sysid.video.film.track import Track
+from sysid.video.types import Box, Picture
+
+Image = npt.NDArray[np.float32]
+
+MAX_SIDE = 480
+"""Longer side of the board's picture; larger ones are made smaller [px]."""
+BLUR = 0.8
+"""Standard deviation of the smoothing before gradients are taken [px]."""
+ATTITUDE_STEP = np.radians(1.0)
+"""Turns this far apart are different attitudes: the outermost pixels are a pixel or two apart."""
+AGREEMENT = 0.5
+"""Spread of a pixel in pictures turned back, over its spread as filmed, up to which it is the board's."""
+MIN_PIXELS, MAX_PIXELS = 400, 1 << 13
+"""Fewer pixels are no body; of more, those where brightness changes most are used."""
+MIN_SPREAD = 4.0
+"""Least standard deviation of the body's pixels about their middle, across its narrow side [px]."""
+MIN_PICTURES, MIN_TURN = 5, np.radians(1.0)
+"""Pictures, and turn among them [rad], that tell the body from the rest."""
+MAX_ROUNDS = 5
+CONVERGED = 4e-3
+"""Rounds end where the points move by less [px]."""
+MAX_CORRECTION = 4.0
+"""A picture in which the points end further from where they were followed is not believed [px]."""
+MIN_TRUST = 0.35
+"""Share of the pixels that must agree with the mean in a picture that is believed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cutout:
+    """The part of the pictures in which the board moves, made small: what is laid onto each other."""
+
+    box: Box
+    scale: float
+    """Its pixels in one of the film."""
+
+    def of(self, picture: Picture) -> Image:
+        """Return the part, in grey and smoothed."""
+        part, _ = crop(grey(picture), self.box)
+        size = (round(self.scale * part.shape[1]), round(self.scale * part.shape[0]))
+        small = part if self.scale == 1 else cv2.resize(part, size, interpolation=cv2.INTER_AREA)
+        return np.asarray(cv2.GaussianBlur(small.astype(np.float32), (0, 0), BLUR), np.float32)
+
+    @property
+    def inward(self) -> Array:
+        """Map from the film's pixels to its own, shape (3, 3)."""
+        left, top = self.box[:2]
+        # Pixels are squares: one that is made of several has their middle for its own.
+        offset = [0.5 * (self.scale - 1) - self.scale * left, 0.5 * (self.scale - 1) - self.scale * top]
+        return np.array([[self.scale, 0, offset[0]], [0, self.scale, offset[1]], [0, 0, 1.0]])
+
+
+@dataclass(frozen=True, slots=True)
+class BodyPicture:
+    """What the board looks like, at the attitude of a home picture."""
+
+    home: int
+    """Row of the track that is home."""
+    cutout: Cutout
+    places: Array
+    """The board's pixels that tell most, in the cutout [px], shape (m, 2)."""
+    bright: Image
+    """Their brightness, shape (m,)."""
+    corners: Array
+    """Four points of the board, as wide apart as its pixels are on average, in the cutout [px], shape (4, 2)."""
+    unit: float
+    """Length by which places are divided, so that all six numbers are of one size [px]."""
+    slopes: Image
+    """Change of brightness with each of the six numbers, gain and offset, at these pixels, shape (m, 8)."""
+
+
+def picture_of_body(look: Survey, track: Track) -> BodyPicture | None:
+    """Return what turns with the points of a track, or None where that is too little.
+
+    Args:
+        look: Pictures from all over the film.
+        track: Points that were followed, two or more.
+    """
+    rows = {int(index): row for row, index in enumerate(track.index)}
+    known = [
+        (picture, rows[index])
+        for picture, index in zip(look.pictures, look.indices, strict=True)
+        if index in rows
+    ]
+    turned = [(picture, row, pose_between(track, known[0][1], row)) for picture, row in known]
+    seen = [(picture, row, _turn(pose)) for picture, row, pose in turned if pose is not None]
+    turns = np.array([turn for _, _, turn in seen])
+    if len(seen) < MIN_PICTURES or np.ptp(turns) < MIN_TURN:
+        return None
+    home = seen[int(np.argsort(turns)[len(turns) // 2])][1]
+    left, top, right, bottom = look.box
+    cutout = Cutout(look.box, min(1.0, MAX_SIDE / max(right - left, bottom - top)))
+    placed = [
+        (cutout.of(picture), _inside(cutout, pose_between(track, home, row))) for picture, row, _ in seen
+    ]
+    body = None
+    for _ in range(2):  # by the points' poses, and by its own
+        good = [(picture, pose) for picture, pose in placed if pose is not None]
+        if len(good) < MIN_PICTURES:
+            return None
+        body = _mean_of(home, cutout, [picture for picture, _ in good], [pose for _, pose in good])
+        if body is None:
+            return None
+        placed = [(picture, lay_onto(body, picture, pose)) for picture, pose in good]
+    return body
+
+
+def _turn(pose: Array) -> float:
+    return float(np.arctan2(pose[1, 0], pose[0, 0]))
+
+
+def _inside(cutout: Cutout, pose: Array | None) -> Array | None:
+    """Return a pose of the film's pixels as one of the cutout's."""
+    return None if pose is None else cutout.inward @ pose @ np.linalg.inv(cutout.inward)
+
+
+def pose_between(track: Track, home: int, row: int) -> Array | None:
+    """Return the similarity, shape (3, 3), that takes the points of one frame to those of another; None with fewer than two."""
+    one, other = (track.points[number].astype(np.float64) @ np.array([1, 1j]) for number in (home, row))
+    both = np.isfinite(one) & np.isfinite(other)
+    if both.sum() < 2:
+        return None
+    weight = both.astype(np.float64)
+    one, other = np.where(both, one, 0), np.where(both, other, 0)
+    turn, shift = 1 + 0j, 0j
+    for _ in range(4):  # many points hold a few that slip
+        a, b = np.average(one, weights=weight), np.average(other, weights=weight)
+        turn = np.vdot(weight * (one - a), other - b) / max(float(weight @ np.abs(one - a) ** 2), 1e-9)
+        shift = b - turn * a
+        weight = both / (1 + (np.abs(other - turn * one - shift) / 1.0) ** 2)
+    return np.array([[turn.real, -turn.imag, shift.real], [turn.imag, turn.real, shift.imag], [0, 0, 1.0]])
+
+
+def _mean_of(row: int, cutout: Cutout, pictures: list[Image], poses: list[Array]) -> BodyPicture | None:
+    """Turn cutouts back by their poses, shape (3, 3) each, and average them where they agree."""
+    back = np.stack([_turned_back(picture, pose) for picture, pose in zip(pictures, poses, strict=True)])
+    # A film keeps what stands still as it is, its noise as well: many pictures of one attitude count as one.
+    turn = np.round(np.array([np.arctan2(pose[1, 0], pose[0, 0]) for pose in poses]) / ATTITUDE_STEP)
+    _, same, count = np.unique(turn, return_inverse=True, return_counts=True)
+    share = (1 / count[same]).astype(np.float32)
+    means = [np.average(each, axis=0, weights=share) for each in (back, np.stack(pictures))]
+    spread, usual = (
+        cv2.GaussianBlur(np.sqrt(np.average((each - mean) ** 2, axis=0, weights=share)), (0, 0), 2.0)
+        for each, mean in zip((back, np.stack(pictures)), means, strict=True)
+    )
+    agree = cv2.morphologyEx(
+        (spread < AGREEMENT * usual).astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8)
+    )
+    mask = np.asarray(cv2.erode(agree, np.ones((3, 3), np.uint8)) > 0, np.bool_)
+    mask[:3], mask[-3:], mask[:, :3], mask[:, -3:] = False, False, False, False
+    if mask.sum() < MIN_PIXELS:
+        return None
+    mean = np.asarray(means[0], np.float32)
+    slope = np.stack([cv2.Scharr(mean, cv2.CV_32F, *axis)[mask] / 32 for axis in ((1, 0), (0, 1))], axis=1)
+    most = np.argsort(-(slope**2).sum(axis=1))[:MAX_PIXELS]
+    slope, bright, places = slope[most], mean[mask][most], np.argwhere(mask)[most, ::-1].astype(np.float64)
+    weight = (slope**2).sum(axis=1).astype(np.float64) + 1e-6
+    middle = np.average(places, axis=0, weights=weight)
+    variance, axes = np.linalg.eigh(np.cov((places - middle).T, aweights=weight))
+    lengths = np.sqrt(np.maximum(variance, 0.0))
+    if lengths[0] < MIN_SPREAD:
+        return None
+    corners = middle + (np.array([[-1, -1], [-1, 1], [1, 1], [1, -1]]) * lengths) @ axes.T
+    unit = float(lengths[1])
+    (x, y), (across, down) = ((places - middle) / unit).T.astype(np.float32), slope.T
+    columns = [
+        across,
+        across * x,
+        across * y,
+        down,
+        down * x,
+        down * y,
+        bright - bright.mean(),
+        np.ones_like(bright),
+    ]
+    slopes = np.asarray(np.stack(columns, axis=1), np.float32)
+    return BodyPicture(row, cutout, places, bright, corners, unit, slopes)
+
+
+def _turned_back(picture: Image, pose: Array) -> Image:
+    flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
+    size = picture.shape[::-1]
+    return np.asarray(
+        cv2.warpAffine(picture, pose[:2], size, flags=flags, borderMode=cv2.BORDER_REPLICATE), np.float32
+    )
+
+
+def _mapped(matrix: Array, points: Array) -> Array:
+    return points @ matrix[:2, :2].T + matrix[:2, 2]
+
+
+def lay_onto(body: BodyPicture, picture: Image, rough: Array) -> Array | None:
+    """Return the affine pose that lays the board onto a picture, shape (3, 3); None where it is not to be seen.
+
+    Args:
+        body: The board.
+        picture: A cutout.
+        rough: The pose roughly, in the cutout's pixels.
+    """
+    pose, middle = rough, body.corners.mean(axis=0)
+    rest, scale = np.zeros(1, np.float32), 1.0
+    for _ in range(MAX_ROUNDS):
+        there = _mapped(pose, body.places).astype(np.float32)
+        seen = cv2.remap(
+            picture, there[:, :1], there[:, 1:], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
+        )
+        rest = np.asarray(seen, np.float32).ravel() - body.bright
+        rest -= np.median(rest[::4])
+        scale = max(1.4826 * float(np.median(np.abs(rest[::4]))), 1.0)
+        weighted = body.slopes * (1 / (1 + (rest / (2.5 * scale)) ** 2) ** 2)[:, None]
+        normal = (weighted.T @ body.slopes).astype(np.float64)
+        normal += np.diag(1e-6 * np.diag(normal) + 1e-9)
+        step = np.linalg.solve(normal, (weighted.T @ rest).astype(np.float64))
+        change, shift = step[[[1, 2], [4, 5]]] / body.unit, step[[0, 3]]
+        back = np.eye(3)
+        back[:2, :2] -= change
+        back[:2, 2] = change @ middle - shift
+        before, pose = pose, pose @ back
+        if float(np.abs(_mapped(pose - rough, body.corners)).max()) > MAX_CORRECTION:
+            return None
+        if float(np.abs(_mapped(pose - before, body.corners)).max()) < CONVERGED:
+            break
+    return pose if float(np.mean(np.abs(rest) < 5 * max(scale, 2.0))) > MIN_TRUST else None
+
+
+def register(clip: Clip, look: Survey, track: Track) -> Track | None:
+    """Return four points of the whole body, found in every frame in which a track knows roughly where it is.
+
+    Args:
+        clip: The film.
+        look: Pictures from all over it.
+        track: Points that were followed in it.
+    """
+    body = picture_of_body(look, track)
+    if body is None:
+        return None
+    outward = np.asarray(np.linalg.inv(body.cutout.inward), np.float64)
+    rows = {int(index): row for row, index in enumerate(track.index)}
+    points = np.full((len(track.time), 4, 2), np.nan, np.float32)
+    for frame in clip.ahead():
+        row = rows.get(frame.index)
+        rough = None if row is None else _inside(body.cutout, pose_between(track, body.home, row))
+        if row is None or rough is None:
+            continue
+        pose = lay_onto(body, body.cutout.of(frame.picture), rough)
+        if pose is not None:
+            points[row] = _mapped(outward, _mapped(pose, body.corners))
+    return replace(track, points=points)

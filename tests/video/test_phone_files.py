@@ -1,0 +1,133 @@
+"""Films as phones write them: trimmed, in slow motion, without a suffix, in other codecs."""
+
+import shutil
+import struct
+import subprocess
+
+import numpy as np
+import pytest
+from drawn_films import decay, draw_film, marked, plate
+
+from sysid.errors import HuskyError
+from sysid.logs import read_roll
+from sysid.video.film.container import read_container
+from sysid.video.film.frames import open_clip
+from sysid.video.options import is_film
+from sysid.video_roll import VideoOptions, roll_from_video
+
+TIME = np.arange(72) / 60
+ROLL = decay(TIME)
+
+
+@pytest.fixture(scope="module")
+def film(tmp_path_factory):
+    return draw_film(tmp_path_factory.mktemp("phone") / "whole.mp4", marked(plate(), 64), ROLL)
+
+
+def ffmpeg(*arguments):
+    if shutil.which("ffmpeg") is None:
+        pytest.skip("no ffmpeg to make films of other kinds with")
+    command = ["ffmpeg", "-y", "-loglevel", "error", *map(str, arguments)]
+    made = subprocess.run(command, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)
+    if made.returncode != 0:
+        pytest.skip(f"this ffmpeg makes no such film: {made.stderr.strip()[-80:]}")
+
+
+def error_of(roll, truth=ROLL, fps=60.0):
+    error = roll.roll - np.interp(roll.time, np.arange(len(truth)) / fps, truth)
+    return np.degrees(np.sqrt(np.mean((error - np.median(error[-10:])) ** 2)))
+
+
+def trimmed(film, path, share):
+    """The same file with an edit list that shows the first part only, as a phone writes it."""
+    data = bytearray(film.read_bytes())
+    at = data.index(b"elst")
+    version, count = data[at + 4], struct.unpack_from(">I", data, at + 8)[0]
+    assert (version, count) == (0, 1)
+    length = struct.unpack_from(">I", data, at + 12)[0]
+    struct.pack_into(">I", data, at + 12, round(share * length))
+    path.write_bytes(data)
+    return path
+
+
+def test_a_trimmed_film_is_read(film, tmp_path):
+    short = trimmed(film, tmp_path / "short.mp4", 0.7)
+    assert read_container(short).shown == pytest.approx(0.7, abs=0.01)
+    roll = roll_from_video(short, VideoOptions(method="marker", readout=0.0))
+    assert len(roll.time) == pytest.approx(50, abs=3)
+    assert error_of(roll) < 0.1
+
+
+def test_a_film_that_is_cut_off_is_still_refused(film, tmp_path):
+    whole = tmp_path / "front.mp4"
+    ffmpeg("-i", film, "-c", "copy", "-movflags", "+faststart", whole)
+    short = tmp_path / "cut.mp4"
+    short.write_bytes(whole.read_bytes()[: whole.stat().st_size * 2 // 3])
+    with pytest.raises(HuskyError, match="it is cut off"):
+        roll_from_video(short)
+
+
+def test_slow_motion_is_read_at_the_rate_at_which_it_was_filmed(film, tmp_path):
+    slow = tmp_path / "slow.mp4"
+    ffmpeg(
+        "-itsscale", "8", "-i", film, "-c", "copy", "-movflags", "use_metadata_tags", "-metadata",
+        "com.android.capture.fps=60.0", slow,
+    )  # fmt: skip
+    assert open_clip(slow).slowed == pytest.approx(8, rel=0.02)
+    roll = roll_from_video(slow, VideoOptions(method="marker", readout=0.0))
+    assert roll.sampling_rate == pytest.approx(60, rel=0.02)
+    assert any("times the rate at which it plays" in note for note in roll.notes)
+    assert error_of(roll) < 0.1
+    given = roll_from_video(slow, VideoOptions(method="marker", readout=0.0, rate=30.0))
+    assert given.sampling_rate == pytest.approx(30)
+
+
+def test_a_swing_that_plays_slowly_is_doubted(film, tmp_path):
+    slow = tmp_path / "unnoted.mp4"
+    ffmpeg("-itsscale", "4", "-i", film, "-c", "copy", slow)
+    warnings = roll_from_video(slow, VideoOptions(method="marker", readout=0.0)).warnings
+    assert any("slow motion" in warning and "--rate" in warning for warning in warnings)
+    usual = roll_from_video(film, VideoOptions(method="marker", readout=0.0)).warnings
+    assert not any("slow motion" in warning for warning in usual)
+
+
+@pytest.mark.parametrize("name", ["clip.ts", "clip.gif", "clip", "clip.dat"])
+def test_a_film_is_known_by_how_it_begins(film, name, tmp_path):
+    path = tmp_path / name
+    if name in ("clip.ts", "clip.gif"):
+        ffmpeg("-i", film, *(["-c", "copy"] if name == "clip.ts" else ["-vf", "fps=50"]), path)
+    else:
+        shutil.copy(film, path)
+    assert is_film(path)
+    assert read_roll(path).origin == "video"
+
+
+def test_what_is_no_film_is_none(tmp_path):
+    for name, content in (
+        ("log.csv", b"time,roll\n0,1\n"),
+        ("sound", b"RIFF1234WAVEfmt "),
+        ("g.dat", b"G" + bytes(400)),
+    ):
+        (tmp_path / name).write_bytes(content)
+        assert not is_film(tmp_path / name)
+    assert not is_film(tmp_path / "none")
+
+
+@pytest.mark.parametrize(
+    ("codec", "options"),
+    [
+        ("libx264", ["-b:v", "600k"]),
+        ("libx265", ["-b:v", "600k", "-tag:v", "hvc1", "-x265-params", "log-level=none"]),
+        (
+            "libx265",
+            ["-b:v", "600k", "-pix_fmt", "yuv420p10le", "-tag:v", "hvc1", "-x265-params", "log-level=none"],
+        ),
+    ],
+)
+def test_second_generations_are_read(codec, options, film, tmp_path):
+    again = tmp_path / "again.mp4"
+    ffmpeg("-i", film, "-c:v", codec, *options, again)
+    roll = roll_from_video(again, VideoOptions(method="marker", readout=0.0))
+    assert error_of(roll) < 0.3
+    # Compression keeps errors from frame to frame: coverage, not smallness, is what is promised.
+    assert abs(error_of(roll)) < 4 * np.degrees(np.median(roll.std))

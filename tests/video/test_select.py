@@ -1,0 +1,81 @@
+"""The best tracker of a clip is the one that is used, and level is taken from what shows it."""
+
+import numpy as np
+import pytest
+from drawn_films import PIVOT, SIZE, decay, dotted, draw_film, marked, plate
+
+from sysid.video_roll import VideoOptions, roll_from_video
+
+TIME = np.arange(72) / 60
+ROLL = decay(TIME) + np.radians(2.0)
+"""The board rests askew, which only something level shows."""
+PLAIN = np.full((SIZE[1], SIZE[0], 3), 160, np.uint8)
+PINK, GREEN = (110, 20, 240), (60, 200, 40)
+
+
+def error_of(roll):
+    """RMSE with the horizontal, and without a common offset [deg]."""
+    error = np.degrees(roll.roll - ROLL[: len(roll.roll)])
+    return np.sqrt(np.mean(error**2)), np.std(error)
+
+
+def read(path, **options):
+    return roll_from_video(path, VideoOptions(readout=0.0, **options))
+
+
+def test_texture_gives_the_angle_and_the_marker_what_is_level(tmp_path):
+    film = draw_film(tmp_path / "wide.mp4", marked(plate(520, 90, contrast=35.0), 42), ROLL, background=PLAIN)
+    best = read(film)
+    assert any("patches of texture" in note and "marker 7" in note for note in best.notes)
+    assert any("marker's edges are level" in note for note in best.notes)
+    assert error_of(best)[1] < 0.01
+    assert error_of(best)[0] < 0.15
+
+
+def test_everything_that_turns_with_a_marker_tells_the_angle(tmp_path):
+    """The corners of this marker alone tell it to 0.09°."""
+    film = draw_film(tmp_path / "wide.mp4", marked(plate(520, 90, contrast=35.0), 42), ROLL, background=PLAIN)
+    marker = read(film, method="marker")
+    assert any(
+        "marker 7; the angle is that of everything that turns with it" in note for note in marker.notes
+    )
+    assert error_of(marker)[1] < 0.01
+    assert error_of(marker)[0] < 0.15
+
+
+def test_a_speck_does_not_beat_texture(tmp_path):
+    body = dotted(plate(300, 80, contrast=35.0), [(60, 10, 4, PINK)])
+    film = draw_film(tmp_path / "speck.mp4", body, ROLL)
+    roll = read(film)
+    assert any("patches of texture" in note for note in roll.notes)
+    assert error_of(roll)[1] < 0.03
+    assert error_of(read(film, method="dots"))[1] > 2 * error_of(roll)[1]
+
+
+@pytest.mark.parametrize("colours", [(PINK, GREEN), (PINK, PINK)])
+def test_two_stickers_may_differ_in_colour(colours, tmp_path):
+    dots = [(-100, -5, 11, colours[0]), (100, -5, 11, colours[1])]
+    film = draw_film(tmp_path / "pair.mp4", dotted(plate(300, 60), dots), ROLL)
+    for method in ("dots", "auto"):
+        roll = read(film, method=method)
+        assert any("line between the dots is level" in note for note in roll.notes)
+        # Two points do not show the camera's direction well, and with it what is level.
+        assert error_of(roll)[0] < 0.3
+        assert error_of(roll)[1] < 0.25
+
+
+def test_a_better_one_that_moves_otherwise_is_not_the_board(tmp_path):
+    """A marker on the deck, and behind it a large picture that somebody carries past."""
+    behind = np.full((SIZE[1], SIZE[0], 3), 150, np.uint8)
+    poster = plate(200, 90, contrast=45.0, seed=4)[::3, ::3]
+
+    def passing(number):
+        picture = behind.copy()
+        left = 20 + 5 * number
+        picture[4:94, left : left + 200] = poster
+        return picture
+
+    film = draw_film(tmp_path / "passing.mp4", marked(plate(200, 100), 70), ROLL, background=passing)
+    roll = read(film)
+    assert error_of(roll)[0] < 0.2
+    assert PIVOT[1] > 140  # the poster passes above the deck

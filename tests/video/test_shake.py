@@ -1,0 +1,66 @@
+"""Shake is the camera's own: a deck that was taken for background is found out."""
+
+import numpy as np
+import pytest
+from drawn_films import PIVOT, SIZE, decay, draw_film, marked, plate
+
+from sysid.errors import HuskyError
+from sysid.video.film.shake import Shake
+from sysid.video_roll import VideoOptions, roll_from_video
+
+TIME = np.arange(72) / 60
+ROLL = decay(TIME)
+PLAIN = np.full((SIZE[1], SIZE[0], 3), 160, np.uint8)
+
+
+def read(path, **options):
+    return roll_from_video(path, VideoOptions(method="marker", readout=0.0, **options))
+
+
+def error_of(roll):
+    error = roll.roll - ROLL
+    return np.degrees(np.sqrt(np.mean((error - np.median(error[-10:])) ** 2)))
+
+
+@pytest.fixture(scope="module")
+def wide(tmp_path_factory):
+    """A small marker on a wide deck with texture, in front of a plain wall: nothing else has texture."""
+    body = marked(plate(520, 90, contrast=35.0), 42)
+    return draw_film(tmp_path_factory.mktemp("shake") / "wide.mp4", body, ROLL, background=PLAIN)
+
+
+def test_a_wide_deck_is_not_taken_for_background(wide):
+    roll = read(wide)
+    assert not any("shake" in note for note in roll.notes)
+    assert error_of(roll) < 0.15
+
+
+def test_shake_before_a_wall_is_taken_out(tmp_path):
+    rng = np.random.default_rng(3)
+    path = 4 * np.cumsum(rng.normal(size=(len(TIME), 2)), axis=0) / np.sqrt(len(TIME))
+    film = draw_film(tmp_path / "shaken.mp4", marked(plate(), 64), ROLL, move=lambda n: tuple(path[n]))
+    roll = read(film)
+    assert any("camera shake of" in note for note in roll.notes)
+    assert error_of(roll) < 0.15
+    assert not any("camera shake of" in note for note in read(film, no_shake=True).notes)
+
+
+def test_a_motion_that_goes_with_the_roll_is_no_shake():
+    def shake(theta):
+        motion = np.column_stack([np.zeros((len(TIME), 2)), theta, np.zeros(len(TIME))])
+        return Shake(motion, np.full(len(TIME), 1e-4), 0.05, 900.0, 0.1, complex(*PIVOT), True)
+
+    rng = np.random.default_rng(0)
+    assert shake(0.3 * ROLL + 1e-3 * rng.normal(size=len(TIME))).goes_with(ROLL)
+    likely = 0
+    for _ in range(200):
+        phase, frequency = rng.uniform(0, 2 * np.pi, 4), rng.uniform(1, 4, 4)
+        waves = np.sin(2 * np.pi * frequency * TIME[:, None] + phase).sum(axis=1)
+        likely += shake(2e-3 * waves).goes_with(ROLL)
+    assert likely == 0
+
+
+def test_a_camera_that_pans_says_so(tmp_path):
+    film = draw_film(tmp_path / "pan.mp4", marked(plate(), 64), ROLL, move=lambda n: (6.0 * n, 0.0))
+    with pytest.raises(HuskyError, match="the camera pans"):
+        roll_from_video(film, VideoOptions(method="features"))
