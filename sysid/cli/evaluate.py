@@ -2,18 +2,79 @@
 
 import math
 import os
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from cyclopts import Parameter
-
-if TYPE_CHECKING:
-    from policy_runtime.evaluation.result import Evaluation
+from cyclopts import Group, Parameter
 
 from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.errors import HuskyError
 from sysid.quantity import Quantity
+
+if TYPE_CHECKING:
+    from policy_runtime.evaluation.plain import Protocol
+    from policy_runtime.evaluation.result import Evaluation
+
+CONDITION = Group("Condition", sort_key=0)
+
+
+@Parameter(name="*", group=CONDITION)
+@dataclass(frozen=True, kw_only=True)
+class Condition:
+    """What a policy rides under: nothing that makes it hard, unless asked for."""
+
+    duration: float = 20.0
+    """Length of an episode [s]."""
+    pushes: float = 0.0
+    """Largest change of velocity by shoves, one every 5 to 10 s [m/s]."""
+    delay: float = 0.0
+    """From the policy's answer to the servos [s]."""
+    noise: float = 0.0
+    """Noise of the sensors, as a multiple of the training's."""
+    mass: float = 1.0
+    """Factor of the robot's masses and inertias."""
+    friction: float | None = None
+    """Sliding friction of the soles; the scene's 1.0 if not given."""
+    rolling: float = 1.0
+    """Factor of the wheels' rolling friction."""
+    slope: float = 0.0
+    """Gradient of the ground along the start's direction [degrees], uphill positive."""
+    push: float = 0.0
+    """Force on the pelvis for 0.1 s, in a drawn direction, every 5 to 10 s [N]."""
+    terrain: Literal["flat", "slopes", "steps"] = "flat"
+    """The ground: level, descents of 5 to 10 degrees, or ledges of 3 to 6 cm to roll down."""
+    randomised: bool = False
+    """Draw every world as in training: friction, centres of mass, boards (mjlab only)."""
+
+    def protocol(self) -> "Protocol":
+        """Return what every episode is like.
+
+        Raises:
+            HuskyError: A number makes no ride.
+        """
+        from policy_runtime.evaluation.plain import Protocol
+        from policy_runtime.evaluation.stress import Stress
+
+        if not self.duration > 0:
+            raise HuskyError(f"--duration {self.duration:g}: must be longer than 0 s.")
+        stress = Stress(
+            delay=self.delay,
+            noise=self.noise,
+            mass=self.mass,
+            friction=self.friction,
+            rolling=self.rolling,
+            slope=math.radians(self.slope),
+            push=self.push,
+        )
+        return Protocol(
+            duration=self.duration,
+            pushes=self.pushes,
+            stress=stress,
+            terrain=self.terrain,
+            randomised=self.randomised,
+        )
 
 
 def evaluate(
@@ -23,19 +84,9 @@ def evaluate(
     board: Annotated[str, Parameter(name=["--board", "-b"])],
     episodes: int = 100,
     seeds: int = 5,
-    duration: float = 20.0,
-    pushes: float = 0.0,
-    delay: float = 0.0,
-    noise: float = 0.0,
-    mass: float = 1.0,
-    friction: float | None = None,
-    rolling: float = 1.0,
-    slope: float = 0.0,
-    push: float = 0.0,
-    terrain: Literal["flat", "slopes", "steps"] = "flat",
-    suite: bool = False,
+    condition: Condition = Condition(),
+    suite: Annotated[bool, Parameter(group=CONDITION)] = False,
     simulator: Literal["mujoco", "mjlab"] = "mujoco",
-    randomised: bool = False,
     workers: int | None = None,
     breakdown: bool = False,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"], group=OUTPUT)] = None,
@@ -49,20 +100,10 @@ def evaluate(
         board: The board to ride.
         episodes: Episodes of each seed; the paper has 1000.
         seeds: Number of seeds: 0, 1, 2, …
-        duration: Length of an episode [s].
-        pushes: Largest change of velocity by shoves, one every 5 to 10 s [m/s].
-        delay: From the policy's answer to the servos [s].
-        noise: Noise of the sensors, as a multiple of the training's.
-        mass: Factor of the robot's masses and inertias.
-        friction: Sliding friction of the soles; the scene's 1.0 if not given.
-        rolling: Factor of the wheels' rolling friction.
-        slope: Gradient of the ground along the start's direction [degrees], uphill positive.
-        push: Force on the pelvis for 0.1 s, in a drawn direction, every 5 to 10 s [N].
-        terrain: The ground: level, descents of 5 to 10 degrees, or ledges of 3 to 6 cm to roll down.
+        condition: What the policy rides under.
         suite: Ride a table of such conditions, one after the other, instead of one.
         simulator: Plain MuJoCo, with the servos at 500 Hz as on the robot; or mjlab, in which policies are
             trained, all episodes of a seed side by side.
-        randomised: Draw every world as in training: friction, centres of mass, boards (mjlab only).
         workers: Processes in plain MuJoCo; as many as there are processors if not given.
         breakdown: Show where the errors come from: by stretch, command, time within a stretch, and foot. The
             JSON has it in any case.
@@ -75,23 +116,12 @@ def evaluate(
     from policy_runtime.evaluation.metrics import METRICS
     from policy_runtime.evaluation.parallel import evaluate_in_parallel
     from policy_runtime.evaluation.plain import Protocol, evaluate_policy
-    from policy_runtime.evaluation.stress import SUITE, Stress
+    from policy_runtime.evaluation.stress import SUITE
     from reports.figures.ride import paths_figure, suite_figure
 
     if episodes < 1 or seeds < 1:
         raise HuskyError(f"--episodes {episodes} --seeds {seeds}: both must be at least 1.")
-    if not duration > 0:
-        raise HuskyError(f"--duration {duration:g}: must be longer than 0 s.")
-    stress = Stress(
-        delay=delay,
-        noise=noise,
-        mass=mass,
-        friction=friction,
-        rolling=rolling,
-        slope=math.radians(slope),
-        push=push,
-    )
-    given = Protocol(duration=duration, pushes=pushes, stress=stress, terrain=terrain, randomised=randomised)
+    given = condition.protocol()
     if suite and given != Protocol():
         raise HuskyError("--suite has conditions of its own; leave the options of one condition out.")
     printer = Printer(common)
@@ -166,7 +196,12 @@ def evaluate(
     paths_figure(result.paths, result.headings, title, picture)
     printer.say(f"picture: {picture}")
     printer.result(
-        {**result.to_json(), "simulator": simulator, "randomised": randomised, "picture": str(picture)}
+        {
+            **result.to_json(),
+            "simulator": simulator,
+            "randomised": condition.randomised,
+            "picture": str(picture),
+        }
     )
     return 0
 
