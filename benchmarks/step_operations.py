@@ -56,6 +56,10 @@ def main() -> None:
         assert bool(env.reset_buf.any()) == ("ends" in name)
         counts[name] = count.launched
         env.episode_length_buf[0] = int(env.max_episode_length) + 5
+    for name, part in (("of it, what is judged", env._judge_state), ("of it, what is seen", env._see_state)):
+        with Count() as count:
+            part()
+        counts[name] = count.launched
     with Count() as count:
         progress.add(torch.zeros(()))
     counts["its account"] = count.launched

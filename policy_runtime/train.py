@@ -12,7 +12,7 @@ import os
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
     from policy_runtime.learning.amp import AmpPPO
     from policy_runtime.learning.checkpoint import Done
+    from policy_runtime.learning.curriculum import Curriculum, Level
 
 Report = Callable[[dict[str, float]], None]
 
@@ -96,11 +97,12 @@ def train(
     deadline = time.monotonic() + 60 * minutes
     with contextlib.redirect_stdout(sys.stderr):
         env, algorithm = build(folder, config, process)
-        start = restore(folder, config, env, algorithm, process)
+        start, level = restore(folder, config, env, algorithm, process)
     if process.count > 1:
         algorithm.broadcast_parameters()
     total = config.learn.iterations if iterations is None else iterations
-    done = _learn(folder, config, env, algorithm, process, start, total, deadline, report)
+    curriculum = build_curriculum(config, env, algorithm, level)
+    done = _learn(folder, config, env, algorithm, curriculum, process, start, total, deadline, report)
     if keep_all:
         torch.save(algorithm.save(), folder.path / "checkpoints" / f"process_{process.rank}.pt")
     env.close()
@@ -129,7 +131,7 @@ def build(folder: RunFolder, config: RunConfig, process: Process) -> tuple["RslR
         seed=seed,
         clips=push_clips() if config.task.pushing == "tracking" else (),
     )
-    env = RslRlVecEnvWrapper(SkateEnv(env_cfg, device=process.device))
+    env = RslRlVecEnvWrapper(SkateEnv(env_cfg, process.device, graphs=config.learn.graphs))
     return env, build_learner(env, config, process)
 
 
@@ -167,6 +169,7 @@ def build_learner(env: Any, config: RunConfig, process: Process) -> "AmpPPO":
         "algorithm": {
             "class_name": AmpPPO,
             "amp": amp,
+            "graphs": learn.graphs and process.device != "cpu" and process.count == 1,
             "reference": torch.tensor(style_reference(task), dtype=torch.float),
             "num_learning_epochs": learn.epochs,
             "num_mini_batches": learn.mini_batches,
@@ -190,28 +193,50 @@ def build_learner(env: Any, config: RunConfig, process: Process) -> "AmpPPO":
     return learner
 
 
+def build_curriculum(
+    config: RunConfig, env: "RslRlVecEnvWrapper", algorithm: "AmpPPO", level: "Level | None"
+) -> "Curriculum | None":
+    """Return the run's curriculum at a level, or None where the task is as hard from the start as it will be."""
+    if not config.learn.curriculum:
+        return None
+    if config.task.stance_patience == 0:
+        raise HuskyError(
+            "stance_patience is 0, so that no wrong stance ends an episode: nothing is left for the curriculum to "
+            "lead. Choose a patience, or --curriculum off."
+        )
+    from policy_runtime.learning.curriculum import Curriculum
+
+    return Curriculum(env.unwrapped, algorithm, config.learn.last_entropy, level)
+
+
 def restore(
     folder: RunFolder, config: RunConfig, env: "RslRlVecEnvWrapper", algorithm: "AmpPPO", process: Process
-) -> "Done":
-    """Load the newest checkpoint, if there is one, and return what has been done.
+) -> "tuple[Done, Level | None]":
+    """Load the newest checkpoint, if there is one, and return what has been done and how hard the task was.
 
     A run that goes on has the learner, the counters and the random numbers of its checkpoint, bit for bit;
-    its worlds begin new episodes. A run that begins with another one's checkpoint has its own seed.
+    its worlds begin new episodes. A run that begins with another one's checkpoint has its own seed; one of
+    finished weights, which tell of no curriculum, begins at the task's own patience in worlds that do not differ.
 
     Raises:
         HuskyError: The checkpoint is broken, of another program, or of a learner of another size.
     """
-    from policy_runtime.learning.checkpoint import Done, read_checkpoint, set_random_state
+    from policy_runtime.learning.checkpoint import Done, grow_inputs, read_checkpoint, set_random_state
+    from policy_runtime.learning.curriculum import Level
 
     checkpoints = folder.checkpoints()
     if not checkpoints:
-        return Done()
+        return Done(), None
     path = checkpoints[-1]
     kept = read_checkpoint(path, process.device)
     say = (lambda text: print(f"{path}: {text}", file=sys.stderr)) if process.leads else (lambda _: None)  # noqa: T201
     if not algorithm.judges_alike(kept):
         say("its style is judged on other windows; the discriminator starts afresh")
         kept = {key: value for key, value in kept.items() if key not in ("discriminator", "amp_optimiser")}
+    if path == folder.started_from() and grow_inputs(
+        kept, "critic", env.get_observations()["critic"].shape[1]
+    ):
+        say("its critic knew less of the world; it grows, and the optimiser starts afresh")
     try:
         algorithm.load(kept, None, strict=True)
     except (RuntimeError, KeyError, ValueError) as error:
@@ -228,11 +253,18 @@ def restore(
         else:
             set_random_state(states[process.rank], process.device)
             env.reset()  # else episodes would begin as they did when the run was new
-    return Done(iterations, kept.get("samples", iterations * a_step))
+    led = kept.get("curriculum")
+    level = Level(patience=float(config.task.stance_patience)) if led is None else Level(**led)
+    return Done(iterations, kept.get("samples", iterations * a_step)), level
 
 
 def save(
-    folder: RunFolder, env: Any, algorithm: "AmpPPO", done: "Done", states: list[dict[str, Any]]
+    folder: RunFolder,
+    env: Any,
+    algorithm: "AmpPPO",
+    curriculum: "Curriculum | None",
+    done: "Done",
+    states: list[dict[str, Any]],
 ) -> None:
     """Write a checkpoint in one step.
 
@@ -240,6 +272,7 @@ def save(
         folder: The run's folder.
         env: The worlds.
         algorithm: The learner.
+        curriculum: How hard the task is, if that is led.
         done: What has been done.
         states: What `random_states` returns.
     """
@@ -251,6 +284,8 @@ def save(
         "step_counter": env.unwrapped.common_step_counter,
         "random": states,
     }
+    if curriculum is not None:
+        content["curriculum"] = asdict(curriculum.level)
     with atomic_path(folder.checkpoint(done.iterations)) as temporary:
         torch.save(content, temporary)
 
@@ -273,6 +308,7 @@ def _learn(
     config: RunConfig,
     env: Any,
     algorithm: "AmpPPO",
+    curriculum: "Curriculum | None",
     process: Process,
     done: "Done",
     total: int,
@@ -312,6 +348,9 @@ def _learn(
             "learning_rate": algorithm.learning_rate,
             "action_std": float(algorithm.get_policy().output_std.detach().mean()),
         }
+        if curriculum is not None:
+            numbers |= curriculum.numbers()
+            curriculum.follow(numbers["falls_per_minute"])
         stop = _agreed(ended > deadline, process) or done.iterations >= total
         saves = stop or done.iterations % learn.save_every == 0
         states = random_states(process.device) if saves else []
@@ -323,7 +362,7 @@ def _learn(
             if report is not None:
                 report(numbers)
             if saves:
-                save(folder, env, algorithm, done, states)
+                save(folder, env, algorithm, curriculum, done, states)
                 export(folder, config, algorithm)
         if stop:
             break

@@ -55,7 +55,7 @@ def minimise(
 
     Args:
         evaluate: Cost, gradient and Gauss–Newton Hessian at a point.
-        start: Start, shape (p,); it is moved into the box.
+        start: Start, shape (p,), each variable in a unit of its own; it is moved into the box.
         low: Lower bounds, shape (p,).
         high: Upper bounds, shape (p,).
         iterations: Steps tried at most.

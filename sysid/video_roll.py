@@ -62,7 +62,7 @@ def roll_from_video(path: Path, options: VideoOptions | None = None) -> Roll:
 def roll_from_track(
     clip: "Clip", lens: "Lens", target: "Target", track: "Track", options: VideoOptions
 ) -> "tuple[Roll, Rows]":
-    """Turn what was followed in a film into roll; return it and the row of `track` of each sample.
+    """Turn what was followed in a film into roll [rad]; return it and the row of `track` of each sample, shape (n,).
 
     Raises:
         HuskyError: There are fewer than 8 frames for each period of the oscillation.

@@ -90,7 +90,7 @@ class Workspace:
 
     def earlier(self, name: str) -> list[Path]:
         """Return the records that a board had before, oldest first."""
-        return sorted(self._earlier(name).glob("*.toml"))
+        return sorted(self._earlier(name).glob("[0-9]*.toml"))  # not what a killed command left half-written
 
     def undo(self, name: str) -> Path:
         """Put a board's record back to what it was before it was last written, and return its path.

@@ -18,6 +18,7 @@ import numpy as np
 from policy_runtime.evaluation.metrics import Rides
 from policy_runtime.evaluation.plain import Protocol
 from policy_runtime.evaluation.result import PATHS, TIME_LIMIT, Evaluation, Part, part_of, summarise
+from policy_runtime.evaluation.stress import CALM
 from policy_runtime.loop.policy_file import open_policy
 from sim.skate.cycle.clock import CONTROL_PERIOD
 from sim.skate.mdp.actor_observation import OBSERVATION_SIZE
@@ -115,6 +116,8 @@ def evaluate_in_parallel(
         HuskyError: mjlab or torch is not installed, or the policy does not fit.
     """
     protocol = protocol or Protocol()
+    if protocol.stress != CALM or protocol.terrain != "flat":
+        raise HuskyError("stress and terrain are of plain MuJoCo. Leave --simulator out.")
     batch = BatchPolicy(policy, board, force=force)
     parts: list[Part] = []
     for seed in seeds:
@@ -144,23 +147,22 @@ def _worlds(
             "or evaluate in plain MuJoCo."
         ) from error
     from sim.skate.cycle.start import Start
-    from sim.skate.options import SkateOptions
+    from sim.skate.options import SkateOptions, Variation
     from sim.skate.task import skate_env_cfg
 
-    options = SkateOptions(
+    drawn = {
+        "start": Start(standing=1.0, pushing=0.0, steering=0.0),
+        "foot_place": SkateOptions().foot_place,
+        "boards": 64,
+        "variation": Variation(),
+    }
+    options = SkateOptions.nominal(
         speed=protocol.speed,
         turn=protocol.turn,
-        start=Start(
-            standing=1.0, pushing=0.0, steering=0.0, position_noise=0.02 if protocol.randomised else 0.0
-        ),
-        boards=64 if protocol.randomised else 0,
         pushes=protocol.pushes,
-        noise=False,
         episode=protocol.duration,
         turn_feedback=turn_feedback,
-        # What ends an episode to teach something is no failure of a rider.
-        stance_patience=0,
-        idle_patience=0.0,
+        **(drawn if protocol.randomised else {}),
     )
     torch.manual_seed(seed)
     device = device or ("cuda:0" if torch.cuda.is_available() else "cpu")

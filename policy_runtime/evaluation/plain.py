@@ -17,6 +17,7 @@ import numpy as np
 from policy_runtime.evaluation.metrics import Rides
 from policy_runtime.evaluation.recording import Recorder, Recording
 from policy_runtime.evaluation.result import PATHS, TIME_LIMIT, Evaluation, Part, part_of, summarise
+from policy_runtime.evaluation.stress import CALM, Stress, StressedRobot
 from policy_runtime.loop.commands import Command
 from policy_runtime.loop.policy import OnnxPolicy, Policy
 from policy_runtime.loop.policy_file import open_policy
@@ -24,6 +25,7 @@ from policy_runtime.loop.scripted import SCRIPTS, scripted
 from policy_runtime.loop.world import World, joint_limits, make_world
 from policy_runtime.runtime import Runtime
 from sim.skate.cycle.clock import CONTROL_PERIOD, Clock
+from sim.skate.world.terrain import Terrain
 from sysid.board import Board
 from sysid.errors import HuskyError
 from sysid.roll import Array
@@ -46,6 +48,10 @@ class Protocol:
     """Largest commanded turn to either side [rad]."""
     pushes: float = 0.0
     """Largest change of velocity by shoves, one every 5 to 10 s [m/s]."""
+    stress: Stress = CALM
+    """How the world differs from the nominal one (plain MuJoCo only)."""
+    terrain: Terrain = "flat"
+    """The ground (plain MuJoCo only)."""
     randomised: bool = False
     """Every world another one, as in training: friction, centres of mass, boards, place of the pelvis (mjlab
     only)."""
@@ -86,6 +92,13 @@ class _Episode:
         if self.protocol.pushes > 0 and time >= self._shove:
             self.world.robot.push(self.rng.uniform(-self.protocol.pushes, self.protocol.pushes, 2))
             self._shove = time + float(self.rng.uniform(5, 10))
+        if self.protocol.stress.push > 0 and time >= self._shove:
+            assert isinstance(self.world.robot, StressedRobot)  # as `stressed_world` builds it
+            angle = self.rng.uniform(-math.pi, math.pi)
+            self.world.robot.push_with(
+                self.protocol.stress.push * np.array([math.cos(angle), math.sin(angle)])
+            )
+            self._shove = time + float(self.rng.uniform(5, 10))
         return Command(self._speed, self._turn)
 
     def close(self) -> None:
@@ -114,6 +127,8 @@ def run_episode(
         rng: Draws commands, joint deviations and shoves.
     """
     world.reset(rng=rng)
+    if isinstance(world.robot, StressedRobot):
+        world.robot.rng = rng.spawn(1)[0]
     recorder = Recorder(world.robot)
     episode = _Episode(world, recorder, protocol, rng)
     limits = joint_limits(world.robot.model, tilt=FALLEN, joint_margin=0.3, torque_time=math.inf)
@@ -124,6 +139,15 @@ def run_episode(
     if result.stopped is not None:
         episode.ending = "fallen" if result.stopped.startswith("tilt") else result.stopped.split(":")[0]
     return recorder.recording(), episode.ending
+
+
+def stressed_world(board: Board, protocol: Protocol) -> World:
+    """Build the world that a protocol asks for."""
+    world = make_world(board, terrain=protocol.terrain)
+    if protocol.stress == CALM:
+        return world
+    protocol.stress.change(world.robot.model)
+    return World(StressedRobot(world.robot.model, protocol.stress), world.start)
 
 
 def policy_named(name: str, board: Board | None, *, force: bool = False) -> Policy:
@@ -150,7 +174,7 @@ class _Job:
 
 def _work(job: _Job) -> Part:
     """Ride some episodes of one seed in a process of its own."""
-    world = make_world(job.board)
+    world = stressed_world(job.board, job.protocol)
     policy = policy_named(job.policy, job.board, force=job.force)
     rides: list[Rides] = []
     endings: list[str] = []

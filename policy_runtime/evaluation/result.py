@@ -1,14 +1,15 @@
 """What many measured episodes say: success, errors with their intervals, endings, and where errors come from."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from policy_runtime.evaluation.breakdown import Table, add_up, break_down
-from policy_runtime.evaluation.metrics import METRICS, Rides, episode_errors, reachable_headings
+from policy_runtime.evaluation.metrics import METRICS, Flags, Rides, episode_errors, reachable_headings
 from policy_runtime.evaluation.statistics import mean_over, proportion
-from sim.skate.cycle.clock import CONTROL_PERIOD
+from sim.skate.cycle.clock import CONTROL_PERIOD, STILL_SPEED
 from sysid.quantity import Quantity
 from sysid.roll import Array
 
@@ -29,6 +30,8 @@ class Part:
     """[s], shape (n,)."""
     endings: list[str]
     """How each episode ended."""
+    stood: Flags
+    """Whether it was told to stand all the time, shape (n,)."""
     headings: Array
     """See `metrics.reachable_headings`."""
     tables: tuple[Table, ...]
@@ -51,6 +54,7 @@ def part_of(seed: int, rides: Rides, endings: list[str], paths: list[Array]) -> 
         errors=episode_errors(rides),
         durations=rides.alive.sum(axis=0) * CONTROL_PERIOD,
         endings=endings,
+        stood=np.atleast_1d((rides.commanded_speed * rides.alive < STILL_SPEED).all(axis=0)),
         headings=reachable_headings(rides),
         tables=break_down(rides),
         paths=paths,
@@ -67,12 +71,17 @@ class Evaluation:
     """Episodes of each seed."""
     seeds: tuple[int, ...]
     success: Quantity
+    """Share of the rides that last to the time limit; told to stand is no ride."""
+    standing: Quantity
+    """The same of the episodes that were told to stand."""
     errors: dict[str, Quantity]
     """Every metric of `METRICS`."""
     endings: dict[str, int]
     """How many episodes ended in which way."""
     duration: Quantity
     """Time until the end of an episode [s]."""
+    median_duration: float
+    """Of the rides, without those told to stand [s]."""
     headings: Array
     """See `metrics.reachable_headings`."""
     tables: tuple[Table, ...]
@@ -88,8 +97,10 @@ class Evaluation:
             "episodes": self.episodes,
             "seeds": list(self.seeds),
             "E_succ": self.success.to_json(),
+            "standing": self.standing.to_json(),
             **{name: quantity.to_json() for name, quantity in self.errors.items()},
             "duration": self.duration.to_json(),
+            "median_duration": self.median_duration,
             "endings": self.endings,
             "breakdown": [table.to_json() for table in self.tables],
             "headings": [
@@ -115,22 +126,29 @@ def summarise(parts: list[Part], policy: str, board: str) -> Evaluation:
     errors: dict[str, dict[int, list[Array]]] = {key: {seed: [] for seed in seeds} for key in METRICS}
     durations: dict[int, list[Array]] = {seed: [] for seed in seeds}
     endings: dict[str, int] = {}
+    lasted = {stood: [0, 0] for stood in (False, True)}
     for part in parts:
         for key, values in part.errors.items():
             errors[key][part.seed].append(values)
         durations[part.seed].append(part.durations)
         for ending in part.endings:
             endings[ending] = endings.get(ending, 0) + 1
+        for stood, ending in zip(part.stood.tolist(), part.endings, strict=True):
+            lasted[stood][0] += ending == TIME_LIMIT
+            lasted[stood][1] += 1
     episodes = sum(endings.values())
+    rode = np.concatenate([part.durations[~part.stood] for part in parts])
     return Evaluation(
         policy=policy,
         board=board,
         episodes=round(episodes / len(seeds)),
         seeds=seeds,
-        success=proportion(endings.get(TIME_LIMIT, 0), episodes),
+        success=proportion(*lasted[False]),
+        standing=proportion(*lasted[True]),
         errors={key: mean_over(by_seed(errors[key]), unit) for key, unit in METRICS.items()},
         endings=dict(sorted(endings.items())),
         duration=mean_over(by_seed(durations), "s"),
+        median_duration=float(np.median(rode)) if len(rode) else math.nan,
         headings=np.concatenate([part.headings for part in parts]),
         tables=add_up([part.tables for part in parts]),
         paths=tuple(path for part in parts for path in part.paths)[:PATHS],

@@ -20,6 +20,9 @@ import torch.distributed
 from rsl_rl.algorithms import PPO
 from torch import nn
 
+from policy_runtime.learning.fused_update import FusedUpdate, plain_state, use_rate
+from policy_runtime.learning.graphs import Graphed
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AmpOptions:
@@ -107,7 +110,9 @@ def style_value(score: torch.Tensor) -> torch.Tensor:
 class AmpPPO(PPO):
     """PPO with a style reward; observations carry the groups `style` (windows) and `style_mask`."""
 
-    def __init__(self, *args: Any, reference: torch.Tensor, amp: AmpOptions, **kwargs: Any) -> None:
+    def __init__(
+        self, *args: Any, reference: torch.Tensor, amp: AmpOptions, graphs: bool = False, **kwargs: Any
+    ) -> None:
         """Build PPO and the discriminator.
 
         Args:
@@ -115,6 +120,7 @@ class AmpPPO(PPO):
             reference: Windows of the reference motions, (m, 5 · 23 + stretches) [rad], oldest frame first,
                 grouped by stretch.
             amp: Numbers of the style reward.
+            graphs: Whether to learn by CUDA graphs; in one process on a GPU only.
             kwargs: For PPO.
         """
         super().__init__(*args, **kwargs)
@@ -126,6 +132,10 @@ class AmpPPO(PPO):
         )
         self.style_reward = torch.zeros((), device=self.device)
         """Mean style reward of the last step, of those that pushed, for logs."""
+        self._chosen = torch.zeros(amp.batch, dtype=torch.long, device=self.device)
+        self._scores = torch.zeros(3, device=self.device)
+        self._teach = Graphed(self._teach_discriminator, self.device, enabled=graphs, side_stream=True)
+        self._fused = FusedUpdate(self) if graphs else None
 
     def process_env_step(self, obs: Any, rewards: torch.Tensor, dones: torch.Tensor, extras: Any) -> None:
         """Add the style reward and record the step."""
@@ -140,34 +150,39 @@ class AmpPPO(PPO):
     def update(self) -> dict[str, float]:
         """Update the discriminator from the rollout, then PPO."""
         losses = self._update_discriminator() if self.amp.weight > 0 else {}
-        losses |= super().update()
+        losses |= super().update() if self._fused is None else self._fused()
         if self.is_multi_gpu:
             for model in (self._raw_actor, self._raw_critic):
                 average_normaliser(model.obs_normalizer)
         return losses
 
     def _update_discriminator(self) -> dict[str, float]:
-        windows = self.storage.observations["style"].flatten(0, 1)
-        mask = self.storage.observations["style_mask"].flatten() > 0
-        pushing = windows[mask]
+        pushing = self.storage.observations["style_mask"].flatten().nonzero().squeeze(-1)
         # Every process must take part in every averaging, so an empty one learns from nothing at all.
         if len(pushing) == 0:
-            pushing = windows[:1]
-        total = torch.zeros(3, device=self.device)
+            pushing = self._chosen[:1].zero_()
+        if self._fused is not None:
+            use_rate(self.amp_optimiser, None)
+        self._scores.zero_()
         for _ in range(self.amp.updates):
-            policy = pushing[torch.randint(len(pushing), (self.amp.batch,), device=self.device)]
-            real = self._like(policy)
-            self.discriminator.normaliser.update(torch.cat((policy, real)))
-            loss = self.discriminator.loss(real, policy, self.amp.gradient_penalty)
-            self.amp_optimiser.zero_grad()
-            loss.backward()
-            average_gradients(self.discriminator)
-            self.amp_optimiser.step()
-            with torch.no_grad():
-                scores = self.discriminator(policy).mean(), self.discriminator(real).mean()
-            total += torch.stack((loss.detach(), *scores))
+            self._chosen.copy_(pushing[torch.randint(len(pushing), (self.amp.batch,), device=self.device)])
+            self._teach()
         names = ("discriminator", "policy_score", "reference_score")
-        return dict(zip(names, (total / self.amp.updates).tolist(), strict=True))
+        return dict(zip(names, (self._scores / self.amp.updates).tolist(), strict=True))
+
+    def _teach_discriminator(self) -> None:
+        """Take one step from the chosen windows."""
+        policy = self.storage.observations["style"].flatten(0, 1)[self._chosen]
+        real = self._like(policy)
+        self.discriminator.normaliser.update(torch.cat((policy, real)))
+        loss = self.discriminator.loss(real, policy, self.amp.gradient_penalty)
+        self.amp_optimiser.zero_grad()
+        loss.backward()
+        average_gradients(self.discriminator)
+        self.amp_optimiser.step()
+        with torch.no_grad():
+            scores = self.discriminator(policy).mean(), self.discriminator(real).mean()
+        self._scores += torch.stack((loss.detach(), *scores))
 
     def _like(self, policy: torch.Tensor) -> torch.Tensor:
         """Return as many reference windows as those of the policy, of the same stretches."""
@@ -183,8 +198,9 @@ class AmpPPO(PPO):
     def save(self) -> dict[str, Any]:
         """Return everything that a resumed run needs."""
         return super().save() | {
+            "optimizer_state_dict": plain_state(self.optimizer),
             "discriminator": self.discriminator.state_dict(),
-            "amp_optimiser": self.amp_optimiser.state_dict(),
+            "amp_optimiser": plain_state(self.amp_optimiser),
         }
 
     def judges_alike(self, loaded_dict: dict[str, Any]) -> bool:

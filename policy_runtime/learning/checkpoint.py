@@ -7,6 +7,7 @@
 | optimizer_state_dict | PPO's optimiser, its adaptive rate included |
 | discriminator, amp_optimiser | of the style reward |
 | iteration, samples, step_counter | done so far: iterations, steps of all worlds, steps of each |
+| curriculum | patience and strength, see `policy_runtime.learning.curriculum` |
 | random | for each process: states of torch on CPU and GPU, NumPy and Python |
 """
 
@@ -56,6 +57,33 @@ def read_checkpoint(path: Path, device: str = "cpu") -> dict[str, Any]:
             "`husky-sysid train` wrote."
         )
     return content
+
+
+def grow_inputs(kept: dict[str, Any], model: str, size: int) -> bool:
+    """Let a network take further inputs, appended to those it knows, without changing what it answers to these.
+
+    Args:
+        kept: A checkpoint's content; changed in place.
+        model: 'actor' or 'critic'.
+        size: How many inputs it shall take.
+
+    Returns:
+        Whether it had fewer. Then the optimiser, whose state is of the old size, is no longer in the content.
+    """
+    state: dict[str, torch.Tensor] = kept[f"{model}_state_dict"]
+    weight = state["mlp.0.weight"]
+    more = size - weight.shape[1]
+    if more <= 0:
+        return False
+    wider: dict[str, torch.Tensor] = {
+        "mlp.0.weight": torch.cat((weight, weight.new_zeros(len(weight), more)), 1)
+    }
+    for name, fill in (("_mean", 0.0), ("_var", 1.0), ("_std", 1.0)):
+        old = state[f"obs_normalizer.{name}"]
+        wider[f"obs_normalizer.{name}"] = torch.cat((old, old.new_full((1, more), fill)), 1)
+    kept[f"{model}_state_dict"] = {**state, **wider}
+    kept.pop("optimizer_state_dict", None)
+    return True
 
 
 def random_state(device: str) -> dict[str, Any]:

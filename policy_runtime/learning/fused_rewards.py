@@ -1,9 +1,15 @@
 # pyright: reportMissingImports=false, reportUntypedBaseClass=false, reportUnknownParameterType=false
-"""mjlab's reward manager with all terms in one array: the same numbers in a third of the tensor operations.
+# pyright: reportPrivateUsage=false
+# (mjlab keeps histories and the sensors' cache in private places.)
+"""mjlab's environment with fewer launches: all reward terms in one array, and what is judged and seen as CUDA graphs.
 
-mjlab weighs, cleans, sums and logs each term for itself, which at 28 terms is 196 launches on the GPU in every
-step, and 84 more in every step in which an episode ends. Names, weights and what is kept for logs stay as
-they are; terms are added in mjlab's order, so that even the last bit is the same.
+mjlab weighs, cleans, sums and logs each reward term for itself, which at 30 terms is 200 launches on the GPU in
+every step, and 84 more in every step in which an episode ends; it asks the device eight times how many episodes
+ended by what. Here terms are weighed at once, added in mjlab's order, so that even the last bit is the same, and
+nothing is logged but what `policy_runtime.learning.progress` sums up.
+
+A step is: act and simulate; judge (terminations, rewards), one graph; start episodes that are over; see (commands,
+observations), one graph. Contact forces are seen as they are after that start in every step.
 """
 
 from typing import Any
@@ -11,19 +17,26 @@ from typing import Any
 import torch
 from mjlab.envs import ManagerBasedRlEnv
 from mjlab.managers.reward_manager import RewardManager
+from mjlab.managers.termination_manager import TerminationManager
+
+from policy_runtime.learning.graphs import Graphed
+from sim.skate.mdp import measuring
 
 
 class FusedRewards(RewardManager):
     """All terms at once."""
 
     def __init__(self, cfg: Any, env: ManagerBasedRlEnv, *, scale_by_dt: bool = True) -> None:
-        """Put the weights on the device; they must not change afterwards."""
+        """Put the weights on the device; change them by `set_weight`."""
         super().__init__(cfg, env, scale_by_dt=scale_by_dt)
         weights = [term.weight for term in self._term_cfgs]
         self._weights = torch.tensor(weights, device=self.device)[:, None]
-        self._sums = torch.zeros(len(weights), self.num_envs, device=self.device)
-        """Sums over the episode, (terms, n)."""
-        self._episode_sums = dict(zip(self._term_names, self._sums, strict=True))
+
+    def set_weight(self, name: str, weight: float) -> None:
+        """Change the weight of a term."""
+        place = self._term_names.index(name)
+        self._term_cfgs[place].weight = weight
+        self._weights[place] = weight
 
     def compute(self, dt: float) -> torch.Tensor:
         """Return the sum of all weighted terms of this step, (n,)."""
@@ -34,24 +47,141 @@ class FusedRewards(RewardManager):
         self._reward_buf.zero_()
         for value in values:
             self._reward_buf += value
-        self._sums += values
         self._step_reward.copy_((values / scale).T)
         return self._reward_buf
 
     def reset(self, env_ids: torch.Tensor | slice | None = None) -> dict[str, torch.Tensor]:
-        """Return the means of the episodes that end, per second, and start their sums anew."""
-        ids = slice(None) if env_ids is None else env_ids
-        means = self._sums[:, ids].mean(dim=1) / self._env.max_episode_length_s
-        self._sums[:, ids] = 0.0
+        """Let the terms that remember begin anew."""
         for term in self._class_term_cfgs:
-            term.func.reset(env_ids=ids)
-        return {f"Episode_Reward/{name}": mean for name, mean in zip(self._term_names, means, strict=True)}
+            term.func.reset(env_ids=slice(None) if env_ids is None else env_ids)
+        return {}
+
+
+class QuietTerminations(TerminationManager):
+    """Terminations that do not ask the device how many episodes ended by what, nor copy anything to it."""
+
+    def compute(self) -> torch.Tensor:
+        """Return whose episode is over, (n,)."""
+        self._truncated_buf.zero_()
+        self._terminated_buf.zero_()
+        for name, term in zip(self._term_names, self._term_cfgs, strict=True):
+            over = self._term_dones[name].copy_(term.func(self._env, **term.params))
+            ended = self._truncated_buf if term.time_out else self._terminated_buf
+            ended |= over
+        return self._truncated_buf | self._terminated_buf
+
+    def reset(self, env_ids: torch.Tensor | slice | None = None) -> dict[str, torch.Tensor]:
+        """Let the terms that remember begin anew."""
+        for term in self._class_term_cfgs:
+            term.func.reset(env_ids=slice(None) if env_ids is None else env_ids)
+        return {}
+
+
+class FrameHistory:
+    """The last frames, oldest first, in one place in memory; stands for mjlab's circular buffer."""
+
+    def __init__(self, length: int) -> None:
+        """Keep so many frames."""
+        self._length = length
+        self._frames: torch.Tensor | None = None
+        self._new: torch.Tensor | None = None
+
+    @property
+    def is_initialized(self) -> bool:
+        """Whether there are frames."""
+        return self._frames is not None
+
+    @property
+    def buffer(self) -> torch.Tensor:
+        """Frames, oldest first, (n, length, …)."""
+        assert self._frames is not None  # mjlab appends first
+        return self._frames
+
+    def append(self, frame: torch.Tensor) -> None:
+        """Add a frame, (n, …); where it is an episode's first it fills all places."""
+        repeated = frame[:, None].expand(-1, self._length, *frame.shape[1:])
+        if self._frames is None or self._new is None:
+            self._frames = repeated.clone()
+            self._new = torch.zeros(len(frame), dtype=torch.bool, device=frame.device)
+            return
+        later = torch.cat((self._frames[:, 1:], frame[:, None]), dim=1)
+        new = self._new.view(-1, *[1] * frame.ndim)
+        self._frames.copy_(torch.where(new, repeated, later))
+        self._new.zero_()
+
+    def backfill(self, frame: torch.Tensor, ids: torch.Tensor) -> None:
+        """Fill all places of some worlds with their frame."""
+        assert self._frames is not None  # mjlab appends first
+        assert self._new is not None
+        self._frames[ids] = frame[ids][:, None]
+        self._new[ids] = False
+
+    def reset(self, batch_ids: Any = None) -> None:
+        """Let the next frame of some worlds be an episode's first."""
+        if self._new is not None:
+            self._new[slice(None) if batch_ids is None else batch_ids] = True
 
 
 class SkateEnv(ManagerBasedRlEnv):
-    """mjlab's environment with fused rewards."""
+    """mjlab's environment, stepped in two graphs."""
+
+    def __init__(self, cfg: Any, device: str, *, graphs: bool = True) -> None:
+        """Build the worlds.
+
+        Args:
+            cfg: The task.
+            device: 'cpu' or 'cuda:N'.
+            graphs: Whether to record CUDA graphs where there is a GPU.
+        """
+        super().__init__(cfg, device)
+        self._judge = Graphed(self._judge_state, device, enabled=graphs)
+        self._see = Graphed(self._see_state, device, enabled=graphs)
 
     def load_managers(self) -> None:
-        """Load all managers and exchange one."""
+        """Load all managers, exchange two and the history of observations."""
         super().load_managers()
         self.reward_manager = FusedRewards(self.cfg.rewards, self, scale_by_dt=self.cfg.scale_rewards_by_dt)
+        self.termination_manager = QuietTerminations(self.cfg.terminations, self)
+        histories: dict[str, dict[str, Any]] = self.observation_manager._group_obs_term_history_buffer
+        for buffers in histories.values():
+            for name, buffer in buffers.items():
+                buffers[name] = FrameHistory(buffer.max_length)
+
+    def step(self, action: torch.Tensor) -> Any:
+        """Take a policy step and return what mjlab's environment returns."""
+        self.extras["log"] = {}
+        self.action_manager.process_action(action)
+        for _ in range(self.cfg.decimation):
+            self.action_manager.apply_action()
+            self.scene.write_data_to_sim()
+            self.sim.step()
+            self.scene.update(dt=self.physics_dt)
+        self._sim_step_counter += self.cfg.decimation
+        self.common_step_counter += 1
+        measuring.keep(self, self._judge())
+        if "interval" in self.event_manager.available_modes:
+            self.event_manager.apply(mode="interval", dt=self.step_dt)
+        over = self.reset_buf.nonzero(as_tuple=False).squeeze(-1)
+        if len(over) > 0:
+            self._reset_idx(over)
+            self.scene.write_data_to_sim()
+        self.sim.forward()
+        # What is seen next is not what a graph will write next: the learner looks back at it.
+        self.obs_buf = {name: seen.clone() for name, seen in self._see().items()}
+        return self.obs_buf, self.reward_buf, self.reset_terminated, self.reset_time_outs, self.extras
+
+    def _judge_state(self) -> Any:
+        """Find what is over and what is earned; return the state that was looked at."""
+        measuring.keep(self, None)
+        self.episode_length_buf += 1
+        self.reset_buf = self.termination_manager.compute()
+        self.reset_terminated = self.termination_manager.terminated
+        self.reset_time_outs = self.termination_manager.time_outs
+        self.reward_buf = self.reward_manager.compute(dt=self.step_dt)
+        return measuring.kept(self)
+
+    def _see_state(self) -> Any:
+        for sensor in self.scene.sensors.values():
+            sensor._invalidate_cache()
+        self.command_manager.compute(dt=self.step_dt)
+        return self.observation_manager.compute(update_history=True)

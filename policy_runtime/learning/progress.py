@@ -5,27 +5,35 @@
 | name | meaning |
 |---|---|
 | survival | share of the episodes that ended in this iteration by time, not by a fall |
-| falls_per_minute | falls per minute of simulated riding |
+| falls_per_minute | episodes ended early per minute of simulated riding |
+| patience, strength, entropy_weight | how hard the task is, see `policy_runtime.learning.curriculum` |
 | speed_error | mean |v - v_cmd| while pushing [m/s] |
 | heading_error | mean |heading - target| while steering [rad] |
 | tilt_error, tilt | mean |γ - γ_ref| and |γ| while steering [rad] |
 | both_feet | share of the steering steps with both feet on the deck |
 | foot_down | share of the pushing steps with the pushing foot on the ground |
+| foot_place | mean distance of the right foot from where it stood at the start [m] |
+| wrong_tilt | share of the steering steps with the deck tilted more than 3° the wrong way |
 | wrong_push | share of the pushing steps with the right foot off the deck or the left one on it |
 | wrong_steer | share of the steering steps with a foot off the deck or on the ground |
 | reward/… | mean weighted reward of each term per second |
 | end/… | episodes ended by each cause per minute of simulated riding |
 """
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import torch
 
 from sim.skate.arrays import wrap_angle
+from sim.skate.mdp import rewards
 from sim.skate.mdp.measuring import measure
 
 if TYPE_CHECKING:
     from mjlab.envs import ManagerBasedRlEnv
+
+WRONG_TILT = math.radians(3)
+"""Tilt the wrong way that is counted [rad]."""
 
 
 class Progress:
@@ -36,6 +44,7 @@ class Progress:
         self._env = env
         self._terms = env.reward_manager.active_terms
         self._ends = env.termination_manager.active_terms
+        self._blameless = {name for name in self._ends if env.termination_manager.get_term_cfg(name).time_out}
         self._sums: dict[str, torch.Tensor] = {}
         self._steps = 0
         self._broken = torch.zeros(env.num_envs, dtype=torch.bool, device=env.device)
@@ -53,12 +62,15 @@ class Progress:
         left, right = state.foot_on_deck[:, 0], state.foot_on_deck[:, 1]
         # Chosen, not multiplied: what has broken down counts nothing, and nothing times NaN is NaN.
         sums = {
+            "all": torch.ones_like(steering).sum(),
             "steering": steering.sum(),
             "pushing": pushing.sum(),
             "speed_error": torch.where(pushes, speed, 0.0).sum(),
             "heading_error": torch.where(steers, heading, 0.0).sum(),
             "tilt_error": torch.where(steers, (state.tilt - state.tilt_reference).abs(), 0.0).sum(),
             "tilt": torch.where(steers, state.tilt.abs(), 0.0).sum(),
+            "foot_place": torch.where(broken, 0.0, state.foot_place_error.abs()).sum(),
+            "wrong_tilt": ((rewards.wrong_tilt(state) > WRONG_TILT) * steering).sum(),
             "both_feet": (state.foot_on_deck.all(dim=-1) * steering).sum(),
             "foot_down": (state.foot_on_ground[:, 0] * pushing).sum(),
             "wrong_push": ((left | ~right) * pushing).sum(),
@@ -94,7 +106,7 @@ class Progress:
         get = lambda name: float(values[name])  # noqa: E731
         minutes = steps * self._env.num_envs * self._env.step_dt / 60
         ends = dict(zip(self._ends, values["end"].tolist(), strict=True))
-        falls = sum(count for name, count in ends.items() if name != "time_out")
+        falls = sum(count for name, count in ends.items() if name not in self._blameless)
         result: dict[str, Any] = {
             "survival": ends["time_out"] / max(ends["time_out"] + falls, 1.0),
             "falls_per_minute": falls / minutes,
@@ -105,6 +117,8 @@ class Progress:
             ("heading_error", "steering"),
             ("tilt_error", "steering"),
             ("tilt", "steering"),
+            ("foot_place", "all"),
+            ("wrong_tilt", "steering"),
             ("both_feet", "steering"),
             ("foot_down", "pushing"),
             ("wrong_push", "pushing"),

@@ -59,6 +59,13 @@ class LearnOptions:
     clip: float = 0.2
     value_weight: float = 1.0
     entropy: float = 0.005
+    """Weight of the actions' entropy; where the curriculum leads, a beginner's."""
+    last_entropy: float = 0.001
+    """Weight of the actions' entropy at the end of the curriculum."""
+    curriculum: bool = True
+    """Whether the task becomes harder as the learner does better; see `policy_runtime.learning.curriculum`."""
+    graphs: bool = True
+    """Whether to launch many small operations as one CUDA graph where there is a GPU."""
     learning_rate: float = 1e-3
     """Where the adaptive rate starts."""
     desired_kl: float = 0.015

@@ -10,6 +10,7 @@ from reports.figures.palette import BAD, GOOD, NOISE, SIM
 from sim.skate.cycle.clock import STILL_SPEED
 from sim.skate.robot.g1 import servos
 from sysid.files import atomic_path
+from sysid.quantity import Quantity
 from sysid.roll import Array
 
 if TYPE_CHECKING:
@@ -190,5 +191,35 @@ def paths_figure(paths: tuple[Array, ...], headings: Array, title: str, path: Pa
     right.set(title="turns", xlabel="asked for [°]", ylabel="achieved [°]")
     right.legend(fontsize=8, frameon=False)
     right.grid(alpha=0.3)
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=120)
+
+
+def suite_figure(shares: list[tuple[str, Quantity]], title: str, path: Path) -> None:
+    """Draw which share of the rides lasts under each condition, with 95 % intervals, as a PNG file.
+
+    Args:
+        shares: Name of the condition and share of rides, the first on top.
+        title: Who rode what.
+        path: Where to write.
+
+    Raises:
+        HuskyError: The folder cannot be written to.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8, 1.2 + 0.36 * len(shares)), layout="constrained")
+    axes = figure.subplots()
+    for row, (_, share) in enumerate(shares):
+        low, high = share.ci95
+        axes.barh(row, share.value, color=SIM, height=0.6)
+        axes.plot((low, high), (row, row), color=NOISE, lw=2)
+    axes.set_yticks(range(len(shares)), [name for name, _ in shares])
+    axes.invert_yaxis()
+    axes.set(xlim=(0, 1.02), xlabel="share of the rides that last, with 95 % interval")
+    axes.set_title(title, loc="left", fontsize=10)
+    axes.grid(axis="x", alpha=0.3)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
     with atomic_path(path) as temporary:
         figure.savefig(temporary, dpi=120)

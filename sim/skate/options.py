@@ -2,10 +2,10 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal, Self
 
 from sim.board.scene import Coupling
-from sim.skate.cycle.start import Start
+from sim.skate.cycle.start import STANDING_PLACE, Start
 from sim.skate.cycle.tilt_guidance import Kinematics
 from sim.skate.world.posterior import Spread
 from sim.skate.world.terrain import Terrain
@@ -16,6 +16,49 @@ clock of foot contacts, or not at all."""
 Guidance = Literal["path", "translation", "style", "none"]
 """What guides mounting and dismounting: positions and orientations of the key bodies, positions only, the style of
 reference motions, nothing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variation:
+    """How far robots, boards, grounds and sensors differ from world to world, at full strength.
+
+    Each world draws its place within these ranges once; the strength, from 0 to 1, scales the way from the
+    nominal value to the drawn one, so that a curriculum can lead from one world to all of them.
+    """
+
+    action_delay: float = 0.04
+    """Longest time from the policy's answer to the servos [s]; at most two policy steps."""
+    sensor_delay: float = 0.02
+    """Longest time from the sensors to the policy [s]; at most two policy steps."""
+    gains: float = 0.15
+    """Relative half-width of the servos' kp and kd, each joint on its own."""
+    masses: float = 0.10
+    """Relative half-width of masses and inertias of the robot's links, each on its own."""
+    rolling_friction: tuple[float, float] = (0.5, 4.0)
+    """Factors of the wheels' rolling friction, evenly spread in their logarithm."""
+    slope: float = math.radians(4.0)
+    """Steepest ground [rad], along the start's direction; half of it across. Drawn at every second start; the
+    others are level."""
+    gyro_bias: float = 0.03
+    """[rad/s]"""
+    gravity_bias: float = 0.02
+    """Error of the direction of gravity [rad]."""
+    encoder_bias: float = 0.015
+    """[rad]"""
+
+
+NOMINAL = Variation(
+    action_delay=0.0,
+    sensor_delay=0.0,
+    gains=0.0,
+    masses=0.0,
+    rolling_friction=(1.0, 1.0),
+    slope=0.0,
+    gyro_bias=0.0,
+    gravity_bias=0.0,
+    encoder_bias=0.0,
+)
+"""Worlds that do not differ."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,7 +73,12 @@ class SkateOptions:
     tilt_guidance: bool = True
     kinematics: Kinematics = "two-truck"
     turn_time: float = 1.2
-    """Longest time that the guidance spreads a turn over [s]; inf for the paper's form."""
+    """Longest time that the guidance looks ahead [s]; inf for the paper's form."""
+    turn_spread: float = 2.2
+    """Time over which a turn is spread evenly [s]; 0 asks for all of it at once. Rewards ask for the heading of
+    the moment: what is asked at once is answered by a corner."""
+    foot_place: tuple[float, float] = (-0.12, 0.0)
+    """Where along the deck the right foot stands at the start, from the front marker [m]; there it shall stay."""
     tilt_tolerance: float = 0.05
     """Tolerance of the reward for the asked tilt [rad]; the release's 0.02 pays nothing to a learner whose
     deck still swings by 0.1."""
@@ -67,8 +115,26 @@ class SkateOptions:
     """Perturbation of the canonical poses: this much is added to every joint [rad]."""
     noise: bool = True
     """Noise on the actor's observation."""
-    episode: float = 20.0
-    """Length of an episode [s]."""
+    variation: Variation = field(default_factory=Variation)
+    """How far worlds differ."""
+    episode: float = 60.0
+    """Length of an episode [s]: what adds up from cycle to cycle shows in the tenth, not in the third."""
+
+    @classmethod
+    def nominal(cls, **changes: Any) -> Self:
+        """Return the task as it is measured: one world, no noise, no shoves, from rest where the paper starts."""
+        plain: dict[str, Any] = {
+            "start": Start(standing=1.0, pushing=0.0, steering=0.0, position_noise=0.0),
+            "foot_place": (STANDING_PLACE, STANDING_PLACE),
+            "boards": 0,
+            "pushes": 0.0,
+            "noise": False,
+            "variation": NOMINAL,
+            "stance_patience": 0,
+            "idle_patience": 0.0,
+            "episode": 20.0,
+        }
+        return cls(**(plain | changes))
 
     @property
     def styled(self) -> bool:

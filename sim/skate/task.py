@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sim.board.scene import TRUCK_JOINTS
 from sim.skate.cycle.clock import Clock
 from sim.skate.cycle.push_clips import PushClip
 from sim.skate.cycle.tilt_guidance import TiltGuidance
 from sim.skate.cycle.transitions import TransitionPath
 from sim.skate.mdp import rewards
 from sim.skate.mdp.actor_observation import FRAMES, NOISE, SCALE
-from sim.skate.options import SkateOptions
+from sim.skate.options import NOMINAL, SkateOptions
 from sim.skate.robot.g1 import JOINTS, default_pose, motor_of
 from sim.skate.robot.poses import load_poses
 from sim.skate.world.posterior import draw_boards, tilt_draws
@@ -37,6 +38,8 @@ if TYPE_CHECKING:
 
 STYLE_FRAMES = 5
 """Joint frames that the style discriminator judges together."""
+RUNAWAY_SPEED = 4.0
+"""Speed at which a ride down a slope is broken off, without blame [m/s]: real slopes end."""
 TRACKING_WEIGHT = 5.0
 """Weight of following a reference clip while pushing, per second."""
 
@@ -65,12 +68,14 @@ def skate_env_cfg(
     from mjlab.envs import ManagerBasedRlEnvCfg
     from mjlab.envs.mdp.actions import JointPositionActionCfg
 
+    from sim.skate.mdp.delay import DelayedJointPositionCfg
     from sim.skate.mdp.trucks import TruckSetterCfg
 
     scene = SceneOptions(coupling=options.coupling, steered=options.steered, terrain=options.terrain)
     command = skate_command_cfg(board, options)
     rake = board.geometry["rake"].value
-    action = JointPositionActionCfg(
+    delayed = options.variation != NOMINAL
+    action = (DelayedJointPositionCfg if delayed else JointPositionActionCfg)(
         entity_name="robot",
         actuator_names=(".*",),
         scale={joint: motor_of(joint).action_scale for joint in JOINTS},
@@ -109,6 +114,7 @@ def skate_command_cfg(board: Board, options: SkateOptions) -> "SkateCommandCfg":
         speed=options.speed,
         turn=(-options.turn, options.turn),
         turn_feedback=options.turn_feedback,
+        turn_spread=options.turn_spread,
         clock=Clock(mount=options.mount_steps),
         path=TransitionPath(order=options.bezier_order, lift=options.lift),
         guidance=TiltGuidance(
@@ -149,8 +155,10 @@ def reward_terms(
         "steer/feet_on_markers": term(rewards.feet_on_markers, "steer", 2.0),
         "steer/heading": term(rewards.board_heading, "steer", 5.0),
         "steer/exact_heading": term(rewards.board_heading, "steer", 4.0, tolerance=0.05),
+        "steer/tilt_rate": term(rewards.tilt_rate, "steer", -0.1),
         "coast/board_velocity": term(rewards.board_velocity, "not-push", 2.0),
         "always/wheels": term(rewards.wheels_on_ground, "always", 0.5),
+        "always/foot_place": term(rewards.foot_place, "always", 6.0),
         "always/level_deck": term(rewards.level_deck, "not-steer", 3.0),
         "always/stand": term(rewards.standing_still, "still", 1.0, pose=stand),
         "always/alive": term(rewards.alive, "always", 1.0),
@@ -170,6 +178,7 @@ def reward_terms(
             func=PushTracking, weight=TRACKING_WEIGHT, params={"clips": tuple(clips)}
         )
     if options.tilt_guidance:
+        terms["steer/wrong_tilt"] = term(rewards.wrong_tilt, "steer", -40.0)
         terms["steer/tilt_guide"] = term(rewards.tilt_guide, "steer", 4.0, tolerance=options.tilt_tolerance)
     if options.transition in ("path", "translation"):
         terms["transition/positions"] = term(rewards.key_positions, "transition", 10.0)
@@ -187,7 +196,8 @@ def _observations(options: SkateOptions) -> "dict[str, ObservationGroupCfg]":
     from sim.skate.mdp import observations
 
     noise = UniformNoiseCfg(n_min=tuple(-n for n in NOISE), n_max=NOISE) if options.noise else None
-    frame = ObservationTermCfg(func=observations.ActorFrame, noise=noise, scale=SCALE)
+    sees = observations.ActorFrame if options.variation == NOMINAL else observations.SensedFrame
+    frame = ObservationTermCfg(func=sees, noise=noise, scale=SCALE)
     in_transitions = options.transition == "style"
     window = {"joints": ObservationTermCfg(func=observations.joint_angles, history_length=STYLE_FRAMES)}
     if in_transitions:
@@ -222,6 +232,10 @@ def _terminations(options: SkateOptions) -> "dict[str, TerminationTermCfg]":
         "body_contact": TerminationTermCfg(func=measuring.body_contact),
         "not_finite": TerminationTermCfg(func=measuring.not_finite),
     }
+    if options.variation.slope > 0:
+        ends["runaway"] = TerminationTermCfg(
+            func=measuring.runaway, params={"speed": RUNAWAY_SPEED}, time_out=True
+        )
     if options.stance_patience > 0:
         ends["wrong_stance"] = TerminationTermCfg(
             func=measuring.WrongStance, params={"patience": options.stance_patience}
@@ -239,6 +253,7 @@ def _events(board: Board, options: SkateOptions, scene: SceneOptions, seed: int)
     from mjlab.managers.scene_entity_config import SceneEntityCfg
 
     from sim.skate.mdp import randomisation
+    from sim.skate.mdp.worlds import Worlds, draw_slope
 
     def startup(function: Any, **params: Any) -> EventTermCfg:
         return EventTermCfg(func=function, mode="startup", params=params)
@@ -248,7 +263,11 @@ def _events(board: Board, options: SkateOptions, scene: SceneOptions, seed: int)
         "begin": EventTermCfg(
             func=randomisation.begin,
             mode="reset",
-            params={"start": options.start, "standing_height": standing_height()},
+            params={
+                "start": options.start,
+                "foot_place": options.foot_place,
+                "standing_height": standing_height(),
+            },
         ),
         "torso_com": startup(
             dr.body_com_offset,
@@ -267,6 +286,7 @@ def _events(board: Board, options: SkateOptions, scene: SceneOptions, seed: int)
             asset_cfg=SceneEntityCfg("robot", geom_names=(".*_foot.*_collision",)),
             operation="scale",
             ranges=(0.3, 1.6),
+            distribution="log_uniform",
             shared_random=True,
         ),
         "deck_friction": startup(
@@ -276,11 +296,18 @@ def _events(board: Board, options: SkateOptions, scene: SceneOptions, seed: int)
             ranges=(0.8, 2.0),
         ),
     }
+    if options.variation != NOMINAL:
+        events["worlds"] = startup(Worlds, variation=options.variation)
+        events["slope"] = EventTermCfg(func=draw_slope, mode="reset")
     if options.boards > 0:
         rng = np.random.default_rng(seed)
         written = as_written(board, scene)
         draws = tilt_draws(draw_boards(written, options.boards, options.spread, rng), scene.timestep)
-        events["tilt_joint"] = startup(randomisation.draw_tilt_joint, draws=draws)
+        steers = options.steered and options.coupling == "equality"
+        couplings = tuple(f"board/{name.replace('joint', 'coupling')}" for name in TRUCK_JOINTS)
+        events["board"] = startup(
+            randomisation.draw_board, draws=draws, couplings=couplings if steers else ()
+        )
     if options.pushes > 0:
         events["push"] = EventTermCfg(
             func=randomisation.push,

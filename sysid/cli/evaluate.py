@@ -2,15 +2,79 @@
 
 import math
 import os
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from cyclopts import Parameter
+from cyclopts import Group, Parameter
 
 from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.errors import HuskyError
 from sysid.quantity import Quantity
+
+if TYPE_CHECKING:
+    from policy_runtime.evaluation.plain import Protocol
+    from policy_runtime.evaluation.result import Evaluation
+
+CONDITION = Group("Condition", sort_key=0)
+
+
+@Parameter(name="*", group=CONDITION)
+@dataclass(frozen=True, kw_only=True)
+class Condition:
+    """What a policy rides under: nothing that makes it hard, unless asked for."""
+
+    duration: float = 20.0
+    """Length of an episode [s]."""
+    pushes: float = 0.0
+    """Largest change of velocity by shoves, one every 5 to 10 s [m/s]."""
+    delay: float = 0.0
+    """From the policy's answer to the servos [s]."""
+    noise: float = 0.0
+    """Noise of the sensors, as a multiple of the training's."""
+    mass: float = 1.0
+    """Factor of the robot's masses and inertias."""
+    friction: float | None = None
+    """Sliding friction of the soles; the scene's 1.0 if not given."""
+    rolling: float = 1.0
+    """Factor of the wheels' rolling friction."""
+    slope: float = 0.0
+    """Gradient of the ground along the start's direction [degrees], uphill positive."""
+    push: float = 0.0
+    """Force on the pelvis for 0.1 s, in a drawn direction, every 5 to 10 s [N]."""
+    terrain: Literal["flat", "slopes", "steps"] = "flat"
+    """The ground: level, descents of 5 to 10 degrees, or ledges of 3 to 6 cm to roll down."""
+    randomised: bool = False
+    """Draw every world as in training: friction, centres of mass, boards (mjlab only)."""
+
+    def protocol(self) -> "Protocol":
+        """Return what every episode is like.
+
+        Raises:
+            HuskyError: A number makes no ride.
+        """
+        from policy_runtime.evaluation.plain import Protocol
+        from policy_runtime.evaluation.stress import Stress
+
+        if not self.duration > 0:
+            raise HuskyError(f"--duration {self.duration:g}: must be longer than 0 s.")
+        stress = Stress(
+            delay=self.delay,
+            noise=self.noise,
+            mass=self.mass,
+            friction=self.friction,
+            rolling=self.rolling,
+            slope=math.radians(self.slope),
+            push=self.push,
+        )
+        return Protocol(
+            duration=self.duration,
+            pushes=self.pushes,
+            stress=stress,
+            terrain=self.terrain,
+            randomised=self.randomised,
+        )
 
 
 def evaluate(
@@ -20,10 +84,9 @@ def evaluate(
     board: Annotated[str, Parameter(name=["--board", "-b"])],
     episodes: int = 100,
     seeds: int = 5,
-    duration: float = 20.0,
-    pushes: float = 0.0,
+    condition: Condition = Condition(),
+    suite: Annotated[bool, Parameter(group=CONDITION)] = False,
     simulator: Literal["mujoco", "mjlab"] = "mujoco",
-    randomised: bool = False,
     workers: int | None = None,
     breakdown: bool = False,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"], group=OUTPUT)] = None,
@@ -37,11 +100,10 @@ def evaluate(
         board: The board to ride.
         episodes: Episodes of each seed; the paper has 1000.
         seeds: Number of seeds: 0, 1, 2, …
-        duration: Length of an episode [s].
-        pushes: Largest change of velocity by shoves, one every 5 to 10 s [m/s].
+        condition: What the policy rides under.
+        suite: Ride a table of such conditions, one after the other, instead of one.
         simulator: Plain MuJoCo, with the servos at 500 Hz as on the robot; or mjlab, in which policies are
             trained, all episodes of a seed side by side.
-        randomised: Draw every world as in training: friction, centres of mass, boards (mjlab only).
         workers: Processes in plain MuJoCo; as many as there are processors if not given.
         breakdown: Show where the errors come from: by stretch, command, time within a stretch, and foot. The
             JSON has it in any case.
@@ -54,31 +116,72 @@ def evaluate(
     from policy_runtime.evaluation.metrics import METRICS
     from policy_runtime.evaluation.parallel import evaluate_in_parallel
     from policy_runtime.evaluation.plain import Protocol, evaluate_policy
-    from reports.figures.ride import paths_figure
+    from policy_runtime.evaluation.stress import SUITE
+    from reports.figures.ride import paths_figure, suite_figure
 
     if episodes < 1 or seeds < 1:
         raise HuskyError(f"--episodes {episodes} --seeds {seeds}: both must be at least 1.")
-    if not duration > 0:
-        raise HuskyError(f"--duration {duration:g}: must be longer than 0 s.")
+    given = condition.protocol()
+    if suite and given != Protocol():
+        raise HuskyError("--suite has conditions of its own; leave the options of one condition out.")
     printer = Printer(common)
     printer.keep([Path(policy)])
     record = common.space.load_board(board)
     processes = workers or len(os.sched_getaffinity(0))
+    conditions = [("", given)]
+    if suite:
+        conditions = [(name, Protocol(duration=time, stress=harder)) for name, time, harder in SUITE]
+    measure = evaluate_in_parallel if simulator == "mjlab" else partial(evaluate_policy, workers=processes)
+    results: list[Evaluation] = []
     with Progress(console=printer.stderr, transient=True) as progress:
-        task = progress.add_task("riding", total=episodes * seeds)
-        measure = (
-            evaluate_in_parallel if simulator == "mjlab" else partial(evaluate_policy, workers=processes)
+        for name, protocol in conditions:
+            task = progress.add_task(name or "riding", total=episodes * seeds)
+            results.append(
+                measure(
+                    policy,
+                    record,
+                    episodes=episodes,
+                    seeds=tuple(range(seeds)),
+                    protocol=protocol,
+                    force=force,
+                    progress=partial(progress.advance, task),
+                )
+            )
+    result = results[0]
+    folder = output or common.space.outputs(record.name)
+    if suite:
+        title = f"{result.policy} on {result.board}: {episodes} episodes × {seeds} seed{'s' * (seeds > 1)}"
+        columns = ("E_succ", "standing", "E_vel", "E_yaw", "E_contact")
+        shown = [
+            (
+                name,
+                _text(one.success),
+                _text(one.standing),
+                f"{one.median_duration:.0f} s",
+                *(_text(one.errors[column]) for column in columns[2:]),
+            )
+            for (name, _), one in zip(conditions, results, strict=True)
+        ]
+        printer.table(("condition", *columns[:2], "median", *columns[2:]), shown, title)
+        picture = folder / f"suite-{result.policy}.png"
+        suite_figure(
+            [(name, one.success) for (name, _), one in zip(conditions, results, strict=True)], title, picture
         )
-        result = measure(
-            policy,
-            record,
-            episodes=episodes,
-            seeds=tuple(range(seeds)),
-            protocol=Protocol(duration=duration, pushes=pushes, randomised=randomised),
-            force=force,
-            progress=lambda done: progress.update(task, advance=done),
+        printer.say(f"picture: {picture}")
+        printer.result(
+            {
+                "policy": result.policy,
+                "board": result.board,
+                "conditions": [
+                    {"name": name, "duration": protocol.duration} | one.to_json()
+                    for (name, protocol), one in zip(conditions, results, strict=True)
+                ],
+                "picture": str(picture),
+            }
         )
-    rows = [("E_succ", result.success), *((name, result.errors[name]) for name in METRICS)]
+        return 0
+    rows = [("E_succ", result.success), ("standing", result.standing)]
+    rows += [(name, result.errors[name]) for name in METRICS]
     rows.append(("episode length", result.duration))
     title = f"{result.policy} on {result.board} in {simulator}: {episodes} episodes × {seeds} seed{'s' * (seeds > 1)}"
     shown = [(name, _text(value), value.method) for name, value in rows]
@@ -89,12 +192,16 @@ def evaluate(
         for table in result.tables:
             head, *body = table.texts()
             printer.table(head, body, table.title)
-    folder = output or common.space.outputs(record.name)
     picture = folder / f"evaluate-{result.policy}-{simulator}.png"
     paths_figure(result.paths, result.headings, title, picture)
     printer.say(f"picture: {picture}")
     printer.result(
-        {**result.to_json(), "simulator": simulator, "randomised": randomised, "picture": str(picture)}
+        {
+            **result.to_json(),
+            "simulator": simulator,
+            "randomised": condition.randomised,
+            "picture": str(picture),
+        }
     )
     return 0
 

@@ -100,12 +100,19 @@ class Learner:
     """Where the adaptive learning rate starts."""
     entropy: Annotated[float, Parameter(validator=Number(gte=0))] = 0.005
     """Weight of the actions' entropy."""
+    last_entropy: Annotated[float, Parameter(validator=Number(gte=0))] = 0.001
+    """Weight of the actions' entropy at the end of the curriculum."""
     desired_kl: Annotated[float, Parameter(validator=Number(gt=0))] = 0.015
     """Change of the policy that the learning rate aims at, an iteration."""
     save_every: Annotated[int, Parameter(validator=Number(gte=1))] = 100
     """Iterations between checkpoints."""
     style_weight: Annotated[float, Parameter(validator=Number(gte=0))] = 5.0
     """Weight of the style reward per second."""
+    curriculum: Literal["on", "off"] = "on"
+    """Whether patience with a wrong stance, entropy and the differences of the worlds follow what the learner can
+    do; off, the task is as hard from the first iteration as it will be."""
+    graphs: bool = True
+    """Whether to launch many small operations as one CUDA graph."""
 
     def options(self) -> LearnOptions:
         """Return the learner's options."""
@@ -116,9 +123,12 @@ class Learner:
             seed=self.seed,
             learning_rate=self.learning_rate,
             entropy=self.entropy,
+            last_entropy=self.last_entropy,
             desired_kl=self.desired_kl,
             save_every=self.save_every,
             style_weight=self.style_weight,
+            curriculum=self.curriculum == "on",
+            graphs=self.graphs,
         )
 
 

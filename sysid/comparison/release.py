@@ -26,5 +26,5 @@ class ComparedRelease:
 
     @property
     def residual(self) -> Array:
-        """Simulated minus measured."""
+        """Simulated minus measured, shape (n,): [rad], or [rad/s] where the rate was compared."""
         return self.simulated - self.measured

@@ -152,6 +152,10 @@ def corrected_percentiles(draws: Array, best: float) -> tuple[float, float]:
     """Return the 95 % interval of draws, corrected where their median is not the best value.
 
     Like a profile it does not depend on how the parameter is written (k or its logarithm).
+
+    Args:
+        draws: Values of one parameter, shape (n,), in its own unit.
+        best: The value of the fit, in the same unit.
     """
     from scipy.stats import norm
 
@@ -178,7 +182,7 @@ def _of_blocks(fit: JointFit, noise: ResidualNoise, block: int, rng: np.random.G
 
 
 def blocks(pool: Sequence[Array], count: int, length: int, rng: np.random.Generator) -> Array:
-    """Return blocks of a pool of series one after another, shape (count,)."""
+    """Return blocks of a pool of series one after another, shape (count,), in their unit."""
     length = min(length, *(len(series) for series in pool))
     places = np.array([len(series) - length + 1 for series in pool])
     ends = np.cumsum(places)

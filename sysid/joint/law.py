@@ -44,7 +44,7 @@ class JointLaw:
 
     @classmethod
     def from_vector(cls, structure: Structure, vector: Array) -> Self:
-        """Return the law with the parameters of a structure, shape (p,)."""
+        """Return the law with the parameters of a structure, shape (p,), in the units of `vector`."""
         return cls(
             **dict(zip(LINEAR, map(float, vector), strict=False)),
             effects=tuple(
@@ -64,7 +64,7 @@ class JointLaw:
 
     @property
     def vector(self) -> Array:
-        """The parameters as the structure orders them, shape (p,)."""
+        """The parameters as the structure orders them, shape (p,): I, k, d, rest angle and the effects', each in its SI unit."""
         values: Mapping[str, tuple[float, ...]] = dict(self.effects)
         own = (value for name in self.structure.effects for value in values[name])
         return np.array([self.inertia, self.stiffness, self.damping, self.rest_angle, *own])

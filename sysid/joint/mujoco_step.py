@@ -154,7 +154,7 @@ def simulate_steps(
     timestep: float,
     integrator: Integrator = "implicitfast",
 ) -> "Array":
-    """Return positions and velocities, shape (steps + 1, 2), from numbers alone; the start is the first row."""
+    """Return positions [rad] and velocities [rad/s], shape (steps + 1, 2), from numbers alone; the start is row 0."""
     import numpy as np
 
     rollout = rollout_function(hinge, ca.SX.sym("none", 0), steps, timestep=timestep, integrator=integrator)

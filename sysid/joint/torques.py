@@ -48,7 +48,14 @@ def effect_torque(law: JointLaw, name: str, time: Array, roll: Array, rate: Arra
 def torque_shares(
     law: JointLaw, times: Sequence[Array], starts: Sequence[tuple[float, float]], effects: Sequence[str]
 ) -> dict[str, float]:
-    """Return the peak torque of each effect over the peak of spring and damper, over some releases."""
+    """Return the peak torque of each effect over the peak of spring and damper, over some releases [1].
+
+    Args:
+        law: The joint.
+        times: Of each release, since its start [s], shape (n,); only how long it lasts counts.
+        starts: First roll [rad] and rate [rad/s] of each.
+        effects: Names of effects of the law.
+    """
     plain = law.of_joint()
     peaks = dict.fromkeys(effects, 0.0)
     whole = 1e-300

@@ -129,6 +129,12 @@ def lowpass(time: Array, signal: Array, slope: Array, time_constant: float) -> A
 def write_log(path: Path, time: Array, channels: Array, dialect: Dialect) -> None:
     """Write a log as the named logger would.
 
+    Args:
+        path: The file.
+        time: As stamped by the logger [s], shape (n,).
+        channels: What `measure` gives for the dialect [rad, rad/s, m/s^2], shape (n, 1) or (n, 6).
+        dialect: The logger.
+
     Raises:
         HuskyError: The file name does not go with the dialect, or cannot be written.
     """

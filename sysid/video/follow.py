@@ -28,11 +28,11 @@ def follow(
         clip: The film.
         followers: What is followed, all in one pass.
         lens: The lens.
-        spare: Pixels where something moves; the followers' boxes are spared as well.
+        spare: Pixels where something moves, shape (height, width); the followers' boxes are spared as well.
         options: A rate that replaces the stamps, and whether the camera is known to stand still.
 
     Returns:
-        The track of each.
+        The track of each: N points in n frames [px], shape (n, N, 2).
 
     Raises:
         HuskyError: The clip is damaged or cut, or has fewer than 8 frames.

@@ -53,7 +53,7 @@ class Cutout:
     """Its pixels in one of the film."""
 
     def of(self, picture: Picture) -> Image:
-        """Return the part, in grey and smoothed."""
+        """Return the part of a picture (height, width, 3) or (height, width), smoothed [grey levels], shape (h, w)."""
         part, _ = crop(grey(picture), self.box)
         size = (round(self.scale * part.shape[1]), round(self.scale * part.shape[0]))
         small = part if self.scale == 1 else cv2.resize(part, size, interpolation=cv2.INTER_AREA)
@@ -61,7 +61,7 @@ class Cutout:
 
     @property
     def inward(self) -> Array:
-        """Map from the film's pixels to its own, shape (3, 3)."""
+        """Map from places in the film [px] to places in it [px], homogeneous, shape (3, 3)."""
         left, top = self.box[:2]
         # Pixels are squares: one that is made of several has their middle for its own.
         offset = [0.5 * (self.scale - 1) - self.scale * left, 0.5 * (self.scale - 1) - self.scale * top]
@@ -133,7 +133,7 @@ def _inside(cutout: Cutout, pose: Array | None) -> Array | None:
 
 
 def pose_between(track: Track, home: int, row: int) -> Array | None:
-    """Return the similarity, shape (3, 3), that takes the points of one frame to those of another; None with fewer than two."""
+    """Return the similarity of places [px], shape (3, 3), from one frame's points to another's; None with fewer than two."""
     one, other = (track.points[number].astype(np.float64) @ np.array([1, 1j]) for number in (home, row))
     both = np.isfinite(one) & np.isfinite(other)
     if both.sum() < 2:
@@ -212,8 +212,8 @@ def lay_onto(body: BodyPicture, picture: Image, rough: Array) -> Array | None:
 
     Args:
         body: The board.
-        picture: A cutout.
-        rough: The pose roughly, in the cutout's pixels.
+        picture: A cutout [grey levels], shape (h, w).
+        rough: The pose roughly, of places in the cutout [px], shape (3, 3).
     """
     pose, middle = rough, body.corners.mean(axis=0)
     rest, scale = np.zeros(1, np.float32), 1.0

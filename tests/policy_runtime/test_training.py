@@ -239,7 +239,11 @@ def test_boards_are_drawn_about_the_record_and_reach_the_simulator():
     draws = tilt_draws(boards[:20], 0.005)
     np.testing.assert_allclose(draws.stiffness, [b.stiffness for b in boards[:20]])
     steered = np.array([b.inertia.value for b in boards[:20]]) - draws.deck_inertia[:, 0]
-    assert np.ptp(steered) < 1e-12  # the rest of the roll inertia is what steers, the same in all
+    slope = np.tan([b.geometry["rake"].value for b in boards[:20]])
+    assert (
+        np.ptp(steered / slope**2) < 1e-12
+    )  # the rest of the roll inertia is what steers, by tan² of the rake
+    np.testing.assert_allclose(draws.coupling[:, 1], slope, rtol=2e-3)  # σ ≈ tan λ · roll
     assert 0 <= steered[0] < 0.1 * board.inertia.value
     np.testing.assert_allclose(
         draws.stiffness_polynomial[:, 1], [b.effects[0].parameters["coefficient"].value for b in boards[:20]]
@@ -399,7 +403,7 @@ def test_a_run_goes_on_bit_for_bit(trained, tmp_path):
     process, config = join_processes("cpu"), trained.read_config()
     kept = torch.load(trained.checkpoint(2), weights_only=True)
     env, learner = build(trained, config, process)
-    done = restore(trained, config, env, learner, process)
+    done, _ = restore(trained, config, env, learner, process)
     assert (done.iterations, done.samples) == (2, 2 * 8 * 6) == (kept["iteration"], kept["samples"])
     assert env.unwrapped.common_step_counter == kept["step_counter"] == 12
     learned = learner.save()

@@ -243,5 +243,5 @@ def test_every_effect_of_the_catalogue_has_a_place_in_the_law(board):
             p.name: Quantity(v, 0.0, p.unit) for p, v in zip(part.parameters, part.example, strict=False)
         }
         text = law_text(replace(board, effects=(BoardEffect(name, values),)))
-        assert text.startswith("0.0087 φ̈")
+        assert text.startswith("8.70e-3 φ̈")
         assert text != law_text(replace(board, effects=()))

@@ -2,6 +2,10 @@
 
 from dataclasses import dataclass
 
+STANDING_PLACE = -0.075
+"""Where the right foot stands along the deck at the paper's start at rest, from the front marker [m]; in the
+canonical poses it stands on the marker."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Start:
@@ -16,7 +20,7 @@ class Start:
     speed: tuple[float, float] = (0.2, 1.6)
     """Speed of those that roll [m/s]."""
     position_noise: float = 0.02
-    """Half-width of the pelvis' offset over the board [m]."""
+    """Half-width of the pelvis' offset beside the board [m]."""
     joint_noise: float = 0.01
     """[rad]."""
 

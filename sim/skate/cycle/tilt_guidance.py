@@ -49,6 +49,10 @@ class TiltGuidance:
         """Return ψ̇ [rad/s], left turn positive, for a tilt γ (left edge down positive) and a speed."""
         return self._trucks * speed * np.tan(self.rake) * namespace(tilt).sin(tilt) / self.wheelbase
 
+    def time(self, left: Any) -> Any:
+        """Return the time to plan for when so much is left [s], shape (...,)."""
+        return namespace(left).clip(left, self.least_time, self.longest_time)
+
     def reference(self, heading: Any, target: Any, speed: Any, time_left: Any) -> Any:
         """Return the tilt γ_ref that reaches the target heading when the time is up [rad].
 
@@ -62,7 +66,7 @@ class TiltGuidance:
             Tilt, left edge down positive, within ±`limit`, shape (...,).
         """
         xp = namespace(heading)
-        rate = wrap_angle(target - heading) / xp.clip(time_left, self.least_time, self.longest_time)
+        rate = wrap_angle(target - heading) / self.time(time_left)
         sine = (
             rate
             * self.wheelbase

@@ -48,6 +48,8 @@ class SkateCommandCfg(CommandTermCfg):
     clock: Clock = field(default_factory=Clock)
     path: TransitionPath = field(default_factory=TransitionPath)
     guidance: TiltGuidance
+    turn_spread: float = 0.0
+    """Time over which a turn is spread evenly [s]; 0 asks for all of it at once."""
     turn_feedback: bool = True
     """Whether the actor sees how far it still has to turn, instead of the turn as it was told."""
     push_pose: CanonicalPose
@@ -79,6 +81,10 @@ class SkateCommand(CommandTerm):
         self._command = torch.zeros(n, 2, device=device)
         self._yaw_then = torch.zeros(n, device=device)
         """Yaw of the pelvis when the turn was told [rad], (n,)."""
+        self._told = torch.zeros(n, dtype=torch.long, device=device)
+        """Step at which the turn was told, (n,)."""
+        self.foot_place = torch.zeros(n, device=device)
+        """Where the right foot shall stay along the deck, from the front marker [m]: set by the reset, (n,)."""
         ends = (cfg.push_pose, cfg.steer_pose)
         self._end_positions = torch.tensor([pose.key_positions for pose in ends], device=device)
         self._end_quaternions = torch.tensor([pose.key_quaternions for pose in ends], device=device)
@@ -90,7 +96,7 @@ class SkateCommand(CommandTerm):
         self.key_positions = self._start_positions.clone()
         """Where the key bodies shall be in the board frame [m], (n, 14, 3)."""
         self.key_quaternions = self._start_quaternions.clone()
-        self.key_bodies = (self._start_positions, self._start_quaternions)
+        self.key_bodies = (self._start_positions.clone(), self._start_quaternions.clone())
         """Where the key bodies are in the board frame: positions [m] (n, 14, 3), orientations (n, 14, 4)."""
         self.fraction = torch.zeros(n, device=device)
         """Way gone within the present transition, (n,); 0 or 1 outside one."""
@@ -177,11 +183,28 @@ class SkateCommand(CommandTerm):
             lambda: rotation.rotate_back(reading.board_quaternion(), reading.board_velocity()),
         )
 
+    def heading_reference(self, ahead: "torch.Tensor | float" = 0.0) -> torch.Tensor:
+        """Return the heading on the way to the target, `ahead` [s] of this moment [rad], (n,)."""
+        if self.cfg.turn_spread == 0.0:
+            return self.target_heading
+        since = (self.step - self._told) * CONTROL_PERIOD + ahead
+        still = 1 - (since / self.cfg.turn_spread).clamp(max=1.0)
+        return wrap_angle(self.target_heading - still * self._command[:, 1])
+
     def tilt_reference(self) -> torch.Tensor:
         """Tilt γ_ref that the guidance asks for [rad], (n,)."""
-        time_left = self.clock.steering_time_left(self.step)
+        return self._once("tilt_reference", self._tilt_reference)
+
+    def _tilt_reference(self) -> torch.Tensor:
+        guidance = self.cfg.guidance
+        time = guidance.time(self.clock.steering_time_left(self.step))
         forward = self.board_velocity()[:, 0]
-        return self.cfg.guidance.reference(self.headings()[0], self.target_heading, forward, time_left)
+        return guidance.reference(self.headings()[0], self.heading_reference(time), forward, time)
+
+    def marker_offset(self) -> torch.Tensor:
+        """From where left and right sole shall stand while steering to where they are, board frame [m], (n, 2, 3)."""
+        offset = self.reading.marker_offset()
+        return torch.cat((offset[..., :1] - self.foot_place[:, None, None], offset[..., 1:]), dim=-1)
 
     def frame(self, compute: Callable[[], torch.Tensor]) -> torch.Tensor:
         """Return the actor's raw frame, (n, 78): actor and critic see the same one."""
@@ -208,9 +231,18 @@ class SkateCommand(CommandTerm):
         self._command[env_ids, 1] = turn
         self.target_heading[env_ids] = wrap_angle(self.reading.board_heading()[env_ids] + turn)
         self._yaw_then[env_ids] = rotation.yaw(self.reading.robot_quaternion()[env_ids])
+        self._told[env_ids] = self.step[env_ids]
+
+    def compute(self, dt: float | torch.Tensor, env_ids: torch.Tensor | None = None) -> None:
+        """Go on by a step; nothing is drawn anew by time, so that nobody has to wait for the device to say when.
+
+        What lasts is written in place, here and below: a CUDA graph finds it where it was.
+        """
+        self._update_command(env_ids)
 
     def _update_command(self, env_ids: torch.Tensor | None) -> None:
-        self.key_bodies = self.reading.key_bodies_on_board()
+        for kept, now in zip(self.key_bodies, self.reading.key_bodies_on_board(), strict=True):
+            kept.copy_(now)
         if env_ids is None:
             advances = (self._env.episode_length_buf > 0) & ~(self._command[:, 0] < STILL_SPEED)
             self.step += advances
@@ -222,34 +254,40 @@ class SkateCommand(CommandTerm):
 
     def count_air_time(self, left_on_ground: torch.Tensor) -> torch.Tensor:
         """Take a step with or without the left foot on the ground into account and return `air_time`."""
-        self.air_time = torch.where(left_on_ground, 0.0, self.air_time + CONTROL_PERIOD)
-        return self.air_time
+        return self.air_time.copy_(torch.where(left_on_ground, 0.0, self.air_time + CONTROL_PERIOD))
 
     def _enter_stretches(self, advances: torch.Tensor) -> None:
         clock, step = self.clock, self.step % self.clock.period
         leaves = advances & ((step == clock.push) | (step == clock.period - clock.dismount))
         positions, quaternions = self.key_bodies
-        self._start_positions = torch.where(leaves[:, None, None], positions, self._start_positions)
-        self._start_quaternions = torch.where(leaves[:, None, None], quaternions, self._start_quaternions)
+        _put(self._start_positions, leaves[:, None, None], positions)
+        _put(self._start_quaternions, leaves[:, None, None], quaternions)
         begins = advances & (step == clock.push + clock.mount)
         turn = torch.empty(self.num_envs, device=self.device).uniform_(*self.cfg.turn)
         board, robot = self.headings()
         target = wrap_angle(board + turn)
-        self._command[:, 1] = torch.where(begins, turn, self._command[:, 1])
-        self.target_heading = torch.where(begins, target, self.target_heading)
-        self._yaw_then = torch.where(begins, robot, self._yaw_then)
+        _put(self._command[:, 1], begins, turn)
+        _put(self.target_heading, begins, target)
+        _put(self._yaw_then, begins, robot)
+        _put(self._told, begins, self.step)
 
     def _update_path(self) -> None:
-        self.fraction = fraction = self.clock.transition_fraction(self.step)
+        fraction = self.fraction.copy_(self.clock.transition_fraction(self.step))
         mounting = self.stretches[1][:, None, None]
         ends = torch.where(mounting, self._end_positions[1], self._end_positions[0])
         turned = torch.where(mounting, self._end_quaternions[1], self._end_quaternions[0])
         path = self.cfg.path
-        self.key_positions = path.positions(self._start_positions, ends, fraction, self._lifted)
-        self.key_quaternions = path.orientations(self._start_quaternions, turned, fraction)
+        ends = torch.cat((ends[..., :1] + self.foot_place[:, None, None], ends[..., 1:]), dim=-1)
+        self.key_positions.copy_(path.positions(self._start_positions, ends, fraction, self._lifted))
+        self.key_quaternions.copy_(path.orientations(self._start_quaternions, turned, fraction))
 
     def _update_metrics(self) -> None:
         pass
+
+
+def _put(kept: torch.Tensor, where: torch.Tensor, new: torch.Tensor) -> None:
+    """Write new values in place where they are wanted."""
+    kept.copy_(torch.where(where, new, kept))
 
 
 def canonical_pose(joints: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> CanonicalPose:

@@ -30,14 +30,27 @@ def measure(env: "ManagerBasedRlEnv") -> SkateState:
     return _measured(env)[0]
 
 
-def _measured(env: "ManagerBasedRlEnv") -> tuple[SkateState, dict[Stretch, torch.Tensor]]:
-    """Return the state and the stretches that it lies in."""
-    kept = getattr(env, "_skate_state", None)
-    if kept is None or kept[0] != env.common_step_counter:
+Measured = tuple[SkateState, "dict[Stretch, torch.Tensor]"]
+"""The state and the stretches that it lies in."""
+
+
+def _measured(env: "ManagerBasedRlEnv") -> Measured:
+    step, measured = getattr(env, "_skate_state", (None, None))
+    if measured is None or step != env.common_step_counter:
         state = _read(env)
-        kept = (env.common_step_counter, (state, _stretches(state)))
-        env._skate_state = kept
-    return kept[1]
+        measured = state, _stretches(state)
+        keep(env, measured)
+    return measured
+
+
+def keep(env: "ManagerBasedRlEnv", measured: Measured | None) -> None:
+    """Take this as the state of this control step; None measures anew when it is next asked for."""
+    env._skate_state = (env.common_step_counter, measured)
+
+
+def kept(env: "ManagerBasedRlEnv") -> Measured:
+    """Return what `keep` takes: the state of this control step."""
+    return _measured(env)
 
 
 def _stretches(state: SkateState) -> dict[Stretch, torch.Tensor]:
@@ -91,9 +104,14 @@ def not_finite(env: "ManagerBasedRlEnv") -> torch.Tensor:
     return ~(torch.isfinite(data.qpos).all(dim=-1) & torch.isfinite(data.qvel).all(dim=-1))
 
 
-def idle_foot(env: "ManagerBasedRlEnv", patience: float) -> torch.Tensor:
+def idle_foot(env: "ManagerBasedRlEnv", patience: "float | torch.Tensor") -> torch.Tensor:
     """Return `terminations.idle_foot`, (n,)."""
     return terminations.idle_foot(measure(env), patience)
+
+
+def runaway(env: "ManagerBasedRlEnv", speed: float) -> torch.Tensor:
+    """Return where the board rolls faster than `speed` [m/s], as down a long slope, (n,)."""
+    return measure(env).board_velocity[:, 0].abs() > speed
 
 
 class OffBoard:
@@ -107,7 +125,7 @@ class OffBoard:
         """Return who has left the board, (n,)."""
         state = measure(env)
         off = terminations.off_board(state, self._unloaded)
-        self._unloaded = ~state.foot_on_deck.any(dim=-1)
+        self._unloaded.copy_(~state.foot_on_deck.any(dim=-1))
         return off & (env.episode_length_buf > _SETTLING_STEPS)
 
     def reset(self, env_ids: Any = None) -> None:
@@ -122,10 +140,9 @@ class WrongStance:
         """Start counting at nothing."""
         self._steps = torch.zeros(env.num_envs, dtype=torch.long, device=env.device)
 
-    def __call__(self, env: "ManagerBasedRlEnv", patience: int) -> torch.Tensor:
+    def __call__(self, env: "ManagerBasedRlEnv", patience: "float | torch.Tensor") -> torch.Tensor:
         """Return where it has been more than `patience` steps, (n,)."""
-        self._steps = terminations.wrong_stance(measure(env), self._steps)
-        return self._steps > patience
+        return self._steps.copy_(terminations.wrong_stance(measure(env), self._steps)) > patience
 
     def reset(self, env_ids: Any = None) -> None:
         """Forget the steps before."""
@@ -140,8 +157,9 @@ def _read(env: "ManagerBasedRlEnv") -> SkateState:
     board_heading, robot_heading = command.headings()
     joints = reading.joint_position()
     limits = env.scene["robot"].data.soft_joint_pos_limits
-    offset = reading.marker_offset()
+    offset = command.marker_offset()
     positions, quaternions = reading.key_bodies_on_board()
+    on_deck = reading.marker_offset()
     on_ground = reading.loaded(contacts.FEET_GROUND)
     actions = env.action_manager
     return SkateState(
@@ -152,16 +170,19 @@ def _read(env: "ManagerBasedRlEnv") -> SkateState:
         time_in_push=(command.step % command.clock.period) * CONTROL_PERIOD,
         commanded_speed=command.command[:, 0],
         target_heading=command.target_heading,
+        heading_reference=command.heading_reference(),
         tilt_reference=command.tilt_reference(),
         board_velocity=command.board_velocity(),
         board_heading=board_heading,
         robot_heading=robot_heading,
         tilt=reading.tilt(),
+        tilt_rate=reading.tilt_rate(),
         upright=1 - 2 * (pelvis[:, 1] ** 2 + pelvis[:, 2] ** 2),
         foot_on_ground=on_ground,
         foot_on_deck=reading.loaded(contacts.FEET_DECK),
-        foot_in_zone=(offset[..., 0].abs() < ZONE[0]) & (offset[..., 1].abs() < ZONE[1]),
+        foot_in_zone=(on_deck[..., 0].abs() < ZONE[0]) & (on_deck[..., 1].abs() < ZONE[1]),
         foot_marker_distance=offset.norm(dim=-1),
+        foot_place_error=reading.foot_place() - command.foot_place,
         left_air_time=command.count_air_time(on_ground[:, 0]),
         left_sole_heights=reading.left_sole_heights(),
         wheel_on_ground=reading.wheels_loaded(),

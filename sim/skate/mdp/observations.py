@@ -1,6 +1,8 @@
 # pyright: reportMissingImports=false, reportUnknownParameterType=false
 """What actor, critic and discriminator see in mjlab.
 
+The actor's frame comes late and with the sensors' bias where worlds differ; the critic's is true.
+
 The critic's vector, in order (privileged, without noise, one frame):
 
 | numbers | content |
@@ -20,6 +22,9 @@ The critic's vector, in order (privileged, without noise, one frame):
 | 1 | time since the left foot touched the ground [s] |
 | 4 | one-hot: pushing, mounting, steering, dismounting |
 | 1 | transition's way gone |
+| 1 | where the right foot shall stay along the deck [m] × 5 |
+| 1 | heading still to turn by now [rad] |
+| 7 | the world: delays of action and sensors, rolling and sole friction, mass, slope; zero where all are the same |
 """
 
 from typing import TYPE_CHECKING, Any, cast
@@ -27,8 +32,10 @@ from typing import TYPE_CHECKING, Any, cast
 import torch
 
 from sim.skate import rotation
-from sim.skate.mdp.actor_observation import projected_gravity, raw_frame, scale_frame
+from sim.skate.arrays import wrap_angle
+from sim.skate.mdp.actor_observation import FRAME_SIZE, projected_gravity, raw_frame, scale_frame
 from sim.skate.mdp.commands import SkateCommand
+from sim.skate.mdp.worlds import KNOWN, MEMORY, worlds
 from sim.skate.robot.g1 import default_pose
 from sim.skate.world import contacts
 
@@ -46,6 +53,7 @@ class ActorFrame:
 
     def __init__(self, cfg: Any, env: "ManagerBasedRlEnv") -> None:
         """Keep the default pose on the device."""
+        self._worlds = worlds(env)
         self._default = torch.tensor(default_pose(), device=env.device, dtype=torch.float)
 
     def __call__(self, env: "ManagerBasedRlEnv") -> torch.Tensor:
@@ -58,22 +66,50 @@ class ActorFrame:
         return raw_frame(
             command.seen(),
             reading.gyro(),
-            projected_gravity(reading.robot_quaternion()),
+            self._gravity(reading.robot_quaternion()),
             reading.joint_position() - self._default,
             reading.joint_velocity(),
             env.action_manager.action,
             command.phase[:, None],
         )
 
+    def _gravity(self, pelvis: torch.Tensor) -> torch.Tensor:
+        if self._worlds is None:
+            return projected_gravity(pelvis)
+        return -rotation.rotate_back(pelvis, self._worlds.up())
+
     def reset(self, env_ids: Any = None) -> None:
         """Do nothing: there is no memory here."""
+
+
+class SensedFrame(ActorFrame):
+    """The frame as the sensors tell it, late and biased; called once a step."""
+
+    def __init__(self, cfg: Any, env: "ManagerBasedRlEnv") -> None:
+        """Start without a memory."""
+        super().__init__(cfg, env)
+        self._last = torch.zeros(MEMORY, env.num_envs, FRAME_SIZE, device=env.device)
+        self._new = torch.ones(env.num_envs, dtype=torch.bool, device=env.device)
+
+    def __call__(self, env: "ManagerBasedRlEnv") -> torch.Tensor:
+        """Return the frame."""
+        assert self._worlds is not None  # the task builds this term only where worlds differ
+        frame = super().__call__(env)
+        last = torch.cat((frame[None], self._last[:-1]))
+        self._last.copy_(torch.where(self._new[:, None], frame, last))
+        self._new.zero_()
+        return self._worlds.sensed(self._last)
+
+    def reset(self, env_ids: Any = None) -> None:
+        """Fill the memory with the next frame."""
+        self._new[slice(None) if env_ids is None else env_ids] = True
 
 
 class CriticVector(ActorFrame):
     """The privileged vector of the module's table."""
 
     def __call__(self, env: "ManagerBasedRlEnv") -> torch.Tensor:
-        """Return the vector, (n, 187)."""
+        """Return the vector, (n, 196)."""
         command = skate_command(env)
         parts = (
             scale_frame(super().__call__(env)),
@@ -82,8 +118,14 @@ class CriticVector(ActorFrame):
             *_path(command),
             *_contacts(command),
             *_stretches(command),
+            *self._hidden(command),
         )
         return torch.cat(parts, dim=-1)
+
+    def _hidden(self, command: SkateCommand) -> tuple[torch.Tensor, ...]:
+        place, turn = command.foot_place, wrap_angle(command.heading_reference() - command.headings()[0])
+        known = place.new_zeros(len(place), KNOWN) if self._worlds is None else self._worlds.known()
+        return 5 * place[:, None], turn[:, None], known
 
 
 def joint_angles(env: "ManagerBasedRlEnv") -> torch.Tensor:

@@ -5,10 +5,12 @@
 |---|---|---|
 | centre of mass of the torso | ±2.5 cm each axis | once a world |
 | centre of mass of the board's level part | ±2.5 cm each axis | once a world |
-| friction of the soles (and with it of the robot on the ground) | × U(0.3, 1.6) | once a world |
+| friction of the soles (and with it of the robot on the ground) | × 0.3 to 1.6, even in the logarithm | once a world |
 | friction of the deck | × U(0.8, 2.0) | once a world |
-| tilt joint and roll inertia | the record's posterior, see `sim.skate.world.posterior` | once a world |
-| pelvis over the board | ±2 cm | every reset |
+| tilt joint, roll inertia and rake | the record's posterior, see `sim.skate.world.posterior` | once a world |
+| delays, gains, masses, rolling friction, sensors' bias, slope | see `sim.skate.mdp.worlds` | led by the curriculum |
+| place of the right foot along the deck | `SkateOptions.foot_place` | every reset |
+| pelvis beside the board | ±2 cm | every reset |
 | joints | ±0.01 rad | every reset |
 | velocity of the pelvis | ±0.5 m/s, every 5 to 10 s | pushes |
 """
@@ -21,7 +23,7 @@ from mjlab.managers.event_manager import RecomputeLevel, requires_model_fields
 
 from sim.board.scene import TILT_JOINT, WHEELS
 from sim.skate.arrays import constant
-from sim.skate.cycle.start import Start
+from sim.skate.cycle.start import STANDING_PLACE, Start
 from sim.skate.mdp.observations import skate_command
 from sim.skate.robot import g1
 from sim.skate.world.posterior import TiltDraws
@@ -31,7 +33,11 @@ if TYPE_CHECKING:
 
 
 def begin(
-    env: "ManagerBasedRlEnv", env_ids: torch.Tensor | None, start: Start, standing_height: float
+    env: "ManagerBasedRlEnv",
+    env_ids: torch.Tensor | None,
+    start: Start,
+    foot_place: tuple[float, float],
+    standing_height: float,
 ) -> None:
     """Put robot and board into the first state of an episode and set the cycle accordingly."""
     ids = torch.arange(env.num_envs, device=env.device) if env_ids is None else env_ids
@@ -47,13 +53,17 @@ def begin(
     )
     speed = torch.empty(n, device=env.device).uniform_(*start.speed) * (steers | pushes)
     qpos = _poses(command, cfg, steers, pushes, standing_height)
-    noise = start.position_noise * (2 * torch.rand(n, 2, device=env.device) - 1)
-    qpos[:, :2] += noise * torch.where(steers | pushes, 0.5, 1.0)[:, None]
+    aside = start.position_noise * (2 * torch.rand(n, device=env.device) - 1)
+    qpos[:, 1] += aside * torch.where(steers | pushes, 0.5, 1.0)
+    rolls = steers | pushes
+    place = torch.empty(n, device=env.device).uniform_(*foot_place)
+    qpos[:, 0] += place - torch.where(rolls, 0.0, STANDING_PLACE)
     qpos[:, 7:] += start.joint_noise * (2 * torch.rand(n, 23, device=env.device) - 1)
     limits = env.scene["robot"].data.soft_joint_pos_limits[ids]
     qpos[:, 7:] = qpos[:, 7:].clamp(limits[..., 0], limits[..., 1])
     _write(env, ids, qpos, speed)
     command.step[ids] = step
+    command.foot_place[ids] = place
     default, scale = _servo_numbers()
     command.first_action[ids] = (qpos[:, 7:] - constant(default, qpos)) / constant(scale, qpos)
 
@@ -104,10 +114,20 @@ def _write(env: "ManagerBasedRlEnv", ids: torch.Tensor, robot: torch.Tensor, spe
     "dof_frictionloss",
     "qpos_spring",
     "body_inertia",
+    "eq_data",
     recompute=RecomputeLevel.set_const_0,
 )
-def draw_tilt_joint(env: "ManagerBasedRlEnv", env_ids: torch.Tensor | None, draws: TiltDraws) -> None:
-    """Give every world one of the boards drawn from the posterior, in turn."""
+def draw_board(
+    env: "ManagerBasedRlEnv", env_ids: torch.Tensor | None, draws: TiltDraws, couplings: tuple[str, ...]
+) -> None:
+    """Give every world one of the boards drawn from the posterior, in turn.
+
+    Args:
+        env: The worlds.
+        env_ids: Which of them; all if None.
+        draws: The boards.
+        couplings: Equality constraints by which the deck steers; none where it does otherwise.
+    """
     ids = torch.arange(env.num_envs, device=env.device) if env_ids is None else env_ids
     model = env.sim.model
     joint = env.sim.mj_model.joint(f"board/{TILT_JOINT}")
@@ -121,6 +141,9 @@ def draw_tilt_joint(env: "ManagerBasedRlEnv", env_ids: torch.Tensor | None, draw
     model.dof_frictionloss[ids, dof] = value(draws.friction)
     model.qpos_spring[ids, joint.qposadr[0]] = value(draws.rest_angle)
     model.body_inertia[ids, deck] = value(draws.deck_inertia)
+    for name in couplings:
+        equality = env.sim.mj_model.equality(name).id
+        model.eq_data[ids, equality, :5] = value(draws.coupling)
 
 
 def push(env: "ManagerBasedRlEnv", env_ids: torch.Tensor | None, speed: float) -> None:

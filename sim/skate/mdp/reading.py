@@ -22,6 +22,8 @@ SOLE_CENTRE = (0.039, 0.0, -SOLE_HEIGHT)
 """Middle of the sole in the ankle roll frame [m]; the capsules reach from x = -0.054 to 0.132."""
 SOLE_POINTS = ((0.15, 0.0, 0.0), (-0.15, 0.0, 0.0), (0.0, 0.1, 0.0), (0.0, -0.1, 0.0))
 """Four points in the plane of the sole about its middle [m], by which it is judged flat."""
+BALL = (0.075, 0.0, 0.0)
+"""Ball of the foot in the ankle roll frame [m]: what stays in place when the foot turns between the poses."""
 ZONE = (0.15, 0.10)
 """Half length and half width of the zone about a marker in which a foot counts as placed [m]."""
 
@@ -58,6 +60,7 @@ class Reading:
         """[m]."""
         self._sole_centre = torch.tensor(SOLE_CENTRE, device=env.device)
         self._sole_points = torch.tensor(SOLE_POINTS, device=env.device)
+        self._ball = torch.tensor(BALL, device=env.device)
         self._gyro = env.scene["robot/imu_ang_vel"]
         self._velocimeter = env.scene["robot/imu_lin_vel"]
 
@@ -151,6 +154,14 @@ class Reading:
     def marker_offset(self) -> torch.Tensor:
         """From the rear and front marker to the left and right sole, board frame [m], (n, 2, 3)."""
         return self.soles_on_board() - self._markers
+
+    def foot_place(self) -> torch.Tensor:
+        """Ball of the right foot along the deck, from the front marker [m], (n,)."""
+        right = self._feet[1:]
+        ball = self._sim.data.xpos[:, right] + rotation.rotate(self._sim.data.xquat[:, right], self._ball)
+        board = self.board_quaternion()[:, None]
+        place = rotation.rotate_back(board, ball - self.board_position()[:, None])
+        return place[:, 0, 0] - self._markers[1, 0]
 
     def left_sole_heights(self) -> torch.Tensor:
         """Heights of `SOLE_POINTS` of the left foot about its middle [m], (n, 4)."""

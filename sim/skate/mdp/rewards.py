@@ -96,15 +96,27 @@ def feet_on_markers(state: SkateState, tolerance: float = 0.2) -> Any:
 
 
 def board_heading(state: SkateState, tolerance: float = 0.2) -> Any:
-    """The board points where it was told to; `tolerance` [rad]."""
+    """The board points where it shall by now; `tolerance` [rad]."""
     return _kernel(
-        namespace(state.tilt).abs(wrap_angle(state.board_heading - state.target_heading)), tolerance
+        namespace(state.tilt).abs(wrap_angle(state.board_heading - state.heading_reference)), tolerance
     )
 
 
 def tilt_guide(state: SkateState, tolerance: float = 0.02) -> Any:
     """The deck is tilted as the guidance asks; `tolerance` [rad]."""
     return _kernel(namespace(state.tilt).abs(state.tilt - state.tilt_reference), tolerance)
+
+
+def wrong_tilt(state: SkateState, dead_zone: float = 0.03) -> Any:
+    """How far the deck is tilted the wrong way [rad], where more than `dead_zone` [rad] of tilt is asked for."""
+    xp = namespace(state.tilt)
+    asked = xp.sign(state.tilt_reference) * (xp.abs(state.tilt_reference) > dead_zone)
+    return xp.clip(-state.tilt * asked, 0.0, None)
+
+
+def tilt_rate(state: SkateState) -> Any:
+    """Squared rate of the tilt [rad^2/s^2]."""
+    return state.tilt_rate**2
 
 
 # Mounting and dismounting
@@ -131,6 +143,14 @@ def left_foot_on_ground(state: SkateState) -> Any:
 def wheels_on_ground(state: SkateState) -> Any:
     """1 while all four wheels touch the ground."""
     return _number(state.wheel_on_ground.all(axis=-1))
+
+
+def foot_place(state: SkateState, tolerance: float = 0.05) -> Any:
+    """The right foot stands where it stood at the start, along the deck; `tolerance` [m].
+
+    What it creeps in a cycle is little, and adds up until the board tips over its nose.
+    """
+    return _kernel(namespace(state.tilt).abs(state.foot_place_error), tolerance) * state.foot_on_deck[..., 1]
 
 
 def level_deck(state: SkateState, tolerance: float = 0.05) -> Any:

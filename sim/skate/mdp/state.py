@@ -27,6 +27,8 @@ class SkateState:
     """[m/s], (n,)."""
     target_heading: Any
     """Absolute heading to reach [rad], (n,)."""
+    heading_reference: Any
+    """Absolute heading of this moment on the way there [rad], (n,)."""
     tilt_reference: Any
     """γ_ref [rad], left edge down positive, (n,)."""
 
@@ -38,6 +40,8 @@ class SkateState:
     """Of the pelvis [rad], (n,)."""
     tilt: Any
     """γ = -roll [rad], left edge down positive, (n,)."""
+    tilt_rate: Any
+    """[rad/s], (n,)."""
     upright: Any
     """Cosine of the pelvis' inclination [1], (n,)."""
 
@@ -49,6 +53,8 @@ class SkateState:
     """Left over the rear zone, right over the front zone of the deck, bool (n, 2)."""
     foot_marker_distance: Any
     """Distance of left and right sole to the rear and front marker [m], (n, 2)."""
+    foot_place_error: Any
+    """How far the ball of the right foot is from where it stood at the start, along the deck [m], (n,)."""
     left_air_time: Any
     """Time since the left foot last touched the ground [s], 0 while it does, (n,)."""
     left_sole_heights: Any

@@ -27,7 +27,7 @@ def body_contact(state: SkateState) -> Any:
     return state.other_contacts > 0
 
 
-def idle_foot(state: SkateState, patience: float) -> Any:
+def idle_foot(state: SkateState, patience: Any) -> Any:
     """The pushing foot has not touched the ground for longer than `patience` [s] of pushing, bool (n,).
 
     Rolling on one leg with the other held over the ground is stable and keeps most of the speed of the

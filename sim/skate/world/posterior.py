@@ -28,13 +28,15 @@ class Spread:
     """Least relative standard deviation of the roll inertia."""
     rest_angle: float = 0.005
     """Least standard deviation of the rest angle [rad]."""
+    rake: float = 0.02
+    """Least standard deviation of the rake [rad]: the trucks' pivots are set by hand."""
     truncate: float = 2.5
     """Draws lie within so many standard deviations."""
 
 
 @dataclass(frozen=True, slots=True)
 class TiltDraws:
-    """MuJoCo's numbers of the tilt joint and the deck for m boards."""
+    """MuJoCo's numbers of tilt joint, deck and coupling for m boards."""
 
     stiffness: Array
     """(m,) [N*m/rad]."""
@@ -50,10 +52,12 @@ class TiltDraws:
     """(m,) [rad], as roll."""
     deck_inertia: Array
     """(m, 3) [kg*m^2], principal."""
+    coupling: Array
+    """(m, 5), polynomial of the trucks' angle in the roll."""
 
 
 def draw_boards(board: Board, count: int, spread: Spread, rng: np.random.Generator) -> list[Board]:
-    """Return boards whose tilt joint and inertia are normal draws about the record."""
+    """Return boards whose tilt joint, inertia and rake are normal draws about the record."""
 
     def draw(quantity: Quantity, least: float) -> Quantity:
         std = max(quantity.std if np.isfinite(quantity.std) else 0.0, least)
@@ -78,12 +82,14 @@ def draw_boards(board: Board, count: int, spread: Spread, rng: np.random.Generat
             for effect in board.effects
         )
         inertia = draw(board.inertia, spread.inertia * board.inertia.value)
-        boards.append(replace(board.with_tilt(**tilt), effects=effects, inertia=inertia))
+        geometry = {**board.geometry, "rake": draw(board.geometry["rake"], spread.rake)}
+        drawn = replace(board.with_tilt(**tilt), effects=effects, inertia=inertia, geometry=geometry)
+        boards.append(drawn)
     return boards
 
 
 def tilt_draws(boards: list[Board], timestep: float) -> TiltDraws:
-    """Compile each board and read the numbers of its tilt joint and deck.
+    """Compile each board and read the numbers of its tilt joint, deck and coupling.
 
     Args:
         boards: Records.
@@ -101,4 +107,5 @@ def tilt_draws(boards: list[Board], timestep: float) -> TiltDraws:
         columns["friction"].append(model.dof_frictionloss[dof])
         columns["rest_angle"].append(model.qpos_spring[joint.qposadr[0]])
         columns["deck_inertia"].append(model.body_inertia[deck].copy())
+        columns["coupling"].append(model.eq_data[0, :5].copy())
     return TiltDraws(**{name: np.asarray(values, dtype=np.float64) for name, values in columns.items()})

@@ -37,7 +37,7 @@ class Lens:
     """Where it comes from, for people."""
 
     def straighten(self, points: Array) -> Array:
-        """Return points (..., 2) [px] as a lens without distortion would show them; NaN stays NaN."""
+        """Return points [px], shape (N, 2) or (n, N, 2), as a lens without distortion shows them; NaN stays NaN."""
         if not np.any(self.distortion):
             return points
         flat = points.reshape(-1, 1, 2)

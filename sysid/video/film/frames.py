@@ -125,7 +125,7 @@ class Clip:
         return next(iter(self.frames()))
 
     def row_share(self, points: Array) -> Array:
-        """Return when, from 0 to 1 of the read-out, the sensor reads the pixels `points` (..., 2)."""
+        """Return when, from 0 to 1 of the read-out, the sensor reads points (n, N, 2) [px]; shape (n, N)."""
         across, down = points[..., 0] / self.width, points[..., 1] / self.height
         return {0: down, 90: 1 - across, 180: 1 - down, 270: across}[self.rotation]
 
@@ -175,14 +175,17 @@ def open_clip(path: Path) -> Clip:
 
 
 def crop(picture: Picture, box: tuple[int, int, int, int]) -> tuple[Picture, tuple[int, int]]:
-    """Cut left, top, right, bottom [px] out of a picture, as far as it reaches; return part and corner."""
+    """Cut left, top, right, bottom [px] out of a picture, as far as it reaches; return part and corner.
+
+    The picture is of shape (height, width) or (height, width, 3), and so is the part.
+    """
     left, top = max(box[0], 0), max(box[1], 0)
     right, bottom = min(box[2], picture.shape[1]), min(box[3], picture.shape[0])
     return picture[top : max(bottom, top), left : max(right, left)], (left, top)
 
 
 def grey(picture: Picture) -> Picture:
-    """Return the picture in grey."""
+    """Return a picture (height, width, 3) or (height, width) in grey [grey levels], shape (height, width)."""
     return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8) if picture.ndim == 3 else picture
 
 

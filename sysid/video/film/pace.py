@@ -16,6 +16,11 @@ def frames_per_period(time: Array, roll: Array, std: Array) -> float | None:
     A damped sine is fitted to the frames that follow the fastest one, on a grid of periods and damping
     ratios (each is a linear problem for the rest). Of all that fit equally well the longest period
     counts, so that noise or a short window never makes a film look too slow.
+
+    Args:
+        time: Times of the frames [s], shape (n,).
+        roll: Roll [rad], shape (n,).
+        std: Its standard deviation [rad], shape (n,).
     """
     step = np.diff(roll)
     if len(step) < 8:

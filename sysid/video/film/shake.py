@@ -110,18 +110,18 @@ class Shake:
 
 
 def seen_places(home: Complex, motion: Array, focal: float) -> Complex:
-    """Return where a turned camera sees points, about the picture's middle [px].
+    """Return where a turned camera sees points, about the picture's middle [px], shape (n, m).
 
     Args:
-        home: Points as the still camera sees them [px], any shape.
-        motion: a, b, θ and z in the last axis, the others broadcast with `home`.
+        home: Points as the still camera sees them [px], shape (m,) or (n, m).
+        motion: a, b [px], θ [rad] and z of each frame, shape (n, 1, 4).
         focal: Focal length [px].
     """
     return (1 + motion[..., 3]) * _turned(home, motion, focal)
 
 
 def still_places(seen: Complex, motion: Array, focal: float) -> Complex:
-    """Return what `seen_places` came from; exact."""
+    """Return the `home` [px], shape (n, m), that `seen_places` takes to `seen` (n, m) with the same motion; exact."""
     with np.errstate(invalid="ignore"):
         return _turned(seen / (1 + motion[..., 3]), -motion, focal)
 

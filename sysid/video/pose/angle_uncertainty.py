@@ -48,7 +48,14 @@ def repeated_picture(view: View, found: Found, prior: BodyPrior) -> Array:
 
 
 def common_variance(view: View, angle: Array, matrix: Array, found: Found) -> Array:
-    """What common errors, of the body's circles and of the camera, do to the angles; less what at rest."""
+    """Variance that common errors, of the body's circles and of the camera, leave; less what at rest [rad²], shape (n,).
+
+    Args:
+        view: The points.
+        angle: Angle of each frame [rad], shape (n,).
+        matrix: Camera matrix [px], shape (3, 3).
+        found: Body and camera with their covariance.
+    """
     readout = found.camera_state.readout
     rate = rate_of(view.time(readout), angle) * (view.share - np.mean(view.share))
 

@@ -31,7 +31,7 @@ class Body:
     """c, shape (N,)."""
 
     def moved(self, step: Array) -> "Body":
-        """Return the body changed by a step of Re c, Im c, Re q and Im q, shape (4N,) or longer."""
+        """Return the body changed by a step of Re c, Im c, Re q and Im q [px], shape (4N,) or longer."""
         n = len(self.shape)
         parts = step[: 4 * n].reshape(4, n)
         shape = self.shape + parts[2] + 1j * parts[3]
@@ -39,7 +39,12 @@ class Body:
 
 
 def first_body(z: Complex, mask: Mask) -> Body:
-    """Return the body as the frame that shows most of it has it; its circles all about one centre."""
+    """Return the body as the frame that shows most of it has it; its circles all about one centre.
+
+    Args:
+        z: Rectified points [px], shape (n, N).
+        mask: Which are seen, shape (n, N).
+    """
     row = int(np.argmax(mask.sum(axis=1)))
     middle = z[row, mask[row]].mean()
     return Body(np.where(mask[row], z[row] - middle, 0), np.zeros(z.shape[1], np.complex128))
@@ -49,13 +54,13 @@ def turn_of(z: Complex, mask: Mask, body: Body) -> tuple[Array, Complex, Complex
     """Find the angle of each frame.
 
     Args:
-        z: Rectified points, shape (n, N); anything finite where not seen.
-        mask: Which are seen.
+        z: Rectified points [px], shape (n, N); anything finite where not seen.
+        mask: Which are seen, shape (n, N).
         body: Shape and circles.
 
     Returns:
-        The angles, shape (n,); what does not fit, shape (n, N), 0 where not seen; and the points seen
-        about their middle, turned, shape (n, N).
+        The angles [rad], shape (n,); what does not fit [px], shape (n, N), 0 where not seen; and the points
+        seen about their middle, turned [px], shape (n, N).
     """
     weight = mask.astype(np.float64)
     count = np.maximum(weight.sum(axis=1, keepdims=True), 1)
@@ -115,7 +120,10 @@ def common_problem(
 
 
 def angle_slopes(angle: Array, turned: Complex, mask: Mask, slopes: Complex) -> Array:
-    """Derivatives of each angle with respect to Re c, Im c, Re q, Im q and the rest, shape (n, 4N + p)."""
+    """Derivatives of each angle with respect to Re c, Im c, Re q, Im q and the rest, shape (n, 4N + p).
+
+    [rad/px] for the body, rad by the unit of each of the p further numbers. Arguments are as in `common_problem`.
+    """
     length = np.sqrt(np.maximum((np.abs(turned) ** 2).sum(axis=1), 1e-18))
     return _absorbed(angle, turned, mask, slopes * mask)[:, 2] / length[:, None]
 

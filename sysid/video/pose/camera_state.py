@@ -30,7 +30,7 @@ class CameraState:
 
     @property
     def std(self) -> Array:
-        """Standard deviations, shape (4,)."""
+        """Standard deviations [rad, rad, 1, s], shape (4,)."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
@@ -44,7 +44,10 @@ class CameraState:
         return float(self.value[3])
 
     def stepped(self, number: int) -> tuple[Array, float]:
-        """Return values with one of them moved on by a step that stays within its limits, and the step."""
+        """Return values with one of them moved on by a step that stays within its limits, and the step.
+
+        Values are [rad, rad, 1, s], shape (4,), and the step is in the unit of the one that moves.
+        """
         step = float(DIFFERENCE_STEPS[number])
         if number == 3 and self.value[3] + step > self.readout_limit:
             step = -min(step, float(self.value[3]))
@@ -53,7 +56,7 @@ class CameraState:
         return moved, step
 
     def at(self, value: Array) -> "CameraState":
-        """Return these with other values, within the limits."""
+        """Return these with other values [rad, rad, 1, s], shape (4,), within the limits."""
         value = value.copy()
         value[3] = np.clip(value[3], 0.0, self.readout_limit)
         return replace(self, value=value)

@@ -40,7 +40,16 @@ class _Trial:
 def fit_circles(
     view: View, some: Keyframes, matrix: Array, before: CameraState, prior: BodyPrior, start: CameraState
 ) -> Found:
-    """Find body and camera by damped Gauss-Newton steps; three times, as the noise weighs the frames."""
+    """Find body and camera by damped Gauss-Newton steps; three times, as the noise weighs the frames.
+
+    Args:
+        view: The points.
+        some: The frames that are used.
+        matrix: Camera matrix [px], shape (3, 3).
+        before: What is known of the camera beforehand.
+        prior: What is known of the body.
+        start: Camera from which the search sets out.
+    """
     points, shear = view.points(some.rows), view.shear(some.rows)
     free = before.free
     limit = np.array([0.15, 0.15, 0.4, np.inf])[free]

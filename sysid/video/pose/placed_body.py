@@ -83,7 +83,10 @@ def fit_pose(
 
 
 def in_view(view: View, rows: Rows, matrix: Array, found: Found) -> tuple[PlacedBody, Mask]:
-    """Lay the body that was found onto the frames `rows`; also return which points took part, shape (m, N)."""
+    """Lay the body that was found onto the frames `rows` (m,); also return which points took part, shape (m, N).
+
+    `matrix` is the camera's [px], shape (3, 3).
+    """
     points = view.points(rows)
     mask = all_finite(points)
     shear = view.shear(rows)

@@ -23,7 +23,7 @@ class PointNoise:
     blur: float
 
     def variance(self, speed: Array) -> Array:
-        """Return the variance in each direction at a speed [px/frame], in px²."""
+        """Return the variance in each direction [px²] at a speed [px/frame], both of shape (n,)."""
         return self.rest + self.blur * speed**2
 
 
@@ -59,7 +59,13 @@ def point_noise(
 
 
 def near_ones(mask: Mask, rest: Complex, variance: Array) -> Mask:
-    """Points that are about where the body has them: of many, some slip. The better half where most seem to."""
+    """Points that are about where the body has them: of many, some slip. The better half where most seem to.
+
+    Args:
+        mask: Which points are seen, shape (m, N), as the result.
+        rest: What does not fit [px], shape (m, N).
+        variance: Usual variance of a point's place in each direction [px²], shape (m,).
+    """
     distance = np.where(mask, np.abs(rest), np.inf)
     near = mask & (distance < OUTLIER_STDS * np.sqrt(2 * variance)[:, None])
     count = mask.sum(axis=1)
@@ -71,17 +77,17 @@ def near_ones(mask: Mask, rest: Complex, variance: Array) -> Mask:
 
 
 def all_finite(points: Array) -> Mask:
-    """Return which points (..., 2) are seen, shape (...)."""
+    """Return which points (n, N, 2) [px] are seen, shape (n, N)."""
     return np.asarray(np.isfinite(points).all(axis=-1), np.bool_)
 
 
 def enough_points(mask: Mask) -> Mask:
-    """Return which frames (n,) show enough of the points (n, N) for an angle."""
+    """Return which frames (n,) show enough of the points for an angle, by which are seen (n, N); dimensionless."""
     return mask.sum(axis=1) >= max(2, min(mask.shape[1], 4) - 1)
 
 
 def point_speed(view: View, rows: Rows) -> Array:
-    """Mean speed of the points [px/frame], the larger one of before and after each frame."""
+    """Mean speed of the points [px/frame], the larger one of before and after each frame, shape (m,)."""
     here = np.clip(rows[:, None] + np.arange(-1, 2), 0, len(view) - 1)
     with np.errstate(invalid="ignore"):
         moved = np.linalg.norm(np.diff(view.track.points[here], axis=1), axis=-1)

@@ -48,7 +48,17 @@ def add_priors(
     prior: BodyPrior,
     focal: float,
 ) -> float:
-    """Add what is known beforehand to the normal equations, in place; return its cost."""
+    """Add what is known beforehand to the normal equations, in place; return its cost.
+
+    Args:
+        normal: Normal matrix, shape (4N + p, 4N + p): [1/px²] for the body, one over their units for the camera's p.
+        pull: Minus the gradient, shape (4N + p,): [1/px] for the body.
+        body: The body so far.
+        now: The camera so far.
+        before: The camera as known beforehand.
+        prior: The body as known beforehand.
+        focal: Focal length [px].
+    """
     size = len(body.shape)
     length = np.sqrt(np.mean(np.abs(body.shape) ** 2))
     diagonal = np.arange(2 * size)

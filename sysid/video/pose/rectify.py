@@ -25,14 +25,14 @@ def rectify(points: Array, matrix: Array, yaw: float, pitch: float) -> Complex:
 
 
 def unrectify(z: Complex, matrix: Array, yaw: float, pitch: float) -> Array:
-    """Return where a camera that looks aside sees `z`, shape (..., 2) [px]: the inverse of `rectify`."""
+    """Return where a camera that looks aside sees `z` (n, N), shape (n, N, 2) [px]: the inverse of `rectify`."""
     look = _look(yaw, pitch)
     ray = np.stack([z.real, z.imag, np.ones(z.shape)], axis=-1) @ look.T
     return ray[..., :2] / ray[..., 2:] * [matrix[0, 0], matrix[1, 1]] + matrix[:2, 2]
 
 
 def enlargement(z: Complex, yaw: float, pitch: float) -> Array:
-    """Return by how much rectifying enlarges areas at `z`, as a square root and in focal lengths.
+    """Return by how much rectifying enlarges areas at `z` [focal lengths], as a square root [1]; both of shape (n,).
 
     Noise of the picture grows with it, which must not count as a better or worse fit.
     """
@@ -41,7 +41,7 @@ def enlargement(z: Complex, yaw: float, pitch: float) -> Array:
 
 
 def longer(matrix: Array, logarithm: float) -> Array:
-    """Return a camera matrix with its focal lengths scaled by exp(logarithm)."""
+    """Return a camera matrix [px], shape (3, 3), with its focal lengths scaled by exp(logarithm)."""
     scaled = matrix.copy()
     scaled[0, 0] *= np.exp(logarithm)
     scaled[1, 1] *= np.exp(logarithm)
@@ -63,7 +63,7 @@ def smear(angle: Array) -> Array:
     """What an unknown exposure does: a smeared body is seen at its mean, not at the middle of the exposure.
 
     The mean over an exposure T is off by φ̈ T²/24; for T anywhere between 0 and the frame interval the
-    root mean square of that is the second difference of the angle over 54.
+    root mean square of that is the second difference of the angle over 54. Both are [rad], shape (n,).
     """
     smear = np.zeros(len(angle))
     with np.errstate(invalid="ignore"):
@@ -72,7 +72,7 @@ def smear(angle: Array) -> Array:
 
 
 def unwrap(angle: Array) -> Array:
-    """Return the angles without jumps of whole turns, past the NaN of frames that show nothing."""
+    """Return angles [rad], shape (n,), without jumps of whole turns, past the NaN of frames that show nothing."""
     good = np.isfinite(angle)
     result = angle.copy()
     result[good] = np.unwrap(angle[good])

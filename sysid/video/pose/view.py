@@ -48,7 +48,7 @@ class View:
         return len(self.track.time)
 
     def chunks(self) -> Iterator[Rows]:
-        """Yield the frames' numbers, a few hundred at a time."""
+        """Yield the frames' numbers [1], a few hundred at a time, shape (m,)."""
         for begin in range(0, len(self), CHUNK_FRAMES):
             yield np.arange(begin, min(begin + CHUNK_FRAMES, len(self)))
 

@@ -142,7 +142,7 @@ def _middle(values: Array) -> Array:
 
 
 def corners(edges: Edges) -> Array:
-    """Intersect each edge with the one before it in the cycle; shape (m, 2)."""
+    """Intersect each edge with the one before it in the cycle [px], shape (m, 2)."""
     first, second = edges.ends, np.roll(edges.ends, 1, axis=0)
     a, b = first[:, 1] - first[:, 0], second[:, 1] - second[:, 0]
     gap = second[:, 0] - first[:, 0]

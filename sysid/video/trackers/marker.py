@@ -50,7 +50,7 @@ def find_marker(picture: Picture, region: Box | None = None) -> Marker | None:
     """Return the largest marker of any known dictionary in a picture, or None.
 
     Args:
-        picture: The picture.
+        picture: The picture, shape (height, width, 3) or (height, width).
         region: Left, top, right and bottom [px] of where to look; everywhere if None.
     """
     part, corner = crop(picture, region or (0, 0, picture.shape[1], picture.shape[0]))
@@ -209,7 +209,7 @@ def _detect(dark: Picture, kind: str, dictionary: int) -> list[Marker]:
 
 
 def marker_cells(number: int) -> npt.NDArray[np.uint8]:
-    """Return the cells of an ArUco 4x4 marker, black border included: 0 black, 255 white, shape (6, 6).
+    """Return the cells of an ArUco 4x4 marker, its black border included [grey levels, 0 or 255], shape (6, 6).
 
     Args:
         number: 0 to 49.

@@ -27,12 +27,15 @@ def task(**options):
         pytest.importorskip(module, reason="needs the training stack")
     from mjlab.envs import ManagerBasedRlEnv
 
-    from sim.skate.cycle.start import Start
-    from sim.skate.options import SkateOptions
+    from sim.skate.cycle.start import STANDING_PLACE, Start
+    from sim.skate.options import NOMINAL, SkateOptions
     from sim.skate.task import skate_env_cfg
 
     start = Start(standing=1.0, pushing=0.0, steering=0.0)
-    settings = SkateOptions(start=start, boards=0, pushes=0.0, noise=False, speed=(0.5, 0.5), **options)
+    settings = SkateOptions(
+        start=start, foot_place=(STANDING_PLACE,) * 2, boards=0, pushes=0.0, noise=False, variation=NOMINAL,
+        speed=(0.5, 0.5), **options,
+    )  # fmt: skip
     with contextlib.redirect_stdout(sys.stderr):
         env = ManagerBasedRlEnv(skate_env_cfg(pink(), settings, environments=2, seed=0), device="cpu")
     try:

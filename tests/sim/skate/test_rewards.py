@@ -21,7 +21,8 @@ def state():
     return SkateState(
         pushing=no, transition=no, steering=no, still=no,
         time_in_push=zero,
-        commanded_speed=zero, target_heading=zero, tilt_reference=zero,
+        commanded_speed=zero, target_heading=zero, heading_reference=zero, tilt_reference=zero,
+        tilt_rate=zero, foot_place_error=zero,
         board_velocity=np.zeros((1, 3)), board_heading=zero, robot_heading=zero, tilt=zero,
         upright=one,
         foot_on_ground=np.array([[False, False]]), foot_on_deck=np.array([[False, True]]),
@@ -135,7 +136,7 @@ def test_feet_on_markers_takes_the_mean_distance(state):
 
 
 def test_board_heading_and_tilt_guide(state):
-    turned = replace(state, board_heading=np.array([-3.1]), target_heading=np.array([3.1]))
+    turned = replace(state, board_heading=np.array([-3.1]), heading_reference=np.array([3.1]))
     apart = 2 * math.pi - 6.2
     assert rewards.board_heading(turned, tolerance=0.02)[0] == pytest.approx(math.exp(-apart / 0.02))
     tilted = replace(state, tilt=np.array([0.03]), tilt_reference=np.array([0.05]))
@@ -179,6 +180,26 @@ def test_penalties_are_sums_of_squares(state):
     assert rewards.joint_torque(state)[0] == pytest.approx(36)
     assert rewards.self_contact(state)[0] == 3
     assert rewards.alive(state)[0] == 1
+
+
+def test_foot_place_counts_only_under_a_loaded_foot(state):
+    on_deck = np.array([[False, True]])
+    state = replace(state, foot_place_error=np.array([-0.03]), foot_on_deck=on_deck)
+    assert rewards.foot_place(state, tolerance=0.03)[0] == pytest.approx(math.exp(-1))
+    assert rewards.foot_place(replace(state, foot_on_deck=~on_deck))[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("tilt", "asked", "value"),
+    [(-0.2, 0.1, 0.2), (0.2, 0.1, 0.0), (0.2, -0.1, 0.2), (0.2, -0.02, 0.0)],
+)
+def test_wrong_tilt_is_what_leans_against_the_turn(state, tilt, asked, value):
+    state = replace(state, tilt=np.array([tilt]), tilt_reference=np.array([asked]))
+    assert rewards.wrong_tilt(state, dead_zone=0.03)[0] == pytest.approx(value)
+
+
+def test_tilt_rate_is_squared(state):
+    assert rewards.tilt_rate(replace(state, tilt_rate=np.array([-3.0])))[0] == 9.0
 
 
 def test_every_term_has_a_test():

@@ -93,7 +93,7 @@ def rough_turn(z: Complex, edge: Edge) -> Array:
 
 
 def moments(weight: Array, edge: Edge, *values: Array) -> list[Array]:
-    """Sums over the points of each edge, weighed, of 1 and of some values, each (n, E)."""
+    """Sums over the points of each edge, weighed, of 1 and of values (n, M) of any unit; each (n, E)."""
     belongs = (edge[:, None] == np.arange(edge.max() + 1)).astype(np.float64)
     return [weight @ belongs, *((weight * value) @ belongs for value in values)]
 

@@ -24,11 +24,11 @@ class Steps:
     """Its pixels in one of the picture."""
 
     def across(self, place: Array, turn: Array) -> Array:
-        """Slope of brightness across lines [grey levels/px].
+        """Slope of brightness across lines [grey levels/px], of the shape of `place` without its last axis.
 
         Args:
-            place: Places in the picture [px], shape (..., 2).
-            turn: Slopes of the lines there [rad], shape (...) or one that fits it.
+            place: Places in the picture [px], shape (m, 2) or with more axes before.
+            turn: Slopes of the lines there [rad], a shape that broadcasts with the result's.
         """
         there = ((place + 0.5) * self.scale - 0.5).astype(np.float32).reshape(-1, place.shape[-2], 2)
         right, down = (
@@ -42,7 +42,7 @@ class Steps:
 
 
 def steps_of(dark: Picture) -> Steps:
-    """Return the slopes of brightness in a picture."""
+    """Return the slopes of brightness [grey levels/px] in a grey picture (height, width), made small."""
     scale = min(1.0, STEPS_WIDTH / max(dark.shape))
     small = cv2.resize(dark, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1 else dark
     smooth = cv2.GaussianBlur(small.astype(np.float32), (0, 0), 1.0)

@@ -63,7 +63,7 @@ def find_deck_end(look: Survey, slopes: Array) -> DeckEnd | None:
 
     Args:
         look: Pictures of the film.
-        slopes: Rough slope of the lines across the deck in each frame [rad].
+        slopes: Rough slope of the lines across the deck in each frame [rad], shape (n,).
     """
     every = [steps_of(picture) for picture in look.pictures]
     shifts = np.array([camera_shift(look.pictures[0], picture) for picture in look.pictures])
@@ -150,7 +150,7 @@ def _attitudes(turns: Array) -> Array:
 
 
 def turned(place: Array, turn: float) -> Array:
-    """Turn places (..., 2) about the origin, clockwise in the picture."""
+    """Turn places [px], shape (m, 2) or with more axes before, about the origin, clockwise in the picture [rad]."""
     return place @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
 
 

@@ -111,7 +111,7 @@ def segments(dark: Picture, box: tuple[int, int, int, int], shortest: float) -> 
 
 
 def slope_of(ends: Array) -> Array:
-    """Direction of lines (..., 2, 2), whichever end comes first, from -pi/2 to pi/2."""
+    """Direction of lines (m, 2, 2), whichever end comes first, from -pi/2 to pi/2 [rad], shape (m,)."""
     along = ends[..., 1, :] - ends[..., 0, :]
     with np.errstate(divide="ignore"):
         return np.arctan(along[..., 1] / along[..., 0])
@@ -121,6 +121,10 @@ def parallel_to(slope: Array, score: Array) -> tuple[npt.NDArray[np.bool_], Arra
     """For each line: which are parallel to it, shape (m, m), and how much they count together, shape (m,).
 
     What several lines agree on counts, rather than one long one: a long side of the deck.
+
+    Args:
+        slope: Slope of each line [rad], shape (m,).
+        score: How much each counts alone, in any unit, shape (m,).
     """
     parallel = np.abs(slope[:, None] - slope) < PARALLEL_WITHIN
     return parallel, parallel @ score - UNPAIRED_SHARE * np.max(parallel * score, axis=1, initial=0.0)
@@ -148,7 +152,7 @@ def still_there(contrast: Array, ends: Array, others: Sequence[Picture], shifts:
 
 
 def normals(ends: Array) -> Array:
-    """Unit vectors to the left of lines (m, 2, 2), as the picture shows it, walking from first to second end."""
+    """Unit vectors (m, 2) to the left of lines (m, 2, 2) [px] in the picture, walking from first to second end."""
     along = ends[:, 1] - ends[:, 0]
     return np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
 

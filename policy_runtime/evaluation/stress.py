@@ -1,0 +1,157 @@
+# pyright: reportAttributeAccessIssue=false, reportUnknownParameterType=false
+# (MuJoCo ships no type stubs.)
+"""What a ride can be made harder by, in plain MuJoCo: late answers, other masses and frictions, slopes, pushes."""
+
+import math
+from collections import deque
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+
+from policy_runtime.robots import PD_PERIOD, JointCommand, RobotState
+from policy_runtime.robots.simulated import SimulatedRobot
+from sim.board.scene import WHEELS
+from sim.skate import rotation
+from sim.skate.mdp.actor_observation import PARTS
+from sim.skate.world.scene import BOARD, ROBOT
+from sysid.errors import HuskyError
+from sysid.roll import Array
+
+PUSH_TIME = 0.1
+"""How long a push lasts [s]."""
+_NOISE = {name: noise for name, _, _, noise in PARTS}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stress:
+    """How a world differs from the nominal one."""
+
+    delay: float = 0.0
+    """From the policy's answer to the servos [s]."""
+    noise: float = 0.0
+    """Noise of the sensors, as a multiple of the training's."""
+    mass: float = 1.0
+    """Factor of masses and inertias of the robot."""
+    friction: float | None = None
+    """Sliding friction of the soles [1]; the scene's if None."""
+    rolling: float = 1.0
+    """Factor of the wheels' rolling friction."""
+    slope: float = 0.0
+    """Gradient of the ground along the start's direction [rad], uphill positive."""
+    push: float = 0.0
+    """Horizontal force on the pelvis for 0.1 s, in a drawn direction, every 5 to 10 s [N]."""
+
+    def __post_init__(self) -> None:
+        """Check the numbers.
+
+        Raises:
+            HuskyError: One cannot be.
+        """
+        lag = self.delay / PD_PERIOD
+        if self.delay < 0 or not math.isclose(lag, round(lag), abs_tol=1e-6):
+            raise HuskyError(
+                f"--delay {self.delay:g}: must be a multiple of the servos' {PD_PERIOD:g} s, and not negative."
+            )
+        for name in ("mass", "rolling"):
+            if not getattr(self, name) > 0:
+                raise HuskyError(f"--{name} {getattr(self, name):g}: a factor, must be larger than 0.")
+        for name in ("noise", "push"):
+            if not getattr(self, name) >= 0:
+                raise HuskyError(f"--{name} {getattr(self, name):g}: must not be negative.")
+        if self.friction is not None and not self.friction > 0:
+            raise HuskyError(f"--friction {self.friction:g}: must be larger than 0.")
+        if not abs(self.slope) < math.radians(30):
+            raise HuskyError(f"--slope {math.degrees(self.slope):g}: must be within ±30 degrees.")
+
+    def change(self, model: mujoco.MjModel) -> None:
+        """Make a compiled skating scene that world."""
+        for i in range(model.nbody):
+            if model.body(i).name.startswith(ROBOT):
+                model.body_mass[i] *= self.mass
+                model.body_inertia[i] *= self.mass
+        for i in range(model.ngeom):
+            name = model.geom(i).name
+            if self.friction is not None and name.startswith(ROBOT) and "_foot" in name:
+                model.geom_friction[i, 0] = self.friction
+        for wheel in WHEELS:
+            model.geom_friction[model.geom(f"{BOARD}{wheel}_wheel_collision").id, 2] *= self.rolling
+        weight = np.linalg.norm(model.opt.gravity)
+        model.opt.gravity[:] = -weight * np.array([math.sin(self.slope), 0.0, math.cos(self.slope)])
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+
+
+class StressedRobot(SimulatedRobot):
+    """A simulated robot whose servos hear late, whose sensors are noisy, and which can be pushed."""
+
+    def __init__(self, model: mujoco.MjModel, stress: Stress) -> None:
+        """Take over a scene that `Stress.change` has changed.
+
+        Args:
+            model: The scene.
+            stress: What it was changed by.
+        """
+        self.rng = np.random.default_rng(0)
+        """Draws the noise; give each ride its own."""
+        self._stress = stress
+        self._lag = round(stress.delay / PD_PERIOD)
+        # The frame of the ground seen from one whose z axis is the vertical, as an IMU has it.
+        self._ground = np.array([math.cos(stress.slope / 2), 0.0, -math.sin(stress.slope / 2), 0.0])
+        super().__init__(model)
+
+    def reset(self, qpos: Array, speed: float = 0.0) -> None:
+        """See `SimulatedRobot.reset`; nothing is on its way to the servos, nothing pushes."""
+        self._steps, self._pushed_until = 0, 0
+        self._coming: deque[tuple[int, JointCommand]] = deque()
+        super().reset(qpos, speed)
+
+    def send(self, command: JointCommand) -> None:
+        """Let a command reach the servos after the delay."""
+        self._coming.append((self._steps + self._lag, command))
+
+    def step(self) -> None:
+        """Advance by one period of the servos."""
+        while self._coming and self._coming[0][0] <= self._steps:
+            super().send(self._coming.popleft()[1])
+        if self._steps >= self._pushed_until:
+            self.data.xfrc_applied[self.ids.pelvis, :2] = 0.0
+        super().step()
+        self._steps += 1
+
+    def push_with(self, force: Array) -> None:
+        """Begin a push of the pelvis with a horizontal force [N], shape (2,)."""
+        self.data.xfrc_applied[self.ids.pelvis, :2] = force
+        self._pushed_until = self._steps + round(PUSH_TIME / PD_PERIOD)
+
+    def read(self) -> RobotState:
+        """Return what noisy sensors tell; orientation from the vertical, not from the ground."""
+        state = super().read()
+        around = lambda name, size: self._stress.noise * _NOISE[name] * self.rng.uniform(-1, 1, size)  # noqa: E731
+        lean = np.append(around("gravity", 2), 0.0) / 2
+        quaternion = rotation.multiply(
+            rotation.multiply(self._ground, state.quaternion), np.append(1.0, lean)
+        )
+        return replace(
+            state,
+            quaternion=quaternion / np.linalg.norm(quaternion),
+            angular_velocity=state.angular_velocity + around("angular_velocity", 3),
+            joint_position=state.joint_position + around("joint_position", 23),
+            joint_velocity=state.joint_velocity + around("joint_velocity", 23),
+        )
+
+
+CALM = Stress()
+SUITE: tuple[tuple[str, float, Stress], ...] = (
+    ("as it is", 20.0, CALM),
+    ("120 s", 120.0, CALM),
+    ("delay 20 ms", 20.0, Stress(delay=0.02)),
+    ("delay 40 ms", 20.0, Stress(delay=0.04)),
+    ("noise of the training", 20.0, Stress(noise=1.0)),
+    ("mass + 10 %", 20.0, Stress(mass=1.1)),
+    ("soles 0.4", 20.0, Stress(friction=0.4)),
+    ("rolling friction × 3", 20.0, Stress(rolling=3.0)),
+    ("3° uphill", 20.0, Stress(slope=math.radians(3))),
+    ("3° downhill", 20.0, Stress(slope=-math.radians(3))),
+    ("pushes of 100 N", 20.0, Stress(push=100.0)),
+)
+"""The robustness table: name, duration [s], and what is different."""

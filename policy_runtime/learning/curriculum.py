@@ -1,0 +1,139 @@
+"""A curriculum that leads itself: how hard the task is follows what the learner can do.
+
+A beginner that is ended after 0.4 s of wrong stance never learns to ride, and one that never is learns to ride
+on one leg. So the patience with a wrong stance (policy steps) starts high and follows the episodes that end
+early, a minute of riding: few, and it shrinks; many, and it grows. What hangs on it:
+
+| what | at patience p; P is the task's own |
+|---|---|
+| wrong stance that ends an episode | p policy steps |
+| pushing without a step that ends an episode | the task's idle patience · p/P |
+| weight of `push/left_foot` | the task's · P/p |
+| weight of the actions' entropy | the learner's first at 2 P and above, its last at P, geometric between |
+
+Once the patience is the task's own, the strength by which worlds differ (`sim.skate.mdp.worlds`) is led from 0 to 1
+the same way. A step is in proportion to the logarithm of how far the ends are from where it would stay, so that
+there is no band in which nothing moves: with steps of 1.5 % below 4 ends a minute and none up to 8, a run stood at
+a patience of 134 from iteration 600 to 1,000, with 4 to 8 ends a minute all the time.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Self
+
+if TYPE_CHECKING:
+    from policy_runtime.learning.amp import AmpPPO
+
+BEGIN = 150.0
+"""Patience of a beginner [policy steps]."""
+LONGEST = 400.0
+"""[policy steps]"""
+PATIENCE_ENDS = 8.0
+"""Ends a minute at which the patience stays as it is: an episode lasts a cycle and more."""
+STRENGTH_ENDS = 3.0
+"""Ends a minute at which the strength stays as it is."""
+GAIN = 0.03
+"""Step for ends that are off by a factor of e."""
+HARDER, EASIER = 0.03, 0.01
+"""Largest steps, relative for the patience, absolute for the strength."""
+
+
+def step(ends: float, balance: float) -> float:
+    """Return the step towards a harder task, negative towards an easier one.
+
+    Args:
+        ends: Episodes that ended early, a minute of riding.
+        balance: Ends at which nothing changes.
+    """
+    return min(max(GAIN * math.log(balance / max(ends, 1e-6)), -EASIER), HARDER)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Level:
+    """How hard the task is."""
+
+    patience: float
+    """Policy steps of wrong stance that end an episode."""
+    strength: float = 0.0
+    """Share of the variation by which worlds differ, 0 to 1."""
+
+    def after(self, ends: float, own: float) -> Self:
+        """Return the level after an iteration.
+
+        Args:
+            ends: Episodes that ended early, a minute of riding.
+            own: The task's own patience, where its way down ends.
+        """
+        if self.patience <= own:
+            strength = min(self.strength + step(ends, STRENGTH_ENDS), 1.0)
+            if strength >= 0:
+                return replace(self, strength=strength)
+        patience = self.patience * math.exp(-step(ends, PATIENCE_ENDS))
+        return replace(self, patience=min(max(patience, own), LONGEST), strength=0.0)
+
+    def entropy(self, own: float, first: float, last: float) -> float:
+        """Return the weight of the actions' entropy.
+
+        Args:
+            own: The task's own patience.
+            first: The weight at twice that patience and above.
+            last: The weight at that patience.
+        """
+        way = min(max(math.log2(self.patience / own), 0.0), 1.0)
+        return last ** (1 - way) * first**way
+
+
+class Curriculum:
+    """Holds worlds and learner at a level."""
+
+    def __init__(
+        self, env: Any, algorithm: "AmpPPO", last_entropy: float, level: Level | None = None
+    ) -> None:
+        """Read what the task's own numbers are.
+
+        Args:
+            env: The unwrapped worlds; an episode must end for a wrong stance in them.
+            algorithm: The learner, with its first entropy.
+            last_entropy: Its last.
+            level: Where to begin; a beginner's if None.
+        """
+        import torch
+
+        from sim.skate.mdp.worlds import worlds
+
+        self._env, self._algorithm, self._worlds = env, algorithm, worlds(env)
+        ends = env.termination_manager
+        self._patience: dict[str, tuple[float, Any]] = {}
+        for name in ("wrong_stance", "idle_foot"):
+            if name in ends.active_terms:
+                params = ends.get_term_cfg(name).params
+                own = float(params["patience"])
+                params["patience"] = torch.tensor(own, device=env.device)
+                self._patience[name] = own, params["patience"]
+        self.own = self._patience["wrong_stance"][0]
+        self._entropy = algorithm.entropy_coef, last_entropy
+        self._left_foot = env.reward_manager.get_term_cfg("push/left_foot").weight
+        self.set(Level(patience=BEGIN) if level is None else level)
+
+    def set(self, level: Level) -> None:
+        """Make the task as hard as a level says."""
+        self.level = level
+        share = level.patience / self.own
+        for own, kept in self._patience.values():
+            kept.fill_(own * share)
+        self._env.reward_manager.set_weight("push/left_foot", self._left_foot / share)
+        self._algorithm.entropy_coef = level.entropy(self.own, *self._entropy)
+        if self._worlds is not None and self._worlds.strength != level.strength:
+            self._worlds.set_strength(level.strength)
+
+    def follow(self, ends: float) -> None:
+        """Go on to the level after an iteration with so many early ends a minute of riding."""
+        self.set(self.level.after(ends, self.own))
+
+    def numbers(self) -> dict[str, float]:
+        """Return what the curves show of it."""
+        return {
+            "patience": self.level.patience,
+            "strength": self.level.strength,
+            "entropy_weight": self._algorithm.entropy_coef,
+        }

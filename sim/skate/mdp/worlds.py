@@ -1,0 +1,193 @@
+# pyright: reportMissingImports=false, reportUnknownParameterType=false
+"""How worlds differ: every world's own place within `sim.skate.options.Variation`, led by one strength.
+
+The places are drawn once and kept, so that raising the strength from 0 to 1 moves every world gradually from
+the nominal one to its own, between two iterations and without a reset.
+"""
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+import warp as wp
+from mjlab.managers.event_manager import RecomputeLevel
+
+from sim.board.scene import WHEELS
+from sim.skate.cycle.clock import CONTROL_PERIOD
+from sim.skate.mdp.actor_observation import FRAME_SIZE, PARTS
+from sim.skate.options import Variation
+from sim.skate.world.scene import DECIMATION, TIMESTEP
+
+if TYPE_CHECKING:
+    from mjlab.envs import ManagerBasedRlEnv
+
+MEMORY = 3
+"""Policy steps that delays reach over, the present one included."""
+LEVEL_SHARE = 0.5
+"""Share of the starts on level ground: a rider who cannot see the slope must not take every ground for one."""
+KNOWN = 7
+"""Numbers that tell the critic what world it is in."""
+_SENSORS = ("angular_velocity", "gravity", "joint_position", "joint_velocity")
+"""Parts of the actor's frame that sensors measure."""
+
+
+class Worlds:
+    """mjlab's startup event that draws the worlds; the curriculum calls `set_strength` afterwards."""
+
+    model_fields = (
+        "body_mass",
+        "body_inertia",
+        "body_subtreemass",
+        "dof_invweight0",
+        "body_invweight0",
+        "tendon_length0",
+        "tendon_invweight0",
+        "actuator_acc0",
+        "actuator_gainprm",
+        "actuator_biasprm",
+        "geom_friction",
+    )
+    """What mjlab shall keep for each world."""
+
+    def __init__(self, cfg: Any, env: "ManagerBasedRlEnv") -> None:
+        """Draw every world's place."""
+        variation: Variation = cfg.params["variation"]
+        if max(variation.action_delay, variation.sensor_delay) > (MEMORY - 1) * CONTROL_PERIOD + 1e-9:
+            raise ValueError(f"delays reach over at most {MEMORY - 1} policy steps of {CONTROL_PERIOD} s")
+        self.variation, self.strength = variation, 1.0
+        self._env = env
+        n, device, model = env.num_envs, env.device, env.sim.mj_model
+        draw = lambda *shape: torch.rand(n, *shape, device=device)  # noqa: E731
+        self._links = [i for i in range(model.nbody) if model.body(i).name.startswith("robot/")]
+        self._wheels = [model.geom(f"board/{wheel}_wheel_collision").id for wheel in WHEELS]
+        self._sole = int(model.geom("robot/right_foot1_collision").id)
+        self._mass = 2 * draw(len(self._links)) - 1
+        self._gains = 2 * draw(model.nu, 2) - 1
+        self._rolling, self._action_delay, self._sensor_delay = draw(), draw(), draw()
+        self._bias = (2 * draw(FRAME_SIZE) - 1) * torch.tensor(_bias_widths(variation), device=device)
+        self._measured = torch.tensor([name in _SENSORS for name, size, *_ in PARTS for _ in range(size)])
+        self._measured = self._measured.to(device)
+        self.action_lag = torch.zeros(n, dtype=torch.long, device=device)
+        """Simulation steps from the policy's answer to the servos, (n,)."""
+        self.sensor_lag = torch.zeros(n, device=device)
+        """Policy steps from the sensors to the policy, (n,)."""
+        self.bias = torch.zeros_like(self._bias)
+        """What sensors are off by, in the units of a raw frame, (n, 78)."""
+        self.rolling = torch.zeros(n, device=device)
+        """Logarithm of the factor of the rolling friction, (n,)."""
+        self.mass = torch.zeros(n, device=device)
+        """Mean relative deviation of the links' masses, (n,)."""
+        self.slope = torch.zeros(n, 2, device=device)
+        """Gradient of the ground along x and y [rad], uphill positive, (n, 2)."""
+        self._world = torch.arange(n, device=device)
+        self._weight = float(np.linalg.norm(model.opt.gravity))
+        gravity = wp.array(np.tile(model.opt.gravity, (n, 1)), dtype=wp.vec3, device=env.sim.wp_device)
+        env.sim.wp_model.opt.gravity = (
+            gravity  # one for each world; mjlab makes its graphs anew after the events
+        )
+        self._gravity = wp.to_torch(gravity)
+
+    def __call__(self, env: "ManagerBasedRlEnv", env_ids: Any, variation: Variation) -> None:
+        """Put every world in its place."""
+        self.set_strength(self.strength)
+
+    def set_strength(self, strength: float) -> None:
+        """Let worlds differ by this share of the variation, from 0 to 1."""
+        self.strength, variation = strength, self.variation
+        sim = self._env.sim
+        model, default = sim.model, sim.get_default_field
+        mass = 1 + strength * variation.masses * self._mass
+        self.mass.copy_(mass.mean(-1) - 1)
+        model.body_mass[:, self._links] = default("body_mass")[self._links] * mass
+        model.body_inertia[:, self._links] = default("body_inertia")[self._links] * mass[..., None]
+        kp, kd = (1 + strength * variation.gains * self._gains).unbind(-1)
+        model.actuator_gainprm[:, :, 0] = default("actuator_gainprm")[:, 0] * kp
+        model.actuator_biasprm[:, :, 1] = default("actuator_biasprm")[:, 1] * kp
+        model.actuator_biasprm[:, :, 2] = default("actuator_biasprm")[:, 2] * kd
+        low, high = (math.log(factor) for factor in variation.rolling_friction)
+        self.rolling.copy_(strength * (low + (high - low) * self._rolling))
+        friction = default("geom_friction")[self._wheels, 2] * self.rolling.exp()[:, None]
+        model.geom_friction[:, self._wheels, 2] = friction
+        lag = strength * variation.action_delay / TIMESTEP * self._action_delay
+        self.action_lag.copy_(lag.round().long())
+        self.sensor_lag.copy_(strength * variation.sensor_delay / CONTROL_PERIOD * self._sensor_delay)
+        self.bias.copy_(strength * self._bias)
+        sim.recompute_constants(RecomputeLevel.set_const)
+
+    def draw_slope(self, ids: torch.Tensor) -> None:
+        """Give the ground of some worlds a new gradient."""
+        steepest = self.strength * self.variation.slope
+        drawn = steepest * (2 * torch.rand(len(ids), 2, device=self.slope.device) - 1)
+        drawn[:, 1] *= 0.5
+        level = torch.rand(len(ids), 1, device=self.slope.device) < LEVEL_SHARE
+        self.slope[ids] = torch.where(level, 0.0, drawn)
+        self._gravity[ids] = -self._weight * self.up()[ids]
+
+    def up(self) -> torch.Tensor:
+        """Return the vertical as a unit vector in the frame of the ground, (n, 3)."""
+        sine = self.slope.sin()
+        return torch.cat((sine, (1 - (sine**2).sum(-1, keepdim=True)).sqrt()), dim=-1)
+
+    def answers(self, actions: torch.Tensor) -> torch.Tensor:
+        """Return which of the last answers reaches the servos in each simulation step of a policy step.
+
+        Args:
+            actions: The last three answers, newest first, (3, n, 23).
+
+        Returns:
+            (4, n, 23).
+        """
+        substep = torch.arange(DECIMATION, device=actions.device)[:, None]
+        return actions[steps_back(self.action_lag, substep), self._world]
+
+    def sensed(self, frames: torch.Tensor) -> torch.Tensor:
+        """Return what the sensors tell the policy: late, off by their bias; what the policy told itself, at once.
+
+        Args:
+            frames: The last three true frames, newest first, (3, n, 78).
+        """
+        whole = self.sensor_lag.floor().long().clamp(max=MEMORY - 2)
+        newer, older = frames[whole, self._world], frames[whole + 1, self._world]
+        late = newer + (self.sensor_lag - whole)[:, None] * (older - newer)
+        return torch.where(self._measured, late, frames[0]) + self.bias
+
+    def known(self) -> torch.Tensor:
+        """Return what the critic is told of its world, about within ±1, (n, `KNOWN`)."""
+        lag = self.action_lag * (TIMESTEP / CONTROL_PERIOD) - 1
+        friction = self._env.sim.model.geom_friction[:, self._sole, 0]
+        one = (lag, self.sensor_lag, self.rolling, friction - 1, 5 * self.mass)
+        return torch.cat((torch.stack(one, dim=-1), 10 * self.slope), dim=-1)
+
+
+def steps_back(lag: Any, substep: Any) -> Any:
+    """Return how many policy steps ago was answered what arrives after `lag` simulation steps, (...,).
+
+    Args:
+        lag: Simulation steps, integers.
+        substep: Simulation step within the policy step, from 0.
+    """
+    return ((lag - substep + DECIMATION - 1) // DECIMATION).clip(min=0, max=MEMORY - 1)
+
+
+def worlds(env: "ManagerBasedRlEnv") -> Worlds | None:
+    """Return the differing worlds, or None where they are all the same."""
+    if "worlds" not in env.event_manager.active_terms.get("startup", ()):
+        return None
+    return env.event_manager.get_term_cfg("worlds").func
+
+
+def draw_slope(env: "ManagerBasedRlEnv", env_ids: torch.Tensor | None) -> None:
+    """Give the ground a new gradient at a start."""
+    there = worlds(env)
+    assert there is not None  # the task adds this event beside the worlds
+    there.draw_slope(torch.arange(env.num_envs, device=env.device) if env_ids is None else env_ids)
+
+
+def _bias_widths(variation: Variation) -> list[float]:
+    widths = {
+        "angular_velocity": variation.gyro_bias,
+        "gravity": variation.gravity_bias,
+        "joint_position": variation.encoder_bias,
+    }
+    return [widths.get(name, 0.0) for name, size, *_ in PARTS for _ in range(size)]

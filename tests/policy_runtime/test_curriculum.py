@@ -1,0 +1,131 @@
+"""The curriculum that leads itself: its rule by hand, what hangs on it, and its way through a checkpoint."""
+
+import math
+from dataclasses import asdict
+
+import pytest
+
+from policy_runtime.learning.curriculum import EASIER, GAIN, HARDER, LONGEST, Level, step
+
+pytestmark = pytest.mark.train
+
+
+@pytest.mark.parametrize(
+    ("ends", "expected"),
+    [
+        (8.0, 0.0),
+        (4.0, GAIN * math.log(2)),
+        (8.0 * math.e, -EASIER),
+        (10.0, -GAIN * math.log(1.25)),
+        (2.0, HARDER),
+        (0.0, HARDER),
+    ],
+)
+def test_step_follows_the_logarithm_of_the_ends_within_its_bounds(ends, expected):
+    assert step(ends, 8.0) == pytest.approx(expected)
+
+
+def test_patience_falls_by_three_percent_at_most_and_rises_by_one():
+    level = Level(patience=100.0)
+    assert level.after(0.5, own=20).patience == pytest.approx(100 * math.exp(-0.03))
+    assert level.after(60.0, own=20).patience == pytest.approx(100 * math.exp(0.01))
+    assert level.after(6.0, own=20).patience == pytest.approx(100 * (6 / 8) ** 0.03)
+    assert level.after(0.5, own=20).strength == 0.0
+
+
+def test_patience_stays_between_the_tasks_own_and_the_longest():
+    assert Level(patience=20.1).after(0.1, own=20).patience == 20.0
+    assert Level(patience=LONGEST - 0.1).after(90.0, own=20).patience == LONGEST
+
+
+def test_strength_begins_where_the_patience_ends_and_goes_first_when_it_gets_too_hard():
+    level = Level(patience=20.0).after(1.0, own=20)
+    assert asdict(level) == {"patience": 20.0, "strength": pytest.approx(0.03)}
+    assert level.after(3.0, own=20) == level
+    easier = level.after(60.0, own=20)
+    assert asdict(easier) == {"patience": 20.0, "strength": pytest.approx(0.02)}
+    gone = Level(patience=20.0, strength=0.005).after(60.0, own=20)
+    assert asdict(gone) == {"patience": pytest.approx(20 * math.exp(0.01)), "strength": 0.0}
+    assert Level(patience=20.0, strength=0.99).after(0.1, own=20).strength == 1.0
+
+
+@pytest.mark.parametrize(
+    ("patience", "weight"), [(400, 0.005), (40, 0.005), (20 * math.sqrt(2), math.sqrt(5e-6)), (20, 0.001)]
+)
+def test_entropy_falls_over_the_last_halving_of_the_patience(patience, weight):
+    assert Level(patience=patience).entropy(20, 0.005, 0.001) == pytest.approx(weight)
+
+
+@pytest.fixture(scope="module")
+def led(tmp_path_factory):
+    """A run of two iterations of eight worlds, and what it is built of, once more, restored."""
+    for module in ("torch", "mjlab"):
+        pytest.importorskip(module, reason="needs the training stack")
+    from pathlib import Path
+
+    from policy_runtime.learning.run_folder import LearnOptions, RunConfig, RunFolder
+    from policy_runtime.train import build, build_curriculum, join_processes, restore, train
+    from sim.skate.options import SkateOptions
+    from sysid.workspace import shipped_data
+
+    folder = RunFolder(Path(tmp_path_factory.mktemp("led")) / "run")
+    learn = LearnOptions(environments=8, steps=6, iterations=2, hidden=(32, 16))
+    config = RunConfig(task=SkateOptions(boards=2), learn=learn)
+    folder.begin(config, shipped_data() / "boards" / "pink.toml")
+    train(folder, device="cpu")
+    process = join_processes("cpu")
+    env, learner = build(folder, config, process)
+    _, level = restore(folder, config, env, learner, process)
+    yield folder, env.unwrapped, learner, build_curriculum(config, env, learner, level), level
+    env.close()
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_the_level_is_in_curves_and_checkpoint(led):
+    folder, *_, level = led
+    rows = folder.read_curves()
+    assert rows[0]["patience"] == 150.0
+    expected = Level(patience=150.0)
+    for row in rows:
+        expected = expected.after(row["falls_per_minute"], own=20)
+    assert level == expected
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_everything_that_hangs_on_the_level_is_set(led):
+    _, env, learner, curriculum, _ = led
+    curriculum.set(Level(patience=50.0, strength=0.5))
+    ends = env.termination_manager
+    assert float(ends.get_term_cfg("wrong_stance").params["patience"]) == 50.0
+    assert float(ends.get_term_cfg("idle_foot").params["patience"]) == pytest.approx(1.2 * 2.5)
+    rewards = env.reward_manager
+    assert rewards.get_term_cfg("push/left_foot").weight == pytest.approx(-12 / 2.5)
+    assert float(rewards._weights[rewards.active_terms.index("push/left_foot")]) == pytest.approx(-4.8)
+    assert learner.entropy_coef == 0.005
+    assert env.event_manager.get_term_cfg("worlds").func.strength == 0.5
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_critic_grows_without_changing_its_answers():
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("rsl_rl")
+    from rsl_rl.models import MLPModel
+
+    from policy_runtime.learning.checkpoint import grow_inputs
+
+    def critic(size):
+        seen = {"critic": torch.zeros(1, size)}
+        return MLPModel(seen, {"critic": ["critic"]}, "critic", 1, hidden_dims=(8,), obs_normalization=True)
+
+    torch.manual_seed(1)
+    small, large = critic(5), critic(7)
+    small.obs_normalizer._mean += 0.3
+    kept = {"critic_state_dict": small.state_dict(), "optimizer_state_dict": {}}
+    assert grow_inputs(kept, "critic", 7)
+    assert "optimizer_state_dict" not in kept
+    large.load_state_dict(kept["critic_state_dict"])
+    seen = torch.randn(4, 7)
+    torch.testing.assert_close(large({"critic": seen}), small({"critic": seen[:, :5]}))
+    assert not grow_inputs(kept, "critic", 7)

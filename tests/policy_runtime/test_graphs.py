@@ -1,0 +1,199 @@
+"""What CUDA graphs need, shown on the processor: memory that stays, nothing asked of the host, mjlab's numbers."""
+
+import contextlib
+import sys
+
+import pytest
+
+from sim.skate.options import SkateOptions
+from sysid.workspace import shipped_data
+
+pytestmark = [
+    pytest.mark.train,
+    pytest.mark.slow,
+    pytest.mark.filterwarnings("ignore"),
+]  # the stack's own warnings
+
+WORLDS = 8
+WAITS = ("_local_scalar_dense", "nonzero", "lift_fresh", "masked_select", "is_nonzero", "equal.default")
+"""Operations that wait for the device, or that copy from the host."""
+
+
+def environment(kind):
+    import torch
+
+    from sim.skate.task import skate_env_cfg
+    from sysid.board import load_board
+
+    torch.manual_seed(4)
+    board = load_board(shipped_data() / "boards" / "pink.toml")
+    cfg = skate_env_cfg(board, SkateOptions(boards=2, episode=0.3), environments=WORLDS, seed=4)
+    with contextlib.redirect_stdout(sys.stderr):
+        env = kind(cfg, device="cpu")
+    env.reset()
+    return env
+
+
+@pytest.fixture(scope="module")
+def env():
+    for module in ("torch", "mjlab"):
+        pytest.importorskip(module, reason="needs the training stack")
+    from policy_runtime.learning.fused_rewards import SkateEnv
+
+    env = environment(SkateEnv)
+    yield env
+    env.close()
+
+
+def test_a_step_is_mjlabs_step():
+    import torch
+    from mjlab.envs import ManagerBasedRlEnv
+
+    from policy_runtime.learning.fused_rewards import SkateEnv
+
+    ours, theirs = environment(SkateEnv), environment(ManagerBasedRlEnv)
+    actions = 0.3 * torch.randn(25, WORLDS, 23, generator=torch.Generator().manual_seed(1))
+    kept = []
+    for env in (ours, theirs):
+        torch.manual_seed(5)
+        rows = []
+        for action in actions:
+            seen, earned, ended, late, _ = env.step(action)
+            # Contact forces in the critic's vector may be of the instant before in mjlab's own step.
+            rows.append(
+                torch.cat((seen["actor"], seen["style"], earned[:, None], ended[:, None], late[:, None]), 1)
+            )
+        kept.append(torch.stack(rows))
+        env.close()
+    assert kept[0][..., -2:].any()  # episodes have ended on the way
+    assert torch.equal(*kept)
+
+
+def lasting(env):
+    """Yield every tensor that the graphs' Python objects hold, with its place."""
+    import torch
+
+    terms = env.observation_manager._group_obs_term_cfgs.values()
+    holders = {
+        "command": env.command_manager.get_term("skate"),
+        "worlds": env.event_manager.get_term_cfg("worlds").func,
+        "rewards": env.reward_manager,
+        "terminations": env.termination_manager,
+        "actions": env.action_manager,
+        "env": env,
+        **{f"end {n}": term.func for n, term in enumerate(env.termination_manager._term_cfgs)},
+        **{f"seen {n}": term.func for n, term in enumerate(t for group in terms for t in group)},
+    }
+    histories = env.observation_manager._group_obs_term_history_buffer
+    holders |= {f"history {g} {n}": h for g, group in histories.items() for n, h in group.items()}
+    fresh = {"env": {"reward_buf", "reset_buf", "reset_terminated", "reset_time_outs", "_command_dt"}}
+    for name, holder in holders.items():
+        for key, value in getattr(holder, "__dict__", {}).items():
+            for part in value if isinstance(value, tuple) else (value,):
+                if isinstance(part, torch.Tensor) and key not in fresh.get(name, ()):
+                    yield f"{name}: {key}", part
+
+
+def test_what_lasts_stays_where_it_is(env):
+    import torch
+
+    before = [(where, tensor.data_ptr()) for where, tensor in lasting(env)]
+    assert len(before) > 40
+    for _ in range(20):
+        env.step(torch.zeros(WORLDS, 23))
+    assert [(where, tensor.data_ptr()) for where, tensor in lasting(env)] == before
+
+
+def asked_of_the_host(function):
+    """Return which operations of a function wait for the device or copy to it; it launches many."""
+    from torch.utils._python_dispatch import TorchDispatchMode
+
+    asked, launched = [], []
+
+    class Watch(TorchDispatchMode):
+        def __torch_dispatch__(self, func, types, args=(), kwargs=None):
+            launched.append(func)
+            if any(word in str(func) for word in WAITS):
+                asked.append(str(func))
+            return func(*args, **(kwargs or {}))
+
+    with Watch():
+        function()
+    assert len(launched) > 50
+    return asked
+
+
+@pytest.mark.parametrize("part", ["_judge_state", "_see_state"])
+def test_a_graph_of_the_worlds_asks_nothing_of_the_host(env, part):
+    import torch
+
+    for _ in range(3):
+        env.step(torch.zeros(WORLDS, 23))
+    assert asked_of_the_host(getattr(env, part)) == []
+
+
+@pytest.fixture
+def rollout(env):
+    """A learner with a rollout of six steps, and how to make its equal."""
+    import torch
+    from mjlab.rl import RslRlVecEnvWrapper
+
+    from policy_runtime.learning.progress import Progress
+    from policy_runtime.learning.run_folder import LearnOptions, RunConfig
+    from policy_runtime.train import build_learner, collect, join_processes
+
+    learn = LearnOptions(environments=WORLDS, steps=6, hidden=(32, 16), mini_batches=4, desired_kl=0.01)
+    wrapped, process = RslRlVecEnvWrapper(env), join_processes("cpu")
+
+    def learner():
+        torch.manual_seed(6)
+        env.seed(6)
+        wrapped.reset()
+        built = build_learner(wrapped, RunConfig(learn=learn), process)
+        collect(wrapped, built, wrapped.get_observations(), learn.steps, Progress(env))
+        return built
+
+    return learner
+
+
+def test_fused_learning_is_rsl_rls(rollout):
+    import torch
+    from rsl_rl.algorithms import PPO
+
+    from policy_runtime.learning.fused_update import FusedUpdate
+
+    theirs, ours = rollout(), rollout()
+    fused = FusedUpdate(ours)
+    torch.manual_seed(7)
+    wanted = PPO.update(theirs)
+    torch.manual_seed(7)
+    given = fused()
+    assert given == pytest.approx(wanted, rel=1e-4)
+    assert ours.learning_rate == pytest.approx(theirs.learning_rate)
+    assert ours.learning_rate != 1e-3  # the divergence has been followed
+    for mine, its in zip((ours.actor, ours.critic), (theirs.actor, theirs.critic), strict=True):
+        for name, value in its.state_dict().items():
+            torch.testing.assert_close(mine.state_dict()[name], value, rtol=1e-4, atol=1e-6, msg=name)
+
+
+def test_a_graph_of_learning_asks_nothing_of_the_host(rollout):
+    from policy_runtime.learning.fused_update import FusedUpdate
+
+    learner = rollout()
+    fused = FusedUpdate(learner)
+    fused()
+    # On a processor the optimisers themselves count their steps there.
+    learner.optimizer.step = learner.amp_optimiser.step = lambda: None
+    assert asked_of_the_host(fused._learn_batch) == []
+    assert asked_of_the_host(learner._teach_discriminator) == []
+
+
+def test_without_a_gpu_nothing_is_recorded():
+    from policy_runtime.learning.graphs import Graphed
+
+    calls = []
+    graphed = Graphed(lambda: calls.append(1), "cpu")
+    for _ in range(6):
+        graphed()
+    assert len(calls) == 6
+    assert not graphed.recorded
