@@ -12,6 +12,8 @@ from sysid.errors import HuskyError
 from sysid.fitting.joint import FitOptions, check_parameters, fit_joint
 from sysid.fitting.ladder import ladder
 from sysid.fitting.record_update import require_usable, updated_board
+from sysid.joint.law import JointLaw
+from sysid.joint.trajectory import simulate as motion
 from sysid.quantity import Quantity
 from sysid.roll import Release
 from sysid.synth.law import Modes, TrueLaw
@@ -146,3 +148,16 @@ def test_a_record_may_lack_spring_or_damper(tmp_path):
     (boards / "arm.toml").write_text(board_to_toml(arm(-1.0)), encoding="utf-8")
     with pytest.raises(HuskyError, match="a positive number"):
         Workspace(tmp_path).load_board("arm")
+
+
+def test_a_damper_is_never_made_to_drive():
+    """Friction that grows weaker with speed looks like a damper that feeds the swing."""
+    law = JointLaw(inertia=0.02, stiffness=2.0, damping=-1e-3).with_effect("coulomb", 0.03)
+    noise = NOISE * np.random.default_rng(5).standard_normal(len(TIME))
+    releases = [
+        replace(release, roll=motion(law, TIME, angle).roll + noise)
+        for release, angle in zip(pendulum(2.0), (0.3, -0.2), strict=True)
+    ]
+    fit = fit_joint(releases, arm(), ("coulomb",))
+    assert fit.law.damping == 0.0
+    assert "damping" not in fit.quantities

@@ -283,3 +283,15 @@ def test_a_release_given_in_the_hold_is_the_one_that_follows():
     given, found = find_releases(roll, releases=(0.6,)), find_releases(roll)
     assert given[0].start == pytest.approx(found[0].start, abs=1e-6)
     assert given[0].hold > 0.9
+
+
+def test_a_hand_that_stops_a_deck_in_its_swing_ends_the_release():
+    time = np.arange(0.0, 8.0, 0.005)
+    swing = 0.2 * np.exp(-0.4 * (time - 0.5)) * np.cos(9 * (time - 0.5))
+    roll = np.where(time < 0.5, 0.2, np.where(time < 4.9, swing, 0.0))
+    roll += 1e-3 * np.random.default_rng(1).standard_normal(len(time))
+    (release,) = find_releases(
+        Roll(log="x", time=time, roll=roll, std=np.full(len(time), 1e-3), origin="angle")
+    )
+    assert release.end == "caught"
+    assert 4.5 < release.time[-1] < 4.95
