@@ -1,20 +1,22 @@
 """Join the learning curves of stages, each begun with `--from` a checkpoint of the one before, to one table.
 
-    python data/policies/join_curves.py STAGE [STAGE ...] OUT.csv [--first N]
+    python data/policies/join_curves.py STAGE [STAGE ...] OUT.csv [--first N] [--every N]
 
 A stage is a run's folder or a table that this script wrote. Each takes over where its iterations begin, and its steps of
-the world are counted on from there. With --first, what was before iteration N is left out.
+the world are counted on from there. With --first, what was before iteration N is left out; with --every, all but each N-th
+iteration. Columns that a stage did not have are nan.
 """
 
 import argparse
 import csv
+import math
 from pathlib import Path
 
 from policy_runtime.learning.run_folder import RunFolder
 
 COLUMNS = (
     "iteration", "samples", "survival", "falls_per_minute", "speed_error", "heading_error", "both_feet", "foot_down",
-    "reward", "style", "steps_per_s", "collect_s", "learn_s", "action_std",
+    "reward", "style", "steps_per_s", "collect_s", "learn_s", "action_std", "patience", "strength",
 )  # fmt: skip
 
 
@@ -25,6 +27,7 @@ def main() -> None:
     )
     parser.add_argument("files", type=Path, nargs="+", help="one or more stages, and the table to write")
     parser.add_argument("--first", type=int, default=1)
+    parser.add_argument("--every", type=int, default=1)
     options = parser.parse_args()
     *stages, target = options.files
     rows: list[dict[str, float]] = []
@@ -39,17 +42,17 @@ def main() -> None:
         table = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         table.writeheader()
         for row in rows:
-            if row["iteration"] < options.first:
+            if row["iteration"] < options.first or row["iteration"] % options.every:
                 continue
             whole = {name: f"{row[name]:.0f}" for name in ("iteration", "samples")}
-            table.writerow({name: f"{row[name]:.6g}" for name in COLUMNS} | whole)
+            table.writerow({name: f"{row.get(name, math.nan):.6g}" for name in COLUMNS} | whole)
 
 
 def _read(path: Path) -> list[dict[str, float]]:
     if path.is_dir():
         return RunFolder(path).read_curves()
     with path.open(encoding="utf-8") as file:
-        return [{name: float(row[name]) for name in COLUMNS} for row in csv.DictReader(file)]
+        return [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
 
 
 if __name__ == "__main__":

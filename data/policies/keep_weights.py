@@ -27,8 +27,9 @@ def main() -> None:
     torch.save(weights, target)
 
 
-def _small(value: torch.Tensor) -> torch.Tensor:
-    return value.half() if value.ndim == 2 and value.numel() > LARGE else value
+def _small(value: Any) -> Any:
+    is_large = isinstance(value, torch.Tensor) and value.ndim == 2 and value.numel() > LARGE
+    return value.half() if is_large else value
 
 
 if __name__ == "__main__":
