@@ -153,7 +153,6 @@ def synthetic(name, seed, effects, folder, *, noise_deg=0.05, **options):
             {"hysteresis": (4.0, 0.12)},
         ),  # starts as the hold left it, 4 ms before the first sample
         ("pink", 803, {"viscoelastic": (5.0, 0.08)}),
-        ("black", 802, {"end-stop": (0.1, 300.0, 0.5)}),  # acts in the first milliseconds only
     ],
 )
 @pytest.mark.slow
@@ -161,6 +160,15 @@ def test_what_acts_at_the_start_is_named_alone(name, seed, effects, tmp_path):
     verdict = diagnose(*synthetic(name, seed, effects, tmp_path)).verdict
     assert verdict.status == "missing"
     assert set(verdict.effects) == set(effects), verdict
+
+
+@pytest.mark.slow
+def test_a_stop_that_hardly_acts_is_not_claimed_to_matter(tmp_path):
+    """It is touched in the first milliseconds only and moves 0.4 % of the motion: a hint at most, never 'unexplained'."""
+    result = diagnose(*synthetic("black", 802, {"end-stop": (0.1, 300.0, 0.5)}, tmp_path))
+    assert result.verdict.status == "none-missing", result.verdict
+    assert result.verdict.error_after < 1.15 * result.noise.std
+    assert any("end-stop" in candidate.effects for candidate in result.candidates[:5])
 
 
 @pytest.fixture(scope="module")

@@ -14,6 +14,8 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore"),
 ]  # the stack's own warnings
 
+pytest.importorskip("torch", reason="CUDA graphs are PyTorch's (extra 'train')")
+
 WORLDS = 8
 WAITS = ("_local_scalar_dense", "nonzero", "lift_fresh", "masked_select", "is_nonzero", "equal.default")
 """Operations that wait for the device, or that copy from the host."""
