@@ -45,7 +45,7 @@ class Blocks:
     """In samples."""
 
     def coefficients(self, errors: Sequence[Array]) -> Array:
-        """Return the cosine coefficients of an error, block by block, shape (n,)."""
+        """Return the cosine coefficients of an error, block by block, shape (n,), in the unit of the error."""
         from scipy.fft import dct
 
         return np.concatenate([np.asarray(dct(errors[i][a:b], norm="ortho")) for i, a, b in self.cuts])

@@ -20,7 +20,11 @@ UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "rest_angle": "rad"}
 
 
 def total_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
-    """Return the covariance of the free parameters with the inertia's uncertainty in it, shape (free, free)."""
+    """Return the covariance of the free parameters with the inertia's uncertainty in it.
+
+    Returns:
+        Covariance, shape (free, free), in the parameters' units.
+    """
     parameters = problem.parameters(minimum.point)
     by_inertia = np.array(
         [parameters[n] / board.inertia.value if torque_like(problem, n) else 0.0 for n in problem.names]
@@ -42,7 +46,15 @@ def parameter_quantities(
     *,
     certain: bool = True,
 ) -> dict[str, Quantity]:
-    """Return the free parameters as quantities; `certain=False` leaves the deviations unknown and is quick."""
+    """Return the free parameters as quantities.
+
+    Args:
+        problem: The problem.
+        minimum: Where its cost is least.
+        board: Gives the inertia's uncertainty.
+        covariance: Of the free parameters, shape (free, free), in their units; None to compute it.
+        certain: False leaves the deviations unknown, where no covariance is given, and is quick.
+    """
     units = {**UNITS, **_effect_units(problem.structure)}
     parameters = problem.parameters(minimum.point)
     if certain and covariance is None:
@@ -133,7 +145,14 @@ def sensitivity_of(problem: Problem, minimum: Minimum) -> Sensitivity:
 def noise_behind(
     problem: Problem, minimum: Minimum, residuals: Sequence[Array], sensitivity: Sensitivity | None = None
 ) -> ResidualNoise:
-    """Return the noise behind the residuals of a minimum."""
+    """Return the noise behind the residuals of a minimum.
+
+    Args:
+        problem: The problem.
+        minimum: Where its cost is least.
+        residuals: Of each record [rad or rad/s], shape (n,) each.
+        sensitivity: At the minimum; None to compute it.
+    """
     sensitivity = sensitivity or sensitivity_of(problem, minimum)
     values, vectors = np.linalg.eigh(sensitivity.inverse)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
@@ -154,7 +173,14 @@ def _inverse(matrix: Array) -> Array:
 def identifiability_warnings(
     problem: Problem, minimum: Minimum, quantities: Mapping[str, Quantity], covariance: Array
 ) -> list[str]:
-    """Say what the data do not fix."""
+    """Say what the data do not fix.
+
+    Args:
+        problem: The problem.
+        minimum: Where its cost is least.
+        quantities: The free parameters.
+        covariance: Of `quantities`, in their order, shape (free, free), in their units.
+    """
     lines: list[str] = []
     for name, bound in zip(problem.names, minimum.at_bound, strict=False):
         if bound:
@@ -185,6 +211,11 @@ def identified_combination(effect: str, quantities: Mapping[str, Quantity], cova
     """Say which combination of an effect's parameters the data fix, where they fix none of them well.
 
     In logarithms a product of powers is a direction, and the best known one is the covariance's narrowest.
+
+    Args:
+        effect: Name of the effect.
+        quantities: The free parameters of the fit.
+        covariance: Of `quantities`, in their order, shape (free, free), in their units.
     """
     names = list(quantities)
     own = [

@@ -26,7 +26,7 @@ def residuals_of_law(
         law: The joint.
 
     Returns:
-        Model minus measurement of each record [rad or rad/s].
+        Model minus measurement of each record [rad or rad/s], shape (n,) each.
     """
     return fit_initial_states(law or JointLaw.from_board(board), records, bias=bias)[0]
 
@@ -37,7 +37,7 @@ def fit_initial_states(
     """Fit roll and rate at each release to a given law.
 
     Returns:
-        Residuals of each record, and (roll [rad], rate [rad/s]) at each release.
+        Residuals of each record [rad or rad/s], shape (n,) each, and (roll [rad], rate [rad/s]) at each release.
     """
     structure = law.structure
     amplitude = max(max(float(np.ptp(r.release.roll)) for r in records) / 1.6, 1e-4)

@@ -162,7 +162,7 @@ class Problem:
         return [path.signal for path in self._paths]
 
     def sizes(self) -> Array:
-        """Return the size of each unknown, shape (p,)."""
+        """Return the size of each unknown in its own unit, shape (p,)."""
         return self._sizes
 
     @cached_property
@@ -193,7 +193,11 @@ class Problem:
         return pairs[:, 0], pairs[:, 1]
 
     def start(self, parameters: Mapping[str, float]) -> Array:
-        """Return unknowns for given parameters; the rest from the records themselves."""
+        """Return unknowns for given parameters; the rest from the records themselves.
+
+        Returns:
+            Unknowns in units of their sizes, shape (p,).
+        """
         values = [parameters[name] for name in self.names]
         vector = self.vector_of(parameters)
         for record in self.records:
@@ -210,24 +214,42 @@ class Problem:
         return np.array(values) / self.sizes()
 
     def vector_of(self, parameters: Mapping[str, float]) -> Array:
-        """Return the structure's parameter vector, inertia first."""
+        """Return the structure's parameter vector, inertia first.
+
+        Returns:
+            Value of each parameter in its own unit, shape (k,).
+        """
         full = {"inertia": self.scales.inertia, **parameters, **self.fixed}
         return np.array([full[name] for name in self.structure.parameters])
 
     def parameters(self, unknowns: Array) -> dict[str, float]:
-        """Return all parameters by name, fixed ones included, without the inertia."""
+        """Return all parameters by name, in their units, fixed ones included, without the inertia.
+
+        Args:
+            unknowns: In units of their sizes, shape (p,).
+        """
         count = len(self.names)
         values = unknowns[:count] * self.sizes()[:count]
         return {**dict(zip(self.names, map(float, values), strict=True)), **self.fixed}
 
     def residuals(self, unknowns: Array) -> list[Array]:
-        """Return model minus measurement of each record [rad or rad/s]."""
+        """Return model minus measurement of each record [rad or rad/s], shape (n,) each.
+
+        Args:
+            unknowns: In units of their sizes, shape (p,).
+        """
         return [pair[0] for pair in self.linearise(unknowns)]
 
     def linearise(self, unknowns: Array) -> list[tuple[Array, Array]]:
         """Return residual, shape (n,), and Jacobian, shape (n, free + own), of each record; not scaled.
 
         The Jacobian's columns are the free parameters and then the record's own unknowns.
+
+        Args:
+            unknowns: In units of their sizes, shape (p,).
+
+        Returns:
+            Residual [rad or rad/s] and Jacobian [the same per unit of each column's unknown] of each record.
         """
         values = unknowns * self.sizes()
         shared, own, motion = len(self.names), self.n_local, self._motion
@@ -266,7 +288,11 @@ class Problem:
         return result
 
     def normal(self, unknowns: Array) -> Normal:
-        """Return cost and normal equations, residuals in units of their noise."""
+        """Return cost and normal equations, residuals in units of their noise.
+
+        Args:
+            unknowns: In units of their sizes, shape (p,).
+        """
         shared, own = len(self.names), self.n_local
         sizes = self.sizes()
         gradient = np.zeros(len(sizes))
@@ -319,7 +345,11 @@ class Problem:
         return late * begin.pull
 
     def start_penalty(self, unknowns: Array) -> float:
-        """Return the sum of squares that `normal` charges for starts that are too fast."""
+        """Return the sum of squares [1] that `normal` charges for starts that are too fast.
+
+        Args:
+            unknowns: In units of their sizes, shape (p,).
+        """
         return sum(self._inward(index, unknowns)[0] ** 2 for index in range(len(self.records)))
 
 

@@ -104,10 +104,10 @@ def profile(
     Args:
         normal: Cost and normal equations at a point.
         minimum: Where the cost is least.
-        low: Lower bounds, shape (p,).
-        high: Upper bounds, shape (p,).
+        low: Lower bounds in units of the unknowns' sizes, shape (p,).
+        high: Upper bounds, likewise, shape (p,).
         index: Which unknown.
-        deviation: Its standard deviation, correlation of the residuals included.
+        deviation: Its standard deviation in units of its size, correlation of the residuals included.
     """
     plain = _variance(minimum.normal.hessian, ~minimum.at_bound, index)
     adjustment = deviation**2 / plain if plain > 0 else 1.0

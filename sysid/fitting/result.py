@@ -42,7 +42,7 @@ class JointFit:
 
     @property
     def correlation(self) -> Array:
-        """Correlation of the quantities, shape (q, q)."""
+        """Correlation of the quantities, shape (q, q) [1]."""
         deviation = np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))
         return self.covariance / np.outer(deviation, deviation)
 

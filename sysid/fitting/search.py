@@ -218,6 +218,13 @@ def scan_rough_parameters(problem: Problem, found: tuple[float, Array]) -> tuple
 
     The cost is rough along a friction, because it decides in which half swing each release stops; a
     descent gets caught, a walk that re-fits everything else does not. At the noise there is nothing to gain.
+
+    Args:
+        problem: The problem.
+        found: Cost [1] and unknowns in units of their sizes, shape (p,).
+
+    Returns:
+        The best cost and unknowns met, likewise.
     """
     names = [problem.names.index(name) for name in problem.structure.rough if name in problem.names]
     low, high = problem.bounds()
