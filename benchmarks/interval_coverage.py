@@ -21,7 +21,7 @@ import numpy as np
 
 from sysid.board import Board, load_board
 from sysid.effects import effect
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.quantity import Quantity
 from sysid.roll import Array, Roll
 
@@ -116,7 +116,7 @@ def one(case: tuple[int, int, bool, int]) -> dict[str, Any]:
         fit = fit_joint(
             find_releases(recorded(row, seed)), true_board(row), [name for name, _ in row.effects]
         )
-    except HuskyError as error:
+    except SysidError as error:
         return {**found, "refused": str(error)}
     found["rmse"] = fit.rmse / NOISE
     found["releases"] = len(fit.records)

@@ -24,7 +24,7 @@ import mujoco
 
 from sysid.board import Board, BoardEffect, load_board
 from sysid.effects import effect
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.quantity import Quantity
 
 ROOT = Path(__file__).parents[1]
@@ -105,10 +105,10 @@ def run(case: Case) -> dict[str, Any]:
             row["bench"] = bench_error(case, space / "bench.xml")
             row["uncompensated"] = answer()["decay_nrmse_uncompensated"]
             row["step"] = answer()["decay_nrmse"]
-            with contextlib.suppress(HuskyError):  # the gate's no is a result too
+            with contextlib.suppress(SysidError):  # the gate's no is a result too
                 check([log], board=case.board, tolerance=0.01, common=answers)
             row["scene"] = answer()["nrmse"]
-        except HuskyError as error:
+        except SysidError as error:
             row["refused"] = str(error)
     return row
 

@@ -27,7 +27,7 @@ from film import Camera, film
 from film_set import Motion, rock
 
 from sysid.board import Board
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.free_decay import fit_decay
 from sysid.releases import find_releases
 from sysid.roll import Array, Roll
@@ -212,7 +212,7 @@ def row(takes: list[Job], folder: Path) -> tuple[str, ...]:
             options = replace(options, camera_angle=angle)
         try:
             roll, rows = roll_from_track(clip, lens, target, track, options)
-        except HuskyError as error:
+        except SysidError as error:
             refused.append(str(error)[-60:])
             continue
         error = against(roll, motion, stamps[rows[0]] + camera.readout / 2)
@@ -273,7 +273,7 @@ def k_and_d(roll: Roll, motion: Motion, board: Board) -> tuple[tuple[float, floa
     truth = Roll(log="truth", time=motion.time[part], roll=angle, std=std, origin="angle")
     try:
         film, true = (fit_decay(find_releases(signal), board.inertia).numbers for signal in (roll, truth))
-    except (HuskyError, np.linalg.LinAlgError):
+    except (SysidError, np.linalg.LinAlgError):
         return (np.nan, np.nan), []
     pairs = ((film.stiffness, true.stiffness), (film.damping, true.damping))
     holds = [bool(seen.ci95[0] <= truth.value <= seen.ci95[1]) for seen, truth in pairs]

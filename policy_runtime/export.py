@@ -32,7 +32,7 @@ from sim.skate.robot.g1 import g1_xml
 from sim.skate.world.scene import SceneOptions, skate_spec, standing_state
 from sim.skate.world.terrain import Terrain
 from sysid.board import Board, load_board, save_board
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.files import sha256, write_atomically, write_json
 from sysid.roll import Array
 
@@ -80,7 +80,7 @@ def export_folder(
         force: See `policy_file.open_policy`.
 
     Raises:
-        HuskyError: mjlab is not installed, the policy does not fit, the folder holds something else, or cannot be
+        SysidError: mjlab is not installed, the policy does not fit, the folder holds something else, or cannot be
             written.
     """
     if policy is not None:
@@ -88,7 +88,7 @@ def export_folder(
     try:
         _replace(folder, lambda made: _write(board, made, policy, coupling, terrain))
     except OSError as error:
-        raise HuskyError(
+        raise SysidError(
             f"{folder}: cannot write there ({error.strerror or error}). Choose a folder you may write to with --output."
         ) from error
     return sorted(path for path in folder.rglob("*") if path.is_file())
@@ -97,7 +97,7 @@ def export_folder(
 def _replace(folder: Path, write: Callable[[Path], None]) -> None:
     """Let a folder be written beside the one that it then replaces."""
     if folder.exists() and any(folder.iterdir()) and not (folder / MANIFEST).is_file():
-        raise HuskyError(f"{folder}: not empty, and not an exported folder. Choose another with --output.")
+        raise SysidError(f"{folder}: not empty, and not an exported folder. Choose another with --output.")
     folder.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}-") as name:
         made = Path(name) / folder.name
@@ -141,21 +141,21 @@ def load_folder(folder: Path) -> Bundle:
     """Read an exported folder, checking every file against its SHA-256.
 
     Raises:
-        HuskyError: It is not an exported folder, a file is missing or has changed, or this MuJoCo cannot
+        SysidError: It is not an exported folder, a file is missing or has changed, or this MuJoCo cannot
             read the scene.
     """
     manifest = _manifest(folder)
     for name, digest in manifest["sha256"].items():
         path = folder / name
         if not path.is_file():
-            raise HuskyError(f"{path}: missing from the exported folder. Export it again.")
+            raise SysidError(f"{path}: missing from the exported folder. Export it again.")
         if sha256(path) != digest:
-            raise HuskyError(f"{path}: has changed since it was exported. Export it again.")
+            raise SysidError(f"{path}: has changed since it was exported. Export it again.")
     try:
         model = mujoco.MjModel.from_xml_path(str(folder / "scene.xml"))
     except ValueError as error:
         written = manifest["versions"].get("mujoco")
-        raise HuskyError(
+        raise SysidError(
             f"{folder / 'scene.xml'}: MuJoCo {mujoco.__version__} cannot read it ({error}); it was written by {written}."
         ) from error
     policy = manifest["policy"]
@@ -174,12 +174,12 @@ def _manifest(folder: Path) -> dict[str, Any]:
     try:
         manifest = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise HuskyError(
+        raise SysidError(
             f"{folder}: not an exported folder, it has no {MANIFEST} ({error.strerror})."
         ) from error
     except ValueError as error:
-        raise HuskyError(f"{path}: not valid JSON ({error}).") from error
+        raise SysidError(f"{path}: not valid JSON ({error}).") from error
     keys = {"format", "board", "policy", "coupling", "rake", "start", "versions", "sha256"}
     if not isinstance(manifest, dict) or not keys <= manifest.keys() or manifest["format"] != FORMAT:
-        raise HuskyError(f"{path}: not a folder of format {FORMAT} of husky-sysid. Export it again.")
+        raise SysidError(f"{path}: not a folder of format {FORMAT} of husky-sysid. Export it again.")
     return manifest

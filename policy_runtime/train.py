@@ -23,7 +23,7 @@ from policy_runtime.motion.motions import load_motions
 from sim.skate.cycle.push_clips import PushClip
 from sim.skate.mdp.actor_observation import part_of
 from sysid.board import load_board
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.files import atomic_path, sha256
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def train(
         keep_all: Save what every process holds at the end, to compare them.
 
     Raises:
-        HuskyError: The folder is not a run, or the numbers have stopped being finite.
+        SysidError: The folder is not a run, or the numbers have stopped being finite.
     """
     import torch
 
@@ -200,7 +200,7 @@ def build_curriculum(
     if not config.learn.curriculum:
         return None
     if config.task.stance_patience == 0:
-        raise HuskyError(
+        raise SysidError(
             "stance_patience is 0, so that no wrong stance ends an episode: nothing is left for the curriculum to "
             "lead. Choose a patience, or --curriculum off."
         )
@@ -219,7 +219,7 @@ def restore(
     finished weights, which tell of no curriculum, begins at the task's own patience in worlds that do not differ.
 
     Raises:
-        HuskyError: The checkpoint is broken, of another program, or of a learner of another size.
+        SysidError: The checkpoint is broken, of another program, or of a learner of another size.
     """
     from policy_runtime.learning.checkpoint import Done, grow_inputs, read_checkpoint, set_random_state
     from policy_runtime.learning.curriculum import Level
@@ -241,7 +241,7 @@ def restore(
         algorithm.load(kept, None, strict=True)
     except (RuntimeError, KeyError, ValueError) as error:
         reason = str(error).strip().splitlines()[-1].strip()
-        raise HuskyError(f"{path}: does not fit this run's learner ({reason}).") from error
+        raise SysidError(f"{path}: does not fit this run's learner ({reason}).") from error
     env.unwrapped.common_step_counter = kept["step_counter"]
     iterations, a_step = kept["iteration"], config.learn.steps * config.learn.environments * process.count
     if "samples" not in kept:
@@ -408,7 +408,7 @@ def check_rewards(env: Any, iteration: int) -> None:
     Looked at once an iteration. Worlds whose simulation has just broken down are left out.
 
     Raises:
-        HuskyError: With the term and the world.
+        SysidError: With the term and the world.
     """
     import torch
 
@@ -420,7 +420,7 @@ def check_rewards(env: Any, iteration: int) -> None:
     where = torch.nonzero(~fine)
     if len(where):
         term, world = (int(i) for i in where[0])
-        raise HuskyError(
+        raise SysidError(
             f"iteration {iteration}: reward '{manager.active_terms[term]}' is not finite in world {world} although its "
             "positions and velocities are. Look for a division by zero in its function in sim/skate/mdp/rewards.py."
         )
@@ -430,7 +430,7 @@ def check_finite(algorithm: "AmpPPO", numbers: dict[str, float], iteration: int)
     """Stop when a loss is not a number any more, naming what first went wrong.
 
     Raises:
-        HuskyError: With the observation group, its column and the world, or the reward, or the loss.
+        SysidError: With the observation group, its column and the world, or the reward, or the loss.
     """
     import torch
 
@@ -446,11 +446,11 @@ def check_finite(algorithm: "AmpPPO", numbers: dict[str, float], iteration: int)
         if len(where):
             step, world, column = (int(i) for i in where[0])
             part = f" ({part_of(column)})" if name == "actor" else ""
-            raise HuskyError(
+            raise SysidError(
                 f"iteration {iteration}: {name}, number {column}{part}, of world {world} is not finite at step {step}. "
                 "The simulation has become unstable there; go on from the last checkpoint with another seed."
             )
-    raise HuskyError(
+    raise SysidError(
         f"iteration {iteration}: {', '.join(bad)} is not finite although all observations and rewards are. "
         "Lower --learning-rate and go on from the last checkpoint."
     )
@@ -485,7 +485,7 @@ def main() -> None:
             keep_all=arguments.keep_all,
             report=lambda numbers: print(one_line(numbers), file=sys.stderr),  # noqa: T201
         )
-    except HuskyError as error:
+    except SysidError as error:
         print(f"error: {error}", file=sys.stderr)  # noqa: T201
         raise SystemExit(error.exit_code) from None
     except KeyboardInterrupt:  # the command line that started this says so

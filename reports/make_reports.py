@@ -12,7 +12,7 @@ import tempfile
 from pathlib import Path
 
 from reports.screenshots import headless_viewer, page_picture, recording_picture
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 
 HERE = Path(__file__).resolve().parent
 DECAYS = HERE.parent / "data" / "decays"
@@ -55,7 +55,7 @@ def _run(command: str, workspace: Path) -> None:
         check=False,
     )
     if done.returncode not in (0, 3):  # 3: the gate said no, and the report says why
-        raise HuskyError(f"husky-sysid {command} ended with exit code {done.returncode}")
+        raise SysidError(f"husky-sysid {command} ended with exit code {done.returncode}")
 
 
 def _pictures(board: str, workspace: Path, target: Path) -> None:
@@ -64,7 +64,7 @@ def _pictures(board: str, workspace: Path, target: Path) -> None:
         with headless_viewer() as viewer:
             png = recording_picture(viewer, workspace / f"{board}.rrd", 0.02)
         (target / "recording.png").write_bytes(png)
-    except HuskyError as error:
+    except SysidError as error:
         sys.stderr.write(f"no picture: {error}\n")
 
 

@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 
 if TYPE_CHECKING:
     from collections.abc import Generator
@@ -33,7 +33,7 @@ def headless_viewer(size: tuple[int, int] = (1500, 850)) -> "Generator[ViewerCli
         size: Of the window [px].
 
     Raises:
-        HuskyError: It does not start; most often there is no Vulkan driver.
+        SysidError: It does not start; most often there is no Vulkan driver.
     """
     from rerun.experimental import ViewerClient
 
@@ -65,7 +65,7 @@ def _connected(client: "type[ViewerClient]", process: "subprocess.Popen[bytes]",
             time.sleep(0.3)
         else:
             return viewer
-    raise HuskyError("the Rerun viewer does not start without a window; it needs a Vulkan driver.")
+    raise SysidError("the Rerun viewer does not start without a window; it needs a Vulkan driver.")
 
 
 def recording_picture(viewer: "ViewerClient", recording: Path, time_s: float) -> bytes:
@@ -97,11 +97,11 @@ def page_picture(page: Path, picture: Path, size: tuple[int, int] = (1000, 1400)
         size: Of the window [px].
 
     Raises:
-        HuskyError: There is no Chromium, or it fails.
+        SysidError: There is no Chromium, or it fails.
     """
     browser = shutil.which("chromium") or shutil.which("google-chrome")
     if browser is None:
-        raise HuskyError("a picture of a page needs Chromium.")
+        raise SysidError("a picture of a page needs Chromium.")
     with tempfile.TemporaryDirectory() as profile:
         flags = [
             "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-background-networking",
@@ -113,4 +113,4 @@ def page_picture(page: Path, picture: Path, size: tuple[int, int] = (1000, 1400)
             [browser, *flags, page.resolve().as_uri()], capture_output=True, check=False, timeout=120
         )
     if done.returncode != 0 or not picture.is_file():
-        raise HuskyError(f"Chromium drew no picture of {page}.")
+        raise SysidError(f"Chromium drew no picture of {page}.")

@@ -9,7 +9,7 @@ import numpy as np
 from sim.board.bench import swing
 from sim.compensation.scene import ClampedScene
 from sysid.board import Board
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.joint import JointLaw
 from sysid.joint.sensor import clock_ratio, sense
 from sysid.quantity import Z95
@@ -131,7 +131,7 @@ def check_scene(
         tolerance: Largest accepted NRMSE.
 
     Raises:
-        HuskyError: No decay stays within the scene's tilt range for long enough.
+        SysidError: No decay stays within the scene's tilt range for long enough.
     """
     return SceneCheck(tuple(_compare(board, scene, release) for release in releases), tolerance)
 
@@ -145,7 +145,7 @@ def _compare(board: Board, scene: ClampedScene, release: Release) -> ReleaseChec
     rest, law = board.rest_angle, JointLaw.from_board(board)
     clock = clock_ratio(law.structure, law.parameters)
     if abs(rest) > scene.tilt_range:
-        raise HuskyError(
+        raise SysidError(
             f"board '{board.name}' rests at {rest:.3g} rad, and its tilt range ends at ±{scene.tilt_range:.3g} rad: the scene "
             "would lean on its stop. Correct tilt.rest_angle or tilt.range in the record, or fit it to a log whose zero "
             "is level."
@@ -197,7 +197,7 @@ def _inside(release: Release, tilt_range: float) -> int:
     beyond = np.flatnonzero(np.abs(release.roll - release.rest) > WITHIN_RANGE * tilt_range)
     first = int(beyond[-1]) + 1 if len(beyond) else 0
     if len(release.roll) - first < 16:
-        raise HuskyError(
+        raise SysidError(
             f"{release.log}, release {release.number}: the deck stays within the scene's tilt range of "
             f"{tilt_range:.3g} rad for {len(release.roll) - first} samples only. Release it from less, or widen "
             "tilt.range in the board record."

@@ -15,7 +15,7 @@ from sim.compensation.step import Compensation, compensate_step, uncompensated
 from sysid.board import Board
 from sysid.effects import effect
 from sysid.effects._base import MujocoSupport
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.quantity import Quantity
 
 Kind = Literal["bench", "scene"]
@@ -71,11 +71,11 @@ def board_mjcf(
         exact_effects: False writes effects that need a MuJoCo newer than 3.11 as their substitutes.
 
     Raises:
-        HuskyError: The board cannot be built so, or `export` does not go with `kind`.
+        SysidError: The board cannot be built so, or `export` does not go with `kind`.
     """
     export = export or default_export(kind, timestep)
     if export == "in-scene" and kind == "bench":
-        raise HuskyError(
+        raise SysidError(
             "--export in-scene compensates for wheels and coupling, which a bench has not. Add --scene."
         )
     if export == "in-scene":

@@ -14,7 +14,7 @@ from typing import Any, Self
 
 import tomlkit
 
-from sysid.errors import HuskyError, did_you_mean
+from sysid.errors import SysidError, did_you_mean
 from sysid.files import shipped_data, write_atomically
 from sysid.quantity import Quantity
 
@@ -171,7 +171,7 @@ def find_record(name: str, workspace: Path) -> Path:
         if name and Path(name).name == name and path.is_file():
             return path
     names = record_names(workspace)
-    raise HuskyError(
+    raise SysidError(
         f"unknown board '{name}'.{did_you_mean(name, names)} Known boards: {', '.join(names)}. "
         f"A new one is a file {own / f'{name}.toml'}."
     )
@@ -186,7 +186,7 @@ def load_named(name: str, workspace: Path) -> Board:
     path = find_record(name, workspace)
     board = load_board(path)
     if board.name != path.stem:
-        raise HuskyError(f"{path}: field 'name' is '{board.name}'; expected '{path.stem}', as the file.")
+        raise SysidError(f"{path}: field 'name' is '{board.name}'; expected '{path.stem}', as the file.")
     return board
 
 
@@ -194,15 +194,15 @@ def load_board(path: Path) -> Board:
     """Read and validate one board record.
 
     Raises:
-        HuskyError: The file is missing, is not TOML, or a field is missing, unknown, of the wrong
+        SysidError: The file is missing, is not TOML, or a field is missing, unknown, of the wrong
             kind or in the wrong unit; the message names file, field and what was expected.
     """
     try:
         raw = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
-        raise HuskyError(f"{path}: cannot read the board record ({error}).") from error
+        raise SysidError(f"{path}: cannot read the board record ({error}).") from error
     except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise HuskyError(f"{path}: not a TOML file ({error}).") from error
+        raise SysidError(f"{path}: not a TOML file ({error}).") from error
     return _Reader(path).board(raw)
 
 
@@ -210,7 +210,7 @@ def save_board(board: Board, path: Path) -> None:
     """Write the record in one step: a crash at any moment leaves the old file whole.
 
     Raises:
-        HuskyError: The folder cannot be written to.
+        SysidError: The folder cannot be written to.
     """
     text = board_to_toml(board)
     _Reader(path).board(tomllib.loads(text))  # never write what could not be read back
@@ -279,9 +279,9 @@ class _Reader:
         }  # fmt: skip
         for key in raw:
             if key not in known:
-                raise HuskyError(f"{self.path}: unknown field '{key}'.{did_you_mean(key, known)}")
+                raise SysidError(f"{self.path}: unknown field '{key}'.{did_you_mean(key, known)}")
         if raw.get("schema") != SCHEMA:
-            raise HuskyError(f"{self.path}: schema is {raw.get('schema')!r}, expected {SCHEMA}.")
+            raise SysidError(f"{self.path}: schema is {raw.get('schema')!r}, expected {SCHEMA}.")
         inertia = self._table(raw, "inertia")
         return Board(
             name=self._text(raw, "name"),
@@ -326,7 +326,7 @@ class _Reader:
         table = self._table(raw, section)
         for key in table:
             if key not in units:
-                raise HuskyError(
+                raise SysidError(
                     f"{self.path}: unknown field '{section}.{key}'.{did_you_mean(key, units)} "
                     f"Known: {', '.join(units)}."
                 )
@@ -348,26 +348,26 @@ class _Reader:
     def _quantity(self, raw: Any, where: str, unit: str | None, *, positive: bool = False) -> Quantity:
         shape = f"{{ value = …, std = …, unit = '{unit or '…'}' }}"
         if raw is None:
-            raise HuskyError(f"{self.path}: field '{where}' is missing; expected {shape}.")
+            raise SysidError(f"{self.path}: field '{where}' is missing; expected {shape}.")
         if not isinstance(raw, Mapping):
-            raise HuskyError(f"{self.path}: field '{where}' is {raw!r}; expected {shape}.")
+            raise SysidError(f"{self.path}: field '{where}' is {raw!r}; expected {shape}.")
         numbers: dict[str, float] = {}
         for key in ("value", "std"):
             number: Any = raw.get(key)
             if isinstance(number, bool) or not isinstance(number, int | float):
-                raise HuskyError(f"{self.path}: field '{where}.{key}' is {number!r}; expected a number.")
+                raise SysidError(f"{self.path}: field '{where}.{key}' is {number!r}; expected a number.")
             numbers[key] = float(number)
         if raw.get("unit") != unit and not (unit is None and isinstance(raw.get("unit"), str)):
-            raise HuskyError(f"{self.path}: field '{where}.unit' is {raw.get('unit')!r}; expected {unit!r}.")
+            raise SysidError(f"{self.path}: field '{where}.unit' is {raw.get('unit')!r}; expected {unit!r}.")
         if not 0 <= numbers["std"] < math.inf:
-            raise HuskyError(f"{self.path}: field '{where}.std' is {numbers['std']}; expected 0 or more.")
+            raise SysidError(f"{self.path}: field '{where}.std' is {numbers['std']}; expected 0 or more.")
         if not math.isfinite(numbers["value"]) or (positive and numbers["value"] <= 0):
             kind = "a positive number" if positive else "a finite number"
-            raise HuskyError(f"{self.path}: field '{where}.value' is {numbers['value']}; expected {kind}.")
+            raise SysidError(f"{self.path}: field '{where}.value' is {numbers['value']}; expected {kind}.")
         least, most = PHYSICAL.get(str(unit), (0.0, math.inf))
         size = abs(numbers["value"])
         if (positive and size < least) or size > most:
-            raise HuskyError(
+            raise SysidError(
                 f"{self.path}: field '{where}.value' is {numbers['value']:g} {unit}; expected {least:g} to {most:g}, as of "
                 "anything that a hand can rock. Is it in another unit?"
             )
@@ -376,7 +376,7 @@ class _Reader:
     def _table(self, raw: Mapping[str, Any], key: str, where: str = "") -> Mapping[str, Any]:
         value = raw.get(key)
         if not isinstance(value, Mapping):
-            raise HuskyError(
+            raise SysidError(
                 f"{self.path}: section '[{where or key}]' is {'missing' if value is None else repr(value)}; "
                 "expected a table."
             )
@@ -385,13 +385,13 @@ class _Reader:
     def _tables(self, raw: Mapping[str, Any], key: str) -> Sequence[Mapping[str, Any]]:
         value: Any = raw.get(key, [])
         if not isinstance(value, list) or not all(isinstance(item, Mapping) for item in value):
-            raise HuskyError(f"{self.path}: '[[{key}]]' is {value!r}; expected an array of tables.")
+            raise SysidError(f"{self.path}: '[[{key}]]' is {value!r}; expected an array of tables.")
         return value
 
     def _text(self, raw: Mapping[str, Any], key: str, where: str = "") -> str:
         value = raw.get(key)
         if not isinstance(value, str):
-            raise HuskyError(
+            raise SysidError(
                 f"{self.path}: field '{where or key}' is {'missing' if value is None else repr(value)}; "
                 "expected a text."
             )

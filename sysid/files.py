@@ -9,7 +9,7 @@ from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 
 
 def shipped_data() -> Path:
@@ -28,7 +28,7 @@ def atomic_path(path: Path) -> Generator[Path]:
     file that could be replaced: what was written is copied into it.
 
     Raises:
-        HuskyError: The folder cannot be made or written to.
+        SysidError: The folder cannot be made or written to.
     """
     try:
         target = path.resolve()
@@ -39,7 +39,7 @@ def atomic_path(path: Path) -> Generator[Path]:
         folder = None if is_special else target.parent
         handle, name = tempfile.mkstemp(prefix=f".{target.stem}-", suffix=path.suffix, dir=folder)
     except (OSError, RuntimeError) as error:  # RuntimeError: links in a circle
-        raise HuskyError(
+        raise SysidError(
             f"{path}: cannot write there ({getattr(error, 'strerror', None) or error}). Choose a folder you may write "
             "to, for example with --workspace."
         ) from error
@@ -57,7 +57,7 @@ def atomic_path(path: Path) -> Generator[Path]:
         temporary.chmod(0o666 & ~umask)
         temporary.replace(target)
     except OSError as error:
-        raise HuskyError(f"{path}: cannot write there ({error.strerror or error}).") from error
+        raise SysidError(f"{path}: cannot write there ({error.strerror or error}).") from error
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -73,7 +73,7 @@ def locked(path: Path, *, patience: float = 60.0) -> Generator[None]:
         patience: Longest wait for another process [s].
 
     Raises:
-        HuskyError: Another process holds it for longer.
+        SysidError: Another process holds it for longer.
     """
     from filelock import FileLock, Timeout
 
@@ -82,7 +82,7 @@ def locked(path: Path, *, patience: float = 60.0) -> Generator[None]:
         with FileLock(Path(tempfile.gettempdir()) / f"husky-sysid-{key}.lock", timeout=patience):
             yield
     except Timeout as error:
-        raise HuskyError(
+        raise SysidError(
             f"{path}: another command has held it for {patience:g} s. Wait for it, or end it, and try again."
         ) from error
 
@@ -95,7 +95,7 @@ def refuse_overwriting(inputs: Iterable[Path], outputs: Mapping[str, Path | None
         outputs: Files that will be written, by the option that names them.
 
     Raises:
-        HuskyError: An output is an input.
+        SysidError: An output is an input.
     """
     read = [path for path in inputs if path.exists()]
     for option, output in outputs.items():
@@ -105,7 +105,7 @@ def refuse_overwriting(inputs: Iterable[Path], outputs: Mapping[str, Path | None
             inside = path.is_dir() and output.resolve().is_relative_to(path.resolve())
             if inside or output.samefile(path):
                 where = f"lies in {path}, which" if inside else "is the very file that"
-                raise HuskyError(
+                raise SysidError(
                     f"{option} {output}: {where} is read here; it would be overwritten. Choose another name."
                 )
 
@@ -114,7 +114,7 @@ def write_atomically(path: Path, content: str | bytes) -> None:
     """Write `content` to `path`, replacing it in one step.
 
     Raises:
-        HuskyError: The folder cannot be made or written to.
+        SysidError: The folder cannot be made or written to.
     """
     data = content.encode() if isinstance(content, str) else content
     with atomic_path(path) as temporary:
@@ -125,7 +125,7 @@ def write_json(path: Path, content: object) -> None:
     """Write `content` as indented JSON in one step; NaN and infinity are refused.
 
     Raises:
-        HuskyError: The folder cannot be made or written to.
+        SysidError: The folder cannot be made or written to.
     """
     write_atomically(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
 

@@ -22,7 +22,7 @@ from sysid.decay.numbers import decay_numbers, numbers_from_decrement
 from sysid.decay.peaks import Peak, PeakLine, find_peaks, fit_peak_line
 from sysid.decay.peaks import log_decrement_two_peaks as log_decrement_two_peaks
 from sysid.decay.plausibility import amplitude_warnings, period_warnings, record_warnings
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.noise.floor import NoiseFloor, noise_floor
 from sysid.noise.whiteness import ljung_box
 from sysid.quantity import Quantity
@@ -208,7 +208,7 @@ def _clear_of_noise(releases: Sequence[Release]) -> tuple[list[Release], list[st
             f"{math.degrees(release.amplitude):.2g}° in noise of {math.degrees(noise):.2g}°: too little to fit"
         )
     if not clear:
-        raise HuskyError(f"{weak[0]}. Tip the deck further, or use a better sensor.")
+        raise SysidError(f"{weak[0]}. Tip the deck further, or use a better sensor.")
     return clear, [f"{text}, so it is left out" for text in weak]
 
 
@@ -216,13 +216,13 @@ def _refuse_nonsense(releases: Sequence[Release], trace: TraceFit) -> None:
     """Refuse where the numbers would mean nothing."""
     log = releases[0].log
     if trace.explained < 0.5:
-        raise HuskyError(
+        raise SysidError(
             f"{log}: a decaying oscillation explains only {100 * max(0.0, trace.explained):.0f} % of the motion after "
             "the release, so this is no free decay. Mark the free part of the log (--from, --to, --release)."
         )
     spread = math.sqrt(trace.covariance[0, 0]) / trace.omega_n
     if not spread < 0.25:
-        raise HuskyError(
+        raise SysidError(
             f"{log}: the free motion is too short or too strongly damped to tell its frequency "
             f"({trace.omega_n:.3g} rad/s ± {200 * spread:.0f} %). Record faster, tip the deck further, or give "
             "more releases."

@@ -13,7 +13,7 @@ import numpy as np
 
 from sysid.board import Board, BoardEffect
 from sysid.decay.numbers import decay_from_peaks
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.quantity import Quantity, propagate
 
 UNIT = "kg*m^2"
@@ -92,10 +92,10 @@ def parts(inertias: Sequence[Quantity]) -> Quantity:
     """Return the inertia of a body of several parts, each already about the tilt axis.
 
     Raises:
-        HuskyError: There are none.
+        SysidError: There are none.
     """
     if not inertias:
-        raise HuskyError("no parts given; name at least one, for example --cuboid 2.58,0.2,0.02.")
+        raise SysidError("no parts given; name at least one, for example --cuboid 2.58,0.2,0.02.")
 
     def total(*values: float) -> float:
         return sum(values)
@@ -143,10 +143,10 @@ def torsional(
         distance: e from the axis of the wire, through the centre of mass, to the tilt axis [m].
 
     Raises:
-        HuskyError: There is a distance but no mass.
+        SysidError: There is a distance but no mass.
     """
     if mass is None and distance.value != 0:
-        raise HuskyError("the distance to the tilt axis needs the mass of the deck as well; give --mass.")
+        raise SysidError("the distance to the tilt axis needs the mass of the deck as well; give --mass.")
 
     def about_axis(k: float, t: float, m: float, e: float) -> float:
         return k * (t / (2 * math.pi)) ** 2 + m * e**2
@@ -178,7 +178,7 @@ def compound(
         gravity: g [m/s^2].
 
     Raises:
-        HuskyError: The period is too short for the pivot's distance: less than a point mass needs.
+        SysidError: The period is too short for the pivot's distance: less than a point mass needs.
     """
 
     def about_axis(m: float, l: float, t: float, e: float, theta: float, g: float) -> float:  # noqa: E741
@@ -189,7 +189,7 @@ def compound(
     result = propagate(about_axis, inputs, UNIT, "compound pendulum")
     if result.value - mass.value * distance.value**2 <= 0:
         shortest = 2 * math.pi * math.sqrt(pivot.value / gravity.value)
-        raise HuskyError(
+        raise SysidError(
             f"a pendulum {pivot.value:g} m below its pivot swings no faster than {shortest:.3f} s, the measured "
             f"period is {period.value:.3f} s; check the distance to the centre of mass and the count of cycles."
         )
@@ -220,7 +220,7 @@ def added_mass(
         gravity: g [m/s^2].
 
     Raises:
-        HuskyError: The frequency did not fall, or less than three of its standard deviations.
+        SysidError: The frequency did not fall, or less than three of its standard deviations.
     """
 
     def about_axis(w1: float, w2: float, m: float, y: float, z: float, i: float, g: float) -> float:
@@ -229,12 +229,12 @@ def added_mass(
     fall = bare.value - loaded.value
     blur = math.hypot(bare.std, loaded.std)
     if fall < -3 * blur:
-        raise HuskyError(
+        raise SysidError(
             f"the natural frequency rises by {-fall:.3g} rad/s with the added mass, from {bare.value:.4g} to "
             f"{loaded.value:.4g}; mass lowers it. Are --bare and --loaded swapped?"
         )
     if fall <= 0 or fall < 3 * blur:
-        raise HuskyError(
+        raise SysidError(
             f"the added mass lowers the natural frequency by {fall:.3g} ± {1.96 * blur:.2g} rad/s, too little to "
             "tell an inertia from. Put more mass further out, or record more releases."
         )
@@ -275,13 +275,13 @@ def combine(estimates: Mapping[str, Quantity]) -> Combination:
         estimates: Inertia by name of the method, each with a standard deviation.
 
     Raises:
-        HuskyError: Fewer than two, or one without an uncertainty.
+        SysidError: Fewer than two, or one without an uncertainty.
     """
     if len(estimates) < 2:
-        raise HuskyError(f"{len(estimates)} estimate; combining needs at least 2.")
+        raise SysidError(f"{len(estimates)} estimate; combining needs at least 2.")
     for name, quantity in estimates.items():
         if not (math.isfinite(quantity.std) and quantity.std > 0):
-            raise HuskyError(
+            raise SysidError(
                 f"'{name}' has no uncertainty; write it as {quantity.value:g}±…, or leave it out."
             )
     from scipy.special import chdtrc

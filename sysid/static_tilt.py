@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.inertia import GRAVITY, ON_AXIS, UNIT
 from sysid.quantity import Quantity, propagate, t95
 
@@ -63,15 +63,15 @@ def static_tilt(
         gravity: g [m/s^2]; common to all readings, so its deviation comes on top.
 
     Raises:
-        HuskyError: Too few readings, all at one torque, no uncertainty to go by, or no spring at all.
+        SysidError: Too few readings, all at one torque, no uncertainty to go by, or no spring at all.
     """
     if len(readings) < 3:
-        raise HuskyError(f"{len(readings)} readings; a line with a check needs at least 3.")
+        raise SysidError(f"{len(readings)} readings; a line with a check needs at least 3.")
     torques = [_torque(reading, height, gravity) for reading in readings]
     x = np.array([torque.value for torque in torques])
     y = np.array([reading.roll.value for reading in readings])
     if np.ptp(x) <= 1e-9:
-        raise HuskyError("all weights make the same torque; use different weights or offsets, on both sides.")
+        raise SysidError("all weights make the same torque; use different weights or offsets, on both sides.")
     slope = float(np.polyfit(x, y, 1)[0])
     variance = np.array(
         [r.roll.std**2 + (slope * t.std) ** 2 for r, t in zip(readings, torques, strict=True)]
@@ -87,7 +87,7 @@ def static_tilt(
     scatter = chi_square / freedom
     covariance = covariance * (max(1.0, scatter) if given else scatter)
     if slope <= 2 * math.sqrt(covariance[1, 1]):
-        raise HuskyError(
+        raise SysidError(
             "the roll does not grow with the torque beyond its scatter; check that right offsets and right-down "
             "angles are both positive, and use larger weights."
         )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.roll import Array, Roll
 from sysid.video.options import VideoOptions as VideoOptions
 
@@ -40,7 +40,7 @@ def roll_from_video(path: Path, options: VideoOptions | None = None) -> Roll:
         options: What is not to be inferred.
 
     Raises:
-        HuskyError: The file is not a film, is damaged, cut or too large; no board is found in it; or
+        SysidError: The file is not a film, is damaged, cut or too large; no board is found in it; or
             it has fewer than 8 frames for each period of the oscillation.
     """
     from sysid.video.film.camera import lens_of
@@ -65,7 +65,7 @@ def roll_from_track(
     """Turn what was followed in a film into roll [rad]; return it and the row of `track` of each sample, shape (n,).
 
     Raises:
-        HuskyError: There are fewer than 8 frames for each period of the oscillation.
+        SysidError: There are fewer than 8 frames for each period of the oscillation.
     """
     from sysid.video.notes import faults, inferred, shutter_note
     from sysid.video.pose.camera_state import before_looking
@@ -78,7 +78,7 @@ def roll_from_track(
     try:
         found = target.solve(view, lens.matrix, before)
     except np.linalg.LinAlgError:
-        raise HuskyError(
+        raise SysidError(
             f"{clip.path}: {target.what} shows too few different attitudes for an angle to be told. Film the whole "
             "swing, larger in the picture, or follow something else (--method)."
         ) from None
@@ -140,7 +140,7 @@ def _refuse_contradiction(path: Path, target: "Target", track: "Track", angle: A
 
     kept, seen = int(np.isfinite(angle).sum()), len(track.time) - track.lost
     if kept < MIN_SEEN_SHARE * len(angle):
-        raise HuskyError(
+        raise SysidError(
             f"{path}: {target.what} is seen in {seen} of {len(angle)} frames, but turns as one body in only {kept}: "
             "something else was followed in the others. Film straighter from behind and with more contrast, give "
             "--roi, or put something on the deck that stands out (docs/video.md)."
@@ -155,7 +155,7 @@ def _refuse_slow(path: Path, signal: "Signal") -> float:
     count = frames_per_period(signal.time[seen], signal.roll[seen], signal.std[seen])
     if count is not None and count < MIN_FRAMES_PER_PERIOD:
         rate = 1 / float(np.median(np.diff(signal.time)))
-        raise HuskyError(
+        raise SysidError(
             f"{path}: {count:.1f} frames a period ({rate:.3g} frames/s for an oscillation of {rate / count:.3g} Hz); "
             f"{MIN_FRAMES_PER_PERIOD} are needed. Film at {rate * MIN_FRAMES_PER_PERIOD / count:.0f} frames/s or more "
             "(slow motion), or use an IMU."

@@ -58,9 +58,9 @@ def marker_film(film_of: Callable[[str], Any]) -> Any:
 def model() -> Any:
     """The G1 by itself, compiled; it comes with mjlab."""
     from sim.skate.robot import g1
-    from sysid.errors import HuskyError
+    from sysid.errors import SysidError
 
     try:
         return g1.g1_spec(visuals=False).compile()
-    except HuskyError as error:
+    except SysidError as error:
         pytest.skip(str(error))

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.files import atomic_path, locked, sha256, write_atomically, write_json
 
 
@@ -35,7 +35,7 @@ def test_folders_are_made(tmp_path):
 
 def test_a_file_in_the_way_of_a_folder_is_named(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(HuskyError, match=r"c\.json: cannot write there"):
+    with pytest.raises(SysidError, match=r"c\.json: cannot write there"):
         write_json(tmp_path / "file" / "c.json", {})
 
 
@@ -74,13 +74,13 @@ def test_a_pipe_is_written_through_and_stays(tmp_path):
 
 
 def test_a_full_device_is_an_error_and_stays_a_device():
-    with pytest.raises(HuskyError, match="No space left"):
+    with pytest.raises(SysidError, match="No space left"):
         write_atomically(Path("/dev/full"), "x" * 100_000)
     assert Path("/dev/full").is_char_device()
 
 
 def test_a_folder_is_not_written_over(tmp_path):
-    with pytest.raises(HuskyError, match="it is a folder"):
+    with pytest.raises(SysidError, match="it is a folder"):
         write_atomically(tmp_path, "x")
 
 
@@ -88,7 +88,7 @@ def test_a_lock_makes_the_second_wait_and_leaves_nothing(tmp_path):
     path = tmp_path / "board.toml"
     with (
         locked(path),
-        pytest.raises(HuskyError, match="another command has held it"),
+        pytest.raises(SysidError, match="another command has held it"),
         locked(path, patience=0.05),
     ):
         pass

@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 
 from sysid import inertia
 from sysid.board import Board, BoardEffect
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.quantity import Z95, Quantity, error_budget, parse_quantity, propagate
 from sysid.static_tilt import TiltTest, Weighing, static_tilt
 from sysid.workspace import Workspace
@@ -57,7 +57,7 @@ def test_quantity_text(text: str, unit: str, value: float, half: float) -> None:
     "text", ["", "x", "2.58±", "±1", "2.58±-1", "2.58 m", "1,5", "nan", "inf", "-1", "0", "1e999"]
 )
 def test_text_that_is_no_positive_mass(text: str) -> None:
-    with pytest.raises(HuskyError, match=r"--mass is '.*'; expected"):
+    with pytest.raises(SysidError, match=r"--mass is '.*'; expected"):
         parse_quantity(text, "kg", "--mass")
 
 
@@ -142,7 +142,7 @@ def test_compound_pendulum_from_the_exact_motion(amplitude: float) -> None:
 def test_torsional_swing() -> None:
     result = inertia.torsional(q(0.05, 0, "N*m/rad"), q(2 * math.pi * math.sqrt(8.7e-3 / 0.05), 0, "s"))
     assert result.value == pytest.approx(8.7e-3)
-    with pytest.raises(HuskyError, match="--mass"):
+    with pytest.raises(SysidError, match="--mass"):
         inertia.torsional(q(0.05, 0, "N*m/rad"), q(1, 0, "s"), distance=q(0.1, 0, "m"))
 
 
@@ -220,11 +220,11 @@ def test_static_tilt_and_a_decay_give_the_inertia() -> None:
 
 def test_static_tilt_refusals() -> None:
     readings = weighings(14.0, 0.0, np.random.default_rng(0), 1e-3)
-    with pytest.raises(HuskyError, match="at least 3"):
+    with pytest.raises(SysidError, match="at least 3"):
         static_tilt(readings[:2])
-    with pytest.raises(HuskyError, match="same torque"):
+    with pytest.raises(SysidError, match="same torque"):
         static_tilt([replace(readings[0], roll=q(0.0, 1e-3, "rad"))] * 3)
-    with pytest.raises(HuskyError, match="does not grow"):
+    with pytest.raises(SysidError, match="does not grow"):
         static_tilt([replace(r, offset=replace(r.offset, value=-r.offset.value)) for r in readings])
 
 
@@ -315,12 +315,12 @@ def test_propagation_of_a_product() -> None:
 )
 def test_measurements_that_hold_no_inertia_are_refused(method: str, change: dict, match: str) -> None:
     function, inputs = METHODS[method]
-    with pytest.raises(HuskyError, match=match):
+    with pytest.raises(SysidError, match=match):
         function(**{**inputs, **change})
 
 
 def test_no_parts() -> None:
-    with pytest.raises(HuskyError, match="no parts"):
+    with pytest.raises(SysidError, match="no parts"):
         inertia.parts([])
 
 
@@ -362,9 +362,9 @@ def test_agreement_is_refused_as_often_as_it_says() -> None:
 
 @pytest.mark.parametrize("std", [0.0, math.inf, math.nan])
 def test_estimates_without_uncertainty_cannot_be_weighed(std: float) -> None:
-    with pytest.raises(HuskyError, match="'b' has no uncertainty"):
+    with pytest.raises(SysidError, match="'b' has no uncertainty"):
         inertia.combine({"a": q(8e-3, 1e-4, "kg*m^2"), "b": q(8e-3, std, "kg*m^2")})
-    with pytest.raises(HuskyError, match="at least 2"):
+    with pytest.raises(SysidError, match="at least 2"):
         inertia.combine({"a": q(8e-3, 1e-4, "kg*m^2")})
 
 

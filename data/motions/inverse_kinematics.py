@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.roll import Array
 
 FREE = 6
@@ -82,7 +82,7 @@ def solve(
         Configuration, shape (nq,).
 
     Raises:
-        HuskyError: The search did not settle.
+        SysidError: The search did not settle.
     """
     data = mujoco.MjData(model)
     low = model.jnt_range[1:, 0] + margin
@@ -107,7 +107,7 @@ def solve(
                 return qpos
         if np.abs(step).max() < tolerance:
             return qpos
-    raise HuskyError(
+    raise SysidError(
         f"inverse kinematics did not settle in {steps} steps (last step {np.abs(step).max():.2g}). "
         "The constraints contradict each other or lie out of reach."
     )

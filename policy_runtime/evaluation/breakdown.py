@@ -14,7 +14,7 @@ import numpy as np
 from policy_runtime.evaluation.metrics import Flags, Rides, wrong_in_pushing, wrong_in_steering
 from sim.skate.arrays import wrap_angle
 from sim.skate.cycle.clock import CONTROL_PERIOD, Clock
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.roll import Array
 
 SPEED_EDGES = (0.1, 0.4, 0.8, 1.2, 1.5)
@@ -43,10 +43,10 @@ class Table:
         """Return the table of the rides of both.
 
         Raises:
-            HuskyError: They do not ask the same question.
+            SysidError: They do not ask the same question.
         """
         if (self.title, self.columns) != (other.title, other.columns):
-            raise HuskyError(f"tables '{self.title}' and '{other.title}' do not add up.")
+            raise SysidError(f"tables '{self.title}' and '{other.title}' do not add up.")
         nothing = ((0.0, 0),) * len(self.columns)
         labels = {**self.rows, **other.rows}
         return Table(

@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sim.skate.arrays import wrap_angle
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.roll import Array
 
 Flags = npt.NDArray[np.bool_]
@@ -73,7 +73,7 @@ class Rides:
         """Check that the shapes agree.
 
         Raises:
-            HuskyError: They do not.
+            SysidError: They do not.
         """
         steps, episodes = self.alive.shape
         tails = {"joints": (23,), "foot_on_ground": (2,), "foot_on_deck": (2,)}
@@ -84,7 +84,7 @@ class Rides:
             else:
                 wanted = (steps, episodes, *tails.get(field.name, ()))
             if shape != wanted:
-                raise HuskyError(f"rides: '{field.name}' has shape {shape}; expected {wanted}.")
+                raise SysidError(f"rides: '{field.name}' has shape {shape}; expected {wanted}.")
 
     @classmethod
     def join(cls, rides: "list[Self]") -> Self:

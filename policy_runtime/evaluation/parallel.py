@@ -24,7 +24,7 @@ from sim.skate.cycle.clock import CONTROL_PERIOD
 from sim.skate.mdp.actor_observation import OBSERVATION_SIZE
 from sim.skate.robot.g1 import JOINTS
 from sysid.board import Board
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.roll import Array
 
 COLUMNS = {
@@ -52,7 +52,7 @@ class BatchPolicy:
             force: See `policy_file.open_policy`.
 
         Raises:
-            HuskyError: The policy does not fit, takes another observation than the task gives, or onnx is
+            SysidError: The policy does not fit, takes another observation than the task gives, or onnx is
                 not installed.
         """
         self.name = Path(policy).stem
@@ -63,14 +63,14 @@ class BatchPolicy:
         file = open_policy(Path(policy), board, force=force)
         self.turn_feedback = file.turn_feedback
         if file.size != OBSERVATION_SIZE:
-            raise HuskyError(
+            raise SysidError(
                 f"{policy}: takes {file.size} numbers, the task gives {OBSERVATION_SIZE}. Evaluate it in plain MuJoCo."
             )
         try:
             import onnx
             import onnxruntime
         except ImportError as error:
-            raise HuskyError(
+            raise SysidError(
                 f"evaluating in parallel needs {error.name}. Run `pip install onnx onnxruntime`."
             ) from error
         model = onnx.load(policy)
@@ -113,11 +113,11 @@ def evaluate_in_parallel(
         progress: Called with the number of episodes just done.
 
     Raises:
-        HuskyError: mjlab or torch is not installed, or the policy does not fit.
+        SysidError: mjlab or torch is not installed, or the policy does not fit.
     """
     protocol = protocol or Protocol()
     if protocol.stress != CALM or protocol.terrain != "flat":
-        raise HuskyError("stress and terrain are of plain MuJoCo. Leave --simulator out.")
+        raise SysidError("stress and terrain are of plain MuJoCo. Leave --simulator out.")
     batch = BatchPolicy(policy, board, force=force)
     parts: list[Part] = []
     for seed in seeds:
@@ -142,7 +142,7 @@ def _worlds(
         import torch
         from mjlab.envs import ManagerBasedRlEnv
     except ImportError as error:
-        raise HuskyError(
+        raise SysidError(
             f"evaluating in parallel needs mjlab and torch ({error.name} is missing). Run `pip install mjlab`, "
             "or evaluate in plain MuJoCo."
         ) from error

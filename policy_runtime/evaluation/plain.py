@@ -27,7 +27,7 @@ from policy_runtime.runtime import Runtime
 from sim.skate.cycle.clock import CONTROL_PERIOD, Clock
 from sim.skate.world.terrain import Terrain
 from sysid.board import Board
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.roll import Array
 
 FALLEN = math.radians(70)
@@ -154,7 +154,7 @@ def policy_named(name: str, board: Board | None, *, force: bool = False) -> Poli
     """Return the scripted policy of that name, or open the ONNX file of that path.
 
     Raises:
-        HuskyError: Neither exists, or the file does not fit robot and board.
+        SysidError: Neither exists, or the file does not fit robot and board.
     """
     if name in SCRIPTS or (not name.endswith(".onnx") and not Path(name).exists()):
         return scripted(name)
@@ -215,12 +215,12 @@ def evaluate_policy(
         progress: Called with the number of episodes just done.
 
     Raises:
-        HuskyError: The policy cannot be opened or does not fit, the world cannot be built, or worlds drawn
+        SysidError: The policy cannot be opened or does not fit, the world cannot be built, or worlds drawn
             as in training are asked for.
     """
     protocol = protocol or Protocol()
     if protocol.randomised:
-        raise HuskyError("worlds drawn as in training are mjlab's. Add --simulator mjlab.")
+        raise SysidError("worlds drawn as in training are mjlab's. Add --simulator mjlab.")
     name = policy_named(policy, board, force=force).name
     size = max(1, min(10, math.ceil(episodes * len(seeds) / (4 * workers))))
     jobs = [

@@ -66,7 +66,7 @@ class Recording:
         """Write the numbers as a NumPy archive.
 
         Raises:
-            HuskyError: The folder cannot be written to.
+            SysidError: The folder cannot be written to.
         """
         names = ("time", "step", "command", "qpos", "target", "action", "target_heading", "torque", "joints")
         truths = (

@@ -15,7 +15,7 @@ from sim.board.scene import WHEELS
 from sim.skate import rotation
 from sim.skate.mdp.actor_observation import PARTS
 from sim.skate.world.scene import BOARD, ROBOT
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.roll import Array
 
 PUSH_TIME = 0.1
@@ -46,23 +46,23 @@ class Stress:
         """Check the numbers.
 
         Raises:
-            HuskyError: One cannot be.
+            SysidError: One cannot be.
         """
         lag = self.delay / PD_PERIOD
         if self.delay < 0 or not math.isclose(lag, round(lag), abs_tol=1e-6):
-            raise HuskyError(
+            raise SysidError(
                 f"--delay {self.delay:g}: must be a multiple of the servos' {PD_PERIOD:g} s, and not negative."
             )
         for name in ("mass", "rolling"):
             if not getattr(self, name) > 0:
-                raise HuskyError(f"--{name} {getattr(self, name):g}: a factor, must be larger than 0.")
+                raise SysidError(f"--{name} {getattr(self, name):g}: a factor, must be larger than 0.")
         for name in ("noise", "push"):
             if not getattr(self, name) >= 0:
-                raise HuskyError(f"--{name} {getattr(self, name):g}: must not be negative.")
+                raise SysidError(f"--{name} {getattr(self, name):g}: must not be negative.")
         if self.friction is not None and not self.friction > 0:
-            raise HuskyError(f"--friction {self.friction:g}: must be larger than 0.")
+            raise SysidError(f"--friction {self.friction:g}: must be larger than 0.")
         if not abs(self.slope) < math.radians(30):
-            raise HuskyError(f"--slope {math.degrees(self.slope):g}: must be within ±30 degrees.")
+            raise SysidError(f"--slope {math.degrees(self.slope):g}: must be within ±30 degrees.")
 
     def change(self, model: mujoco.MjModel) -> None:
         """Make a compiled skating scene that world."""

@@ -21,7 +21,7 @@ import numpy as np
 import torch
 import torch.distributed
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 
 NEEDED = ("actor_state_dict", "critic_state_dict", "discriminator", "iteration", "step_counter")
 """What even a checkpoint without optimisers holds."""
@@ -40,19 +40,19 @@ def read_checkpoint(path: Path, device: str = "cpu") -> dict[str, Any]:
     """Read a checkpoint.
 
     Raises:
-        HuskyError: The file is cut short, no checkpoint of PyTorch, or of another program.
+        SysidError: The file is cut short, no checkpoint of PyTorch, or of another program.
     """
     try:
         content: Any = torch.load(path, map_location=device, weights_only=True)
     except OSError as error:
-        raise HuskyError(f"{path}: cannot be read ({error.strerror or error}).") from error
+        raise SysidError(f"{path}: cannot be read ({error.strerror or error}).") from error
     except (RuntimeError, EOFError, ValueError, LookupError, TypeError, pickle.UnpicklingError) as error:
-        raise HuskyError(
+        raise SysidError(
             f"{path}: not a whole checkpoint; it may have been cut short while it was copied. Use an earlier one."
         ) from error
     missing = [key for key in NEEDED if not isinstance(content, dict) or key not in content]
     if missing:
-        raise HuskyError(
+        raise SysidError(
             f"{path}: not a checkpoint of husky-sysid: '{missing[0]}' is not in it. Expected a model_N.pt that "
             "`husky-sysid train` wrote."
         )

@@ -30,7 +30,7 @@ def draw_curves(rows: Sequence[dict[str, float]], path: Path, title: str) -> Pat
         title: Heading of the picture.
 
     Raises:
-        HuskyError: The folder cannot be written to.
+        SysidError: The folder cannot be written to.
     """
     from matplotlib.figure import Figure
 

@@ -46,7 +46,7 @@ def export_policy(actor: Any, path: Path, metadata: dict[str, str]) -> None:
         metadata: See `policy_metadata`.
 
     Raises:
-        HuskyError: The folder cannot be written to.
+        SysidError: The folder cannot be written to.
     """
     import onnx
     import torch

@@ -33,7 +33,7 @@ from policy_runtime.learning.style_reference import transition_folder
 from policy_runtime.motion.motions import motion_paths
 from sim.skate.options import SkateOptions
 from sysid.board import load_board
-from sysid.errors import HuskyError, did_you_mean
+from sysid.errors import SysidError, did_you_mean
 from sysid.files import sha256, write_atomically, write_json
 
 T = TypeVar("T")
@@ -134,7 +134,7 @@ class RunFolder:
         """Write the options.
 
         Raises:
-            HuskyError: The folder cannot be written to.
+            SysidError: The folder cannot be written to.
         """
         write_atomically(self.config, tomlkit.dumps(_plain(dataclasses.asdict(config))))
 
@@ -150,11 +150,11 @@ class RunFolder:
             gpus: What the run begins on, 0 for the CPU; it goes on there.
 
         Raises:
-            HuskyError: The folder cannot be written to, or the checkpoint cannot be read.
+            SysidError: The folder cannot be written to, or the checkpoint cannot be read.
         """
         if start_from is not None:
             if not start_from.is_file() or not start_from.stem.removeprefix("model_").isdigit():
-                raise HuskyError(f"{start_from}: no checkpoint; expected a file model_N.pt of another run.")
+                raise SysidError(f"{start_from}: no checkpoint; expected a file model_N.pt of another run.")
             write_atomically(self.checkpoint(_iteration(start_from)), start_from.read_bytes())
         self.write_config(config)
         write_atomically(self.board, record.read_bytes())
@@ -180,14 +180,14 @@ class RunFolder:
         """Read the options back.
 
         Raises:
-            HuskyError: There is no such run, or an option is unknown or of the wrong kind.
+            SysidError: There is no such run, or an option is unknown or of the wrong kind.
         """
         try:
             raw = tomllib.loads(self.config.read_text(encoding="utf-8"))
         except OSError as error:
-            raise HuskyError(f"{self.config}: no training run there ({error.strerror}).") from error
+            raise SysidError(f"{self.config}: no training run there ({error.strerror}).") from error
         except tomllib.TOMLDecodeError as error:
-            raise HuskyError(f"{self.config}: not a TOML file ({error}).") from error
+            raise SysidError(f"{self.config}: not a TOML file ({error}).") from error
         return _build(RunConfig, raw, str(self.config))
 
     def started_from(self) -> Path | None:
@@ -246,13 +246,13 @@ def newest_run(outputs: Path, *, free: bool = False) -> Path:
     """Return the newest run's folder below a board's outputs, or the `free` one after it.
 
     Raises:
-        HuskyError: There is no run yet.
+        SysidError: There is no run yet.
     """
     numbers = [int(path.name.removeprefix("train-")) for path in outputs.glob("train-*") if path.is_dir()]
     if free:
         return outputs / f"train-{max(numbers, default=0) + 1}"
     if not numbers:
-        raise HuskyError(f"{outputs}: no training run there. Make one with `husky-sysid train`.")
+        raise SysidError(f"{outputs}: no training run there. Make one with `husky-sysid train`.")
     return outputs / f"train-{max(numbers)}"
 
 
@@ -290,17 +290,17 @@ def _plain(value: Any) -> Any:
 def _build(kind: type[T], raw: Any, where: str) -> T:
     """Return a dataclass from nested dictionaries, checking names and kinds."""
     if not isinstance(raw, Mapping):
-        raise HuskyError(f"{where}: is {raw!r}; expected a table.")
+        raise SysidError(f"{where}: is {raw!r}; expected a table.")
     hints = typing.get_type_hints(kind)
     values: dict[str, Any] = {}
     for name, value in raw.items():
         if name not in hints:
-            raise HuskyError(f"{where}: unknown option '{name}'.{did_you_mean(name, hints)}")
+            raise SysidError(f"{where}: unknown option '{name}'.{did_you_mean(name, hints)}")
         values[name] = _value(hints[name], value, f"{where}: {name}")
     try:
         return kind(**values)
     except ValueError as error:
-        raise HuskyError(f"{where}: {error}.") from error
+        raise SysidError(f"{where}: {error}.") from error
 
 
 def _value(hint: Any, value: Any, where: str) -> Any:
@@ -309,11 +309,11 @@ def _value(hint: Any, value: Any, where: str) -> Any:
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin is tuple:
         if not isinstance(value, list):
-            raise HuskyError(f"{where} is {value!r}; expected a list.")
+            raise SysidError(f"{where} is {value!r}; expected a list.")
         return tuple(_value(arguments[0], item, where) for item in value)
     if origin is typing.Literal:
         if value not in arguments:
-            raise HuskyError(f"{where} is {value!r}; expected one of {', '.join(map(str, arguments))}.")
+            raise SysidError(f"{where} is {value!r}; expected one of {', '.join(map(str, arguments))}.")
         return value
     if origin in (types.UnionType, typing.Union):
         return value
@@ -321,5 +321,5 @@ def _value(hint: Any, value: Any, where: str) -> Any:
         return float(value)
     kind: Any = hint
     if not isinstance(value, kind):
-        raise HuskyError(f"{where} is {value!r}; expected {kind.__name__}.")
+        raise SysidError(f"{where} is {value!r}; expected {kind.__name__}.")
     return value

@@ -34,7 +34,7 @@ def style_reference(options: SkateOptions) -> Array:
         Windows [rad], shape (m, 5 · 23), or (m, 5 · 23 + 3) with stretches, grouped by stretch.
 
     Raises:
-        HuskyError: A clip is missing or broken.
+        SysidError: A clip is missing or broken.
     """
     if options.transition != "style":
         return np.concatenate([_flat(motion) for motion in load_motions()])

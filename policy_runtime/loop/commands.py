@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 
 SPEED_RANGE = (0.0, 1.5)
 """Speeds that policies are trained for [m/s]."""
@@ -78,28 +78,28 @@ def load_script(path: Path) -> Script:
     """Read a CSV file with the columns time_s, speed_m_s, turn_rad; the first row must be at 0.
 
     Raises:
-        HuskyError: The file is missing, a column is missing, a value is not a number or out of the
+        SysidError: The file is missing, a column is missing, a value is not a number or out of the
             trained range, or times do not increase.
     """
     try:
         with path.open(newline="", encoding="utf-8") as file:
             rows = list(csv.DictReader(file))
     except (OSError, UnicodeDecodeError) as error:
-        raise HuskyError(f"{path}: cannot be read ({error}). Expected a CSV file of commands.") from error
+        raise SysidError(f"{path}: cannot be read ({error}). Expected a CSV file of commands.") from error
     if not rows:
-        raise HuskyError(
+        raise SysidError(
             f"{path}: no commands. Expected columns time_s,speed_m_s,turn_rad and at least one row."
         )
     missing = [column for column in COLUMNS if column not in rows[0]]
     if missing:
         found = ", ".join(name for name in rows[0] if name)
-        raise HuskyError(
+        raise SysidError(
             f"{path}: column '{missing[0]}' is missing. Expected {','.join(COLUMNS)}; found {found}."
         )
     values = [_row(path, number, row) for number, row in enumerate(rows, start=2)]
     times = tuple(time for time, _ in values)
     if times[0] != 0 or any(later <= earlier for earlier, later in itertools.pairwise(times)):
-        raise HuskyError(
+        raise SysidError(
             f"{path}: times must start at 0 and increase; they are {', '.join(map(str, times[:6]))}."
         )
     return Script(times, tuple(command for _, command in values))
@@ -112,12 +112,12 @@ def _row(path: Path, line: int, row: dict[str, str]) -> tuple[float, Command]:
         try:
             numbers.append(float(text if text is not None else ""))
         except ValueError:
-            raise HuskyError(
+            raise SysidError(
                 f"{path}: line {line}, column '{column}' is {text!r}; expected a number."
             ) from None
     for name, value, (low, high) in (("speed", numbers[1], SPEED_RANGE), ("turn", numbers[2], TURN_RANGE)):
         if not low <= value <= high:
-            raise HuskyError(
+            raise SysidError(
                 f"{path}: line {line}: {name} {value:g} is outside what is trained, {low:g} to {high:.3g}."
             )
     return numbers[0], Command(numbers[1], numbers[2])
@@ -136,11 +136,11 @@ class Keyboard:
             descriptor: File descriptor of the terminal; standard input if None.
 
         Raises:
-            HuskyError: It is not a terminal.
+            SysidError: It is not a terminal.
         """
         self._fd = sys.stdin.fileno() if descriptor is None else descriptor
         if not os.isatty(self._fd):
-            raise HuskyError(
+            raise SysidError(
                 "keyboard commands need a terminal on standard input. Use --commands FILE instead."
             )
         self._saved = termios.tcgetattr(self._fd)

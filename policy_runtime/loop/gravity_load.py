@@ -25,7 +25,7 @@ class GravityLoad:
         """Build the robot's model.
 
         Raises:
-            HuskyError: mjlab is not installed.
+            SysidError: mjlab is not installed.
         """
         self.model = g1_spec(visuals=False).compile()
         self.data = mujoco.MjData(self.model)

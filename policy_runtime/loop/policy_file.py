@@ -11,7 +11,7 @@ from sim.skate.mdp.actor_observation import OBSERVATION_SIZE
 from sim.skate.robot.g1 import JOINTS, default_pose, servos
 from sim.skate.world.posterior import Spread
 from sysid.board import Board
-from sysid.errors import HuskyError, QualityGateError
+from sysid.errors import QualityGateError, SysidError
 from sysid.roll import Array
 
 
@@ -45,7 +45,7 @@ def open_policy(path: Path, board: Board | None = None, *, force: bool = False) 
         force: Run even where board and policy disagree or the board has not passed `check`.
 
     Raises:
-        HuskyError: onnxruntime is not installed, the file is not a policy of a known interface, or its
+        SysidError: onnxruntime is not installed, the file is not a policy of a known interface, or its
             metadata disagree with robot or board.
         QualityGateError: The policy was trained on a board that had passed, and this one has not.
     """
@@ -54,7 +54,7 @@ def open_policy(path: Path, board: Board | None = None, *, force: bool = False) 
     size = _last_dimension(inputs[0].shape) if len(inputs) == 1 else None
     if size not in (OBSERVATION_SIZE, RELEASE_SIZE) or _last_dimension(outputs[0].shape) != len(JOINTS):
         shapes = ", ".join(f"{value.name} {value.shape}" for value in [*inputs, *outputs])
-        raise HuskyError(
+        raise SysidError(
             f"{path}: not a skating policy. It has {shapes}; expected one input of {OBSERVATION_SIZE} (ours) or "
             f"{RELEASE_SIZE} numbers (the HUSKY release's) and an output of {len(JOINTS)}."
         )
@@ -69,11 +69,11 @@ def _session(path: Path) -> Any:
     try:
         import onnxruntime
     except ImportError as error:
-        raise HuskyError(
+        raise SysidError(
             "running a policy needs onnxruntime, which is not installed. Run `pip install husky-sysid[run]`."
         ) from error
     if not path.is_file():
-        raise HuskyError(f"{path}: no such policy. Expected an ONNX file, as `husky-sysid train` writes it.")
+        raise SysidError(f"{path}: no such policy. Expected an ONNX file, as `husky-sysid train` writes it.")
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = (
         1  # waking threads takes longer than this net
@@ -82,7 +82,7 @@ def _session(path: Path) -> Any:
     try:
         return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
     except Exception as error:
-        raise HuskyError(
+        raise SysidError(
             f"{path}: not an ONNX model that can be run ({str(error).splitlines()[0]})."
         ) from error
 
@@ -95,11 +95,11 @@ def check_robot(path: Path, metadata: dict[str, str]) -> tuple[str, ...]:
     """Compare joint names, gains, default pose and action scales with the robot's; return what is unsaid.
 
     Raises:
-        HuskyError: One of them differs.
+        SysidError: One of them differs.
     """
     names = metadata.get("joint_names")
     if names is None:
-        raise HuskyError(f"{path}: carries no 'joint_names', so nothing says what its 23 answers move.")
+        raise SysidError(f"{path}: carries no 'joint_names', so nothing says what its 23 answers move.")
     if tuple(names.split(",")) != JOINTS:
         other = next(
             (
@@ -109,7 +109,7 @@ def check_robot(path: Path, metadata: dict[str, str]) -> tuple[str, ...]:
             ),
             f"{len(names.split(','))} joints instead of {len(JOINTS)}",
         )
-        raise HuskyError(f"{path}: made for another robot; joint {other}.")
+        raise SysidError(f"{path}: made for another robot; joint {other}.")
     robot = servos()
     expected = {
         ("joint_stiffness", "stiffness"): robot.stiffness,
@@ -128,7 +128,7 @@ def check_robot(path: Path, metadata: dict[str, str]) -> tuple[str, ...]:
         bad = np.flatnonzero(np.abs(stated - values) > 1e-3 + 2e-3 * np.abs(values))
         if len(bad):
             i = int(bad[0])
-            raise HuskyError(
+            raise SysidError(
                 f"{path}: its {keys[0].replace('_', ' ')} of {JOINTS[i]} is {stated[i]:g}, the robot's is "
                 f"{values[i]:.4g}. It was trained for other servos."
             )
@@ -143,7 +143,7 @@ def _numbers(path: Path, key: str, text: str) -> Array:
     if numbers.shape == (1,):
         numbers = np.full(len(JOINTS), numbers[0])
     if numbers.shape != (len(JOINTS),):
-        raise HuskyError(f"{path}: metadata '{key}' is {text[:60]!r}; expected {len(JOINTS)} numbers.")
+        raise SysidError(f"{path}: metadata '{key}' is {text[:60]!r}; expected {len(JOINTS)} numbers.")
     return numbers
 
 
@@ -153,16 +153,16 @@ def check_board(
     """Compare the board that a policy was trained on with the one to ride; return notes for people.
 
     Raises:
-        HuskyError: It is another board, or its record has changed since.
+        SysidError: It is another board, or its record has changed since.
         QualityGateError: The board had passed `check` when the policy was trained, and has not now.
     """
     name = metadata.get("board")
     if name is None:
         return ("the policy does not say which board it was trained on; the board is not checked",)
     notes: tuple[str, ...] = ()
-    problem: HuskyError | None = None
+    problem: SysidError | None = None
     if name != board.name:
-        problem = HuskyError(
+        problem = SysidError(
             f"{path}: trained on board '{name}', not on '{board.name}'. Choose --board {name}."
         )
     else:
@@ -170,7 +170,7 @@ def check_board(
             stated = _stated(path, metadata, key, value)
             change = f"trained with {key.replace('_', ' ')} {stated:.4g}, the record of '{name}' now says {value:.4g}"
             if abs(stated - value) > spread * abs(value):
-                problem = HuskyError(
+                problem = SysidError(
                     f"{path}: {change}. Train again, or use the record exported with the policy."
                 )
                 break
@@ -195,7 +195,7 @@ def _stated(path: Path, metadata: dict[str, str], key: str, default: float) -> f
     try:
         return float(metadata.get(key, default))
     except ValueError:
-        raise HuskyError(f"{path}: metadata '{key}' is {metadata[key][:60]!r}; expected a number.") from None
+        raise SysidError(f"{path}: metadata '{key}' is {metadata[key][:60]!r}; expected a number.") from None
 
 
 def _board_numbers(board: Board) -> dict[str, tuple[float, float]]:

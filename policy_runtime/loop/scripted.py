@@ -13,7 +13,7 @@ from policy_runtime.robots import RobotState
 from sim.skate.cycle.clock import STILL_SPEED, Clock
 from sim.skate.robot.g1 import JOINTS, default_pose
 from sim.skate.robot.poses import load_poses
-from sysid.errors import HuskyError, did_you_mean
+from sysid.errors import SysidError, did_you_mean
 from sysid.roll import Array
 
 EASE_STEPS = 10
@@ -120,10 +120,10 @@ def scripted(name: str) -> Policy:
     """Return a scripted policy by its name.
 
     Raises:
-        HuskyError: There is none of that name.
+        SysidError: There is none of that name.
     """
     if name not in SCRIPTS:
-        raise HuskyError(
+        raise SysidError(
             f"unknown script '{name}'.{did_you_mean(name, SCRIPTS)} Scripted policies: {', '.join(SCRIPTS)}; "
             "anything else must be an ONNX file."
         )

@@ -10,7 +10,7 @@ from typing import Any
 
 from policy_runtime.robots import JointCommand, Robot, RobotState
 from policy_runtime.robots.simulated import SimulatedRobot
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 
 FRAME_STEPS = 10
 """Servo steps between two pictures: 50 a second."""
@@ -43,7 +43,7 @@ def viewed(robot: SimulatedRobot, wanted: bool) -> Generator[Robot]:
     """Yield the robot, drawn in MuJoCo's viewer where that is wanted.
 
     Raises:
-        HuskyError: There is no display for the viewer.
+        SysidError: There is no display for the viewer.
     """
     if not wanted:
         yield robot
@@ -52,11 +52,11 @@ def viewed(robot: SimulatedRobot, wanted: bool) -> Generator[Robot]:
 
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         # MuJoCo would end the whole program.
-        raise HuskyError("the MuJoCo viewer needs a display, and there is none here. Run without --viewer.")
+        raise SysidError("the MuJoCo viewer needs a display, and there is none here. Run without --viewer.")
     try:
         viewer = mujoco.viewer.launch_passive(robot.model, robot.data)
     except Exception as error:
-        raise HuskyError(
+        raise SysidError(
             f"the MuJoCo viewer cannot open a window here ({error}). Run without --viewer."
         ) from error
     with viewer:

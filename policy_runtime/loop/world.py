@@ -16,7 +16,7 @@ from sim.skate.robot.poses import load_poses
 from sim.skate.world.scene import ROBOT, SceneOptions, skate_spec, standing_state
 from sim.skate.world.terrain import Terrain
 from sysid.board import Board
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.roll import Array
 
 STARTS = ("stand", "push", "steer")
@@ -68,7 +68,7 @@ def make_world(
         visuals: Keep the robot's meshes, for pictures.
 
     Raises:
-        HuskyError: mjlab is not installed, or the board cannot be built.
+        SysidError: mjlab is not installed, or the board cannot be built.
     """
     options = SceneOptions(coupling=coupling, terrain=terrain, timestep=PD_PERIOD)
     model = skate_spec(board, options, visuals=visuals).compile()
@@ -92,11 +92,11 @@ def world_of(
         gantry: Holds the robot; None lets it fall.
 
     Raises:
-        HuskyError: The scene is not one of skating, or the start is unknown.
+        SysidError: The scene is not one of skating, or the start is unknown.
     """
     robot = SimulatedRobot(model, direct_rake=direct_rake, gantry=gantry)
     if start not in STARTS:
-        raise HuskyError(f"unknown start '{start}'. Known: {', '.join(STARTS)}.")
+        raise SysidError(f"unknown start '{start}'. Known: {', '.join(STARTS)}.")
     if start == "stand":
         qpos = standing_state(model)
     else:

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sysid.errors import HuskyError, did_you_mean
+from sysid.errors import SysidError, did_you_mean
 from sysid.files import atomic_path, shipped_data
 from sysid.roll import Array
 
@@ -72,20 +72,20 @@ def load_motion(path: Path) -> Motion:
     """Read a clip: a NumPy file holding (frames, 36) numbers, ours or the HUSKY release's.
 
     Raises:
-        HuskyError: The file is missing, not a NumPy array, of another shape, too short for one
+        SysidError: The file is missing, not a NumPy array, of another shape, too short for one
             sample, not finite, or holds quaternions that are not of unit length.
     """
     try:
         table = np.load(path, allow_pickle=False)
     except OSError as error:
-        raise HuskyError(
+        raise SysidError(
             f"{path}: cannot be read ({error.strerror or error}). Expected a .npy motion."
         ) from error
     except (ValueError, EOFError) as error:
-        raise HuskyError(f"{path}: not a NumPy array file (.npy) of numbers.") from error
+        raise SysidError(f"{path}: not a NumPy array file (.npy) of numbers.") from error
     if not isinstance(table, np.ndarray) or table.dtype.kind != "f" or table.ndim != 2:
         kind = f"{table.dtype} of shape {table.shape}" if isinstance(table, np.ndarray) else "an archive"
-        raise HuskyError(f"{path}: holds {kind}; expected floats of shape (frames, {COLUMNS}).")
+        raise SysidError(f"{path}: holds {kind}; expected floats of shape (frames, {COLUMNS}).")
     return motion_from_table(np.asarray(table, dtype=np.float64), str(path), path.stem)
 
 
@@ -98,23 +98,23 @@ def motion_from_table(table: Array, where: str, name: str) -> Motion:
         name: Name of the clip.
 
     Raises:
-        HuskyError: The numbers are not a motion; see `load_motion`.
+        SysidError: The numbers are not a motion; see `load_motion`.
     """
     if table.shape[1:] != (COLUMNS,):
-        raise HuskyError(
+        raise SysidError(
             f"{where}: has shape {table.shape}; expected (frames, {COLUMNS}): pelvis position 3, quaternion "
             "wxyz 4, and the 29 joints of the full G1."
         )
     if len(table) < WINDOW:
-        raise HuskyError(f"{where}: has {len(table)} frames; one sample of the style reward takes {WINDOW}.")
+        raise SysidError(f"{where}: has {len(table)} frames; one sample of the style reward takes {WINDOW}.")
     bad = np.argwhere(~np.isfinite(table))
     if len(bad):
         row, column = bad[0]
-        raise HuskyError(f"{where}: frame {row}, column {column} is {table[row, column]}; expected a number.")
+        raise SysidError(f"{where}: frame {row}, column {column} is {table[row, column]}; expected a number.")
     length = np.linalg.norm(table[:, 3:7], axis=1)
     if np.any(np.abs(length - 1) > 1e-2):
         row = int(np.argmax(np.abs(length - 1)))
-        raise HuskyError(
+        raise SysidError(
             f"{where}: the quaternion of frame {row} (columns 3 to 6) has length {length[row]:.3g}; expected 1. "
             "The columns may be in another order."
         )
@@ -130,7 +130,7 @@ def save_motion(motion: Motion, path: Path) -> None:
     """Write a clip in the stored layout.
 
     Raises:
-        HuskyError: The folder cannot be written to.
+        SysidError: The folder cannot be written to.
     """
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         np.save(file, motion.table())
@@ -140,7 +140,7 @@ def motion_paths(where: Sequence[Path] = ()) -> list[Path]:
     """Return motion files: those named, those in folders named, or the shipped clips.
 
     Raises:
-        HuskyError: A path does not exist, or there is no motion in a folder.
+        SysidError: A path does not exist, or there is no motion in a folder.
     """
     if not where:
         return sorted((shipped_data() / "motions").glob("*.npy"))
@@ -150,12 +150,12 @@ def motion_paths(where: Sequence[Path] = ()) -> list[Path]:
         if path.is_dir():
             found = sorted(path.glob("*.npy"))
             if not found:
-                raise HuskyError(f"{path}: no motion (.npy) in this folder.")
+                raise SysidError(f"{path}: no motion (.npy) in this folder.")
             paths += found
         elif path.exists() or not shipped.is_file():
             if not path.exists():
                 names = [clip.stem for clip in motion_paths()]
-                raise HuskyError(
+                raise SysidError(
                     f"{path}: no such motion.{did_you_mean(str(path), names)} Shipped clips: {', '.join(names)}."
                 )
             paths.append(path)
@@ -168,7 +168,7 @@ def load_motions(where: Sequence[Path] = ()) -> list[Motion]:
     """Read clips from files and folders, or the shipped ones.
 
     Raises:
-        HuskyError: See `motion_paths` and `load_motion`.
+        SysidError: See `motion_paths` and `load_motion`.
     """
     return [load_motion(path) for path in motion_paths(where)]
 

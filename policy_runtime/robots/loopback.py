@@ -33,7 +33,7 @@ class SimulatedG1:
             domain: DDS domain.
 
         Raises:
-            HuskyError: cyclonedds is not installed or cannot use the interface.
+            SysidError: cyclonedds is not installed or cannot use the interface.
         """
         self._messages = load_messages()
         participant = join_domain(interface, domain)

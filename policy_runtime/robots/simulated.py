@@ -14,7 +14,7 @@ from sim.board.scene import TILT_JOINT, TRUCK_JOINTS, WHEELS, set_trucks
 from sim.skate.arrays import wrap_angle
 from sim.skate.robot.g1 import FOOT_BODIES, JOINTS
 from sim.skate.world.scene import BOARD, ROBOT
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.roll import Array
 
 Flags = npt.NDArray[np.bool_]
@@ -88,13 +88,13 @@ class SimulatedRobot:
             gantry: Holds the robot; None lets it fall.
 
         Raises:
-            HuskyError: A joint of the robot is missing, or the step does not divide the period.
+            SysidError: A joint of the robot is missing, or the step does not divide the period.
         """
         self.model, self.data = model, mujoco.MjData(model)
         self._rake, self._gantry = direct_rake, gantry
         self._substeps = round(PD_PERIOD / model.opt.timestep)
         if not math.isclose(self._substeps * model.opt.timestep, PD_PERIOD, rel_tol=1e-6):
-            raise HuskyError(
+            raise SysidError(
                 f"the scene's step of {model.opt.timestep * 1e3:g} ms does not divide the servo period of "
                 f"{PD_PERIOD * 1e3:g} ms. Build it with a step of 2 or 1 ms."
             )
@@ -104,7 +104,7 @@ class SimulatedRobot:
             base = model.joint(f"{ROBOT}floating_base_joint")
             board = model.joint(f"{BOARD}board_free_joint")
         except KeyError as error:
-            raise HuskyError(f"the scene is not one of skating: {error.args[0]}") from error
+            raise SysidError(f"the scene is not one of skating: {error.args[0]}") from error
         self.ids = _Ids(model)
         self._q = np.array([joint.qposadr[0] for joint in joints])
         self._v = np.array([joint.dofadr[0] for joint in joints])

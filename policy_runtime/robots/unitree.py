@@ -16,7 +16,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 
 from policy_runtime.robots import PD_PERIOD, JointCommand, RobotState
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 
 POLICY_MOTORS = (*range(19), *range(22, 26))
 """Motor slots of the 23 joints in policy order: legs, waist, left arm, right arm without wrists."""
@@ -43,7 +43,7 @@ class UnitreeG1:
             timeout: Longest time to wait for the robot [s].
 
         Raises:
-            HuskyError: cyclonedds is not installed, the interface does not exist, or no robot answers.
+            SysidError: cyclonedds is not installed, the interface does not exist, or no robot answers.
         """
         messages = load_messages()
         self._messages = messages
@@ -68,7 +68,7 @@ class UnitreeG1:
         end = time.monotonic() + timeout
         while self._state is None:
             if time.monotonic() > end:
-                raise HuskyError(
+                raise SysidError(
                     f"no G1 answers on {interface or 'any interface'}, DDS domain {domain}. Is the robot on, the cable "
                     "in, and the computer in the robot's network (192.168.123.x)?"
                 )
@@ -137,12 +137,12 @@ def load_messages() -> Any:
     """Return the module of message types.
 
     Raises:
-        HuskyError: cyclonedds is not installed.
+        SysidError: cyclonedds is not installed.
     """
     try:
         from policy_runtime.robots import unitree_messages
     except ImportError as error:
-        raise HuskyError(
+        raise SysidError(
             "talking to a G1 needs cyclonedds, which is not installed. Run `pip install husky-sysid[robot]`."
         ) from error
     return unitree_messages
@@ -152,7 +152,7 @@ def join_domain(interface: str | None, domain: int) -> Any:
     """Return a DDS participant on one network interface.
 
     Raises:
-        HuskyError: CycloneDDS cannot use the interface.
+        SysidError: CycloneDDS cannot use the interface.
     """
     from cyclonedds.core import DDSException
     from cyclonedds.domain import Domain, DomainParticipant
@@ -160,7 +160,7 @@ def join_domain(interface: str | None, domain: int) -> Any:
     if interface is not None:
         known = sorted(name for _, name in socket.if_nameindex())
         if interface not in known:
-            raise HuskyError(f"no network interface '{interface}'. This computer has: {', '.join(known)}.")
+            raise SysidError(f"no network interface '{interface}'. This computer has: {', '.join(known)}.")
         network = f'<NetworkInterface name="{escape(interface)}" priority="default" multicast="default"/>'
         configuration = (
             f"<CycloneDDS><Domain><General><Interfaces>{network}</Interfaces></General></Domain></CycloneDDS>"
@@ -169,11 +169,11 @@ def join_domain(interface: str | None, domain: int) -> Any:
             if (domain, interface) not in _DOMAINS:
                 _DOMAINS[domain, interface] = Domain(domain, configuration)
         except DDSException as error:
-            raise HuskyError(f"CycloneDDS cannot use interface '{interface}' ({error}).") from error
+            raise SysidError(f"CycloneDDS cannot use interface '{interface}' ({error}).") from error
     try:
         return DomainParticipant(domain)
     except DDSException as error:
-        raise HuskyError(f"CycloneDDS cannot join domain {domain} ({error}).") from error
+        raise SysidError(f"CycloneDDS cannot join domain {domain} ({error}).") from error
 
 
 _DOMAINS: dict[tuple[int, str], Any] = {}

@@ -29,7 +29,7 @@ def motion_figure(motions: Sequence[Motion], planted: Sequence[Array], path: Pat
         path: Where to write.
 
     Raises:
-        HuskyError: The folder cannot be written to.
+        SysidError: The folder cannot be written to.
     """
     from matplotlib.figure import Figure
 

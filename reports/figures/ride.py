@@ -38,7 +38,7 @@ def ride_figure(recording: Recording, title: str, path: Path) -> None:
         path: Where to write.
 
     Raises:
-        HuskyError: The folder cannot be written to.
+        SysidError: The folder cannot be written to.
     """
     from matplotlib.figure import Figure
 
@@ -168,7 +168,7 @@ def paths_figure(paths: tuple[Array, ...], headings: Array, title: str, path: Pa
         path: Where to write.
 
     Raises:
-        HuskyError: The folder cannot be written to.
+        SysidError: The folder cannot be written to.
     """
     from matplotlib.figure import Figure
 
@@ -204,7 +204,7 @@ def suite_figure(shares: list[tuple[str, Quantity]], title: str, path: Path) -> 
         path: Where to write.
 
     Raises:
-        HuskyError: The folder cannot be written to.
+        SysidError: The folder cannot be written to.
     """
     from matplotlib.figure import Figure
 

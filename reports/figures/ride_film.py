@@ -7,7 +7,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.files import atomic_path
 from sysid.roll import Array
 
@@ -25,7 +25,7 @@ def film_strip(model: mujoco.MjModel, qpos: Array, times: Array, path: Path, *, 
         columns: Pictures in a row; two rows are drawn.
 
     Raises:
-        HuskyError: This machine cannot render, or the folder cannot be written to.
+        SysidError: This machine cannot render, or the folder cannot be written to.
     """
     from matplotlib.figure import Figure
 
@@ -47,14 +47,14 @@ def render(model: mujoco.MjModel, qpos: Array) -> list[Array]:
     """Return one picture for each configuration, seen from ahead on the left, shape (height, width, 3).
 
     Raises:
-        HuskyError: This machine cannot render.
+        SysidError: This machine cannot render.
     """
     data = mujoco.MjData(model)
     base = model.joint("robot/floating_base_joint").qposadr[0]
     try:
         renderer = mujoco.Renderer(model, HEIGHT, WIDTH)
     except Exception as error:
-        raise HuskyError(
+        raise SysidError(
             f"this machine cannot render ({error}). Try MUJOCO_GL=egl or MUJOCO_GL=osmesa."
         ) from error
     camera = mujoco.MjvCamera()

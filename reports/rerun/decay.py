@@ -61,7 +61,7 @@ def decay_recording(path: Path, roll: Roll, decay: FreeDecay, summary: str) -> N
         summary: Markdown.
 
     Raises:
-        HuskyError: rerun-sdk is not installed, or the path cannot be written.
+        SysidError: rerun-sdk is not installed, or the path cannot be written.
     """
     import rerun.blueprint as rrb
 
@@ -138,7 +138,7 @@ def comparison_recording(
         films: Frames of the logs that are films.
 
     Raises:
-        HuskyError: rerun-sdk is not installed, or the path cannot be written.
+        SysidError: rerun-sdk is not installed, or the path cannot be written.
     """
     import rerun.blueprint as rrb
 

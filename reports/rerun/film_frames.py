@@ -63,7 +63,7 @@ def read_film(path: Path, options: LogOptions) -> tuple[Roll, FilmFrames]:
         The roll, and the pictures on the roll's clock.
 
     Raises:
-        HuskyError: The film cannot be read as roll.
+        SysidError: The film cannot be read as roll.
     """
     video = options.video or VideoOptions()
     times: list[float] = []

@@ -28,7 +28,7 @@ def ride_recording(model: mujoco.MjModel, ride: Recording, name: str, path: Path
         path: The .rrd file to write.
 
     Raises:
-        HuskyError: rerun-sdk is not installed, or the path cannot be written.
+        SysidError: rerun-sdk is not installed, or the path cannot be written.
     """
     import rerun as rr
     import rerun.blueprint as rrb
@@ -75,7 +75,7 @@ def motion_recording(model: mujoco.MjModel, motions: list[Motion], path: Path) -
         path: The .rrd file to write.
 
     Raises:
-        HuskyError: rerun-sdk is not installed, or the path cannot be written.
+        SysidError: rerun-sdk is not installed, or the path cannot be written.
     """
     import rerun as rr
     import rerun.blueprint as rrb

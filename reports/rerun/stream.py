@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from reports.figures.palette import rgb
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.files import atomic_path
 from sysid.roll import Array
 
@@ -34,12 +34,12 @@ def need_rerun() -> None:
     """Check that recordings can be written, before long work.
 
     Raises:
-        HuskyError: rerun-sdk is not installed.
+        SysidError: rerun-sdk is not installed.
     """
     try:
         import rerun
     except ImportError as error:
-        raise HuskyError("Rerun recordings need the package rerun-sdk: pip install rerun-sdk") from error
+        raise SysidError("Rerun recordings need the package rerun-sdk: pip install rerun-sdk") from error
     del rerun
 
 
@@ -48,7 +48,7 @@ def recording(path: Path, recording_id: str, blueprint: "rrb.Blueprint") -> "Gen
     """Open a recording that carries its own blueprint, and put it in place when the block succeeds.
 
     Raises:
-        HuskyError: rerun-sdk is not installed, or the path cannot be written.
+        SysidError: rerun-sdk is not installed, or the path cannot be written.
     """
     need_rerun()
     import rerun as rr

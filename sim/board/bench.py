@@ -10,7 +10,7 @@ import numpy as np
 from sim.board.bodies import TILT_JOINT, deck_inertia, inertia_ratio
 from sim.board.scene import add_effects, integrator_value, roll_inertia
 from sysid.board import Board
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.roll import Array
 
 AfterStep = Callable[[mujoco.MjModel, mujoco.MjData], None]
@@ -33,7 +33,7 @@ def rig_spec(
         exact_effects: False writes effects that need a MuJoCo newer than 3.11 as their substitutes.
 
     Raises:
-        HuskyError: The record cannot be built, or compiled mass or inertia differ from the record.
+        SysidError: The record cannot be built, or compiled mass or inertia differ from the record.
     """
     spec = mujoco.MjSpec()
     spec.modelname = f"{board.name}_bench"
@@ -73,12 +73,12 @@ def _assert_matches_record(spec: mujoco.MjSpec, board: Board) -> None:
     model = spec.compile()
     ratio = inertia_ratio(board)
     if not math.isclose(roll_inertia(model), ratio * board.inertia.value, rel_tol=1e-6):
-        raise HuskyError(
+        raise SysidError(
             f"board '{board.name}': the compiled roll inertia is {roll_inertia(model):.6g} kg*m^2, the record "
             f"says {ratio * board.inertia.value:.6g} kg*m^2."
         )
     if not math.isclose(model.body("deck").mass[0], board.mass["deck"].value, rel_tol=1e-9):
-        raise HuskyError(
+        raise SysidError(
             f"board '{board.name}': the compiled deck weighs {model.body('deck').mass[0]:.6g} kg, the record "
             f"says {board.mass['deck'].value:.6g} kg."
         )
@@ -120,7 +120,7 @@ def swing(
         after_step: Called after each step.
 
     Raises:
-        HuskyError: The simulation becomes unstable.
+        SysidError: The simulation becomes unstable.
     """
     data = mujoco.MjData(model)
     where = model.joint(joint)
@@ -140,7 +140,7 @@ def swing(
             after_step(model, data)
         roll[i + 1] = sign * data.qpos[q]
     if data.warning[int(mujoco.mjtWarning.mjWARN_BADQACC)].number or not np.all(np.isfinite(roll)):
-        raise HuskyError(
+        raise SysidError(
             f"the simulation is unstable at a step of {model.opt.timestep:g} s. Choose a smaller --timestep."
         )
     return Swing(model.opt.timestep * np.arange(steps + 1), roll)

@@ -20,7 +20,7 @@ import mujoco
 import numpy as np
 
 from sysid.board import Board
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.roll import Array
 
 Coupling = Literal["equality", "direct"]
@@ -237,12 +237,12 @@ def deck_inertia(board: Board, roll: float) -> Array:
         roll: Inertia about the tilt axis [kg*m^2].
 
     Raises:
-        HuskyError: No deck of this thickness has so small a roll inertia.
+        SysidError: No deck of this thickness has so small a roll inertia.
     """
     length, thickness = board.geometry["length"].value, board.geometry["thickness"].value
     mass = board.mass["deck"].value
     if roll <= mass * thickness**2 / 12:
-        raise HuskyError(
+        raise SysidError(
             f"board '{board.name}': a roll inertia of {roll:.4g} kg*m^2 is impossible for a deck of {mass:.4g} kg "
             f"and {thickness:.3g} m thickness. Check inertia, mass.deck and geometry.thickness."
         )

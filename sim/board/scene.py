@@ -26,7 +26,7 @@ from sim.board.bodies import (
     steering_angle,
 )
 from sysid.board import Board
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.quantity import Quantity
 from sysid.roll import Array
 
@@ -57,7 +57,7 @@ def board_spec(
         exact_effects: False writes effects that need a MuJoCo newer than 3.11 as their substitutes.
 
     Raises:
-        HuskyError: The record cannot be built: inertia too small for the deck's mass, rake and tilt
+        SysidError: The record cannot be built: inertia too small for the deck's mass, rake and tilt
             range that do not fit, or compiled mass or inertia differ from the record.
     """
     spec = mujoco.MjSpec()
@@ -126,7 +126,7 @@ def integrator_value(name: str) -> int:
     """Return MuJoCo's number of an integrator.
 
     Raises:
-        HuskyError: This MuJoCo has no integrator of that name.
+        SysidError: This MuJoCo has no integrator of that name.
     """
     known = {
         key.removeprefix("mjINT_").lower(): value
@@ -134,7 +134,7 @@ def integrator_value(name: str) -> int:
         if key.startswith("mjINT_")
     }
     if name.lower() not in known:
-        raise HuskyError(
+        raise SysidError(
             f"unknown integrator '{name}'. MuJoCo {mujoco.__version__} has: {', '.join(sorted(known))}."
         )
     return int(known[name.lower()])
@@ -186,19 +186,19 @@ def assert_matches_record(spec: mujoco.MjSpec, board: Board, coupling: Coupling)
     missing, a centre of mass is not where it was thought, a deck's inertia is counted twice.
 
     Raises:
-        HuskyError: They differ.
+        SysidError: They differ.
     """
     model = spec.compile()
     expected = board.mass["deck"].value + 2 * board.mass["truck"].value + 4 * board.mass["wheel"].value
     weight = float(model.body_mass.sum())
     if not math.isclose(weight, expected, rel_tol=1e-3):  # a support that an effect adds weighs a gram
-        raise HuskyError(
+        raise SysidError(
             f"board '{board.name}': the compiled board weighs {weight:.6g} kg, its record says {expected:.6g} kg."
         )
     inertia = roll_inertia(model, board.geometry if coupling == "equality" else None)
     recorded = inertia_ratio(board) * board.inertia.value
     if not math.isclose(inertia, recorded, rel_tol=1e-6):
-        raise HuskyError(
+        raise SysidError(
             f"board '{board.name}': the compiled roll inertia is {inertia:.6g} kg*m^2, the record says "
             f"{recorded:.6g} kg*m^2."
         )

@@ -18,7 +18,7 @@ from sim.board.scene import integrator_name
 from sim.compensation.scene import ClampedScene
 from sim.compensation.step import compensate_step
 from sysid.board import Board
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.joint.sampled import joint_of_map
 
 LOAD = 0.3
@@ -123,7 +123,7 @@ def measure_parasitics(board: Board, scene: ClampedScene) -> Parasitics:
         scene: The scene, its chassis held.
 
     Raises:
-        HuskyError: The scene does not move, or blows up.
+        SysidError: The scene does not move, or blows up.
     """
     timestep, integrator = float(scene.model.opt.timestep), integrator_name(scene.model)
     needed = compensate_step(board, timestep=timestep, integrator=integrator).board
@@ -152,13 +152,13 @@ def measure(board: Board, scene: ClampedScene) -> TiltJoint:
         scene: The scene, its chassis held.
 
     Raises:
-        HuskyError: The scene does not move, or blows up.
+        SysidError: The scene does not move, or blows up.
     """
     scene = replace(scene, model=_frictionless(scene.model, scene.joint))
     torque = LOAD * board.stiffness * board.tilt["range"].value
     tilt = (_static(scene, torque) - _static(scene, -torque)) / 2
     if not tilt > 0:
-        raise HuskyError(f"the deck of the scene does not give way to {torque:.3g} N*m.")
+        raise SysidError(f"the deck of the scene does not give way to {torque:.3g} N*m.")
     stiffness = torque / tilt
     rest = (_static(scene, torque) + _static(scene, -torque)) / 2
     duration = 3 * math.pi * math.sqrt(board.inertia.value / board.stiffness)

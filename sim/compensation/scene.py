@@ -17,7 +17,7 @@ from sim.board.bodies import FREE_JOINT, TILT_JOINT, Coupling
 from sim.board.scene import board_spec, integrator_name, set_trucks
 from sim.compensation.step import Compensation, closed_form, evaluate, fit_inertia_and_damping
 from sysid.board import Board
-from sysid.errors import HuskyError, did_you_mean
+from sysid.errors import SysidError, did_you_mean
 from sysid.roll import Array
 
 SETTLING = 1.5
@@ -52,7 +52,7 @@ def training_scene(
     """Build our scene of a board as written (compensated or not) and hold its chassis.
 
     Raises:
-        HuskyError: The board cannot be built.
+        SysidError: The board cannot be built.
     """
     spec = board_spec(board, timestep=timestep, integrator=integrator, coupling=coupling)
     hold(spec, TILT_JOINT)
@@ -72,24 +72,24 @@ def scene_from_file(path: Path, *, joint: str = TILT_JOINT, timestep: float | No
         timestep: Step instead of the file's [s].
 
     Raises:
-        HuskyError: The file cannot be read or compiled, or has no such joint.
+        SysidError: The file cannot be read or compiled, or has no such joint.
     """
     if not path.is_file():
-        raise HuskyError(f"{path}: there is no such scene file.")
+        raise SysidError(f"{path}: there is no such scene file.")
     try:
         spec = mujoco.MjSpec.from_file(str(path))
         spec.compile()
     except (OSError, ValueError) as error:
-        raise HuskyError(f"{path}: MuJoCo cannot read it ({str(error).strip().splitlines()[0]}).") from error
+        raise SysidError(f"{path}: MuJoCo cannot read it ({str(error).strip().splitlines()[0]}).") from error
     names = [known.name for known in spec.joints if known.name]
     if joint not in names:
-        raise HuskyError(
+        raise SysidError(
             f"{path}: there is no joint '{joint}'.{did_you_mean(joint, names)} Joints: {', '.join(names)}. "
             "Name the tilt joint with --joint."
         )
     axis = np.asarray(spec.joint(joint).axis)
     if abs(axis[0]) < 0.999 * np.linalg.norm(axis):
-        raise HuskyError(f"{path}: joint '{joint}' turns about {axis}; a tilt joint turns about +x or -x.")
+        raise SysidError(f"{path}: joint '{joint}' turns about {axis}; a tilt joint turns about +x or -x.")
     if timestep is not None:
         spec.option.timestep = timestep
     hold(spec, joint)
@@ -150,7 +150,7 @@ def compensate_in_scene(
         exact_effects: False builds effects that need a MuJoCo newer than 3.11 as their substitutes.
 
     Raises:
-        HuskyError: The board cannot be built or the step is too long for it.
+        SysidError: The board cannot be built or the step is too long for it.
     """
     build = _builder(board, timestep, integrator, coupling, exact_effects)
     wide = 0.95 * board.tilt["range"].value

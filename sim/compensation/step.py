@@ -24,7 +24,7 @@ from sysid.board import Board
 from sysid.effects import effect
 from sysid.effects._algebra import NumpyAlgebra
 from sysid.effects._base import JointState, SupportEffect, TorqueEffect
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.joint import JointLaw, simulate
 from sysid.joint.sampled import continuous_map, joint_of_map
 from sysid.roll import Array
@@ -94,7 +94,7 @@ def compensate_step(
         exact_effects: False builds effects that need a MuJoCo newer than 3.11 as their substitutes.
 
     Raises:
-        HuskyError: The step is too long for this board, or the integrator damps more than the board.
+        SysidError: The step is too long for this board, or the integrator damps more than the board.
     """
 
     def build(candidate: Board) -> mujoco.MjModel:
@@ -135,14 +135,14 @@ def closed_form(board: Board, *, timestep: float, integrator: str = "implicitfas
         integrator: MuJoCo's name of the integrator. RK4 needs no compensation.
 
     Raises:
-        HuskyError: The spring swings more than half a period in one step, or the integrator damps
+        SysidError: The spring swings more than half a period in one step, or the integrator damps
             more than the board.
     """
     ratio = inertia_ratio(board)
     inertia, k, d = ratio * board.inertia.value, board.stiffness, board.damping
     turning = math.sqrt(max(4 * inertia * k - d * d, 0.0)) / (2 * inertia)
     if turning * timestep >= math.pi:
-        raise HuskyError(
+        raise SysidError(
             f"a step of {timestep:g} s is too long for board '{board.name}': its half period is "
             f"{math.pi / turning:.3g} s. Choose a smaller --timestep."
         )
@@ -151,7 +151,7 @@ def closed_form(board: Board, *, timestep: float, integrator: str = "implicitfas
     trace, determinant = continuous_map(inertia, k, d, timestep)
     new_inertia, new_damping = joint_of_map(trace, determinant, k, timestep, integrator)
     if new_damping < 0:
-        raise HuskyError(
+        raise SysidError(
             f"MuJoCo's integrator '{integrator}' at {timestep:g} s damps more than board '{board.name}' does; "
             f"damping would have to be {new_damping:.3g} N*m*s/rad. Choose implicitfast or a smaller step."
         )

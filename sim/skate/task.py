@@ -62,7 +62,7 @@ def skate_env_cfg(
         clips: What pushing by tracking follows.
 
     Raises:
-        HuskyError: The board cannot be built, or the canonical poses are missing.
+        SysidError: The board cannot be built, or the canonical poses are missing.
         ValueError: Pushing by tracking without clips.
     """
     from mjlab.envs import ManagerBasedRlEnvCfg

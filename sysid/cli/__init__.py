@@ -7,7 +7,7 @@ Each command is one file beside this one and is imported only when it is called,
 import sys
 from typing import TYPE_CHECKING, NamedTuple
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 
 if TYPE_CHECKING:
     import cyclopts
@@ -166,7 +166,7 @@ def main() -> None:
     """Run the command line and exit with its code."""
     try:
         build_app()()
-    except HuskyError as error:
+    except SysidError as error:
         print(f"error: {error}", file=sys.stderr)  # noqa: T201  the one line a user sees
         raise SystemExit(error.exit_code) from None
     except BrokenPipeError:  # the reader (head, less) has gone

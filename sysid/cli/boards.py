@@ -9,7 +9,7 @@ from cyclopts import Parameter
 from sysid.board import Board
 from sysid.cli.console import Common, Printer
 from sysid.decay.report import LABELS
-from sysid.errors import HuskyError, did_you_mean
+from sysid.errors import SysidError, did_you_mean
 from sysid.quantity import Quantity
 from sysid.workspace import Workspace
 
@@ -40,7 +40,7 @@ def _list(space: Workspace, printer: Printer) -> None:
     for name in space.board_names():
         try:
             records.append(space.load_board(name))
-        except HuskyError as error:
+        except SysidError as error:
             printer.warn(str(error))
             errors.append(str(error))
     printer.table(

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from sysid.board import Board
 from sysid.cli.console import Common, Printer, require_share
 from sysid.cli.log_options import LogArguments, load_recordings, refuse_overwriting_logs
-from sysid.errors import HuskyError, QualityGateError
+from sysid.errors import QualityGateError, SysidError
 
 if TYPE_CHECKING:
     from sim.check import SceneCheck
@@ -65,7 +65,7 @@ def check(
 
     require_share("--tolerance", tolerance)
     if timestep is not None and not 0 < timestep <= 0.05:
-        raise HuskyError(f"--timestep {timestep:g}: expected seconds between 0 and 0.05, such as 0.005.")
+        raise SysidError(f"--timestep {timestep:g}: expected seconds between 0 and 0.05, such as 0.005.")
     printer = Printer(common)
     record = common.space.load_board(board)
     refuse_overwriting_logs([*logs, *([] if scene_file is None else [scene_file])], arguments, printer)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Group, Parameter
 
 from sysid.cli.console import OUTPUT, Common, Printer
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.quantity import Quantity
 
 if TYPE_CHECKING:
@@ -52,13 +52,13 @@ class Condition:
         """Return what every episode is like.
 
         Raises:
-            HuskyError: A number makes no ride.
+            SysidError: A number makes no ride.
         """
         from policy_runtime.evaluation.plain import Protocol
         from policy_runtime.evaluation.stress import Stress
 
         if not self.duration > 0:
-            raise HuskyError(f"--duration {self.duration:g}: must be longer than 0 s.")
+            raise SysidError(f"--duration {self.duration:g}: must be longer than 0 s.")
         stress = Stress(
             delay=self.delay,
             noise=self.noise,
@@ -120,10 +120,10 @@ def evaluate(
     from reports.figures.ride import paths_figure, suite_figure
 
     if episodes < 1 or seeds < 1:
-        raise HuskyError(f"--episodes {episodes} --seeds {seeds}: both must be at least 1.")
+        raise SysidError(f"--episodes {episodes} --seeds {seeds}: both must be at least 1.")
     given = condition.protocol()
     if suite and given != Protocol():
-        raise HuskyError("--suite has conditions of its own; leave the options of one condition out.")
+        raise SysidError("--suite has conditions of its own; leave the options of one condition out.")
     printer = Printer(common)
     printer.keep([Path(policy)])
     record = common.space.load_board(board)

@@ -11,7 +11,7 @@ from cyclopts import App, Parameter
 
 from sysid.cli import epilogue
 from sysid.cli.console import Common, Printer
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.quantity import Quantity, parse_quantity
 
 NOTES = """Quantities are written 2.58, 2.58±0.05 or 2.58+-0.05 in SI units (± is the 95 % interval), or with a unit: 20±0.2cm,
@@ -231,7 +231,7 @@ def static_tilt(
     content = {"stiffness": test.stiffness.to_json(), "rest_angle": test.rest.to_json()}
     if frequency is None:
         if outcome.save is not None:
-            raise HuskyError("k alone is no inertia; give the natural frequency of a decay with --frequency.")
+            raise SysidError("k alone is no inertia; give the natural frequency of a decay with --frequency.")
         printer.note("for the inertia, add --frequency with ω_n of a decay of the same deck")
         printer.result({"method": "static-tilt", "inertia": None, **content})
         return 0
@@ -258,7 +258,7 @@ def combine(*estimates: Text, outcome: Outcome = Outcome()) -> int:
     for text in estimates:
         name, equals, value = text.partition("=")
         if not equals or name in named:
-            raise HuskyError(f"'{text}': expected NAME=INERTIA, each name once.")
+            raise SysidError(f"'{text}': expected NAME=INERTIA, each name once.")
         if value.endswith(".json"):
             named[name] = _from_json(Path(value), "inertia", "kg*m^2")
         else:
@@ -364,7 +364,7 @@ def _fields(
     fields = text.split(",")
     if not needed <= len(fields) <= len(units):
         count = f"{needed}" if needed == len(units) else f"{needed} or {len(units)}"
-        raise HuskyError(f"{name}: number of fields is {len(fields)}; expected {count}, with commas between.")
+        raise SysidError(f"{name}: number of fields is {len(fields)}; expected {count}, with commas between.")
     return [
         # A part may sit on the axis, and weights stand on both sides of it.
         parse_quantity(
@@ -386,11 +386,11 @@ def _from_json(path: Path, key: str, unit: str) -> Quantity:
         content = json.loads(path.read_text(encoding="utf-8"))[key]
         value, std, found = float(content["value"]), float(content["std"]), content["unit"]
     except OSError as error:
-        raise HuskyError(f"{path}: cannot read it ({error.strerror}).") from error
+        raise SysidError(f"{path}: cannot read it ({error.strerror}).") from error
     except (ValueError, KeyError, TypeError) as error:
-        raise HuskyError(
+        raise SysidError(
             f"{path}: holds no quantity '{key}' with a value and a std; give a result file."
         ) from error
     if found != unit:
-        raise HuskyError(f"{path}: '{key}' is in {found!r}; expected {unit!r}.")
+        raise SysidError(f"{path}: '{key}' is in {found!r}; expected {unit!r}.")
     return Quantity(value, std, unit, f"{path}")

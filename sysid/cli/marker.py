@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from sysid.cli.console import OUTPUT, Common, Printer
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 
 _NO_COMMON = Common()
 
@@ -27,9 +27,9 @@ def marker(
     from sysid.video.trackers._marker_page import write_marker_page
 
     if output.suffix.lower() not in (".pdf", ".svg", ".png"):
-        raise HuskyError(f"--output {output}: expected a name that ends in .pdf, .svg or .png.")
+        raise SysidError(f"--output {output}: expected a name that ends in .pdf, .svg or .png.")
     if not 0 <= number <= 48:
-        raise HuskyError(f"--number {number}: expected 0 to 48; the small marker has the next one.")
+        raise SysidError(f"--number {number}: expected 0 to 48; the small marker has the next one.")
     printer = Printer(common)
     write_marker_page(output, number)
     printer.say(f"{output}: ArUco 4x4 markers {number} (80 mm) and {number + 1} (40 mm); print at 100 %")

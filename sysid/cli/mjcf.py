@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from sysid.cli.console import OUTPUT, Common, Printer
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.files import write_atomically
 
 _NO_COMMON = Common()
@@ -46,9 +46,9 @@ def mjcf(
     from sim.mjcf import board_mjcf, substituted
 
     if bench and scene:
-        raise HuskyError("--bench and --scene exclude each other.")
+        raise SysidError("--bench and --scene exclude each other.")
     if not 0 < timestep <= 0.05:
-        raise HuskyError(f"--timestep {timestep:g}: expected seconds between 0 and 0.05, such as 0.005.")
+        raise SysidError(f"--timestep {timestep:g}: expected seconds between 0 and 0.05, such as 0.005.")
     printer = Printer(common)
     record = common.space.load_board(board)
     kind = "bench" if bench else "scene"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from sysid.cli.console import OUTPUT, Common, Printer
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 
 if TYPE_CHECKING:
     from policy_runtime.motion.motion_check import MotionFacts
@@ -39,7 +39,7 @@ def motions(
     model = g1_spec(visuals=rerun is not None).compile()
     facts = {clip.name: motion_facts(clip, model) for clip in clips}
     if len(facts) < len(clips):
-        raise HuskyError("two motions have the same name; give them one at a time.")
+        raise SysidError("two motions have the same name; give them one at a time.")
     columns = (
         "motion",
         "length",

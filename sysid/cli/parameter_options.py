@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 
 SHORT = {"rest": "rest_angle"}
 """Names that a user may write shorter."""
@@ -12,7 +12,7 @@ def parse_fixed(texts: Sequence[str]) -> dict[str, float]:
     """Return parameters and values of '--fix NAME=VALUE'.
 
     Raises:
-        HuskyError: A text has another shape.
+        SysidError: A text has another shape.
     """
     return {name: _number(value, f"--fix {name}") for name, value in _pairs(texts, "--fix NAME=VALUE")}
 
@@ -21,13 +21,13 @@ def parse_bounds(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
     """Return parameters and ends of '--bound NAME=LOW:HIGH'.
 
     Raises:
-        HuskyError: A text has another shape.
+        SysidError: A text has another shape.
     """
     found: dict[str, tuple[float, float]] = {}
     for name, value in _pairs(texts, "--bound NAME=LOW:HIGH"):
         low, colon, high = value.partition(":")
         if not colon:
-            raise HuskyError(f"--bound {name}={value} has no ':'; expected --bound {name}=LOW:HIGH.")
+            raise SysidError(f"--bound {name}={value} has no ':'; expected --bound {name}=LOW:HIGH.")
         found[name] = (_number(low, f"--bound {name}"), _number(high, f"--bound {name}"))
     return found
 
@@ -37,7 +37,7 @@ def _pairs(texts: Sequence[str], shape: str) -> list[tuple[str, str]]:
     for text in texts:
         name, equals, value = text.partition("=")
         if not (equals and name.strip()):
-            raise HuskyError(
+            raise SysidError(
                 f"'{text}' is no parameter with a value; expected {shape}, e.g. --fix stiffness=0."
             )
         pairs.append((SHORT.get(name.strip(), name.strip()), value.strip()))
@@ -48,4 +48,4 @@ def _number(text: str, where: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise HuskyError(f"{where}: '{text}' is not a number. SI units and radians are expected.") from None
+        raise SysidError(f"{where}: '{text}' is not a number. SI units and radians are expected.") from None

@@ -13,7 +13,7 @@ from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.cli.diagnose import progress_bar
 from sysid.cli.log_options import LogArguments, refuse_overwriting_logs
 from sysid.cli.view import no_logs, read_logs
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.files import write_atomically
 
 _NO_ARGUMENTS = LogArguments()
@@ -49,7 +49,7 @@ def report(
     record = space.load_board(board)
     files = find_logs(record, logs, space)
     if not files:
-        raise HuskyError(no_logs(record))
+        raise SysidError(no_logs(record))
     refuse_overwriting_logs(
         [file.found for file in files if file.found], arguments, printer, {"--output": output}
     )

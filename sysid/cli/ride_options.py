@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from sysid.board import Board
 from sysid.cli.console import Common, Printer
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 
 if TYPE_CHECKING:
     from policy_runtime.evaluation.recording import Recording
@@ -76,7 +76,7 @@ def prepare(policy: str, options: RideOptions, printer: Printer, *, visuals: boo
         visuals: Keep the robot's meshes.
 
     Raises:
-        HuskyError: Something is missing or does not fit.
+        SysidError: Something is missing or does not fit.
     """
     if not os.environ.get("DISPLAY"):
         os.environ.setdefault(
@@ -93,16 +93,16 @@ def prepare(policy: str, options: RideOptions, printer: Printer, *, visuals: boo
     if (Path(policy) / MANIFEST).is_file() or Path(policy).is_dir():
         bundle = load_folder(Path(policy))
         if bundle.policy is None:
-            raise HuskyError(f"{policy}: holds no policy. Export it with one.")
+            raise SysidError(f"{policy}: holds no policy. Export it with one.")
         if options.board not in (None, bundle.board.name):
-            raise HuskyError(
+            raise SysidError(
                 f"{policy}: exported for board '{bundle.board.name}', not for '{options.board}'."
             )
         world = bundle.world(start=options.start, gantry=gantry)
         board, name = bundle.board, str(bundle.policy)
     else:
         if options.board is None:
-            raise HuskyError("which board? Name it with --board, or give an exported folder.")
+            raise SysidError("which board? Name it with --board, or give an exported folder.")
         board, name = _board(printer.common, options.board), policy
         world = make_world(
             board,
@@ -134,21 +134,21 @@ def command_source(options: RideOptions) -> "CommandSource":
     """Return the commands that the options ask for.
 
     Raises:
-        HuskyError: The file of commands is not valid, or a number is out of the trained range.
+        SysidError: The file of commands is not valid, or a number is out of the trained range.
     """
     from policy_runtime.loop.commands import SPEED_RANGE, TURN_RANGE, Command, Constant, load_script
 
     if not options.duration > 0:
-        raise HuskyError(f"--duration {options.duration:g}: must be longer than 0 s.")
+        raise SysidError(f"--duration {options.duration:g}: must be longer than 0 s.")
     if options.commands is not None:
         return load_script(options.commands)
     limit = math.degrees(TURN_RANGE[1])
     if not SPEED_RANGE[0] <= options.speed <= SPEED_RANGE[1]:
-        raise HuskyError(
+        raise SysidError(
             f"--speed {options.speed:g}: policies are trained for {SPEED_RANGE[0]:g} to {SPEED_RANGE[1]:g} m/s."
         )
     if not abs(options.turn_deg) <= limit:
-        raise HuskyError(f"--turn-deg {options.turn_deg:g}: policies are trained for ±{limit:g}°.")
+        raise SysidError(f"--turn-deg {options.turn_deg:g}: policies are trained for ±{limit:g}°.")
     return Constant(Command(options.speed, math.radians(options.turn_deg)))
 
 
@@ -160,7 +160,7 @@ def write_ride(ride: Ride, recording: "Recording", folder: Path, printer: Printe
     """Write picture, film strip, Rerun recording and numbers of a ride; return what was written where.
 
     Raises:
-        HuskyError: The folder cannot be written to.
+        SysidError: The folder cannot be written to.
     """
     from reports.figures.ride import ride_figure
     from reports.figures.ride_film import film_strip
@@ -179,6 +179,6 @@ def write_ride(ride: Ride, recording: "Recording", folder: Path, printer: Printe
     try:
         film_strip(model, recording.qpos, recording.time, folder / f"{name}-film.png")
         files["film"] = folder / f"{name}-film.png"
-    except HuskyError as error:
+    except SysidError as error:
         printer.warn(f"no film strip: {error}")
     return {kind: str(path) for kind, path in files.items()}

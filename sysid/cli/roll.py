@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.cli.log_options import LogArguments, load_roll, refuse_overwriting_logs
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.files import atomic_path
 
 UNSURE = 0.004
@@ -39,7 +39,7 @@ def roll(
     printer = Printer(common)
     overlay = arguments.video.overlay
     if overlay is not None and overlay.resolve() == output.resolve():
-        raise HuskyError(f"--overlay {overlay}: --output is the same file. Give each its own name.")
+        raise SysidError(f"--overlay {overlay}: --output is the same file. Give each its own name.")
     refuse_overwriting_logs(
         [log, *([] if align is None else [align])], arguments, printer, {"--output": output}
     )
@@ -61,7 +61,7 @@ def roll(
     )
     rows = int(np.count_nonzero(inside))
     if not rows:
-        raise HuskyError(
+        raise SysidError(
             f"{log}: nothing between --from {arguments.start} and --to {arguments.stop}; it runs from "
             f"{signal.time[0]:.4g} to {signal.time[-1]:.4g} s."
         )

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.cli.ride_options import Ride, RideOptions, choose_renderer, prepare, write_ride
-from sysid.errors import HuskyError, QualityGateError
+from sysid.errors import QualityGateError, SysidError
 
 if TYPE_CHECKING:
     from policy_runtime.evaluation.recording import Recorder
@@ -56,10 +56,10 @@ def run(
     printer = Printer(common)
     ride = prepare(policy, options, printer, visuals=viewer or record)
     if robot != "simulated" and (viewer or record):
-        raise HuskyError("--viewer and --record belong to --robot simulated. Leave them out.")
+        raise SysidError("--viewer and --record belong to --robot simulated. Leave them out.")
     if robot == "unitree":
         if options.gantry:
-            raise HuskyError("--gantry holds a simulated robot. Hold the real one yourself.")
+            raise SysidError("--gantry holds a simulated robot. Hold the real one yourself.")
         if not ride.board.passed and not options.force:
             raise QualityGateError(
                 f"board '{ride.board.name}' has not passed `check`: a policy made for it is not fit for the robot. "

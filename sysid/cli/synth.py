@@ -10,7 +10,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from sysid.cli.console import OUTPUT, Common, Printer
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.synth import SynthOptions, synthesise
 from sysid.synth.effects import complete_effects, parse_effect
 from sysid.synth.sensors import Dialect, Sensor
@@ -80,13 +80,13 @@ def synth(
     """
     for option, value in (("--noise-deg", noise_deg), ("--quantisation-deg", quantisation_deg)):
         if not 0 <= value < math.inf:
-            raise HuskyError(f"{option} {value:g}: expected degrees, 0 or more.")
+            raise SysidError(f"{option} {value:g}: expected degrees, 0 or more.")
     printer = Printer(common)
     record = common.space.load_board(board)
     limit = record.tilt["range"].value
     effects = complete_effects(dict(parse_effect(text) for text in effect))
     if len(effects) < len(effect):
-        raise HuskyError("an effect is given twice; each may be given once.")
+        raise SysidError("an effect is given twice; each may be given once.")
     angles = _angles(release_angle, releases, limit)
     if beyond := [a for a in angles if abs(a) > limit]:
         printer.warn(
@@ -123,11 +123,11 @@ def synth(
 
 def _angles(given: tuple[str, ...], count: int | None, limit: float) -> tuple[float, ...]:
     if given and count is not None and count != len(given):
-        raise HuskyError(f"--releases {count} and {len(given)} release angles; give one or the other.")
+        raise SysidError(f"--releases {count} and {len(given)} release angles; give one or the other.")
     if given:
         return tuple(map(_angle, given))
     if count is not None and count < 1:
-        raise HuskyError(f"--releases is {count}; expected at least 1.")
+        raise SysidError(f"--releases is {count}; expected at least 1.")
     sizes = [DEFAULT_ANGLE * limit * max(0.4, 1 - 0.12 * number) for number in range(count or 1)]
     return tuple(size * (-1) ** number for number, size in enumerate(sizes))
 
@@ -146,4 +146,4 @@ def _angle(text: str) -> float:
     try:
         return float(number) * scale
     except ValueError:
-        raise HuskyError(f"release angle '{text}' is not an angle; write 10, 10deg or 0.17rad.") from None
+        raise SysidError(f"release angle '{text}' is not an angle; write 10, 10deg or 0.17rad.") from None

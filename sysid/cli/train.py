@@ -16,7 +16,7 @@ from sim.skate.cycle.start import Start
 from sim.skate.options import SkateOptions
 from sysid.board import Board, load_board
 from sysid.cli.console import Common, Printer
-from sysid.errors import HuskyError, QualityGateError
+from sysid.errors import QualityGateError, SysidError
 
 
 @Parameter(name="*")
@@ -166,7 +166,7 @@ def train(
     """
     printer = Printer(common)
     if resume is not None and start_from is not None:
-        raise HuskyError("--resume goes on with a run, --from begins a new one; give one of them.")
+        raise SysidError("--resume goes on with a run, --from begins a new one; give one of them.")
     record = common.space.load_board(board)
     _gate(record, force, printer)
     _require_mjlab()
@@ -191,7 +191,7 @@ def train(
                 folder.discard()
     rows = folder.read_curves()
     if not rows:
-        raise HuskyError(f"{folder.path}: the run ended before its first iteration; see the messages above.")
+        raise SysidError(f"{folder.path}: the run ended before its first iteration; see the messages above.")
     from policy_runtime.learning.curves import draw_curves
 
     picture = draw_curves(rows, folder.path / "curves.png", folder.path.name)
@@ -220,7 +220,7 @@ def _require_gpus(count: int) -> None:
 
     found = torch.cuda.device_count()
     if count > found:
-        raise HuskyError(
+        raise SysidError(
             f"--gpus {count}: PyTorch sees {found} GPUs here. Train on fewer, or slowly on the processor with --gpus 0."
         )
 
@@ -228,7 +228,7 @@ def _require_gpus(count: int) -> None:
 def _require_mjlab() -> None:
     missing = [name for name in ("torch", "mjlab", "rsl_rl") if find_spec(name) is None]
     if missing:
-        raise HuskyError(
+        raise SysidError(
             f"training needs {', '.join(missing)}, which is not installed. Run `pip install 'husky-sysid[train]'`."
         )
 
@@ -237,7 +237,7 @@ def _require_same_board(folder: RunFolder, record: Board) -> RunConfig:
     config = folder.read_config()
     name = load_board(folder.board).name
     if name != record.name:
-        raise HuskyError(
+        raise SysidError(
             f"{folder.path}: a run for board '{name}', not '{record.name}'. To go on with another board, begin a run "
             f"with --from and a checkpoint of this one."
         )
@@ -271,14 +271,14 @@ def _go_on(
 ) -> None:
     """Go on with a run to its end, or to the new total that was given."""
     if not folder.checkpoints():
-        raise HuskyError(
+        raise SysidError(
             f"{folder.path}: holds no checkpoint to go on from (checkpoints/model_N.pt). Put them back, or begin a "
             "new run without --resume."
         )
     _require_readable(folder.checkpoints()[-1:])
     total = config.learn.iterations if learner.iterations is None else learner.iterations
     if learner.iterations is not None and total < folder.done():
-        raise HuskyError(
+        raise SysidError(
             f"--iterations {total}: the run has done {folder.done()} already, and this is the number in all."
         )
     if total != config.learn.iterations:
@@ -303,7 +303,7 @@ def _require_readable(checkpoints: list[Path]) -> None:
 def _new_run(record: Board, output: Path | None, common: Common, printer: Printer) -> RunFolder:
     path = newest_run(common.space.outputs(record.name), free=True) if output is None else output
     if (path / "config.toml").exists():
-        raise HuskyError(f"{path}: holds a run already. Go on with it by --resume {path}, or choose another.")
+        raise SysidError(f"{path}: holds a run already. Go on with it by --resume {path}, or choose another.")
     printer.note(f"run folder {path}")
     return RunFolder(path)
 
@@ -323,7 +323,7 @@ def _run(folder: RunFolder, gpus: int, minutes: float, printer: Printer) -> None
             if folder.done() and folder.has_learned()
             else "It had not come to a checkpoint: mend the cause and begin again."
         )
-        raise HuskyError(
+        raise SysidError(
             f"{folder.path}: training stopped with code {code}; its messages are above. {advice}"
         )
     printer.note("training is done")

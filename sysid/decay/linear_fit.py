@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 
 from sysid.decay.trace import Trace, head, traces_of, with_ar1_errors
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.least_squares import Normal, minimise
 from sysid.releases.extrema import half_cycles_of, smoothed
 from sysid.roll import Array, Release
@@ -69,12 +69,12 @@ def fit_traces(releases: Sequence[Release]) -> TraceFit:
     """Fit one linear decay to all releases together.
 
     Raises:
-        HuskyError: There are too few samples, or the search finds no decay.
+        SysidError: There are too few samples, or the search finds no decay.
     """
     traces, signal = traces_of(releases)
     count = sum(len(trace.time) for trace in traces)
     if min(len(trace.time) for trace in traces) < 5 or count < 3 * len(traces) + 4:
-        raise HuskyError(
+        raise SysidError(
             f"{releases[0].log}: {count} samples in {len(traces)} free decay(s) are too few to fit. "
             "Record faster, or mark longer decays (--release, --to)."
         )
@@ -87,7 +87,7 @@ def fit_traces(releases: Sequence[Release]) -> TraceFit:
             poles = _search([head(trace, span) for trace in traces], poles)
     poles = _search(traces, poles)
     if not (poles[0] > 0 and poles[0] ** 2 + poles[1] > 0):
-        raise HuskyError(
+        raise SysidError(
             f"{releases[0].log}: the best linear fit does not decay (ζω = {poles[0]:.3g} 1/s). Look at the picture; "
             "mark the free part of the log (--release, --to)."
         )

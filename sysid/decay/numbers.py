@@ -13,7 +13,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.quantity import Quantity, t95
 from sysid.roll import Array
 
@@ -114,10 +114,10 @@ def decay_from_peaks(
         inertia: Roll inertia about the tilt axis [kg*m^2].
 
     Raises:
-        HuskyError: The peaks do not decay, or a number is not positive.
+        SysidError: The peaks do not decay, or a number is not positive.
     """
     if not (first_peak.value > second_peak.value > 0 and period.value > 0 and inertia.value > 0):
-        raise HuskyError(
+        raise SysidError(
             f"period {period.value:.4g} s, peaks {first_peak.value:.4g} and {second_peak.value:.4g} rad, "
             f"inertia {inertia.value:.4g} kg·m² are no decay: all must be positive and the second peak smaller "
             "than the first. Measure both peaks on the same side, about the rest angle."

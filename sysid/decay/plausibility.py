@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from sysid.board import Board
 from sysid.decay.numbers import DecayNumbers
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.roll import Release, shown
 
 APART = 3.0
@@ -29,13 +29,13 @@ def amplitude_warnings(releases: Sequence[Release], board: Board) -> list[str]:
         What looks odd, in words.
 
     Raises:
-        HuskyError: The deck was let go from more than half a turn.
+        SysidError: The deck was let go from more than half a turn.
     """
     largest = max(releases, key=lambda release: release.amplitude)
     limit = board.tilt["range"].value
     where = f"{largest.log}: the release at {shown(largest.start)} starts"
     if largest.amplitude > math.pi:
-        raise HuskyError(
+        raise SysidError(
             f"{where} {largest.amplitude:.4g} rad from rest, more than half a turn; the joint of board "
             f"'{board.name}' allows ±{limit:.3g} rad. If the log is in degrees, say --unit deg."
         )
@@ -107,12 +107,12 @@ def refuse_period(omega_n: float, board: Board, *, log: str) -> None:
     """Accept a natural period that anything at all has.
 
     Raises:
-        HuskyError: It is longer than 100 s or shorter than 1 ms.
+        SysidError: It is longer than 100 s or shorter than 1 ms.
     """
     period = 2 * math.pi / omega_n
     if SHORTEST < period < LONGEST:
         return
-    raise HuskyError(
+    raise SysidError(
         f"{log}: {_odd_period(period, board)}; the record is unchanged. {_TIME_ADVICE} If the period is real, "
         "say --any-period."
     )

@@ -11,7 +11,7 @@ from functools import cache
 from types import MappingProxyType
 
 from sysid.effects._base import DecaySign, Effect
-from sysid.errors import HuskyError, did_you_mean
+from sysid.errors import SysidError, did_you_mean
 
 
 @cache
@@ -26,11 +26,11 @@ def effect(name: str) -> Effect:
     """Return the effect of that name.
 
     Raises:
-        HuskyError: There is none.
+        SysidError: There is none.
     """
     known = catalogue()
     if name not in known:
-        raise HuskyError(
+        raise SysidError(
             f"unknown effect '{name}'.{did_you_mean(name, known)} Known effects: {', '.join(known)}."
         )
     return known[name]
@@ -48,7 +48,7 @@ def parameters_from(name: str, values: Sequence[float]) -> dict[str, float]:
     """Return an effect's parameters by name from values in their order; defaults fill the end.
 
     Raises:
-        HuskyError: Too many or too few values.
+        SysidError: Too many or too few values.
     """
     found = effect(name)
     result = dict(zip(found.parameter_names, values, strict=False))
@@ -57,5 +57,5 @@ def parameters_from(name: str, values: Sequence[float]) -> dict[str, float]:
             result[parameter.name] = parameter.default
     if len(values) > len(found.parameters) or len(result) < len(found.parameters):
         wanted = ", ".join(f"{p.name} [{p.unit}]" for p in found.parameters)
-        raise HuskyError(f"effect '{name}' got {len(values)} value(s); it takes {wanted}, in that order.")
+        raise SysidError(f"effect '{name}' got {len(values)} value(s); it takes {wanted}, in that order.")
     return result

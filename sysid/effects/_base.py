@@ -187,7 +187,7 @@ class ToMjcf(Protocol):
             One line for each thing written, for the comments of the MJCF file.
 
         Raises:
-            HuskyError: MuJoCo cannot hold these parameters.
+            SysidError: MuJoCo cannot hold these parameters.
         """
         ...
 

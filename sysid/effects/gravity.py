@@ -10,7 +10,7 @@ from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffe
 if TYPE_CHECKING:
     import mujoco
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
@@ -25,19 +25,19 @@ def to_mjcf(
     """Lower the centre of mass of the joint's body, keeping its inertia about the axis.
 
     Raises:
-        HuskyError: The shift alone would make a larger inertia about the axis than the body has.
+        SysidError: The shift alone would make a larger inertia about the axis than the body has.
     """
     del exact
     body = joint.parent
     gravity = float(-spec.option.gravity[2])
     if gravity <= 0:
-        raise HuskyError(
+        raise SysidError(
             "gravity is off in this model (option gravity 0 0 0); switch it on for the sine term."
         )
     drop = parameters["moment"] / (body.mass * gravity)
     about_own = body.inertia[0] - body.mass * drop**2
     if about_own <= 0:
-        raise HuskyError(
+        raise SysidError(
             f"gravity moment {parameters['moment']:.4g} N*m needs the mass {body.mass:.4g} kg {abs(drop):.3g} m "
             f"off the axis, more than the roll inertia {body.inertia[0]:.4g} kg*m^2 allows. Check the mass."
         )

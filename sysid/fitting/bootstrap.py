@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 
 from sysid.board import Board
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.fitting.covariance import noise_behind, torque_like
 from sysid.fitting.problem import Problem
 from sysid.fitting.result import JointFit
@@ -72,10 +72,10 @@ def require_enough(draws: int) -> None:
     """Accept a number of draws that an interval can be read from.
 
     Raises:
-        HuskyError: They are too few.
+        SysidError: They are too few.
     """
     if draws < FEWEST_DRAWS:
-        raise HuskyError(
+        raise SysidError(
             f"{draws} draws are too few for the ends of a 95 % interval; expected at least {FEWEST_DRAWS} "
             "(--bootstrap 400 is good to 7 % of the width)."
         )
@@ -99,7 +99,7 @@ def bootstrap(
         progress: Called with the number of draws done.
 
     Raises:
-        HuskyError: Fewer draws than an interval needs, or most of them cannot be fitted.
+        SysidError: Fewer draws than an interval needs, or most of them cannot be fitted.
     """
     require_enough(draws)
     rng = np.random.default_rng(seed)
@@ -119,7 +119,7 @@ def bootstrap(
             found.append(minimum.point[:count] * again.sizes()[:count])
         progress(number + 1)
     if len(found) < max(FEWEST_DRAWS, draws // 2):
-        raise HuskyError(
+        raise SysidError(
             f"only {len(found)} of {draws} drawn logs could be fitted: the model is at the edge of what these "
             "logs fix. Fit fewer effects."
         )

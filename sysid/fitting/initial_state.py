@@ -6,7 +6,7 @@ import numpy as np
 
 from sysid.board import Board
 from sysid.effects._base import Scales
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.fitting.problem import Problem
 from sysid.fitting.records import Bias, Record
 from sysid.joint import JointLaw
@@ -62,7 +62,7 @@ def fit_initial_states(
         )
         found = minimise(problem.normal, problem.start(parameters), *problem.bounds(), iterations=30)
         if not np.isfinite(found.normal.cost):
-            raise HuskyError(
+            raise SysidError(
                 "the record's law moves without bound from the measured release. Refit it (husky-sysid fit)."
             )
         residuals += problem.residuals(found.point)

@@ -8,7 +8,7 @@ import numpy as np
 from sysid.board import Board
 from sysid.effects import catalogue, effect
 from sysid.effects._base import TorqueEffect
-from sysid.errors import HuskyError, did_you_mean
+from sysid.errors import SysidError, did_you_mean
 from sysid.fitting.problem import Problem
 from sysid.fitting.records import Bias, make_records
 from sysid.fitting.result import JointFit, summarise
@@ -42,18 +42,18 @@ def check_effects(names: Sequence[str]) -> None:
     """Accept effects that a free decay can say something about.
 
     Raises:
-        HuskyError: Unknown, or not identifiable from free decays; the message says why.
+        SysidError: Unknown, or not identifiable from free decays; the message says why.
     """
     for name in names:
         part = effect(name)
         if not part.identifiable_from_decay:
-            raise HuskyError(
+            raise SysidError(
                 f"'{name}' cannot be fitted to a free decay: only k/I, d/I and torque/I show in it, so another "
                 f"stiffness and damping do the same. {part.experiment}"
             )
         alike = [other for other in names if other == name or other in part.same_as]
         if len(alike) > 1:
-            raise HuskyError(
+            raise SysidError(
                 f"{' and '.join(alike)} cannot be told apart in a free decay: all of them move it by a constant. "
                 "Fit one of them."
             )
@@ -63,27 +63,27 @@ def check_parameters(names: Sequence[str], options: FitOptions) -> None:
     """Accept held and bounded parameters of a joint with some effects.
 
     Raises:
-        HuskyError: A parameter that the joint does not have, bounds without room, or nothing left that pulls back.
+        SysidError: A parameter that the joint does not have, bounds without room, or nothing left that pulls back.
     """
     structure = structure_of(names)
     known = structure.parameters[1:]
     for name in (*options.fixed, *options.bounds):
         if name not in known:
-            raise HuskyError(
+            raise SysidError(
                 f"the joint has no parameter '{name}'.{did_you_mean(name, known)} It has {', '.join(known)}."
             )
     for name, (low, high) in options.bounds.items():
         if not low < high:
-            raise HuskyError(f"the bounds of {name} are {low:g} to {high:g}; expected the lower one first.")
+            raise SysidError(f"the bounds of {name} are {low:g} to {high:g}; expected the lower one first.")
         if name in options.fixed:
-            raise HuskyError(f"{name} is held and bounded at once; give one of both.")
+            raise SysidError(f"{name} is held and bounded at once; give one of both.")
     if options.fixed.get("stiffness", 1.0) <= 0 and not _pulls_back(structure):
         pulling = [
             name
             for name, part in catalogue().items()
             if isinstance(part, TorqueEffect) and part.adds_stiffness
         ]
-        raise HuskyError(
+        raise SysidError(
             "stiffness is held at 0 and nothing else pulls the deck back. Add the effect that does "
             f"(--effect {' or '.join(pulling)})."
         )
@@ -108,13 +108,13 @@ def fit_joint(
         options: How.
 
     Raises:
-        HuskyError: Nothing to fit, an effect that free decays cannot identify, or no convergence.
+        SysidError: Nothing to fit, an effect that free decays cannot identify, or no convergence.
     """
     options = options or FitOptions()
     check_effects(effects)
     check_parameters(effects, options)
     if not releases:
-        raise HuskyError("no release to fit. Let the deck go and record until it rests.")
+        raise SysidError("no release to fit. Let the deck go and record until it rests.")
     noise = noise_floor(releases, rate=options.use_rate)
     records = make_records(releases, noise.std, rate=options.use_rate)
     scales = scales_of(records, board)
@@ -144,7 +144,7 @@ def fit_joint(
     if options.robust:
         problem, minimum = _robust(problem, minimum)
     if not np.isfinite(minimum.normal.cost):
-        raise HuskyError("the fit found no parameters with a bounded motion. Check the unit of the log.")
+        raise SysidError("the fit found no parameters with a bounded motion. Check the unit of the log.")
     found = summarise(problem, minimum, board, noise, evaluations)
     return replace(found, warnings=(*warnings, *found.warnings))
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from sysid.board import Board, BoardEffect
 from sysid.effects import effect
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.files import sha256
 from sysid.fitting.initial_state import residuals_of_law
 from sysid.fitting.result import JointFit
@@ -22,10 +22,10 @@ def require_usable(fit: JointFit) -> None:
     """Accept a fit that may be recorded.
 
     Raises:
-        HuskyError: It did not converge, a parameter ended at its bound, or the data leave one open.
+        SysidError: It did not converge, a parameter ended at its bound, or the data leave one open.
     """
     if fit.minimum.status != "converged":
-        raise HuskyError(
+        raise SysidError(
             f"the fit did not converge ({fit.status}); the record is unchanged. Try other effects (husky-sysid "
             "diagnose), or fewer."
         )
@@ -41,19 +41,19 @@ def require_usable(fit: JointFit) -> None:
             else "these logs can do without it; a simpler effect says as much" if vanished
             else "the logs do not fix it, or the effect is the wrong one"
         )  # fmt: skip
-        raise HuskyError(
+        raise SysidError(
             f"{name} ended at its bound ({value.value:.4g} {value.unit}): {cause}; the record is unchanged. "
             "Ask husky-sysid diagnose what the logs do show."
         )
     for name in ("stiffness", "damping"):
         if name in fit.quantities and fit.quantities[name].value <= 0:
-            raise HuskyError(
+            raise SysidError(
                 f"{name} came out as {fit.quantities[name].value:.4g}, which no passive joint has; the record is "
                 f"unchanged. Ask husky-sysid diagnose what the logs do show, or hold it (--fix {name}=0)."
             )
     for name, quantity in fit.quantities.items():
         if quantity.std > 3 * max(abs(quantity.value), 1e-9) and name != "rest_angle":
-            raise HuskyError(
+            raise SysidError(
                 f"{name} is {quantity}: these logs do not fix it; the record is unchanged. {_advice(name)}"
             )
 

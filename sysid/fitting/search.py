@@ -8,7 +8,7 @@ import numpy as np
 
 from sysid.board import Board
 from sysid.effects._base import Scales
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.fitting.problem import Problem
 from sysid.fitting.records import Bias, Record
 from sysid.joint.structure import Structure
@@ -67,7 +67,7 @@ def _linear_scales(records: Sequence[Record], known: Scales, bias: Bias) -> Scal
             scale = replace(rough, stiffness=found["stiffness"], damping=found["damping"])
             best = minimum.normal.cost, scale
     if best is None:
-        raise HuskyError(
+        raise SysidError(
             "the releases do not swing about a rest angle, so no stiffness can be found. "
             "Check the column and the sign of the roll."
         )

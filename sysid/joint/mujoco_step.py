@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import casadi as ca
 
-from sysid.errors import HuskyError, did_you_mean
+from sysid.errors import SysidError, did_you_mean
 
 if TYPE_CHECKING:
     import mujoco
@@ -91,7 +91,7 @@ def step(
         integrator: MuJoCo's integrator.
 
     Raises:
-        HuskyError: The integrator is unknown.
+        SysidError: The integrator is unknown.
     """
     if integrator == "RK4":
         return _runge_kutta(hinge, q, v, timestep)
@@ -99,7 +99,7 @@ def step(
         return _discrete(hinge, q, v, timestep)
     if integrator not in get_args(Integrator):
         known = ", ".join(get_args(Integrator))
-        raise HuskyError(
+        raise SysidError(
             f"unknown integrator '{integrator}'.{did_you_mean(integrator, get_args(Integrator))} Known: {known}."
         )
     force = _force(hinge, q, v, timestep)
@@ -170,13 +170,13 @@ def hinge_from_model(model: "mujoco.MjModel", joint: str, *, torque: Torque | No
         torque: What acts on the joint besides spring, damper, friction and limits.
 
     Raises:
-        HuskyError: The model has more than one degree of freedom.
+        SysidError: The model has more than one degree of freedom.
     """
     import mujoco
     import numpy as np
 
     if model.nv != 1:
-        raise HuskyError(
+        raise SysidError(
             f"the model has {model.nv} degrees of freedom; its step has a closed form for one only."
         )
     data = mujoco.MjData(model)

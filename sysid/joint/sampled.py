@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.joint.equations import EquationsOfMotion
 from sysid.joint.law import JointLaw
 from sysid.joint.mujoco_step import Hinge, Integrator, step
@@ -90,14 +90,14 @@ def stepped(
         integrator: MuJoCo's.
 
     Raises:
-        HuskyError: The law has dry friction or memory.
+        SysidError: The law has dry friction or memory.
     """
     import casadi
 
     ca: Any = casadi
     h, plain = law.timestep, law.of_joint()
     if plain.structure.has_dry_friction or plain.structure.states:
-        raise HuskyError(
+        raise SysidError(
             f"a time step together with {', '.join(plain.structure.effects)}: the plain step loop holds smooth "
             "laws without memory only. Simulate the MJCF instead (husky-sysid mjcf)."
         )

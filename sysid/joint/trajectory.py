@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.board import Board
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.joint.hermite import hermite_matrix
 from sysid.joint.integrator import build_stepper, rollout, steps_for
 from sysid.joint.law import JointLaw
@@ -59,7 +59,7 @@ def simulate(
         begin: The release on the log's clock [s]; only a sensor that drifts counts from there.
 
     Raises:
-        HuskyError: The motion grows without bound: the law has no stable rest there.
+        SysidError: The motion grows without bound: the law has no stable rest there.
     """
     law = JointLaw.from_board(law) if isinstance(law, Board) else law
     if law.timestep:
@@ -73,7 +73,7 @@ def simulate(
     start = stepper.initial(vector, [angle, rate], hold)
     seen = np.asarray(rollout(stepper, steps)(start, np.append(vector, h)))
     if not np.all(np.isfinite(seen)):
-        raise HuskyError(
+        raise SysidError(
             f"the simulated roll grows without bound from {np.degrees(angle):.3g} degrees: "
             "the law has no stable rest. Check the signs and sizes of its effects."
         )

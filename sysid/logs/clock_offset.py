@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.quantity import Quantity, t95
 from sysid.roll import Array, Roll
 
@@ -32,7 +32,7 @@ def clock_offset(one: Roll, other: Roll) -> Quantity:
     sample to sample and largest where the deck moves.
 
     Raises:
-        HuskyError: The records do not show the same motion, or nothing moves in them.
+        SysidError: The records do not show the same motion, or nothing moves in them.
     """
     from scipy.interpolate import CubicSpline
     from scipy.optimize import least_squares
@@ -50,7 +50,7 @@ def clock_offset(one: Roll, other: Roll) -> Quantity:
     low, high = max(time[0], times[0] + start) + 0.05, min(time[-1], times[-1] + start) - 0.05
     inside = (time >= low) & (time <= high)
     if inside.sum() < 10:
-        raise HuskyError(
+        raise SysidError(
             f"{one.log} and {other.log} overlap in {inside.sum()} samples only: nothing to align by."
         )
     time, roll = time[inside], roll[inside]
@@ -71,7 +71,7 @@ def clock_offset(one: Roll, other: Roll) -> Quantity:
     aligned = spline(time - offset)
     likeness = float(np.corrcoef(gain * aligned, roll)[0, 1])
     if not likeness > LIKENESS or gain <= 0:
-        raise HuskyError(
+        raise SysidError(
             f"{one.log} and {other.log} do not show the same motion (correlation {likeness:.2f} at best). "
             "Align records of the same releases, with the same sign of roll."
         )
@@ -151,7 +151,7 @@ def _coarse(one: Roll, other: Roll, step: float) -> float:
     for record in (one, other):
         grid = np.arange(record.time[0], record.time[-1], step)
         if len(grid) < 8 or np.ptp(record.roll) < 4 * np.median(record.std):
-            raise HuskyError(f"{record.log}: nothing moves in it, so its clock cannot be compared.")
+            raise SysidError(f"{record.log}: nothing moves in it, so its clock cannot be compared.")
         rate = np.gradient(np.interp(grid, record.time, record.roll), step)
         rates.append(rate - rate.mean())
     size = 1 << int(np.ceil(np.log2(len(rates[0]) + len(rates[1]))))

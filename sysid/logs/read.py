@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.logs.formats.registry import open_log
 from sysid.logs.sources.registry import Reading, choose_source
 from sysid.logs.table.choose import Choice, columns_of
@@ -26,13 +26,13 @@ def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
     """Read any log or film as roll against time.
 
     Raises:
-        HuskyError: The file cannot be read, holds no roll, or holds too little to be a measurement.
+        SysidError: The file cannot be read, holds no roll, or holds too little to be a measurement.
     """
     options = options or LogOptions()
     if options.rate is not None and not 0 < options.rate < np.inf:
-        raise HuskyError(f"--rate {options.rate}: a sampling rate is a positive number of hertz.")
+        raise SysidError(f"--rate {options.rate}: a sampling rate is a positive number of hertz.")
     if not path.exists():
-        raise HuskyError(f"{path}: there is no such file.")
+        raise SysidError(f"{path}: there is no such file.")
     if is_film(path):
         from sysid.video_roll import roll_from_video
 
@@ -55,8 +55,8 @@ def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
             )
         )
         roll = _checked(roll)
-    except HuskyError as error:
-        raise HuskyError(f"{path}: {error}") from None
+    except SysidError as error:
+        raise SysidError(f"{path}: {error}") from None
     rate = 1 / usual_step(roll.time)
     sampling = f"{roll.time.size} samples in {roll.time[-1] - roll.time[0]:.4g} s at {rate:.4g} Hz"
     return replace(
@@ -77,7 +77,7 @@ def _clean(
     kept, dropped = measured_rows(signals, stamps)
     count = rows if kept is None else kept.size
     if count < MIN_SAMPLES:
-        raise HuskyError(
+        raise SysidError(
             f"{count} of {rows} rows hold numbers in {', '.join(map(repr, choice.columns))}; "
             f"at least {MIN_SAMPLES} are needed. Is it the right file and column?"
         )
@@ -86,7 +86,7 @@ def _clean(
         stamps = stamps if stamps is None else stamps[kept]
     liveliest = data[max(choice.columns, key=lambda name: float(np.std(data[name][:200_000])))]
     if liveliest.min() == liveliest.max():
-        raise HuskyError(
+        raise SysidError(
             f"{', '.join(map(repr, choice.columns))} never changes (always {liveliest[0]:g}): the sensor was dead, "
             "or it is the wrong column. Name another with --column."
         )
@@ -101,14 +101,14 @@ def _checked(roll: Roll) -> Roll:
     """Return a roll that computing with is safe for, with no standard deviation below rounding.
 
     Raises:
-        HuskyError: It does not move, or overflowed.
+        SysidError: It does not move, or overflowed.
     """
     reach = float(np.ptp(roll.roll))
     if not np.isfinite(reach) or not np.diff(roll.time).min() > 0:
-        raise HuskyError(
+        raise SysidError(
             "its numbers are too large or too close to compute with. Is the unit right? See --unit, --rate."
         )
     if reach == 0:
-        raise HuskyError("roll never changes about this axis. Choose another with --axis or --column.")
+        raise SysidError("roll never changes about this axis. Choose another with --axis or --column.")
     smallest = 1e-9 * reach
     return roll if roll.std.min() >= smallest else replace(roll, std=np.maximum(roll.std, smallest))

@@ -7,7 +7,7 @@ from math import comb
 
 import numpy as np
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.noise.sensor import quantisation_step
 from sysid.quantity import Z95
 from sysid.roll import Array, Release
@@ -85,7 +85,7 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
     twelfth of the step squared is the least that counts.
 
     Raises:
-        HuskyError: No release has the dozen samples that differences take.
+        SysidError: No release has the dozen samples that differences take.
     """
     squares, still, count, resting = 0.0, 0.0, 0, 0
     for release in releases:
@@ -103,7 +103,7 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
                 resting += len(tail)
     if not count:
         longest = max(len(release.time) for release in releases)
-        raise HuskyError(
+        raise SysidError(
             f"the longest release has {longest} samples, too few to tell noise from motion. Record at a higher rate, "
             "until the deck rests."
         )

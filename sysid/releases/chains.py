@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.releases.extrema import HalfCycle, SmoothedSignal
 
 SMALLEST_RELEASE = 0.08
@@ -199,7 +199,7 @@ def given_segment(signal: SmoothedSignal, swings: list[HalfCycle], time: float, 
     """Return the segment that begins at a given time; the next one where the deck is still held then."""
     later = [swing for swing in swings if signal.time[swing.reached] > time]
     if not later or time < signal.time[0]:
-        raise HuskyError(
+        raise SysidError(
             f"{log}: nothing moves after a release at {time:.6g} s; the log runs from {signal.time[0]:.6g} s "
             f"to {signal.time[-1]:.6g} s."
         )

@@ -11,7 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.releases.chains import Segment, free_segments, given_segment
 from sysid.releases.extrema import HalfCycle, SmoothedSignal, crossing_time, half_cycles_of, smooth_signal
 from sysid.roll import Release, Roll
@@ -48,14 +48,14 @@ def find_releases(
         The free decays in order of time, at least one.
 
     Raises:
-        HuskyError: There is no free decay, or a time lies outside the log.
+        SysidError: There is no free decay, or a time lies outside the log.
     """
     part = _cut(roll, start, stop)
     std = float(np.median(part.std))
     signal = smooth_signal(part.time, part.roll, std if math.isfinite(std) else 0.0)
     swings = half_cycles_of(signal)
     if not swings:
-        raise HuskyError(
+        raise SysidError(
             f"{roll.log}: nothing moves by more than {math.degrees(signal.min_movement):.2g}° "
             f"(noise {math.degrees(signal.noise):.2g}°), so there is no decay. "
             "Is it the right column (--column) and the right stretch of the log (--from, --to)?"
@@ -65,7 +65,7 @@ def find_releases(
     else:
         segments = free_segments(signal, swings)
     if not segments:
-        raise HuskyError(
+        raise SysidError(
             f"{roll.log}: it moves, but no stretch swings freely to rest. Give the times at which the deck "
             "was let go (--release), or the stretch to look at (--from, --to)."
         )
@@ -82,7 +82,7 @@ def _cut(roll: Roll, start: float | None, stop: float | None) -> Roll:
     low, high = begin if start is None else start, end if stop is None else stop
     inside = (roll.time >= low) & (roll.time <= high)
     if np.count_nonzero(inside) < 8:
-        raise HuskyError(
+        raise SysidError(
             f"{roll.log}: {np.count_nonzero(inside)} samples between {low:.6g} s and {high:.6g} s; the log runs "
             f"from {begin:.6g} s to {end:.6g} s. A decay needs at least 8 samples."
         )

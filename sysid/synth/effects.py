@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from sysid.board import Board
-from sysid.errors import HuskyError, did_you_mean
+from sysid.errors import SysidError, did_you_mean
 from sysid.synth.law import TrueLaw
 
 
@@ -84,27 +84,27 @@ def parse_effect(text: str) -> tuple[str, tuple[float, ...]]:
     """Return name and parameters of 'NAME=V[,V...]'.
 
     Raises:
-        HuskyError: The text is not of that form, or the effect is unknown.
+        SysidError: The text is not of that form, or the effect is unknown.
     """
     name, equals, values = text.partition("=")
     check_effect_name(name)
     if not equals or not values:
         wanted = ",".join(f"{p.name.upper()}" for p in PARAMETERS[name])
-        raise HuskyError(f"effect '{name}' has no value; write {name}={wanted}{_units(name)}.")
+        raise SysidError(f"effect '{name}' has no value; write {name}={wanted}{_units(name)}.")
     try:
         return name, tuple(float(value) for value in values.split(","))
     except ValueError:
-        raise HuskyError(f"effect '{text}': '{values}' is not a list of numbers{_units(name)}.") from None
+        raise SysidError(f"effect '{text}': '{values}' is not a list of numbers{_units(name)}.") from None
 
 
 def check_effect_name(name: str) -> None:
     """Accept the name of an effect.
 
     Raises:
-        HuskyError: There is none of that name.
+        SysidError: There is none of that name.
     """
     if name not in PARAMETERS:
-        raise HuskyError(
+        raise SysidError(
             f"unknown effect '{name}'.{did_you_mean(name, PARAMETERS)} Known: {', '.join(PARAMETERS)}."
         )
 
@@ -117,7 +117,7 @@ def complete_effects(effects: Mapping[str, Sequence[float]]) -> dict[str, tuple[
     """Return the effects with their optional parameters filled in.
 
     Raises:
-        HuskyError: An effect is unknown, or a parameter is missing, superfluous or out of range.
+        SysidError: An effect is unknown, or a parameter is missing, superfluous or out of range.
     """
     complete: dict[str, tuple[float, ...]] = {}
     for name, values in effects.items():
@@ -125,17 +125,17 @@ def complete_effects(effects: Mapping[str, Sequence[float]]) -> dict[str, tuple[
         parameters = PARAMETERS[name]
         needed = sum(parameter.default is None for parameter in parameters)
         if not needed <= len(values) <= len(parameters):
-            raise HuskyError(
+            raise SysidError(
                 f"effect '{name}' has {len(values)} parameters; expected {needed}{_units(name)}."
             )
         filled = [*map(float, values), *(p.default or 0.0 for p in parameters[len(values) :])]
         for parameter, value in zip(parameters, filled, strict=True):
             if not math.isfinite(value) or (parameter.positive and value <= 0):
                 kind = "a positive" if parameter.positive else "a finite"
-                raise HuskyError(f"effect '{name}': {parameter.name} is {value:g}; expected {kind} number.")
+                raise SysidError(f"effect '{name}': {parameter.name} is {value:g}; expected {kind} number.")
         complete[name] = tuple(filled)
     if "stribeck" in complete and complete["stribeck"][1] < complete["stribeck"][0]:
-        raise HuskyError(
+        raise SysidError(
             "effect 'stribeck': static_torque is below torque; static friction is the larger one."
         )
     return complete
@@ -145,7 +145,7 @@ def true_law(board: Board, effects: Mapping[str, Sequence[float]]) -> TrueLaw:
     """Return the true joint of a board with effects.
 
     Raises:
-        HuskyError: An effect is unknown or its parameters are wrong.
+        SysidError: An effect is unknown or its parameters are wrong.
     """
     effects = complete_effects(effects)
     fields = {

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +57,7 @@ class TrueLaw:
         """Roll at which the deck comes to rest when nothing sticks [rad].
 
         Raises:
-            HuskyError: There is none within ±90°: gravity tips the deck over.
+            SysidError: There is none within ±90°: gravity tips the deck over.
         """
         from scipy.optimize import brentq
 
@@ -74,7 +74,7 @@ class TrueLaw:
         while residual(far) * way > 0:
             near, far = far, far + way
             if abs(far) > math.pi / 2:
-                raise HuskyError(
+                raise SysidError(
                     f"the board tips over: its spring ({self.stiffness:g} N*m/rad) finds no rest angle within "
                     "±90 degrees against gravity and preload. Use milder effects."
                 )

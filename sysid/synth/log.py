@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.files import write_json
 from sysid.roll import Release, Roll
 from sysid.synth.effects import PARAMETERS
@@ -83,10 +83,10 @@ class SyntheticLog:
         """Return an angle log as the reader would.
 
         Raises:
-            HuskyError: The log holds no angle.
+            SysidError: The log holds no angle.
         """
         if self.channels.shape[1] != 1 or self.options.dialect == "gyro":
-            raise HuskyError(f"a log of dialect '{self.options.dialect}' holds no angle; read it as a file.")
+            raise SysidError(f"a log of dialect '{self.options.dialect}' holds no angle; read it as a file.")
         roll = self.channels[:, 0]
         return Roll(
             log=name, time=self.time, roll=roll, std=np.full(len(roll), self.angle_std), origin="angle"
@@ -102,7 +102,7 @@ class SyntheticLog:
         """Return the free decays of an angle log, cut where they truly begin and end.
 
         Raises:
-            HuskyError: The log holds no angle.
+            SysidError: The log holds no angle.
         """
         roll = self.to_roll(name)
         rest = self.law.equilibrium() + self.options.sensor.bias
@@ -165,7 +165,7 @@ class SyntheticLog:
         """Write the log and, beside it, the truth; return both paths.
 
         Raises:
-            HuskyError: The name does not go with the dialect, or the folder cannot be written to.
+            SysidError: The name does not go with the dialect, or the folder cannot be written to.
         """
         truth = path.with_suffix(".truth.json")
         write_log(path, self.time, self.channels, self.options.dialect)

@@ -21,7 +21,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.synth.law import Modes, TrueLaw
 
 Array = npt.NDArray[np.float64]
@@ -220,13 +220,13 @@ def simulate(
         Samples (roll, rate, acceleration), shape (n, 3), and the condition at `end`.
 
     Raises:
-        HuskyError: The motion grows without bound, chatters or is far too stiff.
+        SysidError: The motion grows without bound, chatters or is far too stiff.
     """
     try:
         with np.errstate(all="ignore"):
             return _simulate(law, start, begin, end, times, hand, accelerations, rtol, atol)
     except (ArithmeticError, ValueError) as error:  # a number left the range of floats
-        raise HuskyError(
+        raise SysidError(
             f"the true motion cannot be followed ({error}): it grows without bound, chatters or is far too stiff. "
             "Use milder effects."
         ) from error

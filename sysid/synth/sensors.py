@@ -11,7 +11,7 @@ from typing import Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.files import write_atomically
 
 Array = npt.NDArray[np.float64]
@@ -136,13 +136,13 @@ def write_log(path: Path, time: Array, channels: Array, dialect: Dialect) -> Non
         dialect: The logger.
 
     Raises:
-        HuskyError: The file name does not go with the dialect, or cannot be written.
+        SysidError: The file name does not go with the dialect, or cannot be written.
     """
     zipped = path.suffix == ".zip"
     if dialect == "sensor-logger" and not zipped:
-        raise HuskyError(f"{path}: Sensor Logger exports an archive; name the log {path.stem}.zip.")
+        raise SysidError(f"{path}: Sensor Logger exports an archive; name the log {path.stem}.zip.")
     if zipped and dialect not in ("phyphox", "sensor-logger"):
-        raise HuskyError(f"{path}: only the dialects phyphox and sensor-logger are archives; name it .csv.")
+        raise SysidError(f"{path}: only the dialects phyphox and sensor-logger are archives; name it .csv.")
     if zipped:
         write_atomically(path, _archive(_archived_tables(time, channels, dialect)))
     else:

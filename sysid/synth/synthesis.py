@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sysid.board import Board
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.synth.effects import SENSOR_FIELDS, STEPPED, complete_effects, true_law
 from sysid.synth.hand import HandMotion, hand_motion
 from sysid.synth.law import Modes, TrueLaw
@@ -38,7 +38,7 @@ def synthesise(
         options: How it is moved and recorded.
 
     Raises:
-        HuskyError: An effect or an option is out of range.
+        SysidError: An effect or an option is out of range.
     """
     options = options or SynthOptions()
     recorded = {effect.name: [q.value for q in effect.parameters.values()] for effect in board.effects}
@@ -68,7 +68,7 @@ def synthesise(
 
 def _check(options: SynthOptions, effects: Mapping[str, object]) -> None:
     def refuse(what: str, value: object, expected: str) -> None:
-        raise HuskyError(f"{what} is {value}; expected {expected}.")
+        raise SysidError(f"{what} is {value}; expected {expected}.")
 
     if not options.angles:
         refuse("the number of releases", 0, "at least one")
@@ -98,15 +98,15 @@ def _check(options: SynthOptions, effects: Mapping[str, object]) -> None:
     if not options.hand and len(options.angles) > 1:
         refuse("the number of releases without a hand", len(options.angles), "one")
     if options.dialect == "gyro" and "sensor-bias" in effects:
-        raise HuskyError("effect 'sensor-bias' is an angle and a rate gyro has none; use sensor-drift.")
+        raise SysidError("effect 'sensor-bias' is an angle and a rate gyro has none; use sensor-drift.")
     if "discretisation" in effects:
         if others := set(effects) - STEPPED:
-            raise HuskyError(
+            raise SysidError(
                 f"effect 'discretisation' cannot be made together with {', '.join(sorted(others))}: "
                 "the plain step loop holds smooth laws only."
             )
         if options.jitter:
-            raise HuskyError("effect 'discretisation' cannot be made with jitter: it moves in steps.")
+            raise SysidError("effect 'discretisation' cannot be made with jitter: it moves in steps.")
 
 
 def _kept(count: int, share: float, rng: np.random.Generator) -> npt.NDArray[np.bool_]:
@@ -180,15 +180,15 @@ def _stepped(
     """Move in MuJoCo's implicitfast steps: rate first, implicit in the damping, then roll with that rate.
 
     Raises:
-        HuskyError: A sample falls between two steps.
+        SysidError: A sample falls between two steps.
     """
     steps = round((end - begin) / timestep)
     if steps > MOST_SAMPLES:
-        raise HuskyError(f"a step of {timestep:g} s makes {steps:.3g} steps a release; use a longer one.")
+        raise SysidError(f"a step of {timestep:g} s makes {steps:.3g} steps a release; use a longer one.")
     wanted = (times - begin) / timestep
     index = np.round(wanted).astype(np.int64)
     if np.abs(wanted - index).max(initial=0.0) > 1e-6:
-        raise HuskyError(
+        raise SysidError(
             f"samples fall between the simulator's steps of {timestep:g} s; use a rate of {1 / timestep:g} Hz "
             "or a whole fraction of it."
         )
@@ -203,7 +203,7 @@ def _stepped(
         rate += timestep * torque / (law.inertia + timestep * slope)
         roll += timestep * rate
         if not abs(roll) < 2 * math.pi:
-            raise HuskyError(
+            raise SysidError(
                 f"with steps of {timestep:g} s the motion grows without bound; use a shorter one."
             )
     last = np.array([path[-1, 0], path[-1, 1], 0.0, 0.0, 0.0])

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.roll import Array
 from sysid.video.film.background import Background
 from sysid.video.film.camera import Lens
@@ -35,7 +35,7 @@ def follow(
         The track of each: N points in n frames [px], shape (n, N, 2).
 
     Raises:
-        HuskyError: The clip is damaged or cut, or has fewer than 8 frames.
+        SysidError: The clip is damaged or cut, or has fewer than 8 frames.
     """
     spare = spare.copy()
     for follower in followers:
@@ -54,8 +54,8 @@ def follow(
             continue
         try:
             background.update(frame)
-        except HuskyError as error:
-            raise HuskyError(f"{clip.path}: {error}") from None
+        except SysidError as error:
+            raise SysidError(f"{clip.path}: {error}") from None
         for follower, own in zip(followers, rows, strict=True):
             found = follower.update(frame)
             nothing = np.full((follower.points, 2), np.nan, np.float32)
@@ -63,7 +63,7 @@ def follow(
         stamps.append(frame.time)
         indices.append(frame.index)
     if len(stamps) < 8:
-        raise HuskyError(
+        raise SysidError(
             f"{clip.path}: {len(stamps)} frames are too few for a decay. Film at least a second."
         )
     time, index, shake = np.array(stamps), np.array(indices, np.intp), background.result()

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.files import atomic_path
 from sysid.roll import Array, Roll
 from sysid.video.film.frames import Clip
@@ -48,11 +48,11 @@ def draw_overlay(
         The contact sheet's path.
 
     Raises:
-        HuskyError: The clip cannot be written.
+        SysidError: The clip cannot be written.
     """
     codec = CODECS.get(path.suffix.lower())
     if codec is None:
-        raise HuskyError(f"--overlay {path}: a film ends with {', '.join(CODECS)}.")
+        raise SysidError(f"--overlay {path}: a film ends with {', '.join(CODECS)}.")
     scale = min(1.0, OVERLAY_WIDTH / clip.width)
     size = (2 * round(clip.width * scale / 2), 2 * round(clip.height * scale / 2))
     sample = {int(row): number for number, row in enumerate(rows)}
@@ -65,7 +65,7 @@ def draw_overlay(
     with atomic_path(path) as temporary:
         writer = cv2.VideoWriter(str(temporary), cv2.VideoWriter.fourcc(*codec), roll.sampling_rate, size)
         if not writer.isOpened():
-            raise HuskyError(f"--overlay {path}: this system cannot write such a film; try .avi.")
+            raise SysidError(f"--overlay {path}: this system cannot write such a film; try .avi.")
         try:
             for frame in clip.frames():
                 row = frames.get(frame.index)

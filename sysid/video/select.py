@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.roll import Array
 from sysid.video import trackers
 from sysid.video.film.camera import Lens
@@ -60,7 +60,7 @@ def follow_board(clip: Clip, lens: Lens, options: VideoOptions) -> tuple[Target,
     """Follow what tells the angle best; level is where the first of them that shows it has it.
 
     Raises:
-        HuskyError: There is none.
+        SysidError: There is none.
     """
     scene = Scene(clip, options)
     failed: list[str] = []
@@ -77,7 +77,7 @@ def follow_board(clip: Clip, lens: Lens, options: VideoOptions) -> tuple[Target,
         if seen:
             best = _best(clip, lens, options, seen)
             return _whole_body(scene, lens, *best) or best
-    raise HuskyError(
+    raise SysidError(
         f"{clip.path}: {'; '.join(failed)}. Keep the board in the picture, film in more light (less blur), or "
         "follow something else (--method)."
     )
@@ -188,7 +188,7 @@ def _targets(scene: Scene) -> Iterator[list[Target]]:
     """Yield what can be followed: by the tracker that the user names, else by all; what takes long at last.
 
     Raises:
-        HuskyError: Nothing that can be followed is found.
+        SysidError: Nothing that can be followed is found.
     """
     clip, options = scene.clip, scene.options
     tried = _asked_for(options)
@@ -202,26 +202,26 @@ def _targets(scene: Scene) -> Iterator[list[Target]]:
     if not found:
         where = "" if options.roi is None else f" in --roi {' '.join(map(str, options.roi))}"
         if options.method == "auto":
-            raise HuskyError(
+            raise SysidError(
                 f"{clip.path}: no board is found{where} by any of {', '.join(tried)}. Put something on the deck that "
                 "stands out (docs/video.md)."
             )
         words = tried[options.method].not_found.format(where=where)
-        raise HuskyError(f"{clip.path}: {words}, or choose another --method.")
+        raise SysidError(f"{clip.path}: {words}, or choose another --method.")
 
 
 def _asked_for(options: VideoOptions) -> dict[str, Tracker]:
     """Return the trackers that may be used, by name."""
     known = trackers.ranked()
     if options.method not in ("auto", *known):
-        raise HuskyError(f"--method {options.method}: known are auto, {', '.join(known)}.")
+        raise SysidError(f"--method {options.method}: known are auto, {', '.join(known)}.")
     asked = {name: one for name, one in known.items() if options.method in ("auto", name)}
     if options.pivot is None:
         return asked
     turning = {name: one for name, one in asked.items() if one.takes_pivot}
     if not turning:
         takes = ", ".join(name for name, one in known.items() if one.takes_pivot)
-        raise HuskyError(
+        raise SysidError(
             f"--pivot {options.pivot[0]:g} {options.pivot[1]:g}: --method {options.method} takes none, only {takes} "
             "does. Leave out one of the two."
         )

@@ -27,7 +27,7 @@ from sysid.board import (
     load_board,
     save_board,
 )
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.free_decay import decay_from_peaks
 from sysid.quantity import Quantity
 from sysid.workspace import Workspace, shipped_data
@@ -119,7 +119,7 @@ def test_faulty_record_names_file_field_and_expectation(
     assert old in text
     path = tmp_path / "pink.toml"
     path.write_text(text.replace(old, new, 1))
-    with pytest.raises(HuskyError) as raised:
+    with pytest.raises(SysidError) as raised:
         load_board(path)
     assert str(path) in str(raised.value)
     assert message in str(raised.value)
@@ -129,14 +129,14 @@ def test_faulty_record_names_file_field_and_expectation(
 def test_any_other_file_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "x.toml"
     path.write_bytes(content)
-    with pytest.raises(HuskyError, match=r"x\.toml"):
+    with pytest.raises(SysidError, match=r"x\.toml"):
         load_board(path)
 
 
 @settings(max_examples=150, deadline=None)
 @given(st.data())
 def test_mutated_record_is_read_or_refused_in_one_line(data: st.DataObject) -> None:
-    """Cut, doubled or altered bytes: a board or one HuskyError, never another exception."""
+    """Cut, doubled or altered bytes: a board or one SysidError, never another exception."""
     import tempfile
 
     text = bytearray((SHIPPED / "pink.toml").read_bytes())
@@ -152,7 +152,7 @@ def test_mutated_record_is_read_or_refused_in_one_line(data: st.DataObject) -> N
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "pink.toml"
         path.write_bytes(text)
-        with suppress(HuskyError):
+        with suppress(SysidError):
             assert load_board(path).stiffness > 0
 
 
@@ -231,7 +231,7 @@ def test_failure_while_writing_leaves_the_old_record_whole(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(Path, failing, fail)
-    with pytest.raises(HuskyError, match="No space left"):
+    with pytest.raises(SysidError, match="No space left"):
         save_board(replace(pink, description="new"), path)
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
@@ -261,14 +261,14 @@ def test_record_that_could_not_be_read_back_is_not_written(tmp_path: Path, pink:
     path = tmp_path / "pink.toml"
     save_board(pink, path)
     before = path.read_bytes()
-    with pytest.raises(HuskyError, match="expected a positive number"):
+    with pytest.raises(SysidError, match="expected a positive number"):
         save_board(pink.with_tilt(stiffness=Quantity(-3.0, 0.1, "N*m/rad")), path)
     assert path.read_bytes() == before
 
 
 def test_unwritable_folder_is_named(tmp_path: Path, pink: Board) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(HuskyError, match="cannot write there"):
+    with pytest.raises(SysidError, match="cannot write there"):
         save_board(pink, tmp_path / "file" / "pink.toml")
 
 
@@ -287,20 +287,20 @@ def test_workspace_record_comes_before_the_shipped_one(tmp_path: Path, pink: Boa
 
 def test_unknown_board_is_answered_with_the_known_ones(tmp_path: Path) -> None:
     with pytest.raises(
-        HuskyError, match=r"unknown board 'pnk'\. Did you mean 'pink'\? Known boards: black, pink"
+        SysidError, match=r"unknown board 'pnk'\. Did you mean 'pink'\? Known boards: black, pink"
     ):
         Workspace(tmp_path).load_board("pnk")
 
 
 @pytest.mark.parametrize("name", ["", "../boards/pink", "/etc/passwd", "pink.toml", "."])
 def test_board_names_are_no_paths(tmp_path: Path, name: str) -> None:
-    with pytest.raises(HuskyError, match="unknown board"):
+    with pytest.raises(SysidError, match="unknown board"):
         Workspace(tmp_path).load_board(name)
 
 
 def test_record_under_another_name_is_refused(tmp_path: Path, pink: Board) -> None:
     save_board(pink, tmp_path / "data" / "boards" / "red.toml")
-    with pytest.raises(HuskyError, match="field 'name' is 'pink'; expected 'red'"):
+    with pytest.raises(SysidError, match="field 'name' is 'pink'; expected 'red'"):
         Workspace(tmp_path).load_board("red")
 
 
@@ -398,7 +398,7 @@ def test_commands_beside_each_other_lose_nothing(tmp_path: Path, pink: Board) ->
     ]
     for fit in fits:  # both read the record before either wrote it
         space.save_board(fit, since=pink)
-    with pytest.raises(HuskyError, match="changed by another command"):
+    with pytest.raises(SysidError, match="changed by another command"):
         space.save_board(pink.checked({"passed": True}), since=pink)
     now = space.load_board("pink")
     assert [line["stiffness"] for line in now.history] == [15.0, 16.0]
@@ -423,12 +423,12 @@ def test_absurd_numbers_are_refused_by_name(tmp_path: Path, old: str, new: str) 
     assert text.count(old) == 1
     path = tmp_path / "pink.toml"
     path.write_text(text.replace(old, new))
-    with pytest.raises(HuskyError, match="expected"):
+    with pytest.raises(SysidError, match="expected"):
         load_board(path)
 
 
 def test_a_record_nested_without_end_is_one_line(tmp_path: Path) -> None:
     path = tmp_path / "deep.toml"
     path.write_text("x = " + "[" * 5000 + "]" * 5000)
-    with pytest.raises(HuskyError, match="not a TOML file"):
+    with pytest.raises(SysidError, match="not a TOML file"):
         load_board(path)

@@ -10,7 +10,7 @@ import pytest
 from decay_truth import Recipe, make_roll
 
 from sysid.cli import build_app
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.workspace import shipped_data
 
 NAMES = (
@@ -100,7 +100,7 @@ def test_json_to_a_file_and_a_given_release(log, tmp_path, capsys):
     [(("--board", "pnk"), "Did you mean 'pink'"), (("--board", "pink", "--from", "90"), "the log runs from")],
 )
 def test_expected_failures_write_nothing(log, tmp_path, arguments, text):
-    with pytest.raises(HuskyError, match=text):
+    with pytest.raises(SysidError, match=text):
         run(log, *arguments, "--workspace", tmp_path)
     assert not (tmp_path / "reports").exists()
 

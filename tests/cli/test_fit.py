@@ -12,7 +12,7 @@ import pytest
 from sysid.board import load_board
 from sysid.cli.console import Common
 from sysid.cli.fit import fit
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.files import sha256
 from sysid.workspace import shipped_data
 
@@ -48,7 +48,7 @@ def test_a_bootstrap_of_too_few_draws_is_refused_before_anything_is_fitted(tmp_p
     import sysid.fit_mjcf
 
     monkeypatch.setattr(sysid.fit_mjcf, "fit_joint", None)
-    with pytest.raises(HuskyError, match="1 draws are too few"):
+    with pytest.raises(SysidError, match="1 draws are too few"):
         fit([LOG], board="pink", bootstrap=1, common=Common(workspace=tmp_path))
     assert list(tmp_path.iterdir()) == []
 
@@ -102,7 +102,7 @@ def test_errors_of_a_rate_are_given_as_angles(tmp_path):
     [("inertia", "only k/I"), ("end-stop", "unchanged"), ("frobnicate", "unknown effect")],
 )
 def test_a_refused_fit_leaves_no_trace(tmp_path, effect, reason):
-    with pytest.raises(HuskyError, match=reason):
+    with pytest.raises(SysidError, match=reason):
         run(tmp_path, effect)
     assert not (tmp_path / "data").exists()
 

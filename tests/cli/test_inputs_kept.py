@@ -5,7 +5,7 @@ import os
 import pytest
 
 from sysid.cli import build_app
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.workspace import shipped_data
 
 PINK = shipped_data() / "decays" / "pink.csv"
@@ -36,7 +36,7 @@ def test_a_measurement_is_never_written_over(tmp_path, command):
         path.write_bytes(PINK.read_bytes())
     names = {"LOG": log, "SAME": log.parent / "." / "log.csv", "OTHER": other, "NEW": tmp_path / "new.csv"}
     arguments = [str(names.get(word, word)) for word in command]
-    with pytest.raises(HuskyError, match="would be overwritten"):
+    with pytest.raises(SysidError, match="would be overwritten"):
         husky(*arguments, "--workspace", str(tmp_path))
     assert {path.name for path in tmp_path.iterdir()} == {"log.csv", "other.csv"}
     assert log.read_bytes() == other.read_bytes() == PINK.read_bytes()
@@ -47,7 +47,7 @@ def test_another_name_of_the_measurement_is_the_measurement(tmp_path, link):
     log, name = tmp_path / "log.csv", tmp_path / "name.csv"
     log.write_bytes(PINK.read_bytes())
     link(log, name)
-    with pytest.raises(HuskyError, match=r"--output .*name\.csv: is the very file"):
+    with pytest.raises(SysidError, match=r"--output .*name\.csv: is the very file"):
         husky("roll", str(log), "--output", str(name))
 
 
@@ -56,7 +56,7 @@ def test_files_in_a_folder_of_a_log_are_kept(tmp_path):
     folder.mkdir()
     inside = folder / "Gyroscope.csv"
     inside.write_bytes(PINK.read_bytes())
-    with pytest.raises(HuskyError, match=r"lies in .*export, which is read"):
+    with pytest.raises(SysidError, match=r"lies in .*export, which is read"):
         husky("roll", str(folder), "--output", str(inside))
 
 
@@ -64,7 +64,7 @@ def test_the_result_of_a_decay_is_kept_by_what_is_made_of_it(tmp_path):
     bare = tmp_path / "bare.json"
     bare.write_text('{"omega_n": {"value": 41.0, "std": 0.1, "unit": "rad/s"}}')
     text = bare.read_text()
-    with pytest.raises(HuskyError, match="would be overwritten"):
+    with pytest.raises(SysidError, match="would be overwritten"):
         husky(
             "inertia", "added-mass", "--bare", str(bare), "--loaded", "30", "--mass", "0.5", "--offset", "0.09",
             "--json", str(bare),

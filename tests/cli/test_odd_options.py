@@ -6,7 +6,7 @@ import pytest
 
 from sysid.cli import build_app
 from sysid.cli.log_options import LogArguments, VideoArguments, unused_options
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.workspace import shipped_data
 
 PINK = shipped_data() / "decays" / "pink.csv"
@@ -18,13 +18,13 @@ def husky(*arguments: str) -> None:
 
 @pytest.mark.parametrize("step", ["0", "-0.001", "0.5"])
 def test_a_step_that_cannot_be_is_refused(tmp_path, step):
-    with pytest.raises(HuskyError, match=f"--timestep {step}: expected seconds"):
+    with pytest.raises(SysidError, match=f"--timestep {step}: expected seconds"):
         husky("check", str(PINK), "--board", "pink", f"--timestep={step}", "--workspace", str(tmp_path))
 
 
 @pytest.mark.parametrize("command", ["compare", "check"])
 def test_a_tolerance_that_cannot_be_is_refused(tmp_path, command):
-    with pytest.raises(HuskyError, match="--tolerance -1: expected a share"):
+    with pytest.raises(SysidError, match="--tolerance -1: expected a share"):
         husky(command, str(PINK), "--board", "pink", "--tolerance=-1", "--workspace", str(tmp_path))
 
 
@@ -48,9 +48,9 @@ def test_metres_where_centimetres_were_meant_are_doubted(capsys):
 
 def test_swapped_decays_are_told_from_too_little_mass():
     added = ("inertia", "added-mass", "--mass", "0.5", "--offset", "0.09")
-    with pytest.raises(HuskyError, match="Are --bare and --loaded swapped"):
+    with pytest.raises(SysidError, match="Are --bare and --loaded swapped"):
         husky(*added, "--bare", "32±0.1", "--loaded", "41±0.1")
-    with pytest.raises(HuskyError, match="Put more mass further out"):
+    with pytest.raises(SysidError, match="Put more mass further out"):
         husky(*added, "--bare", "41±1", "--loaded", "41.1±1")
 
 
@@ -69,17 +69,17 @@ def test_a_new_inertia_is_not_taken_for_rounding(tmp_path, capsys):
 def test_a_log_given_as_commands_lacks_a_column():
     from policy_runtime.loop.commands import load_script
 
-    with pytest.raises(HuskyError, match=r"column 'speed_m_s' is missing.*found time_s, roll_rad"):
+    with pytest.raises(SysidError, match=r"column 'speed_m_s' is missing.*found time_s, roll_rad"):
         load_script(PINK)
 
 
 @pytest.mark.parametrize("angle", [(95.0, 0.0), (0.0, -60.0), (float("nan"), 0.0)])
 def test_a_camera_that_does_not_see_the_roll_is_refused(angle):
-    with pytest.raises(HuskyError, match=r"--camera-angle .* at most 45"):
+    with pytest.raises(SysidError, match=r"--camera-angle .* at most 45"):
         _ = VideoArguments(camera_angle=angle).options
 
 
 def test_the_film_that_is_drawn_and_the_table_are_two_files(tmp_path):
     both = str(tmp_path / "seen.mp4")
-    with pytest.raises(HuskyError, match="same file"):
+    with pytest.raises(SysidError, match="same file"):
         husky("roll", str(tmp_path / "film.mp4"), "-o", both, "--overlay", both)

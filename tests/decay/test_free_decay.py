@@ -14,7 +14,7 @@ from sysid.decay.linear_fit import decay_basis, fit_traces
 from sysid.decay.nonlinearity import find_nonlinearities
 from sysid.decay.numbers import decay_numbers, numbers_from_decrement
 from sysid.decay.peaks import Peak, find_peaks
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.free_decay import decay_from_peaks, fit_decay, log_decrement_two_peaks
 from sysid.quantity import Quantity, t95
 from sysid.releases import find_releases, settling_time
@@ -62,7 +62,7 @@ def test_appendix_h_to_the_last_printed_digit(inertia, period, first, second, st
 
 @pytest.mark.parametrize(("first", "second"), [(0.1, 0.2), (0.1, 0.0), (0.1, -0.05), (0.1, 0.1)])
 def test_peaks_that_do_not_decay_are_refused(first, second):
-    with pytest.raises(HuskyError, match="are no decay"):
+    with pytest.raises(SysidError, match="are no decay"):
         decay_from_peaks(
             Quantity(0.1, 0, "s"), Quantity(first, 0, "rad"), Quantity(second, 0, "rad"), INERTIA
         )
@@ -303,7 +303,7 @@ def test_noise_alone_is_refused():
     time = np.arange(5000) / 500
     for seed in range(12):
         roll = np.random.default_rng(seed).normal(0, 0.003, 5000)
-        with pytest.raises(HuskyError):
+        with pytest.raises(SysidError):
             fit_decay(
                 find_releases(Roll(log="n", time=time, roll=roll, std=np.full(5000, 0.003), origin="angle")),
                 INERTIA,
@@ -311,15 +311,15 @@ def test_noise_alone_is_refused():
 
 
 def test_too_little_is_refused():
-    with pytest.raises(HuskyError, match="too few to fit"):
+    with pytest.raises(SysidError, match="too few to fit"):
         fit_decay([clean_release(41.0, 0.5, duration=0.012, sampling=500)], INERTIA)
-    with pytest.raises(HuskyError, match="no release was given"):
+    with pytest.raises(SysidError, match="no release was given"):
         fit_decay([], INERTIA)
     faint = clean_release(41.0, 0.5, start=0.005, noise=0.003)
-    with pytest.raises(HuskyError, match=r"amplitude of .*° in noise of"):
+    with pytest.raises(SysidError, match=r"amplitude of .*° in noise of"):
         fit_decay([replace(faint, roll=faint.roll * 0 + 0.005)], INERTIA)
     short = clean_release(41.0, 0.5, duration=0.025, sampling=1000, noise=0.002)
-    with pytest.raises(HuskyError, match="too short or too strongly damped"):
+    with pytest.raises(SysidError, match="too short or too strongly damped"):
         fit_decay([short], INERTIA)
 
 

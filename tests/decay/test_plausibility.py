@@ -8,7 +8,7 @@ import pytest
 
 from sysid.decay.numbers import decay_numbers
 from sysid.decay.plausibility import amplitude_warnings, period_warnings, record_warnings, refuse_period
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.quantity import Quantity
 from sysid.roll import Release
 from sysid.workspace import Workspace
@@ -28,7 +28,7 @@ def board():
 
 
 def test_degrees_taken_for_radians_are_refused(board):
-    with pytest.raises(HuskyError, match=r"log\.csv: .* 10 rad from rest.*--unit deg"):
+    with pytest.raises(SysidError, match=r"log\.csv: .* 10 rad from rest.*--unit deg"):
         amplitude_warnings([release(0.1), release(-10.0)], board)
 
 
@@ -65,7 +65,7 @@ def test_times_in_another_unit_are_doubted_and_the_impossible_refused(board, per
     assert f"natural period is {period:.4g} s" in warning
     assert "--rate" in warning
     if refused:
-        with pytest.raises(HuskyError, match=r"the record is unchanged.*--rate.*--any-period"):
+        with pytest.raises(SysidError, match=r"the record is unchanged.*--rate.*--any-period"):
             refuse_period(omega, thing, log="log.csv")
     else:
         refuse_period(omega, thing, log="log.csv")

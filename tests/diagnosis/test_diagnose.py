@@ -11,7 +11,7 @@ import pytest
 
 from sysid.board import load_board
 from sysid.diagnosis.diagnose import diagnose
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.joint import JointLaw, simulate
 from sysid.quantity import Quantity
 from sysid.roll import Release
@@ -256,13 +256,13 @@ def test_a_search_goes_on_where_another_ended_without_looking_again(slider):
 
 
 def test_too_short_for_a_verdict_is_said(pink):
-    with pytest.raises(HuskyError, match="too short for a verdict"):
+    with pytest.raises(SysidError, match="too short for a verdict"):
         diagnose([made(LAW, 0.06)], pink)
 
 
 def test_degrees_taken_for_radians_are_said(pink):
     base = made(LAW, 1.0)
-    with pytest.raises(HuskyError, match="--unit deg"):
+    with pytest.raises(SysidError, match="--unit deg"):
         diagnose([release(np.degrees(base.roll), base.time)], pink)
 
 

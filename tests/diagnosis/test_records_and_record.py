@@ -9,7 +9,7 @@ import pytest
 
 from sysid.diagnosis.diagnose import diagnose
 from sysid.diagnosis.search import Search
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.fitting.records import make_records
 from sysid.fitting.search import scales_of
 from sysid.noise.floor import noise_floor
@@ -90,7 +90,7 @@ def test_a_release_too_short_for_differences_leaves_the_noise_to_the_others(tmp_
     releases = truths.make(replace(BY_NAME["none"], noises=(0.1,), rates=(500.0,)), SEED, tmp_path)
     stub = replace(releases[0], **{n: getattr(releases[0], n)[:9] for n in ("time", "roll", "std")})
     assert noise_floor([stub, *releases[1:]]).std == pytest.approx(np.radians(0.1), rel=0.05)
-    with pytest.raises(HuskyError, match="has 9 samples"):
+    with pytest.raises(SysidError, match="has 9 samples"):
         noise_floor([stub])
 
 

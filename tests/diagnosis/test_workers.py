@@ -5,7 +5,7 @@ import os
 import pytest
 
 from sysid.diagnosis.workers import Crew
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -15,7 +15,7 @@ def test_results_come_in_the_order_of_the_jobs(workers):
 
 
 def test_a_process_that_dies_is_said():
-    with pytest.raises(HuskyError, match="--workers 1"), Crew(2) as crew:
+    with pytest.raises(SysidError, match="--workers 1"), Crew(2) as crew:
         list(crew.each(os._exit, [(1,)]))
 
 

@@ -7,7 +7,7 @@ import pytest
 from sysid.effects import catalogue, effect, parameters_from
 from sysid.effects._algebra import NumpyAlgebra
 from sysid.effects._base import JointState, Scales
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.joint import JointLaw, simulate
 
 SCALES = Scales(inertia=8.7e-3, stiffness=14.7, damping=0.4, amplitude=0.2)
@@ -27,7 +27,7 @@ def test_catalogue_holds_every_effect_and_files_are_named_after_them():
 
 
 def test_an_unknown_effect_is_refused_with_the_nearest_name():
-    with pytest.raises(HuskyError, match="Did you mean 'coulomb'"):
+    with pytest.raises(SysidError, match="Did you mean 'coulomb'"):
         effect("colomb")
 
 
@@ -84,7 +84,7 @@ def test_an_effect_says_itself_that_it_is_nonsmooth():
 
 def test_parameters_come_in_order_and_defaults_fill_the_end():
     assert parameters_from("end-stop", (0.1, 50.0)) == {"angle": 0.1, "stiffness": 50.0, "damping": 0.0}
-    with pytest.raises(HuskyError, match="half_width \\[rad\\]"):
+    with pytest.raises(SysidError, match="half_width \\[rad\\]"):
         parameters_from("freeplay", (0.1, 2.0))
 
 
@@ -196,7 +196,7 @@ def test_substitutes_run_without_what_is_new_in_mujoco_4():
 
 def test_gravity_that_the_inertia_cannot_hold_is_refused():
     law = BASE.with_effect("gravity", 8.0)
-    with pytest.raises(HuskyError, match="more than the roll inertia"):
+    with pytest.raises(SysidError, match="more than the roll inertia"):
         rig(law)
 
 

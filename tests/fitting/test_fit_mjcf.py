@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 from sysid.board import Board, load_board
 from sysid.effects._base import Scales
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.fitting.joint import FitOptions, fit_joint
 from sysid.fitting.problem import Problem
 from sysid.fitting.profile import profiles
@@ -97,12 +97,12 @@ def test_inertia_of_the_record_scales_every_torque(pink):
 
 @pytest.mark.parametrize("name", ["inertia", "clock", "discretisation"])
 def test_what_a_decay_cannot_identify_is_refused(pink, name):
-    with pytest.raises(HuskyError, match="only k/I, d/I and torque/I"):
+    with pytest.raises(SysidError, match="only k/I, d/I and torque/I"):
         fit_joint(releases_of(HEAVY, 1), pink, [name])
 
 
 def test_two_shifts_cannot_be_told_apart(pink):
-    with pytest.raises(HuskyError, match="cannot be told apart"):
+    with pytest.raises(SysidError, match="cannot be told apart"):
         fit_joint(releases_of(HEAVY, 1), pink, ["offset", "preload"])
 
 
@@ -236,7 +236,7 @@ def test_scales_come_from_the_data_where_the_record_is_far_off(pink):
 
 
 def test_nothing_to_fit_is_said(pink):
-    with pytest.raises(HuskyError, match="no release to fit"):
+    with pytest.raises(SysidError, match="no release to fit"):
         fit_joint([], pink)
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from sysid.board import board_to_toml
 from sysid.cli.parameter_options import parse_bounds, parse_fixed
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.fitting.joint import FitOptions, check_parameters, fit_joint
 from sysid.fitting.ladder import ladder
 from sysid.fitting.record_update import require_usable, updated_board
@@ -115,7 +115,7 @@ def test_a_ladder_says_of_each_model_only_what_it_has():
     ],
 )
 def test_what_cannot_be_held_is_refused(options, says):
-    with pytest.raises(HuskyError, match=says):
+    with pytest.raises(SysidError, match=says):
         check_parameters(("coulomb",), options)
 
 
@@ -136,7 +136,7 @@ def test_names_and_numbers_of_the_command_line():
     ],
 )
 def test_other_shapes_are_refused(parse, text, says):
-    with pytest.raises(HuskyError, match=says):
+    with pytest.raises(SysidError, match=says):
         parse([text])
 
 
@@ -146,7 +146,7 @@ def test_a_record_may_lack_spring_or_damper(tmp_path):
     (boards / "arm.toml").write_text(board_to_toml(arm(0.0)), encoding="utf-8")
     assert Workspace(tmp_path).load_board("arm").stiffness == 0.0
     (boards / "arm.toml").write_text(board_to_toml(arm(-1.0)), encoding="utf-8")
-    with pytest.raises(HuskyError, match="a positive number"):
+    with pytest.raises(SysidError, match="a positive number"):
         Workspace(tmp_path).load_board("arm")
 
 

@@ -9,7 +9,7 @@ import pytest
 from sysid.board import load_board
 from sysid.cli.console import Common
 from sysid.cli.fit import fit as fit_command
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.fitting.bootstrap import Bootstrap, block_length, blocks, bootstrap, corrected_percentiles
 from sysid.fitting.intervals import agreements
 from sysid.fitting.joint import fit_joint
@@ -199,7 +199,7 @@ def test_the_words_say_which_interval_to_trust():
 
 def test_too_few_draws_are_refused():
     fit = fit_joint(releases_of(LAW, 1), BOARD)
-    with pytest.raises(HuskyError, match="too few for the ends"):
+    with pytest.raises(SysidError, match="too few for the ends"):
         bootstrap(fit, BOARD, 20)
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from sysid.effects import catalogue, effect
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.joint import JointLaw, simulate
 from sysid.joint.torques import effect_torque
 from sysid.synth.law import Modes, TrueLaw
@@ -136,7 +136,7 @@ def test_an_implicitfast_step_loses_the_damping_that_it_is_known_to_lose():
 
 def test_a_law_without_a_stable_rest_says_so():
     law = LAW.with_effect("cubic-stiffness", -2000.0)
-    with pytest.raises(HuskyError, match="grows without bound"):
+    with pytest.raises(SysidError, match="grows without bound"):
         simulate(law, TIME, 0.3)
 
 

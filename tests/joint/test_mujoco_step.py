@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.joint.mujoco_step import Hinge, hinge_from_model, rollout_function, simulate_steps, step
 
 pytestmark = pytest.mark.train
@@ -210,7 +210,7 @@ def test_sensitivities_are_exact():
 
 def test_what_has_no_closed_form_is_refused_in_words():
     hinge = Hinge(inertia=0.01, stiffness=(10.0, 0.0, 0.0), frictionloss=0.1)
-    with pytest.raises(HuskyError, match="Did you mean 'implicitfast'"):
+    with pytest.raises(SysidError, match="Did you mean 'implicitfast'"):
         step(hinge, 0.1, 0.0, timestep=0.005, integrator="implicit_fast")  # pyright: ignore[reportArgumentType]
     spec = mujoco.MjSpec()
     for name in ("a", "b"):
@@ -218,5 +218,5 @@ def test_what_has_no_closed_form_is_refused_in_words():
             name=name, mass=1.0, inertia=[1, 1, 1], ipos=[0, 0, 0], explicitinertial=True
         )
         body.add_joint(name=f"{name}_joint")
-    with pytest.raises(HuskyError, match="2 degrees of freedom"):
+    with pytest.raises(SysidError, match="2 degrees of freedom"):
         hinge_from_model(spec.compile(), "a_joint")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from rocking import rocking, write_csv
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
 
 RATE = 200.0
@@ -135,20 +135,20 @@ def test_overflowing_counters_are_undone(tmp_path, bits):
 
 def test_random_stamps_are_no_clock(tmp_path):
     stamps = np.random.default_rng(0).permutation(TRUE)
-    with pytest.raises(HuskyError, match=r"it is no clock.*--time-column"):
+    with pytest.raises(SysidError, match=r"it is no clock.*--time-column"):
         read(tmp_path, stamps, noisy(TRUE))
-    with pytest.raises(HuskyError, match="never changes"):
+    with pytest.raises(SysidError, match="never changes"):
         read(tmp_path, np.full(TRUE.size, 3.0), noisy(TRUE))
 
 
 def test_without_time_the_rate_makes_it(tmp_path):
     path = write_csv(tmp_path / "log.csv", ("roll_rad",), noisy(TRUE))
-    with pytest.raises(HuskyError, match="--rate"):
+    with pytest.raises(SysidError, match="--rate"):
         read_roll(path)
     roll = read_roll(path, LogOptions(rate=RATE))
     np.testing.assert_allclose(roll.time, TRUE)
     for rate in (0.0, -5.0, float("nan"), float("inf")):
-        with pytest.raises(HuskyError, match="positive number of hertz"):
+        with pytest.raises(SysidError, match="positive number of hertz"):
             read_roll(path, LogOptions(rate=rate))
 
 

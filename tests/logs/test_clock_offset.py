@@ -5,7 +5,7 @@ import pytest
 from decay_truth import linear_decay
 
 from sysid.board import load_board
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.logs import read_roll
 from sysid.logs.clock_offset import clock_offset
 from sysid.roll import Roll
@@ -24,7 +24,7 @@ def made(folder, name, **options):
 
 @pytest.mark.parametrize("angles", [(0.17, -0.15), (0.16, -0.14, 0.12)])
 def test_other_releases_of_the_same_board_are_no_common_motion(tmp_path, angles):
-    with pytest.raises(HuskyError, match=r"do not show the same motion \(correlation 0\.[5-8]"):
+    with pytest.raises(SysidError, match=r"do not show the same motion \(correlation 0\.[5-8]"):
         clock_offset(read_roll(BLACK), made(tmp_path, "other.csv", angles=angles))
 
 

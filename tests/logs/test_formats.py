@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from rocking import imu, rocking, write_csv
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
 from sysid.logs.formats.csv import open_csv
 from sysid.logs.table.names import parse_column
@@ -108,7 +108,7 @@ def test_without_header_the_angle_is_told_from_its_rate(tmp_path):
     np.savetxt(tmp_path / "a.csv", np.stack((rate, TIME, ROLL), axis=1), delimiter=";")
     check(tmp_path / "a.csv", unit="rad")
     np.savetxt(tmp_path / "b.csv", np.stack((TIME, np.cos(3 * TIME), ROLL, ROLL**2), axis=1), delimiter=";")
-    with pytest.raises(HuskyError, match="--column"):
+    with pytest.raises(SysidError, match="--column"):
         read_roll(tmp_path / "b.csv")
     check(tmp_path / "b.csv", column="3", time_column="1", unit="rad")
 
@@ -136,7 +136,7 @@ def test_parquet_with_and_without_time_stamps(tmp_path):
     pd.DataFrame({"time": stamps, "roll_deg": np.rad2deg(ROLL)}).to_parquet(tmp_path / "b.pq")
     check(tmp_path / "b.pq")
     (tmp_path / "c.parquet").write_bytes((tmp_path / "a.parquet").read_bytes()[:500])
-    with pytest.raises(HuskyError, match="Parquet"):
+    with pytest.raises(SysidError, match="Parquet"):
         read_roll(tmp_path / "c.parquet")
 
 
@@ -253,7 +253,7 @@ def test_archives_that_are_none_say_so(tmp_path):
     (tmp_path / "empty").mkdir()
     for name, hint in (("a.zip", "damaged"), ("b.zip", "no table"), ("c.xlsx", "convert-to csv"), ("d.csv.gz", "damaged"),
                        ("e.db3", "mcap convert"), ("empty", "no table")):  # fmt: skip
-        with pytest.raises(HuskyError, match=hint):
+        with pytest.raises(SysidError, match=hint):
             read_roll(tmp_path / name)
 
 
@@ -285,7 +285,7 @@ def test_mcap_with_ros2_messages(tmp_path):
     roll = check_phone(path)
     assert any("/imu/data" in note for note in roll.notes)
     (tmp_path / "cut.mcap").write_bytes(path.read_bytes()[:5000])
-    with pytest.raises(HuskyError):
+    with pytest.raises(SysidError):
         read_roll(tmp_path / "cut.mcap")
 
 
@@ -311,7 +311,7 @@ def test_missing_mcap_extra_names_what_to_install(tmp_path, monkeypatch):
 
     (tmp_path / "a.mcap").write_bytes(b"\x89MCAP0\r\n")
     monkeypatch.setitem(sys.modules, "mcap.reader", None)
-    with pytest.raises(HuskyError, match=r"husky-sysid\[mcap\]"):
+    with pytest.raises(SysidError, match=r"husky-sysid\[mcap\]"):
         read_roll(tmp_path / "a.mcap")
 
 
@@ -323,5 +323,5 @@ def test_only_the_needed_columns_are_read(tmp_path):
     table = open_csv(tmp_path / "log.csv")
     assert table.names == ("t_s", "note", "roll_rad")
     check(tmp_path / "log.csv")
-    with pytest.raises(HuskyError, match="'hello' is not a number"):
+    with pytest.raises(SysidError, match="'hello' is not a number"):
         table.read(["note"])

@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from rocking import imu, rocking
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
 
 TIME = np.arange(0, 1.2, 0.01)
@@ -42,7 +42,7 @@ SEEDS = [seed.encode() for seed in seeds()]
 def sound_or_refused(path, options=None):
     try:
         roll = read_roll(path, options)
-    except HuskyError as error:
+    except SysidError as error:
         refused = str(error)
     else:
         refused, extras = "", (roll.rate, roll.rate_std)

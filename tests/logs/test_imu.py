@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from rocking import imu, rocking, write_csv
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
 from sysid.logs.sources.gravity_smoother import smooth_gravity
 from sysid.logs.sources.rotations import (
@@ -261,7 +261,7 @@ def test_a_quaternion_gives_the_swing_about_its_axis(tmp_path, mirrored):
         TIME,
         *(np.where(TIME < 4, 3, 1) * part for part in columns),
     )
-    with pytest.raises(HuskyError, match="norm is not that of"):
+    with pytest.raises(SysidError, match="norm is not that of"):
         read_roll(path)
 
 

@@ -5,7 +5,7 @@ import shutil
 import pytest
 
 from sysid.cli import build_app
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.workspace import shipped_data
 
 LOG = shipped_data() / "decays" / "pink.csv"
@@ -19,7 +19,7 @@ def run(*arguments):
 
 @pytest.mark.parametrize("command", ["fit", "compare", "diagnose", "check", "report"])
 def test_a_log_given_twice_is_refused_by_name(command, tmp_path):
-    with pytest.raises(HuskyError, match=r"pink\.csv was given twice"):
+    with pytest.raises(SysidError, match=r"pink\.csv was given twice"):
         run(command, LOG, LOG, "--board", "pink", "--workspace", tmp_path)
     assert not list(tmp_path.iterdir())
 
@@ -27,7 +27,7 @@ def test_a_log_given_twice_is_refused_by_name(command, tmp_path):
 def test_a_copy_under_another_name_is_the_same_log(tmp_path):
     copy = tmp_path / "copy.csv"
     shutil.copy(LOG, copy)
-    with pytest.raises(HuskyError, match=r"pink\.csv and .*copy\.csv hold the same bytes"):
+    with pytest.raises(SysidError, match=r"pink\.csv and .*copy\.csv hold the same bytes"):
         run("fit", LOG, copy, "--board", "pink", "--workspace", tmp_path / "w")
     assert not (tmp_path / "w").exists()
 
@@ -44,7 +44,7 @@ def milliseconds(tmp_path):
 
 @pytest.mark.slow
 def test_fit_saves_no_period_that_nothing_has(milliseconds, tmp_path, capsys):
-    with pytest.raises(HuskyError, match=r"natural period is 15\d(\.\d)? s.*record is unchanged.*--rate"):
+    with pytest.raises(SysidError, match=r"natural period is 15\d(\.\d)? s.*record is unchanged.*--rate"):
         run("fit", milliseconds, "--board", "pink", "--workspace", tmp_path)
     assert not (tmp_path / "data").exists()
     assert run("fit", milliseconds, "--board", "pink", "--workspace", tmp_path, "--any-period") == 0

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from rocking import rocking, write_csv
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
 from sysid.noise.sensor import estimate_noise, saturated
 
@@ -61,7 +61,7 @@ def test_the_axis_picks_the_angle_and_flips_it(tmp_path):
     np.testing.assert_allclose(read_roll(path, LogOptions(axis="pitch")).roll, -ROLL, atol=1e-8)
     np.testing.assert_allclose(read_roll(path, LogOptions(axis="-x")).roll, -ROLL, atol=1e-8)
     np.testing.assert_allclose(read_roll(path, LogOptions(axis="-z")).roll, -2 * ROLL, atol=1e-8)
-    with pytest.raises(HuskyError, match="minus sign"):
+    with pytest.raises(SysidError, match="minus sign"):
         read_roll(path, LogOptions(axis="up"))
 
 
@@ -199,7 +199,7 @@ ROWS = "".join(f"{t:.6g},{r:.6g}\n" for t, r in zip(TIME, ROLL, strict=True))
 )
 def test_bad_files_get_one_clear_line_and_leave_nothing(tmp_path, name, text, hint):
     path = broken(tmp_path, name, text)
-    with pytest.raises(HuskyError, match=hint) as refused:
+    with pytest.raises(SysidError, match=hint) as refused:
         read_roll(path)
     assert str(path) in str(refused.value)
     assert "\n" not in str(refused.value)
@@ -224,13 +224,13 @@ def test_the_command_refuses_the_same_way(tmp_path):
 
 def test_wrong_columns_are_met_with_a_proposal(tmp_path):
     path = write_csv(tmp_path / "log.csv", ("t_s", "roll_rad"), TIME, ROLL)
-    with pytest.raises(HuskyError, match="Did you mean 'roll_rad'"):
+    with pytest.raises(SysidError, match="Did you mean 'roll_rad'"):
         read_roll(path, LogOptions(column="rol_rad"))
-    with pytest.raises(HuskyError, match="--time-column 'zeit'"):
+    with pytest.raises(SysidError, match="--time-column 'zeit'"):
         read_roll(path, LogOptions(time_column="zeit"))
-    with pytest.raises(HuskyError, match="not a unit of an angle"):
+    with pytest.raises(SysidError, match="not a unit of an angle"):
         read_roll(path, LogOptions(unit="furlong"))
-    with pytest.raises(HuskyError, match="no column of imu"):
+    with pytest.raises(SysidError, match="no column of imu"):
         read_roll(path, LogOptions(source="imu"))
 
 
@@ -250,14 +250,14 @@ def test_a_file_of_two_gigabytes_of_nothing_is_refused_at_once(tmp_path):
     with path.open("wb") as file:
         file.write(("t_s,roll_rad\n" + ROWS * 10).encode())
         file.truncate(2 << 30)  # sparse: zeros take no room on disk
-    with pytest.raises(HuskyError, match="zero bytes"):
+    with pytest.raises(SysidError, match="zero bytes"):
         read_roll(path)
 
 
 def test_what_does_not_fit_into_memory_is_refused(tmp_path, monkeypatch):
     path = write_csv(tmp_path / "log.csv", ("t_s", "roll_rad"), TIME, ROLL)
     monkeypatch.setattr("sysid.logs.formats.csv._free_memory", lambda: 5e4)
-    with pytest.raises(HuskyError, match="Cut it into parts"):
+    with pytest.raises(SysidError, match="Cut it into parts"):
         read_roll(path)
 
 
@@ -331,5 +331,5 @@ def test_an_angle_may_be_declared_a_rate_and_the_time_is_not_the_signal(tmp_path
     path = write_csv(tmp_path / "log.csv", ("t_s", "roll_deg"), TIME, ROLL)
     roll = read_roll(path, LogOptions(column="roll_deg", unit="rad/s"))
     assert roll.origin == "gyro"
-    with pytest.raises(HuskyError, match="is the column of time"):
+    with pytest.raises(SysidError, match="is the column of time"):
         read_roll(path, LogOptions(column="1"))

@@ -5,7 +5,7 @@ import pytest
 
 import sysid.logs.formats as formats_package
 import sysid.logs.sources as sources_package
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.fitting.records import signal_of
 from sysid.logs import LogOptions, read_roll
 from sysid.logs.formats.registry import formats
@@ -92,7 +92,7 @@ def extended(tmp_path, monkeypatch):
 def test_a_format_is_one_file(extended, decay, tmp_path):
     log = tmp_path / "swing.toy"
     log.write_bytes(b"TOY" + np.column_stack(decay).astype("<f8").tobytes())
-    with pytest.raises(HuskyError):
+    with pytest.raises(SysidError):
         read_roll(log)
     extended(formats_package, FORMAT, formats)
     roll = read_roll(log)
@@ -103,13 +103,13 @@ def test_a_format_is_one_file(extended, decay, tmp_path):
 def test_a_kind_of_sensor_is_one_file(extended, decay, tmp_path):
     log = tmp_path / "swing.csv"
     np.savetxt(log, np.column_stack(decay), delimiter=",", header="time_s,pot_V", comments="")
-    with pytest.raises(HuskyError, match="pot_V"):
+    with pytest.raises(SysidError, match="pot_V"):
         read_roll(log)
     extended(sources_package, SOURCE, sources)
     roll = read_roll(log, LogOptions(source="toy"))
     np.testing.assert_allclose(roll.roll, decay[1], atol=1e-12)
     assert signal_of(find_releases(roll)) == {"use_rate": False, "bias": "per-release"}
-    with pytest.raises(HuskyError, match="angle, imu, gyro, quaternion, toy"):
+    with pytest.raises(SysidError, match="angle, imu, gyro, quaternion, toy"):
         read_roll(log, LogOptions(source="pot"))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rocking import OMEGA, rocking, write_csv
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.free_decay import fit_decay
 from sysid.logs import LogOptions, read_roll
 from sysid.quantity import Quantity
@@ -85,7 +85,7 @@ def test_a_record_emptied_by_its_clock_is_refused(tmp_path):
     """Every stamp is one of four: what is left is no record."""
     stamps = np.repeat([0.0, 1.0, 2.0, 3.0], 5)
     path = write_csv(tmp_path / "log.csv", ("t", "roll_rad"), stamps, np.repeat([0.1, 0.2, -0.1, 0.05], 5))
-    with pytest.raises(HuskyError, match="time-column"):
+    with pytest.raises(SysidError, match="time-column"):
         read_roll(path)
 
 
@@ -96,7 +96,7 @@ def test_times_are_shown_and_taken_as_the_log_has_them(tmp_path):
     assert find_releases(roll)[0].start == pytest.approx(14.84, abs=0.01)
     (release,) = find_releases(roll, start=14.5, stop=20.0)
     assert release.start == pytest.approx(14.84, abs=0.01)
-    with pytest.raises(HuskyError, match=r"from 13.84 s to 21.8"):
+    with pytest.raises(SysidError, match=r"from 13.84 s to 21.8"):
         find_releases(roll, start=0.0, stop=5.0)
 
 

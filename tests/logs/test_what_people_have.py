@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from rocking import OMEGA, imu, rocking, write_csv
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.free_decay import fit_decay
 from sysid.logs import read_roll
 from sysid.quantity import Quantity
@@ -88,7 +88,7 @@ def test_a_weak_release_does_not_refuse_the_others():
     result = fit_decay([*releases, *weak], INERTIA)
     assert len(result.releases) == 1
     assert any("left out" in text for text in result.warnings)
-    with pytest.raises(HuskyError, match="too little to fit"):
+    with pytest.raises(SysidError, match="too little to fit"):
         fit_decay(weak, INERTIA)
 
 
@@ -155,7 +155,7 @@ def test_compressed_logs(tmp_path, pack):
     path.write_bytes(pack(plain.read_bytes()))
     right(path)
     path.write_bytes(pack(plain.read_bytes())[:-200])
-    with pytest.raises(HuskyError, match=r"log\.csv\.z"):
+    with pytest.raises(SysidError, match=r"log\.csv\.z"):
         read_roll(path)
 
 
@@ -167,7 +167,7 @@ def test_matlab_files(tmp_path):
     scipy_io.savemat(path, {"data": {"time_s": TIME, "roll_rad": swing()}})
     right(path)
     path.write_bytes(path.read_bytes()[:-3000])
-    with pytest.raises(HuskyError, match=r"log\.mat"):
+    with pytest.raises(SysidError, match=r"log\.mat"):
         read_roll(path)
 
 
@@ -184,7 +184,7 @@ def test_matlab_files(tmp_path):
 def test_other_formats_say_which_command_converts(tmp_path, head, command):
     path = tmp_path / "log.bin"
     path.write_bytes(head + bytes(500))
-    with pytest.raises(HuskyError, match=command):
+    with pytest.raises(SysidError, match=command):
         read_roll(path)
 
 
@@ -212,7 +212,7 @@ def test_one_bad_byte_is_said(tmp_path, place):
     data = bytearray(path.read_bytes())
     data[place] ^= 0xFF
     path.write_bytes(data)
-    with pytest.raises(HuskyError, match=r"export\.zip"):
+    with pytest.raises(SysidError, match=r"export\.zip"):
         read_roll(path)
 
 
@@ -224,7 +224,7 @@ def test_what_is_not_needed_is_not_unpacked(tmp_path):
     place = bomb.rindex(b"PK\x01\x02", 0, bomb.rindex(b"Accelerometer.csv"))
     struct.pack_into("<I", bomb, place + 24, 2_000_000_000)
     path.write_bytes(bomb)
-    with pytest.raises(HuskyError, match="more than 1 GiB"):
+    with pytest.raises(SysidError, match="more than 1 GiB"):
         read_roll(path)
 
 
@@ -234,6 +234,6 @@ def test_thousands_of_files_are_refused_at_once(tmp_path):
         for number in range(10_001):
             archive.writestr(f"Gyroscope{number}.csv", "")
     begin = clock.perf_counter()
-    with pytest.raises(HuskyError, match="10001 files"):
+    with pytest.raises(SysidError, match="10001 files"):
         read_roll(path)
     assert clock.perf_counter() - begin < 2.0

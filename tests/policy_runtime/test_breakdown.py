@@ -8,7 +8,7 @@ import pytest
 from policy_runtime.evaluation.breakdown import Table, add_up, break_down
 from policy_runtime.evaluation.metrics import Rides, episode_errors
 from sim.skate.cycle.clock import Clock
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 
 CLOCK = Clock(push=80, mount=10, steer=40, dismount=10)
 CYCLES = 2
@@ -126,5 +126,5 @@ def test_parts_add_up_to_the_whole_even_where_one_ended_early():
 
 
 def test_tables_of_different_questions_do_not_add_up():
-    with pytest.raises(HuskyError, match="do not add up"):
+    with pytest.raises(SysidError, match="do not add up"):
         Table("a", ("x",), {}) + Table("b", ("x",), {})

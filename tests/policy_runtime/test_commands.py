@@ -14,7 +14,7 @@ from policy_runtime.loop.commands import (
     load_script,
     pressed,
 )
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 
 UP, DOWN, RIGHT, LEFT = (b"\x1b[A", b"\x1b[B", b"\x1b[C", b"\x1b[D")
 
@@ -60,7 +60,7 @@ def test_keyboard_reads_a_terminal_and_gives_it_back():
 
 
 def test_keyboard_without_a_terminal_is_refused_in_words(tmp_path):
-    with (tmp_path / "file").open("w") as file, pytest.raises(HuskyError, match="need a terminal"):
+    with (tmp_path / "file").open("w") as file, pytest.raises(SysidError, match="need a terminal"):
         Keyboard(Command(0.5, 0.0), file.fileno())
 
 
@@ -93,12 +93,12 @@ def test_script_holds_each_command_until_the_next(tmp_path):
     ],
 )
 def test_bad_scripts_are_refused_in_words(tmp_path, text, message):
-    with pytest.raises(HuskyError, match=message):
+    with pytest.raises(SysidError, match=message):
         load_script(script(tmp_path, text))
 
 
 def test_missing_script_is_refused_in_words(tmp_path):
-    with pytest.raises(HuskyError, match="cannot be read"):
+    with pytest.raises(SysidError, match="cannot be read"):
         load_script(tmp_path / "none.csv")
 
 

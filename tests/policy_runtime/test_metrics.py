@@ -5,7 +5,7 @@ import pytest
 
 from policy_runtime.evaluation.metrics import Rides, episode_errors, reachable_headings
 from policy_runtime.evaluation.statistics import mean_over, proportion
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 
 STEPS, PUSH, STEER = 40, slice(0, 20), slice(25, 35)
 
@@ -104,7 +104,7 @@ def test_joining_rides_of_different_length_keeps_their_errors():
 
 
 def test_shapes_that_disagree_are_refused_in_words():
-    with pytest.raises(HuskyError, match=r"'joints' has shape \(40, 1, 22\)"):
+    with pytest.raises(SysidError, match=r"'joints' has shape \(40, 1, 22\)"):
         rides(joints=np.zeros((STEPS, 1, 22)))
 
 

@@ -7,7 +7,7 @@ import pytest
 from policy_runtime.motion import motions
 from policy_runtime.motion.motion_check import motion_facts
 from sim.skate.robot import g1
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.workspace import shipped_data
 
 pytestmark = pytest.mark.train
@@ -150,24 +150,24 @@ def bad(change):
 def test_wrong_content_is_refused_in_words(tmp_path, content, message):
     path = tmp_path / "clip.npy"
     np.save(path, content)
-    with pytest.raises(HuskyError, match=message):
+    with pytest.raises(SysidError, match=message):
         motions.load_motion(path)
 
 
 def test_files_that_are_not_arrays_are_refused_in_words(tmp_path):
     text = tmp_path / "text.npy"
     text.write_text("hello")
-    with pytest.raises(HuskyError, match="not a NumPy array file"):
+    with pytest.raises(SysidError, match="not a NumPy array file"):
         motions.load_motion(text)
     empty = tmp_path / "empty.npy"
     empty.touch()
-    with pytest.raises(HuskyError, match="not a NumPy array file"):
+    with pytest.raises(SysidError, match="not a NumPy array file"):
         motions.load_motion(empty)
     pickled = tmp_path / "object.npy"
     np.save(pickled, np.array([{"a": 1}], dtype=object), allow_pickle=True)
-    with pytest.raises(HuskyError, match="not a NumPy array file"):
+    with pytest.raises(SysidError, match="not a NumPy array file"):
         motions.load_motion(pickled)
-    with pytest.raises(HuskyError, match="cannot be read"):
+    with pytest.raises(SysidError, match="cannot be read"):
         motions.load_motion(tmp_path / "missing.npy")
 
 
@@ -176,10 +176,10 @@ def test_motions_are_found_by_name_file_and_folder(tmp_path):
     assert named == [shipped_data() / "motions" / "push-low-slow.npy"]
     np.save(tmp_path / "mine.npy", good_table())
     assert motions.motion_paths([tmp_path]) == [tmp_path / "mine.npy"]
-    with pytest.raises(HuskyError, match=r"push-low-slo.*Did you mean 'push-low-slow'"):
+    with pytest.raises(SysidError, match=r"push-low-slo.*Did you mean 'push-low-slow'"):
         motions.motion_paths([motions.Path("push-low-slo")])
     (tmp_path / "empty").mkdir()
-    with pytest.raises(HuskyError, match="no motion"):
+    with pytest.raises(SysidError, match="no motion"):
         motions.motion_paths([tmp_path / "empty"])
 
 

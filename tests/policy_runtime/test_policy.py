@@ -11,7 +11,7 @@ from policy_runtime.loop.policy_file import open_policy
 from policy_runtime.robots import RobotState
 from sim.skate.robot.g1 import JOINTS, default_pose, servos
 from sim.skate.rotation import from_yaw
-from sysid.errors import HuskyError, QualityGateError
+from sysid.errors import QualityGateError, SysidError
 
 pytestmark = pytest.mark.train
 
@@ -197,7 +197,7 @@ def changed(key, index, value):
 )
 def test_a_mismatch_refuses_in_words(tmp_path, runtime, metadata, message):
     make_onnx(tmp_path / "policy.onnx", size=390, metadata=metadata())
-    with pytest.raises(HuskyError, match=message):
+    with pytest.raises(SysidError, match=message):
         open_policy(tmp_path / "policy.onnx", pink())
 
 
@@ -220,16 +220,16 @@ def test_a_refit_within_the_spread_of_training_is_noted_and_rides(tmp_path, runt
 
 
 def test_wrong_files_are_refused_in_words(tmp_path, runtime):
-    with pytest.raises(HuskyError, match="no such policy"):
+    with pytest.raises(SysidError, match="no such policy"):
         open_policy(tmp_path / "none.onnx")
     (tmp_path / "text.onnx").write_text("hello")
-    with pytest.raises(HuskyError, match="not an ONNX model"):
+    with pytest.raises(SysidError, match="not an ONNX model"):
         open_policy(tmp_path / "text.onnx")
     make_onnx(tmp_path / "small.onnx", size=48, metadata=published_metadata())
-    with pytest.raises(HuskyError, match=r"not a skating policy.*obs \[1, 48\].*expected one input of 390"):
+    with pytest.raises(SysidError, match=r"not a skating policy.*obs \[1, 48\].*expected one input of 390"):
         open_policy(tmp_path / "small.onnx")
     make_onnx(tmp_path / "twelve.onnx", size=390, metadata=published_metadata(), actions=12)
-    with pytest.raises(HuskyError, match="output of 23"):
+    with pytest.raises(SysidError, match="output of 23"):
         open_policy(tmp_path / "twelve.onnx")
 
 
@@ -237,5 +237,5 @@ def test_missing_onnxruntime_is_said_in_words(tmp_path, monkeypatch):
     import sys
 
     monkeypatch.setitem(sys.modules, "onnxruntime", None)
-    with pytest.raises(HuskyError, match=r"needs onnxruntime.*pip install"):
+    with pytest.raises(SysidError, match=r"needs onnxruntime.*pip install"):
         open_policy(tmp_path / "policy.onnx")

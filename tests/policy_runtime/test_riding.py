@@ -22,7 +22,7 @@ from policy_runtime.runtime import Runtime
 from sim.skate.robot.g1 import servos
 from sim.skate.robot.poses import load_poses
 from sysid.cli import build_app
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 
 pytestmark = pytest.mark.train
 
@@ -105,7 +105,7 @@ def test_pushing_script_pushes():
 
 
 def test_unknown_script_is_refused_in_words():
-    with pytest.raises(HuskyError, match=r"unknown script 'pusch'.*Did you mean 'push'"):
+    with pytest.raises(SysidError, match=r"unknown script 'pusch'.*Did you mean 'push'"):
         scripted("pusch")
 
 
@@ -293,7 +293,7 @@ def test_exported_folder_runs_without_mjlab(folder, monkeypatch, capsys, tmp_pat
     from sim.skate.robot import g1
 
     monkeypatch.setattr(g1, "find_spec", lambda name: None)
-    with pytest.raises(HuskyError, match="mjlab"):
+    with pytest.raises(SysidError, match="mjlab"):
         make_world(pink())
     code = build_app()(
         ["play", str(folder), "--duration", "0.2", "-o", str(tmp_path)], result_action="return_value"
@@ -309,23 +309,23 @@ def test_changed_or_missing_files_are_noticed(folder, tmp_path):
     copy = tmp_path / "copy"
     shutil.copytree(folder, copy)
     (copy / "pink.toml").write_text((copy / "pink.toml").read_text() + "# changed\n")
-    with pytest.raises(HuskyError, match=r"pink\.toml: has changed since it was exported"):
+    with pytest.raises(SysidError, match=r"pink\.toml: has changed since it was exported"):
         load_folder(copy)
     (copy / "pink.toml").unlink()
-    with pytest.raises(HuskyError, match="missing from the exported folder"):
+    with pytest.raises(SysidError, match="missing from the exported folder"):
         load_folder(copy)
     (copy / "folder.json").write_text("{}")
-    with pytest.raises(HuskyError, match="not a folder of format 1"):
+    with pytest.raises(SysidError, match="not a folder of format 1"):
         load_folder(copy)
     (copy / "folder.json").unlink()
-    with pytest.raises(HuskyError, match="not an exported folder"):
+    with pytest.raises(SysidError, match="not an exported folder"):
         load_folder(copy)
 
 
 def test_export_keeps_its_hands_off_other_folders(tmp_path):
     world_or_skip()
     (tmp_path / "thesis.txt").write_text("years of work")
-    with pytest.raises(HuskyError, match="not empty, and not an exported folder"):
+    with pytest.raises(SysidError, match="not empty, and not an exported folder"):
         export_folder(pink(), tmp_path)
     assert (tmp_path / "thesis.txt").read_text() == "years of work"
 
@@ -334,7 +334,7 @@ def test_export_to_where_nothing_can_be_written_is_one_clear_line(tmp_path):
     world_or_skip()
     (tmp_path / "file").write_text("no folder")
     for folder in (tmp_path / "file", tmp_path / "file" / "export"):
-        with pytest.raises(HuskyError, match=r"cannot write there \(.*--output"):
+        with pytest.raises(SysidError, match=r"cannot write there \(.*--output"):
             export_folder(pink(), folder)
     assert (tmp_path / "file").read_text() == "no folder"
 
@@ -396,7 +396,7 @@ def test_rehearsal_drives_the_simulated_robot_over_the_network(capsys, tmp_path)
 
 def test_the_real_robot_takes_only_boards_that_passed(capsys, tmp_path):
     world_or_skip()
-    with pytest.raises(HuskyError, match="has not passed `check`") as caught:
+    with pytest.raises(SysidError, match="has not passed `check`") as caught:
         call(capsys, "run", "zero", "-b", "pink", "--robot", "unitree", "-o", tmp_path)
     assert caught.value.exit_code == 3
 
@@ -424,7 +424,7 @@ def test_export_command_says_what_it_wrote(capsys, tmp_path):
     code, said = call(capsys, "export", "-b", "pink", "-o", tmp_path / "x", "--json", "-")
     assert code == 0
     assert json.loads(said.out)["policy"] is None
-    with pytest.raises(HuskyError, match="holds no policy"):
+    with pytest.raises(SysidError, match="holds no policy"):
         call(capsys, "play", tmp_path / "x")
 
 
@@ -463,14 +463,14 @@ def test_wrong_use_is_refused_in_words(capsys, arguments, message):
     if "nothing.onnx" in arguments:
         pytest.importorskip("onnxruntime", reason="policies need onnxruntime (extra 'run')")
     world_or_skip()
-    with pytest.raises(HuskyError, match=message):
+    with pytest.raises(SysidError, match=message):
         call(capsys, *arguments)
 
 
 def test_mjlab_without_torch_is_refused_in_words(capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "torch", None)
     monkeypatch.delitem(sys.modules, "sim.skate.mdp.measuring", raising=False)
-    with pytest.raises(HuskyError, match="needs mjlab and torch"):
+    with pytest.raises(SysidError, match="needs mjlab and torch"):
         call(capsys, "evaluate", "zero", "-b", "pink", "--simulator", "mjlab", "--force")
 
 
@@ -479,10 +479,10 @@ def test_what_mjlab_and_warp_print_is_kept_from_stdout(capsys, monkeypatch):
 
     def ride(*arguments):
         sys.stdout.write("Module joints load on device 'cpu'\n")
-        raise HuskyError("far enough")
+        raise SysidError("far enough")
 
     monkeypatch.setattr(evaluate_parallel, "_ride", ride)
-    with pytest.raises(HuskyError, match="far enough"):
+    with pytest.raises(SysidError, match="far enough"):
         call(capsys, "evaluate", "zero", "-b", "pink", "--simulator", "mjlab", "--json", "-", "--force")
     said = capsys.readouterr()
     assert said.out == ""
@@ -493,7 +493,7 @@ def test_viewer_without_a_display_is_refused_in_words(capsys, monkeypatch, tmp_p
     world_or_skip()
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    with pytest.raises(HuskyError, match="needs a display"):
+    with pytest.raises(SysidError, match="needs a display"):
         call(capsys, "play", "zero", "-b", "pink", "--viewer", "-o", tmp_path)
 
 
@@ -501,7 +501,7 @@ def test_a_policy_for_another_board_is_refused(capsys, tmp_path):
     world_or_skip()
     pytest.importorskip("onnxruntime", reason="policies need onnxruntime (extra 'run')")
     make_onnx(tmp_path / "p.onnx", size=390, metadata=our_metadata(pink()))
-    with pytest.raises(HuskyError, match="trained on board 'pink', not on 'black'"):
+    with pytest.raises(SysidError, match="trained on board 'pink', not on 'black'"):
         call(capsys, "play", tmp_path / "p.onnx", "-b", "black")
 
 
@@ -541,7 +541,7 @@ def test_parallel_evaluation_answers_many_observations_as_one_by_one(tmp_path):
     apart = [session.run(["actions"], {"obs": row[None]})[0][0] for row in observations]
     np.testing.assert_allclose(together, apart, atol=1e-6)
     make_onnx(tmp_path / "release.onnx", size=395, metadata=published_metadata())
-    with pytest.raises(HuskyError, match=r"takes 395 numbers, the task gives 390"):
+    with pytest.raises(SysidError, match=r"takes 395 numbers, the task gives 390"):
         BatchPolicy(str(tmp_path / "release.onnx"), pink())
 
 

@@ -13,7 +13,7 @@ from policy_runtime.loop.world import World
 from policy_runtime.robots import JointCommand
 from sim.skate.robot.g1 import servos
 from sim.skate.rotation import rotate_back
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 
 pytestmark = pytest.mark.train
 
@@ -141,7 +141,7 @@ def test_without_stress_the_world_is_the_plain_one():
     ],
 )
 def test_what_cannot_be_is_said(numbers, message):
-    with pytest.raises(HuskyError, match=message):
+    with pytest.raises(SysidError, match=message):
         Stress(**numbers)
 
 

@@ -21,7 +21,7 @@ from sim.skate.options import SkateOptions
 from sim.skate.world.posterior import Spread, draw_boards, tilt_draws
 from sysid.board import BoardEffect, load_board
 from sysid.cli import build_app
-from sysid.errors import HuskyError, QualityGateError
+from sysid.errors import QualityGateError, SysidError
 from sysid.quantity import Quantity
 from sysid.workspace import shipped_data
 
@@ -76,12 +76,12 @@ def test_a_bad_option_is_named(started, old, new, message):
     text = started.config.read_text()
     assert old in text
     started.config.write_text(text.replace(old, new))
-    with pytest.raises(HuskyError, match=message):
+    with pytest.raises(SysidError, match=message):
         started.read_config()
 
 
 def test_a_folder_without_a_run_is_said_in_words(tmp_path):
-    with pytest.raises(HuskyError, match="no training run there"):
+    with pytest.raises(SysidError, match="no training run there"):
         RunFolder(tmp_path).read_config()
 
 
@@ -114,7 +114,7 @@ def test_a_run_can_begin_with_another_ones_checkpoint(tmp_path):
     assert folder.checkpoints() == [folder.checkpoint(7)]
     assert folder.checkpoint(7).read_bytes() == b"weights"
     assert len(json.loads(folder.origin.read_text())["start_from"]["sha256"]) == 64
-    with pytest.raises(HuskyError, match=r"no checkpoint; expected a file model_N\.pt"):
+    with pytest.raises(SysidError, match=r"no checkpoint; expected a file model_N\.pt"):
         RunFolder(tmp_path / "other").begin(RunConfig(), PINK, tmp_path / "policy.onnx")
 
 
@@ -152,7 +152,7 @@ def begun(tmp_path, monkeypatch):
 
 def test_a_run_without_checkpoints_does_not_begin_anew_under_resume(begun):
     folder, starts = begun
-    with pytest.raises(HuskyError, match="holds no checkpoint to go on from"):
+    with pytest.raises(SysidError, match="holds no checkpoint to go on from"):
         resumed(folder)
     assert starts == []
 
@@ -170,7 +170,7 @@ def test_a_run_goes_on_where_it_began_and_beyond_its_end_with_a_new_total(begun,
     assert resumed(folder, "--iterations", "5", "--gpus", "1") == 0
     assert starts == [0, 1]
     assert folder.read_config().learn.iterations == 5
-    with pytest.raises(HuskyError, match="has done 3 already"):
+    with pytest.raises(SysidError, match="has done 3 already"):
         resumed(folder, "--iterations", "2")
     assert folder.read_config().learn.iterations == 5
 
@@ -211,7 +211,7 @@ def test_an_impossible_option_starts_nothing(begun, tmp_path, option, value):
 
 def test_a_start_of_which_nothing_came_leaves_no_folder(begun, tmp_path):
     assert begun
-    with pytest.raises(HuskyError, match="ended before its first iteration"):
+    with pytest.raises(SysidError, match="ended before its first iteration"):
         build_app()(
             ["train", "--board", "pink", "--force", "--workspace", str(tmp_path), "--gpus", "0"],
             exit_on_error=False,
@@ -221,7 +221,7 @@ def test_a_start_of_which_nothing_came_leaves_no_folder(begun, tmp_path):
 
 
 def test_runs_are_numbered(tmp_path):
-    with pytest.raises(HuskyError, match="no training run"):
+    with pytest.raises(SysidError, match="no training run"):
         newest_run(tmp_path)
     assert newest_run(tmp_path, free=True).name == "train-1"
     (tmp_path / "train-3").mkdir()
@@ -485,7 +485,7 @@ def test_a_broken_checkpoint_is_said_in_one_line(trained, tmp_path, kind, option
     else:
         path.unlink()
     target = ["--resume", str(folder.path)] if option == "--resume" else ["--from", str(path)]
-    with pytest.raises(HuskyError) as refusal:
+    with pytest.raises(SysidError) as refusal:
         build_app()(
             ["train", "--board", "pink", "--gpus", "0", "--force", "--workspace", str(tmp_path), *target],
             exit_on_error=False,
@@ -507,7 +507,7 @@ def test_a_learner_of_another_size_is_refused(trained, tmp_path):
     folder = copied(trained, tmp_path, "run")
     folder.config.write_text(folder.config.read_text().replace("[32, 16]", "[24, 16]"))
     with pytest.raises(
-        HuskyError, match=r"model_2\.pt: does not fit this run's learner \(size mismatch for mlp"
+        SysidError, match=r"model_2\.pt: does not fit this run's learner \(size mismatch for mlp"
     ):
         train(folder, device="cpu", iterations=3)
 
@@ -537,7 +537,7 @@ def test_what_stops_a_worker_reaches_the_user(started, gpus, capfd, monkeypatch)
     monkeypatch.setenv("OMP_NUM_THREADS", "1")
     started.config.write_text(started.config.read_text().replace('terrain = "flat"', 'terrain = "stairs"'))
     with pytest.raises(
-        HuskyError, match=r"training stopped with code 1;.*not come to a checkpoint"
+        SysidError, match=r"training stopped with code 1;.*not come to a checkpoint"
     ) as failure:
         command._run(started, gpus, math.inf, Printer(Common()))
     assert failure.value.exit_code == 1
@@ -562,9 +562,9 @@ def test_what_is_not_a_number_is_named_with_its_world():
     algorithm = SimpleNamespace(storage=storage)
     check_finite(algorithm, {"value": 1.0}, 7)
     with pytest.raises(
-        HuskyError, match=r"iteration 7: actor, number 2 \(angular_velocity\), of world 6 .* step 3"
+        SysidError, match=r"iteration 7: actor, number 2 \(angular_velocity\), of world 6 .* step 3"
     ):
         check_finite(algorithm, {"value": math.nan}, 7)
     storage.observations["actor"].zero_()
-    with pytest.raises(HuskyError, match="value is not finite although"):
+    with pytest.raises(SysidError, match="value is not finite although"):
         check_finite(algorithm, {"value": math.nan}, 7)

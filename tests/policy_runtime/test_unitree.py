@@ -10,7 +10,7 @@ from policy_runtime.loop.world import joint_limits
 from policy_runtime.robots import JointCommand
 from policy_runtime.runtime import Runtime
 from sim.skate.robot.g1 import default_pose, servos
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 
 pytest.importorskip("cyclonedds", reason="the robot's interface needs cyclonedds (extra 'robot')")
 
@@ -181,10 +181,10 @@ def test_pulled_cable_hung_sensors_and_garbage_stop_the_robot(robot_pair, fault,
 
 
 def test_no_robot_is_said_in_words():
-    with pytest.raises(HuskyError, match=f"no G1 answers on lo, DDS domain {DOMAIN + 1}"):
+    with pytest.raises(SysidError, match=f"no G1 answers on lo, DDS domain {DOMAIN + 1}"):
         UnitreeG1(LOOPBACK, DOMAIN + 1, timeout=0.2)
 
 
 def test_no_interface_is_said_in_words():
-    with pytest.raises(HuskyError, match=r"no network interface 'nope0'. This computer has: .*lo"):
+    with pytest.raises(SysidError, match=r"no network interface 'nope0'. This computer has: .*lo"):
         UnitreeG1("nope0", DOMAIN)

@@ -9,7 +9,7 @@ from decay_truth import DEGREE, Recipe, linear_decay, make_roll
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
 from sysid.releases import Phase, find_releases, log_phases, settling_time
 from sysid.releases.extrema import crossing_time, half_cycles_of, noise_level, smooth_signal
@@ -136,16 +136,16 @@ def test_user_says_where_to_look():
     ],
 )
 def test_times_outside_the_log_are_refused(options, text):
-    with pytest.raises(HuskyError, match=text):
+    with pytest.raises(SysidError, match=text):
         find_releases(make_roll(Recipe()), **options)
 
 
 def test_nothing_to_find_is_said():
     time = np.arange(3000) / 500
     flat = Roll(log="flat.csv", time=time, roll=np.zeros(3000), std=np.zeros(3000), origin="angle")
-    with pytest.raises(HuskyError, match=r"flat.csv: nothing moves"):
+    with pytest.raises(SysidError, match=r"flat.csv: nothing moves"):
         find_releases(flat)
-    with pytest.raises(HuskyError, match="no stretch swings freely"):
+    with pytest.raises(SysidError, match="no stretch swings freely"):
         find_releases(replace(flat, roll=0.1 * time))
 
 

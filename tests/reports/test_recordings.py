@@ -16,7 +16,7 @@ from reports.screenshots import headless_viewer, recording_picture
 from sysid.board import BoardEffect
 from sysid.cli import build_app
 from sysid.effects import catalogue
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.free_decay import fit_decay
 from sysid.quantity import Quantity
 from sysid.recording import Recording
@@ -171,7 +171,7 @@ def test_a_viewer_shows_both_curves_on_the_right_scale(compared, evidence):
     try:
         with headless_viewer() as viewer:
             png = recording_picture(viewer, compared, 0.05)
-    except HuskyError as error:
+    except SysidError as error:
         pytest.skip(str(error))
     picture = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR).astype(int)
     height, width = picture.shape[:2]
@@ -214,13 +214,13 @@ def test_commands_write_recordings(log, tmp_path):
 
 
 def test_view_without_logs_says_what_to_do(tmp_path):
-    with pytest.raises(HuskyError, match=r"never fitted.*husky-sysid fit"):
+    with pytest.raises(SysidError, match=r"never fitted.*husky-sysid fit"):
         run("view", "--board", "pink", "--workspace", tmp_path)
 
 
 def test_without_rerun_the_message_says_what_to_install(log, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rerun", None)
-    with pytest.raises(HuskyError, match="pip install rerun-sdk"):
+    with pytest.raises(SysidError, match="pip install rerun-sdk"):
         run("view", log, "--board", "pink", "--workspace", tmp_path, "-o", tmp_path / "v.rrd")
     assert not (tmp_path / "v.rrd").exists()
 
@@ -228,7 +228,7 @@ def test_without_rerun_the_message_says_what_to_install(log, tmp_path, monkeypat
 def test_an_unwritable_path_is_said_and_nothing_is_left(evidence, tmp_path):
     blocked = tmp_path / "file"
     blocked.write_text("in the way")
-    with pytest.raises(HuskyError, match="cannot write there"):
+    with pytest.raises(SysidError, match="cannot write there"):
         comparison_recording(blocked / "out.rrd", evidence, "text")
     assert list(tmp_path.iterdir()) == [blocked]
 

@@ -14,7 +14,7 @@ from decay_truth import Recipe, make_roll
 from reports.figures.svg import MOST_POINTS, figure_to_svg, page_style, thin
 from reports.page.page import Page, choices, figure, table
 from sysid.cli import build_app
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 
 REPORTS = Path(__file__).parents[2] / "reports"
 
@@ -127,7 +127,7 @@ def test_a_shipped_board_is_reported_from_logs_that_are_given(tmp_path):
 
 def test_an_unwritable_place_is_said(space, tmp_path):
     (tmp_path / "file").write_text("in the way")
-    with pytest.raises(HuskyError, match="cannot write there"):
+    with pytest.raises(SysidError, match="cannot write there"):
         run("report", "-b", "pink", "--workspace", space, "-o", tmp_path / "file" / "report.html")
 
 

@@ -11,7 +11,7 @@ from sim.board import scene as board_scene
 from sim.board.bodies import FREE_JOINT, TRUCK_JOINTS, reflected_inertia
 from sim.board.scene import board_spec, coupling_polynomial, roll_inertia, set_trucks
 from sysid.board import Board, load_board
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.quantity import Quantity
 from sysid.workspace import shipped_data
 
@@ -44,16 +44,16 @@ def test_what_steers_adds_little_and_is_not_counted_twice(board: Board):
 def test_the_inertia_assertion_can_fail(board: Board):
     spec = board_spec(board)
     spec.body("front_truck").ipos = [0.02, 0.0, 0.0]
-    with pytest.raises(HuskyError, match="compiled roll inertia"):
+    with pytest.raises(SysidError, match="compiled roll inertia"):
         board_scene.assert_matches_record(spec, board, "equality")
     spec = board_spec(board)
     spec.body("deck").mass *= 2
-    with pytest.raises(HuskyError, match="weighs"):
+    with pytest.raises(SysidError, match="weighs"):
         board_scene.assert_matches_record(spec, board, "equality")
 
 
 def test_a_deck_thicker_than_its_inertia_allows_is_refused(board: Board):
-    with pytest.raises(HuskyError, match="impossible for a deck"):
+    with pytest.raises(SysidError, match="impossible for a deck"):
         board_spec(replace(board, inertia=Quantity(5e-5, 0.0, "kg*m^2")))
 
 

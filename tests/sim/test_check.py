@@ -18,7 +18,7 @@ from sim.compensation.step import compensate_step
 from sysid.board import Board, BoardEffect, load_board
 from sysid.cli.check import check
 from sysid.cli.console import Common
-from sysid.errors import HuskyError, QualityGateError
+from sysid.errors import QualityGateError, SysidError
 from sysid.joint import JointLaw, simulate
 from sysid.logs import LogOptions, read_roll
 from sysid.quantity import Quantity
@@ -84,7 +84,7 @@ def test_decays_beyond_the_scenes_range_are_compared_from_where_they_come_within
     assert result.releases[0].cut > 0.01
     assert result.nrmse < 0.01
     outside = replace(measured(board), roll=np.full(250, 0.5), rest=0.0)
-    with pytest.raises(HuskyError, match="within the scene's tilt range"):
+    with pytest.raises(SysidError, match="within the scene's tilt range"):
         check_scene(board, scene, [outside])
 
 
@@ -192,13 +192,13 @@ def test_fit_in_scene_finds_what_the_scene_must_hold(tmp_path: Path, capsys: pyt
 
 
 def test_bad_scene_files_are_refused_in_words(tmp_path: Path):
-    with pytest.raises(HuskyError, match=r"no joint .board_tilt.\..*board_tilt_joint"):
+    with pytest.raises(SysidError, match=r"no joint .board_tilt.\..*board_tilt_joint"):
         scene_from_file(LYING, joint="board_tilt")
-    with pytest.raises(HuskyError, match="turns about"):
+    with pytest.raises(SysidError, match="turns about"):
         scene_from_file(LYING, joint="front_truck_joint")
     broken = tmp_path / "broken.xml"
     broken.write_text("<mujoco><worldbody>")
-    with pytest.raises(HuskyError, match="cannot read it"):
+    with pytest.raises(SysidError, match="cannot read it"):
         scene_from_file(broken)
 
 
@@ -222,5 +222,5 @@ def test_a_scene_that_rests_elsewhere_fails_and_says_so(board: Board, angle: flo
 
 def test_a_rest_angle_beyond_the_range_is_refused(board: Board):
     scene = training_scene(compensate_in_scene(board).board)
-    with pytest.raises(HuskyError, match="lean on its stop"):
+    with pytest.raises(SysidError, match="lean on its stop"):
         check_scene(rests_at(board, 3.0), scene, [measured(board)])

@@ -17,7 +17,7 @@ from sysid.board import Board, BoardEffect, load_board, save_board
 from sysid.cli.console import Common
 from sysid.cli.mjcf import mjcf
 from sysid.effects import catalogue
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.joint import JointLaw, simulate
 from sysid.quantity import Quantity
 from sysid.roll import Release
@@ -157,7 +157,7 @@ def test_defaults_of_export():
     assert default_export("bench", 0.002) == "step-compensated"
     assert default_export("scene", 0.005) == "in-scene"
     board = load_board(shipped_data() / "boards" / "pink.toml")
-    with pytest.raises(HuskyError, match="Add --scene"):
+    with pytest.raises(SysidError, match="Add --scene"):
         board_mjcf(board, "bench", export="in-scene")
 
 
@@ -170,9 +170,9 @@ def test_the_command_writes_file_and_json(tmp_path: Path):
     assert out["written"]["inertia_kgm2"] == pytest.approx(0.831 * 0.00715, rel=1e-3)
     assert out["decay_nrmse"] < 1e-3 < out["decay_nrmse_uncompensated"]
     assert mujoco.MjModel.from_xml_path(str(path)).nv == 1
-    with pytest.raises(HuskyError, match="exclude each other"):
+    with pytest.raises(SysidError, match="exclude each other"):
         mjcf(board="black", output=path, bench=True, scene=True, common=common)
-    with pytest.raises(HuskyError, match="expected seconds"):
+    with pytest.raises(SysidError, match="expected seconds"):
         mjcf(board="black", output=path, timestep=5.0, common=common)
 
 

@@ -11,7 +11,7 @@ from sim.board.bench import rig_spec, swing
 from sim.compensation.step import closed_form, compensate_step, decay_error, release_amplitudes, uncompensated
 from sysid.board import Board, BoardEffect, load_board
 from sysid.effects import catalogue, effect
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.quantity import Quantity
 from sysid.roll import Array
 from sysid.workspace import shipped_data
@@ -136,8 +136,8 @@ def test_errors_of_the_physical_export_are_told(board: Board):
 
 
 def test_what_cannot_be_compensated_is_refused(board: Board):
-    with pytest.raises(HuskyError, match="too long"):
+    with pytest.raises(SysidError, match="too long"):
         closed_form(board, timestep=0.2)
     light = board.with_tilt(damping=Quantity(0.01, 0.0, "N*m*s/rad"))
-    with pytest.raises(HuskyError, match=r"'discrete'.*damps more"):
+    with pytest.raises(SysidError, match=r"'discrete'.*damps more"):
         closed_form(light, timestep=0.005, integrator="discrete")

@@ -88,7 +88,7 @@ def film(path: Path, board: Board, motion: Motion, mark: Mark, camera: Camera, *
         stamps are these less the first.
 
     Raises:
-        HuskyError: The clip cannot be written.
+        SysidError: The clip cannot be written.
     """
     rng = np.random.default_rng(seed)
     stamps = frame_times(camera, motion.time[-1], rng)

@@ -10,7 +10,7 @@ from policy_runtime.learning.onnx_export import policy_metadata
 from policy_runtime.loop.world import make_world
 from policy_runtime.robots import RobotState
 from sim.skate.robot.g1 import JOINTS, default_pose, servos
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.workspace import Workspace
 
 HIDDEN = (512, 256, 128)
@@ -23,7 +23,7 @@ def pink():
 def world_or_skip(**options):
     try:
         return make_world(pink(), **options)
-    except HuskyError as error:
+    except SysidError as error:
         pytest.skip(str(error))
 
 

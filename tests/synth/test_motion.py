@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.synth.hand import hand_motion
 from sysid.synth.law import TrueLaw
 from sysid.synth.motion import Condition, simulate
@@ -272,7 +272,7 @@ def test_rest_angle_balances_every_static_torque() -> None:
 
 
 def test_board_that_tips_over_is_refused() -> None:
-    with pytest.raises(HuskyError, match="tips over"):
+    with pytest.raises(SysidError, match="tips over"):
         TrueLaw(inertia=0.01, stiffness=1.0, damping=0.1, preload=5.0).equilibrium()
 
 

@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sysid.board import Board
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.synth import SynthOptions, synthesise
 from sysid.synth.effects import PARAMETERS, complete_effects, parse_effect, true_law
 from sysid.synth.sensors import DIALECTS, GRAVITY, Sensor, lowpass
@@ -39,7 +39,7 @@ def pink() -> Board:
 def test_options_in_degrees_are_refused_in_degrees(tmp_path: Path) -> None:
     from sysid.cli.synth import synth
 
-    with pytest.raises(HuskyError, match=r"--noise-deg -1: expected degrees, 0 or more"):
+    with pytest.raises(SysidError, match=r"--noise-deg -1: expected degrees, 0 or more"):
         synth(board="pink", output=tmp_path / "a.csv", noise_deg=-1.0)
     assert list(tmp_path.iterdir()) == []
 
@@ -132,7 +132,7 @@ def test_every_effect_shows_in_the_log(pink: Board, name: str) -> None:
 @pytest.mark.parametrize("name", VALUES)
 def test_every_effect_goes_with_every_dialect(pink: Board, name: str) -> None:
     if name == "sensor-bias":
-        with pytest.raises(HuskyError, match="rate gyro has none"):
+        with pytest.raises(SysidError, match="rate gyro has none"):
             synthesise(pink, {name: VALUES[name]}, with_options(rate=200.0, dialect="gyro"))
         return
     for dialect, width in (("gyro", 1), ("imu", 6)):
@@ -194,7 +194,7 @@ def test_discretisation_is_what_mujoco_does(pink: Board) -> None:
     ],
 )
 def test_impossible_wishes_are_refused(pink: Board, effects, changes, match: str) -> None:
-    with pytest.raises(HuskyError, match=match):
+    with pytest.raises(SysidError, match=match):
         synthesise(pink, effects, with_options(**changes))
 
 
@@ -215,7 +215,7 @@ def test_any_effects_make_a_finite_log_or_one_clear_refusal(data: st.DataObject)
     board = Workspace(Path()).load_board("pink")
     try:
         log = synthesise(board, effects, with_options(rate=100.0, duration=0.3))
-    except HuskyError:
+    except SysidError:
         return
     assert np.all(np.isfinite(log.channels))
     assert np.all(np.diff(log.time) > 0)
@@ -225,7 +225,7 @@ def test_motion_that_leaves_the_numbers_is_refused(pink: Board) -> None:
     effects = {
         "stribeck": (0.0394, 1.267, 0.00198), "inertia": (0.00236,), "quadratic-damping": (-4.333,), "offset": (0.963,),
     }  # fmt: skip
-    with pytest.raises(HuskyError, match="cannot be followed"):
+    with pytest.raises(SysidError, match="cannot be followed"):
         synthesise(pink, effects, with_options(rate=100.0, duration=0.3))
 
 
@@ -239,7 +239,7 @@ def test_motion_that_leaves_the_numbers_is_refused(pink: Board) -> None:
     ],
 )
 def test_effect_text_is_checked(text: str, match: str) -> None:
-    with pytest.raises(HuskyError, match=match):
+    with pytest.raises(SysidError, match=match):
         parse_effect(text)
 
 
@@ -362,7 +362,7 @@ def test_dialects_say_what_was_measured(pink: Board, tmp_path: Path, dialect, su
     path = tmp_path / f"log{suffix}"
     archives = ("phyphox", "sensor-logger") if suffix == ".zip" else tuple(d for d in DIALECTS if d[0] != "s")
     if dialect not in archives:
-        with pytest.raises(HuskyError, match=r"name it|name the log"):
+        with pytest.raises(SysidError, match=r"name it|name the log"):
             log.save(path)
         assert list(tmp_path.iterdir()) == []
         return

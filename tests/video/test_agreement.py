@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.video.film.frames import Frame
 from sysid.video.film.shake import still, still_places
 from sysid.video.film.track import Track
@@ -112,7 +112,7 @@ def test_a_dot_that_is_covered_in_part_is_not_seen():
 
 def test_a_film_that_contradicts_itself_is_refused():
     angle = np.where(np.arange(90) < 40, 0.0, np.nan)
-    with pytest.raises(HuskyError, match="seen in 85 of 90 frames, but turns as one body in only 40"):
+    with pytest.raises(SysidError, match="seen in 85 of 90 frames, but turns as one body in only 40"):
         _refuse_contradiction(
             Path("clip.mp4"),
             SimpleNamespace(what="the deck's edge"),

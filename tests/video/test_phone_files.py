@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from drawn_films import decay, draw_film, marked, plate
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.logs import read_roll
 from sysid.video.film.container import read_container
 from sysid.video.film.frames import open_clip
@@ -63,7 +63,7 @@ def test_a_film_that_is_cut_off_is_still_refused(film, tmp_path):
     ffmpeg("-i", film, "-c", "copy", "-movflags", "+faststart", whole)
     short = tmp_path / "cut.mp4"
     short.write_bytes(whole.read_bytes()[: whole.stat().st_size * 2 // 3])
-    with pytest.raises(HuskyError, match="it is cut off"):
+    with pytest.raises(SysidError, match="it is cut off"):
         roll_from_video(short)
 
 

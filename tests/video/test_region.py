@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.video.film.frames import open_clip
 from sysid.video_roll import VideoOptions, roll_from_video
 
@@ -66,7 +66,7 @@ def test_auto_follows_what_is_in_the_region(film):
     ],
 )
 def test_nothing_in_the_region_is_refused_in_one_line(film, method, roi, words):
-    with pytest.raises(HuskyError, match=words) as error:
+    with pytest.raises(SysidError, match=words) as error:
         roll_from_video(film, VideoOptions(method=method, roi=roi))
     assert "\n" not in str(error.value)
 
@@ -81,15 +81,15 @@ def test_a_marker_that_leaves_the_region_is_not_followed_out_of_it(film, tmp_pat
         writer.write(np.roll(picture, 4 * step, axis=1))
     writer.release()
     assert "marker 7" in followed(path, roi=(0, 0, 480, 240))[0]
-    with pytest.raises(HuskyError, match=r"marker 7 is seen in only \d+ of 60 frames"):
+    with pytest.raises(SysidError, match=r"marker 7 is seen in only \d+ of 60 frames"):
         roll_from_video(path, VideoOptions(method="marker", roi=LEFT))
 
 
 def test_a_pivot_is_for_one_dot(film):
-    with pytest.raises(HuskyError, match=r"--pivot 360 120: .* two dots move here"):
+    with pytest.raises(SysidError, match=r"--pivot 360 120: .* two dots move here"):
         roll_from_video(film, VideoOptions(pivot=(360.0, 120.0), roi=RIGHT))
     for method in ("marker", "features", "edge"):
-        with pytest.raises(HuskyError, match=f"--method {method} takes none, only dots does"):
+        with pytest.raises(SysidError, match=f"--method {method} takes none, only dots does"):
             roll_from_video(film, VideoOptions(method=method, pivot=(360.0, 120.0)))
     # One dot of the pair, about the middle between both; the marker beside it is not what a pivot is for.
     note, likeness = followed(film, pivot=(360.0, 120.0), roi=(370, 0, 110, 240))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import sysid.video
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.video import trackers
 from sysid.video_roll import VideoOptions, roll_from_video
 
@@ -75,7 +75,7 @@ def test_a_tracker_is_one_file(lamps):
 
 def test_an_unknown_tracker_is_told_the_known_ones():
     film = Path("clip.mp4")
-    with pytest.raises(HuskyError, match=r"--method lamps: known are auto, marker, dots, features, edge"):
+    with pytest.raises(SysidError, match=r"--method lamps: known are auto, marker, dots, features, edge"):
         from sysid.video.film.frames import Clip
         from sysid.video.select import follow_board
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from drawn_films import PIVOT, SIZE, decay, draw_film, marked, plate
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.video.film.shake import Shake
 from sysid.video_roll import VideoOptions, roll_from_video
 
@@ -62,5 +62,5 @@ def test_a_motion_that_goes_with_the_roll_is_no_shake():
 
 def test_a_camera_that_pans_says_so(tmp_path):
     film = draw_film(tmp_path / "pan.mp4", marked(plate(), 64), ROLL, move=lambda n: (6.0 * n, 0.0))
-    with pytest.raises(HuskyError, match="the camera pans"):
+    with pytest.raises(SysidError, match="the camera pans"):
         roll_from_video(film, VideoOptions(method="features"))

@@ -16,7 +16,7 @@ import pytest
 from film_container import turned
 from films import SMALL, TestFilm, make_film
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.logs.clock_offset import clock_offset
 from sysid.roll import Roll
 from sysid.video.film.background import Background
@@ -130,7 +130,7 @@ def test_slow_motion_needs_the_true_rate(marker_film):
 @pytest.mark.slow
 def test_too_slow_a_camera_is_refused(film_folder):
     film = make_film(film_folder, "slow", "marker", replace(SMALL, fps=24.0), duration=1.2)
-    with pytest.raises(HuskyError, match=r"\d\.\d frames a period .* 8 are needed"):
+    with pytest.raises(SysidError, match=r"\d\.\d frames a period .* 8 are needed"):
         roll_from_video(film.path)
 
 
@@ -195,7 +195,7 @@ def test_clock_offset_refuses_different_motions(marker_film):
         origin="imu",
         zero="drifting",
     )
-    with pytest.raises(HuskyError, match=r"do not show the same motion|nothing to align by"):
+    with pytest.raises(SysidError, match=r"do not show the same motion|nothing to align by"):
         clock_offset(film, other)
 
 
@@ -302,7 +302,7 @@ def test_a_film_that_is_cut_off(marker_film, tmp_path):
     data = marker_film.path.read_bytes()
     film = tmp_path / "short.mp4"
     film.write_bytes(data[: len(data) // 2])  # the index at the end is gone
-    with pytest.raises(HuskyError, match="cut off before its index"):
+    with pytest.raises(SysidError, match="cut off before its index"):
         roll_from_video(film)
 
 
@@ -310,12 +310,12 @@ def test_pictures_that_stop_early(tmp_path):
     whole = _blank(tmp_path / "whole.avi", frames=60)
     half = tmp_path / "half.avi"
     half.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
-    with pytest.raises(HuskyError, match=r"cut off|moves"):
+    with pytest.raises(SysidError, match=r"cut off|moves"):
         roll_from_video(half)
 
 
 def test_a_film_without_a_board(tmp_path):
-    with pytest.raises(HuskyError, match="nothing moves"):
+    with pytest.raises(SysidError, match="nothing moves"):
         roll_from_video(_blank(tmp_path / "wall.avi"))
 
 
@@ -328,13 +328,13 @@ def test_each_method_says_what_it_misses(method, tmp_path):
         cv2.circle(picture, (60 + 4 * i, 120), 9, (200, 200, 200), -1, cv2.LINE_AA)
         writer.write(picture)
     writer.release()
-    with pytest.raises(HuskyError, match="--method"):
+    with pytest.raises(SysidError, match="--method"):
         roll_from_video(path, VideoOptions(method=method))
 
 
 def test_8k_is_refused_without_decoding(tmp_path):
     path = _blank(tmp_path / "huge.avi", frames=2, size=(7680, 4320))
-    with pytest.raises(HuskyError, match="7680x4320 are larger than"):
+    with pytest.raises(SysidError, match="7680x4320 are larger than"):
         roll_from_video(path)
 
 
@@ -344,22 +344,22 @@ def test_a_cut_is_refused(marker_film, tmp_path):
     for frame in open_clip(marker_film.path).frames():
         writer.write(frame.picture if frame.index < 25 else np.ascontiguousarray(frame.picture[::-1]) // 2)
     writer.release()
-    with pytest.raises(HuskyError, match=r"changes at 0\.4\d s .* a cut"):
+    with pytest.raises(SysidError, match=r"changes at 0\.4\d s .* a cut"):
         roll_from_video(path)
 
 
 def test_a_wrong_region_is_refused(marker_film):
-    with pytest.raises(HuskyError, match="--roi 600 0 100 100"):
+    with pytest.raises(SysidError, match="--roi 600 0 100 100"):
         roll_from_video(marker_film.path, VideoOptions(method="edge", roi=(600, 0, 100, 100)))
 
 
 def test_a_calibration_of_another_camera_is_refused(marker_film, tmp_path):
     file = tmp_path / "camera.json"
     file.write_text(write_calibration(Lens(np.diag([500.0, 500, 1]), np.zeros(5), True, ""), (480, 480)))
-    with pytest.raises(HuskyError, match="480x480"):
+    with pytest.raises(SysidError, match="480x480"):
         roll_from_video(marker_film.path, VideoOptions(calibration=file))
     file.write_text("{}")
-    with pytest.raises(HuskyError, match="not a calibration"):
+    with pytest.raises(SysidError, match="not a calibration"):
         roll_from_video(marker_film.path, VideoOptions(calibration=file))
 
 

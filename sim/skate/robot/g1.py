@@ -15,7 +15,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.roll import Array
 
 LEG_JOINTS = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
@@ -121,18 +121,18 @@ def g1_xml() -> Path:
     """Return the path of the 29-joint model inside the installed mjlab package.
 
     Raises:
-        HuskyError: mjlab is not installed, or its layout has changed.
+        SysidError: mjlab is not installed, or its layout has changed.
     """
     package = find_spec("mjlab")
     if package is None or not package.submodule_search_locations:
-        raise HuskyError(
+        raise SysidError(
             "the G1 model is not here: it comes with mjlab, which is not installed. "
             "Run `pip install mjlab` (or `pip install --no-deps mjlab` to run policies only), "
             "or use a folder made by `husky-sysid export`, which carries its own model."
         )
     path = Path(package.submodule_search_locations[0]) / "asset_zoo/robots/unitree_g1/xmls/g1.xml"
     if not path.is_file():
-        raise HuskyError(f"{path}: the installed mjlab has no G1 model there. Install mjlab 1.6.")
+        raise SysidError(f"{path}: the installed mjlab has no G1 model there. Install mjlab 1.6.")
     return path
 
 
@@ -143,7 +143,7 @@ def g1_spec(*, visuals: bool = True) -> mujoco.MjSpec:
         visuals: Keep the meshes; without them the model compiles in a tenth of the time.
 
     Raises:
-        HuskyError: mjlab is not installed.
+        SysidError: mjlab is not installed.
     """
     spec = mujoco.MjSpec.from_file(str(g1_xml()))
     for joint in list(spec.joints):

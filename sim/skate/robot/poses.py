@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from sim.skate.robot.g1 import JOINTS
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.files import shipped_data
 from sysid.roll import Array
 
@@ -43,31 +43,31 @@ def load_poses(path: Path | None = None) -> dict[str, Pose]:
     """Read the canonical poses, 'push' and 'steer', from `path` or from the shipped file.
 
     Raises:
-        HuskyError: The file is missing, is not TOML, or a pose in it is missing, of the wrong shape,
+        SysidError: The file is missing, is not TOML, or a pose in it is missing, of the wrong shape,
             or not finite.
     """
     path = path or shipped_data() / "motions" / "poses.toml"
     try:
         raw = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise HuskyError(f"{path}: cannot be read ({error.strerror}). Expected a file of poses.") from error
+        raise SysidError(f"{path}: cannot be read ({error.strerror}). Expected a file of poses.") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise HuskyError(f"{path}: not a TOML file ({error}).") from error
+        raise SysidError(f"{path}: not a TOML file ({error}).") from error
     return {name: _pose(path, name, raw.get(name)) for name in POSES}
 
 
 def _pose(path: Path, name: str, raw: Any) -> Pose:
     if not isinstance(raw, dict):
-        raise HuskyError(f"{path}: pose '[{name}]' is missing; expected the poses {', '.join(POSES)}.")
+        raise SysidError(f"{path}: pose '[{name}]' is missing; expected the poses {', '.join(POSES)}.")
     joints: Any = raw.get("joints")
     short = [joint.removesuffix("_joint") for joint in JOINTS]
     if not isinstance(joints, dict) or set(joints) != set(short):
-        raise HuskyError(
+        raise SysidError(
             f"{path}: '[{name}.joints]' must name these {len(short)} joints: {', '.join(short)}."
         )
     quaternion = _numbers(path, f"{name}.quaternion", raw.get("quaternion"), 4)
     if abs(np.linalg.norm(quaternion) - 1) > 1e-3:
-        raise HuskyError(
+        raise SysidError(
             f"{path}: '{name}.quaternion' has length {np.linalg.norm(quaternion):.4g}; expected 1."
         )
     return Pose(
@@ -85,5 +85,5 @@ def _numbers(path: Path, where: str, raw: Any, count: int) -> Array:
     except (TypeError, ValueError):
         numbers = np.empty(0)
     if numbers.shape != (count,) or not np.all(np.isfinite(numbers)):
-        raise HuskyError(f"{path}: '{where}' is {raw!r}; expected {count} finite numbers.")
+        raise SysidError(f"{path}: '{where}' is {raw!r}; expected {count} finite numbers.")
     return numbers

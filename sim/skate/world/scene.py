@@ -58,7 +58,7 @@ def skate_spec(board: Board, options: SceneOptions | None = None, *, visuals: bo
         visuals: Keep the robot's meshes, for pictures.
 
     Raises:
-        HuskyError: mjlab, whose G1 model is used, is not installed, or the board cannot be built.
+        SysidError: mjlab, whose G1 model is used, is not installed, or the board cannot be built.
     """
     options = options or SceneOptions()
     spec = mujoco.MjSpec()
@@ -92,7 +92,7 @@ def as_written(board: Board, options: SceneOptions) -> Board:
     `check` vouches for the record in a scene with this compensation; a policy must see the same board.
 
     Raises:
-        HuskyError: The board cannot be built, or the step is too long for it.
+        SysidError: The board cannot be built, or the step is too long for it.
     """
     return compensate_in_scene(board, timestep=options.timestep, coupling=options.coupling).board
 

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.logs.formats.registry import Format, open_log
 from sysid.logs.table.file import LogFile
 from sysid.roll import Array
@@ -45,7 +45,7 @@ def open_compressed(path: Path) -> CompressedLog:
     """Open the log in a compressed file.
 
     Raises:
-        HuskyError: It is damaged, or too large.
+        SysidError: It is damaged, or too large.
     """
     with _unpacked(path) as log:
         return CompressedLog(path, log.names, log.units, log.has_header, ("unpacked", *log.notes))
@@ -65,15 +65,15 @@ def _unpacked(path: Path) -> Generator[LogFile]:
                 while block := packed.read(1 << 20):
                     size += file.write(block)
                     if size > MAX_UNPACKED:
-                        raise HuskyError(f"{path}: unpacks to more than 1 GiB. Cut the log into parts.")
+                        raise SysidError(f"{path}: unpacks to more than 1 GiB. Cut the log into parts.")
         except (OSError, EOFError, zlib.error, lzma.LZMAError) as error:
-            raise HuskyError(
+            raise SysidError(
                 f"{path}: damaged ({error}). Compress it again, or give the log itself."
             ) from error
         try:
             yield open_log(inside)
-        except HuskyError as error:
-            raise HuskyError(str(error).replace(str(inside), str(path))) from error
+        except SysidError as error:
+            raise SysidError(str(error).replace(str(inside), str(path))) from error
 
 
 FORMAT = Format(

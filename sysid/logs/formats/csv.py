@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.logs.formats.dialect import (
     DATE,
     HEAD_BYTES,
@@ -60,7 +60,7 @@ class CsvTable:
         """Return whole columns, shape (n,) each, in the log's units; missing values as NaN, dates as seconds.
 
         Raises:
-            HuskyError: A cell is not a number, or the rows have different lengths.
+            SysidError: A cell is not a number, or the rows have different lengths.
         """
         wanted = [self.names.index(name) for name in names]
         self._require_memory(len(wanted))
@@ -73,11 +73,11 @@ class CsvTable:
                 for index in set(wanted) - set(dates):
                     frame[index] = frame[index].fillna("nan").map(self._number)
         except MemoryError as error:
-            raise HuskyError(
+            raise SysidError(
                 f"{self.path}: too large for this computer's memory. Cut it into parts."
             ) from error
         except (ValueError, OverflowError) as error:  # pandas' ParserError is a ValueError
-            raise HuskyError(f"{self.path}: {self._explain(error, wanted)}") from error
+            raise SysidError(f"{self.path}: {self._explain(error, wanted)}") from error
         columns: dict[str, Array] = {}
         for index in wanted:
             name = self.names[index]
@@ -122,7 +122,7 @@ class CsvTable:
             probe = file.read(1 << 16)
         needed = size * max(1, probe.count(b"\n")) / len(probe) * 8 * (2 * columns + 4)
         if free is not None and needed > free:
-            raise HuskyError(
+            raise SysidError(
                 f"{self.path}: {size / 1e9:.1f} GB of rows need about {needed / 1e9:.1f} GB of memory, and "
                 f"{free / 1e9:.1f} GB are free. Cut it into parts."
             )
@@ -161,7 +161,7 @@ def open_csv(path: Path) -> CsvTable:
     """Find a text table's dialect from its first 256 KiB.
 
     Raises:
-        HuskyError: The file is empty, binary, or holds no rows of numbers.
+        SysidError: The file is empty, binary, or holds no rows of numbers.
     """
     with path.open("rb") as file:
         head = file.read(HEAD_BYTES)
@@ -172,9 +172,9 @@ def open_csv(path: Path) -> CsvTable:
         lines.pop()  # cut in the middle
     del lines[HEAD_LINES:]
     if not text.strip("\ufeff \r\n\t\0"):
-        raise HuskyError(f"{path}: the file is empty. Was the recording saved?")
+        raise SysidError(f"{path}: the file is empty. Was the recording saved?")
     if max(map(len, lines)) > MAX_LINE:
-        raise HuskyError(
+        raise SysidError(
             f"{path}: a line of {max(map(len, lines))} characters: no table with a row for each sample. "
             "If the rows are columns in it, transpose it."
         )

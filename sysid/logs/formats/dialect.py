@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.logs.table.names import parse_unit
 
 HEAD_BYTES = 1 << 18
@@ -53,15 +53,15 @@ def decode_head(path: Path, head: bytes) -> tuple[str, str]:
     """Return the head as text with plain line ends, and its encoding.
 
     Raises:
-        HuskyError: It is empty or binary.
+        SysidError: It is empty or binary.
     """
     if not head.strip():
-        raise HuskyError(f"{path}: the file is empty. Was the recording saved?")
+        raise SysidError(f"{path}: the file is empty. Was the recording saved?")
     encoding = next((name for bom, name in _BOMS if head.startswith(bom)), None)
     if encoding is None:
         control = sum(head.count(byte) for byte in (*range(9), *range(14, 32)))
         if control > len(head) // 1000:
-            raise HuskyError(
+            raise SysidError(
                 f"{path}: this is a binary file, not a text table. Readable are CSV, TSV, Parquet, MCAP, "
                 "phone exports (zip) and video, each with its usual file name ending."
             )
@@ -82,7 +82,7 @@ def refuse_binary_middle(path: Path, file: BinaryIO) -> None:
     for place in range(HEAD_BYTES, size, max(HEAD_BYTES, size // 64)):
         file.seek(place)
         if not utf16 and b"\0\0" in file.read(4096):
-            raise HuskyError(
+            raise SysidError(
                 f"{path}: zero bytes from about byte {place} on: the recording was not closed well, or this is no "
                 "text table. Cut the file off before them."
             )
@@ -111,7 +111,7 @@ def find_dialect(path: Path, lines: Sequence[str]) -> tuple[str, str, int]:
         if score > best_score:
             best, best_score = (delimiter, decimal, width), score
     if best is None or best_score[0] < 0.25:
-        raise HuskyError(
+        raise SysidError(
             f"{path}: no rows of numbers in its first {len(lines)} lines. Expected a table with a column of "
             "time and one of roll, angle or rotation rate."
         )

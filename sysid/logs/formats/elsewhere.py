@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Never
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.logs.formats.registry import Format
 
 ADVICE = {
@@ -30,12 +30,12 @@ def refuse(path: Path) -> Never:
     """Say how such a file can be read.
 
     Raises:
-        HuskyError: Always.
+        SysidError: Always.
     """
     with path.open("rb") as file:
         head = file.read(16)
     advice = next((text for start, text in ADVICE.items() if head.startswith(start)), None)
-    raise HuskyError(
+    raise SysidError(
         f"{path}: {advice or 'a spreadsheet. Convert it: libreoffice --headless --convert-to csv FILE.'}"
     )
 

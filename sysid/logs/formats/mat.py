@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.logs.formats.registry import Format, starts_with
 from sysid.roll import Array
 
@@ -45,20 +45,20 @@ def open_mat(path: Path) -> MatTable:
     """Open a MATLAB file.
 
     Raises:
-        HuskyError: It is damaged, or holds no vectors of numbers.
+        SysidError: It is damaged, or holds no vectors of numbers.
     """
     import scipy.io
 
     try:
         content: dict[str, Any] = scipy.io.loadmat(str(path), squeeze_me=True, struct_as_record=False)
     except Exception as error:  # scipy's reader lets through whatever a damaged file makes numpy raise
-        raise HuskyError(
+        raise SysidError(
             f"{path}: damaged MATLAB file ({type(error).__name__}: {str(error)[:80]})."
         ) from error
     vectors = dict(_vectors({name: value for name, value in content.items() if name[:2] != "__"}))
     longest = max((len(vector) for vector in vectors.values()), default=0)
     if longest < 2:
-        raise HuskyError(f"{path}: no vector of numbers among {', '.join(content) or 'nothing'}.")
+        raise SysidError(f"{path}: no vector of numbers among {', '.join(content) or 'nothing'}.")
     return MatTable(path, {name: vector for name, vector in vectors.items() if len(vector) == longest})
 
 

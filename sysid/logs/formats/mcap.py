@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.logs.formats.registry import Format
 from sysid.logs.formats.tables import SensorTables
 from sysid.roll import Array
@@ -20,7 +20,7 @@ def open_mcap(path: Path) -> SensorTables:
     A folder is a ROS 2 recording if it holds one such file.
 
     Raises:
-        HuskyError: The reader is not installed, the file is damaged, or no message can be decoded.
+        SysidError: The reader is not installed, the file is damaged, or no message can be decoded.
     """
     path = _recording(path)
     try:
@@ -29,7 +29,7 @@ def open_mcap(path: Path) -> SensorTables:
         from mcap.reader import make_reader
         from mcap_ros2.decoder import DecoderFactory
     except ImportError as error:
-        raise HuskyError(
+        raise SysidError(
             f"{path}: reading MCAP needs an extra: pip install 'husky-sysid[mcap]' (missing: {error.name})."
         ) from error
     rows: dict[str, list[tuple[float, dict[str, float]]]] = {}
@@ -58,12 +58,12 @@ def open_mcap(path: Path) -> SensorTables:
         *(McapError, zstandard.ZstdError, struct.error, ValueError, LookupError, EOFError, OSError),
         *(AssertionError, RuntimeError, TypeError, OverflowError, MemoryError),
     ) as error:
-        raise HuskyError(
+        raise SysidError(
             f"{path}: damaged MCAP file ({type(error).__name__}: {str(error)[:100]})."
         ) from error
     if not rows:
         found = f" (encodings {', '.join(sorted(skipped))} are not read)" if skipped else ""
-        raise HuskyError(f"{path}: no message with numbers in it{found}.")
+        raise SysidError(f"{path}: no message with numbers in it{found}.")
     start = min(stamps[0][0] for stamps in rows.values())
     clocks = {topic: np.array([stamp for stamp, _ in stamps]) - start for topic, stamps in rows.items()}
     columns: dict[str, tuple[str, Array]] = {}

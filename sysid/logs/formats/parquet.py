@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.logs.formats.registry import Format, starts_with
 from sysid.roll import Array
 
@@ -27,7 +27,7 @@ class ParquetTable:
         """Return whole columns, shape (n,) each, in the log's units; missing values as NaN, time stamps as seconds.
 
         Raises:
-            HuskyError: A column holds something else than numbers, or the file is damaged.
+            SysidError: A column holds something else than numbers, or the file is damaged.
         """
         import pyarrow as pa
         import pyarrow.parquet as pq
@@ -35,7 +35,7 @@ class ParquetTable:
         try:
             table = pq.read_table(self.path, columns=list(names))
         except (pa.ArrowException, OSError) as error:
-            raise HuskyError(f"{self.path}: damaged Parquet file ({_first_line(error)}).") from error
+            raise SysidError(f"{self.path}: damaged Parquet file ({_first_line(error)}).") from error
         return {name: self._numbers(name, table.column(name)) for name in names}
 
     def _numbers(self, name: str, column: Any) -> Array:
@@ -48,7 +48,7 @@ class ParquetTable:
         try:
             return column.cast(pa.float64()).to_numpy().astype(np.float64, copy=False)
         except pa.ArrowException as error:
-            raise HuskyError(
+            raise SysidError(
                 f"{self.path}: column '{name}' holds {column.type}, not numbers. Name another with --column."
             ) from error
 
@@ -57,7 +57,7 @@ def open_parquet(path: Path) -> ParquetTable:
     """Open a Parquet file by its schema.
 
     Raises:
-        HuskyError: It is damaged.
+        SysidError: It is damaged.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -65,7 +65,7 @@ def open_parquet(path: Path) -> ParquetTable:
     try:
         schema = pq.read_schema(path)
     except (pa.ArrowException, OSError) as error:
-        raise HuskyError(f"{path}: not a readable Parquet file ({_first_line(error)}).") from error
+        raise SysidError(f"{path}: not a readable Parquet file ({_first_line(error)}).") from error
     clocks = [pa.types.is_timestamp(kind) or pa.types.is_duration(kind) for kind in schema.types]
     return ParquetTable(path, tuple(schema.names), tuple("s" if clock else None for clock in clocks))
 

@@ -12,7 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.logs.formats.csv import open_csv
 from sysid.logs.formats.registry import Format
 from sysid.logs.formats.tables import SensorTables
@@ -35,19 +35,19 @@ def open_zip(path: Path) -> SensorTables:
     Its directory tells what to unpack; nothing else is.
 
     Raises:
-        HuskyError: The archive is damaged, too large, or holds no tables.
+        SysidError: The archive is damaged, too large, or holds no tables.
     """
     try:
         with tempfile.TemporaryDirectory() as folder, zipfile.ZipFile(path) as archive:
             listed = archive.infolist()
             if len(listed) > MAX_MEMBERS:
-                raise HuskyError(
+                raise SysidError(
                     f"{path}: {len(listed)} files in one archive, so no phone's export. Unpack it and name the log in it."
                 )
             tables = [m for m in listed if not m.is_dir() and _is_table(Path(m.filename))]
             needed = _of_motion(tables, lambda member: Path(member.filename))
             if sum(member.file_size for member in needed) > MAX_UNPACKED:
-                raise HuskyError(
+                raise SysidError(
                     f"{path}: unpacks to more than 1 GiB. Unpack it and name the one file in it."
                 )
             files: list[Path] = []
@@ -59,14 +59,14 @@ def open_zip(path: Path) -> SensorTables:
                 files.append(target)
             return _merge(path, files)
     except (*(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error), *_DAMAGE) as error:
-        raise HuskyError(f"{path}: damaged or locked archive ({error}). Export it again.") from error
+        raise SysidError(f"{path}: damaged or locked archive ({error}). Export it again.") from error
 
 
 def open_folder(path: Path) -> SensorTables:
     """Open an unpacked phone export.
 
     Raises:
-        HuskyError: It holds no tables of motion sensors.
+        SysidError: It holds no tables of motion sensors.
     """
     return _merge(path, sorted(file for file in path.iterdir() if file.is_file() and _is_table(file)))
 
@@ -108,7 +108,7 @@ def _merge(path: Path, files: Sequence[Path]) -> SensorTables:
             {_full_name(file.stem, name): column[finite] for name, column in values.items()},
         )
     if not tables:
-        raise HuskyError(
+        raise SysidError(
             f"{path}: holds no table of a motion sensor (Gyroscope.csv, Accelerometer.csv, ...)."
         )
     _add_gravity(tables)

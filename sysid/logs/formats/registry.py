@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.logs import formats as package
 from sysid.logs.table.file import LogFile
 
@@ -52,7 +52,7 @@ def open_log(path: Path) -> LogFile:
     """Open a log, a file or a folder.
 
     Raises:
-        HuskyError: It cannot be opened, or is of no known format.
+        SysidError: It cannot be opened, or is of no known format.
     """
     head = b""
     try:
@@ -60,5 +60,5 @@ def open_log(path: Path) -> LogFile:
             with path.open("rb") as file:
                 head = file.read(HEAD)
     except OSError as error:
-        raise HuskyError(f"{path}: cannot be opened ({error.strerror}).") from error
+        raise SysidError(f"{path}: cannot be opened ({error.strerror}).") from error
     return next(format for format in formats() if format.sniff(path, head)).open(path)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.logs.sources.rotations import cross_matrices, integrate_rate
 from sysid.roll import Array
 
@@ -78,11 +78,11 @@ def smooth_gravity(
         find_lever_arm: Estimate the lever arm where none is given.
 
     Raises:
-        HuskyError: The record is too short.
+        SysidError: The record is too short.
     """
     size = max(1, round(BLOCK_SECONDS / float(np.median(np.diff(time)))))
     if time.size < 4 * size:
-        raise HuskyError(f"a record of {time[-1] - time[0]:.3g} s is too short to tell gravity from motion.")
+        raise SysidError(f"a record of {time[-1] - time[0]:.3g} s is too short to tell gravity from motion.")
     known = np.zeros(15)
     known[:3] = 0.0 if offset is None else offset
     prior = np.repeat((offset_std, GAIN_STD, GAIN_STD, GAIN_STD, ACCEL_OFFSET_STD), 3)

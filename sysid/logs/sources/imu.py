@@ -44,7 +44,7 @@ def roll_from_imu(reading: Reading) -> Roll:
     """Return roll from six columns; from the gyro alone where the accelerometer tells nothing of it.
 
     Raises:
-        HuskyError: The record is too short for it.
+        SysidError: The record is too short for it.
     """
     choice, time, options = reading.choice, reading.time, reading.options
     columns = np.stack(reading.signals, axis=1)

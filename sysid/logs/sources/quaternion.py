@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.logs.sources.axis import angle_about, find_roll_axis
 from sysid.logs.sources.registry import Reading, Source
 from sysid.logs.sources.rotations import quaternion_matrices, rotation_angles
@@ -34,14 +34,14 @@ def roll_from_quaternion(reading: Reading) -> Roll:
     """Return the swing of an orientation about its roll axis; the orientation turns sensor into earth axes.
 
     Raises:
-        HuskyError: The rows are no orientation.
+        SysidError: The rows are no orientation.
     """
     choice, quaternion = reading.choice, np.stack(reading.signals, axis=1)
     norm = np.linalg.norm(quaternion, axis=1)
     usual = float(np.median(norm))
     off = np.count_nonzero(~(np.abs(norm - usual) < 0.1 * usual))
     if off:
-        raise HuskyError(
+        raise SysidError(
             f"{', '.join(map(repr, choice.columns))}: {off} rows are no orientation (their norm is not that of the "
             "others). Is the order w, x, y, z and the file whole?"
         )

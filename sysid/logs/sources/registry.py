@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from sysid.errors import HuskyError, did_you_mean
+from sysid.errors import SysidError, did_you_mean
 from sysid.logs import sources as package
 from sysid.logs.table.choose import Choice, find_column, parse_axis
 from sysid.logs.table.clock import MIN_SAMPLES, time_scale, typical_step
@@ -97,11 +97,11 @@ def choose_source(
     Names decide; but of two that turn differently the one that moves wins, whatever it is called.
 
     Raises:
-        HuskyError: A named column, source or unit does not exist, or the log holds nothing of the kind.
+        SysidError: A named column, source or unit does not exist, or the log holds nothing of the kind.
     """
     axis, sign = parse_axis(options.axis) if options.axis else ("", 1.0)
     if options.source not in ("auto", *sources()):
-        raise HuskyError(
+        raise SysidError(
             f"--source '{options.source}': there is no such source.{did_you_mean(options.source, sources())} "
             f"Known: auto, {', '.join(sources())}."
         )
@@ -113,7 +113,7 @@ def choose_source(
     found = [(s, choice) for s in wanted for choice in s.find(columns, axis, sign)]
     if not found:
         what = "roll, angle or rotation rate" if options.source == "auto" else options.source
-        raise HuskyError(
+        raise SysidError(
             f"{log.path}: no column of {what} among {', '.join(map(repr, log.names[:30]))}"
             + (f" about axis '{options.axis}'" if options.axis else "")
             + ". Name one with --column, and its unit with --unit."
@@ -188,7 +188,7 @@ def _named(
         *(source for source in single if source.quantity == kind),
     ]
     if kind == "accel" and not chosen:
-        raise HuskyError(
+        raise SysidError(
             f"{log.path}: '{column.name}' is an acceleration; roll needs an angle, a rotation rate, or all three "
             "axes of accelerometer and gyro (leave --column out)."
         )
@@ -202,7 +202,7 @@ def _with_unit(source: Source, choice: Choice, options: LogOptions) -> Choice:
     if options.unit is None:
         return choice
     if source.quantity is None:
-        raise HuskyError(
+        raise SysidError(
             f"--unit '{options.unit}': roll is made from {', '.join(map(repr, choice.columns))}, which has no unit. "
             "Leave it out, or name another column with --column."
         )
@@ -215,7 +215,7 @@ def _with_unit(source: Source, choice: Choice, options: LogOptions) -> Choice:
     except ValueError:
         scale = 0.0
     if not 0 < abs(scale) < np.inf:
-        raise HuskyError(
+        raise SysidError(
             f"--unit '{options.unit}': not a unit of {what}. Known: {', '.join(table)}, or the size of one "
             f"count as a number (in {si})."
         )

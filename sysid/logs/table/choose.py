@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from sysid.errors import HuskyError, did_you_mean
+from sysid.errors import SysidError, did_you_mean
 from sysid.logs.table.file import LogFile
 from sysid.logs.table.names import Column, Kind, parse_column
 from sysid.logs.table.options import LogOptions
@@ -42,7 +42,7 @@ def columns_of(log: LogFile, options: LogOptions) -> tuple[Column | None, list[C
     """Return the column of time, None where the user gives the rate, and the others with what is known of them.
 
     Raises:
-        HuskyError: There is no time, or nothing says what the columns are.
+        SysidError: There is no time, or nothing says what the columns are.
     """
     columns = [parse_column(name, unit) for name, unit in zip(log.names, log.units, strict=True)]
     if not any(column.kind != "unknown" for column in columns) and options.column is None:
@@ -57,7 +57,7 @@ def find_column(log: LogFile, wanted: str, columns: Sequence[Column], option: st
     """Return the column that the user means: its name in any case, or its number counted from 1.
 
     Raises:
-        HuskyError: There is none.
+        SysidError: There is none.
     """
     text = wanted.strip()
     for column in columns:
@@ -73,11 +73,11 @@ def find_column(log: LogFile, wanted: str, columns: Sequence[Column], option: st
             if column.name == name:
                 return column
     if text in log.names:
-        raise HuskyError(
+        raise SysidError(
             f"{log.path}: {option} '{wanted}' is the column of time. If it is not, name the time with --time-column."
         )
     known = ", ".join(f"'{name}'" for name in log.names[:30])
-    raise HuskyError(
+    raise SysidError(
         f"{log.path}: {option} '{wanted}': there is no such column.{did_you_mean(wanted, log.names)} "
         f"The columns are {known}."
     )
@@ -87,13 +87,13 @@ def parse_axis(text: str) -> tuple[str, float]:
     """Return the axis 'x', 'y' or 'z' and the sign of '-y', '+roll', ...
 
     Raises:
-        HuskyError: It is no axis.
+        SysidError: It is no axis.
     """
     name = text.strip().lower()
     sign = -1.0 if name.startswith("-") else 1.0
     axis = AXIS_NAMES.get(name.lstrip("+-"))
     if axis is None:
-        raise HuskyError(
+        raise SysidError(
             f"--axis '{text}': expected x, y, z, roll, pitch or yaw, with a minus sign to flip it."
         )
     return axis, sign
@@ -103,7 +103,7 @@ def time_column(log: LogFile, columns: Sequence[Column], options: LogOptions) ->
     """Return the column of time; None where the user gives the sampling rate.
 
     Raises:
-        HuskyError: There is none.
+        SysidError: There is none.
     """
     if options.rate is not None:
         return None
@@ -113,7 +113,7 @@ def time_column(log: LogFile, columns: Sequence[Column], options: LogOptions) ->
     # A unit in the name ('seconds_elapsed') beats a bare 'time', which may be the epoch in anything.
     times.sort(key=lambda column: (column.doubt, column.unit is None))
     if not times:
-        raise HuskyError(
+        raise SysidError(
             f"{log.path}: no column of time among {', '.join(map(repr, log.names[:30]))}. "
             "Name it with --time-column, or give the sampling rate with --rate."
         )

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.logs.table.names import TIME_UNITS
 from sysid.roll import Array, shown
 
@@ -104,7 +104,7 @@ def repair_clock(
         computed: The signal was computed for just these times, as by `husky-sysid roll`: uneven ones are not late.
 
     Raises:
-        HuskyError: The stamps do not increase, so they are no clock.
+        SysidError: The stamps do not increase, so they are no clock.
     """
     scale, why = time_scale(stamps, unit)
     clock = Clock(stamps if stamps[0] == 0 and scale == 1 else (stamps - stamps[0]) * scale)
@@ -114,7 +114,7 @@ def repair_clock(
     clock.notes.append(f"time '{name}' {why}{since}")
     steps = np.diff(clock.time)
     if steps.size == 0 or steps.min() == steps.max() == 0:
-        raise HuskyError(
+        raise SysidError(
             f"the time column '{name}' never changes. Name another with --time-column, or give --rate."
         )
     if steps.min() <= 0:
@@ -124,7 +124,7 @@ def repair_clock(
             _drop_copies(clock, clock.of(signal))
     drop_repeats(clock, clock.of(signal))
     if clock.time.size < MIN_SAMPLES:
-        raise HuskyError(
+        raise SysidError(
             f"only {clock.time.size} of {stamps.size} rows are measurements of their own by their time '{name}'; at "
             f"least {MIN_SAMPLES} are needed. Name another column with --time-column, or give --rate."
         )
@@ -217,7 +217,7 @@ def _undo_going_back(clock: Clock, scale: float, name: str) -> None:
         )
         return
     if back.size > total // 20:
-        raise HuskyError(
+        raise SysidError(
             f"time '{name}' goes back at {back.size} of {total} rows, first at row {row + 1}: it is no clock. "
             "Name another column with --time-column, or give --rate."
         )

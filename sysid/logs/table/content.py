@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.logs.table.file import LogFile
 from sysid.logs.table.names import Column, Kind
 from sysid.roll import Array
@@ -19,7 +19,7 @@ def name_columns_by_content(log: LogFile, columns: Sequence[Column]) -> list[Col
     column that moves is the angle; of two, the angle is the one whose slope the other is.
 
     Raises:
-        HuskyError: The numbers leave it open.
+        SysidError: The numbers leave it open.
     """
     data = log.read(log.names)
     data = {name: column[np.isfinite(column)] for name, column in data.items()}
@@ -38,7 +38,7 @@ def name_columns_by_content(log: LogFile, columns: Sequence[Column]) -> list[Col
         signals = {}
     found |= _sensors(moving, signals)
     if not any(kind in ("angle", "rate", "quaternion") for kind, _ in found.values()):
-        raise HuskyError(
+        raise SysidError(
             f"{log.path}: nothing says which of the columns {', '.join(map(repr, log.names[:12]))} is roll. "
             "Name it with --column (a number counts from 1), and its unit with --unit."
         )

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.roll import Array
 from sysid.video.film.camera import Lens
 from sysid.video.film.frames import Frame, crop, grey
@@ -49,7 +49,7 @@ class Background:
         """Take in one more frame.
 
         Raises:
-            HuskyError: The picture changes all at once.
+            SysidError: The picture changes all at once.
         """
         self._refuse_cut(frame)
         if self._reference is None:
@@ -94,7 +94,7 @@ class Background:
         if before is None or np.abs(thumb - before).mean() < CUT_CHANGE:
             return
         if float(np.corrcoef(thumb, before)[0, 1]) < CUT_LIKENESS:
-            raise HuskyError(
+            raise SysidError(
                 f"the whole picture changes at {frame.time:.2f} s (frame {frame.index}): a cut. "
                 "Give one uncut take; trim the film first."
             )

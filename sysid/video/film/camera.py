@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.roll import Array
 from sysid.video.film.frames import Clip, grey, open_clip
 from sysid.video.options import is_film
@@ -58,7 +58,7 @@ def lens_of(clip: Clip, calibration: Path | None) -> Lens:
     what a wrong focal length does to the perspective is added to the uncertainty.
 
     Raises:
-        HuskyError: The calibration cannot be read, or belongs to another shape of picture.
+        SysidError: The calibration cannot be read, or belongs to another shape of picture.
     """
     if calibration is None:
         focal = USUAL_FOCAL * max(clip.width, clip.height)
@@ -72,7 +72,7 @@ def lens_of(clip: Clip, calibration: Path | None) -> Lens:
         matrix, distortion, size, note = _from_file(calibration)
     scale = clip.width / size[0]
     if abs(clip.height / size[1] / scale - 1) > 0.01:
-        raise HuskyError(
+        raise SysidError(
             f"{calibration}: it is for pictures of {size[0]}x{size[1]}, the film has {clip.width}x{clip.height}. "
             "Calibrate in the mode and attitude in which you film."
         )
@@ -98,7 +98,7 @@ def _from_file(path: Path) -> tuple[Array, Array, tuple[int, int], str]:
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise HuskyError(f"{path}: cannot read the calibration ({error}).") from error
+        raise SysidError(f"{path}: cannot read the calibration ({error}).") from error
     try:
         if text.lstrip().startswith("{"):
             raw = json.loads(text)
@@ -113,12 +113,12 @@ def _from_file(path: Path) -> tuple[Array, Array, tuple[int, int], str]:
             distortion = np.ravel(np.asarray(store.getNode("distortion_coefficients").mat(), float))
             size = int(store.getNode("image_width").real()), int(store.getNode("image_height").real())
     except (KeyError, ValueError, TypeError, AttributeError, SystemError, cv2.error) as error:
-        raise HuskyError(
+        raise SysidError(
             f"{path}: not a calibration. Expected image_width, image_height, camera_matrix (3x3) and "
             "distortion_coefficients, as JSON or as OpenCV's YAML; or a film of a chessboard."
         ) from error
     if not (np.isfinite(matrix).all() and matrix[0, 0] > 0 and matrix[1, 1] > 0 and min(size) > 0):
-        raise HuskyError(
+        raise SysidError(
             f"{path}: the focal lengths or the picture's size are not positive. Calibrate again."
         )
     return matrix, distortion, size, f"lens from {path}"
@@ -136,7 +136,7 @@ def _from_chessboard(path: Path) -> tuple[Array, Array, tuple[int, int], str]:
         if corners is not None and (not views or np.abs(corners - views[-1]).mean() > 0.01 * clip.width):
             views.append(corners)
     if pattern is None or len(views) < 5:
-        raise HuskyError(
+        raise SysidError(
             f"{path}: a chessboard is seen in {len(views)} different attitudes; 5 are needed. Film a printed one "
             "(9x6 inner corners) slowly from all sides, filling the picture."
         )
@@ -149,7 +149,7 @@ def _from_chessboard(path: Path) -> tuple[Array, Array, tuple[int, int], str]:
     )
     note = f"lens from {len(views)} views of a {pattern[0]}x{pattern[1]} chessboard, {error:.2f} px"
     if error > 1.5:
-        raise HuskyError(
+        raise SysidError(
             f"{path}: {note} off on average: the board is bent or the film blurred. Film it again."
         )
     return np.asarray(matrix, float), np.ravel(np.asarray(distortion, float)), size, note

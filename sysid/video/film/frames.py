@@ -11,7 +11,7 @@ from threading import Event, Thread
 import cv2
 import numpy as np
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.roll import Array
 from sysid.video.film.container import read_container
 from sysid.video.types import Picture
@@ -57,7 +57,7 @@ class Clip:
         """Decode the clip from its start; only every `every`-th frame is converted to a picture.
 
         Raises:
-            HuskyError: The file ends before its announced length, or its stamps stand still.
+            SysidError: The file ends before its announced length, or its stamps stand still.
         """
         count, last = 0, -np.inf
         with _quiet(), _opened(self.path) as capture:
@@ -68,7 +68,7 @@ class Clip:
                         break
                     time = capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3 / self.slowed
                     if count > 0 and time == last == 0.0:
-                        raise HuskyError(
+                        raise SysidError(
                             f"{self.path}: the frames carry no time stamps. Wrap the film into an MP4 file, "
                             "or give its frame rate with --rate."
                         )
@@ -77,7 +77,7 @@ class Clip:
                 count += 1
         missing = self.announced - count
         if missing > max(2, MAX_MISSING_SHARE * self.announced):
-            raise HuskyError(
+            raise SysidError(
                 f"{self.path}: the file announces {self.announced} frames and ends after {count}: it is cut off. "
                 "Copy it again from the camera."
             )
@@ -86,7 +86,7 @@ class Clip:
         """Like `frames`, decoding the next ones in a thread while one is worked on.
 
         Raises:
-            HuskyError: As `frames` does.
+            SysidError: As `frames` does.
         """
         ready: Queue[Frame | BaseException | None] = Queue(maxsize=FRAMES_AHEAD)
         stop = Event()
@@ -134,20 +134,20 @@ def open_clip(path: Path) -> Clip:
     """Check that a file is a film that can be read, without decoding more than one frame.
 
     Raises:
-        HuskyError: It is missing, not a film, has no pictures (audio only), or too large ones.
+        SysidError: It is missing, not a film, has no pictures (audio only), or too large ones.
     """
     if not path.is_file():
-        raise HuskyError(f"{path}: no such file. Check the name.")
+        raise SysidError(f"{path}: no such file. Check the name.")
     if path.stat().st_size == 0:
-        raise HuskyError(f"{path}: the file is empty. Copy it again from the camera.")
+        raise SysidError(f"{path}: the file is empty. Copy it again from the camera.")
     with _quiet(), _opened(path) as capture:
         width, height = (
             int(capture.get(prop)) for prop in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
         )
         if width <= 0 or height <= 0:
-            raise HuskyError(f"{path}: no pictures in it (sound only?). Give the film of the board.")
+            raise SysidError(f"{path}: no pictures in it (sound only?). Give the film of the board.")
         if max(width, height) > MAX_SIZE[0] or min(width, height) > MAX_SIZE[1]:
-            raise HuskyError(
+            raise SysidError(
                 f"{path}: pictures of {width}x{height} are larger than {MAX_SIZE[0]}x{MAX_SIZE[1]}. Film in 4K or "
                 "less: a higher frame rate tells more than more pixels."
             )
@@ -161,7 +161,7 @@ def open_clip(path: Path) -> Clip:
         codec = letters.decode("ascii", "ignore").strip("\0 ").upper()
         good, picture = capture.read()
     if not good:
-        raise HuskyError(f"{path}: no frame can be decoded; the file is damaged or empty. Copy it again.")
+        raise SysidError(f"{path}: no frame can be decoded; the file is damaged or empty. Copy it again.")
     turned = rotation if rotation % 90 == 0 else 0
     return Clip(
         path,
@@ -194,10 +194,10 @@ def _opened(path: Path) -> Generator[cv2.VideoCapture]:
     try:
         capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
     except cv2.error as error:
-        raise HuskyError(f"{path}: not a film that can be read ({error.err}).") from error
+        raise SysidError(f"{path}: not a film that can be read ({error.err}).") from error
     try:
         if not capture.isOpened():
-            raise HuskyError(
+            raise SysidError(
                 f"{path}: not a film that can be read: no pictures in it, cut off before its index, or "
                 "another kind of file. Copy it again from the camera, or convert it to MP4."
             )

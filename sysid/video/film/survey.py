@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.video.film.frames import Clip, Frame, grey
 from sysid.video.types import Picture
 
@@ -39,7 +39,7 @@ def survey(clip: Clip, roi: tuple[int, int, int, int] | None) -> Survey:
     """Look through a clip and find where it moves.
 
     Raises:
-        HuskyError: Nothing moves, or the region of interest lies outside the picture.
+        SysidError: Nothing moves, or the region of interest lies outside the picture.
     """
     given = None if roi is None else box_of(clip, roi)
     every = max(1, clip.announced // SURVEY_FRAMES) if clip.announced else 5
@@ -64,23 +64,23 @@ def survey(clip: Clip, roi: tuple[int, int, int, int] | None) -> Survey:
         still = _held(small, start)
         low, high = np.minimum(low, still), np.maximum(high, still)
     if first is None:
-        raise HuskyError(f"{clip.path}: no frame can be decoded. Copy the file again from the camera.")
+        raise SysidError(f"{clip.path}: no frame can be decoded. Copy the file again from the camera.")
     moving = _moving(high - low, first.picture.shape[:2], given)
     if given is not None and roi is not None:
         if not moving.any() and _moving(high - low, first.picture.shape[:2], None).any():
-            raise HuskyError(
+            raise SysidError(
                 f"{clip.path}: what moves is all outside --roi {' '.join(map(str, roi))}. Give the region in which the "
                 f"board moves (left, top, width and height in px of {clip.width}x{clip.height}), or leave it out."
             )
         return Survey(first, tuple(pictures), given, moving, tuple(indices))
     rows, columns = np.flatnonzero(moving.any(axis=1)), np.flatnonzero(moving.any(axis=0))
     if not len(rows) and float(np.median((high - low).max(axis=2))) > MIN_CHANGE:
-        raise HuskyError(
+        raise SysidError(
             f"{clip.path}: the whole picture moves: the camera pans, zooms or is carried. Put it on a tripod, and film from "
             "before the release until the board rests."
         )
     if not len(rows):
-        raise HuskyError(
+        raise SysidError(
             f"{clip.path}: nothing moves in it. Is the board in the picture? Film the whole release, or give the "
             "region of the board with --roi LEFT TOP WIDTH HEIGHT."
         )
@@ -93,7 +93,7 @@ def box_of(clip: Clip, roi: tuple[int, int, int, int]) -> tuple[int, int, int, i
     """Turn left, top, width, height into left, top, right, bottom.
 
     Raises:
-        HuskyError: The region is empty or outside the picture.
+        SysidError: The region is empty or outside the picture.
     """
     left, top, width, height = roi
     if (
@@ -104,7 +104,7 @@ def box_of(clip: Clip, roi: tuple[int, int, int, int]) -> tuple[int, int, int, i
         or left + width > clip.width
         or top + height > clip.height
     ):
-        raise HuskyError(
+        raise SysidError(
             f"--roi {left} {top} {width} {height}: left, top, width and height in px, at least 16x16, inside the "
             f"picture of {clip.width}x{clip.height}."
         )

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.roll import Array
 from sysid.video.film.camera import FOCAL_SPREAD, Lens
 from sysid.video.film.shutter import READOUT_CEILING
@@ -120,10 +120,10 @@ def before_looking(
         angle: Yaw and pitch [rad], if they are given.
 
     Raises:
-        HuskyError: The read-out is none.
+        SysidError: The read-out is none.
     """
     if readout is not None and not 0 <= readout <= 0.2:
-        raise HuskyError(f"--readout {readout}: a read-out takes 0 to 0.2 s; typical is 0.01 to 0.02.")
+        raise SysidError(f"--readout {readout}: a read-out takes 0 to 0.2 s; typical is 0.01 to 0.02.")
     focal, focal_std = 0.0, 0.0 if lens.known else FOCAL_SPREAD
     if track.shake.significant and track.shake.focal_std < focal_std:  # a camera that turns shows its lens
         focal, focal_std = float(np.log(track.shake.focal / lens.matrix[0, 0])), track.shake.focal_std

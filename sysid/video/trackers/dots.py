@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.roll import Array
 from sysid.video.film.frames import Frame, crop
 from sysid.video.film.survey import Survey
@@ -302,7 +302,7 @@ def _find(scene: Scene) -> Target | None:
     size = ", ".join(f"{2 * dot.radius:.0f} px wide at {dot.place[0]:.0f},{dot.place[1]:.0f}" for dot in dots)
     if len(dots) == 2:
         if options.pivot is not None:
-            raise HuskyError(
+            raise SysidError(
                 f"--pivot {options.pivot[0]:g} {options.pivot[1]:g}: it is what a single dot turns about, and two dots "
                 "move here, which need none. Leave it out, or give the region of the one with --roi LEFT TOP WIDTH HEIGHT."
             )

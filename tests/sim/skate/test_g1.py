@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from sim.skate.robot import g1
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 
 pytestmark = pytest.mark.train
 
@@ -12,7 +12,7 @@ pytestmark = pytest.mark.train
 def model():
     try:
         g1.g1_xml()
-    except HuskyError as error:
+    except SysidError as error:
         pytest.skip(str(error))
     spec = g1.g1_spec(visuals=False)
     g1.add_servos(spec)
@@ -75,5 +75,5 @@ def test_soles_grip_and_their_lowest_point_is_sole_height_below_the_ankle(model)
 
 def test_missing_mjlab_is_said_in_words(monkeypatch):
     monkeypatch.setattr(g1, "find_spec", lambda name: None)
-    with pytest.raises(HuskyError, match=r"mjlab.*not installed.*pip install mjlab"):
+    with pytest.raises(SysidError, match=r"mjlab.*not installed.*pip install mjlab"):
         g1.g1_xml()

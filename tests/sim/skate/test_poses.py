@@ -7,7 +7,7 @@ import pytest
 
 from sim.skate.robot import g1
 from sim.skate.robot.poses import load_poses
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.workspace import shipped_data
 
 pytestmark = pytest.mark.train
@@ -101,7 +101,7 @@ def test_inverse_kinematics_respects_limits_and_says_when_it_fails(model):
     pelvis = ik.FrameTask(body="pelvis", position=start[:3], rotation=np.eye(3), weight=(10.0, 10.0, 10.0))
     reached = ik.solve(model, start, [far, posture, pelvis], tolerance=1e-4)
     assert np.all((low + 0.02 - 1e-9 <= reached[7:]) & (reached[7:] <= high - 0.02 + 1e-9))
-    with pytest.raises(HuskyError, match="did not settle"):
+    with pytest.raises(SysidError, match="did not settle"):
         ik.solve(model, start, [far, posture, pelvis], steps=2)
 
 
@@ -116,7 +116,7 @@ def test_inverse_kinematics_respects_limits_and_says_when_it_fails(model):
 def test_bad_pose_files_are_refused_in_words(tmp_path, text, message):
     path = tmp_path / "poses.toml"
     path.write_text(text)
-    with pytest.raises(HuskyError, match=message):
+    with pytest.raises(SysidError, match=message):
         load_poses(path)
 
 
@@ -124,5 +124,5 @@ def test_pose_file_with_nan_is_refused(tmp_path):
     text = (shipped_data() / "motions" / "poses.toml").read_text()
     path = tmp_path / "poses.toml"
     path.write_text(text.replace("left_knee = 0.", "left_knee = nan #", 1))
-    with pytest.raises(HuskyError, match=r"push\.joints.*23 finite numbers"):
+    with pytest.raises(SysidError, match=r"push\.joints.*23 finite numbers"):
         load_poses(path)

@@ -11,7 +11,7 @@ from sim.skate.robot import g1
 from sim.skate.world.scene import SceneOptions, skate_spec, standing_state
 from sim.skate.world.terrain import SLOPES_DEG, STEPS, add_terrain
 from sysid.board import load_board
-from sysid.errors import HuskyError
+from sysid.errors import SysidError
 from sysid.workspace import shipped_data
 
 pytestmark = pytest.mark.train
@@ -23,7 +23,7 @@ BOARDS = [load_board(shipped_data() / "boards" / f"{name}.toml") for name in ("p
 def needs_g1():
     try:
         g1.g1_xml()
-    except HuskyError as error:
+    except SysidError as error:
         pytest.skip(str(error))
 
 

@@ -230,7 +230,7 @@ def test_a_world_that_breaks_down_is_ended_named_and_not_counted(capfd):
     from policy_runtime.learning.progress import Progress
     from policy_runtime.train import Process, _say_broken, check_rewards
     from sim.skate.mdp.observations import skate_command
-    from sysid.errors import HuskyError
+    from sysid.errors import SysidError
 
     with worlds(start=PUSHING, speed=(0.5, 1.5)) as env:
         progress = Progress(env)
@@ -257,7 +257,7 @@ def test_a_world_that_breaks_down_is_ended_named_and_not_counted(capfd):
         term.func = lambda env, **arguments: right(env, **arguments) * wrong
         step(env)
         assert torch.isfinite(env.reward_buf).all()  # mjlab says nothing
-        with pytest.raises(HuskyError, match=r"iteration 5: reward 'push/air_time' is not finite in world 5"):
+        with pytest.raises(SysidError, match=r"iteration 5: reward 'push/air_time' is not finite in world 5"):
             check_rewards(env, 5)
 
 
