@@ -11,10 +11,8 @@ from reports.figures.palette import HELD_OUT, NOISE, REAL, SIM
 from reports.figures.svg import thin
 from sysid.comparison.compare import Comparison
 from sysid.diagnosis.signatures import LookAlikes
-from sysid.effects import effect
 from sysid.fitting.ladder import Rung
-from sysid.joint import JointLaw
-from sysid.joint.torques import effect_torque
+from sysid.joint.torques import memoryless_torque
 from sysid.roll import Array
 
 if TYPE_CHECKING:
@@ -145,7 +143,8 @@ def _cut(axes: "Axes", result: Comparison, tilt: Array, rate: Array, axis: int) 
     missing = result.missing
     assert missing is not None
     x = np.degrees(tilt) if axis == 1 else rate
-    torque = -law_torque(result.law, tilt, rate)
+    law = result.law
+    torque = -memoryless_torque(law, law.rest_angle + tilt, rate)
     weight = np.where(np.isfinite(missing.torque), missing.count, 0.0)
     total, count = np.nansum(weight * np.nan_to_num(missing.torque), axis=axis), weight.sum(axis=axis)
     seen = count > 0
@@ -153,17 +152,9 @@ def _cut(axes: "Axes", result: Comparison, tilt: Array, rate: Array, axis: int) 
         x[seen], torque[seen] - total[seen] / count[seen], "o", color=REAL, ms=5, mew=0, gid="series:real"
     )
     fine = np.linspace(-1, 1, 201)
-    line = -law_torque(result.law, fine * float(np.abs(tilt).max()), fine * float(np.abs(rate).max()))
+    widest, fastest = fine * float(np.abs(tilt).max()), fine * float(np.abs(rate).max())
+    line = -memoryless_torque(law, law.rest_angle + widest, fastest)
     axes.plot(fine * float(np.abs(x).max()), line, color=SIM, lw=1.2, gid="series:sim")
-
-
-def law_torque(law: JointLaw, tilt: Array, rate: Array) -> Array:
-    """Return the torque of spring, damper and all effects without memory [N*m], shape (n,)."""
-    torque = -law.stiffness * tilt - law.damping * rate
-    for name, _ in law.effects:
-        if effect(name).role == "torque" and not effect(name).states:
-            torque = torque + effect_torque(law, name, tilt, law.rest_angle + tilt, rate)
-    return torque
 
 
 def _middles(edges: Array) -> Array:
