@@ -73,6 +73,7 @@ def test_every_public_name_says_what_it_is():
     assert all(f"## `sysid.{name}`" in page for name in sysid.__all__)
 
 
+@pytest.mark.slow
 def test_page_prints_what_it_says():
     make = script("make_library")
     text = make.TARGET.read_text()

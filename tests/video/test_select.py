@@ -57,7 +57,10 @@ def test_a_speck_does_not_beat_texture(tmp_path):
     assert error_of(read(film, method="dots"))[1] > 2 * error_of(roll)[1]
 
 
-@pytest.mark.parametrize(("colours", "method"), [((PINK, GREEN), "auto"), ((PINK, PINK), "dots")])
+@pytest.mark.parametrize(
+    ("colours", "method"),
+    [pytest.param((PINK, GREEN), "auto", marks=pytest.mark.slow), ((PINK, PINK), "dots")],
+)
 def test_two_stickers_may_differ_in_colour(colours, method, tmp_path):
     dots = [(-100, -5, 11, colours[0]), (100, -5, 11, colours[1])]
     roll = read(draw_film(tmp_path / "pair.mp4", dotted(plate(300, 60), dots), ROLL), method=method)
@@ -67,6 +70,7 @@ def test_two_stickers_may_differ_in_colour(colours, method, tmp_path):
     assert error_of(roll)[1] < 0.25
 
 
+@pytest.mark.slow
 def test_a_better_one_that_moves_otherwise_is_not_the_board(tmp_path):
     """A marker on the deck, and behind it a large picture that somebody carries past."""
     behind = np.full((SIZE[1], SIZE[0], 3), 150, np.uint8)
