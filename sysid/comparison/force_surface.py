@@ -13,7 +13,7 @@ from sysid.roll import Array
 SHARE_OF_PERIOD = 1 / 6
 """Length of the filter that differentiates, over the period: a local quartic follows a swing over it to 0.1 %."""
 FEW_A_BIN, MOST_BINS = 1.5, 15
-"""Independent samples that a bin of a profile holds at least, and bins beyond which a curve shows no more."""
+"""Independent samples [1] that a bin of a profile holds at least, and bins beyond which a curve shows no more."""
 CLEAR = 0.1
 """Share of the largest tilt within which a sign is the noise's."""
 LARGEST_SHARE = 1 / 3

@@ -29,6 +29,7 @@ TIMESTEP = 0.005
 DECIMATION = 4
 ITERATIONS = 10
 LINE_SEARCH_ITERATIONS = 20
+"""Steps of the simulation in one of the policy (50 Hz), and iterations of MuJoCo's solver and of its line search: as in mjlab's tasks."""
 EXTENT = 2.0
 """Size of what a camera looks at [m]; from the lane's own, MuJoCo would cut the robot off as too near."""
 
