@@ -48,6 +48,7 @@ def test_everything_that_turns_with_a_marker_tells_the_angle(wide):
     assert error_of(marker)[0] < 0.15
 
 
+@pytest.mark.slow
 def test_a_speck_does_not_beat_texture(tmp_path):
     body = dotted(plate(300, 80, contrast=35.0), [(60, 10, 4, PINK)])
     film = draw_film(tmp_path / "speck.mp4", body, ROLL)
