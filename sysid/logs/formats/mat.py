@@ -34,7 +34,7 @@ class MatTable:
     @property
     def notes(self) -> tuple[str, ...]:
         """What is in it."""
-        return (f"MATLAB file with {', '.join(self.columns)}",)
+        return (f"table: MATLAB file with {', '.join(self.columns)}",)
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
         """Return whole columns of float64, shape (n,) each, in the log's units."""

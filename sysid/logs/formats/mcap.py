@@ -72,7 +72,7 @@ def open_mcap(path: Path) -> SensorTables:
             values = np.array([fields.get(field, np.nan) for _, fields in stamps])
             columns[f"{topic}.{field}"] = (topic, values)
     topics = ", ".join(f"{topic} ({len(stamps)})" for topic, stamps in rows.items())
-    return SensorTables(path, clocks, columns, (f"MCAP recording with topics {topics}",))
+    return SensorTables(path, clocks, columns, (f"table: MCAP recording with topics {topics}",))
 
 
 def _stamp(content: Any) -> float | None:

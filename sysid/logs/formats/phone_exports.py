@@ -118,7 +118,7 @@ def _merge(path: Path, files: Sequence[Path]) -> SensorTables:
         path,
         {stem: clock for stem, (clock, _) in tables.items()},
         columns,
-        (f"export with {', '.join(tables)}",),
+        (f"table: export with {', '.join(tables)}",),
     )
 
 
