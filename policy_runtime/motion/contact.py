@@ -50,8 +50,8 @@ def find_stance(sole: Array, rate: float) -> Stance:
     shaking = _white_noise(sole[..., 2].mean(axis=1))
     for limit in (0.001, 0.003):  # longer windows blur landing and lifting, so only against noise
         window += 2 * (shaking > limit and len(sole) > window + 2)
-    position: Array = savgol_filter(sole, window, 2, axis=0)
-    velocity: Array = savgol_filter(sole, window, 2, deriv=1, delta=1 / rate, axis=0)
+    position = np.asarray(savgol_filter(sole, window, 2, axis=0))
+    velocity = np.asarray(savgol_filter(sole, window, 2, deriv=1, delta=1 / rate, axis=0))
     speed = np.linalg.norm(velocity[..., :2], axis=-1)
     lowest = position[..., 2].min(axis=1)
     slowest = speed.min(axis=1)
