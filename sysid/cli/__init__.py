@@ -4,9 +4,11 @@ Each command is one file beside this one and is imported only when it is called,
 `husky-sysid --help` answers at once.
 """
 
+import contextlib
 import sys
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
+from sysid.cli.streams import Terminated, drop_output, open_streams, raise_on_sigterm
 from sysid.errors import SysidError
 
 if TYPE_CHECKING:
@@ -155,6 +157,7 @@ def build_app() -> "cyclopts.App":
         name="husky-sysid",
         help=f"Find out why a MuJoCo joint does not behave like the real one, and mend it.\n\n{EXIT_CODES}",
         version=lambda: version("husky-sysid"),
+        suppress_keyboard_interrupt=False,
     )
     for name, command in COMMANDS.items():
         more = {} if command.has_parts else {"help_epilogue": epilogue(name)}
@@ -165,12 +168,28 @@ def build_app() -> "cyclopts.App":
 def main() -> None:
     """Run the command line and exit with its code."""
     try:
-        build_app()()
+        raise_on_sigterm()
+        open_streams()
+        try:
+            build_app()()
+        finally:
+            sys.stdout.flush()
     except SysidError as error:
-        print(f"error: {error}", file=sys.stderr)  # noqa: T201  the one line a user sees
-        raise SystemExit(error.exit_code) from None
+        _fail(str(error), error.exit_code)
     except BrokenPipeError:  # the reader (head, less) has gone
+        drop_output()
         raise SystemExit(0) from None
-    except KeyboardInterrupt:
-        print("error: interrupted; no file is left half-written", file=sys.stderr)  # noqa: T201
-        raise SystemExit(130) from None
+    except OSError as error:
+        drop_output()
+        _fail(f"{error.filename or 'standard output'}: {error.strerror or error}.", 1)
+    except MemoryError:
+        _fail("out of memory. Give a shorter log, or fewer at once.", 1)
+    except KeyboardInterrupt as stop:
+        _fail("interrupted; no file is left half-written", 143 if isinstance(stop, Terminated) else 130)
+
+
+def _fail(message: str, code: int) -> NoReturn:
+    """Say the one line that a user sees, and exit."""
+    with contextlib.suppress(OSError):
+        print(f"error: {message}", file=sys.stderr, flush=True)  # noqa: T201
+    raise SystemExit(code) from None
