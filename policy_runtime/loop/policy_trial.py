@@ -4,6 +4,7 @@ onnxruntime asks nobody how long a loop may turn, and takes what memory a tensor
 """
 
 import hashlib
+import os
 import subprocess
 import sys
 from functools import cache
@@ -53,6 +54,9 @@ def session_options() -> Any:
     Raises:
         SysidError: onnxruntime is not installed.
     """
+    os.environ.setdefault(
+        "ORT_DISABLE_TELEMETRY", "1"
+    )  # else importing it writes into the home folder and calls home
     try:
         import onnxruntime
     except ImportError as error:

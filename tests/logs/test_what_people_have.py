@@ -109,6 +109,11 @@ def test_units_in_the_cells(tmp_path):
     assert roll.roll[0] == pytest.approx(0.32, abs=0.01)
 
 
+@pytest.mark.parametrize("ending", [".zip", ".gz", ".parquet", ".mat"])
+def test_the_name_of_a_table_says_nothing(tmp_path, ending):
+    right(cells(tmp_path, lambda v: f"{v:.3f}").rename(tmp_path / f"log{ending}"))
+
+
 def test_typographic_minus(tmp_path):
     right(cells(tmp_path, lambda v: f"{v:.3f}".replace("-", "−")))
 

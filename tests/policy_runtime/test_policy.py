@@ -1,4 +1,7 @@
 import dataclasses
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -12,6 +15,7 @@ from policy_runtime.robots import RobotState
 from sim.skate.robot.g1 import JOINTS, default_pose, servos
 from sim.skate.rotation import from_yaw
 from sysid.errors import QualityGateError, SysidError
+from sysid.workspace import shipped_data
 
 pytestmark = pytest.mark.train
 
@@ -239,6 +243,26 @@ def test_missing_onnxruntime_is_said_in_words(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "onnxruntime", None)
     with pytest.raises(SysidError, match=r"needs onnxruntime.*pip install"):
         open_policy(tmp_path / "policy.onnx")
+
+
+def test_opening_a_policy_writes_nothing_anywhere(tmp_path):
+    """onnxruntime would put a device's number and a database into the home folder, to send home."""
+    home, code = (
+        tmp_path / "home",
+        "import sys; from pathlib import Path; from policy_runtime.loop import policy_file",
+    )
+    home.mkdir()
+    subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            f"{code}; policy_file.open_policy(Path(sys.argv[1]))",
+            shipped_data() / "policies/pink.onnx",
+        ],
+        env={**os.environ, "HOME": str(home), "TMPDIR": str(home)},
+        check=True,
+    )
+    assert not list(home.iterdir())
 
 
 def hostile(path, *nodes, **constants):
