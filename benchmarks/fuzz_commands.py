@@ -200,6 +200,7 @@ def _odd_command(rng: np.random.Generator, folder: Path, log: Path, usual: Seque
 def run_case(case: Case, limit: float) -> Result:
     """Run a case in a fork of this process, which has loaded what commands load, and judge what it left."""
     before = _contents(case.folder)
+    (case.folder / "stderr").touch()  # a signal may come before the child opens it
     begin = time.monotonic()
     child = os.fork()
     if child == 0:
@@ -288,7 +289,8 @@ def _watch(folder: Path) -> None:
         for path in touched:
             if isinstance(path, str | bytes | os.PathLike):
                 where = os.path.realpath(os.fsdecode(path))
-                if not where.startswith((f"{folder}/", "/dev/", "/proc/")):
+                known = where.startswith((f"{folder}/", "/dev/", "/proc/"))
+                if not known and not (event == "os.mkdir" and os.path.isdir(where)):  # noqa: PTH112
                     os.write(2, f"OUTSIDE {event} {where}\n".encode())
 
     sys.addaudithook(hook)

@@ -1,5 +1,6 @@
 """Writing files so that a failure at any moment leaves the old file whole."""
 
+import errno
 import hashlib
 import json
 import os
@@ -17,6 +18,17 @@ def shipped_data() -> Path:
     package = Path(__file__).resolve().parent
     installed = package / "_data"
     return installed if installed.is_dir() else package.parent / "data"
+
+
+def regular(path: Path) -> Path:
+    """Return a path that can be read at once: a pipe would wait for its writer, and a device need not end.
+
+    Raises:
+        OSError: It is there, and is no file.
+    """
+    if path.exists() and not path.is_file():
+        raise OSError(errno.EINVAL, "it is no file but a folder, a pipe or a device", str(path))
+    return path
 
 
 @contextmanager

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple, Protocol
 
 from sysid.errors import SysidError
+from sysid.files import regular
 
 SPEED_RANGE = (0.0, 1.5)
 """Speeds that policies are trained for [m/s]."""
@@ -81,10 +82,8 @@ def load_script(path: Path) -> Script:
         SysidError: The file is missing, a column is missing, a value is not a number or out of the
             trained range, or times do not increase.
     """
-    if not path.is_file():
-        raise SysidError(f"{path}: there is no such file. Expected a CSV file of commands.")
     try:
-        with path.open(newline="", encoding="utf-8") as file:
+        with regular(path).open(newline="", encoding="utf-8") as file:
             rows = list(csv.DictReader(file))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise SysidError(f"{path}: cannot be read ({error}). Expected a CSV file of commands.") from error

@@ -1,4 +1,4 @@
-"""What the shell gives a command: its streams, and the signal to end."""
+"""What the shell gives a command: its streams, and the signals to end."""
 
 import codecs
 import io
@@ -25,8 +25,39 @@ DOTS = {"\u0307": "'", "\u0308": "''"}
 """Combining dots, which stand for derivatives."""
 
 
-class Terminated(KeyboardInterrupt):
-    """SIGTERM: ends a command as Ctrl-C does, so that nothing is left half-written."""
+AGAIN = 1.0
+"""Time after which a command that goes on after a signal is interrupted again [s]."""
+_received: list[int] = []
+
+
+def listen() -> None:
+    """Let SIGINT and SIGTERM unwind the command, so that nothing is left half-written.
+
+    What they raise may be lost where Python calls back from C, or be turned into another error amid an import;
+    therefore they raise again, until `stop_listening`.
+    """
+    _received.clear()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _interrupt)
+
+
+def stop_listening() -> int | None:
+    """Return the signal that came, if one did, and leave signals to Python again."""
+    if hasattr(signal, "setitimer"):
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    return _received[0] if _received else None
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    if not _received and hasattr(signal, "setitimer"):
+        signal.signal(signal.SIGALRM, _interrupt)
+        signal.setitimer(signal.ITIMER_REAL, AGAIN, AGAIN)
+    is_second = bool(_received) and number != getattr(signal, "SIGALRM", None)
+    _received.append(number)
+    if not is_second:  # `timeout` sends its signal to the process and to its group
+        raise KeyboardInterrupt
 
 
 def open_streams() -> None:
@@ -48,14 +79,9 @@ def drop_output() -> None:
         return
 
 
-def raise_on_sigterm() -> None:
-    """Let SIGTERM unwind the command."""
-
-    def end(number: int, frame: FrameType | None) -> None:
-        signal.signal(number, signal.SIG_IGN)  # `timeout` sends it to the process and to its group
-        raise Terminated
-
-    signal.signal(signal.SIGTERM, end)
+def one_line(text: str) -> str:
+    """Return a message with the line ends and control signs that a damaged file's cells brought into it as blanks."""
+    return "".join(sign if sign.isprintable() else " " for sign in text)
 
 
 def _spell(error: UnicodeError) -> tuple[str, int]:

@@ -221,6 +221,12 @@ def test_one_bad_byte_is_said(tmp_path, place):
         read_roll(path)
 
 
+def test_what_is_wrong_inside_is_said_of_the_archive(tmp_path):
+    path = export(tmp_path, GyroscopeUncalibrated="0" * (1 << 20))
+    with pytest.raises(SysidError, match=r"export\.zip/\d/GyroscopeUncalibrated\.csv"):
+        read_roll(path)
+
+
 def test_what_is_not_needed_is_not_unpacked(tmp_path):
     """A gigabyte of microphone beside the sensors, packed to a megabyte."""
     path = export(tmp_path, Microphone="0" * (64 << 20))
