@@ -14,7 +14,7 @@ from sysid.cli.diagnose import progress_bar
 from sysid.cli.log_options import LogArguments, refuse_overwriting_logs
 from sysid.cli.view import no_logs, read_logs
 from sysid.errors import SysidError
-from sysid.files import write_atomically
+from sysid.files import regular, write_atomically
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
@@ -87,7 +87,7 @@ def _shown(record: Path, root: Path) -> str:
 def _diagnosis(path: Path) -> dict[str, Any] | None:
     """Return the board's last diagnosis, if there is one; the page says which logs it is of."""
     try:
-        content: Any = json.loads(path.read_text(encoding="utf-8"))
+        content: Any = json.loads(regular(path).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
     return content if isinstance(content, dict) and "verdict" in content else None
