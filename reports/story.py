@@ -12,12 +12,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from reports.evidence import Evidence, LastDiagnosis
 from sysid.board import Board
 from sysid.comparison.compare import Comparison, compare
 from sysid.comparison.force_surface import TorqueProfile
 from sysid.comparison.release import ComparedRelease
 from sysid.effects import effect
 from sysid.errors import SysidError
+from sysid.fitting.ladder import PLAIN
 from sysid.joint import JointLaw
 from sysid.joint.structure import structure_of
 from sysid.joint.torques import effect_torque
@@ -90,7 +92,7 @@ class Story:
     labels: tuple[str, str]
     """Of the law before and after."""
     before: Comparison | None
-    """None where the record's law runs away from a measured release."""
+    """None where there was no other law, or it runs away from a measured release."""
     after: Comparison
     shown: int
     """Which release is drawn: the one that the law before misses most."""
@@ -100,6 +102,8 @@ class Story:
     steps: tuple[Step, ...]
     ranked: tuple[Ranked, ...]
     """Best first; empty without a diagnosis."""
+    is_dated: bool
+    """Whether the candidates were ranked for a record before the present one."""
     lags: Array
     """[s], shape (l,), from the first on."""
     correlations: tuple[tuple[str, Array], ...]
@@ -149,6 +153,7 @@ def tell(
     effects: Sequence[str],
     steps: Sequence[Step] = (),
     ranked: Sequence[Ranked] = (),
+    is_dated: bool = False,
 ) -> Story:
     """Compare two laws of a board with recordings, and say what lies between them.
 
@@ -160,19 +165,20 @@ def tell(
         effects: What `after` has more.
         steps: The ladder above the record as it stood.
         ranked: The candidates of a diagnosis, best first.
+        is_dated: Whether that diagnosis is of an earlier record.
 
     Raises:
         SysidError: The law after cannot be compared with these releases.
     """
     latter = compare(data, board, law=after)
     try:
-        former = compare(data, board, law=before)
+        former = None if before == after else compare(data, board, law=before)
     except SysidError:
         former = None
     floor = latter.noise.std
     worst = latter if former is None else former
     over_rate, over_angle = _missing(data, board, latter, effects)
-    label = f"with {' and '.join(effects)}" if effects else REFITTED
+    label = _added(tuple(effects))
     laws = [(STOOD, former)] if former is not None else []
     laws += [(label, latter)]
     longest = max(2, min(min(len(r.residual) for r in latter.releases) // 2, _period_samples(latter)))
@@ -189,6 +195,7 @@ def tell(
         over_angle=over_angle,
         steps=(*stood, *steps),
         ranked=tuple(ranked),
+        is_dated=is_dated,
         lags=lags * float(np.median(np.diff(latter.releases[0].time))),
         correlations=tuple(
             (name, autocorrelation([r.residual for r in law.releases], longest)[lags]) for name, law in laws
@@ -277,6 +284,43 @@ def story_of_diagnosis(found: "Diagnosis", board: Board) -> Story:
     )
 
 
+def story_of_board(evidence: Evidence, diagnosis: LastDiagnosis | None) -> Story:
+    """Return the story of a record: as it stood, and as it is or as its last diagnosis would have it.
+
+    Args:
+        evidence: The record and its logs.
+        diagnosis: Its last one.
+    """
+    board, floor = evidence.board, evidence.comparison.noise.std
+    after, effects = evidence.comparison.law, tuple(part.name for part in board.effects)
+    steps = [
+        Step(
+            REFITTED if rung.label == PLAIN else rung.label, rung.rmse / floor,
+            rung.heldout_rmse / floor if np.isfinite(rung.heldout_rmse) else None,
+        )
+        for rung in evidence.ladder
+    ]  # fmt: skip
+    models: tuple[Ranked, ...] = ()
+    if diagnosis is not None:
+        content = diagnosis.content
+        chosen, spreads = tuple(content.get("chosen", ())), content.get("score_std", [])
+        tried = [(c["effects"], c["score"], s) for c, s in zip(content["candidates"], spreads, strict=False)]
+        models = ranked(tried, chosen)
+        best = next((c for c in content["candidates"] if tuple(c["effects"]) == chosen), None)
+        law = law_of_candidate(board, best) if best and diagnosis.is_current and chosen else None
+        if best is not None and law is not None:
+            after, effects = law, (*effects, *chosen)
+            held = best["heldout_rmse_rad"]
+            noise = content["noise_floor_rad"]
+            steps.append(
+                Step(_added(chosen), best["rmse_rad"] / noise, None if held is None else held / noise)
+            )
+    return tell(
+        evidence.releases, board, before=evidence.stood, after=after, effects=effects, steps=steps, ranked=models,
+        is_dated=diagnosis is not None and not diagnosis.is_current,
+    )  # fmt: skip
+
+
 def chosen_effects(found: "Diagnosis", board: Board) -> tuple[str, ...]:
     """Return what the model that the verdict rests on has beyond the record."""
     own = {part.name for part in board.effects}
@@ -293,7 +337,7 @@ def _added(effects: tuple[str, ...]) -> str:
 
 
 def ranked(
-    candidates: Sequence[tuple[Sequence[str], float, float | None]], chosen: Sequence[str]
+    candidates: Sequence[tuple[Sequence[str], float | None, float | None]], chosen: Sequence[str]
 ) -> tuple[Ranked, ...]:
     """Return the candidates to draw: the best, the record's own law and the chosen one among them.
 
@@ -301,8 +345,12 @@ def ranked(
         candidates: Effects, score and its standard deviation, best first.
         chosen: Effects of the one that the verdict rests on.
     """
-    models = [Ranked(tuple(n), score, std, tuple(n) == tuple(chosen)) for n, score, std in candidates]
-    scored = [model for model in models if model.std is not None and np.isfinite(model.score)]
+    models = [
+        Ranked(tuple(names), score, std, tuple(names) == tuple(chosen))
+        for names, score, std in candidates
+        if score is not None and np.isfinite(score)
+    ]
+    scored = [model for model in models if model.std is not None]
     return tuple(
         model
         for place, model in enumerate(scored)
