@@ -28,6 +28,7 @@ from mjlab.sim.sim import _suspend_gc
 
 from policy_runtime.learning.graphs import Graphed
 from sim.skate.mdp import measuring
+from sim.skate.mdp.observations import skate_command
 
 
 class FusedRewards(RewardManager):
@@ -176,6 +177,9 @@ class SkateEnv(ManagerBasedRlEnv):
         ]
         self._felt_columns = torch.tensor(columns, device=device)
         self._felt = self.sim.data.sensordata[:, self._felt_columns]
+        begin: Any = self.event_manager.get_term_cfg("begin").func
+        for term in (begin, skate_command(self)):
+            term.draw = Graphed(term.draw, device, enabled=graphs)
         self._first_half = HalfStep(self.sim, mujoco_warp.step1)
         self._second_half = HalfStep(self.sim, mujoco_warp.step2)
         self._judge = Graphed(self._judge_state, device, enabled=graphs)
