@@ -19,6 +19,7 @@ from sysid.files import shipped_data, write_atomically
 from sysid.quantity import Quantity
 
 SCHEMA = 1
+"""Version of the record's format; another one is refused."""
 
 GEOMETRY_UNITS = {
     "length": "m",

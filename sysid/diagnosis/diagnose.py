@@ -57,7 +57,7 @@ FINALISTS = 7
 RIVALS = 4
 """How many models that predict as well are listed."""
 WEAK = 2.0
-"""Score that an effect must gain to be listed as a hint."""
+"""Score [nat] that an effect must gain to be listed as a hint."""
 
 Status = Literal["none-missing", "missing", "unexplained"]
 
