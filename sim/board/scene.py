@@ -60,6 +60,7 @@ def board_spec(
         SysidError: The record cannot be built: inertia too small for the deck's mass, rake and tilt
             range that do not fit, or compiled mass or inertia differ from the record.
     """
+    board.need("the scene of the whole board")
     spec = mujoco.MjSpec()
     spec.modelname = board.name
     spec.compiler.degree = False

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -11,6 +12,7 @@ from cyclopts import Parameter
 from sysid.board import Board
 from sysid.cli.console import Common, Printer, require_share
 from sysid.cli.log_options import LogArguments, load_recordings, refuse_overwriting_logs
+from sysid.cli.subject import Subject
 from sysid.errors import QualityGateError, SysidError
 
 if TYPE_CHECKING:
@@ -20,16 +22,18 @@ if TYPE_CHECKING:
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
+_NO_SUBJECT = Subject()
+TILT_JOINT = "board_tilt_joint"
+"""Of the scenes that the tool builds."""
 
 
 def check(
     logs: list[Path],
     /,
     *,
-    board: Annotated[str, Parameter(name=("--board", "-b"))],
+    subject: Subject = _NO_SUBJECT,
     tolerance: Annotated[float, Parameter(name="--tolerance")] = 0.02,
     scene_file: Annotated[Path | None, Parameter(name="--scene-file")] = None,
-    joint: Annotated[str, Parameter(name="--joint")] = "board_tilt_joint",
     timestep: Annotated[float | None, Parameter(name="--timestep")] = None,
     integrator: Annotated[str, Parameter(name="--integrator")] = "implicitfast",
     coupling: Annotated[Literal["equality", "direct"], Parameter(name="--coupling")] = "equality",
@@ -43,12 +47,12 @@ def check(
 
     Args:
         logs: Measured decays.
-        board: Name of the board.
+        subject: Whose joint it is.
         tolerance: Largest accepted NRMSE: RMS error over RMS of the measured roll about rest, sensor noise
             taken out.
-        scene_file: An MJCF scene to check instead of the one that the tool builds.
-        joint: Name of the tilt joint in that file.
-        timestep: Step in s; 0.005 or the scene file's if left out.
+        scene_file: An MJCF scene with a board in it to check instead of the one that the tool builds; --joint names its
+            tilt joint.
+        timestep: Step in s; 0.005, or that of the scene file or model, if left out.
         integrator: MuJoCo integrator of the scene that the tool builds.
         coupling: How tilt steers the trucks in it: a joint equality, or trucks set directly after each step.
         export: Which parameters are written into it: compensated so that the scene as a whole decays like
@@ -67,7 +71,10 @@ def check(
     if timestep is not None and not 0 < timestep <= 0.05:
         raise SysidError(f"--timestep {timestep:g}: expected seconds between 0 and 0.05, such as 0.005.")
     printer = Printer(common)
-    record = common.space.load_board(board)
+    tilt_joint = TILT_JOINT if subject.joint is None else subject.joint
+    if scene_file is not None:
+        subject = replace(subject, joint=None)
+    record = subject.load(common, printer)
     refuse_overwriting_logs([*logs, *([] if scene_file is None else [scene_file])], arguments, printer)
     recordings = load_recordings(logs, arguments, printer)
     releases = [release for recording in recordings for release in recording.releases]
@@ -78,15 +85,20 @@ def check(
         usual = {"--integrator": "implicitfast", "--coupling": "equality", "--export": "in-scene"}
         if unused := [option for option, value in given.items() if value != usual[option]]:
             printer.warn(f"not used: {', '.join(unused)}, which are for the scene that the tool builds")
-        scene = scene_from_file(scene_file, joint=joint, timestep=timestep)
+        scene = scene_from_file(scene_file, joint=tilt_joint, timestep=timestep)
+    elif record.model:
+        from sim.model.scene import scene_of
+        from sim.model.setup import Setup
+
+        scene = scene_of(Setup.of_entry(record.model), timestep=timestep)
     else:
         scene = _own_scene(
             record, 0.005 if timestep is None else timestep, integrator, coupling, export, printer
         )
     result = check_scene(record, scene, releases, tolerance=tolerance)
-    additions = measure_parasitics(record, scene)
+    additions = measure_parasitics(record, scene) if record.geometry else None
     unwritten = substituted(record)
-    reasons = (*unwritten, *additions.reasons(record, record.tilt["range"].value))
+    reasons = (*unwritten, *(additions.reasons(record, record.tilt["range"].value) if additions else ()))
     if result.only_rest_is_off:
         reasons = (
             f"the deck rests {math.degrees(result.rest_error):.2g}° from where the record lets the scene rest (fit the "
@@ -94,7 +106,9 @@ def check(
         )
     _print(printer, record, scene, result, additions)
     printer.result(_json(record, scene, result, additions, () if result.passed else reasons))
-    if scene_file is None:
+    if subject.model is not None:
+        printer.note("no record is changed: the model itself was checked")
+    elif scene_file is None:
         path = common.space.save_board(record.checked(_entry(scene, result, logs)), since=record)
         printer.note(f"written into {path}")
     else:
@@ -110,11 +124,11 @@ def check(
             printer.warn("the logs are too noisy to tell: record longer, more often, or with a better sensor")
         return 0
     why = "; ".join(reasons) or (
-        f"no part of the scene stands out. If the logs are of another board than '{board}', name that with --board; "
-        "else fit the board to them, or diagnose them"
+        f"no part of the scene stands out. If the logs are of another joint than '{record.name}', name that; else fit it to "
+        "them, or diagnose them"
     )
     raise QualityGateError(
-        f"the scene does not decay like board '{board}': NRMSE {100 * result.nrmse:.1f} %, tolerance "
+        f"the scene does not decay like '{record.name}': NRMSE {100 * result.nrmse:.1f} %, tolerance "
         f"{100 * tolerance:g} %. Why: {why}."
     )
 
@@ -127,24 +141,33 @@ def _own_scene(
     export: str,
     printer: Printer,
 ) -> "ClampedScene":
-    from sim.compensation.scene import compensate_in_scene, training_scene
+    from sim.compensation.scene import bench_scene, compensate_in_scene, training_scene
     from sim.compensation.step import compensate_step
 
     written = record
     if export != "physical":
-        if export == "in-scene":
+        if export == "in-scene" and record.geometry:
             done = compensate_in_scene(record, timestep=timestep, integrator=integrator, coupling=coupling)
         else:
             done = compensate_step(record, timestep=timestep, integrator=integrator)
         written = done.board
         printer.note("; ".join(done.lines()))
+    if not record.geometry:
+        printer.note(
+            "the record has no [geometry], so there is no board to stand on its wheels: the joint alone is checked"
+        )
+        return bench_scene(written, timestep=timestep, integrator=integrator)
     return training_scene(written, timestep=timestep, integrator=integrator, coupling=coupling)
 
 
 def _print(
-    printer: Printer, record: Board, scene: "ClampedScene", result: "SceneCheck", additions: "Parasitics"
+    printer: Printer,
+    record: Board,
+    scene: "ClampedScene",
+    result: "SceneCheck",
+    additions: "Parasitics | None",
 ) -> None:
-    printer.say(f"board {record.name} in: {scene.name}; the chassis is held, as on a bench")
+    printer.say(f"{record.name} in: {scene.name}; all but what decays is held, as on a bench")
     for release in result.releases:
         if release.cut > 0:
             printer.note(
@@ -165,6 +188,8 @@ def _print(
             for release in result.releases
         ],
     )
+    if additions is None:
+        return
     rows = [("wanted at this step", additions.wanted), ("the scene as a whole", additions.whole)]
     rows += [
         (name if name == "deck alone" else f"contribution of {name}", part) for name, part in additions.parts
@@ -207,7 +232,7 @@ def _json(
     record: Board,
     scene: "ClampedScene",
     result: "SceneCheck",
-    additions: "Parasitics",
+    additions: "Parasitics | None",
     reasons: Sequence[str],
 ) -> dict[str, Any]:
     def numbers(joint: "TiltJoint") -> dict[str, float]:
@@ -240,7 +265,9 @@ def _json(
             }
             for release in result.releases
         ],
-        "tilt_joint": {
+        "tilt_joint": None
+        if additions is None
+        else {
             "wanted": numbers(additions.wanted),
             "whole": numbers(additions.whole),
             "parts": {name: numbers(part) for name, part in additions.parts},

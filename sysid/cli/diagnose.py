@@ -10,6 +10,7 @@ from cyclopts import Parameter, validators
 from sysid.cli.console import FIT, Common, Printer
 from sysid.cli.log_options import LogArguments, load_recordings
 from sysid.cli.parameter_options import parse_fixed
+from sysid.cli.subject import Subject
 from sysid.files import write_json
 
 if TYPE_CHECKING:
@@ -17,13 +18,14 @@ if TYPE_CHECKING:
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
+_NO_SUBJECT = Subject()
 
 
 def diagnose(
     logs: list[Path],
     /,
     *,
-    board: Annotated[str, Parameter(name=("--board", "-b"))],
+    subject: Subject = _NO_SUBJECT,
     fix: Annotated[tuple[str, ...], Parameter(name="--fix", negative="", group=FIT, show_default=False)] = (),
     workers: Annotated[int, Parameter(name="--workers", group=FIT, validator=validators.Number(gte=1))] = 2,
     arguments: LogArguments = _NO_ARGUMENTS,
@@ -35,7 +37,7 @@ def diagnose(
 
     Args:
         logs: Logs of one board, with several releases in all.
-        board: Name of the board.
+        subject: Whose joint it is.
         fix: Hold a parameter in every model, as NAME=VALUE in SI units; stiffness=0 for a pendulum whose record has
             gravity. Repeat it for several.
         workers: Processes that search.
@@ -45,14 +47,14 @@ def diagnose(
     from sysid.diagnosis.diagnose import diagnose as search
 
     printer = Printer(common)
-    record = common.space.load_board(board)
+    record = subject.load(common, printer)
     recordings = load_recordings(logs, arguments, printer)
     with progress_bar(printer) as progress:
         result = search(recordings, record, fixed=parse_fixed(fix), workers=workers, progress=progress)
     printer.warnings(result.warnings, recordings)
     printer.say(result.report(printer.width))
     content = result.to_json()
-    path = common.space.outputs(board) / "diagnose.json"
+    path = common.space.outputs(record.name) / "diagnose.json"
     write_json(path, content)
     printer.say(f"written: {path}")
     printer.result(content)
