@@ -422,7 +422,7 @@ def check_rewards(env: Any, iteration: int) -> None:
         term, world = (int(i) for i in where[0])
         raise SysidError(
             f"iteration {iteration}: reward '{manager.active_terms[term]}' is not finite in world {world} although its "
-            "positions and velocities are. Look for a division by zero in its function in sim/skate/mdp/rewards.py."
+            "positions and velocities are. Look for a division by zero in its function in sim/skate/mdp/rewards/."
         )
 
 

@@ -43,7 +43,8 @@ def mjcf(
         substitutes: Write effects that need a newer MuJoCo than 3.11 as the nearest that 3.11 has.
         common: Options of every command.
     """
-    from sim.mjcf import board_mjcf, substituted
+    from sim.board.bodies import substituted
+    from sim.mjcf import board_mjcf
 
     if bench and scene:
         raise SysidError("--bench and --scene exclude each other.")

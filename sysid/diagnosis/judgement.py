@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.diagnosis.error_model import Blocks, Fitted, blocks_of, fit_errors
+from sysid.diagnosis.pendulum import zero
 from sysid.diagnosis.search import Candidate
 from sysid.effects import effect
 from sysid.roll import Array
@@ -192,7 +193,7 @@ def rest_of(model: Candidate) -> float:
     """Return what the sensor reads at rest, as a model has it [rad]; 0 for a rate."""
     if model.problem.records[0].is_rate:
         return 0.0
-    return model.parameters.get("rest_angle", 0.0) + model.parameters.get("sensor-bias.angle", 0.0)
+    return model.parameters.get("rest_angle", 0.0) + model.parameters.get(zero(), 0.0)
 
 
 def held_blocks(model: Candidate, period: float) -> Blocks:

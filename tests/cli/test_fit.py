@@ -12,6 +12,7 @@ import pytest
 from sysid.board import load_board
 from sysid.cli.console import Common
 from sysid.cli.fit import fit
+from sysid.cli.subject import Subject
 from sysid.errors import SysidError
 from sysid.files import sha256
 from sysid.workspace import shipped_data

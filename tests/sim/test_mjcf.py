@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sim.board.bench import swing
-from sim.check import check_scene
+from sim.check.decays import check_scene
 from sim.compensation.scene import scene_from_file
 from sim.mjcf import board_mjcf, default_export
 from sysid.board import Board, BoardEffect, load_board, save_board

@@ -1,4 +1,4 @@
-"""The gate: does the deck in the training scene decay as it was measured, and if not, why?"""
+"""Measured decays beside the same decays in a scene."""
 
 import math
 from collections.abc import Sequence
@@ -90,11 +90,6 @@ class SceneCheck:
         return float(np.sqrt(np.mean(np.concatenate([r.measured - r.simulated for r in self.releases]) ** 2)))
 
     @property
-    def passed(self) -> bool:
-        """Whether the scene decays as measured, within the tolerance."""
-        return self.nrmse <= self.tolerance
-
-    @property
     def rest_error(self) -> float:
         """Largest distance between the log's and the scene's rest that nothing allows [rad]."""
         return max((release.rest_error for release in self.releases), key=abs)
@@ -105,7 +100,7 @@ class SceneCheck:
         weights = [len(release.time) for release in self.releases]
         moving = [release.error_power - release.rest_error**2 for release in self.releases]
         return (
-            not self.passed
+            self.nrmse > self.tolerance
             and float(np.average(moving, weights=weights)) <= (self.tolerance * self.motion) ** 2
         )
 
@@ -214,7 +209,8 @@ def _inside(release: Release, tilt_range: float) -> int:
 def _rest_error(board: Board, release: Release, zero: float, zero_std: float) -> float:
     """Return by how much the scene rests elsewhere than the log, beyond the 95 % interval of the difference [rad]."""
     if release.zero != "known" or board.stiffness == 0:
-        return 0.0  # without a spring no rest tells the zero; an integrated rate, a sensor glued on or a camera held at an angle: their zero is not the deck's
+        # Without a spring no rest tells the zero; an integrated rate, a sensor glued on or a camera held at an angle have another.
+        return 0.0
     allowed = Z95 * math.hypot(board.tilt["rest_angle"].std, zero_std)
     return zero - min(max(zero, -allowed), allowed)
 
