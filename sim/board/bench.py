@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sim.board.bodies import TILT_JOINT, deck_inertia, inertia_ratio
+from sim.board.bodies import TILT_JOINT, deck_inertia, inertia_ratio, law_of
 from sim.board.scene import add_effects, integrator_value, roll_inertia
 from sysid.board import Board
 from sysid.errors import SysidError
-from sysid.joint import JointLaw
 from sysid.roll import Array
 
 GRAVITY = 9.81
@@ -84,7 +83,7 @@ def _deck(board: Board) -> tuple[float, Array, Array]:
     if board.geometry and board.mass:
         sides = np.array([board.geometry[key].value for key in ("length", "width", "thickness")])
         return board.mass["deck"].value, deck_inertia(board, roll), sides / 2
-    moment = max(JointLaw.from_board(board).stiffness_of_effects, 0.0)
+    moment = max(law_of(board).stiffness_of_effects, 0.0)
     mass = max(roll / 0.01, 2 * moment**2 / (GRAVITY**2 * roll))
     return mass, np.full(3, roll), np.full(3, math.sqrt(1.5 * roll / mass))
 

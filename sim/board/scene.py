@@ -21,6 +21,7 @@ from sim.board.bodies import (
     add_chassis,
     add_deck,
     add_truck,
+    inertia_gain,
     inertia_ratio,
     reflected_inertia,
     steering_angle,
@@ -73,7 +74,7 @@ def board_spec(
     reflected = reflected_inertia(board) if coupling == "equality" else 0.0
     # What steers is taken off the deck, so that nothing is counted twice; an effect that scales the inertia
     # will multiply what is written here.
-    tilt = add_deck(root, board, board.inertia.value - reflected / inertia_ratio(board), limit)
+    tilt = add_deck(root, board, board.inertia.value - reflected / inertia_gain(board), limit)
     for end in ("front", "rear"):
         add_truck(root, board, end, limit, coupling, wheel_friction)
     for wheel in WHEELS:

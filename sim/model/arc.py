@@ -16,6 +16,8 @@ FURTHEST = {int(mujoco.mjtJoint.mjJNT_HINGE): np.pi, int(mujoco.mjtJoint.mjJNT_S
 """How far the arc of a joint without limits goes to either side [rad or m]."""
 CLOSED = 1e-7
 """How far a loop may be open once it is closed [m or rad]."""
+IN_LOOP = 1.0
+"""The same of a joint that a loop ties to others [rad or m]."""
 JAMMED = 30.0
 """A loop whose joints move by so many times more than this one is near the end of its way."""
 
@@ -85,7 +87,7 @@ def walk(setup: Setup, spec: mujoco.MjSpec) -> Arc:
             '(active="false"), as it was in the measurement.'
         )
     low, high = model.jnt_range[number] if model.jnt_limited[number] else (-np.inf, np.inf)
-    start, reach = float(data.qpos[where]), FURTHEST[int(model.jnt_type[number])]
+    start, reach = float(data.qpos[where]), IN_LOOP if tied else FURTHEST[int(model.jnt_type[number])]
     middle = np.array(data.qpos)
     rows = [_row(model, data, own, movable)]
     places = [middle]
@@ -175,6 +177,10 @@ def _step(model: mujoco.MjModel, data: mujoco.MjData, own: int, movable: Sequenc
         return False
     mujoco.mj_integratePos(model, data.qpos, tangent * by, 1.0)
     if not close(model, data, movable):
+        return False
+    joints = [int(model.dof_jntid[dof]) for dof in movable if model.jnt_limited[model.dof_jntid[dof]]]
+    places = data.qpos[model.jnt_qposadr[joints]]
+    if np.any(places < model.jnt_range[joints, 0]) or np.any(places > model.jnt_range[joints, 1]):
         return False
     mujoco.mj_forward(model, data)
     return True

@@ -57,6 +57,8 @@ class Comparison:
     simulated_backbone: Backbone
     tolerance: float
     is_rate: bool
+    slides: bool = False
+    """Whether the joint is a slide, whose positions are in m."""
     heldout_rmse: float | None = None
     """On releases that the board was not fitted to: `rmse` itself, unless a log here is one of the fit's; then what the
     fit measured by leaving releases out. None where that is not known."""
@@ -153,7 +155,7 @@ def compare(
     least, excess, most = (
         float(np.sqrt(max(rmse**2 - std**2, 0.0))) / size for std in (noise.highest, noise.std, noise.lowest)
     )
-    where = locate_error(compared, law, noise)
+    where = locate_error(compared, law, noise, board)
     return Comparison(
         board=board.name,
         law=law,
@@ -170,6 +172,7 @@ def compare(
         simulated_backbone=backbone_of(compared, law, [c.simulated for c in compared], 0.0),
         tolerance=tolerance,
         is_rate=use_rate,
+        slides=board.slides,
         heldout_rmse=_heldout(board, recordings, rmse),
         warnings=(*reading_warnings(recordings), *odd),
         recordings=recordings,

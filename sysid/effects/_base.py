@@ -347,6 +347,8 @@ class TorqueEffect(Effect):
     """`friction(m, speed, parameters)` [N*m] ≥ 0: dry friction at |v|; at speed 0, what it takes to slide."""
     modifies: Callable[[LinearJoint, Values], LinearJoint] | None = None
     """`modifies(joint, parameters)`: the linear law with another number."""
+    changing: Callable[[Algebra, Value, Values], tuple[Value, Value]] | None = None
+    """`changing(m, roll, parameters)`: what it adds to the inertia there [kg*m^2], and the derivative of that by roll."""
     restarts: Callable[[Mapping[str, float]], Sequence[dict[str, float]]] | None = None
     """Where to search again from if a search ended at an edge beyond which the law does not change, so that no descent
     comes back: takes and returns the effect's parameters in units of their sizes; none elsewhere."""

@@ -4,56 +4,24 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from sysid.effects._algebra import Algebra, NumpyAlgebra, Value, Values
 from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect
+from sysid.effects._harmonics import held, slope_of, value_of
 from sysid.errors import SysidError
-from sysid.roll import Array
 
 if TYPE_CHECKING:
     import mujoco
-
-HARMONICS = ("constant", "sine", "cosine", "sine2", "cosine2")
-"""The terms 1, sin φ, cos φ, sin 2φ, cos 2φ; a rigid body on a hinge needs the second and third alone, on a slide the first."""
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return s (c₀ + a₁ sin φ + b₁ cos φ + a₂ sin 2φ + b₂ cos 2φ) [N*m]."""
     del states
-    terms = zip(HARMONICS, _terms(m, motion.roll), strict=True)
-    return parameters["scale"] * sum(parameters[name] * term for name, term in terms)
-
-
-def _terms(m: Algebra, roll: Value) -> tuple[Value, ...]:
-    quarter = math.pi / 2
-    return 1.0 + 0 * roll, m.sin(roll), m.sin(roll + quarter), m.sin(2 * roll), m.sin(2 * roll + quarter)
+    return parameters["scale"] * value_of(m, motion.roll, parameters)
 
 
 def slope(parameters: Mapping[str, float], roll: float) -> float:
     """Return the stiffness that it is for small motions about a roll [N*m/rad]."""
-    p = parameters
-    first = p["sine"] * math.cos(roll) - p["cosine"] * math.sin(roll)
-    second = 2 * (p["sine2"] * math.cos(2 * roll) - p["cosine2"] * math.sin(2 * roll))
-    return -p["scale"] * (first + second)
-
-
-def of_table(roll: Array, torques: Array) -> tuple[dict[str, float], float]:
-    """Return the parameters of a tabulated torque, and by how much they miss it at most [N*m].
-
-    Args:
-        roll: Where it was looked up [rad], shape (n,).
-        torques: What pulls there [N*m], shape (n,); positive towards larger roll.
-    """
-    columns = np.column_stack(_terms(NumpyAlgebra(), roll))
-    for count in (1, 3, 5):  # the fewest that hold it: on a short arc all five look alike
-        values = np.zeros(5)
-        values[:count] = np.linalg.lstsq(columns[:, :count], torques, rcond=1e-12)[0]
-        missed = float(np.abs(columns @ values - torques).max())
-        if missed < 1e-6 * max(float(np.abs(torques).max()), 1e-12):
-            break
-    values[np.abs(values) < 1e-10 * np.abs(values).max(initial=1e-12)] = 0.0
-    return {"scale": 1.0, **dict(zip(HARMONICS, map(float, values), strict=True))}, missed
+    return -parameters["scale"] * float(slope_of(NumpyAlgebra(), roll, parameters))
 
 
 def to_mjcf(
@@ -85,18 +53,6 @@ def to_mjcf(
     )
 
 
-def _held(name: str, unit: str) -> Parameter:
-    return Parameter(
-        name=name,
-        unit=unit,
-        size=lambda s: s.torque / s.amplitude,
-        low=-10.0,
-        high=10.0,
-        starts=(0.0,),
-        held=True,
-    )
-
-
 EFFECT = TorqueEffect(
     name="weight",
     title="weight as the model states it",
@@ -113,7 +69,7 @@ EFFECT = TorqueEffect(
             neutral=1.0,
             held=True,
         ),
-        *(_held(name, "N*m") for name in HARMONICS),
+        *held("N*m"),
     ),
     law="τ = s (c₀ + a₁ sin φ + b₁ cos φ + a₂ sin 2φ + b₂ cos 2φ), all but s from the masses of a model",
     source="mj_inverse along the arc of the joint; s = 1 unless it is bounded, and then fitted",
@@ -122,7 +78,7 @@ EFFECT = TorqueEffect(
     experiment="Measure in another pose or with a known mass added: weight changes as the model says, a spring does not.",
     mujoco=MujocoSupport(means="the masses of the model", since="3.0", warp=True),
     to_mjcf=to_mjcf,
-    example=(1.0, 0.0, -2.0, 0.3, 0.0, 0.0),
+    example=(1.0, 0.0, -1.0, 0.15, 0.0, 0.0),
     torque=torque,
     grounded=True,
     identifiable_from_decay=False,

@@ -108,6 +108,11 @@ class JointLaw:
         return joint.inertia / self.inertia
 
     @property
+    def inertia_gain(self) -> float:
+        """By how much effects multiply what is added to the roll inertia [1]."""
+        return 2 * replace(self, inertia=2 * self.inertia).inertia_ratio - self.inertia_ratio
+
+    @property
     def timestep(self) -> float:
         """Time step of the simulator that the law stands for [s]; 0 where it is continuous."""
         return sum(values.get(part.timestep, 0.0) for part, values in self._torques())
