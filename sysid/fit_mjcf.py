@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from sysid.board import Board
 from sysid.decay.plausibility import amplitude_warnings, period_warnings, refuse_period
+from sysid.effects._base import TorqueEffect
 from sysid.fitting import report as fit_report
 from sysid.fitting.joint import FitOptions, check_effects, fit_joint
 from sysid.fitting.ladder import Rung, ladder, rung_of
@@ -87,7 +88,11 @@ class Fit:
     @cached_property
     def ladder(self) -> tuple[Rung, ...]:
         """Errors from the linear joint up, one effect more each time."""
-        names = tuple(name for name, _ in self.law.effects)
+        parts = self.law.structure.parts
+        found = {
+            part.memory for part in parts if isinstance(part, TorqueEffect)
+        }  # learned beside a table by itself
+        names = tuple(part.name for part in parts if part.name not in found)
         top = rung_of(names, self.joint, self.heldout_rmse)
         return (*(ladder(self.releases, self.before, names[:-1], self.options) if names else ()), top)
 

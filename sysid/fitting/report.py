@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sysid.fitting.covariance import table_values
 from sysid.text import WIDTH, count, display, table
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ HELD_OUT = "held out: error on releases that the fit had not seen"
 def report(fit: "Fit", width: int = WIDTH) -> str:
     """Return the quantities before and after, and the errors from the linear joint up."""
     show = display(is_rate=fit.is_rate)
+    values = table_values(fit.law.structure)
     known = {
         **{name: quantity for name, quantity in fit.before.tilt.items() if name != "range"},
         **{
@@ -33,7 +35,11 @@ def report(fit: "Fit", width: int = WIDTH) -> str:
     }
     quantities = table(
         ("quantity", "before", "after ± 95 %"),
-        [(name, str(known.get(name, "-")), str(quantity)) for name, quantity in fit.quantities.items()],
+        [
+            (name, str(known.get(name, "-")), str(quantity))
+            for name, quantity in fit.quantities.items()
+            if name not in values
+        ],
         width=width,
     )
     rungs = table(

@@ -17,6 +17,7 @@ DESIGN = {
     "coulomb", "stribeck", "quadratic-damping", "cubic-damping", "cubic-stiffness", "asymmetric-stiffness",
     "gravity", "end-stop", "freeplay", "preload", "offset", "viscoelastic", "hysteresis", "second-mode",
     "inertia", "discretisation", "sensor-bias", "sensor-drift", "clock", "lowpass", "bilinear-stiffness", "bouc-wen",
+    "learned", "learned-memory",
 }  # fmt: skip
 
 
@@ -136,7 +137,12 @@ def rig(law: JointLaw, timestep: float = 2e-5) -> mujoco.MjModel:
 
 
 @pytest.mark.parametrize(
-    "name", [n for n in NAMES if effect(n).role in ("torque", "support", "shift") and effect(n).mujoco.since]
+    "name",
+    [
+        n
+        for n in NAMES
+        if effect(n).role in ("torque", "learned", "support", "shift") and effect(n).mujoco.since
+    ],
 )
 def test_mujoco_moves_as_the_law_does(name):
     """At a tiny step the written MJCF and the continuous law are the same motion."""
