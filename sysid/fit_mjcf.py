@@ -14,6 +14,7 @@ from sysid.board import Board
 from sysid.decay.plausibility import amplitude_warnings, period_warnings, refuse_period
 from sysid.effects._base import TorqueEffect
 from sysid.fitting import report as fit_report
+from sysid.fitting.formula import Formula, formula_of
 from sysid.fitting.joint import FitOptions, check_effects, fit_joint
 from sysid.fitting.ladder import Rung, ladder, rung_of
 from sysid.fitting.record_update import error_of, require_usable, updated_board
@@ -84,6 +85,11 @@ class Fit:
     def rmse_before(self) -> float:
         """Error of the record as it stood [rad or rad/s]."""
         return error_of(self.before, self.joint)
+
+    @cached_property
+    def formula(self) -> Formula | None:
+        """The formula nearest to what was learned; None where nothing was."""
+        return formula_of(self.joint)
 
     @cached_property
     def ladder(self) -> tuple[Rung, ...]:

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from light_board import BOARD, NOISE, magnet, releases
 
-from sysid.board import Board
 from sysid.effects import effect
 from sysid.effects._algebra import NumpyAlgebra
 from sysid.effects._base import JointState
@@ -15,30 +14,8 @@ from sysid.fitting.joint import fit_joint
 from sysid.fitting.learned_torque import learned_torque
 from sysid.fitting.record_update import require_usable
 from sysid.fitting.records import make_records
-from sysid.quantity import Quantity
-from sysid.roll import Release
 
-NOISE = np.radians(0.04)
-BOARD = Board.load("pink").with_tilt(damping=Quantity(0.06, 1e-3, "N*m*s/rad"))
 M = NumpyAlgebra()
-
-
-def releases(torque, angles=(0.19, -0.15), seed=0, noise=NOISE):
-    """Return decays of the pink board with a torque more, by an integrator that the fit does not have."""
-    rng, time = np.random.default_rng(seed), np.arange(0, 1.0, 4e-3)
-    found = []
-    for number, angle in enumerate(angles, start=1):
-        path = solve_ivp(
-            lambda t, y: [y[1], (-BOARD.stiffness * y[0] - 0.06 * y[1] + torque(t, *y)) / BOARD.inertia.value],
-            (0, 1.0), [angle, 0.0], t_eval=time, method="DOP853", rtol=1e-8, atol=1e-10, max_step=2e-3,
-        )  # fmt: skip
-        found.append(
-            Release(
-                log="made", number=number, time=time, roll=path.y[0] + noise * rng.standard_normal(len(time)),
-                std=np.full(len(time), noise), origin="angle", rest=0.0, hold=1.0, end="log",
-            )
-        )  # fmt: skip
-    return found
 
 
 def test_a_table_is_met_at_its_knots_and_smooth_between():
@@ -51,10 +28,6 @@ def test_a_table_is_met_at_its_knots_and_smooth_between():
     line = np.arange(-4, 5)[[0, 1, 2, 3, 5, 6, 7, 8]] / 4.0
     assert interpolate(M, s, line) == pytest.approx(s, abs=1e-12)
     assert line @ bending(4) @ line < 1e-1 * values @ bending(4) @ values
-
-
-def magnet(t, x, v):
-    return -12 * x / (1 + (x / 0.02) ** 2) ** 2
 
 
 @pytest.fixture(scope="module")
