@@ -8,10 +8,10 @@ from typing import Literal
 import mujoco
 
 from sim.board.bench import rig_spec
-from sim.board.bodies import STEERED_SHARE, Coupling, reflected_inertia
+from sim.board.bodies import STEERED_SHARE, Coupling, reflected_inertia, substituted
 from sim.board.scene import board_spec, coupling_polynomial
-from sim.compensation.scene import compensate_in_scene
-from sim.compensation.step import Compensation, compensate_step, uncompensated
+from sim.compensation.scene import Export, compensate
+from sim.compensation.step import Compensation
 from sysid.board import Board
 from sysid.effects import effect
 from sysid.effects._base import MujocoSupport
@@ -20,9 +20,6 @@ from sysid.quantity import Quantity
 
 Kind = Literal["bench", "scene"]
 """The clamped free-decay rig, or the free board with trucks and wheels on the ground."""
-Export = Literal["physical", "step-compensated", "in-scene"]
-"""What is written: the record's numbers; those that make the sampled decay right at this step; or those
-that make the whole scene's decay right at this step, wheels and coupling included."""
 
 OLDEST = "3.11"
 """The oldest MuJoCo that a file with `exact_effects=False` is written for."""
@@ -78,13 +75,14 @@ def board_mjcf(
         raise SysidError(
             "--export in-scene compensates for wheels and coupling, which a bench has not. Add --scene."
         )
-    if export == "in-scene":
-        done = compensate_in_scene(
-            board, timestep=timestep, integrator=integrator, coupling=coupling, exact_effects=exact_effects
-        )
-    else:
-        make = compensate_step if export == "step-compensated" else uncompensated
-        done = make(board, timestep=timestep, integrator=integrator, exact_effects=exact_effects)
+    done = compensate(
+        board,
+        export,
+        timestep=timestep,
+        integrator=integrator,
+        coupling=coupling,
+        exact_effects=exact_effects,
+    )
     if kind == "scene":
         spec = board_spec(
             done.board,
@@ -98,16 +96,6 @@ def board_mjcf(
     version = mujoco.__version__ if exact_effects else OLDEST
     comments = _comments(board, done, kind, export, coupling, version)
     return Mjcf(_commented(spec, comments), done, export, substituted(board, version))
-
-
-def substituted(board: Board, version: str | None = None) -> tuple[str, ...]:
-    """Say for each effect of a board that a MuJoCo version (the installed one if None) cannot hold what is written."""
-    wanted = version or mujoco.__version__
-    return tuple(
-        f"effect '{part.name}' needs MuJoCo {support.since}, for {wanted} it is written as {support.substitute}"
-        for part in board.effects
-        if (support := effect(part.name).mujoco).substituted_in(wanted)
-    )
 
 
 def _commented(spec: mujoco.MjSpec, comments: Sequence[tuple[str, Sequence[str]]]) -> str:

@@ -26,8 +26,8 @@ from typing import TYPE_CHECKING, Any
 import torch
 
 from sim.skate.arrays import wrap_angle
-from sim.skate.mdp import rewards
 from sim.skate.mdp.measuring import measure
+from sim.skate.mdp.rewards.tilt_guidance import wrong_tilt
 
 if TYPE_CHECKING:
     from mjlab.envs import ManagerBasedRlEnv
@@ -70,7 +70,7 @@ class Progress:
             "tilt_error": torch.where(steers, (state.tilt - state.tilt_reference).abs(), 0.0).sum(),
             "tilt": torch.where(steers, state.tilt.abs(), 0.0).sum(),
             "foot_place": torch.where(broken, 0.0, state.foot_place_error.abs()).sum(),
-            "wrong_tilt": ((rewards.wrong_tilt(state) > WRONG_TILT) * steering).sum(),
+            "wrong_tilt": ((wrong_tilt(state) > WRONG_TILT) * steering).sum(),
             "both_feet": (state.foot_on_deck.all(dim=-1) * steering).sum(),
             "foot_down": (state.foot_on_ground[:, 0] * pushing).sum(),
             "wrong_push": ((left | ~right) * pushing).sum(),

@@ -20,6 +20,7 @@ import mujoco
 import numpy as np
 
 from sysid.board import Board
+from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.roll import Array
 
@@ -273,4 +274,14 @@ def _visual(
         conaffinity=0,
         rgba=list(_METAL),
         group=2,
+    )
+
+
+def substituted(board: Board, version: str | None = None) -> tuple[str, ...]:
+    """Say for each effect of a board that a MuJoCo version (the installed one if None) cannot hold what is written."""
+    wanted = version or mujoco.__version__
+    return tuple(
+        f"effect '{part.name}' needs MuJoCo {support.since}, for {wanted} it is written as {support.substitute}"
+        for part in board.effects
+        if (support := effect(part.name).mujoco).substituted_in(wanted)
     )

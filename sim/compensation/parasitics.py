@@ -25,8 +25,6 @@ LOAD = 0.3
 """Static load, as a share of the spring's torque at the full tilt."""
 SMALL = 0.05
 """Amplitude of the decay from which the poles are taken [rad]."""
-VISIBLE = 0.03
-"""Departures from the record below this share are not worth a word."""
 DECK = "deck alone"
 
 
@@ -67,52 +65,10 @@ class Parasitics:
     mass: float
     """Of the whole board [kg]."""
 
-    def reasons(self, board: Board, tilt_range: float) -> tuple[str, ...]:
-        """Say in words where the scene departs from the record."""
-        texts: list[str] = []
-        ratio, wanted_ratio = self.whole.damping_ratio, self.wanted.damping_ratio
-        if ratio >= 1 > wanted_ratio:
-            texts.append(
-                f"released from rest the deck does not swing at all (damping ratio {ratio:.2f} where "
-                f"{wanted_ratio:.2f} is wanted)"
-            )
-        texts += self._departure("stiffness", "N*m/rad", self.whole)
-        texts += self._departure("damping", "N*m*s/rad", self.whole)
-        # Where nothing swings, only the deck by itself still shows an inertia.
-        texts += self._departure("inertia", "kg*m^2", self.whole if ratio < 1 else self.deck)
-        expected = board.mass["deck"].value + 2 * board.mass["truck"].value + 4 * board.mass["wheel"].value
-        if abs(self.mass / expected - 1) > 0.05:
-            texts.append(
-                f"the board of the scene weighs {self.mass:.3g} kg, the record says {expected:.3g} kg"
-            )
-        if self.reach < 0.95 * tilt_range:
-            texts.append(
-                f"the trucks' limits stop the deck at ±{self.reach:.3g} rad although its own range is "
-                f"±{tilt_range:.3g} rad"
-            )
-        return tuple(texts)
-
     @property
     def deck(self) -> TiltJoint:
         """The deck with everything else switched off."""
         return dict(self.parts)[DECK]
-
-    def _departure(self, quantity: str, unit: str, seen: TiltJoint) -> list[str]:
-        wanted, value = getattr(self.wanted, quantity), getattr(seen, quantity)
-        if abs(value / wanted - 1) < VISIBLE:
-            return []
-        causes = [
-            f"{name} {getattr(part, quantity):+.3g}"
-            for name, part in self.parts
-            if seen is self.whole and name != DECK and abs(getattr(part, quantity)) > VISIBLE * wanted
-        ]
-        alone = getattr(self.deck, quantity)
-        if abs(alone / wanted - 1) > VISIBLE:
-            causes.append(f"the deck by itself {alone:.3g}")
-        return [
-            f"{quantity} {value:.4g} {unit} where {wanted:.4g} is wanted ({100 * (value / wanted - 1):+.0f} %): "
-            + ", ".join(causes or ["from several parts together"])
-        ]
 
 
 def measure_parasitics(board: Board, scene: ClampedScene) -> Parasitics:

@@ -8,6 +8,7 @@ seven degrees), so a measured decay is never that of a loose board.
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import mujoco
 import numpy as np
@@ -15,11 +16,21 @@ import numpy as np
 from sim.board.bench import AfterStep
 from sim.board.bodies import FREE_JOINT, TILT_JOINT, Coupling
 from sim.board.scene import board_spec, integrator_name, set_trucks
-from sim.compensation.step import Compensation, closed_form, evaluate, fit_inertia_and_damping
+from sim.compensation.step import (
+    Compensation,
+    closed_form,
+    compensate_step,
+    evaluate,
+    fit_inertia_and_damping,
+    uncompensated,
+)
 from sysid.board import Board
 from sysid.errors import SysidError, did_you_mean
 from sysid.roll import Array
 
+Export = Literal["physical", "step-compensated", "in-scene"]
+"""What is written: the record's numbers; those that make the sampled decay right at this step; or those
+that make the whole scene's decay right at this step, wheels and coupling included."""
 SETTLING = 1.5
 """Time for which the board sinks into its contacts before it is held [s]."""
 
@@ -127,6 +138,24 @@ def _settled_pose(spec: mujoco.MjSpec, free: mujoco.MjsJoint) -> Array:
     mujoco.mj_step(model, data, nstep=round(SETTLING / model.opt.timestep))
     address = int(model.jnt_qposadr[free.id])
     return data.qpos[address : address + 7].copy()
+
+
+def compensate(
+    board: Board,
+    export: Export,
+    *,
+    timestep: float,
+    integrator: str = "implicitfast",
+    coupling: Coupling = "equality",
+    exact_effects: bool = True,
+) -> Compensation:
+    """Return the board as it must be written, by what is asked for; the arguments are `compensate_in_scene`'s."""
+    if export == "in-scene":
+        return compensate_in_scene(
+            board, timestep=timestep, integrator=integrator, coupling=coupling, exact_effects=exact_effects
+        )
+    make = compensate_step if export == "step-compensated" else uncompensated
+    return make(board, timestep=timestep, integrator=integrator, exact_effects=exact_effects)
 
 
 def compensate_in_scene(

@@ -11,8 +11,8 @@ from sim.skate.cycle.clock import Clock
 from sim.skate.cycle.push_clips import PushClip
 from sim.skate.cycle.tilt_guidance import TiltGuidance
 from sim.skate.cycle.transitions import TransitionPath
-from sim.skate.mdp import rewards
 from sim.skate.mdp.actor_observation import FRAMES, NOISE, SCALE
+from sim.skate.mdp.rewards import Task, rewards
 from sim.skate.options import NOMINAL, SkateOptions
 from sim.skate.robot.g1 import JOINTS, default_pose, motor_of
 from sim.skate.robot.poses import load_poses
@@ -40,8 +40,6 @@ STYLE_FRAMES = 5
 """Joint frames that the style discriminator judges together."""
 RUNAWAY_SPEED = 4.0
 """Speed at which a ride down a slope is broken off, without blame [m/s]: real slopes end."""
-TRACKING_WEIGHT = 5.0
-"""Weight of following a reference clip while pushing, per second."""
 
 
 def skate_env_cfg(
@@ -132,61 +130,23 @@ def skate_command_cfg(board: Board, options: SkateOptions) -> "SkateCommandCfg":
 def reward_terms(
     options: SkateOptions, command: "SkateCommandCfg", clips: Sequence[PushClip] = ()
 ) -> "dict[str, RewardTermCfg]":
-    """Return the reward terms with their weights and the stretches in which they count."""
+    """Return the reward terms of `sim/skate/mdp/rewards/`, with their weights and the stretches in which they count."""
     from mjlab.managers.reward_manager import RewardTermCfg
 
-    from sim.skate.mdp.measuring import PushTracking, reward
+    from sim.skate.mdp.measuring import reward
 
-    def term(function: Any, when: str, weight: float, **arguments: Any) -> RewardTermCfg:
-        return RewardTermCfg(func=reward, weight=weight, params={"term": function, "when": when, **arguments})
-
-    steer_pose, stand = command.steer_pose.joints, tuple(default_pose().tolist())
-    terms = {
-        "push/board_velocity": term(rewards.board_velocity, "push", 3.0, tolerance=options.speed_tolerance),
-        # The wide kernel leads there from rest, the narrow one pays for the last 0.2 m/s.
-        "push/exact_velocity": term(rewards.board_velocity, "push", 3.0, tolerance=0.02),
-        "push/facing_forward": term(rewards.facing_forward, "push", 2.0),
-        "push/left_foot": term(rewards.left_foot_on_deck, "push", -12.0),
-        "push/air_time": term(rewards.air_time, "push", 3.0),
-        "push/flat_push": term(rewards.flat_push, "push", 0.5),
-        "steer/feet_on_board": term(rewards.feet_on_board, "steer", 3.0),
-        "steer/pose": term(rewards.steering_pose, "steer", 1.5, pose=steer_pose),
-        "steer/left_foot": term(rewards.left_foot_on_deck, "steer", 2.0),
-        "steer/feet_on_markers": term(rewards.feet_on_markers, "steer", 2.0),
-        "steer/heading": term(rewards.board_heading, "steer", 5.0),
-        "steer/exact_heading": term(rewards.board_heading, "steer", 4.0, tolerance=0.05),
-        "steer/tilt_rate": term(rewards.tilt_rate, "steer", -0.1),
-        "coast/board_velocity": term(rewards.board_velocity, "not-push", 2.0),
-        "always/wheels": term(rewards.wheels_on_ground, "always", 0.5),
-        "always/foot_place": term(rewards.foot_place, "always", 6.0),
-        "always/level_deck": term(rewards.level_deck, "not-steer", 3.0),
-        "always/stand": term(rewards.standing_still, "still", 1.0, pose=stand),
-        "always/alive": term(rewards.alive, "always", 1.0),
-        "always/joint_limits": term(rewards.joint_limits, "always", -5.0),
-        "always/action_rate": term(rewards.action_rate, "always", -options.smoothness),
-        "always/action_smoothness": term(rewards.action_smoothness, "always", -options.smoothness),
-        "always/joint_velocity": term(rewards.joint_velocity, "always", -1e-3),
-        "always/joint_acceleration": term(rewards.joint_acceleration, "always", -2.5e-7),
-        "always/joint_torque": term(rewards.joint_torque, "always", -1e-6),
-        "always/self_contact": term(rewards.self_contact, "always", -10.0),
-    }
-    if options.pushing == "gait":
-        terms["push/gait_clock"] = term(rewards.gait_clock, "push", 3.0)
-    if options.pushing == "tracking":
-        # As much as the style reward can pay, so that the two ways of teaching compete evenly.
-        terms["push/tracking"] = RewardTermCfg(
-            func=PushTracking, weight=TRACKING_WEIGHT, params={"clips": tuple(clips)}
+    task = Task(
+        options=options,
+        steer_pose=command.steer_pose.joints,
+        stand_pose=tuple(default_pose().tolist()),
+        clips=tuple(clips),
+    )
+    return {
+        term.name: RewardTermCfg(
+            func=reward, weight=term.weight, params={"term": term.value, "when": term.when, **term.arguments}
         )
-    if options.tilt_guidance:
-        terms["steer/wrong_tilt"] = term(rewards.wrong_tilt, "steer", -40.0)
-        terms["steer/tilt_guide"] = term(rewards.tilt_guide, "steer", 4.0, tolerance=options.tilt_tolerance)
-    if options.transition in ("path", "translation"):
-        terms["transition/positions"] = term(rewards.key_positions, "transition", 10.0)
-    if options.transition != "none":
-        terms["transition/left_foot_down"] = term(rewards.left_foot_on_ground, "transition", -0.5)
-    if options.transition == "path":
-        terms["transition/orientations"] = term(rewards.key_orientations, "transition", 10.0)
-    return terms
+        for term in rewards(task)
+    }
 
 
 def _observations(options: SkateOptions) -> "dict[str, ObservationGroupCfg]":
@@ -261,7 +221,7 @@ def _events(board: Board, options: SkateOptions, scene: SceneOptions, seed: int)
     offset = {axis: (-0.025, 0.025) for axis in range(3)}
     events = {
         "begin": EventTermCfg(
-            func=randomisation.begin,
+            func=randomisation.Begin,
             mode="reset",
             params={
                 "start": options.start,

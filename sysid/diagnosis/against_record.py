@@ -10,7 +10,8 @@ import numpy as np
 
 from sysid.board import Board
 from sysid.diagnosis.search import Candidate
-from sysid.effects import catalogue, effect
+from sysid.effects import catalogue, effect, showing
+from sysid.effects._base import TorqueEffect
 from sysid.fitting.covariance import parameter_covariance
 from sysid.fitting.problem import Problem
 from sysid.joint.sampled import sampled_k_d
@@ -27,8 +28,6 @@ SMALLEST_SHIFT = 0.01
 """Of the rest angle over the amplitude, below which it does not matter: its torque is as small a share of the spring's."""
 TIE, BETTER = 8.0, 6.0
 """χ² within which two causes look the same, and from which one is the better."""
-SHIFTS = ("offset", "preload", "sensor-bias")
-_SHIFTING = (*SHIFTS, "sensor-drift", "clock")
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,11 +62,18 @@ def record_deviation(model: Candidate, board: Board, *, look_at_linear: bool) ->
     )
 
 
+def _shifts(name: str) -> bool:
+    """Whether an effect moves the middle of a decay, at once or slowly, and a free decay can show no more of it."""
+    part = effect(name)
+    return "rest_angle" in part.same_as or name in showing("moving level") or not part.identifiable_from_decay
+
+
 def _shift(
     model: Candidate, board: Board, covariance: np.ndarray, names: list[str], named: tuple[str, ...]
 ) -> Deviation:
     """Name the rest angle if it moved; what moved it cannot be told. `named` is said already and may explain it."""
-    if "rest_angle" not in names or model.problem.bias == "per-release" or "gravity" in model.effects:
+    grounded = any(part.adds_stiffness for part in model.problem.structure.torques)
+    if "rest_angle" not in names or model.problem.bias == "per-release" or grounded:
         return Deviation()
     if model.problem.records[0].is_rate:
         return Deviation()
@@ -81,27 +87,26 @@ def _shift(
     # Where a deck sticks the cost has kinks, and the deviation above may be too small: refit without the shift.
     slack = 2 * float(np.hypot(known, rounding))
     held = board.rest_angle + float(np.clip(moved, -slack, slack))
-    named = tuple(name for name in named if name not in _SHIFTING)
+    named = tuple(name for name in named if not _shifts(name))
     if _worse(model, held) < SURE**2 or (named and _worse(model, held, *named) < SURE**2):
         return Deviation()
-    drifts = "sensor-drift" not in model.effects
-    by_drift = _worse(model, held, "sensor-drift") if drifts else float("inf")
+    moved_by = [name for name, part in catalogue().items() if "rest_angle" in part.same_as]
+    drift = showing("moving level")[0]
+    by_drift = _worse(model, held, drift) if drift not in model.effects else float("inf")
     if by_drift < -BETTER:
         text = (
             f"The middle of the decay is {np.degrees(moved):+.3g}° from the record's rest angle, and a sensor that drifts "
             "explains that better than a rest angle that moved."
         )
-        alike = tuple((name,) for name in SHIFTS) if by_drift > -TIE else ()
-        return Deviation(("sensor-drift",), alike, text, effect("sensor-drift").experiment)
-    others = (("sensor-drift",),) if by_drift < TIE else ()
+        alike = tuple((name,) for name in moved_by) if by_drift > -TIE else ()
+        return Deviation((drift,), alike, text, effect(drift).experiment)
+    others = [*moved_by[1:], *([drift] if by_drift < TIE else [])]
     torque = model.parameters["stiffness"] * moved
     text = (
         f"The deck rests {np.degrees(moved):+.3g}° from the record's rest angle: its rest angle moved, or a "
         f"constant torque of {torque:+.3g} N*m acts, or the sensor is off by as much; a free decay cannot tell."
     )
-    return Deviation(
-        ("offset",), (("preload",), ("sensor-bias",), *others), text, effect("offset").experiment
-    )
+    return Deviation((moved_by[0],), tuple((name,) for name in others), text, effect(moved_by[0]).experiment)
 
 
 def _worse(model: Candidate, rest_angle: float, *more: str) -> float:
@@ -170,7 +175,9 @@ def _faithful(model: Candidate, board: Board) -> list[tuple[str, float]]:
         if (
             part.role not in kinds
             or len(part.parameters) != 1
-            or name in (*model.effects, "gravity", *_SHIFTING)
+            or name in model.effects
+            or part.record_direction is not None
+            or _shifts(name)
         ):
             continue
         richer = problem.with_(structure=structure_of((*model.effects, name)))
@@ -209,11 +216,12 @@ def _faithful(model: Candidate, board: Board) -> list[tuple[str, float]]:
 
 def _explanations(logs: np.ndarray, spread: np.ndarray, board: Board) -> list[tuple[str, float]]:
     """Return effects with one parameter and their distance from (ln k, ln d) in standard deviations."""
-    directions = {"inertia": (1.0, 1.0), "clock": (2.0, 1.0), "gravity": (1.0, 0.0)}
     inverse = np.linalg.inv(spread)
     misses: list[tuple[str, float]] = []
-    for name, direction in directions.items():
-        d = np.array(direction)
+    for name, part in catalogue().items():
+        if part.record_direction is None:
+            continue
+        d = np.array(part.record_direction)
         along = float(d @ inverse @ logs) / float(d @ inverse @ d)
         rest = logs - along * d
         misses.append((name, float(np.sqrt(rest @ inverse @ rest))))
@@ -221,7 +229,8 @@ def _explanations(logs: np.ndarray, spread: np.ndarray, board: Board) -> list[tu
     path = np.array([stepped_logs(board, h) for h in steps])
     rest = logs - path
     distance = np.sqrt(np.einsum("ij,jk,ik->i", rest, inverse, rest))
-    misses.append(("discretisation", float(np.nanmin(distance))))
+    steps_time = (n for n, part in catalogue().items() if isinstance(part, TorqueEffect) and part.timestep)
+    misses += [(name, float(np.nanmin(distance))) for name in steps_time]
     return sorted(misses, key=lambda item: item[1])
 
 

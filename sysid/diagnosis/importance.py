@@ -7,6 +7,7 @@ import numpy as np
 
 from sysid.diagnosis.search import Candidate
 from sysid.effects import effect
+from sysid.effects._base import TorqueEffect
 from sysid.errors import SysidError
 from sysid.joint.law import JointLaw
 from sysid.joint.torques import effect_torque, torque_shares
@@ -68,12 +69,12 @@ def importance(model: Candidate, names: Sequence[str], base: Candidate) -> Impor
     inside = [n for n in names if effect(n).role != "measurement"]
     sensed = [n for n in names if effect(n).role == "measurement"]
     each = torque_shares(law, times, starts, inside) if inside else {}
-    if "gravity" in each:  # what a spring of the same stiffness does as well is no effect
+    for part in (p for p in problem.structure.torques if p.adds_stiffness and p.name in each):
         widest = max(
             float(np.abs(record.signal - np.median(record.signal)).max()) for record in problem.records
         )
         widest = problem.scales.amplitude if problem.records[0].is_rate else widest
-        each["gravity"] *= 1 - np.sin(min(widest, np.pi / 2)) / min(widest, np.pi / 2)
+        each[part.name] *= _bend(law, part, min(widest, np.pi / 2))
     fall = max(_mean_square(base.residuals) - _mean_square(model.residuals), 0.0)
     motion = _mean_square([record.signal - np.median(record.signal) for record in problem.records])
     return Importance(
@@ -83,6 +84,20 @@ def importance(model: Candidate, names: Sequence[str], base: Candidate) -> Impor
         signal_share=float(np.sqrt(fall / max(motion, 1e-300))) if sensed else 0.0,
         each=each,
     )
+
+
+def _bend(law: JointLaw, part: TorqueEffect, tilt: float) -> float:
+    """Return what a spring of the same stiffness does not do of an effect's torque at a tilt, as a share of it."""
+    still, along = np.zeros(1), np.array([tilt])
+    torque = effect_torque(replace(law, rest_angle=0.0), part.name, still, along, still)
+    return float(abs(1 + torque[0] / (_stiffness(law, part.name) * tilt)))
+
+
+def _stiffness(law: JointLaw, name: str) -> float:
+    """Return what an effect adds to the joint's stiffness at small tilts [N*m/rad]."""
+    part, values = effect(name), dict(law.effects).get(name)
+    added = part.adds_stiffness if isinstance(part, TorqueEffect) else ""
+    return part.named(values).get(added, 0.0) if values else 0.0
 
 
 def _mean_square(arrays: Sequence[Array]) -> float:
@@ -111,9 +126,9 @@ def _energy_share(
 def _amplitude_share(law: JointLaw, starts: Sequence[tuple[float, float]], names: Sequence[str]) -> float:
     """Return by how much the amplitude after ten periods differs without some effects, over the first amplitude."""
     plain = _unsensed(law)
-    spring = law.stiffness + (dict(law.effects).get("gravity", (0.0,))[0] if "gravity" in names else 0.0)
+    spring = law.stiffness + sum(_stiffness(law, name) for name in names)
     without = replace(plain, stiffness=spring, effects=tuple(e for e in plain.effects if e[0] not in names))
-    if spring + dict(without.effects).get("gravity", (0.0,))[0] <= 0:
+    if spring + sum(_stiffness(law, name) for name, _ in without.effects) <= 0:
         return 1.0
     period = 2 * np.pi / plain.frequency
     grid = np.linspace(0.0, (PERIODS + 0.5) * period, 200 * PERIODS)

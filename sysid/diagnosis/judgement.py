@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.diagnosis.error_model import Blocks, Fitted, blocks_of, fit_errors
+from sysid.diagnosis.pendulum import zero
 from sysid.diagnosis.search import Candidate
 from sysid.effects import effect
 from sysid.roll import Array
@@ -88,6 +89,11 @@ class Field:
         if len(difference) < FEWEST_BLOCKS:
             return TIE
         return max(TIE, float(np.std(difference)) * float(np.sqrt(len(difference))))
+
+    def spread(self, scored: Scored) -> float:
+        """Return the standard deviation of twice the log-likelihood that the best has more, from period to period."""
+        difference = self.by_block(self.best.errors.each - scored.errors.each)
+        return 2 * float(np.std(difference)) * float(np.sqrt(len(difference)))
 
     def by_block(self, each: Array) -> Array:
         """Return sums over the blocks in the same unit, shape (blocks,)."""
@@ -192,7 +198,7 @@ def rest_of(model: Candidate) -> float:
     """Return what the sensor reads at rest, as a model has it [rad]; 0 for a rate."""
     if model.problem.records[0].is_rate:
         return 0.0
-    return model.parameters.get("rest_angle", 0.0) + model.parameters.get("sensor-bias.angle", 0.0)
+    return model.parameters.get("rest_angle", 0.0) + model.parameters.get(zero(), 0.0)
 
 
 def held_blocks(model: Candidate, period: float) -> Blocks:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 
-from sysid.diagnosis.pendulum import hanging, hanging_start
+from sysid.diagnosis.pendulum import hanging, hanging_start, sprung_start, weight
 from sysid.diagnosis.workers import Crew
 from sysid.effects import catalogue, effect
 from sysid.effects._base import Scales
@@ -138,12 +138,13 @@ class Search:
     def names(self) -> list[str]:
         """Return the effects that a free decay can show, which are worth a fit here."""
         known = catalogue()
-        roles = ("torque", "support")
-        chosen = [
-            n for n, e in known.items() if e.role in roles and e.minimum_amplitude <= self.scales.amplitude
-        ]
-        chosen += ["lowpass", "sensor-drift"] if self.bias == "shared" else []
-        return sorted(set(chosen) - set(self.base))
+        roles = ("torque", "support", "measurement") if self.bias == "shared" else ("torque", "support")
+        chosen = {
+            n for n, e in known.items()
+            if e.role in roles and e.minimum_amplitude <= self.scales.amplitude
+            and e.identifiable_from_decay and "rest_angle" not in e.same_as
+        }  # fmt: skip
+        return sorted(chosen - set(self.base))
 
     def problem(self, effects: Sequence[str], *, free_states: bool = False) -> Problem:
         """Return the least squares of a model, on the coarse grid."""
@@ -154,9 +155,9 @@ class Search:
         )  # fmt: skip
 
     def _names_and_fixed(self, effects: Sequence[str]) -> tuple[Sequence[str], Mapping[str, float]]:
-        if not (self.hangs and "gravity" in effects):
+        if not (self.hangs and weight() in effects):
             return effects, self.fixed
-        return hanging(effects, self.fixed, zero=self.bias == "shared" and not self.records[0].is_rate)
+        return hanging(effects, self.fixed, fit_zero=self.bias == "shared" and not self.records[0].is_rate)
 
     def single(self, effects: Sequence[str], known: Candidate | None = None) -> Candidate:
         """Fit one model from the catalogue's own starts, and from a simpler one that is fitted already."""
@@ -238,8 +239,8 @@ class Search:
         return [linear, *self.each("alone", Search.single, jobs, 0.0, 0.3)]
 
     def hung(self, singles: Sequence[Candidate]) -> tuple["Search", list[Candidate]]:
-        """Let gravity take the spring's place if it does as well alone as beside a spring, or the spring came out pushing."""
-        names = (*self.base, "gravity")
+        """Let weight take the spring's place if it does as well alone as beside a spring, or the spring came out pushing."""
+        names = (*self.base, weight())
         both = next((m for m in singles if set(m.effects) == set(names)), None)
         if both is None or "stiffness" not in both.problem.names:
             return self, list(singles)
@@ -425,11 +426,8 @@ def completed(problem: Problem, known: Mapping[str, float]) -> dict[str, float]:
     parameters = dict(known)
     if problem.fixed.get("stiffness") == 0.0 and parameters.get("stiffness", 0.0) != 0.0:
         parameters = hanging_start(parameters)
-    elif (
-        parameters.get("stiffness") == 0.0 and problem.fixed.get("stiffness") != 0.0
-    ):  # gravity was taken away again
-        parameters["stiffness"] = parameters.pop("gravity.moment", problem.scales.stiffness)
-        parameters["rest_angle"] = parameters.get("sensor-bias.angle", 0.0)
+    elif parameters.get("stiffness") == 0.0 and problem.fixed.get("stiffness") != 0.0:
+        parameters = sprung_start(parameters, problem.scales.stiffness)  # the weight was taken away again
     for part in problem.structure.parts:
         for p in part.parameters:
             value = p.starts[0] if p.neutral is None else min(max(p.neutral, p.low), p.high)

@@ -9,9 +9,8 @@ import pytest
 from sysid.effects import catalogue
 
 ROOT = Path(__file__).parents[2]
-OWNERS = ("sysid/effects", "sysid/synth", "sysid/cli/synth.py", "sysid/diagnosis")
-"""Rooms that may: the catalogue itself, the independent truth that makes logs, and diagnosis, which says what a
-rest angle, gravity and a record of other numbers do."""
+OWNERS = ("sysid/effects", "sysid/synth", "sysid/cli/synth.py")
+"""Rooms that may: the catalogue itself, and the independent truth that makes logs."""
 WORDS = {"inertia", "gravity", "clock", "offset", "learned"}
 """Effects whose names are everyday words: alone they may mean a quantity of the board, a channel of a log, a measure."""
 LOOKUPS = {"effect", "with_effect", "parameters_from"}

@@ -27,14 +27,13 @@ class PushClip:
 
 
 class PushReference:
-    """All clips as one array, of NumPy or torch."""
+    """All clips as one array, of the kind, precision and device of the first speeds that it is asked for."""
 
-    def __init__(self, clips: Sequence[PushClip], like: Any) -> None:
+    def __init__(self, clips: Sequence[PushClip]) -> None:
         """Take the clips over.
 
         Args:
             clips: At least one.
-            like: An array of the kind, precision and device that is wanted.
 
         Raises:
             ValueError: There is no clip.
@@ -42,10 +41,10 @@ class PushReference:
         if not clips:
             raise ValueError("pushing by tracking needs at least one reference clip")
         lengths = np.array([len(clip.joints) for clip in clips])
-        self._speeds = constant([clip.speed for clip in clips], like)
-        self._lengths = constant(lengths, like)
-        self._first = constant(np.cumsum(lengths) - lengths, like)
-        self._joints = constant(np.concatenate([clip.joints for clip in clips]), like)
+        speeds = np.array([clip.speed for clip in clips])
+        joints = np.concatenate([clip.joints for clip in clips])
+        self._arrays = speeds, lengths, np.cumsum(lengths) - lengths, joints
+        self._placed: list[Any] | None = None
 
     def joints(self, speed: Any, time: Any) -> Any:
         """Return the joint angles of the clip whose speed is nearest [rad], shape (n, 23).
@@ -55,7 +54,10 @@ class PushReference:
             time: Times since the pushing stretch began [s], shape (n,).
         """
         xp = namespace(speed)
-        which = xp.abs(speed[:, None] - self._speeds).argmin(axis=-1)
-        frame = xp.round(time / CONTROL_PERIOD) % self._lengths[which]
-        index = self._first[which] + frame  # whole numbers below 2^24: exact in single precision
-        return self._joints[index.astype(int) if xp is np else index.long()]
+        if self._placed is None:
+            self._placed = [constant(array, speed) for array in self._arrays]
+        speeds, lengths, first, joints = self._placed
+        which = xp.abs(speed[:, None] - speeds).argmin(axis=-1)
+        frame = xp.round(time / CONTROL_PERIOD) % lengths[which]
+        index = first[which] + frame  # whole numbers below 2^24: exact in single precision
+        return joints[index.astype(int) if xp is np else index.long()]

@@ -1,25 +1,22 @@
 # pyright: reportMissingImports=false, reportUnknownParameterType=false, reportAttributeAccessIssue=false
 """Brings reward and termination functions into mjlab: the state is read once a step, for all of them."""
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import torch
 
 from sim.skate import rotation
 from sim.skate.cycle.clock import CONTROL_PERIOD
-from sim.skate.cycle.push_clips import PushClip, PushReference
-from sim.skate.mdp import rewards, terminations
+from sim.skate.mdp import terminations
 from sim.skate.mdp.observations import skate_command
 from sim.skate.mdp.reading import ZONE
+from sim.skate.mdp.rewards._base import Stretch
 from sim.skate.mdp.state import SkateState
 from sim.skate.world import contacts
 
 if TYPE_CHECKING:
     from mjlab.envs import ManagerBasedRlEnv
-
-Stretch = Literal["push", "steer", "transition", "not-push", "not-steer", "moving", "still", "always"]
-"""When a reward counts. 'not-steer' includes standing still."""
 
 _SETTLING_STEPS = 5
 """Steps after a reset in which unloaded feet are no failure: the robot has only just been set down."""
@@ -72,20 +69,6 @@ def reward(
     state, active = _measured(env)
     value = term(state, **arguments)
     return value if when == "always" else value * active[when]
-
-
-class PushTracking:
-    """`rewards.push_tracking` of reference clips while pushing."""
-
-    def __init__(self, cfg: Any, env: "ManagerBasedRlEnv") -> None:
-        """Put the clips on the device."""
-        self._clips = PushReference(cfg.params["clips"], torch.zeros(1, device=env.device))
-
-    def __call__(self, env: "ManagerBasedRlEnv", clips: Sequence[PushClip]) -> torch.Tensor:
-        """Return the term's values, zero outside pushing, (n,)."""
-        state = measure(env)
-        reference = self._clips.joints(state.commanded_speed, state.time_in_push)
-        return rewards.push_tracking(state, reference) * state.pushing
 
 
 def fallen(env: "ManagerBasedRlEnv", **arguments: float) -> torch.Tensor:

@@ -1,0 +1,1 @@
+"""The gate: does the deck in the training scene decay as it was measured, and if not, why?"""

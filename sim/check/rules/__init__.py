@@ -1,0 +1,27 @@
+"""The rules of the gate: one a file, found by being there.
+
+Such a file ends in `RULE = Rule(...)`: when it is asked, and what it says of a scene and the decays in it.
+"""
+
+import importlib
+import pkgutil
+
+from sim.check.rules._base import Asked, Case, Rule
+
+
+def rules() -> tuple[Rule, ...]:
+    """Return every rule, in the order in which they speak."""
+    modules = (name for _, name, _ in pkgutil.iter_modules(__path__) if name[0] != "_")
+    found: list[Rule] = [importlib.import_module(f"{__name__}.{name}").RULE for name in modules]
+    return tuple(sorted(found, key=lambda rule: rule.order))
+
+
+def said(asked: Asked, case: Case) -> tuple[str, ...]:
+    """Return what the rules that are asked now have to say; of one that is the whole answer, only that."""
+    spoken: list[str] = []
+    for rule in rules():
+        texts = tuple(rule.says(case)) if asked in rule.asked else ()
+        if texts and rule.whole_answer:
+            return texts
+        spoken += texts
+    return tuple(spoken)

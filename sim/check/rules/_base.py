@@ -1,0 +1,44 @@
+"""What a rule is, and what it looks at."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+from sim.check.decays import SceneCheck
+from sim.compensation.parasitics import Parasitics
+from sim.compensation.scene import ClampedScene
+from sysid.board import Board
+
+Asked = Literal["before", "failed", "passed"]
+"""When a rule is asked, and what its words are: before the verdict, why it cannot be a pass; where it is none, what may
+be the cause; where it is one, a warning."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """What is judged."""
+
+    board: Board
+    scene: ClampedScene
+    decays: SceneCheck
+    """Measured and simulated, side by side."""
+    joint: Parasitics
+    """The scene's tilt joint, and what each part of the scene adds to it."""
+
+    @property
+    def tilt_range(self) -> float:
+        """The deck's own [rad], to either side."""
+        return self.board.tilt["range"].value
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rule:
+    """One reason for or against."""
+
+    order: int
+    """Rules speak in this order."""
+    asked: tuple[Asked, ...]
+    says: Callable[[Case], Iterable[str]]
+    """What is wrong, with numbers, units and where it helps the next step; nothing where nothing is."""
+    whole_answer: bool = False
+    """Whether nothing else is said where it speaks."""

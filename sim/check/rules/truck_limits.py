@@ -1,0 +1,17 @@
+"""The trucks meet their limits before the deck meets its own."""
+
+from collections.abc import Iterator
+
+from sim.check.rules._base import Case, Rule
+
+SHORT = 0.95
+"""Share of the deck's range that the trucks must allow (a choice): a stop gives way by a few hundredths of it."""
+
+
+def _says(case: Case) -> Iterator[str]:
+    reach, own = case.joint.reach, case.tilt_range
+    if reach < SHORT * own:
+        yield f"the trucks' limits stop the deck at ±{reach:.3g} rad although its own range is ±{own:.3g} rad"
+
+
+RULE = Rule(order=7, asked=("failed",), says=_says)

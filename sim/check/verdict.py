@@ -1,0 +1,166 @@
+"""The gate's verdict: what speaks against a pass, why, and what to know of one; in words, tables and JSON."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from sim.check.decays import check_scene
+from sim.check.rules import Case, said
+from sim.compensation.parasitics import DECK, TiltJoint, measure_parasitics
+from sim.compensation.scene import ClampedScene
+from sysid.board import Board
+from sysid.roll import Release
+from sysid.text import WIDTH, table
+
+ROUNDING = 1e-6
+"""Parts below this share of the board's own stiffness, damping or inertia are the simulation's rounding: static loads
+and poles are measured to 1e-8."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """What the gate says of a scene."""
+
+    case: Case
+    against: tuple[str, ...]
+    """Why it cannot be a pass; none where it is one."""
+    reasons: tuple[str, ...]
+    """What may be the cause, where it is no pass."""
+    warnings: tuple[str, ...]
+    """What to know of a pass."""
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing speaks against it."""
+        return not self.against
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was left out."""
+        return tuple(
+            f"{release.log}, release {release.number}: the first {1e3 * release.cut:.0f} ms are beyond the scene's "
+            f"tilt range of ±{self.case.scene.tilt_range:.3g} rad and are left out"
+            for release in self.case.decays.releases
+            if release.cut > 0
+        )
+
+    def refusal(self) -> str:
+        """Say what speaks against a pass, and why."""
+        why = "; ".join(self.reasons) or (
+            f"no part of the scene stands out. If the logs are of another board than '{self.case.board.name}', name that "
+            "with --board; else fit the board to them, or diagnose them"
+        )
+        return f"{'; '.join(self.against)}. Why: {why}."
+
+    def report(self, width: int = WIDTH) -> str:
+        """Return each decay's error, the tilt joint that the scene has, and that it is passed where it is."""
+        decays, joint = self.case.decays, self.case.joint
+        errors = table(
+            ("log", "release", "from", "to compare", "NRMSE", "RMSE with noise"),
+            [
+                (
+                    release.log,
+                    str(release.number),
+                    release.side,
+                    f"{release.time[-1] - release.time[0]:.2f} s",
+                    f"{100 * release.nrmse:.2f} %",
+                    f"{1e3 * release.rmse:.2f} mrad",
+                )
+                for release in decays.releases
+            ],
+            width=width,
+        )
+        rows = [("wanted at this step", joint.wanted), ("the scene as a whole", joint.whole)]
+        rows += [(name if name == DECK else f"contribution of {name}", part) for name, part in joint.parts]
+        parts = table(
+            ("tilt joint", "stiffness N·m/rad", "damping N·m·s/rad", "inertia kg·m²"),
+            [(name, *(f"{value:.4g}" for value in _rounded(part, joint.wanted))) for name, part in rows],
+            width=width,
+        )
+        lines = [
+            f"board {self.case.board.name} in: {self.case.scene.name}; the chassis is held, as on a bench",
+            errors,
+            parts,
+        ]
+        if self.passed:
+            lines.append(
+                f"passed: NRMSE {100 * decays.nrmse:.2f} % (tolerance {100 * decays.tolerance:g} %; an error below "
+                f"{100 * decays.hidden:.1f} % could not be seen in this noise)"
+            )
+        return "\n".join(lines)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what `husky-sysid check --json` writes."""
+        decays, joint = self.case.decays, self.case.joint
+        return {
+            "board": self.case.board.name,
+            "scene": self.case.scene.name,
+            "passed": self.passed,
+            "nrmse": decays.nrmse,
+            "tolerance": decays.tolerance,
+            "nrmse_hidden_by_noise": decays.hidden,
+            "rmse_rad": decays.rmse,
+            "releases": [
+                {
+                    "log": release.log,
+                    "release": release.number,
+                    "side": release.side,
+                    "t_start_s": float(release.time[0]),
+                    "t_end_s": float(release.time[-1]),
+                    "left_out_s": release.cut,
+                    "nrmse": release.nrmse,
+                    "rmse_rad": release.rmse,
+                    "zero_rad": release.zero,
+                    "rest_error_rad": release.rest_error,
+                }
+                for release in decays.releases
+            ],
+            "tilt_joint": {
+                "wanted": _numbers(joint.wanted),
+                "whole": _numbers(joint.whole),
+                "parts": {name: _numbers(part) for name, part in joint.parts},
+            },
+            "reasons": list(self.reasons),
+        }
+
+
+def judge(
+    board: Board, scene: ClampedScene, releases: Sequence[Release], *, tolerance: float = 0.02
+) -> Verdict:
+    """Release the deck in a scene as it was released in the logs, and say whether the scene passes.
+
+    Args:
+        board: The record; its effects of the sensor, its rest angle and what its joint should be are used.
+        scene: The scene, its chassis held.
+        releases: Measured decays.
+        tolerance: Largest accepted NRMSE.
+
+    Raises:
+        SysidError: No decay stays within the scene's tilt range for long enough, or the scene does not move.
+    """
+    case = Case(
+        board=board,
+        scene=scene,
+        decays=check_scene(board, scene, releases, tolerance=tolerance),
+        joint=measure_parasitics(board, scene),
+    )
+    against = said("before", case)
+    return Verdict(
+        case=case,
+        against=against,
+        reasons=said("failed", case) if against else (),
+        warnings=() if against else said("passed", case),
+    )
+
+
+def _rounded(part: TiltJoint, wanted: TiltJoint) -> list[float]:
+    pairs = zip(_numbers(part).values(), _numbers(wanted).values(), strict=True)
+    return [0.0 if abs(value) < ROUNDING * abs(own) else value for value, own in pairs]
+
+
+def _numbers(joint: TiltJoint) -> dict[str, float]:
+    return {
+        "stiffness_nm_rad": joint.stiffness,
+        "damping_nms_rad": joint.damping,
+        "inertia_kgm2": joint.inertia,
+    }

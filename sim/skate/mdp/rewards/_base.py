@@ -1,0 +1,60 @@
+"""What a reward is: a function of the state, where in the cycle it counts, and how much."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from sim.skate.arrays import namespace
+from sim.skate.cycle.push_clips import PushClip
+from sim.skate.options import SkateOptions
+
+Stretch = Literal["push", "steer", "transition", "not-push", "not-steer", "moving", "still", "always"]
+"""When a reward counts. 'not-steer' includes standing still."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Task:
+    """What weights and arguments may hang on."""
+
+    options: SkateOptions
+    """The variant of the task."""
+    steer_pose: tuple[float, ...]
+    """Joints in the steering pose [rad], 23."""
+    stand_pose: tuple[float, ...]
+    """Joints of the robot that stands [rad], 23."""
+    clips: Sequence[PushClip] = ()
+    """What pushing by tracking follows."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reward:
+    """One term of the sum."""
+
+    name: str
+    """In curves and messages: stretch/what."""
+    value: Callable[..., Any]
+    """The state (`SkateState`) and `arguments` to what is paid before weight and time step, shape (n,)."""
+    when: Stretch
+    weight: float
+    """Per second."""
+    arguments: Mapping[str, Any] = field(default_factory=dict[str, Any])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rewards:
+    """The terms of one file."""
+
+    order: int
+    """Files are summed from the lowest on: a sum of floats hangs on it to the last bit."""
+    terms: Callable[[Task], Iterable[Reward]]
+    """Those of a variant of the task."""
+
+
+def kernel(error: Any, tolerance: float) -> Any:
+    """Return exp(-error / tolerance)."""
+    return namespace(error).exp(-error / tolerance)
+
+
+def number(flag: Any) -> Any:
+    """Return a condition as 0.0 or 1.0."""
+    return flag * 1.0

@@ -1,0 +1,51 @@
+"""Steering: both feet on their markers, in the pose, and where the board shall point."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from sim.skate.arrays import constant, namespace, wrap_angle
+from sim.skate.mdp.rewards._base import Reward, Rewards, Task, kernel, number
+from sim.skate.mdp.rewards.pushing import left_foot_on_deck
+from sim.skate.mdp.state import SkateState
+
+
+def feet_on_board(state: SkateState) -> Any:
+    """2 for both feet on the board in their zones, -1 for the pushing foot on the ground."""
+    both = state.foot_on_deck[..., 0] & state.foot_on_deck[..., 1] & state.foot_in_zone[..., 0]
+    return 2 * number(both) - number(state.foot_on_ground[..., 0])
+
+
+def steering_pose(state: SkateState, pose: tuple[float, ...], tolerance: float = 0.2) -> Any:
+    """The joints hold the steering pose: mean square deviation against `tolerance` [rad^2]."""
+    error = state.joint_position - constant(pose, state.joint_position)
+    return kernel((error**2).mean(axis=-1), tolerance)
+
+
+def feet_on_markers(state: SkateState, tolerance: float = 0.2) -> Any:
+    """The left foot stands on the rear marker, the right one on the front marker; `tolerance` [m]."""
+    return kernel(state.foot_marker_distance.mean(axis=-1), tolerance)
+
+
+def board_heading(state: SkateState, tolerance: float = 0.2) -> Any:
+    """The board points where it shall by now; `tolerance` [rad]."""
+    return kernel(
+        namespace(state.tilt).abs(wrap_angle(state.board_heading - state.heading_reference)), tolerance
+    )
+
+
+def tilt_rate(state: SkateState) -> Any:
+    """Squared rate of the tilt [rad^2/s^2]."""
+    return state.tilt_rate**2
+
+
+def _terms(task: Task) -> Iterator[Reward]:
+    yield Reward("steer/feet_on_board", feet_on_board, "steer", 3.0)
+    yield Reward("steer/pose", steering_pose, "steer", 1.5, {"pose": task.steer_pose})
+    yield Reward("steer/left_foot", left_foot_on_deck, "steer", 2.0)
+    yield Reward("steer/feet_on_markers", feet_on_markers, "steer", 2.0)
+    yield Reward("steer/heading", board_heading, "steer", 5.0)
+    yield Reward("steer/exact_heading", board_heading, "steer", 4.0, {"tolerance": 0.05})
+    yield Reward("steer/tilt_rate", tilt_rate, "steer", -0.1)
+
+
+REWARDS = Rewards(order=2, terms=_terms)
