@@ -16,10 +16,10 @@ import numpy as np
 
 from policy_runtime.loop.commands import Command, CommandSource
 from policy_runtime.loop.policy import Policy
+from policy_runtime.loop.preparation import Delay, Preparation, StoppedError, prepare
 from policy_runtime.loop.safety import Guard, Limits
 from policy_runtime.robots import PD_PERIOD, JointCommand, Robot, RobotState
 from sim.skate.cycle.clock import CONTROL_PERIOD, STILL_SPEED, Clock
-from sim.skate.robot.g1 import JOINTS, servos
 from sysid.roll import Array
 
 SERVO_STEPS = round(CONTROL_PERIOD / PD_PERIOD)
@@ -49,7 +49,8 @@ class Event(NamedTuple):
     time: float
     """Since the start of the run [s]."""
     kind: str
-    """'start', 'stop' or 'end'."""
+    """'wait', 'ramp', 'delay' and 'ready' while the robot is prepared; 'start' or, with the policy held back, 'dry';
+    'stop' or 'end'."""
     text: str
 
 
@@ -63,6 +64,8 @@ class Timing:
     """The whole tick without sleeping and recording [s], shape (ticks,)."""
     late: Array
     """How late each tick began, in real time [s], shape (ticks,)."""
+    age: Array
+    """How old the state was that each tick decided on [s], shape (ticks,)."""
 
     def summary(self) -> dict[str, dict[str, float]]:
         """Return median, 99th percentile and maximum of each [ms]."""
@@ -74,7 +77,8 @@ class Timing:
                 "p99_ms": float(np.percentile(values, 99) * 1e3),
                 "max_ms": float(np.max(values) * 1e3),
             }
-            for name, values in (("decide", self.decide), ("tick", self.tick), ("late", self.late))
+            for name in ("decide", "tick", "late", "age")
+            for values in (getattr(self, name),)
         }
 
 
@@ -87,6 +91,8 @@ class RunResult:
     """Why it was stopped; None if it ended as planned."""
     events: tuple[Event, ...]
     timing: Timing
+    delay: Delay | None = None
+    """From command to measured torque; None where the robot was not prepared."""
 
     @property
     def duration(self) -> float:
@@ -101,6 +107,7 @@ class RunResult:
             "stopped": self.stopped,
             "events": [{"t_s": event.time, "kind": event.kind, "text": event.text} for event in self.events],
             "timing": self.timing.summary(),
+            "delay": None if self.delay is None else self.delay.to_json(),
         }
 
 
@@ -121,6 +128,8 @@ class Runtime:
     clock: Clock = field(default_factory=Clock)
     stop_time: float = STOP_TIME
     """How long the servos brake after a stop [s]."""
+    preparation: Preparation | None = None
+    """How the robot comes to where the policy starts; None where it is there already."""
 
     def run(self, duration: float = float("inf")) -> RunResult:
         """Run until the time is over, the commands end, or a check stops the robot.
@@ -136,23 +145,29 @@ class _Run:
 
     def __init__(self, runtime: Runtime) -> None:
         self._runtime = runtime
-        self._robot = runtime.robot
+        self.robot = runtime.robot
         self._guard = Guard(runtime.limits, CONTROL_PERIOD)
-        self._servos = servos()
         self._events: list[Event] = []
         self._times = array("d")
         self._ticks = self._step = 0
         self._turn = 0.0
         self._slept = 0.0
+        self._delay: Delay | None = None
+        preparation = runtime.preparation
+        self._dry = preparation.pose if preparation is not None and preparation.dry else None
 
     def go(self, duration: float) -> RunResult:
-        state = self._robot.read()
-        stopped = self._guard.check(state)
         try:
-            if stopped is None:
-                self._runtime.policy.reset(state)
-                self._log("start", f"policy '{self._runtime.policy.name}'")
-                stopped = self._loop(duration)
+            if self._runtime.preparation is not None:
+                self._due = time.perf_counter()
+                self._delay = prepare(self._runtime.preparation, self, self._log)
+            state = self._read()
+            self._runtime.policy.reset(state)
+            self._log("start" if self._dry is None else "dry", f"policy '{self._runtime.policy.name}'")
+            self._loop(duration)
+            stopped = None
+        except StoppedError as stop:
+            stopped = str(stop)
         except KeyboardInterrupt:
             stopped = "interrupted"
         except BaseException as error:
@@ -161,47 +176,73 @@ class _Run:
         finally:
             gc.unfreeze()
         self._finish(stopped)
-        times = np.asarray(self._times).reshape(-1, 3)
+        times = np.asarray(self._times).reshape(-1, 4)
         return RunResult(
             ticks=self._ticks,
             stopped=stopped,
             events=tuple(self._events),
-            timing=Timing(decide=times[:, 0], tick=times[:, 1], late=times[:, 2]),
+            timing=Timing(decide=times[:, 0], tick=times[:, 1], late=times[:, 2], age=times[:, 3]),
+            delay=self._delay,
         )
 
-    def _loop(self, duration: float) -> str | None:
-        """Decide and step until the end; return why it must stop, or None."""
+    def tick(self, command: JointCommand) -> RobotState:
+        """See `preparation.Ticks`."""
+        state = self._read()
+        self.robot.send(command)
+        for _ in range(SERVO_STEPS):
+            self.servo_step()
+        return state
+
+    def servo_step(self) -> None:
+        """See `preparation.Ticks`."""
+        self.robot.step()
+        if self._runtime.real_time:
+            self._due += PD_PERIOD
+            self._wait(self._due)
+
+    def _read(self) -> RobotState:
+        """Return the robot's state if it is well.
+
+        Raises:
+            StoppedError: It is not.
+        """
+        state = self.robot.read()
+        stopped = self._guard.check(state)
+        if stopped is not None:
+            raise StoppedError(stopped)
+        return state
+
+    def _loop(self, duration: float) -> None:
+        """Decide and step until the end.
+
+        Raises:
+            StoppedError: A check failed.
+        """
         runtime = self._runtime
         gc.freeze()  # what is here by now stays: the collector shall not look through it in a tick's time
-        start = time.perf_counter()
+        start = self._due = time.perf_counter()
         while self._ticks * CONTROL_PERIOD < duration - 1e-9:
             begin = time.perf_counter()
             tick = self._decide()
             decided = time.perf_counter()
-            if not isinstance(tick, Tick):
-                return tick
+            if tick is None:
+                return
             if runtime.on_tick is not None:
                 runtime.on_tick(tick)
             recorded = time.perf_counter()
             due = start + self._ticks * CONTROL_PERIOD
-            for servo in range(SERVO_STEPS):
-                self._robot.step()
-                if runtime.real_time:
-                    self._wait(due + (servo + 1) * PD_PERIOD)
+            for _ in range(SERVO_STEPS):
+                self.servo_step()
             late = max(0.0, begin - due) if runtime.real_time else 0.0
             spent = time.perf_counter() - recorded + decided - begin - self._slept
-            self._times.extend((decided - begin, spent, late))
+            self._times.extend((decided - begin, spent, late, tick.state.age))
             self._ticks += 1
-        return None
 
-    def _decide(self) -> Tick | str | None:
-        """Read, check, ask, send; return what happened, or why to stop, or None where the commands ended."""
+    def _decide(self) -> Tick | None:
+        """Read, check, ask, send; return what happened, or None where the commands ended."""
         self._slept = 0.0
         runtime, now = self._runtime, self._ticks * CONTROL_PERIOD
-        state = self._robot.read()
-        stopped = self._guard.check(state)
-        if stopped is not None:
-            return stopped
+        state = self._read()
         wanted = runtime.commands.at(now)
         if wanted is None:
             return None
@@ -209,10 +250,8 @@ class _Run:
         target = runtime.policy.act(state, command, self._step)
         stopped = self._guard.check_target(target)
         if stopped is not None:
-            return stopped
-        self._robot.send(
-            JointCommand(position=target, stiffness=self._servos.stiffness, damping=self._servos.damping)
-        )
+            raise StoppedError(stopped)
+        self.robot.send(JointCommand.hold(target if self._dry is None else self._dry))
         tick = Tick(now, self._step, state, command, target, runtime.policy.action)
         if command.speed >= STILL_SPEED:  # the cycle stands still while the robot does
             self._step += 1
@@ -230,15 +269,10 @@ class _Run:
             self._log("stop", stopped)
         else:
             self._log("end", f"after {self._ticks * CONTROL_PERIOD:.1f} s")
-        brake = JointCommand(
-            position=np.zeros(len(JOINTS)), stiffness=np.zeros(len(JOINTS)), damping=self._servos.damping
-        )
-        self._robot.send(brake)
-        begin = time.perf_counter()
-        for servo in range(round(self._runtime.stop_time / PD_PERIOD)):
-            self._robot.step()
-            if self._runtime.real_time:
-                self._wait(begin + (servo + 1) * PD_PERIOD)
+        self.robot.send(JointCommand.brake())
+        self._due = time.perf_counter()
+        for _ in range(round(self._runtime.stop_time / PD_PERIOD)):
+            self.servo_step()
 
     def _wait(self, until: float) -> None:
         now = time.perf_counter()

@@ -31,6 +31,12 @@ class World:
     start: Array
     """Configuration at the start, shape (nq,)."""
 
+    @property
+    def start_joints(self) -> Array:
+        """Joint angles of the start [rad], shape (23,)."""
+        joints = self.robot.base_q + 7
+        return self.start[joints : joints + len(JOINTS)]
+
     def reset(
         self, *, speed: float = 0.0, rng: np.random.Generator | None = None, noise: float = 0.01
     ) -> None:
