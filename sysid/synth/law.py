@@ -10,6 +10,8 @@ from sysid.effects._base import Effect, JointState, TorqueEffect
 from sysid.errors import SysidError
 
 _NUMPY = NumpyAlgebra()
+_MOVE = 1e-8
+"""Tilt over which the slope of a rate-independent state is taken [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,10 +31,14 @@ class CatalogueLaw:
     def rates(self, x: float, u: float, roll: float, states: Sequence[float]) -> list[float]:
         """Return the time derivatives of its internal states."""
         motion = JointState(x, u, roll, self.stiffness)
-        return [
-            float(state.rate(_NUMPY, motion, z, self.values)) if state.rate else 0.0
-            for state, z in zip(self.effect.states, states, strict=True)
-        ]
+        flows: list[float] = []
+        for state, z in zip(self.effect.states, states, strict=True):
+            if state.return_map is not None:
+                moved = math.copysign(_MOVE, u)
+                flows.append(abs(u) / _MOVE * float(state.return_map(_NUMPY, z, moved, self.values) - z))
+            else:
+                flows.append(float(state.rate(_NUMPY, motion, states, self.values)) if state.rate else 0.0)
+        return flows
 
     def at_rest(self) -> list[float]:
         """Return its internal states where nobody has touched the deck."""
@@ -41,16 +47,15 @@ class CatalogueLaw:
 
 
 def catalogue_law(effect: Effect, values: Sequence[float], stiffness: float) -> CatalogueLaw:
-    """Return the law of an effect that is a torque without kinks in its path.
+    """Return the law of an effect that is a torque.
 
     Raises:
         SysidError: It is another kind of effect, or slides.
     """
-    sliders = any(state.return_map is not None for state in effect.states)
-    if not isinstance(effect, TorqueEffect) or effect.slides or sliders or effect.modifies is not None:
+    if not isinstance(effect, TorqueEffect) or effect.slides or effect.modifies is not None:
         raise SysidError(
-            f"effect '{effect.name}' cannot be made: synth follows torques and states with a rate by the catalogue's "
-            "law; what sticks, slips, senses or carries the joint needs a formula in sysid/synth/."
+            f"effect '{effect.name}' cannot be made: synth follows torques and their states by the catalogue's "
+            "law; what sticks, senses or carries the joint needs a formula in sysid/synth/."
         )
     return CatalogueLaw(effect, effect.named(values), stiffness)
 
