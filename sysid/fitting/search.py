@@ -210,7 +210,7 @@ def search(
 
 
 _SHARES = (0.6, 0.75, 0.87, 1.15, 1.35, 1.65)
-"""Of a rough parameter, at which it is held on the way out of a false valley."""
+"""Shares of a rough parameter at which it is held on the way out of a false valley: a choice."""
 
 
 def scan_rough_parameters(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]:
