@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     from reports.rerun.film_frames import FilmFrames
 
-LADDER = ("#CC79A7", "#56B4E9", "#009E73", "#F0E442", "#D55E00")
+LADDER = ("#CC79A7", "#F0E442", "#009E73", "#D55E00")
 """Simpler models; the board's own law is blue."""
 MOST_BOARDS = 6
 """Boards side by side in 3-D."""
@@ -300,10 +300,16 @@ def _log_missing(stream: "rr.RecordingStream", result: Comparison) -> None:
 
     if result.missing is None:
         return
-    from reports.figures.board import missing_torque_figure
+    from matplotlib.figure import Figure
 
+    from reports.figures.compare import draw_profile
+
+    figure = Figure(figsize=(6.4, 6.4), layout="constrained")
+    upper, lower = figure.subplots(2, 1)
+    draw_profile(upper, result.missing.over_rate, "rate [rad/s]", "torque that the model lacks")
+    draw_profile(lower, result.missing.over_angle, "tilt [°]", scale=float(np.degrees(1.0)))
     picture = io.BytesIO()
-    missing_torque_figure(result, size=(6.4, 4.8)).savefig(picture, format="png", dpi=130, facecolor="white")
+    figure.savefig(picture, format="png", dpi=130, facecolor="white")
     stream.log(
         "missing_torque", rr.EncodedImage(contents=picture.getvalue(), media_type="image/png"), static=True
     )

@@ -109,6 +109,11 @@ COMMANDS = {
         ("view --board pink", "view film.mp4 --board pink -o film.rrd"),
         "tutorial.md",
     ),
+    "live": Command(
+        "Read a phone while the board rocks: k, d and what to do next after each release.",
+        ("live --board pink --phone 192.168.0.42:8080", "live --board pink --watch logs"),
+        "tutorial.md",
+    ),
     "marker": Command(
         "Print a page with markers for films, and how to fix and film them.",
         ("marker", "marker --number 4 -o marker.png"),

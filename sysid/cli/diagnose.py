@@ -10,7 +10,7 @@ from cyclopts import Parameter, validators
 from sysid.cli.console import FIT, Common, Printer
 from sysid.cli.log_options import LogArguments, load_recordings
 from sysid.cli.parameter_options import parse_fixed
-from sysid.files import write_json
+from sysid.files import atomic_path, write_json
 
 if TYPE_CHECKING:
     from sysid.diagnosis.search import Progress
@@ -31,7 +31,7 @@ def diagnose(
 ) -> int:
     """Rank the physical effects that the model is missing, or say that nothing is.
 
-    Writes diagnose.json into reports/BOARD of the workspace, where the report finds it.
+    Writes diagnose.json, where the report finds it, and diagnose.png into reports/BOARD of the workspace.
 
     Args:
         logs: Logs of one board, with several releases in all.
@@ -42,7 +42,10 @@ def diagnose(
         arguments: How the logs are read.
         common: Options of every command.
     """
+    from reports.figures.story import story_figure
+    from reports.story import chosen_effects, story_of_diagnosis
     from sysid.diagnosis.diagnose import diagnose as search
+    from sysid.diagnosis.report import headline
 
     printer = Printer(common)
     record = common.space.load_board(board)
@@ -52,9 +55,18 @@ def diagnose(
     printer.warnings(result.warnings, recordings)
     printer.say(result.report(printer.width))
     content = result.to_json()
-    path = common.space.outputs(board) / "diagnose.json"
-    write_json(path, content)
-    printer.say(f"written: {path}")
+    folder = common.space.outputs(board)
+    # Beside the result: which record it is of, and what the report draws.
+    shown = {
+        "record": record.digest,
+        "chosen": chosen_effects(result, record),
+        "score_std": [candidate.score_std for candidate in result.candidates],
+    }
+    write_json(folder / "diagnose.json", {**content, **shown})
+    with atomic_path(folder / "diagnose.png") as temporary:
+        picture = story_figure(story_of_diagnosis(result, record), f"{board}: {headline(result)}")
+        picture.savefig(temporary, dpi=110)
+    printer.say(f"written: {folder / 'diagnose.json'}, {folder / 'diagnose.png'}")
     printer.result(content)
     return 0
 

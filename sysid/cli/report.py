@@ -1,11 +1,10 @@
 """`husky-sysid report`: everything known of a board in one HTML file."""
 
-import json
 import shlex
 import sys
 from datetime import date
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter
 
@@ -14,7 +13,7 @@ from sysid.cli.diagnose import progress_bar
 from sysid.cli.log_options import LogArguments, refuse_overwriting_logs
 from sysid.cli.view import no_logs, read_logs
 from sysid.errors import SysidError
-from sysid.files import regular, write_atomically
+from sysid.files import write_atomically
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
@@ -41,7 +40,7 @@ def report(
         arguments: How the logs are read.
         common: Options of every command.
     """
-    from reports.evidence import find_logs, gather
+    from reports.evidence import find_logs, gather, last_diagnosis
     from reports.page.board import Provenance, board_report
 
     printer = Printer(common)
@@ -61,15 +60,15 @@ def report(
     if material.recordings:
         with progress_bar(printer) as progress:
             evidence = gather(
-                record, material.recordings, files=files, tolerance=tolerance, progress=progress
+                record, material.recordings, files=files, tolerance=tolerance, progress=progress,
+                stood=space.first(board),
             )  # fmt: skip
     provenance = Provenance(
         command=shlex.join(["husky-sysid", *sys.argv[1:]]),
         made=date.today().isoformat(),
         record=_shown(space.board_path(board), space.root),
     )
-    diagnosis = _diagnosis(space.outputs(board) / "diagnose.json")
-    page = board_report(record, evidence, files, provenance, diagnosis)
+    page = board_report(record, evidence, files, provenance, last_diagnosis(record, space))
     path = output or space.outputs(board) / "report.html"
     write_atomically(path, page)
     printer.say(f"written: {path} ({len(page.encode()) / 1e6:.2f} MB)")
@@ -82,12 +81,3 @@ def _shown(record: Path, root: Path) -> str:
     if record.is_relative_to(root):
         return str(record.relative_to(root))
     return f"{record.name}, as shipped with the tool"
-
-
-def _diagnosis(path: Path) -> dict[str, Any] | None:
-    """Return the board's last diagnosis, if there is one; the page says which logs it is of."""
-    try:
-        content: Any = json.loads(regular(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return content if isinstance(content, dict) and "verdict" in content else None

@@ -326,12 +326,21 @@ class Problem:
         towards the rest angle that is too fast counts, beyond what `UNSURE_START` of its acceleration makes.
         Without this a stop that acts in the first milliseconds only would be taken for a push.
         """
-        begin = self._starts[index]
-        if begin.unsure == 0 or begin.pull == 0:
-            return 0.0, 0.0
+        sign, spread = self.start_limit(index, unknowns)
         at = len(self.names) + index * self.n_local + 1
-        slope = begin.inward * float(self.sizes()[at]) / self._spread(begin, unknowns)
+        slope = sign * float(self.sizes()[at]) / spread
         return (slope * unknowns[at], slope) if slope * unknowns[at] > 0 else (0.0, 0.0)
+
+    def start_limit(self, index: int, unknowns: Array) -> tuple[float, float]:
+        """Return the sign of a record's rate towards rest, and by how much it may start so: a deviation [rad/s], inf if pushed.
+
+        Args:
+            index: Of the record.
+            unknowns: In units of their sizes, shape (p,).
+        """
+        begin = self._starts[index]
+        free = begin.unsure == 0 or begin.pull == 0
+        return begin.inward, float("inf") if free else self._spread(begin, unknowns)
 
     def _spread(self, begin: _Start, unknowns: Array) -> float:
         """Return the deviation that a start faster than from rest may have [rad/s]: a filter hides the first of it."""
