@@ -27,7 +27,7 @@ def open_hdf5(path: Path) -> MatTable:
 
     def keep(name: str, item: Any) -> None:
         if isinstance(item, h5py.Dataset):
-            values = np.asarray(item)
+            values: Any = np.asarray(item)
             fields = values.dtype.names
             content.update(
                 {f"{name}/{f}": values[f] for f in fields} if fields else {name: np.squeeze(values)}
