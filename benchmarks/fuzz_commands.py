@@ -88,6 +88,8 @@ class Result:
     command: list[str]
     code: int
     seconds: float
+    cpu: float
+    """Of the command and the processes that it waited for [s]."""
     memory_mb: float
     said: str
     problems: list[str]
@@ -218,7 +220,7 @@ def run_case(case: Case, limit: float) -> Result:
     lines = [line for line in error.splitlines() if line.strip()]
     result = Result(
         number=case.number, kind=case.kind, command=case.arguments, code=os.waitstatus_to_exitcode(status),
-        seconds=round(seconds, 2), memory_mb=round(usage.ru_maxrss / 1024), said=lines[-1][:200] if lines else "",
+        seconds=round(seconds, 2), cpu=round(usage.ru_utime + usage.ru_stime, 2), memory_mb=round(usage.ru_maxrss / 1024), said=lines[-1][:200] if lines else "",
         problems=[f"no end within {limit:g} s"] if timed_out else [],
     )  # fmt: skip
     try:
@@ -400,7 +402,7 @@ def work(number: int, limit: float, keep: str | None) -> dict[str, Any]:
         return vars(run_case(make_case(number, folder), limit))
     except Exception as error:  # noqa: BLE001  what is wrong with the benchmark itself is said of its case
         traceback.print_exc()
-        return vars(Result(number, "benchmark", [], 70, 0, 0, repr(error), [f"benchmark: {error!r}"]))
+        return vars(Result(number, "benchmark", [], 70, 0, 0, 0, repr(error), [f"benchmark: {error!r}"]))
     finally:
         if not keep:
             shutil.rmtree(folder, ignore_errors=True)
