@@ -247,7 +247,7 @@ def save_board(board: Board, path: Path) -> None:
     """
     text = board_to_toml(board)
     _Reader(path).board(tomllib.loads(text))  # never write what could not be read back
-    write_atomically(path, text)
+    write_atomically(path, text, is_record=True)
 
 
 def board_to_toml(board: Board) -> str:
