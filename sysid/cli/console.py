@@ -56,13 +56,14 @@ class Printer:
     def __post_init__(self) -> None:
         """Open both consoles."""
         quiet = self.common.json == "-"
-        width = None if sys.stdout.isatty() else 160
-        object.__setattr__(
-            self, "_stdout", Console(quiet=quiet, highlight=False, width=width, soft_wrap=True, emoji=False)
+        # A terminal breaks a line wherever it is full; we break between words. A pipe gets whole lines.
+        out, err = sys.stdout.isatty(), sys.stderr.isatty()
+        stdout = Console(
+            quiet=quiet, highlight=False, width=None if out else 160, soft_wrap=not out, emoji=False
         )
-        object.__setattr__(
-            self, "_stderr", Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
-        )
+        stderr = Console(stderr=True, highlight=False, soft_wrap=not err, emoji=False)
+        object.__setattr__(self, "_stdout", stdout)
+        object.__setattr__(self, "_stderr", stderr)
 
     @property
     def stderr(self) -> Console:
