@@ -10,7 +10,7 @@ from sysid.board import Board
 from sysid.comparison.compare import Comparison, compare
 from sysid.diagnosis.signatures import LookAlikes, Start, look_alikes
 from sysid.errors import SysidError
-from sysid.files import sha256
+from sysid.files import regular, sha256
 from sysid.fitting.joint import FitOptions
 from sysid.fitting.ladder import PLAIN, Rung, ladder
 from sysid.fitting.records import signal_of
@@ -76,7 +76,8 @@ class LastDiagnosis:
 def last_diagnosis(board: Board, space: Workspace) -> LastDiagnosis | None:
     """Return the board's last diagnosis, if there is one."""
     try:
-        content: Any = json.loads((space.outputs(board.name) / "diagnose.json").read_text(encoding="utf-8"))
+        path = regular(space.outputs(board.name) / "diagnose.json")
+        content: Any = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
     if not isinstance(content, dict) or "verdict" not in content:
@@ -122,7 +123,7 @@ def _truth(path: Path) -> dict[str, Any] | None:
     """Return what lies beside a synthetic log about its truth."""
     beside = path.with_suffix(".truth.json")
     try:
-        content: Any = json.loads(beside.read_text(encoding="utf-8"))
+        content: Any = json.loads(regular(beside).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
     return content if isinstance(content, dict) and content.get("synthetic") is True else None

@@ -305,13 +305,23 @@ class _Reader:
         )
 
     def _effect(self, where: str, raw: Mapping[str, Any]) -> BoardEffect:
+        """Read one effect, its parameters in the catalogue's order; one that is not in the catalogue as it is."""
+        from sysid.effects import catalogue
+
         name = self._text(raw, "name", f"{where}.name")
-        parameters = self._table(raw, "parameters", f"{where}.parameters")
+        table = self._table(raw, "parameters", f"{where}.parameters")
+        known = catalogue().get(name)
+        units = dict.fromkeys(table) if known is None else {p.name: p.unit for p in known.parameters}
+        if unknown := [key for key in table if key not in units]:
+            raise SysidError(
+                f"{self.path}: unknown field '{where} ({name}).parameters.{unknown[0]}'."
+                f"{did_you_mean(unknown[0], units)} Known: {', '.join(units)}."
+            )
         return BoardEffect(
             name,
             {
-                key: self._quantity(value, f"{where} ({name}).parameters.{key}", None)
-                for key, value in parameters.items()
+                key: self._quantity(table.get(key), f"{where} ({name}).parameters.{key}", unit)
+                for key, unit in units.items()
             },
         )
 

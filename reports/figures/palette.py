@@ -12,6 +12,8 @@ NOISE = "#999999"
 """The noise floor: grey."""
 GOOD = "#009E73"
 BAD = "#D55E00"
+SERIES = (SIM, "#56B4E9", GOOD, HELD_OUT, "#F0E442", BAD, REAL, "#000000")
+"""Several things of one kind beside each other, as policies: Okabe and Ito's."""
 
 
 def rgb(colour: str) -> tuple[int, int, int]:

@@ -78,6 +78,7 @@ def test_every_command_file_is_listed():
         "log_options",
         "parameter_options",
         "ride_options",
+        "streams",
     }
     assert files - shared == set(COMMANDS)
 

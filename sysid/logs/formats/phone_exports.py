@@ -2,6 +2,7 @@
 
 import lzma
 import re
+import shutil
 import struct
 import tempfile
 import zipfile
@@ -54,10 +55,13 @@ def open_zip(path: Path) -> SensorTables:
             for number, member in enumerate(needed):
                 target = Path(folder) / str(number) / Path(member.filename).name
                 target.parent.mkdir()
-                with archive.open(member) as packed:
-                    target.write_bytes(packed.read(member.file_size))
+                with archive.open(member) as packed, target.open("wb") as file:
+                    shutil.copyfileobj(packed, file)
                 files.append(target)
-            return _merge(path, files)
+            try:
+                return _merge(path, files)
+            except SysidError as error:  # says it of what was unpacked
+                raise SysidError(str(error).replace(folder, str(path))) from error
     except (*(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error), *_DAMAGE) as error:
         raise SysidError(f"{path}: damaged or locked archive ({error}). Export it again.") from error
 
