@@ -47,6 +47,7 @@ POSES = 50.0
 ENVELOPE = "#777777"
 PHASES = {"rest": "#555555", "held": REAL, "free": SIM, "caught": "#CC79A7"}
 MILLI = 1e3
+"""From SI to thousandths, the factor in which residuals are shown."""
 CLEAR = 5.0
 """Size of a motion that is no noise, in standard deviations of it."""
 SHOWN_IN = 8.0

@@ -10,17 +10,19 @@ from cyclopts import Parameter
 
 from sysid.cli.console import OUTPUT, Common, Printer, progress_bar
 from sysid.cli.log_options import LogArguments, refuse_overwriting_logs
+from sysid.cli.subject import Subject
 from sysid.cli.view import no_logs, read_logs
 from sysid.errors import SysidError
 from sysid.files import atomic_path, write_atomically
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
+_NO_SUBJECT = Subject()
 
 
 def report(
     *logs: Path,
-    board: Annotated[str, Parameter(name=("--board", "-b"))],
+    subject: Subject = _NO_SUBJECT,
     output: Annotated[Path | None, Parameter(name=("--output", "-o"), group=OUTPUT)] = None,
     one_page: Annotated[bool, Parameter(name="--one-page", negative="", group=OUTPUT)] = False,
     tolerance: float = 0.02,
@@ -34,7 +36,7 @@ def report(
 
     Args:
         logs: Logs of the board; those that its record was fitted to, if left out.
-        board: Name of the board.
+        subject: Whose joint it is.
         output: File to write; reports/BOARD/report.html of the workspace if left out.
         one_page: Also write it on one page, as PDF and PNG beside the file.
         tolerance: Error beyond the noise, over the RMS motion, at which the comparison passes.
@@ -46,7 +48,7 @@ def report(
 
     printer = Printer(common)
     space = common.space
-    record = space.load_board(board)
+    record = subject.load(common, printer)
     files = find_logs(record, logs, space)
     if not files:
         raise SysidError(no_logs(record))
@@ -62,16 +64,16 @@ def report(
         with progress_bar(printer) as progress:
             evidence = gather(
                 record, material.recordings, files=files, tolerance=tolerance, progress=progress,
-                stood=space.first(board),
+                stood=space.first(record.name),
             )  # fmt: skip
     provenance = Provenance(
         command=shlex.join(["husky-sysid", *sys.argv[1:]]),
         made=date.today().isoformat(),
-        record=_shown(space.board_path(board), space.root),
+        record=str(subject.model) if subject.model else _shown(space.board_path(record.name), space.root),
     )
     diagnosis = last_diagnosis(record, space)
     page = board_report(record, evidence, files, provenance, diagnosis)
-    path = output or space.outputs(board) / "report.html"
+    path = output or space.outputs(record.name) / "report.html"
     write_atomically(path, page)
     printer.say(f"written: {path} ({len(page.encode()) / 1e6:.2f} MB)")
     if one_page:
@@ -84,7 +86,9 @@ def report(
             with atomic_path(target) as temporary:
                 sheet.savefig(temporary, dpi=150)
             printer.say(f"written: {target}")
-    printer.result({"board": board, "report": str(path), "logs": [file.path for file in files if file.found]})
+    printer.result(
+        {"board": record.name, "report": str(path), "logs": [file.path for file in files if file.found]}
+    )
     return 0
 
 
