@@ -28,9 +28,9 @@ def trajectories_figure(panels: Sequence[tuple[str, Sequence[Array]]], path: Pat
     """
     from matplotlib.figure import Figure
 
-    columns = min(2, len(panels))
-    rows = -(-len(panels) // 2)
-    figure = Figure(figsize=(5.2 * columns, 4.2 * rows), layout="constrained")
+    columns = max(1, min(4, len(panels)))
+    rows = max(1, -(-len(panels) // columns))
+    figure = Figure(figsize=(3.1 * columns, 4.0 * rows), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     for axis in axes.flat[len(panels) :]:
         axis.remove()
@@ -38,9 +38,9 @@ def trajectories_figure(panels: Sequence[tuple[str, Sequence[Array]]], path: Pat
         for line in paths:
             axis.plot(line[:, 0], line[:, 1], color=SIM, alpha=0.6, lw=1.2)
             axis.plot(*line[-1, :2], ".", color=BAD, ms=4)
-        axis.set_title(f"{title}: {len(paths)} rides", loc="left", fontsize=10)
+        axis.set_title(f"{title}\n{len(paths)} rides", loc="left", fontsize=9)
         axis.set(xlabel="x [m]", ylabel="y [m]")
-        axis.set_aspect("equal", adjustable="datalim")
+        axis.set_aspect("equal", adjustable="box")
         axis.grid(alpha=0.3)
     _save(figure, path)
 

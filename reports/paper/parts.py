@@ -65,8 +65,7 @@ def trajectories(runs: Sequence[Run], measure: Measure, folder: Path) -> Section
     picture = folder / "trajectories.png"
     trajectories_figure([(f"{run}, {name}", one.paths) for run, name, one in results], picture)
     rows = [
-        (run, name, text(one.success), text(one.errors["E_yaw"]), f"{_turned(one):.0%}")
-        for run, name, one in results
+        (run, name, text(one.success), text(one.errors["E_yaw"]), _turned(one)) for run, name, one in results
     ]
     lines = _markdown(("policy", "board", "E_succ", "E_yaw [rad]", "turned, of what was asked"), rows)
     numbers = [{"run": run, "board": name, **one.to_json()} for run, name, one in results]
@@ -198,7 +197,7 @@ def _units() -> list[tuple[str, str]]:
 
 
 def compared(ours: dict[str, Quantity], paper: dict[str, Quantity]) -> str:
-    """Return in words where our figures agree with the paper's: within both of their 95 % intervals' sizes."""
+    """Return in words which of our figures cannot be told from the paper's by the 95 % intervals of both."""
     same: list[str] = []
     other: list[str] = []
     for name, published in paper.items():
@@ -211,7 +210,7 @@ def compared(ours: dict[str, Quantity], paper: dict[str, Quantity]) -> str:
             same.append(name)
         else:
             other.append(f"{name} is {'above' if own.value > published.value else 'below'} the paper's")
-    parts = ([f"{', '.join(same)} agree{'s' * (len(same) == 1)} with the paper's"] if same else []) + other
+    parts = ([f"{', '.join(same)} cannot be told from the paper's"] if same else []) + other
     return "; ".join(parts) + "." if parts else ""
 
 
@@ -223,10 +222,10 @@ def text(value: Quantity) -> str:
     return f"{value.value:.3f} [{low:.3f}, {high:.3f}]" if math.isfinite(low) else f"{value.value:.3f}"
 
 
-def _turned(result: Evaluation) -> float:
+def _turned(result: Evaluation) -> str:
     """Return the achieved part of the turns that were asked for: the slope through the origin."""
     asked, done = result.headings[:, 0], result.headings[:, 1]
-    return float(asked @ done / (asked @ asked)) if len(asked) else math.nan
+    return f"{asked @ done / (asked @ asked):.0%}" if len(asked) else "–"
 
 
 def _of_rows(runs: Sequence[Run], rows: Sequence[str]) -> list[Run]:

@@ -83,5 +83,12 @@ def _run(path: Path, number: int, entry: dict[str, Any]) -> Run:
     for key, file in files.items():
         if not file.is_file():
             raise SysidError(f"{where}: {key} {file} is not there.")
-    texts = {key: entry[key] for key in ("name", "board", "command")}
-    return Run(**texts, row=entry.get("row", ""), note=entry.get("note", ""), **files)
+    return Run(
+        name=entry["name"],
+        row=entry.get("row", ""),
+        board=entry["board"],
+        command=entry["command"],
+        note=entry.get("note", ""),
+        policy=files.get("policy"),
+        curves=files.get("curves"),
+    )
