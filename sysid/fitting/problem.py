@@ -199,13 +199,14 @@ class Problem:
             Unknowns in units of their sizes, shape (p,).
         """
         values = [parameters[name] for name in self.names]
-        vector = self.vector_of(parameters)
         for record in self.records:
             roll, rate = _first_motion(record)
             own = [roll, rate]
             if self.free_states and self.structure.internal_states:
                 held = build_stepper(self.structure, free_states=False, sensitivities=False)
-                start = np.asarray(held.initial(vector, own, max(record.release.hold, 0.0))).ravel()[2:]
+                start = np.asarray(
+                    held.initial(self.vector_of(parameters, record), own, max(record.release.hold, 0.0))
+                ).ravel()[2:]
                 kept = [
                     not isinstance(part, SensorEffect) for part in self.structure.parts for _ in part.states
                 ]
@@ -213,13 +214,14 @@ class Problem:
             values += own + ([0.0] if self.bias == "per-release" else [])
         return np.array(values) / self.sizes()
 
-    def vector_of(self, parameters: Mapping[str, float]) -> Array:
-        """Return the structure's parameter vector, inertia first.
+    def vector_of(self, parameters: Mapping[str, float], record: Record | None = None) -> Array:
+        """Return the structure's parameter vector, inertia first, as it was for one record if that is given.
 
         Returns:
             Value of each parameter in its own unit, shape (k,).
         """
-        full = {"inertia": self.scales.inertia, **parameters, **self.fixed}
+        known = {} if record is None else record.release.known
+        full = {"inertia": self.scales.inertia, **parameters, **self.fixed, **known}
         return np.array([full[name] for name in self.structure.parameters])
 
     def parameters(self, unknowns: Array) -> dict[str, float]:
@@ -254,9 +256,9 @@ class Problem:
         values = unknowns * self.sizes()
         shared, own, motion = len(self.names), self.n_local, self._motion
         parameters = self.parameters(unknowns)
-        vector = self.vector_of(parameters)
         result: list[tuple[Array, Array]] = []
         for index, path in enumerate(self._paths):
+            vector = self.vector_of(parameters, self.records[index])
             mine = values[shared + index * own : shared + (index + 1) * own]
             at = path.shooting.read(vector, mine[:motion], self.step)
             if len(self._columns) < at.shape[1]:
@@ -326,12 +328,21 @@ class Problem:
         towards the rest angle that is too fast counts, beyond what `UNSURE_START` of its acceleration makes.
         Without this a stop that acts in the first milliseconds only would be taken for a push.
         """
-        begin = self._starts[index]
-        if begin.unsure == 0 or begin.pull == 0:
-            return 0.0, 0.0
+        sign, spread = self.start_limit(index, unknowns)
         at = len(self.names) + index * self.n_local + 1
-        slope = begin.inward * float(self.sizes()[at]) / self._spread(begin, unknowns)
+        slope = sign * float(self.sizes()[at]) / spread
         return (slope * unknowns[at], slope) if slope * unknowns[at] > 0 else (0.0, 0.0)
+
+    def start_limit(self, index: int, unknowns: Array) -> tuple[float, float]:
+        """Return the sign of a record's rate towards rest, and by how much it may start so: a deviation [rad/s], inf if pushed.
+
+        Args:
+            index: Of the record.
+            unknowns: In units of their sizes, shape (p,).
+        """
+        begin = self._starts[index]
+        free = begin.unsure == 0 or begin.pull == 0
+        return begin.inward, float("inf") if free else self._spread(begin, unknowns)
 
     def _spread(self, begin: _Start, unknowns: Array) -> float:
         """Return the deviation that a start faster than from rest may have [rad/s]: a filter hides the first of it."""
