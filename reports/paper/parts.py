@@ -58,9 +58,12 @@ def sensitivity(runs: Sequence[Run], measure: Measure, folder: Path) -> Section:
 def trajectories(runs: Sequence[Run], measure: Measure, folder: Path) -> Section:
     """Draw the paths of a policy on steered trucks and on straight ones (the paper's figure 5)."""
     results = [
-        (run.name, name, measure(run, Protocol(coupling=coupling, duration=20.0)))
+        (run.name, name, measure(run, protocol))
         for run in _of_rows(runs, ("husky", "no-coupling"))
-        for name, coupling in (("trucks steered", "equality"), ("trucks held straight", "none"))
+        for name, protocol in (
+            ("trucks steered", Protocol()),
+            ("trucks held straight", Protocol(coupling="none")),
+        )
     ]
     picture = folder / "trajectories.png"
     trajectories_figure([(f"{run}, {name}", one.paths) for run, name, one in results], picture)
