@@ -94,6 +94,15 @@ class EquationsOfMotion:
                 joint = joint + torque
         return joint, deck
 
+    def inertia(self, roll: Any) -> tuple[Any, Any]:
+        """Return the inertia at a roll [kg*m^2], and its derivative; zero unless an effect changes it along the way."""
+        inertia, by_roll = self.joint.inertia, 0.0
+        for part, values, _ in self.layout:
+            if isinstance(part, TorqueEffect) and part.changing is not None:
+                more, slope = part.changing(self.m, roll, values)
+                inertia, by_roll = inertia + more, by_roll + slope
+        return inertia, by_roll
+
     def friction(self, speed: Any) -> Any:
         """Return the dry friction of all effects at that speed [N*m]."""
         levels = [
@@ -110,14 +119,15 @@ class EquationsOfMotion:
         if slide is not None:
             joint = joint - slide * self.friction(self.m.abs(motion.rate))
         moving: Any = 1.0 if slide is None else slide * slide
-        rates = [y[1] * moving, (joint + deck) / self.joint.inertia * moving]
+        inertia, by_roll = self.inertia(motion.roll)
+        rates = [y[1] * moving, (joint + deck - by_roll * y[1] * y[1] / 2) / inertia * moving]
         for part, values, states in self.layout:
             if isinstance(part, SupportEffect):
                 s, w = items_of(y, states)
                 rates += [w, part.acceleration(self.m, s, w, joint, values)]
                 continue
-            for state, z in zip(part.states, items_of(y, states), strict=True):
-                rates.append(0.0 if state.rate is None else state.rate(self.m, motion, z, values))
+            own = items_of(y, states)
+            rates += [s.rate(self.m, motion, own, values) if s.rate else 0.0 for s in part.states]
         return self._ca.vertcat(*rates)
 
     def slipped(self, y: Any, tilt_before: Any) -> Any:
@@ -127,7 +137,7 @@ class EquationsOfMotion:
         for part, values, states in self.layout:
             for index, state in zip(range(states.start, states.stop), part.states, strict=True):
                 if state.return_map is not None:
-                    items[index] = state.return_map(self.m, items[index] + moved, values)
+                    items[index] = state.return_map(self.m, items[index], moved, values)
         return self._ca.vertcat(*items)
 
     def rk4(self, y: Any, h: Any, slide: Any) -> tuple[Any, Any]:

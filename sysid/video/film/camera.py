@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from sysid.errors import SysidError
+from sysid.files import regular
 from sysid.roll import Array
 from sysid.video.film.frames import Clip, grey, open_clip
 from sysid.video.options import is_film
@@ -94,7 +95,7 @@ def write_calibration(lens: Lens, size: tuple[int, int]) -> str:
 def _from_file(path: Path) -> tuple[Array, Array, tuple[int, int], str]:
     """Read JSON with our field names, or the YAML and XML that OpenCV's and ROS's calibrators write."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = regular(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise SysidError(f"{path}: cannot read the calibration ({error}).") from error
     try:
