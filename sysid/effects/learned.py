@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import mujoco
 
 TILT_KNOTS, TILT_GRADING = 20, 1.0
-"""Knots to either side, and how much denser they are at rest [1]: a magnet a fifth as wide as the swing, or four waves of a cogging torque, to a hundredth of its size."""
+"""Knots to either side and their grading [1] (`_table.knots`): a magnet a fifth as wide as the swing, or four waves of a cogging torque, to a hundredth of its size."""
 RATE_KNOTS, RATE_GRADING = 8, 0.5
 """The same of the rate [1]: friction bends where the joint turns round, so knots are dense there."""
 BOTH_KNOTS = 3
