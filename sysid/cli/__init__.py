@@ -181,6 +181,9 @@ def build_app() -> "cyclopts.App":
         version=lambda: version("husky-sysid"),
         suppress_keyboard_interrupt=False,
     )
+    app.register_install_completion_command(
+        help="Let the shell complete commands and options (bash, zsh, fish)."
+    )
     for name, command in COMMANDS.items():
         more = {} if command.has_parts else {"help_epilogue": epilogue(name)}
         app.command(f"sysid.cli.{name}:{name}", name=name, help=command.help, **more)
