@@ -74,6 +74,11 @@ COMMANDS = {
         "inertia.md",
         has_parts=True,
     ),
+    "effects": Command(
+        "List the effects with their laws, show one, or write a file for one of your own.",
+        ("effects", "effects coulomb", "effects new my_effect"),
+        "effects.md",
+    ),
     "boards": Command(
         "List boards, their parameters and whether they passed the check.",
         ("boards", "boards pink"),

@@ -10,7 +10,7 @@ from sysid.cli.console import FIT, Common, Printer
 from sysid.cli.fit_intervals import show_intervals
 from sysid.cli.log_options import LogArguments, load_recordings
 from sysid.cli.parameter_options import parse_bounds, parse_fixed
-from sysid.files import atomic_path
+from sysid.files import atomic_path, write_atomically
 
 if TYPE_CHECKING:
     from sim.compensation.step import Compensation
@@ -68,6 +68,7 @@ def fit(
 
     printer = Printer(common)
     record = common.space.load_board(board)
+    effect = (*effect, *(name for name in common.own_effects() if name not in effect))
     check_effects(effect)
     fixed, bounds = parse_fixed(fix), parse_bounds(bound)
     if bootstrap:
@@ -100,12 +101,25 @@ def fit(
     for line in scene.lines() if scene else ():
         printer.say(line)
     picture = _draw(common, result)
+    if result.formula is not None and result.formula.good and not result.formula.effects:
+        _offer(common, result, printer)
     # Last: what fails or is broken off before leaves the record as it was.
     path = common.space.save_board(new, since=record)
     printer.say(f"written: {path}, {picture}")
     content = {**result.to_json(), **intervals}
     printer.result({**content, "in_scene": scene.entry()} if scene else content)
     return 0
+
+
+def _offer(common: Common, result: "Fit", printer: Printer) -> None:
+    """Write the formula of what was learned as an effect of its own."""
+    from sysid.fitting.formula import own_effect
+
+    assert result.formula is not None
+    name, source = own_effect(result.formula)
+    path = common.space.outputs(result.before.name) / f"{name.replace('-', '_')}.py"
+    write_atomically(path, source)
+    printer.say(f"the formula as an effect of its own: --plain --effect-file {path}")
 
 
 def _draw(common: Common, result: "Fit") -> Path:

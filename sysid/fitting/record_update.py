@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from sysid.board import Board, BoardEffect
-from sysid.effects import effect
+from sysid.effects import effect, origin
 from sysid.errors import SysidError
 from sysid.files import sha256
 from sysid.fitting.covariance import table_values
@@ -100,7 +100,9 @@ def updated_board(
                 kept[name].std if fit.problem.fixed[name] == kept[name].value else 0.0,
                 kept[name].unit,
             )
-    effects = tuple(BoardEffect(name, _parameters(fit, name, values)) for name, values in fit.law.effects)
+    effects = tuple(
+        BoardEffect(name, _parameters(fit, name, values), origin(name)) for name, values in fit.law.effects
+    )
     names = [name for name, _ in fit.law.effects]
     line: dict[str, Any] = {
         "date": day, "effects": names, "rmse_before": error_of(board, fit), "rmse": fit.rmse,
