@@ -47,8 +47,9 @@ POSES = 50.0
 ENVELOPE = "#777777"
 PHASES = {"rest": "#555555", "held": REAL, "free": SIM, "caught": "#CC79A7"}
 MILLI = 1e3
+"""From SI to thousandths, the factor in which residuals are shown."""
 SLOWLY = 0.1
-"""Speed of play at which a swing can be followed."""
+"""Speed of play as a share of the true one, at which an eye follows a swing of 0.2 s (a choice)."""
 
 
 def decay_recording(path: Path, roll: Roll, decay: FreeDecay, summary: str) -> None:

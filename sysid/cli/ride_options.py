@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from policy_runtime.loop.world import World
 
 MIN_TICKS_FOR_FILM = 2
+"""Policy steps that a ride lasts at least to be drawn."""
 
 
 @Parameter(name="*")

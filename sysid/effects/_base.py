@@ -113,6 +113,8 @@ class Parameter:
     """Value taken where a user leaves the parameter out."""
     rough: bool = False
     """Whether the cost is rough along it, because it decides in which half swing the deck stops."""
+    held: bool = False
+    """Whether it is known from elsewhere: a fit holds it at the record's value, unless the user bounds it."""
 
     def bounds(self, scales: Scales) -> tuple[float, float]:
         """Return the bounds in `unit`."""
@@ -193,6 +195,16 @@ class ToMjcf(Protocol):
         ...
 
 
+FromMjcf = Callable[["mujoco.MjsJoint"], Sequence[float]]
+"""Reads its parameters from the attributes of a model's joint, the opposite of `ToMjcf`; none where it is not there."""
+
+
+def in_no_attribute(joint: "mujoco.MjsJoint") -> Sequence[float]:
+    """Return nothing: the effect is in no attribute of a joint."""
+    del joint
+    return ()
+
+
 def spec_angle(spec: "mujoco.MjSpec", angle: float) -> float:
     """Return an angle [rad] in the unit that the spec's compiler reads: degrees, unless told otherwise."""
     return float(np.degrees(angle)) if spec.compiler.degree else angle
@@ -259,6 +271,7 @@ class Effect:
     """The experiment that tells it from its look-alikes."""
     mujoco: MujocoSupport
     to_mjcf: ToMjcf
+    from_mjcf: FromMjcf = in_no_attribute
     example: tuple[float, ...]
     """Parameters that show the effect clearly on the `pink` board, for pictures and tests."""
     states: tuple[State, ...] = ()
@@ -273,6 +286,8 @@ class Effect:
     0.04° at 1 kHz the integration should then change χ² by less than one, or by less than ten where it is nonsmooth."""
     identifiable_from_decay: bool = True
     """Whether a free decay can tell it from another stiffness and damping."""
+    identifiable_with: tuple[str, ...] = ()
+    """Effects of the record beside which a free decay can tell it after all."""
     same_as: tuple[str, ...] = ()
     """Effects, and parameters of the linear joint, that no free decay can tell it from."""
     excludes: tuple[str, ...] = ()
@@ -288,6 +303,11 @@ class Effect:
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the parameters, in the order of the command line."""
         return tuple(parameter.name for parameter in self.parameters)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether all of it is known from elsewhere: it is never left out of a joint that has it."""
+        return bool(self.parameters) and all(parameter.held for parameter in self.parameters)
 
     @property
     def slides(self) -> bool:
@@ -342,6 +362,8 @@ class TorqueEffect(Effect):
     """`friction(m, speed, parameters)` [N*m] ≥ 0: dry friction at |v|; at speed 0, what it takes to slide."""
     modifies: Callable[[LinearJoint, Values], LinearJoint] | None = None
     """`modifies(joint, parameters)`: the linear law with another number."""
+    changing: Callable[[Algebra, Value, Values], tuple[Value, Value]] | None = None
+    """`changing(m, roll, parameters)`: what it adds to the inertia there [kg*m^2], and the derivative of that by roll."""
     restarts: Callable[[Mapping[str, float]], Sequence[dict[str, float]]] | None = None
     """Where to search again from if a search ended at an edge beyond which the law does not change, so that no descent
     comes back: takes and returns the effect's parameters in units of their sizes; none elsewhere."""
@@ -349,6 +371,11 @@ class TorqueEffect(Effect):
     """Whether it acts between deck and ground, past what the joint stands on."""
     adds_stiffness: str = ""
     """The parameter that adds to the joint's stiffness at small tilts; '' where none does."""
+    slope: Callable[[Mapping[str, float], float], float] | None = None
+    """`slope(parameters, roll)`: the stiffness that it is for small motions about a roll [N*m/rad], where no parameter of its
+    own is that."""
+    adds_inertia: str = ""
+    """The parameter that adds to the joint's inertia; '' where none does."""
     acts_during_hold: bool = False
     """Whether a hand can hold the board against it, so that a release sets off faster than the spring alone makes it."""
     smoothness: Callable[[], Smoothness] | None = None
@@ -359,6 +386,12 @@ class TorqueEffect(Effect):
     """Of such a one, the effect that it is tried with where tilt and rate alone leave something."""
     timestep: str = ""
     """The parameter that is a simulator's time step, where the effect is that simulator; else ''."""
+
+    def stiffness_at(self, roll: float, parameters: Mapping[str, float]) -> float:
+        """Return what it adds to the joint's stiffness for small motions about a roll [N*m/rad]."""
+        return (
+            parameters.get(self.adds_stiffness, 0.0) if self.slope is None else self.slope(parameters, roll)
+        )
 
     @property
     def slides(self) -> bool:

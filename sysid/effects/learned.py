@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     import mujoco
 
 TILT_KNOTS, TILT_GRADING = 20, 1.0
-"""To either side: a magnet a fifth as wide as the swing, or four waves of a cogging torque, to a hundredth of its size."""
+"""Number and grading [1] to either side: a magnet a fifth as wide as the swing, or four waves of a cogging torque, to a hundredth of its size."""
 RATE_KNOTS, RATE_GRADING = 8, 0.5
-"""Friction bends where the joint turns round, so knots are dense there."""
+"""Number and grading [1]: friction bends where the joint turns round, so knots are dense there."""
 BOTH_KNOTS = 3
 """Of tilt and rate together: every product of powers up to the second."""
 _WIDE = 0.6

@@ -13,7 +13,7 @@ from sysid.joint.structure import Structure
 from sysid.least_squares import Minimum
 from sysid.noise.autoregression import ResidualNoise, residual_noise
 from sysid.noise.lasting import kept_after, own_std
-from sysid.quantity import Quantity
+from sysid.quantity import Quantity, slide_unit
 from sysid.roll import Array
 
 UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "rest_angle": "rad"}
@@ -56,6 +56,8 @@ def parameter_quantities(
         certain: False leaves the deviations unknown, where no covariance is given, and is quick.
     """
     units = {**UNITS, **_effect_units(problem.structure)}
+    if board.slides:
+        units = {name: slide_unit(unit) for name, unit in units.items()}
     parameters = problem.parameters(minimum.point)
     if certain and covariance is None:
         covariance = total_covariance(problem, minimum, board)

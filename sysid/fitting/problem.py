@@ -204,13 +204,14 @@ class Problem:
             Unknowns in units of their sizes, shape (p,).
         """
         values = [parameters[name] for name in self.names]
-        vector = self.vector_of(parameters)
         for record in self.records:
             roll, rate = _first_motion(record)
             own = [roll, rate]
             if self.free_states and self.structure.internal_states:
                 held = build_stepper(self.structure, free_states=False, sensitivities=False)
-                start = np.asarray(held.initial(vector, own, max(record.release.hold, 0.0))).ravel()[2:]
+                start = np.asarray(
+                    held.initial(self.vector_of(parameters, record), own, max(record.release.hold, 0.0))
+                ).ravel()[2:]
                 kept = [
                     not isinstance(part, SensorEffect) for part in self.structure.parts for _ in part.states
                 ]
@@ -218,13 +219,14 @@ class Problem:
             values += own + ([0.0] if self.bias == "per-release" else [])
         return np.array(values) / self.sizes()
 
-    def vector_of(self, parameters: Mapping[str, float]) -> Array:
-        """Return the structure's parameter vector, inertia first.
+    def vector_of(self, parameters: Mapping[str, float], record: Record | None = None) -> Array:
+        """Return the structure's parameter vector, inertia first, as it was for one record if that is given.
 
         Returns:
             Value of each parameter in its own unit, shape (k,).
         """
-        full = {"inertia": self.scales.inertia, **parameters, **self.fixed}
+        known = {} if record is None else record.release.known
+        full = {"inertia": self.scales.inertia, **parameters, **self.fixed, **known}
         return np.array([full[name] for name in self.structure.parameters])
 
     def parameters(self, unknowns: Array) -> dict[str, float]:
@@ -259,9 +261,9 @@ class Problem:
         values = unknowns * self.sizes()
         shared, own, motion = len(self.names), self.n_local, self._motion
         parameters = self.parameters(unknowns)
-        vector = self.vector_of(parameters)
         result: list[tuple[Array, Array]] = []
         for index, path in enumerate(self._paths):
+            vector = self.vector_of(parameters, self.records[index])
             mine = values[shared + index * own : shared + (index + 1) * own]
             at = path.shooting.read(vector, mine[:motion], self.step)
             if len(self._columns) < at.shape[1]:

@@ -1,7 +1,7 @@
 """A fitted joint becomes part of the board record: values, deviations, provenance, and a history line."""
 
 import datetime
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -17,7 +17,7 @@ from sysid.fitting.covariance import table_values
 from sysid.fitting.initial_state import residuals_of_law
 from sysid.fitting.result import JointFit
 from sysid.fitting.smoothing import FLAT
-from sysid.quantity import Quantity
+from sysid.quantity import Quantity, slide_unit
 
 
 def require_usable(fit: JointFit) -> None:
@@ -100,8 +100,10 @@ def updated_board(
                 kept[name].std if fit.problem.fixed[name] == kept[name].value else 0.0,
                 kept[name].unit,
             )
+    unit = slide_unit if board.slides else str
     effects = tuple(
-        BoardEffect(name, _parameters(fit, name, values), origin(name)) for name, values in fit.law.effects
+        BoardEffect(name, _parameters(fit, name, values, unit), origin(name))
+        for name, values in fit.law.effects
     )
     names = [name for name, _ in fit.law.effects]
     line: dict[str, Any] = {
@@ -131,12 +133,14 @@ def updated_board(
     )
 
 
-def _parameters(fit: JointFit, name: str, values: Sequence[float]) -> Mapping[str, Quantity]:
+def _parameters(
+    fit: JointFit, name: str, values: Sequence[float], unit: Callable[[str], str]
+) -> Mapping[str, Quantity]:
     quantities: dict[str, Quantity] = {}
     for parameter, value in zip(effect(name).parameters, values, strict=True):
         known = fit.quantities.get(f"{name}.{parameter.name}")
         quantities[parameter.name] = (
-            Quantity(value, 0.0, parameter.unit) if known is None else replace(known, method="")
+            Quantity(value, 0.0, unit(parameter.unit)) if known is None else replace(known, method="")
         )
     return quantities
 

@@ -24,7 +24,7 @@ HELD_OUT = "held out: error on releases that the fit had not seen"
 
 def report(fit: "Fit", width: int = WIDTH) -> str:
     """Return the quantities before and after, and the errors from the linear joint up."""
-    show = display(is_rate=fit.is_rate)
+    show = display(is_rate=fit.is_rate, slides=fit.before.slides)
     values = table_values(fit.law.structure)
     known = {
         **{name: quantity for name, quantity in fit.before.tilt.items() if name != "range"},

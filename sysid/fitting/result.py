@@ -63,7 +63,7 @@ class JointFit:
         """RMS of the measured signal about rest, of all records together."""
         total, count = 0.0, 0
         for record in self.records:
-            rest = 0.0 if record.is_rate else self.law.rest_angle
+            rest = 0.0 if record.is_rate else self.law.posed(record.release.known).rest_angle
             total += float(np.sum((record.signal - rest) ** 2))
             count += len(record.signal)
         return float(np.sqrt(total / count))

@@ -134,11 +134,18 @@ def starting_points(
             point["stiffness"] *= 1.0 / (
                 1.0 - linear["stiffness"] / point[f"{part.name}.{part.series_stiffness}"]
             )
+        at, pulling = held.get("rest_angle", 0.0), held.get("stiffness", 0.0)
         for part in structure.torques:
-            added = point.get(f"{part.name}.{part.adds_stiffness}", 0.0)
+            own = {p: held.get(f"{part.name}.{p}", point[f"{part.name}.{p}"]) for p in part.parameter_names}
+            added = part.stiffness_at(at, own)
+            pulling += added
             point["stiffness"] -= min(added, 0.98 * linear["stiffness"])
             if "stiffness" in held and part.adds_stiffness:  # a spring that is held leaves it the rest
                 point[f"{part.name}.{part.adds_stiffness}"] = linear["stiffness"] - held["stiffness"]
+        for part in structure.torques:  # what pulls is known, so the frequency says the inertia
+            if part.adds_inertia and "stiffness" in held and pulling > 0:
+                more = max(pulling / scales.frequency**2 - scales.inertia, -0.9 * scales.inertia)
+                point[f"{part.name}.{part.adds_inertia}"] = more
         points.append(point)
     if structure.has_dry_friction:
         # The linear fit gave the damper all of the loss; dry friction takes its share of that, more or less.
@@ -211,7 +218,7 @@ def search(
 
 
 _SHARES = (0.6, 0.75, 0.87, 1.15, 1.35, 1.65)
-"""Of a rough parameter, at which it is held on the way out of a false valley."""
+"""Shares of a rough parameter at which it is held on the way out of a false valley: a choice."""
 
 
 def scan_rough_parameters(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]:

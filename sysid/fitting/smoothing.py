@@ -25,7 +25,7 @@ FLAT = 1e12
 _WEIGHTS = (FLAT, *(10.0**e for e in (6, 5, 4, 3, 2, 1, 0, -1, -2)))
 """Weights that are tried, from flat to free, for values in units of a tenth of the spring's torque."""
 _PERIODS = (1.25, 2.5, 5.0, 10.0, np.inf)
-"""Of each release, that are fitted one after another: in the first swings no model is out of step yet."""
+"""Numbers of periods [1] of each release that are fitted one after another: in the first swings no model is out of step yet."""
 _STRETCHES = 6
 """Of one release alone, each predicted from the others."""
 CLEAR = 6.0

@@ -29,6 +29,7 @@ TIMESTEP = 0.005
 DECIMATION = 4
 ITERATIONS = 10
 LINE_SEARCH_ITERATIONS = 20
+"""Steps of the simulation in one of the policy (50 Hz), and iterations of MuJoCo's solver and of its line search: as in mjlab's tasks."""
 SENSORS = ("imu_ang_vel", "imu_lin_vel")
 """Sensors of the robot's model that the task reads."""
 EXTENT = 2.0

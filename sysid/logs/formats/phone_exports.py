@@ -25,6 +25,7 @@ T = TypeVar("T")
 MAX_UNPACKED = 1 << 30
 """An hour of seven sensors at 1 kHz is 0.3 GiB as text."""
 MAX_MEMBERS = 10_000
+"""Files in an archive; a phone's export has one a sensor, some ten."""
 _DAMAGE = (RuntimeError, NotImplementedError, EOFError, OSError, ValueError, OverflowError)
 _MOTION = re.compile(r"gyro|acc|orient|attitude|grav|motion|raw|rotation", re.I)
 """Names of the tables of motion sensors; a GPS or a microphone beside them is left alone."""

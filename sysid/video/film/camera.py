@@ -15,9 +15,9 @@ from sysid.video.options import is_film
 from sysid.video.types import Picture
 
 USUAL_FOCAL = 0.9
-"""Focal length of a phone's main camera in film mode, in long sides of the picture (58 degrees)."""
+"""Focal length of a phone's main camera in film mode, over the long side of the picture (58 degrees)."""
 FOCAL_SPREAD = 0.25
-"""Standard deviation of its logarithm: zoom, crop and stabilisation."""
+"""Standard deviation of its logarithm [1]: zoom, crop and stabilisation."""
 CHESSBOARDS = ((9, 6), (8, 6), (7, 6), (8, 5), (7, 5), (6, 5), (10, 7), (7, 4), (6, 4))
 """Inner corners of the chessboards that are looked for."""
 VIEWS = 30
