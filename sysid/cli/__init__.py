@@ -83,6 +83,11 @@ COMMANDS = {
         ("rollout film.csv --board pink", "rollout imu.csv --board pink --slope-deg 2 --save"),
         "boards.md",
     ),
+    "effects": Command(
+        "List the effects with their laws, show one, or write a file for one of your own.",
+        ("effects", "effects coulomb", "effects new my_effect"),
+        "effects.md",
+    ),
     "boards": Command(
         "List boards, their parameters and whether they passed the check.",
         ("boards", "boards pink"),
