@@ -9,6 +9,7 @@ from typing import Any
 from sysid.board import Board
 from sysid.comparison.compare import Comparison, compare
 from sysid.diagnosis.signatures import LookAlikes, Start, look_alikes
+from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.files import regular, sha256
 from sysid.fitting.joint import FitOptions
@@ -161,16 +162,17 @@ def gather(
     report("comparing", 0.0)
     compared = compare(recordings, board, tolerance=tolerance)
     names = [part.name for part in board.effects]
+    added = [name for name in names if not effect(name).is_known]
     rungs: list[Rung] = []
     models = ladder(releases, board, names, options, heldout=heldout)
-    for count, label in enumerate((PLAIN, *(f"+ {name}" for name in names))):
-        report(label, 0.1 + 0.7 * count / (len(names) + 1))
+    for count, label in enumerate((PLAIN, *(f"+ {name}" for name in added))):
+        report(label, 0.1 + 0.7 * count / (len(added) + 1))
         try:
             rungs.append(next(models))
         except SysidError as error:
             warnings.append(f"the ladder stops before '{label}': {error}")
             break
-    fit = rungs[-1].fit if len(rungs) == len(names) + 1 else None
+    fit = rungs[-1].fit if len(rungs) == len(added) + 1 else None
     if fit is not None:
         warnings += fit.warnings
     report("look-alikes", 0.85)

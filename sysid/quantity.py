@@ -85,6 +85,11 @@ class Quantity:
         return f"{value} ± {error}"
 
 
+def slide_unit(unit: str) -> str:
+    """Return the unit that a hinge's unit is for a slide, e.g. 'N/m' for 'N*m/rad'."""
+    return unit.replace("N*m", "N").replace("kg*m^2", "kg").replace("rad", "m")
+
+
 def round_to_error(value: float, error: float) -> tuple[str, str]:
     """Print a value and its error to the error's two leading digits.
 

@@ -14,7 +14,7 @@ Bodies::
 
 import math
 from collections.abc import Sequence
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import mujoco
 import numpy as np
@@ -23,6 +23,9 @@ from sysid.board import Board
 from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.roll import Array
+
+if TYPE_CHECKING:
+    from sysid.joint.law import JointLaw
 
 Coupling = Literal["equality", "direct"]
 """How the deck's tilt steers the trucks: by a joint equality constraint, or by setting the truck
@@ -204,13 +207,23 @@ def steering_angle(roll: float, rake: float) -> float:
     return math.atan(math.tan(rake) * math.sin(roll))
 
 
+def law_of(board: Board) -> "JointLaw":
+    """Return the law of a board's joint; only here is CasADi imported."""
+    from sysid.joint.law import JointLaw
+
+    return JointLaw.from_board(board)
+
+
 def inertia_ratio(board: Board) -> float:
     """Return by how much the record's effects multiply its roll inertia."""
-    if not board.effects:
-        return 1.0
-    from sysid.joint.law import JointLaw  # only boards with effects need the catalogue
+    return (
+        law_of(board).inertia_ratio if board.effects else 1.0
+    )  # only boards with effects need the catalogue
 
-    return JointLaw.from_board(board).inertia_ratio
+
+def inertia_gain(board: Board) -> float:
+    """Return by how much the record's effects multiply what is added to its roll inertia."""
+    return law_of(board).inertia_gain if board.effects else 1.0
 
 
 def reflected_inertia(board: Board) -> float:

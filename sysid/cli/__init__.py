@@ -42,8 +42,11 @@ COMMANDS = {
     ),
     "fit": Command(
         "Fit the MuJoCo tilt joint to logs and save it in the board record.",
-        ("fit tip.csv --board pink", "fit monday.csv tuesday.csv --board pink --effect coulomb --profile"),
-        "intervals.md",
+        (
+            "fit monday.csv tuesday.csv --board pink --effect coulomb --profile",
+            "fit swing.csv --model robot.xml --joint knee --effect coulomb",
+        ),
+        "any_joint.md",
     ),
     "compare": Command(
         "Compare the simulated with the measured decay: how far off, and where.",
@@ -77,6 +80,14 @@ COMMANDS = {
     "boards": Command(
         "List boards, their parameters and whether they passed the check.",
         ("boards", "boards pink"),
+        "boards.md",
+    ),
+    "new": Command(
+        "Write the smallest record: a board, a pendulum, a torsion rig, a joint of a model.",
+        (
+            "new arm --kind pendulum --mass 0.49±0.002 --arm 0.1±0.001",
+            "new knee --model robot.xml --joint knee",
+        ),
         "boards.md",
     ),
     "history": Command("Show how a board's record came about.", ("history --board pink",), "boards.md"),

@@ -10,6 +10,7 @@ from cyclopts import Parameter, validators
 from sysid.cli.console import FIT, Common, Printer
 from sysid.cli.log_options import LogArguments, load_recordings
 from sysid.cli.parameter_options import parse_fixed
+from sysid.cli.subject import Subject
 from sysid.files import atomic_path, write_json
 
 if TYPE_CHECKING:
@@ -17,13 +18,14 @@ if TYPE_CHECKING:
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
+_NO_SUBJECT = Subject()
 
 
 def diagnose(
     logs: list[Path],
     /,
     *,
-    board: Annotated[str, Parameter(name=("--board", "-b"))],
+    subject: Subject = _NO_SUBJECT,
     fix: Annotated[tuple[str, ...], Parameter(name="--fix", negative="", group=FIT, show_default=False)] = (),
     workers: Annotated[int, Parameter(name="--workers", group=FIT, validator=validators.Number(gte=1))] = 2,
     arguments: LogArguments = _NO_ARGUMENTS,
@@ -35,7 +37,7 @@ def diagnose(
 
     Args:
         logs: Logs of one board, with several releases in all.
-        board: Name of the board.
+        subject: Whose joint it is.
         fix: Hold a parameter in every model, as NAME=VALUE in SI units; stiffness=0 for a pendulum whose record has
             gravity. Repeat it for several.
         workers: Processes that search.
@@ -48,14 +50,14 @@ def diagnose(
     from sysid.diagnosis.report import headline
 
     printer = Printer(common)
-    record = common.space.load_board(board)
+    record = subject.load(common, printer)
     recordings = load_recordings(logs, arguments, printer)
     with progress_bar(printer) as progress:
         result = search(recordings, record, fixed=parse_fixed(fix), workers=workers, progress=progress)
     printer.warnings(result.warnings, recordings)
     printer.say(result.report(printer.width))
     content = result.to_json()
-    folder = common.space.outputs(board)
+    folder = common.space.outputs(record.name)
     # Beside the result: which record it is of, and what the report draws.
     shown = {
         "record": record.digest,
@@ -64,7 +66,7 @@ def diagnose(
     }
     write_json(folder / "diagnose.json", {**content, **shown})
     with atomic_path(folder / "diagnose.png") as temporary:
-        picture = story_figure(story_of_diagnosis(result, record), f"{board}: {headline(result)}")
+        picture = story_figure(story_of_diagnosis(result, record), f"{record.name}: {headline(result)}")
         picture.savefig(temporary, dpi=110)
     printer.say(f"written: {folder / 'diagnose.json'}, {folder / 'diagnose.png'}")
     printer.result(content)

@@ -34,9 +34,10 @@ from sysid.diagnosis.workers import Crew
 from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.fitting.covariance import parameter_quantities
-from sysid.fitting.joint import FitOptions, check_parameters
+from sysid.fitting.joint import FitOptions, check_parameters, held_parameters
 from sysid.fitting.records import Signal, make_records, signal_of
 from sysid.fitting.search import scales_of
+from sysid.joint.structure import structure_of
 from sysid.noise.floor import NoiseFloor, noise_floor
 from sysid.quantity import Quantity
 from sysid.recording import Data, Recording, reading_warnings, unpack
@@ -214,10 +215,15 @@ def diagnose(
     scales = scales_of(records, board)
     period = 2 * np.pi / scales.frequency
     warnings = check_releases(releases, board, period)
-    held = dict(fixed or {})
-    check_parameters([part.name for part in board.effects], FitOptions(fixed=held))
-    if bias == "per-release" or use_rate:
-        held.setdefault("rest_angle", board.rest_angle)
+    options = FitOptions(bias=bias, use_rate=use_rate, fixed=dict(fixed or {}))
+    own = [part.name for part in board.effects]
+    check_parameters(own, options, board)
+    if any(effect(name).is_known for name in own):
+        held, bias = held_parameters(structure_of(own), board, options)
+    else:
+        held = dict(options.fixed)
+        if bias == "per-release" or use_rate:
+            held.setdefault("rest_angle", board.rest_angle)
     with Crew(workers) as crew:
         search = Search(
             records=records, scales=scales, bias=bias, base=tuple(sorted(p.name for p in board.effects)),

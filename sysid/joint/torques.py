@@ -74,7 +74,7 @@ def torque_shares(
         path = simulate(plain, grid, angle, rate)
         spring = law.stiffness * (path.roll - law.rest_angle) + law.damping * path.rate
         for part in plain.structure.torques:
-            if part.adds_stiffness:
+            if part.adds_stiffness or part.is_known:
                 spring = spring - effect_torque(plain, part.name, grid, path.roll, path.rate)
         whole = max(whole, float(np.abs(spring).max()))
         for name in effects:

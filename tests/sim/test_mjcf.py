@@ -16,6 +16,7 @@ from sim.mjcf import board_mjcf, default_export
 from sysid.board import Board, BoardEffect, load_board, save_board
 from sysid.cli.console import Common
 from sysid.cli.mjcf import mjcf
+from sysid.cli.subject import Subject
 from sysid.effects import catalogue
 from sysid.errors import SysidError
 from sysid.joint import JointLaw, simulate
@@ -149,7 +150,7 @@ def test_substitutes_are_warned_of_and_named_by_check(
     assert "4.0" in json.loads((tmp_path / "out.json").read_text())["substitutes"][0]
     monkeypatch.setattr(mujoco, "__version__", "3.11.0")
     with pytest.raises(QualityGateError, match=r"Why: effect 'hysteresis' needs MuJoCo 4\.0"):
-        check([shipped_data() / "decays" / "pink.csv"], board="pink", common=common)
+        check([shipped_data() / "decays" / "pink.csv"], subject=Subject(board="pink"), common=common)
 
 
 def test_defaults_of_export():
