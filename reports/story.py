@@ -17,6 +17,7 @@ from sysid.board import Board
 from sysid.comparison.compare import Comparison, compare
 from sysid.comparison.force_surface import TorqueProfile
 from sysid.comparison.release import ComparedRelease
+from sysid.diagnosis.judgement import TIE
 from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.fitting.ladder import PLAIN
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 
 Z99 = 2.5758
 """Half width of a 99 % interval in standard deviations."""
+TIED = 2 * TIE
+"""Score below which two models are not told apart: it is twice a log-likelihood [1]."""
 STOOD = "as it stood"
 REFITTED = "k and d refitted"
 MOST_RANKED = 6
@@ -134,7 +137,11 @@ class Story:
         chosen = next((model for model in self.ranked if model.chosen), None)
         if chosen is None:
             return ""
-        return "the best" if chosen.score == 0 else "the simplest not told from the best"
+        if chosen.score == 0:
+            return "the best"
+        if chosen.score <= TIED:
+            return "the simplest not told from the best"
+        return "the simplest; none is exact"
 
 
 def release_name(result: Comparison, index: int) -> str:
