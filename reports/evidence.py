@@ -81,7 +81,7 @@ def last_diagnosis(board: Board, space: Workspace) -> LastDiagnosis | None:
         content: Any = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    if not isinstance(content, dict) or "verdict" not in content:
+    if not isinstance(content, dict) or not {"verdict", "best", "score_std"} <= set(content):
         return None
     return LastDiagnosis(content, content.get("record") == board.digest)
 
