@@ -115,7 +115,7 @@ class Workspace:
                     f"board '{name}' was never changed in this workspace, so there is nothing to go back to. Is it in another "
                     "(--workspace)?"
                 )
-            write_atomically(path, kept[-1].read_bytes())
+            write_atomically(path, kept[-1].read_bytes(), is_record=True)
             kept[-1].unlink()
         return path
 
