@@ -7,7 +7,7 @@ the simulator passed the comparison, and one history line a refit.
 import hashlib
 import math
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
@@ -39,6 +39,8 @@ TILT_UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "rest_angle": "rad
 DECAY_UNITS = {"period": "s", "first_peak": "rad", "second_peak": "rad"}
 MAY_LACK = ("stiffness", "damping")
 """What a joint may do without: gravity pulls a pendulum back, and dry friction alone stops a servo."""
+ROLLING_UNITS = {"deceleration": "m/s^2"}
+"""Loss of speed at 1 m/s on level ground, whoever rides."""
 PUBLISHED_UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad"}
 
 PHYSICAL = {
@@ -47,6 +49,7 @@ PHYSICAL = {
     "kg*m^2": (1e-9, 1e3),
     "rad": (1e-6, math.pi),
     "s": (1e-3, 100.0),
+    "m/s^2": (1e-5, 10.0),
     "N*m/rad": (1e-6, 1e6),
     "N*m*s/rad": (1e-9, 1e5),
 }
@@ -79,6 +82,8 @@ class Board:
     tilt: Mapping[str, Quantity]
     decay: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
     """The free decay that stiffness and damping were derived from, where no log was fitted yet."""
+    rolling: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
+    """How the board rolls, where that was measured."""
     published: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
     """Stiffness and damping as the source itself prints them; for comparison, never used."""
     effects: tuple[BoardEffect, ...] = ()
@@ -249,7 +254,7 @@ def save_board(board: Board, path: Path) -> None:
     """
     text = board_to_toml(board)
     _Reader(path).board(tomllib.loads(text))  # never write what could not be read back
-    write_atomically(path, text)
+    write_atomically(path, text, is_record=True)
 
 
 def board_to_toml(board: Board) -> str:
@@ -268,6 +273,8 @@ def board_to_toml(board: Board) -> str:
     if board.published:
         document["published"] = _quantities(board.published)
     document["tilt"] = _quantities(board.tilt)
+    if board.rolling:
+        document["rolling"] = _quantities(board.rolling)
     if board.effects:
         effects = tomlkit.aot()
         for effect in board.effects:
@@ -313,7 +320,7 @@ class _Reader:
     def board(self, raw: Mapping[str, Any]) -> Board:
         known = {
             "schema", "name", "description", "source", "geometry", "mass", "inertia", "decay", "published",
-            "tilt", "effect", "model", "fit", "check", "history",
+            "tilt", "rolling", "effect", "model", "fit", "check", "history",
         }  # fmt: skip
         for key in raw:
             if key not in known:
@@ -335,9 +342,10 @@ class _Reader:
                 raw, "tilt", {n: kind(u) for n, u in TILT_UNITS.items()}, may_be_negative=("rest_angle",)
             ),
             decay=self._quantities(raw, "decay", DECAY_UNITS) if "decay" in raw else {},
+            rolling=self._quantities(raw, "rolling", ROLLING_UNITS) if "rolling" in raw else {},
             published=self._quantities(raw, "published", PUBLISHED_UNITS) if "published" in raw else {},
             effects=tuple(
-                self._effect(f"effect[{i}]", raw_effect)
+                self._effect(f"effect[{i}]", raw_effect, kind)
                 for i, raw_effect in enumerate(self._tables(raw, "effect"))
             ),
             fit=self._table(raw, "fit") if "fit" in raw else {},
@@ -346,14 +354,20 @@ class _Reader:
             history=tuple(self._tables(raw, "history")),
         )
 
-    def _effect(self, where: str, raw: Mapping[str, Any]) -> BoardEffect:
-        """Read one effect, its parameters in the catalogue's order; one that is not in the catalogue as it is."""
+    def _effect(self, where: str, raw: Mapping[str, Any], unit_of: Callable[[str], str]) -> BoardEffect:
+        """Read one effect, its parameters in the catalogue's order; one that is not in the catalogue as it is.
+
+        Args:
+            where: Its place in the file.
+            raw: What the file says.
+            unit_of: The unit that a joint of the record's kind has in place of a hinge's.
+        """
         from sysid.effects import catalogue
 
         name = self._text(raw, "name", f"{where}.name")
         table = self._table(raw, "parameters", f"{where}.parameters")
         known = catalogue().get(name)
-        units = dict.fromkeys(table) if known is None else {p.name: p.unit for p in known.parameters}
+        units = dict.fromkeys(table) if known is None else {p.name: unit_of(p.unit) for p in known.parameters}
         if unknown := [key for key in table if key not in units]:
             raise SysidError(
                 f"{self.path}: unknown field '{where} ({name}).parameters.{unknown[0]}'."

@@ -5,6 +5,7 @@ Each command is one file beside this one and is imported only when it is called,
 """
 
 import contextlib
+import os
 import sys
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
@@ -77,6 +78,11 @@ COMMANDS = {
         "inertia.md",
         has_parts=True,
     ),
+    "rollout": Command(
+        "Measure rake and rolling resistance from a board that rolls by itself.",
+        ("rollout film.csv --board pink", "rollout imu.csv --board pink --slope-deg 2 --save"),
+        "boards.md",
+    ),
     "effects": Command(
         "List the effects with their laws, show one, or write a file for one of your own.",
         ("effects", "effects coulomb", "effects new my_effect"),
@@ -147,6 +153,11 @@ COMMANDS = {
         ("evaluate data/policies/pink.onnx --board pink",),
         "training.md",
     ),
+    "paper": Command(
+        "Make the HUSKY paper's tables and figures from trained policies.",
+        ("paper", "paper main curves --episodes 20 --seeds 3"),
+        "training.md",
+    ),
     "play": Command(
         "Show a policy in Rerun or in the MuJoCo viewer.",
         ("play data/policies/pink.onnx --board pink", "play data/policies/pink.onnx --board pink --viewer"),
@@ -185,6 +196,9 @@ def build_app() -> "cyclopts.App":
         version=lambda: version("husky-sysid"),
         suppress_keyboard_interrupt=False,
     )
+    app.register_install_completion_command(
+        help="Let the shell complete commands and options (bash, zsh, fish)."
+    )
     for name, command in COMMANDS.items():
         more = {} if command.has_parts else {"help_epilogue": epilogue(name)}
         app.command(f"sysid.cli.{name}:{name}", name=name, help=command.help, **more)
@@ -196,6 +210,7 @@ def main() -> None:
     try:
         listen()
         open_streams()
+        require_own_packages()
         try:
             build_app()()
         finally:
@@ -203,6 +218,27 @@ def main() -> None:
     except BaseException as error:
         _end(error)
         raise
+
+
+def require_own_packages() -> None:
+    """Make sure that `sysid` and `reports` are this tool's: other projects have packages of these names.
+
+    Raises:
+        SysidError: One of them is another's.
+    """
+    from importlib.util import find_spec
+
+    root = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))  # noqa: PTH100, PTH120  starts sooner
+    for name in ("sysid", "reports"):
+        found = find_spec(name)
+        where = None if found is None else found.origin
+        own = os.path.join(root, name, "__init__.py")  # noqa: PTH118
+        lost = name == "sysid" and "Recording" not in getattr(sys.modules[name], "__all__", ())
+        if where != own or lost:
+            raise SysidError(
+                f"the package '{name}' that Python finds is another project's ({where}), and husky-sysid has one of that "
+                "name. Install husky-sysid into an environment of its own, and run it where no such folder lies."
+            )
 
 
 def _end(error: BaseException) -> None:

@@ -1,6 +1,7 @@
 """The command line as a whole: every command is there, usage errors exit with 2, failures with 1."""
 
 import importlib
+import os
 import re
 import shlex
 import subprocess
@@ -11,6 +12,7 @@ import pytest
 from command_line import husky
 
 from sysid.cli import COMMANDS, EXIT_CODES, build_app
+from sysid.cli.console import Common, Printer
 
 HEAVY = {"numpy", "pandas", "scipy", "matplotlib", "casadi", "mujoco", "cv2", "rerun", "torch", "control"}
 
@@ -83,6 +85,19 @@ def test_every_command_file_is_listed():
     assert files - shared == set(COMMANDS)
 
 
+def test_the_shell_completes_commands_and_options(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-m", "sysid.cli", "--install-completion", "--shell", "bash"],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "HOME": str(tmp_path)},
+    )
+    assert done.returncode == 0, done.stderr
+    script = next(path for path in tmp_path.rglob("*") if path.is_file() and "decay" in path.read_text())
+    assert "--time-column" in script.read_text()
+    assert subprocess.run(["bash", "-n", script]).returncode == 0
+
+
 def test_unknown_command_is_a_usage_error_with_a_suggestion():
     result = husky("dcay")
     assert result.returncode == 2
@@ -122,3 +137,14 @@ def test_options_stand_in_their_groups():
     ):
         assert [title for title in text if f"{option} " in text[title]] == [group]
     assert "husky-sysid fit monday.csv tuesday.csv --board pink" in help_text
+
+
+def test_a_terminal_breaks_lines_between_words_and_a_pipe_gets_whole_ones(monkeypatch, capsys):
+    words = [f"word{number}" for number in range(40)]
+    for is_terminal in (True, False):
+        monkeypatch.setenv("COLUMNS", "80")
+        monkeypatch.setattr("sys.stdout.isatty", lambda is_terminal=is_terminal: is_terminal, raising=False)
+        Printer(Common()).say(" ".join(words))
+        lines = capsys.readouterr().out.splitlines()
+        assert [word for line in lines for word in line.split()] == words
+        assert all(len(line) <= 80 for line in lines) == is_terminal

@@ -41,11 +41,42 @@ def test_a_full_disk_is_one_line(arguments, tmp_path):
     assert done.stderr.decode().splitlines() == ["error: standard output: No space left on device."]
 
 
+def test_a_disk_that_fills_while_a_recording_is_written_is_one_line(tmp_path):
+    arguments = f"view {LOG} --board pink --workspace {tmp_path} -o {tmp_path / 'view.rrd'}"
+    done = subprocess.run(
+        ["bash", "-c", f"ulimit -f 100; {sys.executable} -m sysid.cli {arguments}"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1].startswith(f"error: {tmp_path / 'view.rrd'}: cannot be written")
+    assert "Traceback" not in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_closed_output_is_no_failure():
     done = subprocess.run(
         f"{sys.executable} -m sysid.cli boards >&-", shell=True, stderr=subprocess.PIPE, timeout=60
     )
     assert (done.returncode, done.stderr) == (0, b"")
+
+
+@pytest.mark.parametrize("name", ["reports", "sysid"])
+def test_another_projects_package_of_the_same_name_is_told(name, tmp_path):
+    """One that lies nearer on the path, or that was installed over this one."""
+    if name == "reports":
+        (tmp_path / "reports").mkdir()
+        (tmp_path / "reports" / "__init__.py").touch()
+        code = "from sysid.cli import main; import sys; sys.path.insert(0, ''); main()"
+    else:
+        code = "import sysid; sysid.__all__ = []; from sysid.cli import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", code, "boards"], capture_output=True, text=True, cwd=tmp_path
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith(f"error: the package '{name}' that Python finds is another project's")
+    assert len(done.stderr.splitlines()) == 1
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
