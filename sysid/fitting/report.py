@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sysid.fitting.covariance import known_together
+from sysid.quantity import Z95
 from sysid.text import WIDTH, count, display, table
 
 if TYPE_CHECKING:
@@ -54,8 +56,29 @@ def report(fit: "Fit", width: int = WIDTH) -> str:
         f"{show(fit.noise.std, 3)}, {fit.noise.how}"
     )
     return "\n".join(
-        (heading, quantities, rungs, HELD_OUT, f"record as it stood: error {show(fit.rmse_before)}")
+        (
+            heading,
+            quantities,
+            *_poses(fit, width),
+            rungs,
+            HELD_OUT,
+            f"record as it stood: error {show(fit.rmse_before)}",
+        )
     )
+
+
+def _poses(fit: "Fit", width: int) -> list[str]:
+    """Say what several poses and loads fix that each of them alone leaves open."""
+    together = known_together(fit.joint.problem, fit.joint.minimum)
+    if not together:
+        return []
+
+    def share(name: str, std: float) -> str:
+        wide = Z95 * std / max(abs(fit.quantities[name].value), 1e-300)
+        return f"± {100 * wide:.2g} %" if wide < 1 else "open"
+
+    rows = [(name, share(name, alone), share(name, whole)) for name, (whole, alone) in together.items()]
+    return [table(("quantity", "best pose alone", "all poses"), rows, width=width)]
 
 
 def to_json(fit: "Fit") -> dict[str, Any]:

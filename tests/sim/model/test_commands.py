@@ -13,8 +13,6 @@ from command_line import husky
 from sim.model.scene import scene_of
 from sim.model.setup import Setup
 from sim.model.subject import board_of
-from sysid.board import Board
-from sysid.quantity import Quantity
 from sysid.synth import SynthOptions, synthesise
 from sysid.synth.sensors import Sensor
 
@@ -22,22 +20,11 @@ KNEE = {"damping": 0.035, "coulomb.torque": 0.02, "armature.inertia": 0.002}
 LIFT = {"stiffness": 212.0, "damping": 1.1, "rest_angle": 0.028}
 
 
-def plain(inertia: float, stiffness: float, damping: float, rest: float = 0.0) -> Board:
-    """Return a record that the synthetic truth is made from; it never sees the model."""
-    return Board(
-        name="truth", description="", source="", geometry={}, mass={}, inertia=Quantity(inertia, 0.0, "kg*m^2"),
-        tilt={
-            "stiffness": Quantity(stiffness, 0.0, "N*m/rad"), "damping": Quantity(damping, 0.0, "N*m*s/rad"),
-            "rest_angle": Quantity(rest, 0.0, "rad"), "range": Quantity(3.0, 0.0, "rad"),
-        },
-    )  # fmt: skip
-
-
 def knee_log(path: Path, model: Path, *, seed: int = 0) -> Path:
     """A pendulum of the arm's inertia and moment, about where it hangs, with the truth of `KNEE`."""
     board = board_of(Setup(file=model, joint="knee"))[0]
     moment = 9.81 * float(np.hypot(0.4 * 0.1 + 0.2 * 0.3, 0.4 * 0.01))
-    truth = plain(board.inertia.value + KNEE["armature.inertia"], 0.0, KNEE["damping"])
+    truth = robots.plain(board.inertia.value + KNEE["armature.inertia"], 0.0, KNEE["damping"])
     options = SynthOptions(
         angles=(0.8, -0.6, 0.5), rate=250.0, duration=4.0, seed=seed, sensor=Sensor(noise=1e-3)
     )
@@ -47,7 +34,7 @@ def knee_log(path: Path, model: Path, *, seed: int = 0) -> Path:
 
 def lift_log(path: Path) -> Path:
     """A mass on a spring under its weight, in m."""
-    truth = plain(1.5, LIFT["stiffness"], LIFT["damping"], LIFT["rest_angle"])
+    truth = robots.plain(1.5, LIFT["stiffness"], LIFT["damping"], LIFT["rest_angle"])
     options = SynthOptions(angles=(0.06, -0.17), rate=500.0, duration=4.0, sensor=Sensor(noise=2e-4))
     synthesise(truth, {"preload": (-1.5 * 9.81,)}, options).save(path)
     return path
