@@ -183,7 +183,7 @@ def _parts(arc: Arc, board: Board, armature: float, strongest: float) -> list[st
 
 def _coarse(shares: Mapping[str, float]) -> list[str]:
     return [
-        f"its {what} is known to {100 * share:.0f} % of its largest value only: it bends more than two harmonics do"
+        f"its {what} is known to {100 * share:.0f} % of its largest value only: it bends more than three harmonics do"
         for what, share in shares.items()
         if share > COARSE
     ]

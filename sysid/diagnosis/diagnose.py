@@ -130,6 +130,8 @@ class Diagnosis:
     swing_frequency: float | None = None
     """Where a rate was fitted, and errors are rates: the joint's natural frequency [rad/s]."""
     board: str
+    option: str
+    """How the command line names the joint."""
     releases: int
     """How many were judged."""
     recordings: tuple[Recording, ...] = ()
@@ -263,6 +265,7 @@ def diagnose(
         shares={} if verdict.matters is None else verdict.matters.each,
         doubts=tuple(warnings),
         board=board.name,
+        option=board.option,
         releases=len(releases),
         recordings=recordings,
         logs=tuple(dict.fromkeys(release.log for release in releases)),

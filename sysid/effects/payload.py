@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from sysid.effects._algebra import Algebra, NumpyAlgebra, Value, Values
 from sysid.effects._base import JointState, MujocoSupport, TorqueEffect
-from sysid.effects._harmonics import held, slope_of, value_of
+from sysid.effects._harmonics import FORMULA, HARMONICS, held, slope_of, value_of
 from sysid.errors import SysidError
 
 if TYPE_CHECKING:
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
-    """Return c₀ + a₁ sin φ + b₁ cos φ + a₂ sin 2φ + b₂ cos 2φ [N*m]."""
+    """Return the sum of harmonics [N*m]."""
     del states
     return value_of(m, motion.roll, parameters)
 
@@ -45,14 +45,14 @@ EFFECT = TorqueEffect(
     family="hardening",
     role="record",
     parameters=held("N*m"),
-    law="τ = c₀ + a₁ sin φ + b₁ cos φ + a₂ sin 2φ + b₂ cos 2φ, from mass and place",
+    law=f"τ = {FORMULA}, from mass and place",
     source="mj_inverse along the arc of the joint, with the mass and without",
     does="Adds a pull and an inertia that are known, so that those which were there before get a scale.",
     look_alikes=("gravity", "weight"),
     experiment="Take it off: what changes is known in kg and m.",
     mujoco=MujocoSupport(means="nothing: it was there for the measurement", since="", warp=False),
     to_mjcf=to_mjcf,
-    example=(0.0, 0.0, 0.0, 0.0, 0.0),
+    example=(0.0,) * len(HARMONICS),
     torque=torque,
     grounded=True,
     identifiable_from_decay=False,
