@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from policy_runtime.loop.commands import Command, CommandSource
+from policy_runtime.loop.course import Course
 from policy_runtime.loop.policy import Policy
 from policy_runtime.loop.preparation import Delay, Preparation, StoppedError, prepare
 from policy_runtime.loop.safety import Guard, Limits
@@ -41,6 +42,8 @@ class Tick(NamedTuple):
     """Joint targets [rad], shape (23,)."""
     action: Array
     """The policy's answer in its own units, shape (23,)."""
+    course: float
+    """Sum of the turns asked for since the start [rad]; `command` has the one that the policy was told."""
 
 
 class Event(NamedTuple):
@@ -128,6 +131,8 @@ class Runtime:
     clock: Clock = field(default_factory=Clock)
     stop_time: float = STOP_TIME
     """How long the servos brake after a stop [s]."""
+    hold_heading: bool = False
+    """Make up for what earlier turns missed, instead of telling the policy each turn as it is asked for."""
     preparation: Preparation | None = None
     """How the robot comes to where the policy starts; None where it is there already."""
 
@@ -150,6 +155,7 @@ class _Run:
         self._events: list[Event] = []
         self._times = array("d")
         self._ticks = self._step = 0
+        self._course = Course(runtime.clock, hold=runtime.hold_heading)
         self._turn = 0.0
         self._slept = 0.0
         self._delay: Delay | None = None
@@ -246,22 +252,22 @@ class _Run:
         wanted = runtime.commands.at(now)
         if wanted is None:
             return None
-        command = self._latch(wanted)
+        command = self._latch(state, wanted)
         target = runtime.policy.act(state, command, self._step)
         stopped = self._guard.check_target(target)
         if stopped is not None:
             raise StoppedError(stopped)
         self.robot.send(JointCommand.hold(target if self._dry is None else self._dry))
-        tick = Tick(now, self._step, state, command, target, runtime.policy.action)
+        tick = Tick(now, self._step, state, command, target, runtime.policy.action, self._course.asked)
         if command.speed >= STILL_SPEED:  # the cycle stands still while the robot does
             self._step += 1
         return tick
 
-    def _latch(self, wanted: Command) -> Command:
+    def _latch(self, state: RobotState, wanted: Command) -> Command:
         """Take speed at once, but a turn only when steering begins: it counts from the heading then."""
-        clock, position = self._runtime.clock, self._step % self._runtime.clock.period
-        if self._ticks == 0 or position == clock.push + clock.mount:
-            self._turn = wanted.turn
+        turn = self._course.follow(state, self._step, wanted.turn)
+        if turn is not None or self._ticks == 0:
+            self._turn = wanted.turn if turn is None else turn
         return Command(wanted.speed, self._turn)
 
     def _finish(self, stopped: str | None) -> None:

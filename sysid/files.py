@@ -1,15 +1,19 @@
 """Writing files so that a failure at any moment leaves the old file whole."""
 
+import errno
 import hashlib
 import json
 import os
 import shutil
 import tempfile
 from collections.abc import Callable, Generator, Iterable, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from sysid.errors import SysidError
+
+RECORDS = "data/boards/*.toml"
+"""Where a workspace keeps the records of its boards."""
 
 
 def shipped_data() -> Path:
@@ -19,54 +23,74 @@ def shipped_data() -> Path:
     return installed if installed.is_dir() else package.parent / "data"
 
 
+def regular(path: Path) -> Path:
+    """Return a path that can be read at once: a pipe would wait for its writer, and a device need not end.
+
+    Raises:
+        OSError: It is there, and is no file.
+    """
+    if path.exists() and not path.is_file():
+        raise OSError(errno.EINVAL, "it is no file but a folder, a pipe or a device", str(path))
+    return path
+
+
 @contextmanager
-def atomic_path(path: Path) -> Generator[Path]:
+def atomic_path(path: Path, *, is_record: bool = False) -> Generator[Path]:
     """Yield a temporary path beside `path`, and rename it to `path` only if the block succeeds.
 
     For writers that want a file name (matplotlib, Rerun, video). The suffix is kept, because some
     of them choose the format by it. A link stays a link: what it points to is replaced. A device or a pipe is no
     file that could be replaced: what was written is copied into it.
 
+    Args:
+        path: The file.
+        is_record: It is a board's record; nothing else is written in place of one.
+
     Raises:
-        SysidError: The folder cannot be made or written to.
+        SysidError: The folder cannot be made or written to, or a record lies there.
     """
     try:
         target = path.resolve()
+        if target.match(RECORDS) and target.exists() and not is_record:
+            raise SysidError(f"{path}: holds a board's record; it would be lost. Choose another name.")
         is_special = target.exists() and not target.is_file()
         if target.is_dir():
             raise IsADirectoryError(None, "it is a folder")
         target.parent.mkdir(parents=True, exist_ok=True)
-        folder = None if is_special else target.parent
-        handle, name = tempfile.mkstemp(prefix=f".{target.stem}-", suffix=path.suffix, dir=folder)
+        folder = Path(tempfile.gettempdir()) if is_special else target.parent
     except (OSError, RuntimeError) as error:  # RuntimeError: links in a circle
-        raise SysidError(
-            f"{path}: cannot write there ({getattr(error, 'strerror', None) or error}). Choose a folder you may write "
-            "to, for example with --workspace."
-        ) from error
-    os.close(handle)
-    temporary = Path(name)
+        raise _unwritable(path, error) from error
+    temporary = folder / f".{target.stem[:60]}-{os.urandom(6).hex()}{path.suffix}"
     try:
+        try:
+            temporary.touch(mode=0o600 if is_special else 0o666, exist_ok=False)
+        except OSError as error:
+            raise _unwritable(path, error) from error
         yield temporary
         if is_special:
             with temporary.open("rb") as source, target.open("wb") as sink:
                 shutil.copyfileobj(source, sink)
-            return
-        # mkstemp makes files private; give them the permissions any other new file would have.
-        umask = os.umask(0)
-        os.umask(umask)
-        temporary.chmod(0o666 & ~umask)
-        temporary.replace(target)
+        else:
+            temporary.replace(target)
     except OSError as error:
         raise SysidError(f"{path}: cannot write there ({error.strerror or error}).") from error
     finally:
         temporary.unlink(missing_ok=True)
 
 
+def _unwritable(path: Path, error: OSError | RuntimeError) -> SysidError:
+    return SysidError(
+        f"{path}: cannot write there ({getattr(error, 'strerror', None) or error}). Choose a folder you may write "
+        "to, for example with --workspace."
+    )
+
+
 @contextmanager
 def locked(path: Path, *, patience: float = 60.0) -> Generator[None]:
     """Hold the right to read and rewrite a file that other processes rewrite too.
 
-    The lock lies in the folder of temporary files, so that nothing is left beside `path`; it ends with the process.
+    The lock lies in the folder of temporary files and ends with the process; its file goes before it is let go, so that
+    who waits finds it gone and makes a new one.
 
     Args:
         path: The file; need not exist.
@@ -78,9 +102,16 @@ def locked(path: Path, *, patience: float = 60.0) -> Generator[None]:
     from filelock import FileLock, Timeout
 
     key = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:16]
+    lock = Path(tempfile.gettempdir()) / f"husky-sysid-{key}.lock"
     try:
-        with FileLock(Path(tempfile.gettempdir()) / f"husky-sysid-{key}.lock", timeout=patience):
-            yield
+        with FileLock(lock, timeout=patience):
+            try:
+                yield
+            finally:
+                with suppress(
+                    PermissionError
+                ):  # Windows deletes no open file; there FileLock does, afterwards
+                    lock.unlink(missing_ok=True)
     except Timeout as error:
         raise SysidError(
             f"{path}: another command has held it for {patience:g} s. Wait for it, or end it, and try again."
@@ -110,14 +141,14 @@ def refuse_overwriting(inputs: Iterable[Path], outputs: Mapping[str, Path | None
                 )
 
 
-def write_atomically(path: Path, content: str | bytes) -> None:
-    """Write `content` to `path`, replacing it in one step.
+def write_atomically(path: Path, content: str | bytes, *, is_record: bool = False) -> None:
+    """Write `content` to `path`, replacing it in one step; see `atomic_path`.
 
     Raises:
         SysidError: The folder cannot be made or written to.
     """
     data = content.encode() if isinstance(content, str) else content
-    with atomic_path(path) as temporary:
+    with atomic_path(path, is_record=is_record) as temporary:
         temporary.write_bytes(data)
 
 

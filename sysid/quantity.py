@@ -22,6 +22,11 @@ _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _PATTERN = re.compile(rf"\s*({_NUMBER})\s*(?:(?:±|\+-|\+/-)\s*({_NUMBER}))?\s*(\S*)\s*")
 
 
+def printed(unit: str) -> str:
+    """Return a unit as people write it, e.g. 'N·m/rad'."""
+    return unit.replace("*", "·").replace("^2", "²").replace("^3", "³")
+
+
 @dataclass(frozen=True, slots=True)
 class Quantity:
     """A value, its standard deviation and its unit."""
@@ -64,7 +69,7 @@ class Quantity:
     @property
     def printed_unit(self) -> str:
         """The unit as people write it."""
-        return self.unit.replace("*", "·").replace("^2", "²").replace("^3", "³")
+        return printed(self.unit)
 
     @property
     def number(self) -> str:

@@ -1,7 +1,9 @@
 """A failed write leaves the old file whole and no debris."""
 
 import hashlib
+import multiprocessing
 import os
+import tempfile
 import threading
 from pathlib import Path
 
@@ -79,12 +81,21 @@ def test_a_full_device_is_an_error_and_stays_a_device():
     assert Path("/dev/full").is_char_device()
 
 
+def test_a_board_record_is_written_over_by_records_only(tmp_path):
+    record = tmp_path / "data" / "boards" / "mine.toml"
+    write_atomically(record, "old", is_record=True)
+    with pytest.raises(SysidError, match=r"mine\.toml: holds a board's record"):
+        write_json(record, {})
+    assert record.read_text() == "old"
+
+
 def test_a_folder_is_not_written_over(tmp_path):
     with pytest.raises(SysidError, match="it is a folder"):
         write_atomically(tmp_path, "x")
 
 
-def test_a_lock_makes_the_second_wait_and_leaves_nothing(tmp_path):
+def test_a_lock_makes_the_second_wait_and_leaves_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     path = tmp_path / "board.toml"
     with (
         locked(path),
@@ -95,3 +106,24 @@ def test_a_lock_makes_the_second_wait_and_leaves_nothing(tmp_path):
     with locked(path, patience=0.05):
         pass
     assert list(tmp_path.iterdir()) == []
+
+
+def count_up(path, times):
+    for _ in range(times):
+        with locked(path):
+            path.write_text(str(int(path.read_text()) + 1))
+
+
+def test_a_lock_that_is_taken_away_keeps_others_out_all_the_same(tmp_path, monkeypatch):
+    """Its file is deleted at each release, while others wait for it."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    path = tmp_path / "count"
+    path.write_text("0")
+    spawned = multiprocessing.get_context("fork")
+    crew = [spawned.Process(target=count_up, args=(path, 200)) for _ in range(4)]
+    for process in crew:
+        process.start()
+    for process in crew:
+        process.join()
+    assert path.read_text() == "800"
+    assert list(tmp_path.iterdir()) == [path]

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from sim.board.bodies import TILT_JOINT, deck_inertia, inertia_ratio, law_of
+from sim.board.learned import apply, left_out
 from sim.board.scene import add_effects, integrator_value, roll_inertia
 from sysid.board import Board
 from sysid.errors import SysidError
@@ -155,10 +156,12 @@ def swing(
     _load_support(model, data, joint)
     if after_step is not None:
         after_step(model, data)
+    left = left_out(model)
     steps = math.ceil(duration / model.opt.timestep) + 2
     roll = np.empty(steps + 1)
     roll[0] = angle
     for i in range(steps):
+        apply(left, data)
         mujoco.mj_step(model, data)
         if after_step is not None:
             after_step(model, data)

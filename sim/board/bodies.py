@@ -49,7 +49,7 @@ paper's; torsional is two thirds of the radius of a small contact patch. Through
 the deck: the 0.01 m of the authors' release would add half to the compliant board's damping."""
 
 WHEEL_SOLIMP = (0.99, 0.999, 0.001, 0.5, 2.0)
-"""Contact impedance of a wheel. MuJoCo scales a contact's softness by the mobility of the bodies in
+"""Contact impedance of a wheel [1], its width in m. MuJoCo scales a contact's softness by the mobility of the bodies in
 touch; with its default, wheels as light as these would sink by 23 mm under a rider; with this, 0.8 mm."""
 
 _DIRECT_ARMATURE = 1.0
@@ -57,11 +57,12 @@ _DIRECT_ARMATURE = 1.0
 within a step. An armature loads only its own joint, neither the deck nor the board."""
 
 _ORIGIN = (0.0, 0.0, 0.0)
-"""Centre of mass at the body's origin; left out, MjSpec puts it at the body's position in its parent."""
+"""Centre of mass at the body's origin [m]; left out, MjSpec puts it at the body's position in its parent."""
 
 _DECK_COLOUR = (0.83, 0.68, 0.47, 1.0)
 _METAL = (0.55, 0.57, 0.60, 1.0)
 _WHEEL_COLOUR = (0.93, 0.93, 0.90, 1.0)
+"""Red, green, blue and opacity, as a share of full."""
 
 
 def add_chassis(spec: mujoco.MjSpec, board: Board) -> mujoco.MjsBody:

@@ -1,20 +1,15 @@
 """`husky-sysid diagnose`: what the model is missing, or that nothing is, or that nothing known explains it."""
 
-from collections.abc import Generator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import Parameter, validators
 
-from sysid.cli.console import FIT, Common, Printer
+from sysid.cli.console import FIT, Common, Printer, progress_bar
 from sysid.cli.log_options import LogArguments, load_recordings
 from sysid.cli.parameter_options import parse_fixed
 from sysid.cli.subject import Subject
-from sysid.files import write_json
-
-if TYPE_CHECKING:
-    from sysid.diagnosis.search import Progress
+from sysid.files import atomic_path, write_json
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
@@ -33,7 +28,7 @@ def diagnose(
 ) -> int:
     """Rank the physical effects that the model is missing, or say that nothing is.
 
-    Writes diagnose.json into reports/BOARD of the workspace, where the report finds it.
+    Writes diagnose.json, where the report finds it, and diagnose.png into reports/BOARD of the workspace.
 
     Args:
         logs: Logs of one board, with several releases in all.
@@ -44,7 +39,10 @@ def diagnose(
         arguments: How the logs are read.
         common: Options of every command.
     """
+    from reports.figures.story import story_figure
+    from reports.story import chosen_effects, story_of_diagnosis
     from sysid.diagnosis.diagnose import diagnose as search
+    from sysid.diagnosis.report import headline
 
     printer = Printer(common)
     record = subject.load(common, printer)
@@ -55,25 +53,17 @@ def diagnose(
     printer.warnings(result.warnings, recordings)
     printer.say(result.report(printer.width))
     content = result.to_json()
-    path = common.space.outputs(record.name) / "diagnose.json"
-    write_json(path, content)
-    printer.say(f"written: {path}")
+    folder = common.space.outputs(record.name)
+    # Beside the result: which record it is of, and what the report draws.
+    shown = {
+        "record": record.digest,
+        "chosen": chosen_effects(result, record),
+        "score_std": [candidate.score_std for candidate in result.candidates],
+    }
+    write_json(folder / "diagnose.json", {**content, **shown})
+    with atomic_path(folder / "diagnose.png") as temporary:
+        picture = story_figure(story_of_diagnosis(result, record), f"{record.name}: {headline(result)}")
+        picture.savefig(temporary, dpi=110)
+    printer.say(f"written: {folder / 'diagnose.json'}, {folder / 'diagnose.png'}")
     printer.result(content)
     return 0
-
-
-@contextmanager
-def progress_bar(printer: Printer) -> Generator["Progress | None"]:
-    """Show a bar on stderr, on a terminal only."""
-    if not printer.stderr.is_terminal:
-        yield None
-        return
-    from rich.progress import Progress as Bar
-
-    with Bar(console=printer.stderr, transient=True) as bar:
-        task = bar.add_task("", total=1.0)
-
-        def update(what: str, share: float) -> None:
-            bar.update(task, description=what, completed=share)
-
-        yield update

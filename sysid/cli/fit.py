@@ -134,12 +134,13 @@ def _patched(record: Board, output: Path | None, printer: Printer) -> tuple[Boar
 
 
 def _draw(common: Common, result: "Fit") -> Path:
-    from reports.figures.ladder import ladder_figure
+    from reports.figures.ladder import fit_steps, ladder_figure
 
     name = result.before.name
     path = common.space.outputs(name) / "ladder.png"
-    unit = "rad/s" if result.is_rate else "rad"
+    noise = (result.noise.lowest / result.noise.std, result.noise.highest / result.noise.std)
     with atomic_path(path) as temporary:
-        figure = ladder_figure(result.ladder, result.noise.std, f"{name}: what each effect takes away", unit)
-        figure.savefig(temporary, dpi=140)
+        ladder_figure(fit_steps(result), noise, f"{name}: what each effect takes away").savefig(
+            temporary, dpi=140
+        )
     return path

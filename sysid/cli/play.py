@@ -48,6 +48,7 @@ def play(
         on_tick=recorder.add,
         real_time=viewer,
         stop_time=0.0,
+        hold_heading=options.hold_heading,
     )
     with viewed(robot, viewer) as shown:
         runtime.robot = shown

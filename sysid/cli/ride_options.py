@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from policy_runtime.loop.world import World
 
 MIN_TICKS_FOR_FILM = 2
+"""Policy steps that a ride lasts at least to be drawn."""
 
 
 @Parameter(name="*")
@@ -37,6 +38,8 @@ class RideOptions:
     """Commanded turn in every steering stretch [degrees], left positive."""
     commands: Path | None = None
     """CSV file of commands: time_s,speed_m_s,turn_rad; replaces --speed and --turn-deg."""
+    hold_heading: bool = False
+    """Make up in each turn for what earlier ones missed, by the IMU's yaw."""
     start: Literal["stand", "push", "steer"] = "stand"
     """Begin with one foot on the ground, or in a canonical pose on the rolling board."""
     start_speed: float = 0.0

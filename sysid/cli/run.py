@@ -162,6 +162,7 @@ def _runtime(
         real_time=robot == "simulated",  # the others wait by themselves
         on_tick=on_tick,
         preparation=preparation,
+        hold_heading=options.hold_heading,
     )
     return runtime, recorder, ranges
 

@@ -6,15 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.comparison.release import ComparedRelease
-from sysid.effects import effect
 from sysid.joint.law import JointLaw
-from sysid.joint.torques import effect_torque
+from sysid.joint.torques import memoryless_torque
 from sysid.roll import Array
 
 SHARE_OF_PERIOD = 1 / 6
 """Length of the filter that differentiates, over the period: a local quartic follows a swing over it to 0.1 %."""
 FEW_A_BIN, MOST_BINS = 1.5, 15
-"""Independent samples that a bin of a profile holds at least, and bins beyond which a curve shows no more."""
+"""Independent samples [1] that a bin of a profile holds at least, and bins beyond which a curve shows no more."""
 CLEAR = 0.1
 """Share of the largest tilt within which a sign is the noise's."""
 LARGEST_SHARE = 1 / 3
@@ -32,7 +31,7 @@ class TorqueProfile:
     torque: Array
     """Mean missing torque [N*m], shape (n,)."""
     std: Array
-    """Standard deviation of that mean [N*m], shape (n,): samples within one length of the filter count as one."""
+    """Standard deviation of that mean [N*m], shape (n,), with what neighbours in time have in common."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +78,7 @@ def missing_torque(
         measured = derivatives(release.time, release.measured, window)
         simulated = derivatives(release.time, release.simulated, window)
         windows.append(window)
-        demanded = _torque_left(law, release.time, measured) - _torque_left(law, release.time, simulated)
+        demanded = _torque_left(law, measured) - _torque_left(law, simulated)
         inner = slice(3, -3)
         tilts.append(measured[0][inner] - law.rest_angle)
         rates.append(measured[1][inner])
@@ -107,12 +106,24 @@ def missing_torque(
 def _profile(at: Array, torque: Array, together: float) -> TorqueProfile:
     """Average a torque over bins of as many samples each; `together` neighbouring samples say the same."""
     bins = int(np.clip(len(at) / (FEW_A_BIN * together), 3, MOST_BINS))
-    parts = np.array_split(np.argsort(at), bins)
-    std = [float(np.std(torque[part])) / np.sqrt(max(len(part) / together, 1.0)) for part in parts]
+    parts = [np.sort(part) for part in np.array_split(np.argsort(at), bins)]
+    means = np.array([float(np.mean(torque[part])) for part in parts])
+    squares = np.array(
+        [float(np.sum((torque[part] - mean) ** 2)) for part, mean in zip(parts, means, strict=True)]
+    )
+    # Noise that was differentiated cancels from sample to sample; what the model lacks does not. What neighbours in time make of
+    # the scatter together, over what each makes alone, tells which it is.
+    runs = [
+        float(np.sum(torque[run] - mean)) ** 2
+        for part, mean in zip(parts, means, strict=True)
+        for run in np.split(part, np.flatnonzero(np.diff(part) > 1) + 1)
+    ]
+    shared = sum(runs) / max(float(squares.sum()), 1e-300)
+    counts = np.array([len(part) for part in parts])
     return TorqueProfile(
         np.array([float(np.mean(at[part])) for part in parts]),
-        np.array([float(np.mean(torque[part])) for part in parts]),
-        np.array(std),
+        means,
+        np.sqrt(shared * squares) / counts,
     )
 
 
@@ -154,15 +165,7 @@ def derivatives(time: Array, roll: Array, window: int) -> tuple[Array, Array, Ar
     return smooth, rate, acceleration
 
 
-def _torque_left(law: JointLaw, time: Array, motion: tuple[Array, Array, Array]) -> Array:
-    """Return I φ̈ less the law's torques without memory [N*m]."""
+def _torque_left(law: JointLaw, motion: tuple[Array, Array, Array]) -> Array:
+    """Return I φ̈ less the law's torques without memory [N*m], shape (n,), of roll, rate and acceleration."""
     roll, rate, acceleration = motion
-    left = (
-        law.inertia_ratio * law.inertia * acceleration
-        + law.stiffness * (roll - law.rest_angle)
-        + law.damping * rate
-    )
-    for name, _ in law.effects:
-        if effect(name).role == "torque" and not effect(name).states:
-            left = left - effect_torque(law, name, time, roll, rate)
-    return left
+    return law.inertia_ratio * law.inertia * acceleration - memoryless_torque(law, roll, rate)

@@ -58,7 +58,7 @@ FINALISTS = 7
 RIVALS = 4
 """How many models that predict as well are listed."""
 WEAK = 2.0
-"""Score that an effect must gain to be listed as a hint."""
+"""Score [nat] that an effect must gain to be listed as a hint."""
 
 Status = Literal["none-missing", "missing", "unexplained"]
 
@@ -105,6 +105,8 @@ class Candidate:
     """None where the model was out of the running before it came to that."""
     score: float
     """Twice the log-likelihood of held-out motion that the best has more: 0 is best, 8 is e⁴ to 1 against."""
+    score_std: float | None
+    """Standard deviation of that difference, from period to period; None where it was not predicted."""
     parameters: Mapping[str, Quantity]
 
 
@@ -242,6 +244,7 @@ def diagnose(
     scores = {
         (s.model.effects, s.model.shape): 2 * (everything.best.score - s.score) for s in everything.scored
     }
+    spreads = {s.model.effects: everything.spread(s) for s in everything.scored if not s.model.shape}
     ranked = sorted(final, key=lambda m: scores[m.effects, ""])
     done = {m.effects for m in final}
     others = sorted((m for m in models if m.effects not in done), key=lambda m: m.cost)
@@ -249,6 +252,7 @@ def diagnose(
     def shown(model: Model, score: float) -> Candidate:
         return Candidate(
             effects=tuple(n for n in model.effects if n not in search.base), rmse=model.rmse, score=score,
+            score_std=spreads.get(model.effects),
             heldout_rmse=model.heldout_rmse if model.heldout is not None else None,
             parameters=parameter_quantities(model.problem, model.minimum, board, certain=model.effects in done),
         )  # fmt: skip

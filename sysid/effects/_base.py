@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 import numpy as np
 
 from sysid.effects._algebra import Algebra, Value, Values
+from sysid.roll import Array
 
 if TYPE_CHECKING:
     import mujoco
@@ -131,15 +132,15 @@ class State:
     sensor's gets the absolute roll for the tilt."""
     size: Callable[[Scales], float]
     """Its typical size, for scaling when it is fitted."""
-    rate: Callable[[Algebra, JointState, Value, Values], Value] | None = None
-    """`rate(m, motion, z, parameters)`: its time derivative."""
+    rate: Callable[[Algebra, JointState, Sequence[Value], Values], Value] | None = None
+    """`rate(m, motion, states, parameters)`: its time derivative, from all states of its effect."""
     late_release: Callable[[Algebra, Value, Value, Value, Values], Value] | None = None
     """For a sensor's: `late_release(m, roll, rate, acceleration, parameters)`, its value at a release noticed late, when the deck
     has that rate already."""
     detection_delay: Callable[[float, float, Mapping[str, float]], float] | None = None
     """For a sensor's: `detection_delay(acceleration, noise, parameters)`, for how long a release does not show in its reading [s]."""
-    return_map: Callable[[Algebra, Value, Values], Value] | None = None
-    """For rate-independent states: z follows the tilt, and `return_map(m, z, parameters)` limits it."""
+    return_map: Callable[[Algebra, Value, Value, Values], Value] | None = None
+    """For rate-independent states: `return_map(m, z, moved, parameters)`, what a tilt one way by `moved` makes of z."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -234,12 +235,12 @@ def belongs_to_log(
 
 Family = Literal[
     "friction", "hysteresis", "drag", "hardening", "asymmetry", "stop", "freeplay", "relaxation", "rest", "drift",
-    "lowpass", "clock", "inertia",
+    "lowpass", "clock", "inertia", "learned",
 ]  # fmt: skip
 """What a practitioner would call it; effects of one family are variants of one another."""
-Role = Literal["torque", "support", "shift", "record", "measurement"]
-"""What an effect changes: the torque of the joint; what the joint stands on; the rest angle; the
-numbers of the record (indistinguishable from another k and d in a free decay); or the sensor."""
+Role = Literal["torque", "learned", "support", "shift", "record", "measurement"]
+"""What an effect changes: the torque of the joint, by a formula or by a table that is learned; what the joint stands on; the
+rest angle; the numbers of the record (indistinguishable from another k and d in a free decay); or the sensor."""
 
 DecaySign = Literal["constant loss", "growing loss", "longer period", "shorter period", "moving level"]
 """What the peaks of a decay show: a loss per swing that does not depend on the amplitude, or more than in
@@ -330,6 +331,20 @@ class Effect:
         return f"{'-' if values[0] < 0 else '+'} {self.formula.format(**sizes)}"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Smoothness:
+    """What a fit must know of parameters that are a table of torques: how rough they are, and what is not theirs."""
+
+    names: tuple[str, ...]
+    """The parameters of the tables, in order; p in all."""
+    tables: tuple[str, ...]
+    """Names of the tables, which are smoothed by a weight each."""
+    forms: tuple[Array, ...]
+    """For each, a quadratic form in all parameters that is large where it is rough, shape (p, p)."""
+    linear: Mapping[str, Array]
+    """For a parameter of the linear joint the direction, shape (p,), in which the tables would do the same."""
+
+
 def no_torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return zero torque."""
     del m, motion, parameters, states
@@ -363,6 +378,12 @@ class TorqueEffect(Effect):
     """The parameter that adds to the joint's inertia; '' where none does."""
     acts_during_hold: bool = False
     """Whether a hand can hold the board against it, so that a release sets off faster than the spring alone makes it."""
+    smoothness: Callable[[], Smoothness] | None = None
+    """Of an effect that is a table which is learned: how it is kept smooth."""
+    support: tuple[str, ...] = ()
+    """Of such a one, the parameters that say where it was measured: lowest and highest tilt, lowest and highest rate."""
+    memory: str = ""
+    """Of such a one, the effect that it is tried with where tilt and rate alone leave something."""
     timestep: str = ""
     """The parameter that is a simulator's time step, where the effect is that simulator; else ''."""
 

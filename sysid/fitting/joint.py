@@ -13,6 +13,7 @@ from sysid.fitting.problem import Problem
 from sysid.fitting.records import Bias, make_records
 from sysid.fitting.result import JointFit, summarise
 from sysid.fitting.search import scales_of, search
+from sysid.fitting.smoothing import is_table, learn
 from sysid.joint.structure import Structure, structure_of
 from sysid.least_squares import Minimum, minimise
 from sysid.noise.floor import noise_floor
@@ -158,7 +159,8 @@ def fit_joint(
     structure = structure_of(effects)
     fixed, bias = held_parameters(structure, board, options)
     fine = options.steps_per_period * (3 if structure.nonsmooth else 1)
-    problem, minimum, evaluations = search(
+    find = learn if any(map(is_table, structure.parts)) else search
+    problem, minimum, evaluations = find(
         structure, records, scales, bias=bias, fixed=fixed, bounded=options.bounds, steps_per_period=fine
     )
     problem, minimum, more = _plainest(problem, minimum)

@@ -13,8 +13,10 @@ from sysid.board import Board, BoardEffect
 from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.files import sha256
+from sysid.fitting.covariance import table_values
 from sysid.fitting.initial_state import residuals_of_law
 from sysid.fitting.result import JointFit
+from sysid.fitting.smoothing import FLAT
 from sysid.quantity import Quantity, slide_unit
 
 
@@ -28,6 +30,11 @@ def require_usable(fit: JointFit) -> None:
         raise SysidError(
             f"the fit did not converge ({fit.status}); the record is unchanged. Try other effects (husky-sysid "
             "diagnose), or fewer."
+        )
+    if fit.problem.smoothing and min(fit.problem.smoothing) >= FLAT:
+        raise SysidError(
+            "these logs show no torque beyond what the record holds: nothing was learned, and the record is unchanged. "
+            "Ask husky-sysid diagnose what the logs do show."
         )
     names = list(fit.quantities)
     for name, at_bound in zip(names, fit.minimum.at_bound, strict=False):
@@ -51,7 +58,10 @@ def require_usable(fit: JointFit) -> None:
                 f"{name} came out as {fit.quantities[name].value:.4g}, which no passive joint has; the record is "
                 f"unchanged. Ask husky-sysid diagnose what the logs do show, or hold it (--fix {name}=0)."
             )
+    values = table_values(fit.problem.structure)
     for name, quantity in fit.quantities.items():
+        if name in values:
+            continue
         if quantity.std > 3 * max(abs(quantity.value), 1e-9) and name != "rest_angle":
             raise SysidError(
                 f"{name} is {quantity}: these logs do not fix it; the record is unchanged. {_advice(name)}"

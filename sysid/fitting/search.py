@@ -46,7 +46,7 @@ def scales_of(records: Sequence[Record], board: Board) -> Scales:
 
 def _linear_scales(records: Sequence[Record], known: Scales, bias: Bias) -> Scales:
     """Return the sizes with the linear joint's stiffness and damping that fit best, from several starts."""
-    rest = _rest(records)
+    rest = measured_rest(records)
     guesses = (
         [(known.stiffness / known.inertia, known.damping / known.inertia)] if known.stiffness > 0 else []
     )
@@ -83,7 +83,8 @@ def _pitch(record: Record) -> float:
     return float(2 * np.pi * max(1, int(np.argmax(power))) / (size * step))
 
 
-def _rest(records: Sequence[Record]) -> float:
+def measured_rest(records: Sequence[Record]) -> float:
+    """Return the roll at which the deck rests, as the releases have it [rad]; 0 where rates are fitted."""
     return 0.0 if records[0].is_rate else float(np.median([r.release.rest for r in records]))
 
 
@@ -174,7 +175,7 @@ def search(
         The fine problem, its minimum, and how many evaluations it all took.
     """
     fixed = dict(fixed or {})
-    rest = _rest(records)
+    rest = measured_rest(records)
     free_states = bool(structure.internal_states) and any(record.release.hold <= 0 for record in records)
     starts = starting_points(structure, scales, fixed) if starts is None else starts
     nonsmooth = structure.nonsmooth
@@ -217,7 +218,7 @@ def search(
 
 
 _SHARES = (0.6, 0.75, 0.87, 1.15, 1.35, 1.65)
-"""Of a rough parameter, at which it is held on the way out of a false valley."""
+"""Shares of a rough parameter at which it is held on the way out of a false valley: a choice."""
 
 
 def scan_rough_parameters(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]:

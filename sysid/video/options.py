@@ -22,6 +22,8 @@ def is_film(path: Path) -> bool:
     """Return whether a file is a film: by its name, else by how it begins."""
     if path.suffix.lower() in VIDEO_SUFFIXES:
         return True
+    if not path.is_file():  # a pipe would wait for a writer
+        return False
     try:
         with path.open("rb") as file:
             start = file.read(377)
@@ -58,3 +60,5 @@ class VideoOptions:
     """Film to write in which what was followed is drawn; a contact sheet (.png) lands beside it."""
     on_frame: Callable[[float, npt.NDArray[np.uint8]], None] | None = None
     """Called with the time on the roll's clock [s] and the picture of each frame of the overlay."""
+    progress: Callable[[str, float], None] | None = None
+    """Called with what is being done and which share of it is, frame by frame."""

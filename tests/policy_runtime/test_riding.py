@@ -437,6 +437,20 @@ def test_evaluate_prints_a_table_and_writes_json(capsys, tmp_path):
     assert (tmp_path / "evaluate-zero-mujoco.png").stat().st_size > 10_000
 
 
+def test_policies_stand_beside_each_other_in_one_table(capsys, tmp_path):
+    world_or_skip()
+    code, said = call(
+        capsys, "evaluate", "zero", "stand", "-b", "pink", "--episodes", 2, "--seeds", 1, "--workers", 1,
+        "--duration", 0.2, "--board-scale", "k=4", "-o", tmp_path, "--json", tmp_path / "e.json",
+    )  # fmt: skip
+    assert code == 0
+    assert "zero, stand on pink in mujoco" in said.out
+    result = json.loads((tmp_path / "e.json").read_text())
+    assert [one["policy"] for one in result["conditions"]] == result["policies"] == ["zero", "stand"]
+    assert all("E_course" in one for one in result["conditions"])
+    assert (tmp_path / "suite-zero-stand.png").stat().st_size > 5_000
+
+
 def test_export_command_says_what_it_wrote(capsys, tmp_path):
     world_or_skip()
     code, said = call(capsys, "export", "-b", "pink", "-o", tmp_path / "x", "--json", "-")
@@ -476,6 +490,9 @@ def test_motions_lists_plots_and_plays(capsys, tmp_path):
         (("play", "zero", "-b", "pink", "--commands", "none.csv"), "none.csv: cannot be read"),
         (("evaluate", "zero", "-b", "pink", "--episodes", "0"), "at least 1"),
         (("evaluate", "zero", "-b", "pink", "--duration", "-1"), "longer than 0"),
+        (("evaluate", "zero", "-b", "pink", "--board-scale", "k:4"), "expected factors like k=4"),
+        (("evaluate", "zero", "-b", "pink", "--turn-deg", "60"), "--turn-deg 60"),
+        (("evaluate", "zero", "-b", "pink", "--suite", "--mass", "1.1"), "--suite has conditions of its own"),
         (("evaluate", "zero", "-b", "pink", "--randomised"), "Add --simulator mjlab"),
         (("motions", "none.npy"), "no such motion"),
     ],

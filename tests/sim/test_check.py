@@ -251,8 +251,9 @@ RULE = Rule(order=9, asked=("before",), says=says)
 '''
 
 
-def test_a_rule_is_one_file(board: Board, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_rule_is_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Found, asked, and its word decides; no other file was touched."""
+    board = load_board(shipped_data() / "boards" / "pink.toml")
     scene = training_scene(compensate_in_scene(board).board)
     before = judge(board, scene, [measured(board)])
     assert before.passed

@@ -2,6 +2,7 @@
 
 import lzma
 import re
+import shutil
 import struct
 import tempfile
 import zipfile
@@ -24,6 +25,7 @@ T = TypeVar("T")
 MAX_UNPACKED = 1 << 30
 """An hour of seven sensors at 1 kHz is 0.3 GiB as text."""
 MAX_MEMBERS = 10_000
+"""Files in an archive; a phone's export has one a sensor, some ten."""
 _DAMAGE = (RuntimeError, NotImplementedError, EOFError, OSError, ValueError, OverflowError)
 _MOTION = re.compile(r"gyro|acc|orient|attitude|grav|motion|raw|rotation", re.I)
 """Names of the tables of motion sensors; a GPS or a microphone beside them is left alone."""
@@ -54,10 +56,13 @@ def open_zip(path: Path) -> SensorTables:
             for number, member in enumerate(needed):
                 target = Path(folder) / str(number) / Path(member.filename).name
                 target.parent.mkdir()
-                with archive.open(member) as packed:
-                    target.write_bytes(packed.read(member.file_size))
+                with archive.open(member) as packed, target.open("wb") as file:
+                    shutil.copyfileobj(packed, file)
                 files.append(target)
-            return _merge(path, files)
+            try:
+                return merge(path, files)
+            except SysidError as error:  # says it of what was unpacked
+                raise SysidError(str(error).replace(folder, str(path))) from error
     except (*(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error), *_DAMAGE) as error:
         raise SysidError(f"{path}: damaged or locked archive ({error}). Export it again.") from error
 
@@ -68,7 +73,7 @@ def open_folder(path: Path) -> SensorTables:
     Raises:
         SysidError: It holds no tables of motion sensors.
     """
-    return _merge(path, sorted(file for file in path.iterdir() if file.is_file() and _is_table(file)))
+    return merge(path, sorted(file for file in path.iterdir() if file.is_file() and _is_table(file)))
 
 
 def open_export(path: Path) -> SensorTables:
@@ -86,7 +91,7 @@ def _of_motion(tables: Sequence[T], name: Callable[[T], Path]) -> list[T]:
     return [table for table in tables if len(tables) == 1 or _MOTION.search(name(table).stem)]
 
 
-def _merge(path: Path, files: Sequence[Path]) -> SensorTables:
+def merge(path: Path, files: Sequence[Path]) -> SensorTables:
     """Read the motion sensors among the files of an export."""
     tables: dict[str, tuple[Array, dict[str, Array]]] = {}
     for file in _of_motion(files, lambda file: file):
