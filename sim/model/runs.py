@@ -41,11 +41,11 @@ def _run(path: Path, number: int, entry: Any, setup: Setup) -> tuple[Path, Setup
             )
     file, pose, payload = entry.get("file"), entry.get("pose", {}), entry.get("payload", [])
     if not isinstance(file, str):
-        raise SysidError(f"{where}: field 'file' is {file!r}; expected the log.")
+        raise SysidError(f"{where}: field file is {file!r}; expected the log.")
     if not isinstance(pose, dict) or not all(isinstance(value, int | float) for value in pose.values()):
-        raise SysidError(f"{where}: field 'pose' is {pose!r}; expected {{ JOINT = POSITION }} in rad or m.")
+        raise SysidError(f"{where}: field pose is {pose!r}; expected {{ JOINT = POSITION }} in rad or m.")
     if not isinstance(payload, list) or not all(isinstance(text, str) for text in payload):
-        raise SysidError(f"{where}: field 'payload' is {payload!r}; expected a list of MASS@WHERE.")
+        raise SysidError(f"{where}: field payload is {payload!r}; expected a list of MASS@WHERE.")
     return path.parent / file, setup.with_(
         keyframe=entry.get("keyframe", setup.keyframe),
         pose={**setup.pose, **pose},
