@@ -12,7 +12,9 @@ HARMONICS = ("constant", "sine", "cosine", "sine2", "cosine2", "sine3", "cosine3
 """The terms 1, sin φ, cos φ, sin 2φ, ... cos 3φ; the weight of a rigid body on a hinge needs the second and third alone, on a
 slide the first."""
 FORMULA = "c + Σ (aₙ sin nφ + bₙ cos nφ), n = 1, 2, 3"
+"""Their sum, as the page of effects shows it."""
 QUARTER = math.pi / 2
+"""Turn that makes a cosine of a sine [rad]."""
 
 
 def value_of(m: Algebra, roll: Value, parameters: Values) -> Value:
