@@ -228,7 +228,8 @@ def diagnose(
         if bias == "per-release" or use_rate:
             held.setdefault("rest_angle", board.rest_angle)
     for part in board.effects:  # a table that was learned stays as it is: no candidate may bend it
-        if effect(part.name).role == "learned":
+        role = effect(part.name).role
+        if role == "learned":
             held.update({f"{part.name}.{name}": quantity.value for name, quantity in part.parameters.items()})
     with Crew(workers) as crew:
         search = Search(
