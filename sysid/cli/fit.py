@@ -81,7 +81,8 @@ def fit(
         from sysid.fitting.bootstrap import require_enough
 
         require_enough(bootstrap)
-    recordings = load_recordings(logs, arguments, printer)
+    logs, setups = subject.logs(logs)
+    record, recordings = subject.posed(record, load_recordings(logs, arguments, printer), setups)
     result = fit_recordings(
         recordings,
         record,

@@ -135,6 +135,8 @@ class Diagnosis:
     learned: Learned | None = None
     """What can be learned of it, where something is left that matters."""
     board: str
+    option: str
+    """How the command line names the joint."""
     releases: int
     """How many were judged."""
     recordings: tuple[Recording, ...] = ()
@@ -280,6 +282,7 @@ def diagnose(
         shares={} if verdict.matters is None else verdict.matters.each,
         doubts=tuple(warnings),
         board=board.name,
+        option=board.option,
         releases=len(releases),
         recordings=recordings,
         logs=tuple(dict.fromkeys(release.log for release in releases)),

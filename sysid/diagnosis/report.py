@@ -16,7 +16,8 @@ SHOWN = 8
 
 def fittable(names: Sequence[str]) -> tuple[str, ...]:
     """Return those of some effects that `fit` can add: not what is another number of the record."""
-    return tuple(name for name in names if effect(name).identifiable_from_decay)
+    parts = [effect(name) for name in names]  # one that was tried beside another has been found so
+    return tuple(part.name for part in parts if part.identifiable_from_decay or part.identifiable_with)
 
 
 def report(result: "Diagnosis", width: int = WIDTH) -> str:
@@ -42,10 +43,12 @@ def report(result: "Diagnosis", width: int = WIDTH) -> str:
     if result.learned is not None:
         errors = (show(error) for error in (result.learned.error_after, result.learned.heldout_rmse))
         lines.append("{} (error {}, held out {})".format(result.learned.text, *errors))
+        named = "".join(f" --effect {name}" for name in result.effects)
+        lines.append(f"to learn it: husky-sysid fit LOG... {result.option}{named} --effect learned")
     if result.effects:
         held = [f"--fix {name}={value:g}" for name, value in result.held.items()]
         flags = " ".join([*(f"--effect {name}" for name in result.effects), *held])
-        lines.append(f"to add it: husky-sysid fit LOG... --board {result.board} {flags}")
+        lines.append(f"to add it: husky-sysid fit LOG... {result.option} {flags}")
     return "\n".join(lines)
 
 
