@@ -12,7 +12,7 @@ from sysid.cli.fit_intervals import show_intervals
 from sysid.cli.log_options import LogArguments, load_recordings
 from sysid.cli.parameter_options import parse_bounds, parse_fixed
 from sysid.cli.subject import Subject
-from sysid.files import atomic_path, refuse_overwriting
+from sysid.files import atomic_path, refuse_overwriting, write_atomically
 
 if TYPE_CHECKING:
     from sim.compensation.step import Compensation
@@ -70,16 +70,19 @@ def fit(
     """
     from sysid.fit_mjcf import fit as fit_recordings
     from sysid.fitting.joint import check_effects
+    from sysid.fitting.learned_torque import tables_of
 
     printer = Printer(common)
     record = subject.load(common, printer)
+    effect = (*effect, *(name for name in common.own_effects() if name not in effect))
     check_effects(effect, [part.name for part in record.effects])
     fixed, bounds = parse_fixed(fix), parse_bounds(bound)
     if bootstrap:
         from sysid.fitting.bootstrap import require_enough
 
         require_enough(bootstrap)
-    recordings = load_recordings(logs, arguments, printer)
+    logs, setups = subject.logs(logs)
+    record, recordings = subject.posed(record, load_recordings(logs, arguments, printer), setups)
     result = fit_recordings(
         recordings,
         record,
@@ -105,6 +108,10 @@ def fit(
     for line in scene.lines() if scene else ():
         printer.say(line)
     written = [_draw(common, result)]
+    if tables_of(result.joint):
+        written.append(_draw_learned(common, result))
+    if result.formula is not None and result.formula.good and not result.formula.effects:
+        written.append(_offer(common, result, printer))
     if record.model:
         new, copies = _patched(new, output, printer)
         written += copies
@@ -114,6 +121,18 @@ def fit(
     content = {**result.to_json(), **intervals}
     printer.result({**content, "in_scene": scene.entry()} if scene else content)
     return 0
+
+
+def _offer(common: Common, result: "Fit", printer: Printer) -> Path:
+    """Write the formula of what was learned as an effect of its own."""
+    from sysid.fitting.formula import own_effect
+
+    assert result.formula is not None
+    name, source = own_effect(result.formula)
+    path = common.space.outputs(result.before.name) / f"{name.replace('-', '_')}.py"
+    write_atomically(path, source)
+    printer.say(f"the formula as an effect of its own: --plain --effect-file {path}")
+    return path
 
 
 def _patched(record: Board, output: Path | None, printer: Printer) -> tuple[Board, list[Path]]:
@@ -130,6 +149,16 @@ def _patched(record: Board, output: Path | None, printer: Printer) -> tuple[Boar
     printer.say(made.diff.rstrip())
     copies = made.save(path)
     return replace(record, model={**record.model, "file": str(path)}), copies
+
+
+def _draw_learned(common: Common, result: "Fit") -> Path:
+    from reports.figures.learned import learned_figure
+
+    path = common.space.outputs(result.before.name) / "learned.png"
+    with atomic_path(path) as temporary:
+        title = f"{result.before.name}: {result.formula.text if result.formula else 'nothing was learned'}"
+        learned_figure(result.joint, result.formula, title).savefig(temporary, dpi=140)
+    return path
 
 
 def _draw(common: Common, result: "Fit") -> Path:
