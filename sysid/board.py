@@ -64,6 +64,8 @@ class BoardEffect:
     name: str
     """A name of the effect catalogue (`sysid.effects`)."""
     parameters: Mapping[str, Quantity]
+    file: str = ""
+    """The file that it needs, where it is an effect of the user's own."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -278,6 +280,8 @@ def board_to_toml(board: Board) -> str:
         for effect in board.effects:
             table = tomlkit.table()
             table["name"] = effect.name
+            if effect.file:
+                table["file"] = effect.file
             table["parameters"] = _quantities(effect.parameters)
             effects.append(table)
         document["effect"] = effects
@@ -375,6 +379,7 @@ class _Reader:
                 key: self._quantity(table.get(key), f"{where} ({name}).parameters.{key}", unit)
                 for key, unit in units.items()
             },
+            self._text(raw, "file", f"{where}.file") if "file" in raw else "",
         )
 
     def _quantities(
