@@ -40,6 +40,10 @@ def report(result: "Diagnosis", width: int = WIDTH) -> str:
     ]
     if verdict.next_experiment:
         lines.append(f"next experiment: {verdict.next_experiment}")
+    if result.learned is not None:
+        lines.append(
+            f"{result.learned.text}: error {show(result.learned.error_after)}, held out {show(result.learned.heldout_rmse)}"
+        )
     if result.effects:
         held = [f"--fix {name}={value:g}" for name, value in result.held.items()]
         flags = " ".join([*(f"--effect {name}" for name in result.effects), *held])
@@ -129,6 +133,7 @@ def to_json(result: "Diagnosis") -> dict[str, Any]:
                 {"effects": list(hint.effects), "size": hint.size.to_json(), "text": hint.text}
                 for hint in verdict.hints
             ],
+            **({} if result.learned is None else {"learned": result.learned.to_json(per)}),
         },
         "warnings": list(result.doubts),
     }
