@@ -87,7 +87,7 @@ TRUTHS: list[Truth] = [
     Truth("cogging", {}, outside=lambda t, x, v, z: -0.1 * np.sin(60 * x), noises=(0.04, 0.1)),
     Truth("magnet in the middle", {}, outside=lambda t, x, v, z: -12 * x / (1 + (x / 0.02) ** 2) ** 2, noises=(0.04, 0.1)),
     Truth("damper on one side", {}, outside=lambda t, x, v, z: -0.08 * max(v, 0.0), noises=(0.04, 0.1)),
-    Truth("bumper on one side", {}, outside=lambda t, x, v, z: -25 * max(x - 0.06, 0.0), noises=(0.04, 0.1)),
+    Truth("bumper on one side", {}, outside=lambda t, x, v, z: -25 * max(x - 0.06, 0.0), noises=(0.04, 0.1), kin=("one-sided-stop",)),
     Truth("spring that loosens", {}, outside=lambda t, x, v, z: 1.5 * x * (1 - np.exp(-t / 0.5)), noises=(0.04, 0.1)),
     Truth("friction like the root of the rate", {}, outside=lambda t, x, v, z: -0.09 * np.sign(v) * np.sqrt(abs(v)), noises=(0.04, 0.1)),
     Truth("damping by the tilt", {}, outside=lambda t, x, v, z: -0.6 * abs(x) * v, noises=(0.04, 0.1)),

@@ -256,8 +256,8 @@ PAIRS = (
     ("asymmetric-stiffness", "coulomb"), ("freeplay", "coulomb"), ("stop with loss", "coulomb"),
     ("maxwell arm", "hardening"), ("bilinear-stiffness", "quadratic-damping"), ("offset", "coulomb"),
 )  # fmt: skip
-OUTSIDE = tuple(t for t in TRUTHS if t.outside is not None and not t.kin and "bumper" not in t.name)
-"""What no effect is; a bumper on one side is one by now."""
+OUTSIDE = tuple(t for t in TRUTHS if t.outside is not None and not t.kin)
+"""What no effect is."""
 
 
 @dataclass(frozen=True)

@@ -133,22 +133,41 @@ def report(rows: Sequence[Row]) -> str:
                 wrong[said] = wrong.get(said, 0) + 1
         most = "; ".join(f"{n} x {said}" for said, n in sorted(wrong.items(), key=lambda item: -item[1])[:3])
         lines.append(f"| {truth} | {sum(map(right, mine))} of {len(mine)} | {most} |")
-    shown = [row for row in read if row["seed"] // 10 % 2]
-    slope, offset = calibration([row for row in read if not row["seed"] // 10 % 2])
-    confidence, hits = (
-        np.array([f(row) for row in shown]) for f in (lambda row: row["confidence"], answered)
-    )
-    lines += ["", "| confidence | right | as calibrated on the other seeds | right |", "|---|---|---|---|"]
-    before, after = bins(confidence, hits), bins(calibrated(confidence, slope, offset), hits)
+    for name in SHOWN:
+        lines += ["", *reliability([row for row in read if HANDS[name](row)], name)]
+    return "\n".join(lines)
+
+
+def reliability(rows: Sequence[Row], name: str) -> list[str]:
+    """Return the table of confidence and what it deserves, of the seeds that did not shape the calibration."""
+    confidence, hits, slope, offset = judged(rows)
+    better = calibrated(confidence, slope, offset)
+    before, after = bins(confidence, hits), bins(better, hits)
+    lines = [
+        f"| confidence, {name} | right | as calibrated on the other seeds | right |",
+        "|---|---|---|---|",
+    ]
     for index in range(max(len(before), len(after))):
         cells = [
             f"{b[index][0]:.2f} | {b[index][1]} of {b[index][2]}" if index < len(b) else " | "
             for b in (before, after)
         ]
         lines.append(f"| {cells[0]} | {cells[1]} |")
-    lines += ["", f"Log odds of the confidence, calibrated: {slope:.2f} of them {offset:+.2f}. Brier score {brier(confidence, hits):.3f}, "
-              f"calibrated {brier(calibrated(confidence, slope, offset), hits):.3f}."]  # fmt: skip
-    return "\n".join(lines)
+    text = (
+        f"Log odds of the confidence, calibrated: {slope:.2f} of them {offset:+.2f}. Brier score "
+        f"{brier(confidence, hits):.3f}, calibrated {brier(better, hits):.3f}."
+    )
+    return [*lines, "", text]
+
+
+def judged(rows: Sequence[Row]) -> tuple[Any, Any, float, float]:
+    """Return confidence and hits of one half of the seeds, and the calibration of the other."""
+    shown = [row for row in rows if row["seed"] // 10 % 2]
+    slope, offset = calibration([row for row in rows if not row["seed"] // 10 % 2])
+    confidence, hits = (
+        np.array([f(row) for row in shown]) for f in (lambda row: row["confidence"], answered)
+    )
+    return confidence, hits, slope, offset
 
 
 HANDS = {
@@ -157,6 +176,7 @@ HANDS = {
     "caught": lambda row: row["caught"] and not row["pushed"],
     "pushed": lambda row: row["pushed"],
 }
+SHOWN = ("all", "held still and left alone")
 
 
 def brier(confidence: Any, hits: Any) -> float:
@@ -164,7 +184,7 @@ def brier(confidence: Any, hits: Any) -> float:
 
 
 def picture(rows: Sequence[Row], path: Path) -> None:
-    """Draw the share that is right against the confidence, before and after calibration, of the seeds that did not shape it."""
+    """Draw the share of verdicts that is right against their confidence."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
@@ -172,26 +192,19 @@ def picture(rows: Sequence[Row], path: Path) -> None:
     from reports.figures.palette import REAL, SIM
 
     read = [row for row in rows if row["status"] not in ("void", "error")]
-    slope, offset = calibration([row for row in read if not row["seed"] // 10 % 2])
-    shown = [row for row in read if row["seed"] // 10 % 2]
-    confidence, hits = (
-        np.array([f(row) for row in shown]) for f in (lambda row: row["confidence"], answered)
-    )
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(4.6, 4.2), layout="constrained")
         axes = figure.add_subplot()
         axes.plot([0, 1], [0, 1], color="0.6", linewidth=1, label="deserved")
-        for values, colour, label in (
-            (confidence, SIM, "as printed"), (calibrated(confidence, slope, offset), REAL, "calibrated on other seeds"),
-        ):  # fmt: skip
-            each = bins(values, hits)
+        for name, colour in zip(SHOWN, (SIM, REAL), strict=True):
+            confidence, hits, _, _ = judged([row for row in read if HANDS[name](row)])
+            each = bins(confidence, hits)
             x, share = [b[0] for b in each], np.array([b[1] / b[2] for b in each])
-            spans = np.array([wilson(b[1], b[2]) for b in each])
-            error = np.abs(spans.T - share)
+            error = np.abs(np.array([wilson(b[1], b[2]) for b in each]).T - share)
+            label = f"{name}: {len(hits)} logs"
             axes.errorbar(x, share, error, color=colour, marker="o", capsize=3, linewidth=1.5, label=label)
         axes.set_xlabel("confidence of the verdict")
         axes.set_ylabel("share of these verdicts that is right")
-        axes.set_title(f"{len(shown)} logs that did not shape it")
         axes.legend(loc="upper left")
     figure.savefig(path, dpi=90, metadata={"Software": None})
 

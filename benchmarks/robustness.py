@@ -131,11 +131,7 @@ def report() -> None:
         [(name, p, share[name, p]) for name, p in suite], "Rides that last", pictures / "robustness.png"
     )
     for name, factors in (("k", STIFFNESS), ("rake", RAKE)):
-        lines += ["", f"E_succ over {name}, of the record's, for each speed [m/s] and delay [s]:", ""]
-        lines += [
-            f"| policy | delay | speed | {' | '.join(f'{factor:g}' for factor in factors)} |",
-            "|---|---|---|" + "---|" * len(factors),
-        ]
+        rows: list[str] = []
         grids: dict[tuple[str, float], list[list[float]]] = {}
         for policy in policies:
             for delay in DELAY:
@@ -145,11 +141,14 @@ def report() -> None:
                     if not all(key in share for key in keys):
                         continue
                     grid.append([share[key].value for key in keys])
-                    lines.append(
-                        f"| {policy} | {delay:g} | {speed:g} | {' | '.join(text(share[key]) for key in keys)} |"
-                    )
+                    shares = " | ".join(text(share[key]) for key in keys)
+                    rows.append(f"| {policy} | {delay:g} | {speed:g} | {shares} |")
                 if len(grid) == len(SPEED):
                     grids[policy, delay] = grid
+        if rows:
+            head = f"| policy | delay | speed | {' | '.join(f'{factor:g}' for factor in factors)} |"
+            title = f"E_succ over {name}, of the record's, for each speed [m/s] and delay [s]:"
+            lines += ["", title, "", head, "|---|---|---|" + "---|" * len(factors), *rows]
         if grids:
             label = "stiffness" if name == "k" else "rake"
             map_figure(grids, factors, SPEED, pictures / f"robustness-{name}.png", label=label)

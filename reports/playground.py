@@ -167,8 +167,9 @@ def _laws(
     evidence: Evidence, diagnosis: LastDiagnosis | None, current: str
 ) -> tuple[list[tuple[str, JointLaw]], JointLaw]:
     """Return the laws that buttons lead to, and the one to begin with: what the diagnosis chose, or the record's."""
-    laws = [(STOOD, evidence.stood)]
-    laws += [(REFITTED if rung.label == PLAIN else rung.label, rung.fit.law) for rung in evidence.ladder]
+    fitted = [(REFITTED if rung.label == PLAIN else rung.label, rung.fit.law) for rung in evidence.ladder]
+    stood = [] if any(law == evidence.stood for _, law in fitted) else [(STOOD, evidence.stood)]
+    laws = [*stood, *fitted]
     begin = evidence.comparison.law
     laws.append((current, begin))
     if diagnosis is not None and diagnosis.is_current:

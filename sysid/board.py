@@ -43,6 +43,8 @@ ROLLING_UNITS = {"deceleration": "m/s^2"}
 """Loss of speed at 1 m/s on level ground, whoever rides."""
 PUBLISHED_UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad"}
 
+LARGEST = 1e300
+"""Above, a number counts as infinite [1]."""
 PHYSICAL = {
     "m": (1e-4, 10.0),
     "kg": (1e-4, 1e3),
@@ -432,7 +434,9 @@ class _Reader:
             number: Any = raw.get(key)
             if isinstance(number, bool) or not isinstance(number, int | float):
                 raise SysidError(f"{self.path}: field '{where}.{key}' is {number!r}; expected a number.")
-            numbers[key] = float(number)
+            numbers[key] = (
+                float(number) if abs(number) < LARGEST else math.inf
+            )  # TOML's whole numbers have no end
         if raw.get("unit") != unit and not (unit is None and isinstance(raw.get("unit"), str)):
             raise SysidError(f"{self.path}: field '{where}.unit' is {raw.get('unit')!r}; expected {unit!r}.")
         if not 0 <= numbers["std"] < math.inf:

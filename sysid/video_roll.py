@@ -100,10 +100,10 @@ def roll_from_track(
     warnings = list(faults(clip, target, track, found))
     if np.any(outliers > 0):
         notes.append(
-            f"{np.sum(outliers > 0)} frames that those before and after do not bear out are given less weight"
+            f"frames: {np.sum(outliers > 0)} that those before and after do not bear out are given less weight"
         )
     if filled:
-        notes.append(f"{filled} lost frames filled in from their neighbours")
+        notes.append(f"frames: {filled} lost ones filled in from their neighbours")
     if np.ptp(signal.roll) < max(6 * float(np.median(signal.std)), MIN_SWING):
         warnings.append(
             f"what is followed turns by {np.degrees(np.ptp(signal.roll)):.2g}° in all: is it the board? Look at --overlay"

@@ -39,7 +39,7 @@ def panels(story: Story) -> list[Panel]:
     named = " and ".join(story.effects)
     drawn = [
         Panel(
-            "decay", fell, f"{story.release}: raw measurement, the record as it stood, and the law {story.labels[1]}.",
+            "decay", fell, f"{story.release}: the raw measurement" + (", the record as it stood," if story.before else "") + f" and the law, {story.labels[1]}.",
             lambda axes: draw_decay(axes, story),
         )
     ]  # fmt: skip

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 APPLICATION = "husky-sysid"
 """First word of every application id. A viewer keeps the layout that it first saw of an application for
 all its later files, so each recording is an application of its own."""
+HEADROOM = 1 << 20
+"""Free space without which no recording is begun [B]."""
 TIMELINE = "t"
 """Seconds; for a decay, since the first release."""
 
@@ -62,13 +64,14 @@ def recording(path: Path, recording_id: str, blueprint: "rrb.Blueprint") -> "Gen
             atomic_path(path) as temporary,
             rr.RecordingStream(_application(recording_id), recording_id=recording_id) as stream,
         ):
+            temporary.write_bytes(bytes(HEADROOM))  # where its first write fails, Rerun waits for ever
             stream.save(temporary)
             stream.send_blueprint(blueprint, make_active=True, make_default=True)
             yield stream
             stream.flush()
             stream.disconnect()
     except RuntimeError as error:
-        if "writer" not in str(error):
+        if "writ" not in str(error):
             raise
         raise SysidError(f"{path}: cannot be written ({error}). Is the disk full?") from error
     finally:

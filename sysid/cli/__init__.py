@@ -78,6 +78,11 @@ COMMANDS = {
         "inertia.md",
         has_parts=True,
     ),
+    "loaded": Command(
+        "Tell what the tilt spring is under load, from decays with weights on the deck.",
+        ("loaded --board pink --reading 0,0,bare.json --reading 5,10cm,w5.json --reading 10,10cm,w10.json",),
+        "boards.md",
+    ),
     "rollout": Command(
         "Measure rake and rolling resistance from a board that rolls by itself.",
         ("rollout film.csv --board pink", "rollout imu.csv --board pink --slope-deg 2 --save"),

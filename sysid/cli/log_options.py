@@ -13,6 +13,7 @@ from sysid.cli.console import FILM, LOG, Printer, progress_bar
 from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
 from sysid.logs.sources.registry import sources
+from sysid.logs.table.remarks import about_and_text
 from sysid.recording import Recording, refuse_duplicates
 from sysid.roll import Roll
 from sysid.video.options import VideoOptions, is_film
@@ -185,7 +186,9 @@ def reading(arguments: LogArguments, printer: Printer, *, shown: bool) -> Genera
 
 def say_notes(log: Path, roll: Roll, printer: Printer) -> None:
     """Say on stderr what was inferred while reading a log, and what is wrong with it."""
-    printer.note("\n".join((str(log), *(f"  {note}" for note in roll.notes))))
+    pairs = [about_and_text(note) for note in roll.notes]
+    widest = max((len(about) for about, _ in pairs), default=0)
+    printer.note("\n".join((str(log), *(f"  {about:{widest}}  {text}" for about, text in pairs))))
     for warning in roll.warnings:
         printer.warn(f"{log}: {warning}")
 

@@ -229,6 +229,10 @@ def diagnose(
         held = dict(options.fixed)
         if bias == "per-release" or use_rate:
             held.setdefault("rest_angle", board.rest_angle)
+    for part in board.effects:  # a table that was learned stays as it is: no candidate may bend it
+        role = effect(part.name).role
+        if role == "learned":
+            held.update({f"{part.name}.{name}": quantity.value for name, quantity in part.parameters.items()})
     with Crew(workers) as crew:
         search = Search(
             records=records, scales=scales, bias=bias, base=tuple(sorted(p.name for p in board.effects)),

@@ -54,7 +54,7 @@ def learn(
         return None
     if found.formula is None:
         return None
-    text = f"Learned from tilt and rate, it {found.formula.text}. Fit it: husky-sysid fit LOG --board {board.name} --effect learned"
+    text = f"Learned from tilt and rate, it {found.formula.text}"
     return Learned(
         error_after=found.rmse, heldout_rmse=found.heldout_rmse, text=text,
         formula=tuple(shape.name for shape in found.formula.shapes) if found.formula.good else (),

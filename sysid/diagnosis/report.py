@@ -41,9 +41,10 @@ def report(result: "Diagnosis", width: int = WIDTH) -> str:
     if verdict.next_experiment:
         lines.append(f"next experiment: {verdict.next_experiment}")
     if result.learned is not None:
-        lines.append(
-            f"{result.learned.text}: error {show(result.learned.error_after)}, held out {show(result.learned.heldout_rmse)}"
-        )
+        errors = (show(error) for error in (result.learned.error_after, result.learned.heldout_rmse))
+        lines.append("{} (error {}, held out {})".format(result.learned.text, *errors))
+        named = "".join(f" --effect {name}" for name in result.effects)
+        lines.append(f"to learn it: husky-sysid fit LOG... {result.option}{named} --effect learned")
     if result.effects:
         held = [f"--fix {name}={value:g}" for name, value in result.held.items()]
         flags = " ".join([*(f"--effect {name}" for name in result.effects), *held])

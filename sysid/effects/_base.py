@@ -205,6 +205,10 @@ def in_no_attribute(joint: "mujoco.MjsJoint") -> Sequence[float]:
     return ()
 
 
+FAR = 10.0
+"""Tilt that no joint reaches [rad]: a tendon that is slack up to there never pulls on that side."""
+
+
 def spec_angle(spec: "mujoco.MjSpec", angle: float) -> float:
     """Return an angle [rad] in the unit that the spec's compiler reads: degrees, unless told otherwise."""
     return float(np.degrees(angle)) if spec.compiler.degree else angle

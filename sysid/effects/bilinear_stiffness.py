@@ -4,13 +4,10 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect, rest_of
+from sysid.effects._base import FAR, JointState, MujocoSupport, Parameter, TorqueEffect, rest_of
 
 if TYPE_CHECKING:
     import mujoco
-
-_FAR = 10.0
-"""Tilt that no joint reaches [rad]: a tendon that is slack up to there never pulls on that side."""
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
@@ -29,7 +26,7 @@ def to_mjcf(
     tendon = spec.add_tendon(name=f"{joint.name}_bilinear")
     tendon.wrap_joint(joint.name, 1.0)
     tendon.stiffness[0] = 2 * abs(difference)
-    tendon.springlength = [rest - _FAR, rest] if difference > 0 else [rest, rest + _FAR]
+    tendon.springlength = [rest - FAR, rest] if difference > 0 else [rest, rest + FAR]
     side = "right" if difference > 0 else "left"
     return (
         f"bilinear-stiffness: {2 * abs(difference):.6g} N*m/rad more with the {side} edge down, as a tendon",

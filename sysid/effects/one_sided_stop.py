@@ -5,13 +5,10 @@ from typing import TYPE_CHECKING
 
 from sysid.effects import end_stop
 from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect, rest_of
+from sysid.effects._base import FAR, JointState, MujocoSupport, Parameter, TorqueEffect, rest_of
 
 if TYPE_CHECKING:
     import mujoco
-
-_FAR = 10.0
-"""Tilt that no joint reaches [rad]: a tendon that is slack up to there never pulls on that side."""
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
@@ -33,7 +30,7 @@ def to_mjcf(
     tendon = spec.add_tendon(name=f"{joint.name}_one_sided_stop")
     tendon.wrap_joint(joint.name, 1.0)
     tendon.stiffness[0] = parameters["stiffness"]
-    tendon.springlength = [rest - _FAR, rest + angle] if angle > 0 else [rest + angle, rest + _FAR]
+    tendon.springlength = [rest - FAR, rest + angle] if angle > 0 else [rest + angle, rest + FAR]
     lines = [f"one-sided-stop: tendon of {parameters['stiffness']:.6g} N*m/rad beyond {angle:+.6g} rad"]
     if parameters["damping"]:
         lines.append(f"one-sided-stop: its damping {parameters['damping']:.6g} N*m*s/rad is left out")

@@ -250,7 +250,7 @@ def formula_of(fit: JointFit) -> Formula | None:
         widths=tuple(widths),
         share=share,
         error=rms(problem.residuals(minimum.point)),
-        good=rms(problem.residuals(minimum.point)) <= GOOD * fit.rmse,
+        good=_spread(problem, minimum) <= GOOD * _spread(fit.problem, fit.minimum),
         text=f"{' and '.join(parts)}; this formula carries {100 * share:.0f} % of what was learned",
     )
 
@@ -258,6 +258,20 @@ def formula_of(fit: JointFit) -> Formula | None:
 _Column = tuple[Shape, float, Array]
 """A shape, its width [rad], and its table in coordinates of what the releases tell apart, shape (p,)."""
 _NAME = "formula"
+
+
+def _spread(problem: Problem, minimum: Minimum) -> float:
+    """Return the noise that a fit's residuals speak of, for the directions that it took out of them [rad or rad/s].
+
+    A table takes as many as its smoothness leaves it: tr H⁻¹(H - prior).
+    """
+    hessian, shared = minimum.normal.hessian, len(problem.names)
+    data = hessian.copy()
+    data[:shared, :shared] -= problem.prior
+    scale = 1 / np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    whole = np.outer(scale, scale)
+    taken = float(np.trace(np.linalg.pinv(hessian * whole, hermitian=True) @ (data * whole)))
+    return rms(problem.residuals(minimum.point)) / float(np.sqrt(max(1 - taken / problem.samples, 0.1)))
 
 
 def _by_information(fit: JointFit) -> tuple[list[_Column], Array]:

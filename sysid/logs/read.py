@@ -65,7 +65,7 @@ def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
     except SysidError as error:
         raise SysidError(f"{path}: {error}") from None
     rate = 1 / usual_step(roll.time)
-    sampling = f"{roll.time.size} samples in {roll.time[-1] - roll.time[0]:.4g} s at {rate:.4g} Hz"
+    sampling = f"samples: {roll.time.size} in {roll.time[-1] - roll.time[0]:.4g} s at {rate:.4g} Hz"
     return replace(
         roll,
         notes=(*log.notes, *choice.remarks.notes, *cleaned.notes, *roll.notes, *clock.notes, sampling),

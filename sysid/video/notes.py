@@ -30,28 +30,28 @@ def inferred(
     spread = float(np.std(intervals) / np.mean(intervals))
     stamps = "the given rate" if options.rate is not None else "the container's stamps"
     yield (
-        f"{clip.width}x{clip.height}, {len(track.time)} frames, {1 / np.mean(intervals):.4g} frames/s by {stamps}"
+        f"film: {clip.width}x{clip.height}, {len(track.time)} frames, {1 / np.mean(intervals):.4g} frames/s by {stamps}"
         + (f", varying by {100 * spread:.0f} %" if spread > 0.02 else "")
     )
     if clip.slowed > 1 and options.rate is None:
         yield (
-            f"filmed at {clip.slowed:.3g} times the rate at which it plays, as the phone notes in the file: its times are "
+            f"film: taken at {clip.slowed:.3g} times the rate at which it plays, as the phone notes in the file: its times are "
             "divided by that (--rate)"
         )
-    yield target.why
-    yield lens.note
-    yield target.zero_note
+    yield f"follows: {target.why}"
+    yield f"lens: {lens.note}"
+    yield f"zero: {target.zero_note}"
     camera = found.camera_state
     if options.camera_angle is not None:
-        yield "direction of the axis as given"
+        yield "axis: its direction as given"
     elif target.finds_direction:
         yaw, pitch = np.degrees(camera.value[:2])
         yield (
-            f"axis {yaw:+.1f}° to the right of and {pitch:+.1f}° below the line of sight "
+            f"axis: {yaw:+.1f}° to the right of and {pitch:+.1f}° below the line of sight "
             f"(± {2 * np.degrees(camera.std[:2].max()):.1f}°), from how the points move"
         )
     if track.shake.found and track.shake.significant:
-        yield f"camera shake of {np.degrees(track.shake.size):.2g}° taken out by the background"
+        yield f"shake: {np.degrees(track.shake.size):.2g}° of the camera's, taken out by the background"
 
 
 def _stands_still(track: Track) -> bool:
@@ -64,11 +64,11 @@ def _stands_still(track: Track) -> bool:
 def shutter_note(before: CameraState, after: CameraState) -> str:
     """Say where the read-out time comes from."""
     if not before.std[3]:
-        return f"read-out {after.readout * 1e3:.3g} ms, as given"
+        return f"read-out: {after.readout * 1e3:.3g} ms, as given"
     if after.std[3] < SHUTTER_SEEN * before.std[3]:
-        return f"read-out {after.readout * 1e3:.3g} ± {2 * after.std[3] * 1e3:.2g} ms, from how moving points are sheared"
+        return f"read-out: {after.readout * 1e3:.3g} ± {2 * after.std[3] * 1e3:.2g} ms, from how moving points are sheared"
     return (
-        f"read-out not seen in the film: anything up to {before.readout_limit * 1e3:.2g} ms is within the "
+        f"read-out: not seen in the film, anything up to {before.readout_limit * 1e3:.2g} ms is within the "
         "uncertainty (--readout)"
     )
 

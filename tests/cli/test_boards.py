@@ -441,6 +441,8 @@ def test_commands_beside_each_other_lose_nothing(tmp_path: Path, pink: Board) ->
         ("wheel_radius = {value = 0.03", "wheel_radius = {value = 1e-9"),
         ("rake = {value = 1.0471975511965976", "rake = {value = 1e6"),
         ("std = 0.0468", "std = nan"),
+        ("std = 0.0468", f"std = {'9' * 400}"),
+        ("value = 0.0087", f"value = {'9' * 400}"),
         ("std = 0.0468", "std = inf"),
         ("stiffness = {value = 14.684", "stiffness = {value = 1e8"),
     ],

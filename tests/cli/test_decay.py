@@ -58,7 +58,7 @@ def test_prints_releases_table_law_verdict_and_paths(log, tmp_path, capsys):
     assert "✓ linear decay" in out
     assert re.search(r"roll inertia I +│ 0\.0087000 ± 0\.0000057 +│ kg·m² ", out)
     assert str(tmp_path / "reports" / "pink" / "decay.json") in out
-    assert "roll from 'roll_rad'" in err  # what was inferred
+    assert "  roll     from 'roll_rad'\n" in err  # what was inferred
     picture = tmp_path / "reports" / "pink" / "decay.png"
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert not list(picture.parent.glob(".*"))

@@ -19,7 +19,7 @@ def slow_swing(phase, seed=0):
 
 def offset_of(path, **options):
     roll = read_roll(path, LogOptions(**options))
-    return float(next(note for note in roll.notes if "gyro offset" in note).split()[2])
+    return float(next(note for note in roll.notes if note.startswith("offset: ")).split()[1])
 
 
 @pytest.mark.parametrize("phase", np.arange(0, 2 * np.pi, np.pi / 6))

@@ -11,6 +11,7 @@ from rocking import rocking, write_csv
 
 from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
+from sysid.logs.table.remarks import about_and_text
 from sysid.noise.sensor import estimate_noise, saturated
 
 TIME = np.arange(0, 6, 0.002)
@@ -333,3 +334,15 @@ def test_an_angle_may_be_declared_a_rate_and_the_time_is_not_the_signal(tmp_path
     assert roll.origin == "gyro"
     with pytest.raises(SysidError, match="is the column of time"):
         read_roll(path, LogOptions(column="1"))
+
+
+@pytest.mark.parametrize(
+    ("note", "pair"),
+    [
+        ("roll: from 'x: y'", ("roll", "from 'x: y'")),
+        ("two words: as a stranger's format says it", ("", "two words: as a stranger's format says it")),
+        ("no colon", ("", "no colon")),
+    ],
+)
+def test_a_note_says_first_what_it_is_about(note, pair):
+    assert about_and_text(note) == pair

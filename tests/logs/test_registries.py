@@ -52,7 +52,7 @@ from sysid.roll import Roll
 
 def find(columns, axis, sign):
     volts = [column for column in columns if column.name.endswith("_V")]
-    return [Choice(columns=(volts[0].name,), sign=sign, remarks=note("roll from a toy"))] if volts else []
+    return [Choice(columns=(volts[0].name,), sign=sign, remarks=note("roll", "from a toy"))] if volts else []
 
 
 def to_roll(reading):

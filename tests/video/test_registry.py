@@ -37,7 +37,7 @@ class LampFollower:
 TRACKER = Tracker(
     rank=-1,
     find=lambda scene: Target(
-        follower=LampFollower(), what="the lamps", why="follows two lamps", solve=fit_angle,
+        follower=LampFollower(), what="the lamps", why="two lamps", solve=fit_angle,
         zero=lambda track: level_angle(track, complex(track.shape[1] - track.shape[0]), 2),
         zero_note="roll zero is where the lamps are level",
     ),
@@ -68,7 +68,7 @@ def test_a_tracker_is_one_file(lamps):
         writer.write(picture)
     writer.release()
     roll = roll_from_video(path, VideoOptions(method="lamps", readout=0.0))
-    assert any(note.startswith("follows two lamps") for note in roll.notes)
+    assert any(note.startswith("follows: two lamps") for note in roll.notes)
     np.testing.assert_allclose(roll.roll, truth, atol=0.01)
     assert any("lamps" in note for note in roll_from_video(path, VideoOptions(readout=0.0)).notes)
 

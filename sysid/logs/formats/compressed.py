@@ -48,7 +48,7 @@ def open_compressed(path: Path) -> CompressedLog:
         SysidError: It is damaged, or too large.
     """
     with _unpacked(path) as log:
-        return CompressedLog(path, log.names, log.units, log.has_header, ("unpacked", *log.notes))
+        return CompressedLog(path, log.names, log.units, log.has_header, ("table: unpacked", *log.notes))
 
 
 @contextmanager

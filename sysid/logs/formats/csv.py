@@ -207,7 +207,7 @@ def open_csv(path: Path) -> CsvTable:
     skipped = rows[first][0]
     notes = [dialect_note(delimiter, decimal, bool(header))]
     if skipped > (1 if header else 0) + bool(units):
-        notes.append(f"{skipped} lines before the first row of numbers")
+        notes.append(f"table: {skipped} lines before the first row of numbers")
     return CsvTable(
         path=path,
         names=names,

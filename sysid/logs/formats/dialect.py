@@ -163,7 +163,7 @@ def dialect_note(delimiter: str, decimal: str, header: bool) -> str:
     """Return the dialect in words."""
     shown = {",": "commas", "\t": "tabs", ";": "semicolons", "|": "bars", " ": "blanks"}[delimiter]
     return (
-        f"table separated by {shown}"
+        f"table: separated by {shown}"
         + (", decimal comma" if decimal == "," else "")
         + ("" if header else ", no header: columns are numbered")
     )

@@ -36,7 +36,7 @@ class MatTable:
     @property
     def notes(self) -> tuple[str, ...]:
         """What is in it."""
-        return (f"{self.kind} file with {', '.join(self.columns)}",)
+        return (f"table: {self.kind} file with {', '.join(self.columns)}",)
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
         """Return whole columns of float64, shape (n,) each, in the log's units."""

@@ -40,7 +40,7 @@ def tables_of(path: Path, kind: str, messages: Iterable[tuple[str, float, Any]])
             values = np.array([fields.get(field, np.nan) for _, fields in stamps])
             columns[f"{topic}.{field}"] = (topic, values)
     topics = ", ".join(f"{topic} ({len(stamps)})" for topic, stamps in rows.items())
-    return SensorTables(path, clocks, columns, (f"{kind} with topics {topics}",))
+    return SensorTables(path, clocks, columns, (f"table: {kind} with topics {topics}",))
 
 
 def _stamp(content: Any) -> float | None:

@@ -20,7 +20,7 @@ class ParquetTable:
     names: tuple[str, ...]
     units: tuple[str | None, ...]
     """Seconds for time stamps; None for numbers."""
-    notes: tuple[str, ...] = ("Parquet table",)
+    notes: tuple[str, ...] = ("table: Parquet",)
     has_header: bool = True
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:

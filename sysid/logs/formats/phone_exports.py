@@ -122,7 +122,7 @@ def merge(path: Path, files: Sequence[Path]) -> SensorTables:
         path,
         {stem: clock for stem, (clock, _) in tables.items()},
         columns,
-        (f"export with {', '.join(tables)}",),
+        (f"table: export with {', '.join(tables)}",),
     )
 
 

@@ -36,14 +36,14 @@ def find_angle(columns: Sequence[Column], axis: str, sign: float) -> list[Choice
             sign=sign,
             doubt=column.doubt,
             std=std_of(column, columns),
-            remarks=note(f"roll from '{column.name}'"),
+            remarks=note("roll", f"from '{column.name}'"),
         )
         for column in angles
     ]
     if len(angles) > 1:
         rivals = ", ".join(repr(column.name) for column in angles[1:5])
-        why = f"roll from '{angles[0].name}' rather than {rivals}: {_why(angles[0], angles[1])}"
-        choices[0] = replace(choices[0], remarks=note(why))
+        why = f"from '{angles[0].name}' rather than {rivals}: {_why(angles[0], angles[1])}"
+        choices[0] = replace(choices[0], remarks=note("roll", why))
     if angles and not axis and angles[0].axis in ("y", "z"):
         aside = f"'{angles[0].name}' is the only angle and taken as roll, though its name says otherwise"
         choices[0] = choices[0].with_remarks(warning(aside))
@@ -78,7 +78,7 @@ def angle_from(column: Column, columns: Sequence[Column], sign: float) -> Choice
         unit=column.unit if unit_kind(column.unit) == "angle" else None,
         sign=sign,
         std=std_of(column, columns),
-        remarks=note(f"roll from '{column.name}'"),
+        remarks=note("roll", f"from '{column.name}'"),
     )
 
 
@@ -86,7 +86,7 @@ def angle_scale(angle: Array, choice: Choice) -> tuple[float, Remarks]:
     """Return radians per unit of an angle, shape (n,), and how that is known."""
     (name,) = choice.columns
     if choice.scale is not None:
-        return choice.scale, note(f"one count is {choice.scale:g} rad, as --unit says")
+        return choice.scale, note("unit", f"one count is {choice.scale:g} rad, as --unit says")
     if choice.unit is not None:
         return ANGLE_UNITS[choice.unit], Remarks()
     reach = float(np.max(np.abs(angle - np.median(angle))))
@@ -94,7 +94,7 @@ def angle_scale(angle: Array, choice: Choice) -> tuple[float, Remarks]:
     why = f"'{name}' names no unit; taken as {unit}, because it reaches {reach:.3g} from its median"
     unsure = 0.9 < reach < 30
     return ANGLE_UNITS[unit], warning(f"{why}. That can be wrong: say it with --unit") if unsure else note(
-        why
+        "unit", why
     )
 
 
@@ -108,11 +108,11 @@ def roll_from_angle(reading: Reading) -> Roll:
     noise = estimate_noise(roll)
     if reading.std is not None and np.all(reading.std > 0):
         std = reading.std * abs(scale)
-        remarks += note(f"standard deviation from '{choice.std}'")
+        remarks += note("noise", f"from the column '{choice.std}'")
     else:
         std = np.full(roll.size, noise.std)
         step = f", quantised in steps of {np.rad2deg(noise.step):.3g}°" if noise.step > noise.std else ""
-        remarks += note(f"sensor noise {np.rad2deg(noise.std):.3g}° from the signal itself{step}")
+        remarks += note("noise", f"{np.rad2deg(noise.std):.3g}° from the signal itself{step}")
     excess = saturated(roll, noise)
     if excess is not None:
         np.maximum(std, excess, out=std)
@@ -141,11 +141,11 @@ def _unwrapped(roll: Array) -> tuple[Array, Remarks]:
             turns = np.zeros(roll.size)
             turns[jumps + 1] = -np.round(steps[jumps] / turn)
             roll = roll + np.cumsum(turns) * turn
-            remarks += note(f"angle wrapped by a whole turn {jumps.size} times: unwrapped")
+            remarks += note("angle", f"wrapped by a whole turn {jumps.size} times, unwrapped")
     whole = float(np.round(np.median(roll[:: max(1, roll.size // 100_000)]) / turn))
     if whole:
         roll = roll - whole * turn
-        remarks += note(f"{whole:+g} whole turns taken off")
+        remarks += note("angle", f"{whole:+g} whole turns taken off")
     return roll, remarks
 
 

@@ -38,17 +38,16 @@ def find_roll_axis(rates: Array, choice: Choice) -> RollAxis:
     if choice.axis:
         vector = np.eye(3)["xyz".index(choice.axis)]
         share = float(np.sum((free @ vector) ** 2) / max(moments.sum(), 1e-30))
-        remarks = note(
-            f"roll about the sensor's {'-' if choice.sign < 0 else '+'}{choice.axis}, as --axis says"
-        )
+        remarks = note("axis", f"the sensor's {'-' if choice.sign < 0 else '+'}{choice.axis}, as --axis says")
     else:
         vector = axes[:, -1] * np.sign(axes[np.argmax(np.abs(axes[:, -1])), -1])
         share = float(moments[-1] / max(moments.sum(), 1e-30))
         main = "xyz"[int(np.argmax(np.abs(vector)))]
         shown = ", ".join(f"{value:.2f}" for value in vector)
         remarks = note(
-            f"roll about ({shown}) of the sensor, {100 * share:.0f} % of its rotation, taken as forward; "
-            f"--axis -{main} if the sensor's {main} points backward"
+            "axis",
+            f"({shown}) of the sensor, {100 * share:.0f} % of its rotation, taken as forward; "
+            f"--axis -{main} if the sensor's {main} points backward",
         )
     if share < ONE_AXIS:
         remarks += warning(
@@ -78,5 +77,5 @@ def angle_about(axis: Array, up: Array) -> tuple[Array, Remarks] | None:
     top = square[:, nearest] * sign
     top /= np.linalg.norm(top)
     left = np.cross(top, axis)
-    zero = note(f"roll is zero where the sensor's {'+' if sign > 0 else '-'}{'xyz'[nearest]} points up")
+    zero = note("zero", f"where the sensor's {'+' if sign > 0 else '-'}{'xyz'[nearest]} points up")
     return np.unwrap(np.arctan2(up @ left, up @ top)), zero

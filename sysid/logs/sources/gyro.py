@@ -40,7 +40,7 @@ def find_gyro(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]
             doubt=gyro[0].doubt,
             axis=axis,
             sign=sign,
-            remarks=note(f"roll from gyro '{gyro[0].name}'..., integrated"),
+            remarks=note("roll", f"from gyro '{gyro[0].name}'..., integrated"),
         )
         return [choice]
     rates = [c for c in columns if c.kind == "rate" and (not axis or (c.axis or "x") == axis)]
@@ -52,7 +52,7 @@ def find_gyro(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]
         unit=rates[0].unit,
         doubt=rates[0].doubt,
         sign=sign,
-        remarks=note(f"roll from the rate '{rates[0].name}', integrated"),
+        remarks=note("roll", f"from the rate '{rates[0].name}', integrated"),
     )
     return [choice]
 
@@ -63,7 +63,7 @@ def gyro_from(column: Column, columns: Sequence[Column], sign: float) -> Choice:
         columns=(column.name,),
         unit=column.unit if unit_kind(column.unit) == "rate" else None,
         sign=sign,
-        remarks=note(f"rate from '{column.name}', integrated"),
+        remarks=note("roll", f"from the rate '{column.name}', integrated"),
     )
 
 
@@ -89,7 +89,7 @@ def gyro_turning(choice: Choice, signals: Sequence[Array], period: float) -> Arr
 def rate_scale(rates: Array, choice: Choice) -> tuple[float, Remarks]:
     """Return rad/s per unit of the rates, shape (n, m), and how that is known."""
     if choice.scale is not None:
-        return choice.scale, note(f"one count is {choice.scale:g} rad/s, as --unit says")
+        return choice.scale, note("unit", f"one count is {choice.scale:g} rad/s, as --unit says")
     if choice.unit is not None:
         return RATE_UNITS[choice.unit], Remarks()
     largest = float(np.abs(rates).max())
@@ -127,8 +127,10 @@ def roll_from_rate(reading: Reading, rate: Array, remarks: Remarks) -> Roll:
         remarks += warning(
             "no rest and no oscillation to find the gyro's offset from: taken as 0, roll may drift"
         )
-    remarks += note(f"gyro offset {np.mean(bias.value):.3g} rad/s ± {bias.std:.1g} {bias.how}")
-    remarks += note(f"gyro noise {noise.std:.2g} rad/s; roll is zero at rest, a gyro knows no vertical")
+    remarks += note("offset", f"{np.mean(bias.value):.3g} rad/s ± {bias.std:.1g} {bias.how}")
+    remarks += note("noise", f"{noise.std:.2g} rad/s of the gyro") + note(
+        "zero", "at rest: a gyro knows no vertical"
+    )
     return Roll(
         log=reading.log,
         time=time,

@@ -34,7 +34,7 @@ def find_imu(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]:
         axis=axis,
         sign=sign,
         remarks=note(
-            f"roll from gyro '{gyro[0].name}'... and accelerometer '{accel[0].name}'..., smoothed together"
+            "roll", f"from gyro '{gyro[0].name}'... and accelerometer '{accel[0].name}'..., smoothed together"
         ),
     )
     return [choice]
@@ -59,7 +59,7 @@ def roll_from_imu(reading: Reading) -> Roll:
     if gravity.lever_arm is not None:
         arm = ", ".join(f"{100 * value:.1f}" for value in gravity.lever_arm)
         known = "given" if options.lever_arm else "estimated"
-        remarks += note(f"accelerometer sits ({arm}) cm from the axis of rotation, {known}")
+        remarks += note("accelerometer", f"sits ({arm}) cm from the axis of rotation, {known}")
     about = angle_about(axis.vector, gravity.up)
     if about is None:
         remarks += warning("the roll axis stands upright, where gravity tells no roll: gyro alone")
@@ -68,7 +68,8 @@ def roll_from_imu(reading: Reading) -> Roll:
     noise = estimate_noise(gravity.rate @ axis.vector).std
     offset = ", ".join(f"{value:.2g}" for value in gravity.offset)
     remarks += zero + _saturation(choice, columns)
-    remarks += note(f"gyro offset ({offset}) rad/s, gyro noise {noise:.2g} rad/s")
+    remarks += note("offset", f"({offset}) rad/s of the gyro")
+    remarks += note("noise", f"{noise:.2g} rad/s of the gyro")
     return Roll(
         log=reading.log,
         time=time,
@@ -113,7 +114,7 @@ def accel_in_si(accel: Array, choice: Choice) -> tuple[Array | None, Remarks]:
         }
         scale = next(iter(known.values()), STANDARD_GRAVITY / norm if norm > 100 else 1.0)
         unit = next(iter(known), f"counts of {scale:.3g} m/s²")
-        remarks += note(f"accelerations in {unit}, because they rest at {norm:.4g}")
+        remarks += note("accelerometer", f"in {unit}, because they rest at {norm:.4g}")
     if not 0.7 < norm * scale / STANDARD_GRAVITY < 1.4:
         remarks += warning(
             f"'{choice.columns[3]}' holds no gravity (it rests at {norm * scale:.2g} m/s²): gyro alone. "

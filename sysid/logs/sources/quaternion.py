@@ -25,7 +25,7 @@ def find_quaternion(columns: Sequence[Column], axis: str, sign: float) -> list[C
         doubt=found[0].doubt,
         axis=axis,
         sign=sign,
-        remarks=note(f"roll from the orientation '{found[0].name}'..., taken as sensor to earth"),
+        remarks=note("roll", f"from the orientation '{found[0].name}'..., taken as sensor to earth"),
     )
     return [choice]
 
@@ -54,12 +54,12 @@ def roll_from_quaternion(reading: Reading) -> Roll:
     about = angle_about(axis.vector, attitude[:, 2, :])
     if about is None:  # the axis stands upright: the sum of the turns is all there is
         roll = np.concatenate(([0.0], np.cumsum(turned @ axis.vector)))
-        remarks += note("the roll axis stands upright: roll is counted from the first sample")
+        remarks += note("zero", "at the first sample: the roll axis stands upright")
     else:
         roll, zero = about
         remarks += zero
     noise = estimate_noise(roll)
-    remarks += note(f"noise {np.rad2deg(noise.std):.3g}° from the signal itself")
+    remarks += note("noise", f"{np.rad2deg(noise.std):.3g}° from the signal itself")
     return Roll(
         log=reading.log,
         time=reading.time,

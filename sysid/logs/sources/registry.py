@@ -125,7 +125,7 @@ def choose_source(
     source, choice = _that_moves(log, [pair for pair in found if pair[1].doubt == doubt], time, options)
     others = ", ".join(dict.fromkeys(other.name for other, _ in found if other is not source))
     if others:
-        choice = choice.with_remarks(note(f"the log also holds {others}: choose with --source"))
+        choice = choice.with_remarks(note("others", f"the log also holds {others}: choose with --source"))
     return source, _with_unit(source, choice, options)
 
 

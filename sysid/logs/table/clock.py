@@ -111,7 +111,7 @@ def repair_clock(
     begin = float(stamps[0]) * scale
     own = abs(begin) < OWN_TIMES
     since = "" if begin == 0 else f", from {begin:.4g} s on" if own else ", counted from the first sample"
-    clock.notes.append(f"time '{name}' {why}{since}")
+    clock.notes.append(f"time: '{name}' {why}{since}")
     steps = np.diff(clock.time)
     if steps.size == 0 or steps.min() == steps.max() == 0:
         raise SysidError(
@@ -164,7 +164,7 @@ def drop_repeats(clock: Clock, signal: Array) -> None:
     keep = np.flatnonzero((place % held == 0) & ((place == 0) | (left > held / 2)))
     clock.select(keep)
     clock.notes.append(
-        f"the sensor repeats each value over {held} rows: {signal.size - keep.size} repeats dropped, "
+        f"time: the sensor repeats each value over {held} rows: {signal.size - keep.size} repeats dropped, "
         f"{keep.size} measurements left"
     )
 
@@ -201,7 +201,7 @@ def _undo_going_back(clock: Clock, scale: float, name: str) -> None:
         lost = (steps < 0) & (np.abs(steps + length) < 1000 * usual)
         if lost.any() and length > 20 * usual:
             time[1:] += np.cumsum(lost) * length
-            clock.notes.append(f"{what} {np.count_nonzero(lost)} times: undone")
+            clock.notes.append(f"time: {what} {np.count_nonzero(lost)} times, undone")
             steps = np.diff(time)
     back = np.flatnonzero(steps < 0)
     if back.size == 0:
@@ -256,7 +256,7 @@ def _even_out(clock: Clock, signal: Array, steps: Array) -> bool:
         if not evened < 0.7 * stamped:
             if high - low > 0.2 * usual:
                 clock.notes.append(
-                    f"uneven sampling kept (steps {low * 1e3:.3g} to {high * 1e3:.3g} ms): the signal is as "
+                    f"time: uneven sampling kept (steps {low * 1e3:.3g} to {high * 1e3:.3g} ms): the signal is as "
                     "smooth on it as on an even clock"
                 )
             return False

@@ -32,7 +32,7 @@ class LogFile(Protocol):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was inferred about the format."""
+        """What was inferred about the format, as 'table: separated by commas'."""
         ...
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:

@@ -17,11 +17,17 @@ class Remarks:
         return Remarks(self.notes + other.notes, self.warnings + other.warnings)
 
 
-def note(text: str) -> Remarks:
-    """Return one note."""
-    return Remarks(notes=(text,))
+def note(about: str, text: str) -> Remarks:
+    """Return one note; what it is about is one word, which stands before the colon."""
+    return Remarks(notes=(f"{about}: {text}",))
 
 
 def warning(text: str) -> Remarks:
     """Return one warning."""
     return Remarks(warnings=(text,))
+
+
+def about_and_text(note: str) -> tuple[str, str]:
+    """Return what a note is about, '' where it does not say so, and the rest of it."""
+    about, colon, text = note.partition(": ")
+    return (about, text) if colon and " " not in about else ("", note)

@@ -78,7 +78,7 @@ def on_common_rows(data: Mapping[str, Array], stamps: Array | None) -> tuple[dic
         name: np.where(first, np.interp(at, at[rows], data[name][rows], left=np.nan, right=np.nan), np.nan)
         for name, rows in finite.items()
     }
-    return joined, note(f"sensors have rows of their own: brought to those of '{next(iter(data))}'")
+    return joined, note("rows", f"sensors have rows of their own: brought to those of '{next(iter(data))}'")
 
 
 def _far(signal: Array) -> npt.NDArray[np.intp]:

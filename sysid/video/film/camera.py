@@ -64,9 +64,7 @@ def lens_of(clip: Clip, calibration: Path | None) -> Lens:
     if calibration is None:
         focal = USUAL_FOCAL * max(clip.width, clip.height)
         matrix = np.array([[focal, 0, (clip.width - 1) / 2], [0, focal, (clip.height - 1) / 2], [0, 0, 1]])
-        return Lens(
-            matrix, np.zeros(5), False, "lens not calibrated: a phone's usual one, without distortion"
-        )
+        return Lens(matrix, np.zeros(5), False, "not calibrated: a phone's usual one, without distortion")
     if is_film(calibration):
         matrix, distortion, size, note = _from_chessboard(calibration)
     else:
@@ -122,7 +120,7 @@ def _from_file(path: Path) -> tuple[Array, Array, tuple[int, int], str]:
         raise SysidError(
             f"{path}: the focal lengths or the picture's size are not positive. Calibrate again."
         )
-    return matrix, distortion, size, f"lens from {path}"
+    return matrix, distortion, size, f"from {path}"
 
 
 def _from_chessboard(path: Path) -> tuple[Array, Array, tuple[int, int], str]:
@@ -148,10 +146,10 @@ def _from_chessboard(path: Path) -> tuple[Array, Array, tuple[int, int], str]:
     error, matrix, distortion, _, _ = cv2.calibrateCamera(
         [grid] * len(views), [view.astype(np.float32) for view in views], size, np.eye(3), np.zeros(5)
     )
-    note = f"lens from {len(views)} views of a {pattern[0]}x{pattern[1]} chessboard, {error:.2f} px"
+    note = f"from {len(views)} views of a {pattern[0]}x{pattern[1]} chessboard, {error:.2f} px"
     if error > 1.5:
         raise SysidError(
-            f"{path}: {note} off on average: the board is bent or the film blurred. Film it again."
+            f"{path}: the lens {note} off on average: the board is bent or the film blurred. Film it again."
         )
     return np.asarray(matrix, float), np.ravel(np.asarray(distortion, float)), size, note
 

@@ -310,19 +310,19 @@ def _find(scene: Scene) -> Target | None:
         return Target(
             follower=follower,
             what="the pair of dots",
-            why=f"follows two coloured dots ({size})",
+            why=f"two coloured dots ({size})",
             solve=partial(fit_angle, prior=BodyPrior(floor=PLACE_FLOOR, dead_zone=DEAD_ZONE)),
             zero=_level_pair,
             joined=((0, 1),),
-            zero_note="roll zero is where the line between the dots is level in the picture",
+            zero_note="where the line between the dots is level in the picture",
         )
     return Target(
         follower=follower,
         what="the dot",
-        why=f"follows one coloured dot ({size}) about a {'fitted' if options.pivot is None else 'given'} pivot",
+        why=f"one coloured dot ({size}) about a {'fitted' if options.pivot is None else 'given'} pivot",
         solve=partial(fit_pivot, pivot=options.pivot),
         zero=partial(level_angle, direction=1 + 0j, symmetry=4),
-        zero_note="roll zero is where the dot is straight below, above or beside the pivot in the picture",
+        zero_note="where the dot is straight below, above or beside the pivot in the picture",
         shows_level=False,
         shows_body=False,
         finds_direction=False,

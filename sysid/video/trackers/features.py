@@ -242,12 +242,12 @@ def _find(scene: Scene) -> Target | None:
     return Target(
         follower=FeatureFollower(grey(look.first.picture), places, look.box),
         what="the deck's texture",
-        why=f"follows {len(places)} patches of texture that move",
+        why=f"{len(places)} patches of texture that move",
         settle=_those_of_the_board,
         solve=_fit,
         zero=_rest_at_the_end,
         shows_level=False,
-        zero_note="roll zero is where the deck is at the end of the film (its last tenth): texture shows no horizontal",
+        zero_note="where the deck is at the end of the film (its last tenth): texture shows no horizontal",
     )
 
 

@@ -230,12 +230,12 @@ def _find(scene: Scene) -> Target | None:
     return Target(
         follower=MarkerFollower(marker, region),
         what=f"{marker.kind} marker {marker.number}",
-        why=f"follows {marker.kind} marker {marker.number}",
+        why=f"{marker.kind} marker {marker.number}",
         solve=partial(fit_angle, prior=BodyPrior(square=True)),
         zero=_level_square,
         knows_shape=True,
         joined=((0, 1), (1, 2), (2, 3), (3, 0)),
-        zero_note="roll zero is where the marker's edges are level in the picture",
+        zero_note="where the marker's edges are level in the picture",
     )
 
 

@@ -26,10 +26,10 @@ def _find(scene: Scene) -> Target | None:
     return Target(
         follower=EdgeFollower(end, look.pictures[0], look.box),
         what="the deck's edge",
-        why=f"follows {count} straight edge{'s' if count > 1 else ''} ({lengths} px long)",
+        why=f"{count} straight edge{'s' if count > 1 else ''} ({lengths} px long)",
         solve=partial(fit_direction, pivot=end.pivot),
         zero=partial(level_angle, direction=1 + 0j, symmetry=2),
-        zero_note="roll zero is where the edge is level in the picture",
+        zero_note="where the edge is level in the picture",
         joined=tuple((point, point + 1) for point in range(PIECES * count) if (point + 1) % PIECES),
         finds_direction=False,
         shows_body=False,

@@ -1,0 +1,90 @@
+"""`husky-sysid loaded`: whether the spring is another one under load, from decays with weights on the deck."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from sysid.cli.console import Common, Printer
+from sysid.errors import SysidError
+from sysid.files import regular
+from sysid.quantity import Quantity, parse_quantity
+
+
+def loaded(
+    *,
+    board: Annotated[str, Parameter(name=["--board", "-b"])],
+    reading: Annotated[tuple[str, ...], Parameter(negative="")] = (),
+    rider: float = 33.3,
+    common: Common = Common(),
+) -> int:
+    """Tell what the tilt spring is under load: decays of the deck with known weights on it.
+
+    A bushing that bears a rider may be another spring than the one that a bare deck shows. Fix weights on the deck, let it
+    decay under each, and once bare.
+
+    Args:
+        board: The board; its roll inertia counts.
+        reading: MASS,HEIGHT,OMEGA[,OWN] of one decay; may be repeated. The weight's mass [kg], the height of its centre
+            above the tilt axis [m], ω_n [rad/s] or the JSON of `decay`, and the weight's own roll inertia [kg*m^2],
+            0 if not given. Quantities as 2.5±0.01, or with a unit as 10cm; '0,0,bare.json' is the bare deck.
+        rider: Mass under which the spring is asked for [kg].
+        common: Options of every command.
+    """
+    from sysid.loaded_decays import GRAVITY, LoadedDecay, loaded_stiffness
+
+    printer = Printer(common)
+    record = common.space.load_board(board)
+    if not rider > 0:
+        raise SysidError(f"--rider {rider:g}: must be more than 0 kg.")
+    readings: list[LoadedDecay] = []
+    for text in reading:
+        fields = text.split(",")
+        if len(fields) not in (3, 4):
+            raise SysidError(f"--reading {text}: expected MASS,HEIGHT,OMEGA[,OWN], with commas between.")
+        mass, height, own = (
+            parse_quantity(field, unit, f"--reading {text}", positive=False)
+            for field, unit in zip((*fields[:2], *fields[3:], "0")[:3], ("kg", "m", "kg*m^2"), strict=True)
+        )
+        if min(mass.value, height.value, own.value) < 0:
+            raise SysidError(f"--reading {text}: mass, height and inertia must not be negative.")
+        omega = _frequency(fields[2], f"--reading {text}")
+        readings.append(LoadedDecay(mass=mass, height=height, own=own, natural_frequency=omega))
+    found = loaded_stiffness(readings, record.inertia)
+    ridden = found.under(rider * GRAVITY.value)
+    rows = [(f"k under {r.mass.value:g} kg", k) for r, k in zip(readings, found.stiffness, strict=True)]
+    rows += [
+        ("k of the bare deck, by the line", found.bare),
+        ("k that a newton adds", found.per_newton),
+        (f"k under {rider:g} kg", ridden),
+    ]
+    printer.quantities(rows, f"{record.name}: the spring under load")
+    low, high = found.per_newton.ci95
+    if low <= 0 <= high:
+        printer.say("the decays do not tell a spring under load from the bare one")
+    if rider > 1.5 * max(r.mass.value for r in readings):
+        printer.warn(f"{rider:g} kg is far more than the weights tried; the line is extrapolated.")
+    content: dict[str, Any] = {
+        "stiffness": [k.to_json() for k in found.stiffness],
+        "bare": found.bare.to_json(),
+        "per_newton": found.per_newton.to_json(),
+        "rider_kg": rider,
+        "under_rider": ridden.to_json(),
+        "chi_square": found.chi_square,
+        "degrees_of_freedom": found.degrees_of_freedom,
+    }
+    printer.result(content)
+    return 0
+
+
+def _frequency(text: str, where: str) -> Quantity:
+    if not text.endswith(".json"):
+        return parse_quantity(text, "rad/s", where, positive=True)
+    try:
+        content = json.loads(regular(Path(text)).read_text(encoding="utf-8"))["omega_n"]
+        return Quantity(float(content["value"]), float(content["std"]), "rad/s", f"decay, {text}")
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise SysidError(
+            f"{where}: {text} holds no 'omega_n'; give the JSON of `husky-sysid decay`."
+        ) from error

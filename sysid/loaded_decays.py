@@ -1,0 +1,112 @@
+"""The spring under load: decays of the deck with known weights on it tell whether a bushing that bears more is another spring.
+
+A weight m at height h above the tilt axis, of inertia J about its own axis, makes of the joint (I + m h² + J) φ̈ + d φ̇ + (k − m g h) φ = 0. So each
+decay's ω_n gives the spring as it is under that weight, k = (I + m h² + J) ω_n² + m g h, and a line through k against m g what
+a newton of load adds to it.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.errors import SysidError
+from sysid.inertia import GRAVITY
+from sysid.quantity import Quantity, propagate, t95
+from sysid.roll import Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadedDecay:
+    """One decay with a weight on the deck."""
+
+    mass: Quantity
+    """[kg]; 0 for the bare deck."""
+    height: Quantity
+    """Of its centre of mass above the tilt axis [m]."""
+    own: Quantity
+    """Its roll inertia about its own centre of mass [kg*m^2]."""
+    natural_frequency: Quantity
+    """ω_n of the decay [rad/s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadedStiffness:
+    """How the spring grows with the load."""
+
+    stiffness: tuple[Quantity, ...]
+    """Under each of the weights [N*m/rad]."""
+    bare: Quantity
+    """Without load [N*m/rad]."""
+    per_newton: Quantity
+    """What a newton of load adds [m/rad]."""
+    covariance: Array
+    """Of the two, shape (2, 2)."""
+    chi_square: float
+    """Of the readings about the line."""
+    degrees_of_freedom: int
+
+    def under(self, load: float) -> Quantity:
+        """Return the spring under a load [N], in N*m/rad; beyond the weights tried it is an extrapolation."""
+        value = self.bare.value + load * self.per_newton.value
+        row = np.array([1.0, load])
+        std = math.sqrt(float(row @ self.covariance @ row))
+        half = t95(self.degrees_of_freedom) * std
+        return Quantity(value, std, "N*m/rad", self.bare.method, (value - half, value + half))
+
+
+def loaded_stiffness(readings: Sequence[LoadedDecay], inertia: Quantity) -> LoadedStiffness:
+    """Return the spring under load, by a line of generalised least squares.
+
+    The deck's inertia is common to all readings, so that its deviation moves them together. Where the scatter about the line is
+    larger than the readings' deviations say, the scatter counts.
+
+    Args:
+        readings: At least three, with two different weights at least.
+        inertia: Roll inertia of the bare deck about its tilt axis [kg*m^2].
+
+    Raises:
+        SysidError: They are too few or of one weight, or have no deviations.
+    """
+    if len(readings) < 3:
+        raise SysidError(f"{len(readings)} decays; a line with a check needs at least 3.")
+    gravity = GRAVITY.value
+
+    def spring(mass: float, height: float, own: float, omega: float) -> float:
+        return (inertia.value + mass * height**2 + own) * omega**2 + mass * gravity * height
+
+    springs = [
+        propagate(spring, (r.mass, r.height, r.own, r.natural_frequency), "N*m/rad", "a decay under load")
+        for r in readings
+    ]
+    loads = np.array([reading.mass.value * gravity for reading in readings])
+    if np.ptp(loads) <= 0:
+        raise SysidError("all decays are under the same weight; use at least two different ones.")
+    values, own = (np.array([getattr(q, name) for q in springs]) for name in ("value", "std"))
+    common = np.array([r.natural_frequency.value**2 * inertia.std for r in readings])
+    if not np.all(own > 0):
+        raise SysidError(
+            "every decay needs the deviation of its frequency or of its weight; give it as 9.5±0.1."
+        )
+    weights = np.linalg.inv(np.diag(own**2) + np.outer(common, common))
+    design = np.column_stack([np.ones_like(loads), loads])
+    covariance = np.linalg.inv(design.T @ weights @ design)
+    line = covariance @ design.T @ weights @ values
+    residuals, freedom = values - design @ line, len(values) - 2
+    chi_square = float(residuals @ weights @ residuals)
+    covariance = covariance * max(1.0, chi_square / freedom)
+    method = f"{len(readings)} decays under load"
+    half = t95(freedom) * np.sqrt(np.diag(covariance))
+    bare, slope = (
+        Quantity(float(v), float(s), unit, method, (float(v - h), float(v + h)))
+        for v, s, h, unit in zip(line, np.sqrt(np.diag(covariance)), half, ("N*m/rad", "m/rad"), strict=True)
+    )
+    return LoadedStiffness(
+        stiffness=tuple(springs),
+        bare=bare,
+        per_newton=slope,
+        covariance=np.asarray(covariance, dtype=np.float64),
+        chi_square=chi_square,
+        degrees_of_freedom=freedom,
+    )
