@@ -150,6 +150,7 @@ def fit(
     robust: bool = False,
     fixed: Mapping[str, float] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
+    priors: Sequence[str] = (),
     signal: Signal = "auto",
     any_period: bool = False,
 ) -> Fit:
@@ -165,6 +166,7 @@ def fit(
         robust: Let outliers of the sensor count less.
         fixed: Parameters held at a value, by 'stiffness', 'damping', 'rest_angle' or 'effect.parameter'.
         bounds: Lowest and highest value of parameters, by the same names.
+        priors: Parameters of which the record's value and deviation count as a measurement, by the same names.
         signal: What is fitted.
         any_period: Accept a natural period above 100 s or below 1 ms, else taken for a wrong unit of time.
 
@@ -174,7 +176,13 @@ def fit(
     recordings, releases = unpack(data)
     check_effects(effects, [part.name for part in board.effects])
     kept = tuple(part.name for part in board.effects if not plain or effect(part.name).is_known)
-    options = FitOptions(robust=robust, fixed=fixed or {}, bounds=bounds or {}, **signal_of(releases, signal))
+    options = FitOptions(
+        robust=robust,
+        fixed=fixed or {},
+        bounds=bounds or {},
+        priors=tuple(priors),
+        **signal_of(releases, signal),
+    )
     odd = amplitude_warnings(releases, board)
     joint = fit_joint(releases, board, tuple(dict.fromkeys((*kept, *effects))), options)
     named, frequency = ", ".join(dict.fromkeys(release.log for release in releases)), joint.law.frequency

@@ -10,9 +10,10 @@ from sysid.board import Board
 from sysid.cli.console import FIT, OUTPUT, Common, Printer
 from sysid.cli.fit_intervals import show_intervals
 from sysid.cli.log_options import LogArguments, load_recordings
-from sysid.cli.parameter_options import parse_bounds, parse_fixed
+from sysid.cli.parameter_options import SHORT, parse_bounds, parse_fixed
 from sysid.cli.subject import Subject
 from sysid.files import atomic_path, refuse_overwriting, write_atomically
+from sysid.quantity import Z95
 
 if TYPE_CHECKING:
     from sim.compensation.step import Compensation
@@ -35,6 +36,9 @@ def fit(
     bound: Annotated[
         tuple[str, ...], Parameter(name="--bound", negative="", group=FIT, show_default=False)
     ] = (),
+    prior: Annotated[
+        tuple[str, ...], Parameter(name="--prior", negative="", group=FIT, show_default=False)
+    ] = (),
     plain: Annotated[bool, Parameter(negative="", group=FIT)] = False,
     robust: Annotated[bool, Parameter(negative="", group=FIT)] = False,
     in_scene: Annotated[bool, Parameter(name="--in-scene", negative="", group=FIT)] = False,
@@ -56,6 +60,7 @@ def fit(
         fix: Hold a parameter, as NAME=VALUE in SI units: stiffness, damping, rest, or EFFECT.PARAMETER; repeat it for
             several.
         bound: Keep a parameter within NAME=LOW:HIGH.
+        prior: Let what the record says of a parameter, value ± deviation, count as a measurement; repeat it for several.
         plain: Drop the effects that the record has.
         robust: Let outliers of the sensor count less.
         in_scene: Also find what must be written into the training scene (implicitfast at 5 ms, wheels on the
@@ -91,8 +96,16 @@ def fit(
         robust=robust,
         fixed=fixed,
         bounds=bounds,
+        priors=[SHORT.get(name, name) for name in prior],
         any_period=any_period,
     )
+    for name, (value, std) in result.joint.problem.priors.items():
+        quantity = (
+            replace(result.quantities[name], value=value, std=std)
+            if name in result.quantities
+            else f"{value:g} ± {Z95 * std:.2g}"
+        )
+        printer.note(f"prior of {name}, from the record: {quantity}")
     printer.warnings(result.warnings, recordings)
     if result.joint.nonsmooth and not profile:
         printer.note("With friction or stops the intervals may be lopsided; --profile computes them exactly.")

@@ -107,7 +107,7 @@ def parameter_covariance(problem: Problem, minimum: Minimum, residuals: Sequence
             np.zeros_like(sensitivity.inverse),
         )
         if (
-            problem.smoothing
+            problem.smoothing or problem.priors
         ):  # as if the prior's own residuals scattered as the sensor does: H⁻¹ Jᵀ(R - σ²)J H⁻¹ + σ² H⁻¹
             meat = meat - variance * sum((j.T @ j for j in sensitivity.rows), np.zeros_like(meat))
             whole = sensitivity.inverse @ meat @ sensitivity.inverse + variance * sensitivity.inverse

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -35,6 +36,8 @@ class FitOptions:
     """Parameters held at a value, by 'stiffness', 'damping', 'rest_angle' or 'effect.parameter'."""
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
     """Lowest and highest value of parameters, by the same names, in their units."""
+    priors: tuple[str, ...] = ()
+    """Parameters of which the record's value and standard deviation count as a measurement, by the same names."""
     steps_per_period: int = 60
     """Of the integrator, in the final fit."""
 
@@ -131,6 +134,24 @@ def held_parameters(structure: Structure, board: Board, options: FitOptions) -> 
     return fixed, bias
 
 
+def priors_of(board: Board, options: FitOptions) -> dict[str, tuple[float, float]]:
+    """Return what the record knows of parameters: value and standard deviation, in their units.
+
+    Raises:
+        SysidError: It knows nothing of one, or knows it exactly.
+    """
+    known = {**board.tilt, **{f"{p.name}.{n}": q for p in board.effects for n, q in p.parameters.items()}}
+    for name in options.priors:
+        if name not in known or not 0 < known[name].std < np.inf:
+            raise SysidError(
+                f"the record of '{board.name}' has no uncertainty of '{name}', so it cannot count as a measurement. Hold it (--fix), "
+                "bound it (--bound), or fit it without."
+            )
+        if name in options.fixed:
+            raise SysidError(f"{name} is held and has a prior at once; give one of both.")
+    return {name: (known[name].value, known[name].std) for name in options.priors}
+
+
 def fit_joint(
     releases: Sequence[Release],
     board: Board,
@@ -159,7 +180,15 @@ def fit_joint(
     structure = structure_of(effects)
     fixed, bias = held_parameters(structure, board, options)
     fine = options.steps_per_period * (3 if structure.nonsmooth else 1)
-    find = learn if any(map(is_table, structure.parts)) else search
+    priors = priors_of(board, options)
+    if any(map(is_table, structure.parts)):
+        if priors:
+            raise SysidError(
+                f"a learned torque and a prior of {', '.join(priors)}: fit the one without the other."
+            )
+        find = learn
+    else:
+        find = partial(search, priors=priors)
     problem, minimum, evaluations = find(
         structure, records, scales, bias=bias, fixed=fixed, bounded=options.bounds, steps_per_period=fine
     )

@@ -75,6 +75,7 @@ def _without_missing(options: FitOptions, effects: Sequence[str], board: Board) 
         options,
         fixed={name: value for name, value in options.fixed.items() if name in kept},
         bounds={name: ends for name, ends in options.bounds.items() if name in kept},
+        priors=tuple(name for name in options.priors if name in kept),
     )
 
 

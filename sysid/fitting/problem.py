@@ -68,6 +68,8 @@ class Problem:
     """Parameters held at a value, by the structure's names."""
     bounded: Mapping[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
     """Bounds of free parameters instead of their own, in their units."""
+    priors: Mapping[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
+    """What is known of free parameters before: value and standard deviation, in their units."""
     free_states: bool = True
     steps_per_period: int = 40
     average: int = 1
@@ -131,7 +133,7 @@ class Problem:
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what is made again from the rest."""
-        made = ("_paths", "_starts", "names", "_sizes", "_columns", "prior")
+        made = ("_paths", "_starts", "names", "_sizes", "_columns", "prior", "centre")
         return {key: value for key, value in self.__dict__.items() if key not in made}
 
     @cached_property
@@ -296,7 +298,7 @@ class Problem:
 
     @cached_property
     def prior(self) -> Array:
-        """What is known of the free parameters before: zero, with this inverse covariance, shape (free, free) [1].
+        """What is known of the free parameters before: `centre`, with this inverse covariance, shape (free, free) [1].
 
         Tables are smooth, and hold nothing that spring and damper can do where those are free.
         """
@@ -313,7 +315,16 @@ class Problem:
             free = [i for i, name in enumerate(smooth.names) if f"{part.name}.{name}" in self.names]
             where = [self.names.index(f"{part.name}.{smooth.names[i]}") for i in free]
             matrix[np.ix_(where, where)] = np.asarray(form)[np.ix_(free, free)]
+        for i, name in enumerate(self.names):
+            if name in self.priors:
+                matrix[i, i] += (self.sizes()[i] / self.priors[name][1]) ** 2
         return matrix
+
+    @cached_property
+    def centre(self) -> Array:
+        """What the free parameters are known to be before, in units of their sizes, shape (free,); zero where nothing is."""
+        known = [self.priors[name][0] if name in self.priors else 0.0 for name in self.names]
+        return np.array(known) / self.sizes()[: len(self.names)]
 
     def normal(self, unknowns: Array) -> Normal:
         """Return cost and normal equations, residuals in units of their noise; what is known before counts with them.
@@ -325,8 +336,8 @@ class Problem:
         sizes = self.sizes()
         gradient = np.zeros(len(sizes))
         hessian = np.zeros((len(sizes), len(sizes)))
-        known = self.prior @ unknowns[:shared]
-        cost = 0.5 * float(unknowns[:shared] @ known)
+        known = self.prior @ (unknowns[:shared] - self.centre)
+        cost = 0.5 * float((unknowns[:shared] - self.centre) @ known)
         gradient[:shared] += known
         hessian[:shared, :shared] += self.prior
         for index, (residual, jacobian) in enumerate(self.linearise(unknowns)):

@@ -161,6 +161,7 @@ def search(
     bias: Bias = "shared",
     fixed: Mapping[str, float] | None = None,
     bounded: Mapping[str, tuple[float, float]] | None = None,
+    priors: Mapping[str, tuple[float, float]] | None = None,
     steps_per_period: int = 60,
     starts: Sequence[Mapping[str, float]] | None = None,
     average: int = 1,
@@ -181,7 +182,7 @@ def search(
     nonsmooth = structure.nonsmooth
     coarse_steps = min(60 if nonsmooth else 24, steps_per_period)
     coarse = Problem(
-        structure, records, scales, bias=bias, fixed=fixed, bounded=dict(bounded or {}), free_states=free_states,
+        structure, records, scales, bias=bias, fixed=fixed, bounded=dict(bounded or {}), priors=dict(priors or {}), free_states=free_states,
         steps_per_period=coarse_steps, average=average,
     )  # fmt: skip
     horizons = [] if not structure.effects else _SHORT if nonsmooth else _LONG

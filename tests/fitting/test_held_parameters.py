@@ -161,3 +161,30 @@ def test_a_damper_is_never_made_to_drive():
     fit = fit_joint(releases, arm(), ("coulomb",))
     assert fit.law.damping == 0.0
     assert "damping" not in fit.quantities
+
+
+def test_a_prior_counts_as_a_measurement_of_its_own():
+    """Between what the record says and what the logs say, weighted by both variances; the interval is narrower than either."""
+    releases = pendulum(2.0)
+    board = replace(arm(), inertia=replace(arm().inertia, std=0.0))  # which no damping measured could tell
+    options = {"fixed": {"gravity.moment": 1.3}}
+    free = fit_joint(releases, board, EFFECTS, FitOptions(**options)).quantities["damping"]
+    stated = Quantity(free.value + 3 * free.std, free.std, free.unit)
+    known = fit_joint(
+        releases, board.with_tilt(damping=stated), EFFECTS, FitOptions(**options, priors=("damping",))
+    )
+    both = known.quantities["damping"]
+    assert both.value == pytest.approx(free.value + 1.5 * free.std, abs=0.4 * free.std)
+    assert 0.55 * free.std < both.std < 0.9 * free.std
+    far = fit_joint(
+        releases, board.with_tilt(damping=replace(stated, std=1e3 * free.std)), EFFECTS,
+        FitOptions(**options, priors=("damping",)),
+    )  # fmt: skip
+    assert far.quantities["damping"].value == pytest.approx(free.value, abs=0.01 * free.std)
+
+
+@pytest.mark.parametrize("name", ["stribeck.torque", "rest_angle"])
+def test_a_prior_that_the_record_does_not_know_is_refused(name):
+    board = arm().with_tilt(rest_angle=Quantity(0.0, 0.0, "rad"))
+    with pytest.raises(SysidError, match="no uncertainty of"):
+        fit_joint(pendulum(2.0), board, EFFECTS, FitOptions(priors=(name,)))

@@ -107,7 +107,8 @@ def test_law_holds_every_parameter(pink: Board) -> None:
 
 
 VALUES = {name: effect.example for name, effect in catalogue().items()} | {
-    "stribeck": (0.05, 0.15, 0.5), "linkage": (0.0, 0.02, 0.0, 0.0, 0.0),
+    "stribeck": (0.05, 0.15, 0.5), "linkage": (0.0, 0.02, 0.0, 0.0, 0.0, 0.0, 0.0),
+    "payload": (0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0),
 }  # fmt: skip
 """Every effect of the catalogue can be made."""
 
