@@ -37,6 +37,8 @@ FRICTIONLESS = 0.4
 """Share of a model's damping that is left to it where dry friction joins."""
 HANGS = 1.1
 """Ratio of squared errors up to which a joint with a spring beside gravity is no better than one without: 5 % of error."""
+VARIANTS = 3
+"""Models of one set of families that are predicted."""
 ASIDE = (0.7, 1.5)
 """Factors of a nonsmooth effect's parameters from which it is searched again on the fine grid, where it is not at the noise."""
 BEATEN, FAR = 6, 60.0
@@ -349,10 +351,17 @@ class Search:
             done.update(
                 {m.effects: m for m in self.each("predicting", Search.finalist, jobs, share, share + 0.04)}
             )
+        # What the best one needs not may have kept its own fit from the right valley.
+        best = min(done.values(), key=lambda m: m.cost)
+        again = [
+            (m, [best]) for names, m in done.items() if names != self.base and set(names) < set(best.effects)
+        ]
+        for model in self.each("predicting", Search.finalist, again, 0.93, 0.95):
+            done[model.effects] = min(done[model.effects], model, key=lambda m: m.cost)
         return list(done.values())
 
     def finalist(self, model: Candidate, parents: Sequence[Candidate]) -> Candidate:
-        """Return a model fitted on the fine grid, from where it is and from simpler ones, and its predictions."""
+        """Return a model fitted on the fine grid, from where it is and from others, and its predictions."""
         fine = self.fine(model, parents)
         return replace(fine, heldout=surprising_residuals(fine.problem, fine.minimum))
 
@@ -363,7 +372,7 @@ class Search:
 
         Args:
             model: Where it starts.
-            parents: Simpler models, whose optima are starts too.
+            parents: Other models, simpler or richer, whose optima are starts too.
             average: Samples of which means are fitted; as in the search, if left out.
         """
         old = model.problem
@@ -412,6 +421,20 @@ def best_of(models: Sequence[Candidate], count: int) -> list[Candidate]:
     frugal = sorted(models, key=lambda m: 6 * np.log(max(m.cost, 1e-300)) + m.size)
     turns = zip(sorted(models, key=lambda m: m.cost), frugal, strict=True)
     return list({id(m): m for pair in turns for m in pair}.values())[:count]
+
+
+def best_families(models: Sequence[Candidate], count: int) -> list[Candidate]:
+    """Return the best models of the best sets of families: of each the one with the least error, and the one with the least for its size."""
+    groups: dict[frozenset[str], list[Candidate]] = {}
+    for model in models:
+        groups.setdefault(frozenset(effect(name).family for name in model.effects), []).append(model)
+    leaders = best_of([min(group, key=lambda m: m.cost) for group in groups.values()], count)
+    return [
+        m
+        for group in groups.values()
+        if any(one is m for m in group for one in leaders)
+        for m in best_of(group, VARIANTS)
+    ]
 
 
 def inherited(problem: Problem, known: Candidate) -> Array:
