@@ -7,8 +7,6 @@ later: cases whose row is there already are not run again.
 """
 
 import argparse
-import json
-import multiprocessing
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,6 +15,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from hidden_truths import AGAINST_RECORD, TRUTHS, VISIBLE, Truth, board_of, make, visibility
 
+from sysid.batch.runner import read_rows, run_all
 from sysid.diagnosis.diagnose import Diagnosis, diagnose
 from sysid.effects import effect
 
@@ -161,27 +160,16 @@ def main() -> None:
         if options.only in truth.name
     ]
     np.random.default_rng(0).shuffle(cases)  # a run that is stopped has then seen all kinds
-    rows: list[Row] = []
-    if options.rows and options.rows.exists():
-        rows = [json.loads(line) for line in options.rows.read_text().splitlines()]
+    rows = [dict(row) for row in read_rows(options.rows)] if options.rows else []
     done = {(row["truth"], row["seed"]) for row in rows}
+    waiting = [((str(name), int(seed)),) for name, seed in cases if (name, int(seed)) not in done]
     end = time.monotonic() + options.budget
-    with multiprocessing.get_context("spawn").Pool(options.workers) as pool:
-        answers = pool.imap_unordered(
-            run, [(str(name), int(seed)) for name, seed in cases if (name, int(seed)) not in done]
-        )
-        while True:
-            try:
-                row = answers.next(timeout=max(end - time.monotonic(), 0.01) if np.isfinite(end) else None)
-            except (StopIteration, multiprocessing.TimeoutError):
-                break
-            rows.append(row)
-            if options.rows:
-                with options.rows.open("a") as file:
-                    file.write(json.dumps(row) + "\n")
-            mark = "ok " if row["right"] else "?  " if row["hidden"] else "BAD"
-            print(mark, row["truth"], row["seed"], row["status"], row["effects"], "~", row["alike"], f"{row['before']:.2f} -> {row['after']:.3f}", f"{row['cpu']:.1f} s", flush=True)  # fmt: skip
-        pool.terminate()
+    for row in run_all(run, waiting, options.rows, workers=options.workers):
+        rows.append(dict(row))
+        mark = "ok " if row["right"] else "?  " if row["hidden"] else "BAD"
+        print(mark, row["truth"], row["seed"], row["status"], row["effects"], "~", row["alike"], f"{row['before']:.2f} -> {row['after']:.3f}", f"{row['cpu']:.1f} s", flush=True)  # fmt: skip
+        if time.monotonic() > end:
+            break
     print("\n".join(summary(rows)))
     if options.write:
         write(options.write, rows)

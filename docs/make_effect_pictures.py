@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from reports.figures.decay import STYLE
 from reports.figures.palette import REAL, SIM
 from sysid.effects import catalogue
-from sysid.effects._base import Effect
+from sysid.effects._base import Effect, TorqueEffect
 from sysid.joint import JointLaw, simulate
 
 DOCS = Path(__file__).parent
@@ -22,6 +22,7 @@ STIFF = JointLaw(inertia=7.15e-3, stiffness=34.85, damping=0.54)
 """The black board as it is: a simulator's step shows on a strong damper only."""
 ROLES = {
     "torque": "The joint's torque",
+    "learned": "Learned, without a formula",
     "support": "What the joint stands on",
     "shift": "The rest angle",
     "record": "The record's numbers, or the simulator",
@@ -46,14 +47,19 @@ def picture(effect: Effect) -> Figure:
             f"{p.name} {v:g} {p.unit.replace('*', '·').removesuffix('1')}".strip()
             for p, v in zip(effect.parameters, effect.example, strict=True)
         )
-        axes.set_title(f"{effect.title}: {values}")
+        axes.set_title(f"{effect.title}: {values}" if len(effect.parameters) <= 6 else effect.title)
         axes.legend(loc="upper right")
     return figure
 
 
 def section(effect: Effect) -> str:
     """Return the effect's part of the page."""
-    units = ", ".join(f"`{p.name}` [{p.unit}]" for p in effect.parameters)
+    tables = effect.smoothness() if isinstance(effect, TorqueEffect) and effect.smoothness else None
+    units = ", ".join(
+        f"`{p.name}` [{p.unit}]" for p in effect.parameters if tables is None or p.name not in tables.names
+    )
+    if tables is not None:
+        units += f"; {len(tables.names)} values [N*m] of its tables over {', '.join(tables.tables)}"
     support = effect.mujoco
     if support.since:
         runs = f"MuJoCo {support.since} and newer" + (", MuJoCo Warp too" if support.warp else "")

@@ -15,11 +15,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from policy_runtime.loop.commands import Command, CommandSource
+from policy_runtime.loop.course import Course
 from policy_runtime.loop.policy import Policy
+from policy_runtime.loop.preparation import Delay, Preparation, StoppedError, prepare
 from policy_runtime.loop.safety import Guard, Limits
 from policy_runtime.robots import PD_PERIOD, JointCommand, Robot, RobotState
 from sim.skate.cycle.clock import CONTROL_PERIOD, STILL_SPEED, Clock
-from sim.skate.robot.g1 import JOINTS, servos
 from sysid.roll import Array
 
 SERVO_STEPS = round(CONTROL_PERIOD / PD_PERIOD)
@@ -41,6 +42,8 @@ class Tick(NamedTuple):
     """Joint targets [rad], shape (23,)."""
     action: Array
     """The policy's answer in its own units, shape (23,)."""
+    course: float
+    """Sum of the turns asked for since the start [rad]; `command` has the one that the policy was told."""
 
 
 class Event(NamedTuple):
@@ -49,7 +52,8 @@ class Event(NamedTuple):
     time: float
     """Since the start of the run [s]."""
     kind: str
-    """'start', 'stop' or 'end'."""
+    """'wait', 'ramp', 'delay' and 'ready' while the robot is prepared; 'start' or, with the policy held back, 'dry';
+    'stop' or 'end'."""
     text: str
 
 
@@ -63,6 +67,8 @@ class Timing:
     """The whole tick without sleeping and recording [s], shape (ticks,)."""
     late: Array
     """How late each tick began, in real time [s], shape (ticks,)."""
+    age: Array
+    """How old the state was that each tick decided on [s], shape (ticks,)."""
 
     def summary(self) -> dict[str, dict[str, float]]:
         """Return median, 99th percentile and maximum of each [ms]."""
@@ -74,7 +80,8 @@ class Timing:
                 "p99_ms": float(np.percentile(values, 99) * 1e3),
                 "max_ms": float(np.max(values) * 1e3),
             }
-            for name, values in (("decide", self.decide), ("tick", self.tick), ("late", self.late))
+            for name in ("decide", "tick", "late", "age")
+            for values in (getattr(self, name),)
         }
 
 
@@ -87,6 +94,8 @@ class RunResult:
     """Why it was stopped; None if it ended as planned."""
     events: tuple[Event, ...]
     timing: Timing
+    delay: Delay | None = None
+    """From command to measured torque; None where the robot was not prepared."""
 
     @property
     def duration(self) -> float:
@@ -101,6 +110,7 @@ class RunResult:
             "stopped": self.stopped,
             "events": [{"t_s": event.time, "kind": event.kind, "text": event.text} for event in self.events],
             "timing": self.timing.summary(),
+            "delay": None if self.delay is None else self.delay.to_json(),
         }
 
 
@@ -121,6 +131,10 @@ class Runtime:
     clock: Clock = field(default_factory=Clock)
     stop_time: float = STOP_TIME
     """How long the servos brake after a stop [s]."""
+    hold_heading: bool = False
+    """Make up for what earlier turns missed, instead of telling the policy each turn as it is asked for."""
+    preparation: Preparation | None = None
+    """How the robot comes to where the policy starts; None where it is there already."""
 
     def run(self, duration: float = float("inf")) -> RunResult:
         """Run until the time is over, the commands end, or a check stops the robot.
@@ -136,23 +150,30 @@ class _Run:
 
     def __init__(self, runtime: Runtime) -> None:
         self._runtime = runtime
-        self._robot = runtime.robot
+        self.robot = runtime.robot
         self._guard = Guard(runtime.limits, CONTROL_PERIOD)
-        self._servos = servos()
         self._events: list[Event] = []
         self._times = array("d")
         self._ticks = self._step = 0
+        self._course = Course(runtime.clock, hold=runtime.hold_heading)
         self._turn = 0.0
         self._slept = 0.0
+        self._delay: Delay | None = None
+        preparation = runtime.preparation
+        self._dry = preparation.pose if preparation is not None and preparation.dry else None
 
     def go(self, duration: float) -> RunResult:
-        state = self._robot.read()
-        stopped = self._guard.check(state)
         try:
-            if stopped is None:
-                self._runtime.policy.reset(state)
-                self._log("start", f"policy '{self._runtime.policy.name}'")
-                stopped = self._loop(duration)
+            if self._runtime.preparation is not None:
+                self._due = time.perf_counter()
+                self._delay = prepare(self._runtime.preparation, self, self._log)
+            state = self._read()
+            self._runtime.policy.reset(state)
+            self._log("start" if self._dry is None else "dry", f"policy '{self._runtime.policy.name}'")
+            self._loop(duration)
+            stopped = None
+        except StoppedError as stop:
+            stopped = str(stop)
         except KeyboardInterrupt:
             stopped = "interrupted"
         except BaseException as error:
@@ -161,68 +182,92 @@ class _Run:
         finally:
             gc.unfreeze()
         self._finish(stopped)
-        times = np.asarray(self._times).reshape(-1, 3)
+        times = np.asarray(self._times).reshape(-1, 4)
         return RunResult(
             ticks=self._ticks,
             stopped=stopped,
             events=tuple(self._events),
-            timing=Timing(decide=times[:, 0], tick=times[:, 1], late=times[:, 2]),
+            timing=Timing(decide=times[:, 0], tick=times[:, 1], late=times[:, 2], age=times[:, 3]),
+            delay=self._delay,
         )
 
-    def _loop(self, duration: float) -> str | None:
-        """Decide and step until the end; return why it must stop, or None."""
+    def tick(self, command: JointCommand) -> RobotState:
+        """See `preparation.Ticks`."""
+        state = self._read()
+        self.robot.send(command)
+        for _ in range(SERVO_STEPS):
+            self.servo_step()
+        return state
+
+    def servo_step(self) -> None:
+        """See `preparation.Ticks`."""
+        self.robot.step()
+        if self._runtime.real_time:
+            self._due += PD_PERIOD
+            self._wait(self._due)
+
+    def _read(self) -> RobotState:
+        """Return the robot's state if it is well.
+
+        Raises:
+            StoppedError: It is not.
+        """
+        state = self.robot.read()
+        stopped = self._guard.check(state)
+        if stopped is not None:
+            raise StoppedError(stopped)
+        return state
+
+    def _loop(self, duration: float) -> None:
+        """Decide and step until the end.
+
+        Raises:
+            StoppedError: A check failed.
+        """
         runtime = self._runtime
         gc.freeze()  # what is here by now stays: the collector shall not look through it in a tick's time
-        start = time.perf_counter()
+        start = self._due = time.perf_counter()
         while self._ticks * CONTROL_PERIOD < duration - 1e-9:
             begin = time.perf_counter()
             tick = self._decide()
             decided = time.perf_counter()
-            if not isinstance(tick, Tick):
-                return tick
+            if tick is None:
+                return
             if runtime.on_tick is not None:
                 runtime.on_tick(tick)
             recorded = time.perf_counter()
             due = start + self._ticks * CONTROL_PERIOD
-            for servo in range(SERVO_STEPS):
-                self._robot.step()
-                if runtime.real_time:
-                    self._wait(due + (servo + 1) * PD_PERIOD)
+            for _ in range(SERVO_STEPS):
+                self.servo_step()
             late = max(0.0, begin - due) if runtime.real_time else 0.0
             spent = time.perf_counter() - recorded + decided - begin - self._slept
-            self._times.extend((decided - begin, spent, late))
+            self._times.extend((decided - begin, spent, late, tick.state.age))
             self._ticks += 1
-        return None
 
-    def _decide(self) -> Tick | str | None:
-        """Read, check, ask, send; return what happened, or why to stop, or None where the commands ended."""
+    def _decide(self) -> Tick | None:
+        """Read, check, ask, send; return what happened, or None where the commands ended."""
         self._slept = 0.0
         runtime, now = self._runtime, self._ticks * CONTROL_PERIOD
-        state = self._robot.read()
-        stopped = self._guard.check(state)
-        if stopped is not None:
-            return stopped
+        state = self._read()
         wanted = runtime.commands.at(now)
         if wanted is None:
             return None
-        command = self._latch(wanted)
+        command = self._latch(state, wanted)
         target = runtime.policy.act(state, command, self._step)
         stopped = self._guard.check_target(target)
         if stopped is not None:
-            return stopped
-        self._robot.send(
-            JointCommand(position=target, stiffness=self._servos.stiffness, damping=self._servos.damping)
-        )
-        tick = Tick(now, self._step, state, command, target, runtime.policy.action)
+            raise StoppedError(stopped)
+        self.robot.send(JointCommand.hold(target if self._dry is None else self._dry))
+        tick = Tick(now, self._step, state, command, target, runtime.policy.action, self._course.asked)
         if command.speed >= STILL_SPEED:  # the cycle stands still while the robot does
             self._step += 1
         return tick
 
-    def _latch(self, wanted: Command) -> Command:
+    def _latch(self, state: RobotState, wanted: Command) -> Command:
         """Take speed at once, but a turn only when steering begins: it counts from the heading then."""
-        clock, position = self._runtime.clock, self._step % self._runtime.clock.period
-        if self._ticks == 0 or position == clock.push + clock.mount:
-            self._turn = wanted.turn
+        turn = self._course.follow(state, self._step, wanted.turn)
+        if turn is not None or self._ticks == 0:
+            self._turn = wanted.turn if turn is None else turn
         return Command(wanted.speed, self._turn)
 
     def _finish(self, stopped: str | None) -> None:
@@ -230,15 +275,10 @@ class _Run:
             self._log("stop", stopped)
         else:
             self._log("end", f"after {self._ticks * CONTROL_PERIOD:.1f} s")
-        brake = JointCommand(
-            position=np.zeros(len(JOINTS)), stiffness=np.zeros(len(JOINTS)), damping=self._servos.damping
-        )
-        self._robot.send(brake)
-        begin = time.perf_counter()
-        for servo in range(round(self._runtime.stop_time / PD_PERIOD)):
-            self._robot.step()
-            if self._runtime.real_time:
-                self._wait(begin + (servo + 1) * PD_PERIOD)
+        self.robot.send(JointCommand.brake())
+        self._due = time.perf_counter()
+        for _ in range(round(self._runtime.stop_time / PD_PERIOD)):
+            self.servo_step()
 
     def _wait(self, until: float) -> None:
         now = time.perf_counter()

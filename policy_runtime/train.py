@@ -11,7 +11,7 @@ import math
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from policy_runtime.learning.run_folder import RunConfig, RunFolder
 from policy_runtime.learning.style_reference import STRETCHES, style_reference
-from policy_runtime.motion.motions import load_motions
+from policy_runtime.motion.motions import Motion, load_motions
 from sim.skate.cycle.push_clips import PushClip
 from sim.skate.mdp.actor_observation import part_of
 from sysid.board import load_board
@@ -129,19 +129,39 @@ def build(folder: RunFolder, config: RunConfig, process: Process) -> tuple["RslR
         config.task,
         environments=config.learn.environments,
         seed=seed,
-        clips=push_clips() if config.task.pushing == "tracking" else (),
+        clips=push_clips(folder.motions()) if config.task.pushing == "tracking" else (),
     )
     env = RslRlVecEnvWrapper(SkateEnv(env_cfg, process.device, graphs=config.learn.graphs))
-    return env, build_learner(env, config, process)
+    return env, build_learner(env, config, process, load_motions(folder.motions()))
 
 
-def push_clips() -> tuple[PushClip, ...]:
-    """Return the reference motions of pushing as the task follows them."""
-    return tuple(PushClip(motion.name, motion.speed, motion.joints) for motion in load_motions())
+def push_clips(paths: Sequence[Path] = ()) -> tuple[PushClip, ...]:
+    """Return the reference motions of pushing as the task follows them: whole pushes, from touchdown to touchdown.
+
+    Raises:
+        SysidError: A clip has no whole push.
+    """
+    from policy_runtime.motion.motion_check import left_stance
+    from sim.skate.robot.g1 import g1_spec
+
+    model = g1_spec(visuals=False).compile()
+    clips: list[PushClip] = []
+    for motion in load_motions(paths):
+        stance = left_stance(motion, model)
+        # A clip that repeats without a seam begins where its foot comes down.
+        seamless = stance.planted[0] and not stance.planted[-1]
+        ends = [0, len(motion.joints)] if seamless else [*stance.touchdowns]
+        if len(ends) < 2:
+            raise SysidError(
+                f"{motion.name}: its left foot comes down {len(ends)} times; tracking needs a whole push, from one "
+                "touchdown to the next. Record longer, or teach pushing by style (--pushing amp)."
+            )
+        clips.append(PushClip(motion.name, motion.speed, motion.joints[ends[0] : ends[-1]]))
+    return tuple(clips)
 
 
-def build_learner(env: Any, config: RunConfig, process: Process) -> "AmpPPO":
-    """Build PPO with the style extension for worlds."""
+def build_learner(env: Any, config: RunConfig, process: Process, pushing: Sequence[Motion] = ()) -> "AmpPPO":
+    """Build PPO with the style extension for worlds; `pushing` are reference motions instead of the shipped."""
     import torch
 
     from policy_runtime.learning.amp import AmpOptions, AmpPPO
@@ -170,7 +190,7 @@ def build_learner(env: Any, config: RunConfig, process: Process) -> "AmpPPO":
             "class_name": AmpPPO,
             "amp": amp,
             "graphs": learn.graphs and process.device != "cpu" and process.count == 1,
-            "reference": torch.tensor(style_reference(task), dtype=torch.float),
+            "reference": torch.tensor(style_reference(task, pushing), dtype=torch.float),
             "num_learning_epochs": learn.epochs,
             "num_mini_batches": learn.mini_batches,
             "clip_param": learn.clip,

@@ -1,7 +1,7 @@
 """What is known of a board when it is shown: its record, its logs, the comparison and the ladder of models."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,12 +9,14 @@ from typing import Any
 from sysid.board import Board
 from sysid.comparison.compare import Comparison, compare
 from sysid.diagnosis.signatures import LookAlikes, Start, look_alikes
+from sysid.effects import effect
 from sysid.errors import SysidError
-from sysid.files import sha256
+from sysid.files import regular, sha256
 from sysid.fitting.joint import FitOptions
 from sysid.fitting.ladder import PLAIN, Rung, ladder
 from sysid.fitting.records import signal_of
 from sysid.fitting.result import JointFit
+from sysid.joint import JointLaw
 from sysid.recording import Recording
 from sysid.releases import Phase
 from sysid.roll import Release, Roll
@@ -53,11 +55,35 @@ class Evidence:
     fit: JointFit | None
     """The last rung in full; None where the board's law cannot be fitted to these logs."""
     look_alikes: LookAlikes | None
+    stood: JointLaw
+    """The board's law before it was first changed in this workspace; its present one if it never was."""
     warnings: tuple[str, ...]
 
     def releases_of(self, roll: Roll) -> list[Release]:
         """Return the releases of one log."""
         return [release for release in self.releases if release.log == roll.log]
+
+
+@dataclass(frozen=True, slots=True)
+class LastDiagnosis:
+    """What `husky-sysid diagnose` last found for a board."""
+
+    content: Mapping[str, Any]
+    """Of its diagnose.json."""
+    is_current: bool
+    """Whether the record is still the one that was diagnosed."""
+
+
+def last_diagnosis(board: Board, space: Workspace) -> LastDiagnosis | None:
+    """Return the board's last diagnosis, if there is one."""
+    try:
+        path = regular(space.outputs(board.name) / "diagnose.json")
+        content: Any = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    if not isinstance(content, dict) or "verdict" not in content:
+        return None
+    return LastDiagnosis(content, content.get("record") == board.digest)
 
 
 def find_logs(board: Board, given: Sequence[Path], space: Workspace) -> list[LogFile]:
@@ -98,7 +124,7 @@ def _truth(path: Path) -> dict[str, Any] | None:
     """Return what lies beside a synthetic log about its truth."""
     beside = path.with_suffix(".truth.json")
     try:
-        content: Any = json.loads(beside.read_text(encoding="utf-8"))
+        content: Any = json.loads(regular(beside).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
     return content if isinstance(content, dict) and content.get("synthetic") is True else None
@@ -111,6 +137,7 @@ def gather(
     files: Sequence[LogFile] = (),
     tolerance: float = 0.02,
     heldout: bool = True,
+    stood: Board | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> Evidence:
     """Compare a board with recordings, and fit the ladder of models up to its law.
@@ -121,6 +148,7 @@ def gather(
         files: The logs on disk.
         tolerance: For the comparison.
         heldout: False leaves out held-out errors (NaN then) and look-alikes, which a recording does not show.
+        stood: The record before it was first changed; `board` if left out.
         progress: Called with what is being done and the share that is done.
 
     Raises:
@@ -134,16 +162,17 @@ def gather(
     report("comparing", 0.0)
     compared = compare(recordings, board, tolerance=tolerance)
     names = [part.name for part in board.effects]
+    added = [name for name in names if not effect(name).is_known]
     rungs: list[Rung] = []
     models = ladder(releases, board, names, options, heldout=heldout)
-    for count, label in enumerate((PLAIN, *(f"+ {name}" for name in names))):
-        report(label, 0.1 + 0.7 * count / (len(names) + 1))
+    for count, label in enumerate((PLAIN, *(f"+ {name}" for name in added))):
+        report(label, 0.1 + 0.7 * count / (len(added) + 1))
         try:
             rungs.append(next(models))
         except SysidError as error:
             warnings.append(f"the ladder stops before '{label}': {error}")
             break
-    fit = rungs[-1].fit if len(rungs) == len(names) + 1 else None
+    fit = rungs[-1].fit if len(rungs) == len(added) + 1 else None
     if fit is not None:
         warnings += fit.warnings
     report("look-alikes", 0.85)
@@ -159,6 +188,7 @@ def gather(
         ladder=tuple(rungs),
         fit=fit,
         look_alikes=alike,
+        stood=JointLaw.from_board(stood or board),
         warnings=tuple(dict.fromkeys(warnings)),
     )
 

@@ -152,8 +152,14 @@ def _comments(
         + f"; {_realisation(effect(part.name).mujoco, version)}."
         for part in board.effects
     ]
-    rake = board.geometry["rake"].value
-    _, error = coupling_polynomial(rake, board.tilt["range"].value)
+    comments = [
+        (r"^([ \t]*)<joint name=\"board_tilt_joint\"", tilt),
+        (r"^([ \t]*)<body name=\"deck\"", inertia),
+        (r"^()<mujoco", head),
+    ]
+    if kind == "bench":
+        return comments
+    _, error = coupling_polynomial(board.geometry["rake"].value, board.tilt["range"].value)
     return [
         (r"^([ \t]*)<equality>", [
             f"tan(truck) = tan(rake) sin(roll), rake {_text(board.geometry['rake'])}; the polynomial is off by at most "
@@ -163,9 +169,7 @@ def _comments(
             f"Trucks and wheels: {100 * STEERED_SHARE:g} % of their mass steers, the rest is in the body 'board'; what they "
             "add to the measured roll inertia must not count twice."
         ]),
-        (r"^([ \t]*)<joint name=\"board_tilt_joint\"", tilt),
-        (r"^([ \t]*)<body name=\"deck\"", inertia),
-        (r"^()<mujoco", head),
+        *comments,
     ]  # fmt: skip
 
 

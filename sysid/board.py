@@ -16,9 +16,10 @@ import tomlkit
 
 from sysid.errors import SysidError, did_you_mean
 from sysid.files import shipped_data, write_atomically
-from sysid.quantity import Quantity
+from sysid.quantity import Quantity, slide_unit
 
 SCHEMA = 1
+"""Version of the record's format; another one is refused."""
 
 GEOMETRY_UNITS = {
     "length": "m",
@@ -81,6 +82,8 @@ class Board:
     effects: tuple[BoardEffect, ...] = ()
     fit: Mapping[str, Any] = field(default_factory=dict[str, Any])
     check: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    model: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    """The MuJoCo model whose joint it is, and the pose: file, joint, keyframe, pose, free, payload."""
     history: tuple[Mapping[str, Any], ...] = ()
 
     @classmethod
@@ -138,6 +141,36 @@ class Board:
             self, description="", source="", decay={}, published={}, fit={}, check={}, history=()
         )
         return hashlib.sha256(board_to_toml(judged).encode()).hexdigest()
+
+    def need(self, purpose: str) -> None:
+        """Accept a record that says what the whole board is like.
+
+        Raises:
+            SysidError: Geometry or masses are missing; the message says what they are needed for.
+        """
+        if missing := [f"[{name}]" for name in ("geometry", "mass") if not getattr(self, name)]:
+            raise SysidError(
+                f"the record of '{self.name}' has no {' and no '.join(missing)}: {purpose} needs them. Measure them with a tape "
+                f"and a scale and add them to the record (docs/boards.md names the fields)."
+            )
+
+    @property
+    def slides(self) -> bool:
+        """Whether the joint slides: its units are then m, N/m and kg."""
+        return self.inertia.unit == "kg"
+
+    def of_slide(self) -> Self:
+        """Return the record with the units of a slide."""
+
+        def turned(quantities: Mapping[str, Quantity]) -> dict[str, Quantity]:
+            return {name: replace(q, unit=slide_unit(q.unit)) for name, q in quantities.items()}
+
+        return replace(
+            self,
+            inertia=replace(self.inertia, unit="kg"),
+            tilt=turned(self.tilt),
+            effects=tuple(replace(part, parameters=turned(part.parameters)) for part in self.effects),
+        )
 
     def checked(self, entry: Mapping[str, Any]) -> Self:
         """Return a copy with the verdict of a check on it, which counts as long as what was judged stays as it is."""
@@ -224,8 +257,9 @@ def board_to_toml(board: Board) -> str:
     document["name"] = board.name
     document["description"] = board.description
     document["source"] = board.source
-    document["geometry"] = _quantities(board.geometry)
-    document["mass"] = _quantities(board.mass)
+    for section, quantities in (("geometry", board.geometry), ("mass", board.mass)):
+        if quantities:
+            document[section] = _quantities(quantities)
     document["inertia"] = {**_fields(board.inertia), "method": board.inertia.method}
     if board.decay:
         document["decay"] = _quantities(board.decay)
@@ -240,7 +274,7 @@ def board_to_toml(board: Board) -> str:
             table["parameters"] = _quantities(effect.parameters)
             effects.append(table)
         document["effect"] = effects
-    for name, content in (("fit", board.fit), ("check", board.check)):
+    for name, content in (("model", board.model), ("fit", board.fit), ("check", board.check)):
         if content:
             document[name] = dict(content)
     if board.history:
@@ -275,7 +309,7 @@ class _Reader:
     def board(self, raw: Mapping[str, Any]) -> Board:
         known = {
             "schema", "name", "description", "source", "geometry", "mass", "inertia", "decay", "published",
-            "tilt", "effect", "fit", "check", "history",
+            "tilt", "effect", "model", "fit", "check", "history",
         }  # fmt: skip
         for key in raw:
             if key not in known:
@@ -283,16 +317,19 @@ class _Reader:
         if raw.get("schema") != SCHEMA:
             raise SysidError(f"{self.path}: schema is {raw.get('schema')!r}, expected {SCHEMA}.")
         inertia = self._table(raw, "inertia")
+        kind = slide_unit if inertia.get("unit") == "kg" else str
         return Board(
             name=self._text(raw, "name"),
             description=self._text(raw, "description"),
             source=self._text(raw, "source"),
-            geometry=self._quantities(raw, "geometry", GEOMETRY_UNITS),
-            mass=self._quantities(raw, "mass", MASS_UNITS),
-            inertia=self._quantity(inertia, "inertia", "kg*m^2", positive=True).with_method(
+            geometry=self._quantities(raw, "geometry", GEOMETRY_UNITS) if "geometry" in raw else {},
+            mass=self._quantities(raw, "mass", MASS_UNITS) if "mass" in raw else {},
+            inertia=self._quantity(inertia, "inertia", kind("kg*m^2"), positive=True).with_method(
                 self._text(inertia, "method", "inertia.method")
             ),
-            tilt=self._quantities(raw, "tilt", TILT_UNITS, may_be_negative=("rest_angle",)),
+            tilt=self._quantities(
+                raw, "tilt", {n: kind(u) for n, u in TILT_UNITS.items()}, may_be_negative=("rest_angle",)
+            ),
             decay=self._quantities(raw, "decay", DECAY_UNITS) if "decay" in raw else {},
             published=self._quantities(raw, "published", PUBLISHED_UNITS) if "published" in raw else {},
             effects=tuple(
@@ -301,17 +338,28 @@ class _Reader:
             ),
             fit=self._table(raw, "fit") if "fit" in raw else {},
             check=self._table(raw, "check") if "check" in raw else {},
+            model=self._table(raw, "model") if "model" in raw else {},
             history=tuple(self._tables(raw, "history")),
         )
 
     def _effect(self, where: str, raw: Mapping[str, Any]) -> BoardEffect:
+        """Read one effect, its parameters in the catalogue's order; one that is not in the catalogue as it is."""
+        from sysid.effects import catalogue
+
         name = self._text(raw, "name", f"{where}.name")
-        parameters = self._table(raw, "parameters", f"{where}.parameters")
+        table = self._table(raw, "parameters", f"{where}.parameters")
+        known = catalogue().get(name)
+        units = dict.fromkeys(table) if known is None else {p.name: p.unit for p in known.parameters}
+        if unknown := [key for key in table if key not in units]:
+            raise SysidError(
+                f"{self.path}: unknown field '{where} ({name}).parameters.{unknown[0]}'."
+                f"{did_you_mean(unknown[0], units)} Known: {', '.join(units)}."
+            )
         return BoardEffect(
             name,
             {
-                key: self._quantity(value, f"{where} ({name}).parameters.{key}", None)
-                for key, value in parameters.items()
+                key: self._quantity(table.get(key), f"{where} ({name}).parameters.{key}", unit)
+                for key, unit in units.items()
             },
         )
 

@@ -18,6 +18,12 @@ HuskyError = SysidError
 """The name of old."""
 
 
+class UsageError(SysidError):
+    """A command was given too little, or options that do not go together."""
+
+    exit_code = 2
+
+
 class QualityGateError(SysidError):
     """The computation went well and its answer is no (see `check`)."""
 

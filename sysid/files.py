@@ -1,12 +1,13 @@
 """Writing files so that a failure at any moment leaves the old file whole."""
 
+import errno
 import hashlib
 import json
 import os
 import shutil
 import tempfile
 from collections.abc import Callable, Generator, Iterable, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from sysid.errors import SysidError
@@ -17,6 +18,17 @@ def shipped_data() -> Path:
     package = Path(__file__).resolve().parent
     installed = package / "_data"
     return installed if installed.is_dir() else package.parent / "data"
+
+
+def regular(path: Path) -> Path:
+    """Return a path that can be read at once: a pipe would wait for its writer, and a device need not end.
+
+    Raises:
+        OSError: It is there, and is no file.
+    """
+    if path.exists() and not path.is_file():
+        raise OSError(errno.EINVAL, "it is no file but a folder, a pipe or a device", str(path))
+    return path
 
 
 @contextmanager
@@ -36,37 +48,40 @@ def atomic_path(path: Path) -> Generator[Path]:
         if target.is_dir():
             raise IsADirectoryError(None, "it is a folder")
         target.parent.mkdir(parents=True, exist_ok=True)
-        folder = None if is_special else target.parent
-        handle, name = tempfile.mkstemp(prefix=f".{target.stem}-", suffix=path.suffix, dir=folder)
+        folder = Path(tempfile.gettempdir()) if is_special else target.parent
     except (OSError, RuntimeError) as error:  # RuntimeError: links in a circle
-        raise SysidError(
-            f"{path}: cannot write there ({getattr(error, 'strerror', None) or error}). Choose a folder you may write "
-            "to, for example with --workspace."
-        ) from error
-    os.close(handle)
-    temporary = Path(name)
+        raise _unwritable(path, error) from error
+    temporary = folder / f".{target.stem[:60]}-{os.urandom(6).hex()}{path.suffix}"
     try:
+        try:
+            temporary.touch(mode=0o600 if is_special else 0o666, exist_ok=False)
+        except OSError as error:
+            raise _unwritable(path, error) from error
         yield temporary
         if is_special:
             with temporary.open("rb") as source, target.open("wb") as sink:
                 shutil.copyfileobj(source, sink)
-            return
-        # mkstemp makes files private; give them the permissions any other new file would have.
-        umask = os.umask(0)
-        os.umask(umask)
-        temporary.chmod(0o666 & ~umask)
-        temporary.replace(target)
+        else:
+            temporary.replace(target)
     except OSError as error:
         raise SysidError(f"{path}: cannot write there ({error.strerror or error}).") from error
     finally:
         temporary.unlink(missing_ok=True)
 
 
+def _unwritable(path: Path, error: OSError | RuntimeError) -> SysidError:
+    return SysidError(
+        f"{path}: cannot write there ({getattr(error, 'strerror', None) or error}). Choose a folder you may write "
+        "to, for example with --workspace."
+    )
+
+
 @contextmanager
 def locked(path: Path, *, patience: float = 60.0) -> Generator[None]:
     """Hold the right to read and rewrite a file that other processes rewrite too.
 
-    The lock lies in the folder of temporary files, so that nothing is left beside `path`; it ends with the process.
+    The lock lies in the folder of temporary files and ends with the process; its file goes before it is let go, so that
+    who waits finds it gone and makes a new one.
 
     Args:
         path: The file; need not exist.
@@ -78,9 +93,16 @@ def locked(path: Path, *, patience: float = 60.0) -> Generator[None]:
     from filelock import FileLock, Timeout
 
     key = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:16]
+    lock = Path(tempfile.gettempdir()) / f"husky-sysid-{key}.lock"
     try:
-        with FileLock(Path(tempfile.gettempdir()) / f"husky-sysid-{key}.lock", timeout=patience):
-            yield
+        with FileLock(lock, timeout=patience):
+            try:
+                yield
+            finally:
+                with suppress(
+                    PermissionError
+                ):  # Windows deletes no open file; there FileLock does, afterwards
+                    lock.unlink(missing_ok=True)
     except Timeout as error:
         raise SysidError(
             f"{path}: another command has held it for {patience:g} s. Wait for it, or end it, and try again."

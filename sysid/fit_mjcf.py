@@ -12,7 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 from sysid.board import Board
 from sysid.decay.plausibility import amplitude_warnings, period_warnings, refuse_period
+from sysid.effects import effect
+from sysid.effects._base import TorqueEffect
 from sysid.fitting import report as fit_report
+from sysid.fitting.formula import Formula, formula_of
 from sysid.fitting.joint import FitOptions, check_effects, fit_joint
 from sysid.fitting.ladder import Rung, ladder, rung_of
 from sysid.fitting.record_update import error_of, require_usable, updated_board
@@ -85,11 +88,23 @@ class Fit:
         return error_of(self.before, self.joint)
 
     @cached_property
+    def formula(self) -> Formula | None:
+        """The formula nearest to what was learned; None where nothing was."""
+        return formula_of(self.joint)
+
+    @cached_property
     def ladder(self) -> tuple[Rung, ...]:
         """Errors from the linear joint up, one effect more each time."""
-        names = tuple(name for name, _ in self.law.effects)
-        top = rung_of(names, self.joint, self.heldout_rmse)
-        return (*(ladder(self.releases, self.before, names[:-1], self.options) if names else ()), top)
+        parts = self.law.structure.parts
+        beside = {part.memory for part in parts if isinstance(part, TorqueEffect)}  # learned beside a table
+        names = [part.name for part in parts if part.name not in beside]
+        known = [name for name in names if effect(name).is_known]
+        added = [name for name in names if name not in known]
+        top = rung_of(added, self.joint, self.heldout_rmse)
+        return (
+            *(ladder(self.releases, self.before, [*known, *added[:-1]], self.options) if added else ()),
+            top,
+        )
 
     @cached_property
     def board(self) -> Board:
@@ -157,8 +172,8 @@ def fit(
         SysidError: An effect that free decays cannot identify, no convergence, or a period that nothing has.
     """
     recordings, releases = unpack(data)
-    check_effects(effects)
-    kept = () if plain else tuple(part.name for part in board.effects)
+    check_effects(effects, [part.name for part in board.effects])
+    kept = tuple(part.name for part in board.effects if not plain or effect(part.name).is_known)
     options = FitOptions(robust=robust, fixed=fixed or {}, bounds=bounds or {}, **signal_of(releases, signal))
     odd = amplitude_warnings(releases, board)
     joint = fit_joint(releases, board, tuple(dict.fromkeys((*kept, *effects))), options)

@@ -22,6 +22,11 @@ _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _PATTERN = re.compile(rf"\s*({_NUMBER})\s*(?:(?:±|\+-|\+/-)\s*({_NUMBER}))?\s*(\S*)\s*")
 
 
+def printed(unit: str) -> str:
+    """Return a unit as people write it, e.g. 'N·m/rad'."""
+    return unit.replace("*", "·").replace("^2", "²").replace("^3", "³")
+
+
 @dataclass(frozen=True, slots=True)
 class Quantity:
     """A value, its standard deviation and its unit."""
@@ -64,7 +69,7 @@ class Quantity:
     @property
     def printed_unit(self) -> str:
         """The unit as people write it."""
-        return self.unit.replace("*", "·").replace("^2", "²").replace("^3", "³")
+        return printed(self.unit)
 
     @property
     def number(self) -> str:
@@ -78,6 +83,11 @@ class Quantity:
             (value, _), (error, power) = value.split("e"), error.split("e")
             return f"({value} ± {error})e{power}"
         return f"{value} ± {error}"
+
+
+def slide_unit(unit: str) -> str:
+    """Return the unit that a hinge's unit is for a slide, e.g. 'N/m' for 'N*m/rad'."""
+    return unit.replace("N*m", "N").replace("kg*m^2", "kg").replace("rad", "m")
 
 
 def round_to_error(value: float, error: float) -> tuple[str, str]:

@@ -5,7 +5,8 @@ edge down. The tilt joint of our MJCF turns about +x too, so its position is the
 turns about -x (γ = -roll), and that sign flips in `sim/skate` only.
 """
 
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 from typing import Literal, Self
 
 import numpy as np
@@ -84,13 +85,16 @@ class Release(Signal):
     """Time for which the deck was held still before the release [s]; 0 where it was not."""
     end: Literal["rest", "caught", "log"]
     """Why it ends: the deck came to rest, somebody caught it, or the log stops."""
+    known: Mapping[str, float] = field(default_factory=dict[str, float])
+    """What was other than the record says, by the names of a joint's parameters: the inertia [kg*m^2] and the weight of a
+    robot's joint in the pose, and with the load, of this release."""
 
     @classmethod
     def of(
         cls, part: Signal, *, number: int, rest: float, hold: float, end: Literal["rest", "caught", "log"]
     ) -> "Release":
         """Return the free decay that a part of a log is."""
-        shared = {field.name: getattr(part, field.name) for field in fields(Signal)}
+        shared = {one.name: getattr(part, one.name) for one in fields(Signal)}
         return cls(**shared, number=number, rest=rest, hold=hold, end=end)
 
     @property

@@ -59,8 +59,10 @@ class Display:
         return f"{self.scale * value:.{digits}g}{self.unit}"
 
 
-def display(*, is_rate: bool) -> Display:
-    """Return how errors of a roll, or of a measured rate, are shown."""
+def display(*, is_rate: bool, slides: bool = False) -> Display:
+    """Return how errors of a roll, or of a measured rate, are shown; of a slide, in mm and m/s."""
+    if slides:
+        return Display(" m/s", 1.0) if is_rate else Display(" mm", 1e3)
     return Display(" rad/s", 1.0) if is_rate else Display("°", DEGREES)
 
 

@@ -4,7 +4,7 @@ import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from sysid.board import Board, boards_folder, find_record, load_named, record_names, save_board
+from sysid.board import Board, boards_folder, find_record, load_board, load_named, record_names, save_board
 from sysid.errors import SysidError
 from sysid.files import locked, write_atomically
 from sysid.files import shipped_data as shipped_data
@@ -91,6 +91,15 @@ class Workspace:
     def earlier(self, name: str) -> list[Path]:
         """Return the records that a board had before, oldest first."""
         return sorted(self._earlier(name).glob("[0-9]*.toml"))  # not what a killed command left half-written
+
+    def first(self, name: str) -> Board:
+        """Return a board as it was before it was first written in this workspace; as it is, if it never was.
+
+        Raises:
+            SysidError: There is no such board, or its record is not valid.
+        """
+        kept = self.earlier(name)
+        return load_board(kept[0]) if kept else self.load_board(name)
 
     def undo(self, name: str) -> Path:
         """Put a board's record back to what it was before it was last written, and return its path.

@@ -1,7 +1,9 @@
 """A failed write leaves the old file whole and no debris."""
 
 import hashlib
+import multiprocessing
 import os
+import tempfile
 import threading
 from pathlib import Path
 
@@ -84,7 +86,8 @@ def test_a_folder_is_not_written_over(tmp_path):
         write_atomically(tmp_path, "x")
 
 
-def test_a_lock_makes_the_second_wait_and_leaves_nothing(tmp_path):
+def test_a_lock_makes_the_second_wait_and_leaves_nothing(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     path = tmp_path / "board.toml"
     with (
         locked(path),
@@ -95,3 +98,24 @@ def test_a_lock_makes_the_second_wait_and_leaves_nothing(tmp_path):
     with locked(path, patience=0.05):
         pass
     assert list(tmp_path.iterdir()) == []
+
+
+def count_up(path, times):
+    for _ in range(times):
+        with locked(path):
+            path.write_text(str(int(path.read_text()) + 1))
+
+
+def test_a_lock_that_is_taken_away_keeps_others_out_all_the_same(tmp_path, monkeypatch):
+    """Its file is deleted at each release, while others wait for it."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    path = tmp_path / "count"
+    path.write_text("0")
+    spawned = multiprocessing.get_context("fork")
+    crew = [spawned.Process(target=count_up, args=(path, 200)) for _ in range(4)]
+    for process in crew:
+        process.start()
+    for process in crew:
+        process.join()
+    assert path.read_text() == "800"
+    assert list(tmp_path.iterdir()) == [path]

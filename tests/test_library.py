@@ -1,7 +1,10 @@
 """The library as its page, its reference and its examples show it."""
 
+import contextlib
 import importlib.util
+import io
 import os
+import runpy
 import shutil
 import subprocess
 import sys
@@ -25,22 +28,21 @@ def script(name):
     return module
 
 
-def run(name, folder, python=sys.executable, **environment):
-    return subprocess.run(
-        [python, EXAMPLES / name], cwd=folder, capture_output=True, text=True, check=False,
-        env={**os.environ, **environment},
-    )  # fmt: skip
-
-
 def ran(name, folder):
-    done = run(name, folder, PYTHONPATH=str(ROOT))
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    """Return what an example prints in a folder; `test_installed_outside_the_clone` runs one by itself."""
+    printed = io.StringIO()
+    with contextlib.chdir(folder), contextlib.redirect_stdout(printed):
+        runpy.run_path(str(EXAMPLES / name), run_name="__main__")
+    return printed.getvalue()
 
 
 @pytest.fixture
 def tip(tmp_path):
-    shutil.copy(DECAYS / "pink_hidden.csv", tmp_path / "tip.csv")
+    """A folder with a short log of a board that hides dry friction."""
+    from sysid.synth import SynthOptions, synthesise
+
+    options = SynthOptions(angles=(0.2, -0.15), rate=400.0)
+    synthesise(sysid.Board.load("pink"), {"coulomb": (0.15,)}, options).save(tmp_path / "tip.csv")
     return tmp_path
 
 
@@ -71,6 +73,7 @@ def test_every_public_name_says_what_it_is():
     assert all(f"## `sysid.{name}`" in page for name in sysid.__all__)
 
 
+@pytest.mark.slow
 def test_page_prints_what_it_says():
     make = script("make_library")
     text = make.TARGET.read_text()
@@ -133,7 +136,10 @@ def test_installed_outside_the_clone(tip, tmp_path_factory):
     shutil.unpack_archive(wheel, packages, "zip")
     # The packages that it needs are those of this environment, behind the wheel's own.
     (packages / "here.pth").write_text("\n".join(path for path in sys.path if path.endswith("site-packages")))
-    done = run("tip_to_board.py", tip, home / "bin" / "python", PYTHONPATH="")
+    done = subprocess.run(
+        [home / "bin" / "python", EXAMPLES / "tip_to_board.py"],
+        cwd=tip, capture_output=True, text=True, check=False, env={**os.environ, "PYTHONPATH": ""},
+    )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert "sgn φ̇ = 0" in done.stdout
     where = subprocess.run(

@@ -11,7 +11,8 @@
 Where the paper leaves a choice, the other readings are reported beside: the error of the mean speed of
 each pushing stretch, the heading error at the last step of each steering stretch, the length and the
 root mean square of Δq, and the share of wrong contacts in pushing and in steering alone. An episode
-that ends early counts with the steps it had. Wrong feet: in pushing, the right foot off the deck or
+that ends early counts with the steps it had. E_course is no error of the paper's: how far the heading at the end of each
+steering stretch is from the start's and all turns asked for since, which is what a ride straight on drifts by. Wrong feet: in pushing, the right foot off the deck or
 the left foot on it; in steering, a foot off the deck or on the ground.
 """
 
@@ -38,6 +39,7 @@ METRICS = {
     "E_smth_rms": "rad",
     "E_contact_push": "1",
     "E_contact_steer": "1",
+    "E_course": "rad",
 }
 """Every error besides E_succ, with its unit."""
 
@@ -56,6 +58,8 @@ class Rides:
     """[m/s], (t, n)."""
     target_heading: Array
     """[rad], (t, n); read in steering only."""
+    course: Array
+    """Sum of the turns asked for since the start [rad], (t, n)."""
     speed: Array
     """Of the board along its own x axis [m/s], (t, n)."""
     heading: Array
@@ -109,6 +113,7 @@ def episode_errors(rides: Rides) -> dict[str, Array]:
     push, steer = rides.pushing & rides.alive, rides.steering & rides.alive
     speed_error = np.abs(rides.commanded_speed - rides.speed)
     yaw_error = np.abs(wrap_angle(rides.target_heading - rides.heading))
+    course_error = np.abs(wrap_angle(rides.heading - rides.heading[0] - rides.course))
     change = np.diff(rides.joints, axis=0)
     pairs = rides.alive[1:] & rides.alive[:-1]
     wrong_push, wrong_steer = wrong_in_pushing(rides), wrong_in_steering(rides)
@@ -124,6 +129,7 @@ def episode_errors(rides: Rides) -> dict[str, Array]:
         "E_smth_rms": np.sqrt(_mean((change**2).mean(axis=-1), pairs)),
         "E_contact_push": _mean(wrong_push.astype(float), push),
         "E_contact_steer": _mean(wrong_steer.astype(float), steer),
+        "E_course": _mean(course_error, _last(steer)),
     }
 
 
@@ -160,6 +166,18 @@ def _stretch_errors(error: Array, where: Flags) -> Array:
         if means:
             result[n] = float(np.mean(means))
     return result
+
+
+def asked_course(steering: Flags, target_heading: Array, heading: Array) -> Array:
+    """Return the sum of the turns asked for since the start [rad], (t, n), where each was told as it was asked for.
+
+    Args:
+        steering: In the steering stretch, (t, n).
+        target_heading: [rad], (t, n).
+        heading: Of the board [rad], (t, n).
+    """
+    begins = steering & ~np.vstack([np.zeros_like(steering[:1]), steering[:-1]])
+    return np.cumsum(np.where(begins, wrap_angle(target_heading - heading), 0.0), axis=0)
 
 
 def reachable_headings(rides: Rides) -> Array:

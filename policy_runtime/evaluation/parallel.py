@@ -15,11 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from policy_runtime.evaluation.metrics import Rides
+from policy_runtime.evaluation.metrics import Rides, asked_course
 from policy_runtime.evaluation.plain import Protocol
 from policy_runtime.evaluation.result import PATHS, TIME_LIMIT, Evaluation, Part, part_of, summarise
 from policy_runtime.evaluation.stress import CALM
 from policy_runtime.loop.policy_file import open_policy
+from sim.board.scaled import scaled_board
 from sim.skate.cycle.clock import CONTROL_PERIOD
 from sim.skate.mdp.actor_observation import OBSERVATION_SIZE
 from sim.skate.robot.g1 import JOINTS
@@ -116,8 +117,11 @@ def evaluate_in_parallel(
         SysidError: mjlab or torch is not installed, or the policy does not fit.
     """
     protocol = protocol or Protocol()
-    if protocol.stress != CALM or protocol.terrain != "flat":
-        raise SysidError("stress and terrain are of plain MuJoCo. Leave --simulator out.")
+    if protocol.stress != CALM or protocol.hold_heading:
+        raise SysidError(
+            "delay, noise, mass, friction, rolling, slope, push and a held heading are of plain MuJoCo. "
+            "Leave --simulator out."
+        )
     batch = BatchPolicy(policy, board, force=force)
     parts: list[Part] = []
     for seed in seeds:
@@ -162,11 +166,14 @@ def _worlds(
         pushes=protocol.pushes,
         episode=protocol.duration,
         turn_feedback=turn_feedback,
+        terrain=protocol.terrain,
+        coupling="equality" if protocol.coupling == "none" else protocol.coupling,
+        steered=protocol.coupling != "none",
         **(drawn if protocol.randomised else {}),
     )
     torch.manual_seed(seed)
     device = device or ("cuda:0" if torch.cuda.is_available() else "cpu")
-    cfg = skate_env_cfg(board, options, environments=count, seed=seed)
+    cfg = skate_env_cfg(scaled_board(board, protocol.board_scale), options, environments=count, seed=seed)
     if not protocol.randomised:
         cfg.events = {name: event for name, event in cfg.events.items() if event.mode != "startup"}
     return _Worlds(ManagerBasedRlEnv(cfg, device=device), torch)
@@ -209,7 +216,8 @@ def _ride(
     finally:
         env.close()
     columns: dict[str, Any] = {name: np.array(values) for name, values in rows.items()}
-    rides = Rides(**columns, succeeded=succeeded)
+    course = asked_course(columns["steering"], columns["target_heading"], columns["heading"])
+    rides = Rides(**columns, course=course, succeeded=succeeded)
     lengths = rides.alive.sum(axis=0)
     paths = [np.array(where)[: lengths[n], n] for n in range(min(count, PATHS))]
     return rides, endings, paths

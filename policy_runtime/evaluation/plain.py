@@ -6,11 +6,12 @@ when anything but a foot touches ground or board, or when both feet have left th
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -22,8 +23,10 @@ from policy_runtime.loop.commands import Command
 from policy_runtime.loop.policy import OnnxPolicy, Policy
 from policy_runtime.loop.policy_file import open_policy
 from policy_runtime.loop.scripted import SCRIPTS, scripted
-from policy_runtime.loop.world import World, joint_limits, make_world
+from policy_runtime.loop.world import World, direct_rake, joint_limits, make_world
 from policy_runtime.runtime import Runtime
+from sim.board.scaled import scaled_board
+from sim.board.scene import Coupling
 from sim.skate.cycle.clock import CONTROL_PERIOD, Clock
 from sim.skate.world.terrain import Terrain
 from sysid.board import Board
@@ -51,7 +54,13 @@ class Protocol:
     stress: Stress = CALM
     """How the world differs from the nominal one (plain MuJoCo only)."""
     terrain: Terrain = "flat"
-    """The ground (plain MuJoCo only)."""
+    """The ground."""
+    coupling: Literal["equality", "direct", "none"] = "equality"
+    """How the deck's tilt steers the trucks; 'none' holds them straight."""
+    board_scale: Mapping[str, float] = field(default_factory=dict[str, float])
+    """Factors of the board's numbers, see `sim.board.scaled`."""
+    hold_heading: bool = False
+    """Make up for what earlier turns missed (plain MuJoCo only)."""
     randomised: bool = False
     """Every world another one, as in training: friction, centres of mass, boards, place of the pelvis (mjlab
     only)."""
@@ -133,7 +142,13 @@ def run_episode(
     episode = _Episode(world, recorder, protocol, rng)
     limits = joint_limits(world.robot.model, tilt=FALLEN, joint_margin=0.3, torque_time=math.inf)
     runtime = Runtime(
-        robot=world.robot, policy=policy, commands=episode, limits=limits, on_tick=recorder.add, stop_time=0.0
+        robot=world.robot,
+        policy=policy,
+        commands=episode,
+        limits=limits,
+        on_tick=recorder.add,
+        stop_time=0.0,
+        hold_heading=protocol.hold_heading,
     )
     result = runtime.run(protocol.duration)
     if result.stopped is not None:
@@ -141,13 +156,17 @@ def run_episode(
     return recorder.recording(), episode.ending
 
 
-def stressed_world(board: Board, protocol: Protocol) -> World:
+def protocol_world(board: Board, protocol: Protocol) -> World:
     """Build the world that a protocol asks for."""
-    world = make_world(board, terrain=protocol.terrain)
+    board = scaled_board(board, protocol.board_scale)
+    coupling: Coupling = "equality" if protocol.coupling == "none" else protocol.coupling
+    steered = protocol.coupling != "none"
+    world = make_world(board, coupling=coupling, steered=steered, terrain=protocol.terrain)
     if protocol.stress == CALM:
         return world
-    protocol.stress.change(world.robot.model)
-    return World(StressedRobot(world.robot.model, protocol.stress), world.start)
+    model = world.robot.model
+    protocol.stress.change(model)
+    return World(StressedRobot(model, protocol.stress, direct_rake(board, coupling)), world.start)
 
 
 def policy_named(name: str, board: Board | None, *, force: bool = False) -> Policy:
@@ -174,7 +193,7 @@ class _Job:
 
 def _work(job: _Job) -> Part:
     """Ride some episodes of one seed in a process of its own."""
-    world = stressed_world(job.board, job.protocol)
+    world = protocol_world(job.board, job.protocol)
     policy = policy_named(job.policy, job.board, force=job.force)
     rides: list[Rides] = []
     endings: list[str] = []

@@ -32,6 +32,8 @@ class Recording:
     """(t, 23)."""
     target_heading: Array
     """Heading to reach [rad], (t,)."""
+    course: Array
+    """Sum of the turns asked for since the start [rad], (t,)."""
     torque: Array
     """[N*m], (t, 23)."""
     joints: Array
@@ -54,6 +56,7 @@ class Recording:
             steering=(self.clock.steering(step) & moving)[:, None],
             commanded_speed=self.command[:, :1],
             target_heading=self.target_heading[:, None],
+            course=self.course[:, None],
             speed=self.column("board_speed")[:, None],
             heading=self.column("board_heading")[:, None],
             joints=self.joints[:, None],
@@ -68,7 +71,18 @@ class Recording:
         Raises:
             SysidError: The folder cannot be written to.
         """
-        names = ("time", "step", "command", "qpos", "target", "action", "target_heading", "torque", "joints")
+        names = (
+            "time",
+            "step",
+            "command",
+            "qpos",
+            "target",
+            "action",
+            "target_heading",
+            "course",
+            "torque",
+            "joints",
+        )
         truths = (
             "board_position",
             "board_heading",
@@ -124,6 +138,7 @@ class Recorder:
             target=np.array([tick.target for tick in ticks]),
             action=np.array([tick.action for tick in ticks]),
             target_heading=np.array(self._headings),
+            course=np.array([tick.course for tick in ticks]),
             torque=np.array([tick.state.joint_torque for tick in ticks]),
             joints=np.array([tick.state.joint_position for tick in ticks]),
             truth=tuple(self._truth),

@@ -84,12 +84,13 @@ class Stress:
 class StressedRobot(SimulatedRobot):
     """A simulated robot whose servos hear late, whose sensors are noisy, and which can be pushed."""
 
-    def __init__(self, model: mujoco.MjModel, stress: Stress) -> None:
+    def __init__(self, model: mujoco.MjModel, stress: Stress, direct_rake: float | None = None) -> None:
         """Take over a scene that `Stress.change` has changed.
 
         Args:
             model: The scene.
             stress: What it was changed by.
+            direct_rake: See `SimulatedRobot`.
         """
         self.rng = np.random.default_rng(0)
         """Draws the noise; give each ride its own."""
@@ -97,7 +98,7 @@ class StressedRobot(SimulatedRobot):
         self._lag = round(stress.delay / PD_PERIOD)
         # The frame of the ground seen from one whose z axis is the vertical, as an IMU has it.
         self._ground = np.array([math.cos(stress.slope / 2), 0.0, -math.sin(stress.slope / 2), 0.0])
-        super().__init__(model)
+        super().__init__(model, direct_rake=direct_rake)
 
     def reset(self, qpos: Array, speed: float = 0.0) -> None:
         """See `SimulatedRobot.reset`; nothing is on its way to the servos, nothing pushes."""
@@ -141,17 +142,3 @@ class StressedRobot(SimulatedRobot):
 
 
 CALM = Stress()
-SUITE: tuple[tuple[str, float, Stress], ...] = (
-    ("as it is", 20.0, CALM),
-    ("120 s", 120.0, CALM),
-    ("delay 20 ms", 20.0, Stress(delay=0.02)),
-    ("delay 40 ms", 20.0, Stress(delay=0.04)),
-    ("noise of the training", 20.0, Stress(noise=1.0)),
-    ("mass + 10 %", 20.0, Stress(mass=1.1)),
-    ("soles 0.4", 20.0, Stress(friction=0.4)),
-    ("rolling friction × 3", 20.0, Stress(rolling=3.0)),
-    ("3° uphill", 20.0, Stress(slope=math.radians(3))),
-    ("3° downhill", 20.0, Stress(slope=-math.radians(3))),
-    ("pushes of 100 N", 20.0, Stress(push=100.0)),
-)
-"""The robustness table: name, duration [s], and what is different."""

@@ -9,18 +9,26 @@ ended by what. Here terms are weighed at once, added in mjlab's order, so that e
 nothing is logged but what `policy_runtime.learning.progress` sums up.
 
 A step is: act and simulate; judge (terminations, rewards), one graph; start episodes that are over; see (commands,
-observations), one graph. Contact forces are seen as they are after that start in every step.
+observations), one graph. mjlab computes everything anew between the last two, constraint forces included, and again at
+the beginning of the next step. Here the first half of that step (`mujoco_warp.step1`: places, contacts, velocities) is
+taken for what is seen, and only its second half is left for after the action: four solves a policy step, not five. What
+is felt (contact forces) is that of the last substep, and nothing in an episode's first step.
 """
 
 from typing import Any
 
+import mujoco
+import mujoco_warp
 import torch
+import warp
 from mjlab.envs import ManagerBasedRlEnv
 from mjlab.managers.reward_manager import RewardManager
 from mjlab.managers.termination_manager import TerminationManager
+from mjlab.sim.sim import _suspend_gc
 
 from policy_runtime.learning.graphs import Graphed
 from sim.skate.mdp import measuring
+from sim.skate.mdp.observations import skate_command
 
 
 class FusedRewards(RewardManager):
@@ -122,6 +130,32 @@ class FrameHistory:
             self._new[slice(None) if batch_ids is None else batch_ids] = True
 
 
+class HalfStep:
+    """Half of a step of all worlds, as a CUDA graph where mjlab uses those for whole steps."""
+
+    def __init__(self, sim: Any, function: Any) -> None:
+        """Record it; arrays of the model must stay in their places from now on.
+
+        Args:
+            sim: mjlab's simulation.
+            function: `mujoco_warp.step1` or `step2`.
+        """
+        self._sim, self._function, self._graph = sim, function, None
+        if sim.use_cuda_graph:
+            with _suspend_gc(), warp.ScopedDevice(sim.wp_device), warp.ScopedCapture() as capture:
+                function(sim.wp_model, sim.wp_data)
+            self._graph = capture.graph
+
+    def __call__(self) -> None:
+        """Do it."""
+        sim = self._sim
+        with warp.ScopedDevice(sim.wp_device), sim.nan_guard.watch(sim.data):
+            if self._graph is None:
+                self._function(sim.wp_model, sim.wp_data)
+            else:
+                warp.capture_launch(self._graph)
+
+
 class SkateEnv(ManagerBasedRlEnv):
     """mjlab's environment, stepped in two graphs."""
 
@@ -134,6 +168,20 @@ class SkateEnv(ManagerBasedRlEnv):
             graphs: Whether to record CUDA graphs where there is a GPU.
         """
         super().__init__(cfg, device)
+        model = self.sim.mj_model
+        felt = model.sensor_needstage == mujoco.mjtStage.mjSTAGE_ACC
+        columns = [
+            column
+            for start, size in zip(model.sensor_adr[felt], model.sensor_dim[felt], strict=True)
+            for column in range(start, start + size)
+        ]
+        self._felt_columns = torch.tensor(columns, device=device)
+        self._felt = self.sim.data.sensordata[:, self._felt_columns]
+        begin: Any = self.event_manager.get_term_cfg("begin").func
+        for term in (begin, skate_command(self)):
+            term.draw = Graphed(term.draw, device, enabled=graphs)
+        self._first_half = HalfStep(self.sim, mujoco_warp.step1)
+        self._second_half = HalfStep(self.sim, mujoco_warp.step2)
         self._judge = Graphed(self._judge_state, device, enabled=graphs)
         self._see = Graphed(self._see_state, device, enabled=graphs)
 
@@ -151,10 +199,13 @@ class SkateEnv(ManagerBasedRlEnv):
         """Take a policy step and return what mjlab's environment returns."""
         self.extras["log"] = {}
         self.action_manager.process_action(action)
-        for _ in range(self.cfg.decimation):
+        for substep in range(self.cfg.decimation):
             self.action_manager.apply_action()
             self.scene.write_data_to_sim()
-            self.sim.step()
+            if substep == 0:
+                self._second_half()  # the first was taken at the end of the last step, or by a reset's forward
+            else:
+                self.sim.step()
             self.scene.update(dt=self.physics_dt)
         self._sim_step_counter += self.cfg.decimation
         self.common_step_counter += 1
@@ -165,7 +216,7 @@ class SkateEnv(ManagerBasedRlEnv):
         if len(over) > 0:
             self._reset_idx(over)
             self.scene.write_data_to_sim()
-        self.sim.forward()
+        self._first_half()
         # What is seen next is not what a graph will write next: the learner looks back at it.
         self.obs_buf = {name: seen.clone() for name, seen in self._see().items()}
         return self.obs_buf, self.reward_buf, self.reset_terminated, self.reset_time_outs, self.extras
@@ -173,6 +224,7 @@ class SkateEnv(ManagerBasedRlEnv):
     def _judge_state(self) -> Any:
         """Find what is over and what is earned; return the state that was looked at."""
         measuring.keep(self, None)
+        self._felt.copy_(self.sim.data.sensordata[:, self._felt_columns])
         self.episode_length_buf += 1
         self.reset_buf = self.termination_manager.compute()
         self.reset_terminated = self.termination_manager.terminated
@@ -181,6 +233,8 @@ class SkateEnv(ManagerBasedRlEnv):
         return measuring.kept(self)
 
     def _see_state(self) -> Any:
+        felt = torch.where(self.reset_buf[:, None], 0.0, self._felt)
+        self.sim.data.sensordata[:, self._felt_columns] = felt
         for sensor in self.scene.sensors.values():
             sensor._invalidate_cache()
         self.command_manager.compute(dt=self.step_dt)

@@ -4,6 +4,7 @@
 |---|---|
 | config.toml | every option, resolved |
 | board.toml | the record that is trained for |
+| motions/ | the reference motions of pushing, where they are not the shipped ones |
 | origin.json | hashes of record and motions, versions, host, seed, GPUs, start, whether the board had passed |
 | curves.jsonl | one line an iteration, see `policy_runtime.learning.progress` |
 | curves.png | the same as a picture |
@@ -20,7 +21,7 @@ import platform
 import tomllib
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
@@ -30,7 +31,7 @@ from typing import Any, TypeVar
 import tomlkit
 
 from policy_runtime.learning.style_reference import transition_folder
-from policy_runtime.motion.motions import motion_paths
+from policy_runtime.motion.motions import load_motions, motion_paths, save_motion
 from sim.skate.options import SkateOptions
 from sysid.board import load_board
 from sysid.errors import SysidError, did_you_mean
@@ -118,6 +119,11 @@ class RunFolder:
         """The exported policy."""
         return self.path / "policy.onnx"
 
+    def motions(self) -> list[Path]:
+        """Return the reference motions of pushing: the run's own, or the shipped ones."""
+        own = self.path / "motions"
+        return motion_paths([own] if own.is_dir() else [])
+
     def checkpoint(self, iteration: int) -> Path:
         """Return the path of the checkpoint after an iteration."""
         return self.path / "checkpoints" / f"model_{iteration}.pt"
@@ -139,7 +145,13 @@ class RunFolder:
         write_atomically(self.config, tomlkit.dumps(_plain(dataclasses.asdict(config))))
 
     def begin(
-        self, config: RunConfig, record: Path, start_from: Path | None = None, *, gpus: int = 1
+        self,
+        config: RunConfig,
+        record: Path,
+        start_from: Path | None = None,
+        *,
+        gpus: int = 1,
+        motions: Sequence[Path] = (),
     ) -> None:
         """Write what a run needs before it starts: options, record, and where they came from.
 
@@ -148,23 +160,27 @@ class RunFolder:
             record: The board's record file; it is copied.
             start_from: A checkpoint of another run to begin with; it is copied.
             gpus: What the run begins on, 0 for the CPU; it goes on there.
+            motions: Files and folders of reference motions of pushing; they are copied. The shipped ones if none.
 
         Raises:
-            SysidError: The folder cannot be written to, or the checkpoint cannot be read.
+            SysidError: The folder cannot be written to, or the checkpoint or a motion cannot be read.
         """
+        clips = load_motions(motions) if motions else []
         if start_from is not None:
             if not start_from.is_file() or not start_from.stem.removeprefix("model_").isdigit():
                 raise SysidError(f"{start_from}: no checkpoint; expected a file model_N.pt of another run.")
             write_atomically(self.checkpoint(_iteration(start_from)), start_from.read_bytes())
         self.write_config(config)
         write_atomically(self.board, record.read_bytes())
-        motions = {
-            path.name: sha256(path) for path in [*motion_paths(), *motion_paths([transition_folder()])]
-        }
+        for clip in clips:
+            (self.path / "motions").mkdir(exist_ok=True)
+            save_motion(clip, self.path / "motions" / f"{clip.name}.npy")
         origin = {
             "board_sha256": sha256(record),
             "board_passed": load_board(record).passed,
-            "motions_sha256": motions,
+            "motions_sha256": {
+                path.name: sha256(path) for path in [*self.motions(), *motion_paths([transition_folder()])]
+            },
             "start_from": None
             if start_from is None
             else {"path": str(start_from), "sha256": sha256(start_from)},
@@ -209,9 +225,10 @@ class RunFolder:
     def discard(self) -> None:
         """Remove what `begin` wrote, and the folder unless it holds something else."""
         written = (self.config, self.board, self.origin, self.curves)
-        for path in (*written, *self.checkpoints(), *self.path.glob("events.out.tfevents*")):
+        others = (*self.path.glob("events.out.tfevents*"), *self.path.glob("motions/*.npy"))
+        for path in (*written, *self.checkpoints(), *others):
             path.unlink(missing_ok=True)
-        for folder in (self.path / "checkpoints", self.path):
+        for folder in (self.path / "checkpoints", self.path / "motions", self.path):
             with contextlib.suppress(OSError):
                 folder.rmdir()
 

@@ -5,6 +5,7 @@ style as well, three numbers more say one-hot which stretch it is of, as `sim.sk
 does for the policy's windows.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -23,12 +24,13 @@ def transition_folder() -> Path:
     return shipped_data() / "motions" / "transitions"
 
 
-def style_reference(options: SkateOptions) -> Array:
+def style_reference(options: SkateOptions, pushing: Sequence[Motion] = ()) -> Array:
     """Return the reference windows of a variant of the task.
 
     Args:
         options: The variant. Nothing taught by style still gets the pushing windows: the discriminator is
             built, and left alone.
+        pushing: What pushing shall look like; the shipped clips if none is given.
 
     Returns:
         Windows [rad], shape (m, 5 · 23), or (m, 5 · 23 + 3) with stretches, grouped by stretch.
@@ -36,11 +38,12 @@ def style_reference(options: SkateOptions) -> Array:
     Raises:
         SysidError: A clip is missing or broken.
     """
+    pushing = pushing or load_motions()
     if options.transition != "style":
-        return np.concatenate([_flat(motion) for motion in load_motions()])
+        return np.concatenate([_flat(motion) for motion in pushing])
     clips = load_motions([transition_folder()])
     groups = {
-        "push": load_motions() if options.pushing == "amp" else [],
+        "push": pushing if options.pushing == "amp" else [],
         "mount": [clip for clip in clips if clip.name.startswith("mount")],
         "dismount": [clip for clip in clips if clip.name.startswith("dismount")],
     }

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple, Protocol
 
 from sysid.errors import SysidError
+from sysid.files import regular
 
 SPEED_RANGE = (0.0, 1.5)
 """Speeds that policies are trained for [m/s]."""
@@ -82,9 +83,9 @@ def load_script(path: Path) -> Script:
             trained range, or times do not increase.
     """
     try:
-        with path.open(newline="", encoding="utf-8") as file:
+        with regular(path).open(newline="", encoding="utf-8") as file:
             rows = list(csv.DictReader(file))
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise SysidError(f"{path}: cannot be read ({error}). Expected a CSV file of commands.") from error
     if not rows:
         raise SysidError(

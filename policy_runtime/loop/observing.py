@@ -1,12 +1,14 @@
 """What a policy sees, built from a robot's state: our own frames and those of the HUSKY release."""
 
 import numpy as np
+import numpy.typing as npt
 
 from policy_runtime.loop.commands import Command
 from policy_runtime.robots import RobotState
 from sim.skate import rotation
 from sim.skate.cycle.clock import Clock
 from sim.skate.mdp.actor_observation import (
+    FRAME_SIZE,
     FRAMES,
     OBSERVATION_SIZE,
     PARTS,
@@ -16,17 +18,29 @@ from sim.skate.mdp.actor_observation import (
     scale_frame,
     still_to_turn,
 )
-from sim.skate.robot.g1 import default_pose
+from sim.skate.robot.g1 import JOINTS, default_pose
 from sysid.roll import Array
 
 RELEASE_SIZE = 395
 """Numbers that a policy of the HUSKY release takes: 79 a frame, grouped by term."""
+_EACH = {
+    "command": ("speed", "turn"),
+    "angular_velocity": ("x", "y", "z"),
+    "gravity": ("x", "y", "z"),
+    "phase": ("",),
+}
+FRAME_NAMES = tuple(f"{part} {each}".strip() for part, *_ in PARTS for each in _EACH.get(part, JOINTS))
+"""Of the 78 numbers of a frame."""
 
 
 class PaperObservation:
     """The observation of the paper: the turn as it was told. See `sim.skate.mdp.actor_observation`."""
 
     size = OBSERVATION_SIZE
+    newest: npt.NDArray[np.intp] = np.arange(OBSERVATION_SIZE - FRAME_SIZE, OBSERVATION_SIZE)
+    """Where the numbers of the newest frame stand in the observation."""
+    names = FRAME_NAMES
+    """Of the numbers of a frame."""
 
     def __init__(self) -> None:
         """Start without a history."""
@@ -81,12 +95,16 @@ class ReleaseObservation(PaperObservation):
     """The observation of the HUSKY release: a heading as third number, and the history grouped by term."""
 
     size = RELEASE_SIZE
+    names = (*FRAME_NAMES[:2], "heading", *FRAME_NAMES[2:])
+    _sizes = (PARTS[0][1], 1, *(size for _, size, _, _ in PARTS[1:]))
+    _edges = np.cumsum([0, *_sizes])
+    newest = np.concatenate(
+        [FRAMES * end - size + np.arange(size) for end, size in zip(_edges[1:], _sizes, strict=True)]
+    )
 
     def __init__(self) -> None:
         """Start without a history."""
         super().__init__()
-        sizes = [PARTS[0][1], 1, *(size for _, size, _, _ in PARTS[1:])]
-        self._edges = np.cumsum([0, *sizes])
         self._frames: Array | None = None
 
     def reset(self) -> None:

@@ -57,19 +57,23 @@ class OnnxPolicy:
         """Take the file; `reset` begins an episode."""
         self.name = file.path.stem
         self.file = file
-        self._observation = _observation(file)
+        self.observing = _observation(file)
+        """Builds what it sees."""
+        self.observation = np.zeros(file.size)
+        """What it saw last."""
         self._default, self._scale = default_pose(), servos().action_scale
         self.action = np.zeros(len(JOINTS))
 
     def reset(self, state: RobotState) -> None:
         """Begin an episode; the first 'last action' is the one that asks for the present pose, as in training."""
-        self._observation.reset()
+        self.observing.reset()
         release = self.file.size == RELEASE_SIZE
         self.action = np.zeros(len(JOINTS)) if release else action_for(state.joint_position)
 
     def act(self, state: RobotState, command: Command, step: int) -> Array:
         """Return joint targets [rad], shape (23,)."""
-        observation = self._observation.build(state, command, self.action, step).astype(np.float32)[None]
-        answer = self.file.session.run([self.file.output_name], {self.file.input_name: observation})[0]
+        self.observation = self.observing.build(state, command, self.action, step)
+        batch = {self.file.input_name: self.observation.astype(np.float32)[None]}
+        answer = self.file.session.run([self.file.output_name], batch)[0]
         self.action = np.asarray(answer, dtype=np.float64)[0]
         return self._default + self._scale * self.action

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from policy_runtime.loop.observing import RELEASE_SIZE
+from policy_runtime.loop.policy_trial import open_session, require_answer, session_options
 from sim.skate.mdp.actor_observation import OBSERVATION_SIZE
 from sim.skate.robot.g1 import JOINTS, default_pose, servos
 from sim.skate.world.posterior import Spread
@@ -66,25 +67,11 @@ def open_policy(path: Path, board: Board | None = None, *, force: bool = False) 
 
 
 def _session(path: Path) -> Any:
-    try:
-        import onnxruntime
-    except ImportError as error:
-        raise SysidError(
-            "running a policy needs onnxruntime, which is not installed. Run `pip install husky-sysid[run]`."
-        ) from error
+    options = session_options()
     if not path.is_file():
         raise SysidError(f"{path}: no such policy. Expected an ONNX file, as `husky-sysid train` writes it.")
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = options.inter_op_num_threads = (
-        1  # waking threads takes longer than this net
-    )
-    options.log_severity_level = 4
-    try:
-        return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
-    except Exception as error:
-        raise SysidError(
-            f"{path}: not an ONNX model that can be run ({str(error).splitlines()[0]})."
-        ) from error
+    require_answer(path)
+    return open_session(path, options)
 
 
 def _last_dimension(shape: list[Any]) -> int | None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from policy_runtime.robots import RobotState
+from policy_runtime.robots import STOPS, RobotState
 from sim.skate.robot.g1 import JOINTS, servos
 from sysid.roll import Array
 
@@ -52,6 +52,8 @@ class Guard:
     def check(self, state: RobotState) -> str | None:
         """Return why the robot must stop, or None."""
         limits = self._limits
+        if any(buttons <= state.buttons for buttons in STOPS):
+            return f"handset: {' and '.join(sorted(state.buttons))} pressed"
         if state.age > limits.link_timeout:
             return f"lost link: no message from the robot for {state.age * 1e3:.0f} ms"
         for name in ("quaternion", "angular_velocity", "joint_position", "joint_velocity", "joint_torque"):
@@ -61,10 +63,11 @@ class Guard:
         self._last_time = max(self._last_time, state.time)
         if self._stale > limits.stale_timeout:
             return f"stale observation: the robot has repeated the same state for {self._stale * 1e3:.0f} ms"
-        _, x, y, _ = state.quaternion.tolist()
-        inclination = math.acos(min(1.0, max(-1.0, 1 - 2 * (x * x + y * y))))
-        if inclination > limits.tilt:
-            return f"tilt: the pelvis leans {math.degrees(inclination):.0f}°, limit {math.degrees(limits.tilt):.0f}°"
+        if state.inclination > limits.tilt:
+            return (
+                f"tilt: the pelvis leans {math.degrees(state.inclination):.0f}°, "
+                f"limit {math.degrees(limits.tilt):.0f}°"
+            )
         return self._check_joints(state) or self._check_torques(state)
 
     def check_target(self, target: Array) -> str | None:
@@ -79,7 +82,8 @@ class Guard:
         worst = int(beyond.argmax())
         if beyond[worst] > limits.joint_margin:
             return (
-                f"joint limit: {JOINTS[worst]} at {state.joint_position[worst]:.3f} rad is beyond its range"
+                f"joint limit: {JOINTS[worst]} at {state.joint_position[worst]:.3f} rad is {beyond[worst]:.3f} rad "
+                f"beyond its range, --joint-margin {limits.joint_margin:g}"
             )
         return None
 

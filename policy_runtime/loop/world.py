@@ -31,6 +31,12 @@ class World:
     start: Array
     """Configuration at the start, shape (nq,)."""
 
+    @property
+    def start_joints(self) -> Array:
+        """Joint angles of the start [rad], shape (23,)."""
+        joints = self.robot.base_q + 7
+        return self.start[joints : joints + len(JOINTS)]
+
     def reset(
         self, *, speed: float = 0.0, rng: np.random.Generator | None = None, noise: float = 0.01
     ) -> None:
@@ -52,6 +58,7 @@ def make_world(
     board: Board,
     *,
     coupling: Coupling = "equality",
+    steered: bool = True,
     terrain: Terrain = "flat",
     start: str = "stand",
     gantry: Gantry | None = None,
@@ -62,6 +69,7 @@ def make_world(
     Args:
         board: The record.
         coupling: How tilt steers the trucks.
+        steered: Whether it does; else they are held straight.
         terrain: The ground.
         start: One of `STARTS`.
         gantry: Holds the robot; None lets it fall.
@@ -70,10 +78,14 @@ def make_world(
     Raises:
         SysidError: mjlab is not installed, or the board cannot be built.
     """
-    options = SceneOptions(coupling=coupling, terrain=terrain, timestep=PD_PERIOD)
+    options = SceneOptions(coupling=coupling, steered=steered, terrain=terrain, timestep=PD_PERIOD)
     model = skate_spec(board, options, visuals=visuals).compile()
-    rake = board.geometry["rake"].value if coupling == "direct" else None
-    return world_of(model, start=start, direct_rake=rake, gantry=gantry)
+    return world_of(model, start=start, direct_rake=direct_rake(board, coupling), gantry=gantry)
+
+
+def direct_rake(board: Board, coupling: Coupling) -> float | None:
+    """Return the rake λ [rad] by which trucks are set after every step; None where a constraint does it."""
+    return board.geometry["rake"].value if coupling == "direct" else None
 
 
 def world_of(

@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 
+from policy_runtime.motion.contact import Stance, find_stance
 from policy_runtime.motion.motions import Motion
 from sim.skate.robot.g1 import FOOT_BODIES, JOINTS
 from sysid.roll import Array
 
-PLANTED_HEIGHT = 0.002
-"""A sole that is closer than this to the ground everywhere is taken to stand on it [m]."""
 RADIUS = 0.01
 """Radius of the sole's capsules [m]; their end points lie that far inside its outline."""
 LEFT_LEG = slice(0, 6)
@@ -33,7 +33,7 @@ class MotionFacts:
     """Mean speed of the pelvis in the plane [m/s]."""
     period: float
     """Time between two pushes, from the autocorrelation of the left leg [s]; NaN without a repetition."""
-    planted: Array
+    planted: npt.NDArray[np.bool_]
     """Frames in which the left foot stands on the ground, shape (frames,), bool."""
     slide: float
     """Greatest speed of the planted left foot over the ground [m/s]."""
@@ -73,27 +73,23 @@ def motion_facts(motion: Motion, model: mujoco.MjModel) -> MotionFacts:
     """
     soles, com, touching = _forward(model, motion)
     left, right = soles[:, 0], soles[:, 1]
-    moved = np.linalg.norm(np.gradient(left[..., :2].mean(axis=1), axis=0), axis=1) * motion.rate
-    ground = _ground(left[..., 2].min(axis=1), moved)
-    planted = np.abs(left[..., 2] - ground).max(axis=1) < PLANTED_HEIGHT
-    both = planted[1:-1] & planted[2:] & planted[:-2]
+    stance = find_stance(left, motion.rate)
     speeds = np.abs(np.diff(motion.joints, axis=0)) * motion.rate
     worst = np.unravel_index(np.argmax(speeds), speeds.shape)
     low, high = model.jnt_range[1:].T
     tilt = np.arcsin(np.clip(np.ptp(right[..., 2], axis=1) / _length(right), -1, 1))
-    air = ~planted
     margin = _inside(com, right)
     return MotionFacts(
         frames=len(motion.joints),
         duration=motion.duration,
         speed=motion.speed,
         period=_period(motion.joints[:, LEFT_LEG], motion.rate),
-        planted=planted,
-        slide=float(moved[1:-1][both].max(initial=0.0)),
-        penetration=float(max(0.0, ground - left[..., 2].min())),
+        planted=stance.planted,
+        slide=stance.slide,
+        penetration=float(max(0.0, stance.ground - left[..., 2].min())),
         bobbing=float(np.ptp(right[..., 2].mean(axis=1))),
         right_foot_tilt=float(tilt.max()),
-        support_margin=float(margin[air].min(initial=np.inf)),
+        support_margin=float(margin[~stance.planted].min(initial=np.inf)),
         joint_low=motion.joints.min(axis=0),
         joint_high=motion.joints.max(axis=0),
         limit_margin=float(np.minimum(motion.joints - low, high - motion.joints).min()),
@@ -101,6 +97,11 @@ def motion_facts(motion: Motion, model: mujoco.MjModel) -> MotionFacts:
         peak_speed_joint=JOINTS[worst[1]].removesuffix("_joint"),
         self_contacts=int(touching.sum()),
     )
+
+
+def left_stance(motion: Motion, model: mujoco.MjModel) -> Stance:
+    """Return when the left foot of a clip stands on the ground; arguments as in `motion_facts`."""
+    return find_stance(_forward(model, motion)[0][:, 0], motion.rate)
 
 
 def _forward(model: mujoco.MjModel, motion: Motion) -> tuple[Array, Array, Array]:
@@ -137,12 +138,6 @@ def _inside(com: Array, sole: Array) -> Array:
     """Return how far inside the sole's bounding box (seen from above) the centre of mass is [m]."""
     low, high = sole[..., :2].min(axis=1) - RADIUS, sole[..., :2].max(axis=1) + RADIUS
     return np.minimum(com[:, :2] - low, high - com[:, :2]).min(axis=1)
-
-
-def _ground(height: Array, speed: Array) -> float:
-    """Return the height of the sole in the slowest fifth of all frames [m], where it is low as well."""
-    slow = np.argsort(speed)[: max(3, len(speed) // 5)]
-    return float(np.median(np.sort(height[slow])[: max(2, len(slow) // 2)]))
 
 
 def _period(joints: Array, rate: float) -> float:

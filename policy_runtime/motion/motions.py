@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from sysid.errors import SysidError, did_you_mean
-from sysid.files import atomic_path, shipped_data
+from sysid.files import atomic_path, regular, shipped_data
 from sysid.roll import Array
 
 FRAME_RATE = 50.0
@@ -76,7 +76,7 @@ def load_motion(path: Path) -> Motion:
             sample, not finite, or holds quaternions that are not of unit length.
     """
     try:
-        table = np.load(path, allow_pickle=False)
+        table = np.load(regular(path), allow_pickle=False)
     except OSError as error:
         raise SysidError(
             f"{path}: cannot be read ({error.strerror or error}). Expected a .npy motion."

@@ -1,12 +1,20 @@
 """Robots that the runtime can drive: in plain MuJoCo, or the real one over its network interface."""
 
+import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, Self
 
+import numpy as np
+
+from sim.skate.robot.g1 import JOINTS, servos
 from sysid.roll import Array
 
 PD_PERIOD = 0.002
 """Time between two steps of the joint servos [s]: 500 Hz."""
+ARM, BEGIN = "start", "A"
+"""Buttons of the handset that let the robot move to the start pose, and the policy begin."""
+STOPS = ({"select"}, {"L2", "B"})
+"""Buttons of the handset that stop the robot; the second pair is the factory's own."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,6 +35,14 @@ class RobotState:
     """[rad/s], shape (23,)."""
     joint_torque: Array
     """As measured or estimated by the motors [N*m], shape (23,)."""
+    buttons: frozenset[str] = frozenset()
+    """Buttons of the handset that are pressed."""
+
+    @property
+    def inclination(self) -> float:
+        """Angle between the pelvis' z axis and the vertical [rad]."""
+        _, x, y, _ = self.quaternion.tolist()
+        return math.acos(min(1.0, max(-1.0, 1 - 2 * (x * x + y * y))))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,6 +55,17 @@ class JointCommand:
     """[N*m/rad], shape (23,)."""
     damping: Array
     """[N*m*s/rad], shape (23,)."""
+
+    @classmethod
+    def brake(cls) -> Self:
+        """Return the command that holds nothing and only damps."""
+        zeros = np.zeros(len(JOINTS))
+        return cls(position=zeros, stiffness=zeros, damping=servos().damping)
+
+    @classmethod
+    def hold(cls, position: Array) -> Self:
+        """Return the command that asks for joint angles [rad], shape (23,), with the robot's gains."""
+        return cls(position=position, stiffness=servos().stiffness, damping=servos().damping)
 
 
 class Robot(Protocol):

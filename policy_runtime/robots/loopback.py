@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from policy_runtime.robots import PD_PERIOD, JointCommand
+from policy_runtime.robots import ARM, BEGIN, PD_PERIOD, JointCommand
 from policy_runtime.robots.simulated import SimulatedRobot
-from policy_runtime.robots.unitree import POLICY_MOTORS, join_domain, load_messages
-from sim.skate.robot.g1 import JOINTS, servos
+from policy_runtime.robots.unitree import POLICY_MOTORS, WRIST_MOTORS, join_domain, load_messages
 
 LOOPBACK = "lo"
 """The network interface on which a computer talks to itself."""
@@ -24,13 +23,16 @@ class SimulatedG1:
     damping mode does.
     """
 
-    def __init__(self, robot: SimulatedRobot, *, interface: str | None = None, domain: int = 0) -> None:
+    def __init__(
+        self, robot: SimulatedRobot, *, interface: str | None = None, domain: int = 0, hoisted: bool = False
+    ) -> None:
         """Join the network.
 
         Args:
             robot: What moves.
             interface: Network interface; CycloneDDS chooses one if None.
             domain: DDS domain.
+            hoisted: Hang on a hoist over the board: pelvis and board stay where they are, the joints move.
 
         Raises:
             SysidError: cyclonedds is not installed or cannot use the interface.
@@ -58,12 +60,17 @@ class SimulatedG1:
         """Repeat the same state, as when the sensors hang."""
         self.corrupt = False
         """Send wrong check sums."""
+        self.pressed: frozenset[str] = frozenset()
+        """Buttons of the handset that are held down."""
+        self.hoisted = hoisted
+        self.wrists = np.zeros(len(WRIST_MOTORS))
+        """[rad], shape (6,). Massless: they are where they are told to be as soon as their servos hold."""
         self.commands = self.rejected = 0
         """Commands obeyed, and commands thrown away for a wrong check sum."""
 
     def __enter__(self) -> "SimulatedG1":
         """Start to move."""
-        self._brake()
+        self._robot.send(JointCommand.brake())
         self._thread.start()
         return self
 
@@ -73,15 +80,19 @@ class SimulatedG1:
         self._thread.join()
         self._reader = self._writer = self._participant = None
 
-    def _brake(self) -> None:
-        zeros = np.zeros(len(JOINTS))
-        self._robot.send(JointCommand(position=zeros, stiffness=zeros, damping=servos().damping))
+    def assist(self, kind: str) -> None:
+        """Do what people beside a real robot do when its run logs an event: arm it, let it down, begin, step back."""
+        presses = {"wait": ARM, "ready": BEGIN}
+        self.pressed = frozenset({presses[kind]} if kind in presses else ())
+        self.hoisted = self.hoisted and kind not in ("ready", "start")
 
     def _run(self) -> None:
         state, due = self._state(), time.monotonic()
         while not self._stop.is_set():
             self._obey()
             self._robot.step()
+            if self.hoisted:
+                self._robot.hang()
             if not self.frozen:
                 state = self._state()
             if not self.silent:
@@ -99,6 +110,8 @@ class SimulatedG1:
             self.rejected += 1
             return
         self.commands += 1
+        if all(newest.motor_cmd[slot].kp > 0 for slot in WRIST_MOTORS):
+            self.wrists = np.array([newest.motor_cmd[slot].q for slot in WRIST_MOTORS])
         motors = [newest.motor_cmd[slot] for slot in POLICY_MOTORS]
         on = np.array([motor.mode == 1 for motor in motors], dtype=np.float64)
         self._robot.send(
@@ -122,6 +135,9 @@ class SimulatedG1:
                 float(own.joint_velocity[i]),
                 float(own.joint_torque[i]),
             )
+        for slot, angle in zip(WRIST_MOTORS, self.wrists.tolist(), strict=True):
+            message.motor_state[slot].q = angle
+        message.wireless_remote = self._messages.handset_bytes(self.pressed)
         # The sum runs over single precision, as the message travels.
         message.crc = self._messages.state_crc(message) ^ int(self.corrupt)
         return message

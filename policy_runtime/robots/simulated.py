@@ -120,6 +120,7 @@ class SimulatedRobot:
             speed: Of board, wheels and robot along x [m/s].
         """
         self._truth: Truth | None = None
+        self._began = qpos.copy()
         mujoco.mj_resetData(self.model, self.data)
         self.data.qpos[:] = qpos
         self.data.qvel[[self.base_v, self.board_v]] = speed
@@ -130,6 +131,12 @@ class SimulatedRobot:
         self.data.ctrl[self.actuators] = self.data.qpos[self._q]
         mujoco.mj_forward(self.model, self.data)
         self._held = self._in_board_frame()
+
+    def hang(self) -> None:
+        """Put pelvis and board back to where they were at the last reset, at rest: the robot hangs on a hoist."""
+        for q, v in ((self.base_q, self.base_v), (self.board_q, self.board_v)):
+            self.data.qpos[q : q + 7] = self._began[q : q + 7]
+            self.data.qvel[v : v + 6] = 0.0
 
     def read(self) -> RobotState:
         """Return the robot's own state, without noise."""

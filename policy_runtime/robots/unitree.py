@@ -3,9 +3,9 @@
 """The Unitree G1 over its network interface: low-level commands and states through CycloneDDS.
 
 The motors close the servo loop; this side sends them targets and gains 500 times a second, and what the
-robot last said counts as its state. Only the 23 joints of the policy are driven; the wrists are held
-where they are. Before the first command the robot must be in its damping mode with the factory's
-motion service off (as for every low-level program).
+robot last said counts as its state. Only the 23 joints of the policy are driven; the wrists are led slowly to
+where the policy's model has them fixed. Before the first command the robot must be in its damping mode with the
+factory's motion service off (as for every low-level program).
 """
 
 import socket
@@ -17,12 +17,15 @@ import numpy as np
 
 from policy_runtime.robots import PD_PERIOD, JointCommand, RobotState
 from sysid.errors import SysidError
+from sysid.roll import Array
 
 POLICY_MOTORS = (*range(19), *range(22, 26))
 """Motor slots of the 23 joints in policy order: legs, waist, left arm, right arm without wrists."""
 WRIST_MOTORS = (19, 20, 21, 26, 27, 28)
 WRIST_STIFFNESS, WRIST_DAMPING = 20.0, 1.0
 """Gains that hold the wrists [N*m/rad], [N*m*s/rad]."""
+WRIST_ANGLE, WRIST_SPEED = 0.0, 0.5
+"""Where all wrist joints are held, as in the policy's model [rad], and how fast they are led there [rad/s]."""
 PITCH_ROLL = 0
 """Mode in which ankles and waist take pitch and roll instead of the two motors of their linkage."""
 CONNECT_TIMEOUT = 3.0
@@ -62,6 +65,8 @@ class UnitreeG1:
         self._command: Any = None
         self._state: Any = None
         self._received = -np.inf
+        self._wrists: Array | None = None
+        self._sent = 0.0
         self.rejected = 0
         """Messages thrown away for a wrong check sum."""
         self._next = time.monotonic()
@@ -87,6 +92,7 @@ class UnitreeG1:
             joint_position=np.array([motors[i].q for i in POLICY_MOTORS], dtype=np.float64),
             joint_velocity=np.array([motors[i].dq for i in POLICY_MOTORS], dtype=np.float64),
             joint_torque=np.array([motors[i].tau_est for i in POLICY_MOTORS], dtype=np.float64),
+            buttons=self._messages.pressed_buttons(state.wireless_remote),
         )
 
     def send(self, command: JointCommand) -> None:
@@ -102,13 +108,25 @@ class UnitreeG1:
                 float(command.damping[i]),
             )
         braking = not np.any(command.stiffness)
-        for slot in WRIST_MOTORS:
+        wrists = self._lead_wrists(braking)
+        for slot, angle in zip(WRIST_MOTORS, wrists, strict=True):
             motor = message.motor_cmd[slot]
-            motor.mode, motor.q = 1, float(self._state.motor_state[slot].q)
+            motor.mode, motor.q = 1, float(angle)
             motor.kp, motor.kd = 0.0 if braking else WRIST_STIFFNESS, WRIST_DAMPING
         message.crc = self._messages.command_crc(message)
         self._messages.serialise_once(message)
         self._command = message
+
+    def _lead_wrists(self, braking: bool) -> Array:
+        """Return the wrists' next targets [rad], shape (6,): from where they are, slowly to where they shall be."""
+        now = time.monotonic()
+        if braking or self._wrists is None:
+            self._wrists = np.array([self._state.motor_state[slot].q for slot in WRIST_MOTORS])
+        else:
+            step = WRIST_SPEED * (now - self._sent)
+            self._wrists = self._wrists + np.clip(WRIST_ANGLE - self._wrists, -step, step)
+        self._sent = now
+        return self._wrists
 
     def step(self) -> None:
         """Send the command once and wait for the next servo period."""

@@ -22,6 +22,12 @@ COMMAND_TOPIC, STATE_TOPIC = "rt/lowcmd", "rt/lowstate"
 MOTORS = 35
 """Motor slots in a message; the G1 uses the first 29."""
 
+BUTTONS = (
+    *("R1", "L1", "start", "select", "R2", "L2", "F1", "F2"),
+    *("A", "B", "X", "Y", "up", "right", "down", "left"),
+)
+"""Of the handset, in the order of their bits: bytes 2 and 3 of `LowState.wireless_remote`, lowest bit first."""
+
 
 @dataclass
 @final
@@ -135,6 +141,18 @@ def empty_state() -> LowState:
     imu = IMUState([1.0, 0.0, 0.0, 0.0], [0.0] * 3, [0.0] * 3, [0.0] * 3, 0)
     motors = [MotorState(0, 0.0, 0.0, 0.0, 0.0, [0, 0], 0.0, [0, 0], 0, [0] * 4) for _ in range(MOTORS)]
     return LowState([0, 0], 0, 0, 0, imu, motors, [0] * 40, [0] * 4, 0)
+
+
+def pressed_buttons(remote: Any) -> frozenset[str]:
+    """Return which buttons the 40 bytes of the handset say are pressed."""
+    bits = int(remote[2]) | int(remote[3]) << 8
+    return frozenset(name for i, name in enumerate(BUTTONS) if bits >> i & 1)
+
+
+def handset_bytes(buttons: frozenset[str]) -> list[int]:
+    """Return the 40 bytes of a handset with these buttons pressed and its sticks at rest."""
+    bits = sum(1 << BUTTONS.index(name) for name in buttons)
+    return [0, 0, bits & 0xFF, bits >> 8, *[0] * 36]
 
 
 def serialise_once(message: IdlStruct) -> None:

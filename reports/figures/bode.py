@@ -23,6 +23,7 @@ def bode_figure(board: Board, width: float) -> "Figure":
     """
     import control
     from matplotlib.figure import Figure
+    from matplotlib.ticker import StrMethodFormatter
 
     natural = np.sqrt(board.stiffness / board.inertia.value)
     omega = np.geomspace(natural / 30, natural * 10, 200)
@@ -43,6 +44,8 @@ def bode_figure(board: Board, width: float) -> "Figure":
         panel.plot(omega / (2 * np.pi), values[0], color=SIM, lw=1.2, gid=f"series:{label.split(' ')[0]}")
         panel.set_ylabel(label)
     axes[0].set(xscale="log", yscale="log")
+    for axis in (axes[0].yaxis, axes[1].xaxis):
+        axis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axes[1].set(xlabel="frequency [Hz]", yticks=(-180, -90, 0))
     figure.align_ylabels()
     return figure

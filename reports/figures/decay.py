@@ -30,7 +30,7 @@ STYLE: dict[Any, Any] = {
     "path.simplify": True,
 }
 LEFT = 0.095
-"""Margin, wide enough for a label beside ticks of five figures."""
+"""Margin as a share of the figure, wide enough for a label beside ticks of five figures."""
 MOST_LOGS = 4
 """Whole logs drawn side by side."""
 MOST_MARKED = 12

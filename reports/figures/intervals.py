@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _TOP = 9.0
-"""Deviance at the upper edge: three deviations."""
+"""Deviance at the upper edge [1]: three standard deviations."""
 
 
 def interval_figure(

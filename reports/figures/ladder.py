@@ -1,55 +1,80 @@
-"""The ladder: how the error falls as one effect after another is added."""
+"""The ladder: how the error falls from the record as it stood, as one effect after another is added."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reports.figures.decay import STYLE
 from reports.figures.palette import HELD_OUT, NOISE, SIM
+from reports.story import STOOD, Step
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from sysid.fitting.ladder import Rung
+    from sysid.fit_mjcf import Fit
+
+WIDE = 8.0
+"""Ratio of errors from which their axis is logarithmic."""
 
 
-def ladder_figure(rungs: "Sequence[Rung]", floor: float, title: str, unit: str = "rad") -> "Figure":
-    """Draw training and held-out error of each rung against the noise floor.
+def draw_ladder(axes: "Axes", steps: Sequence[Step], noise: tuple[float, float]) -> None:
+    """Draw the error of each model as a dot, in multiples of the noise, over the noise's own band.
 
     Args:
-        rungs: From the simplest model to the last.
-        floor: Noise floor in the same unit.
+        axes: To draw on.
+        steps: From the record as it stood to the last model, the first on top.
+        noise: 95 % interval of the noise floor, in multiples of it.
+    """
+    from matplotlib.ticker import NullFormatter, StrMethodFormatter
+
+    rows = np.arange(len(steps))
+    axes.axvspan(*noise, color=NOISE, alpha=0.35, lw=0)
+    axes.axvline(1, color=NOISE, lw=1.2, label="noise, 95 %")
+    errors = np.array([step.error for step in steps])
+    held = np.array([np.nan if step.heldout is None else step.heldout for step in steps], dtype=float)
+    for row, step in enumerate(steps):
+        axes.annotate(f"{step.error:.3g}", (step.error, row), (0, 6), textcoords="offset points", ha="center")
+    if np.isfinite(held).any():
+        axes.plot(held, rows, "o", color=HELD_OUT, mfc="none", mew=1.4, ms=7, label="left-out releases")
+    axes.plot(errors, rows, "o", color=SIM, ms=7, label="error")
+    axes.set_yticks(rows, [step.label for step in steps])
+    axes.set_ylim(len(steps) - 0.5, -0.7)
+    largest = float(np.nanmax([*errors, *held]))
+    if largest > WIDE:
+        axes.set_xscale("log")
+        axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axes.xaxis.set_minor_formatter(NullFormatter())
+    else:
+        axes.set_xlim(0, 1.12 * largest)
+    axes.set_xlabel("error / noise")
+    axes.grid(visible=False, axis="y")
+    axes.legend(loc="best")
+
+
+def fit_steps(fit: "Fit") -> tuple[Step, ...]:
+    """Return the ladder of a fit: the record as it stood, then each model."""
+    floor = fit.noise.std
+    steps = [Step(rung.label, rung.rmse / floor, rung.heldout_rmse / floor) for rung in fit.ladder]
+    return (Step(STOOD, fit.rmse_before / floor), *steps)
+
+
+def ladder_figure(steps: Sequence[Step], noise: tuple[float, float], title: str) -> "Figure":
+    """Draw a ladder by itself.
+
+    Args:
+        steps: From the record as it stood to the last model.
+        noise: 95 % interval of the noise floor, in multiples of it.
         title: Heading.
-        unit: 'rad' (drawn in degrees) or 'rad/s'.
     """
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    scale = np.degrees(1.0) if unit == "rad" else 1.0
-    shown = "°" if unit == "rad" else unit
-    x = np.arange(len(rungs))
+    from reports.figures.decay import STYLE
+
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(max(4.6, 1.5 * len(rungs) + 2.2), 3.4), layout="constrained")
+        figure = Figure(figsize=(5.6, 1.5 + 0.45 * len(steps)), layout="constrained")
         axes = figure.add_subplot()
-        axes.bar(x - 0.18, [scale * r.rmse for r in rungs], 0.34, color=SIM, label="fitted releases")
-        axes.bar(
-            x + 0.18, [scale * r.heldout_rmse for r in rungs], 0.34, color=HELD_OUT, label="held-out releases"
-        )
-        axes.axhline(scale * floor, color=NOISE, linestyle="--", linewidth=1.2, label="noise floor")
-        for place, rung in zip(x, rungs, strict=True):
-            for shift, value in ((-0.18, rung.rmse), (0.18, rung.heldout_rmse)):
-                axes.annotate(
-                    f"{scale * value:.3g}",
-                    (place + shift, scale * value),
-                    ha="center",
-                    va="bottom",
-                    fontsize=7.5,
-                )
-        axes.set_xticks(x, [rung.label.replace("and ", "and\n") for rung in rungs])
-        axes.set_ylabel(f"RMS error [{shown}]")
+        draw_ladder(axes, steps, noise)
         axes.set_title(title)
-        axes.margins(y=0.16)
-        axes.grid(visible=False, axis="x")
-        axes.legend(loc="upper right")
     return figure

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from policy_runtime.motion.motions import Motion
 from sim.skate.robot.g1 import JOINTS
 from sysid.files import atomic_path
-from sysid.roll import Array
 
 ROWS = (
     ("left leg", ("left_hip_pitch", "left_knee", "left_ankle_pitch")),
@@ -20,7 +20,7 @@ COLOURS = ("#0072B2", "#CC79A7", "#009E73")
 """Of the three curves of a row; apart for all common kinds of colour blindness."""
 
 
-def motion_figure(motions: Sequence[Motion], planted: Sequence[Array], path: Path) -> None:
+def motion_figure(motions: Sequence[Motion], planted: Sequence[npt.NDArray[np.bool_]], path: Path) -> None:
     """Draw clips side by side into a PNG file.
 
     Args:

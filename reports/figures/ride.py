@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from policy_runtime.evaluation.recording import Recording
-from reports.figures.palette import BAD, GOOD, NOISE, SIM
+from reports.figures.palette import BAD, GOOD, NOISE, SERIES, SIM
 from sim.skate.cycle.clock import STILL_SPEED
 from sim.skate.robot.g1 import servos
 from sysid.files import atomic_path
@@ -195,28 +195,37 @@ def paths_figure(paths: tuple[Array, ...], headings: Array, title: str, path: Pa
         figure.savefig(temporary, dpi=120)
 
 
-def suite_figure(shares: list[tuple[str, Quantity]], title: str, path: Path) -> None:
+def suite_figure(shares: list[tuple[str, str, Quantity]], title: str, path: Path) -> None:
     """Draw which share of the rides lasts under each condition, with 95 % intervals, as a PNG file.
 
     Args:
-        shares: Name of the condition and share of rides, the first on top.
-        title: Who rode what.
+        shares: Condition, policy and share of rides, the first on top; the rows of a condition stand together.
+        title: Where they rode.
         path: Where to write.
 
     Raises:
         SysidError: The folder cannot be written to.
     """
     from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
 
-    figure = Figure(figsize=(8, 1.2 + 0.36 * len(shares)), layout="constrained")
+    conditions = list(dict.fromkeys(condition for condition, _, _ in shares))
+    policies = list(dict.fromkeys(policy for _, policy, _ in shares))
+    height = 0.8 / len(policies)
+    figure = Figure(figsize=(8, 1.4 + 0.36 * max(len(conditions), len(shares) / 2)), layout="constrained")
     axes = figure.subplots()
-    for row, (_, share) in enumerate(shares):
-        low, high = share.ci95
-        axes.barh(row, share.value, color=SIM, height=0.6)
-        axes.plot((low, high), (row, row), color=NOISE, lw=2)
-    axes.set_yticks(range(len(shares)), [name for name, _ in shares])
+    for condition, policy, share in shares:
+        if not np.isfinite(share.value):
+            continue
+        number = policies.index(policy)
+        row = conditions.index(condition) + height * (number - (len(policies) - 1) / 2)
+        axes.barh(row, share.value, color=SERIES[number % len(SERIES)], height=0.9 * height)
+        axes.plot(share.ci95, (row, row), color=NOISE, lw=2)
+    axes.set_yticks(range(len(conditions)), conditions)
     axes.invert_yaxis()
     axes.set(xlim=(0, 1.02), xlabel="share of the rides that last, with 95 % interval")
+    patches = [Patch(color=SERIES[i % len(SERIES)], label=policy) for i, policy in enumerate(policies)]
+    figure.legend(handles=patches, loc="outside upper right", ncols=len(policies), frameon=False, fontsize=8)
     axes.set_title(title, loc="left", fontsize=10)
     axes.grid(axis="x", alpha=0.3)
     for side in ("top", "right"):

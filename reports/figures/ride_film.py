@@ -12,6 +12,7 @@ from sysid.files import atomic_path
 from sysid.roll import Array
 
 WIDTH, HEIGHT = 360, 420
+"""Of one moment's picture [px]."""
 
 
 def film_strip(model: mujoco.MjModel, qpos: Array, times: Array, path: Path, *, columns: int = 5) -> None:

@@ -8,27 +8,35 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from reports.evidence import Evidence, LogFile
+from reports.evidence import Evidence, LastDiagnosis, LogFile
 from reports.figures import board as board_figures
+from reports.figures import story as story_figures
 from reports.figures.bode import bode_figure
 from reports.figures.svg import figure_to_svg, page_style
+from reports.page.answers import four_answers
 from reports.page.page import (
     Page,
+    answers,
     choices,
     figure,
     law,
     note,
+    panels,
     paragraph,
     preformatted,
+    sliders,
     table,
     verdict,
     warning_list,
 )
 from reports.page.summary import effect_lines, law_text, parameters, pretty, three
+from reports.playground import playground
+from reports.story import release_name, story_of_board
 from sysid.board import Board
 from sysid.diagnosis.signatures import ALIKE, SEEN, LookAlikes
 from sysid.effects import effect
 from sysid.quantity import Quantity
+from sysid.text import count, percent
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,6 +45,13 @@ if TYPE_CHECKING:
 
 MOST_RELEASES = 8
 """Releases drawn; the table has all of them."""
+TOO_WEAK = "too weak to show here"
+AXES = ("time", "amplitude", "velocity", "side", "phase")
+"""Ways to divide an error, in the order in which they are listed."""
+MOST_PAIRS = 6
+"""Pairs of parameters listed, the strongest first."""
+STRONG = 0.9
+"""Correlation from which two parameters are hardly told apart."""
 HOPELESS = 30.0
 """Multiple of an effect's clear strength beyond which no board has it."""
 
@@ -57,7 +72,7 @@ def board_report(
     evidence: Evidence | None,
     files: "Sequence[LogFile]",
     provenance: Provenance,
-    diagnosis: Mapping[str, Any] | None = None,
+    diagnosis: LastDiagnosis | None = None,
 ) -> str:
     """Return the page of a board as HTML.
 
@@ -66,21 +81,23 @@ def board_report(
         evidence: What its logs say; None where all of them are gone.
         files: The logs that the record or the user names, also those that are gone.
         provenance: For the last section.
-        diagnosis: The result of `husky-sysid diagnose`, where there is one.
+        diagnosis: The board's last one, where there is one.
     """
     page = Page(title=f"Board {board.name}", subtitle=board.description)
+    page.lead = "\n".join(_lead(board, evidence, diagnosis, files))
     with page_style():
-        page.section("Verdict and warnings", *_verdict(board, evidence, files))
+        if evidence is not None:
+            page.section("How it came here", *_story(evidence, diagnosis))
+        page.section("Warnings", *_warnings(board, evidence, files))
         page.section("Parameters", _parameters(board, files), *_inertia_share(board))
         page.section("Identified law", *_law(board))
         if evidence is not None:
             page.section("Measured against simulated", *_releases(evidence))
             page.section("Where it fails", *_where(evidence))
-        page.section("Ladder of errors", *_ladder(board, evidence))
-        page.section("Effects that look alike", *_look_alikes(board, evidence, diagnosis))
+        page.section("Fits so far", _history(board))
+        page.section("Effects that look alike", *_look_alikes(board, evidence))
         if evidence is not None:
             page.section("Backbone", *_backbone(evidence))
-            page.section("Restoring force", *_restoring_force(evidence))
             page.section("Correlation of parameters", *_correlation(evidence))
         page.section("Frequency response", _frequency_response(board))
         page.section("Check in the training scene", *_check(board))
@@ -90,9 +107,11 @@ def board_report(
     return page.render()
 
 
-def _verdict(board: Board, evidence: Evidence | None, files: "Sequence[LogFile]") -> list[str]:
-    parts: list[str] = []
-    warnings = [f"{file.path}: {file.state}" for file in files if file.found is None]
+def _lead(
+    board: Board, evidence: Evidence | None, diagnosis: LastDiagnosis | None, files: "Sequence[LogFile]"
+) -> list[str]:
+    """Return the answers, and sliders to try them."""
+    parts = [answers(four_answers(board, evidence, diagnosis, files))]
     if any(file.truth for file in files):
         parts.append(
             note(
@@ -100,23 +119,29 @@ def _verdict(board: Board, evidence: Evidence | None, files: "Sequence[LogFile]"
                 "Nothing on this page was measured on a real board."
             )
         )
+    play = None if evidence is None else playground(evidence, diagnosis)
+    if play is not None:
+        remark = "Each effect's slider multiplies what was fitted of it; roll and rate at each release are fitted at once."
+        if play.left_out:
+            remark += f" Not on a slider: {', '.join(play.left_out)}."
+        parts.append(sliders(play.code, play.to_json(), remark))
+    return parts
+
+
+def _story(evidence: Evidence, diagnosis: LastDiagnosis | None) -> list[str]:
+    story = story_of_board(evidence, diagnosis)
+    drawn: list[str] = []
+    for panel in story_figures.panels(story):
+        figure = board_figures.small_figure()
+        panel.draw(figure.subplots())
+        drawn.append(_figure(figure, f"story-{panel.name}", panel.caption, panel.title))
+    return [panels(drawn), *_diagnosis(diagnosis, {part.name for part in evidence.board.effects})]
+
+
+def _warnings(board: Board, evidence: Evidence | None, files: "Sequence[LogFile]") -> list[str]:
+    warnings = [f"{file.path}: {file.state}" for file in files if file.found is None]
     if evidence is not None:
-        result = evidence.comparison
-        parts.append(
-            verdict(
-                f"The simulated decay {'matches' if result.passed else 'does not match'} the measured one: error "
-                f"over the RMS motion {result.verdict()}. {result.summary}",
-                good=result.passed,
-            )
-        )
         warnings += map(pretty, evidence.warnings)
-    else:
-        parts.append(
-            verdict(
-                "None of the logs is there any more: this page shows what the record holds, and no decays.",
-                good=False,
-            )
-        )
     if not board.check:
         warnings.append(
             f"not checked in the training scene yet: husky-sysid check LOG... --board {board.name}"
@@ -125,8 +150,7 @@ def _verdict(board: Board, evidence: Evidence | None, files: "Sequence[LogFile]"
         warnings.append("the record was changed since it was checked: check it again")
     elif not board.passed:
         warnings.append("the training scene does not decay like the board (see the check below)")
-    parts.append(warning_list(warnings) if warnings else paragraph("No warnings."))
-    return parts
+    return [warning_list(warnings) if warnings else paragraph("No warnings.")]
 
 
 def _parameters(board: Board, files: "Sequence[LogFile]") -> str:
@@ -187,29 +211,28 @@ def _law(board: Board) -> list[str]:
 def _releases(evidence: Evidence) -> list[str]:
     result = evidence.comparison
     scale, unit = (1.0, " rad/s") if result.is_rate else (float(np.degrees(1.0)), "°")
-    several = len({release.log for release in result.releases}) > 1
     drawn: list[tuple[str, str]] = []
     for i, release in enumerate(result.releases[:MOST_RELEASES]):
-        name = f"{Path(release.log).name} {release.number}" if several else f"release {release.number}"
+        name = release_name(result, i)
         caption = (
-            f"{Path(release.log).name}, release {release.number}: error {three(scale * release.rmse)}{unit}, "
-            f"{release.rmse / result.noise.std:.2f} times the noise. Grey: ±2σ of the sensor's noise."
+            f"{name}: error {three(scale * release.rmse)}{unit}, {release.rmse / result.noise.std:.2f} times the "
+            "noise. Below, the residual over ±2σ of the sensor's noise in grey."
         )
         drawn.append((name, _figure(board_figures.release_figure(evidence, i), f"release{i + 1}", caption)))
     rows = [
         (
-            f"{Path(part.log).name} {part.number}",
+            release_name(result, i),
             release.side,
             f"{three(np.degrees(release.amplitude))}°",
             f"{three(scale * part.rmse)}{unit}",
             f"{part.rmse / result.noise.std:.2f}",
         )
-        for part, release in zip(result.releases, evidence.releases, strict=True)
+        for i, (part, release) in enumerate(zip(result.releases, evidence.releases, strict=True))
     ]
     left = len(result.releases) - MOST_RELEASES
     return [
         choices(drawn),
-        paragraph(f"{left} more releases are in the table only.") if left > 0 else "",
+        paragraph(f"{count(left, 'more release')} in the table only.") if left > 0 else "",
         table(("release", "edge down", "first amplitude", "RMS error", "error / noise"), rows),
     ]
 
@@ -218,25 +241,19 @@ def _where(evidence: Evidence) -> list[str]:
     result = evidence.comparison
     if not result.where:
         return [paragraph(result.summary)]
-    caption = (
-        "Shares of the squared error beyond the noise, divided five ways; each group adds up to 100 %. A share "
-        "may be negative where there is less than noise."
-    )
+    places = sorted(result.where, key=lambda place: (AXES.index(place.axis), place.range))
+    rows = [(place.axis, place.text, f"{100 * place.share:.0f} %") for place in places]
     return [
         paragraph(result.summary),
-        _figure(board_figures.where_figure(result), "where", caption),
+        table(("divided by", "where", "share of the error"), rows),
+        paragraph(
+            "Shares of the squared error beyond the noise; each way of dividing it adds up to 100 %. A share may be "
+            "negative where there is less than noise."
+        ),
     ]
 
 
-def _ladder(board: Board, evidence: Evidence | None) -> list[str]:
-    parts: list[str] = []
-    if evidence is not None and evidence.ladder:
-        caption = (
-            "Each model fitted to these logs; the second bar is its error on releases it was not fitted to."
-        )
-        parts.append(
-            _figure(board_figures.ladder_figure(evidence.ladder, evidence.comparison), "ladder", caption)
-        )
+def _history(board: Board) -> str:
     if board.history:
         rate = board.fit.get("unit") == "rad/s"
         rows = [
@@ -250,13 +267,8 @@ def _ladder(board: Board, evidence: Evidence | None) -> list[str]:
             )
             for line in board.history
         ]
-        parts.append(paragraph("As it was refitted, from the record:"))
-        parts.append(
-            table(("date", "model", "error before", "after", "on left-out releases", "noise floor"), rows)
-        )
-    else:
-        parts.append(paragraph("The record holds no fit yet: its numbers come from its source."))
-    return parts
+        return table(("date", "model", "error before", "after", "on left-out releases", "noise floor"), rows)
+    return paragraph("The record holds no fit yet: its numbers come from its source.")
 
 
 def _error(value: object, *, rate: bool) -> str:
@@ -265,12 +277,11 @@ def _error(value: object, *, rate: bool) -> str:
     return f"{three(value)} rad/s" if rate else f"{three(np.degrees(value))}°"
 
 
-def _look_alikes(board: Board, evidence: Evidence | None, diagnosis: Mapping[str, Any] | None) -> list[str]:
+def _look_alikes(board: Board, evidence: Evidence | None) -> list[str]:
     own = {part.name for part in board.effects}
-    parts = _diagnosis(diagnosis, own)
     alike = None if evidence is None else evidence.look_alikes
-    if evidence is None or alike is None:
-        return parts or [paragraph("Not computed: it takes logs of the roll.")]
+    if alike is None:
+        return [paragraph("Not computed: it takes logs of the roll.")]
     rows: list[tuple[str, ...]] = []
     for i, name in enumerate(alike.names):
         rows.append(
@@ -281,13 +292,19 @@ def _look_alikes(board: Board, evidence: Evidence | None, diagnosis: Mapping[str
                 effect(name).experiment if alike.alike(name) else "",
             )
         )
-    caption = (
-        "How alike two effects look in these releases, once stiffness, damping, rest angle and starts have done "
-        f"what they can: 1 is the same. From {ALIKE} on they cannot be told apart in practice."
+    weak = [name for i, name in enumerate(alike.names) if _weakest(alike, i) == TOO_WEAK]
+    twins = {tuple(sorted((name, other))) for name in alike.names for other in alike.alike(name)}
+    hidden = (
+        f"{count(len(weak), 'effect')} of {len(alike.names)} would not show at all"
+        if weak
+        else "Every effect would show"
     )
+    pairs = f"{count(len(twins), 'pair')} cannot be told apart" if twins else "no two of them look the same"
     return [
-        *parts,
-        _figure(board_figures.look_alikes_figure(alike), "alike", caption),
+        paragraph(
+            f"{hidden} in these releases, and {pairs} (cosine of what they change from {ALIKE} on, once stiffness, damping, "
+            "rest angle and starts have done what they can)."
+        ),
         table(("effect", "weakest that would show here", "looks like", "experiment that tells"), rows),
     ]
 
@@ -299,33 +316,24 @@ def _weakest(alike: LookAlikes, index: int) -> str:
     unit = first.unit.replace("*", "·")
     share = SEEN / float(alike.visibility[index])
     if first.neutral != 0.0:  # an end stop or a support does not grow with its first parameter
-        return "shows here" if share < 1 else "too weak to show here"
+        return "shows here" if share < 1 else TOO_WEAK
     if share > HOPELESS:
-        return "too weak to show here"
+        return TOO_WEAK
     weakest = abs(value) * share
     return pretty(f"{name.replace('_', ' ')} {weakest:.{2 if weakest < 100 else 3}g} {unit}")
 
 
-def _diagnosis(diagnosis: Mapping[str, Any] | None, own: set[str]) -> list[str]:
+def _diagnosis(diagnosis: LastDiagnosis | None, own: set[str]) -> list[str]:
+    """Return the last diagnosis in words; of a record before the present one, as the history that it is."""
     if diagnosis is None:
         return []
-    found = diagnosis["verdict"]
-    names = ", ".join(found["effects"]) or "nothing"
-    status = {
-        "none-missing": "Diagnosis: nothing is missing",
-        "missing": f"Diagnosis: missing {names}",
-        "unexplained": "Diagnosis: something is missing that no effect of the catalogue explains",
-    }[found["status"]]
-    logs = ", ".join(Path(log).name for log in diagnosis.get("logs", []))
-    added = bool(found["effects"]) and own.issuperset(found["effects"])
-    status += ", since added to the law" if added else ""
-    parts = [
-        verdict(
-            f"{status} (confidence {100 * found['confidence']:.0f} %, from {logs}). {found['explanation']}",
-            good=added or found["status"] == "none-missing",
-        )
-    ]
-    if found.get("next_experiment") and not added:
+    found = diagnosis.content["verdict"]
+    logs = ", ".join(Path(log).name for log in diagnosis.content.get("logs", []))
+    said = f"{found['explanation']} Confidence {percent(found['confidence'])}, from {logs}."
+    if not diagnosis.is_current:
+        return [note(f"The diagnosis was made before the record was last changed, and then said: {said}")]
+    parts = [paragraph(said)]
+    if found.get("next_experiment") and not own.issuperset(found["effects"] or ["-"]):
         parts.append(paragraph(f"Next experiment: {found['next_experiment']}"))
     return parts
 
@@ -340,35 +348,29 @@ def _backbone(evidence: Evidence) -> list[str]:
     return [_figure(board_figures.backbone_figure(result), "backbone", caption)]
 
 
-def _restoring_force(evidence: Evidence) -> list[str]:
-    result = evidence.comparison
-    if result.missing is None:
-        return [
-            paragraph("Not computed: too few samples a swing, or the rate was measured instead of the roll.")
-        ]
-    caption = (
-        "Left: the torque by which measured and simulated motion differ; blank where there was no data. Middle and "
-        "right: spring and damper of the law (line), and with what it lacks on average at that tilt or rate (points)."
-    )
-    if not result.where:
-        caption += " The error is the sensor's noise, so is what is shown as missing."
-    parts = [_figure(board_figures.missing_torque_figure(result), "force", caption)]
-    hidden = [name for name, _ in result.law.effects if effect(name).states]
-    if hidden:
-        parts.append(paragraph(f"Without the torque of {', '.join(hidden)}, which depends on the past."))
-    return parts
-
-
 def _correlation(evidence: Evidence) -> list[str]:
     fit = evidence.fit
     if fit is None:
         return [paragraph("The board's law could not be fitted to these logs; see the warnings.")]
     names = [name.replace("_", " ") for name in fit.quantities]
-    caption = "Of a fit of the board's law to these logs, with the uncertainty of the roll inertia in it."
+    pairs = sorted(
+        ((fit.correlation[i, j], names[i], names[j]) for i in range(len(names)) for j in range(i)),
+        key=lambda pair: -abs(np.nan_to_num(pair[0])),
+    )
+    strong = [f"{one} and {other}" for value, one, other in pairs if abs(value) >= STRONG]
     return [
-        _figure(
-            board_figures.correlation_figure(names, np.nan_to_num(fit.correlation)), "correlation", caption
-        )
+        paragraph(
+            f"Hardly told apart by these logs: {'; '.join(strong)}. Another amplitude, or a parameter that is known, parts them."
+            if strong
+            else f"Each parameter stands by itself: no two are correlated beyond {STRONG}."
+        ),
+        table(
+            ("parameter", "with", "correlation"),
+            [(a, b, f"{value:+.2f}") for value, a, b in pairs[:MOST_PAIRS]],
+        ),
+        paragraph(
+            "Of a fit of the board's law to these logs, with the uncertainty of the roll inertia in it."
+        ),
     ]
 
 
@@ -438,5 +440,5 @@ def _fitted(board: Board) -> str:
     return f"{board.fit.get('date', '?')} by husky-sysid {board.fit.get('version', '?')}"
 
 
-def _figure(drawn: "Figure", identifier: str, caption: str) -> str:
-    return figure(figure_to_svg(drawn, identifier, caption), caption)
+def _figure(drawn: "Figure", identifier: str, caption: str, title: str = "") -> str:
+    return figure(figure_to_svg(drawn, identifier, title or caption), caption, title)

@@ -1,6 +1,7 @@
 """One self-contained HTML page: no external source, light and dark, printable."""
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from importlib.resources import files
@@ -12,6 +13,8 @@ class Page:
 
     title: str
     subtitle: str
+    lead: str = ""
+    """HTML between the heading and the first section: what a hurried reader wants."""
     _sections: list[tuple[str, str]] = field(default_factory=list[tuple[str, str]])
 
     def section(self, title: str, *parts: str) -> None:
@@ -33,7 +36,7 @@ class Page:
             # An empty icon keeps browsers from asking a server for one.
             '<link rel="icon" href="data:,">\n'
             f"<title>{escape(self.title)}</title>\n<style>\n{_asset('page.css')}</style>\n</head>\n<body>\n"
-            f'<h1>{escape(self.title)}</h1>\n<p class="sub">{escape(self.subtitle)}</p>\n<nav>{links}</nav>\n'
+            f'<h1>{escape(self.title)}</h1>\n<p class="sub">{escape(self.subtitle)}</p>\n{self.lead}\n<nav>{links}</nav>\n'
             f"{body}\n<script>\n{_asset('page.js')}</script>\n</body>\n</html>\n"
         )
 
@@ -82,9 +85,45 @@ def _cell(text: str) -> str:
     return f'<td class="digest">{text}</td>' if digest else f"<td>{escape(text)}</td>"
 
 
-def figure(svg: str, caption: str) -> str:
-    """Return an inline figure with its caption."""
-    return f"<figure>{svg}<figcaption>{escape(caption)}</figcaption></figure>"
+def figure(svg: str, caption: str, title: str = "") -> str:
+    """Return an inline figure with its title and caption."""
+    head = f"<h3>{escape(title)}</h3>" if title else ""
+    return f"<figure>{head}{svg}<figcaption>{escape(caption)}</figcaption></figure>"
+
+
+def answers(rows: Sequence[tuple[str, str, str]]) -> str:
+    """Return questions with their answers and a mark each: 'good', 'bad' or ''."""
+    signs = {"good": "✓ ", "bad": "✗ "}
+    body = "".join(
+        f'<div class="{mark}"><dt>{escape(question)}</dt><dd>{signs.get(mark, "")}{escape(answer)}</dd></div>'
+        for question, answer, mark in rows
+    )
+    return f'<dl class="answers">{body}</dl>'
+
+
+def panels(parts: Sequence[str]) -> str:
+    """Return figures beside one another where there is room, one below another on a phone."""
+    return f'<div class="panels">{"".join(parts)}</div>'
+
+
+def sliders(code: str, data: Mapping[str, object], remark: str) -> str:
+    """Return sliders over a joint: its functions in JavaScript, and what they work on."""
+    content = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    return (
+        '<div id="play"><div class="presets"></div>'
+        '<div class="table"><div><p class="big"><span class="error"></span> × noise'
+        '<select class="release" aria-label="release"></select></p>'
+        '<svg class="curve" role="img" aria-label="measured and simulated decay"></svg></div>'
+        f'<div><div class="sliders"></div><p class="sub">{escape(remark)}</p></div></div>'
+        "<noscript>The sliders need JavaScript; everything below does not.</noscript></div>"
+        f'<script type="application/json" id="play-data">{content}</script>'
+        f'<script>\n"use strict";\n{code}{_asset("play.js")}</script>'
+    )
+
+
+def script(name: str) -> str:
+    """Return one of the package's scripts, to run in the page."""
+    return f"<script>\n{_asset(name)}</script>"
 
 
 def choices(parts: Sequence[tuple[str, str]]) -> str:

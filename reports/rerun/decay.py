@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     from reports.rerun.film_frames import FilmFrames
 
-LADDER = ("#CC79A7", "#56B4E9", "#009E73", "#F0E442", "#D55E00")
+LADDER = ("#CC79A7", "#F0E442", "#009E73", "#D55E00")
 """Simpler models; the board's own law is blue."""
 MOST_BOARDS = 6
 """Boards side by side in 3-D."""
@@ -47,8 +47,9 @@ POSES = 50.0
 ENVELOPE = "#777777"
 PHASES = {"rest": "#555555", "held": REAL, "free": SIM, "caught": "#CC79A7"}
 MILLI = 1e3
+"""From SI to thousandths, the factor in which residuals are shown."""
 SLOWLY = 0.1
-"""Speed of play at which a swing can be followed."""
+"""Speed of play as a share of the true one, at which an eye follows a swing of 0.2 s (a choice)."""
 
 
 def decay_recording(path: Path, roll: Roll, decay: FreeDecay, summary: str) -> None:
@@ -300,10 +301,16 @@ def _log_missing(stream: "rr.RecordingStream", result: Comparison) -> None:
 
     if result.missing is None:
         return
-    from reports.figures.board import missing_torque_figure
+    from matplotlib.figure import Figure
 
+    from reports.figures.compare import draw_profile
+
+    figure = Figure(figsize=(6.4, 6.4), layout="constrained")
+    upper, lower = figure.subplots(2, 1)
+    draw_profile(upper, result.missing.over_rate, "rate [rad/s]", "torque that the model lacks")
+    draw_profile(lower, result.missing.over_angle, "tilt [°]", scale=float(np.degrees(1.0)))
     picture = io.BytesIO()
-    missing_torque_figure(result, size=(6.4, 4.8)).savefig(picture, format="png", dpi=130, facecolor="white")
+    figure.savefig(picture, format="png", dpi=130, facecolor="white")
     stream.log(
         "missing_torque", rr.EncodedImage(contents=picture.getvalue(), media_type="image/png"), static=True
     )

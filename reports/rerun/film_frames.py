@@ -24,6 +24,7 @@ MOST_FRAMES = 1500
 """Frames of one film in a recording; of a longer one every second, third, ... is taken."""
 WIDTH = 640
 QUALITY = 75
+"""Width of the pictures kept [px] and their JPEG quality, of 100 (choices: a deck's end is still sharp)."""
 
 
 @dataclass(frozen=True, slots=True)

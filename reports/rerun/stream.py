@@ -97,13 +97,7 @@ def log_series(
     """
     import rerun as rr
 
-    style = rr.SeriesLines(colors=[rgb(colour)], names=[name], widths=[width])
-    stream.log(entity, style, static=True)
-    stream.send_columns(
-        entity,
-        indexes=[rr.TimeColumn(TIMELINE, duration=time)],
-        columns=rr.Scalars.columns(scalars=values),
-    )
+    _send(stream, entity, time, values, rr.SeriesLines(colors=[rgb(colour)], names=[name], widths=[width]))
 
 
 def log_points(
@@ -119,7 +113,16 @@ def log_points(
     """Log separate points (peaks) with their style; arguments as in `log_series`."""
     import rerun as rr
 
-    stream.log(entity, rr.SeriesPoints(colors=[rgb(colour)], names=[name], marker_sizes=[size]), static=True)
+    style = rr.SeriesPoints(colors=[rgb(colour)], names=[name], marker_sizes=[size])
+    _send(stream, entity, time, values, style)
+
+
+def _send(
+    stream: "rr.RecordingStream", entity: str, time: Array, values: Array, style: "rr.AsComponents"
+) -> None:
+    import rerun as rr
+
+    stream.log(entity, style, static=True)
     stream.send_columns(
         entity,
         indexes=[rr.TimeColumn(TIMELINE, duration=time)],

@@ -7,14 +7,19 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sim.board.bodies import TILT_JOINT, deck_inertia, inertia_ratio
+from sim.board.bodies import TILT_JOINT, deck_inertia, inertia_ratio, law_of
+from sim.board.learned import apply, left_out
 from sim.board.scene import add_effects, integrator_value, roll_inertia
 from sysid.board import Board
 from sysid.errors import SysidError
 from sysid.roll import Array
 
+GRAVITY = 9.81
+"""MuJoCo's own [m/s²]."""
 AfterStep = Callable[[mujoco.MjModel, mujoco.MjData], None]
 """Called after each step, e.g. to set the trucks of a scene whose coupling is 'direct'."""
+Begin = Callable[[mujoco.MjModel, mujoco.MjData, float, float], None]
+"""Brings a model to where its joint is at a position [rad or m] and moves at a rate."""
 
 
 def rig_spec(
@@ -41,13 +46,13 @@ def rig_spec(
     spec.option.timestep = timestep
     spec.option.integrator = integrator_value(integrator)
     spec.worldbody.add_light(pos=[0.0, -1.0, 1.5], dir=[0.0, 0.6, -1.0])
-    stand = board.geometry["truck_height"].value
+    mass, inertia, size = _deck(board)
     deck = spec.worldbody.add_body(
         name="deck",
-        pos=[0.0, 0.0, stand],
-        mass=board.mass["deck"].value,
+        pos=[0.0, 0.0, board.geometry["truck_height"].value if board.geometry else 2 * size[1]],
+        mass=mass,
         ipos=[0.0, 0.0, 0.0],
-        inertia=deck_inertia(board, board.inertia.value),
+        inertia=inertia,
         explicitinertial=True,
     )
     joint = deck.add_joint(
@@ -59,17 +64,32 @@ def rig_spec(
     deck.add_geom(
         name="deck_visual",
         type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=[board.geometry[key].value / 2 for key in ("length", "width", "thickness")],
+        size=size,
         contype=0,
         conaffinity=0,
         rgba=[0.83, 0.68, 0.47, 1.0],
     )
     add_effects(spec, joint, board, exact=exact_effects)
-    _assert_matches_record(spec, board)
+    _assert_matches_record(spec, board, mass)
     return spec
 
 
-def _assert_matches_record(spec: mujoco.MjSpec, board: Board) -> None:
+def _deck(board: Board) -> tuple[float, Array, Array]:
+    """Return mass [kg], principal inertia [kg*m^2], shape (3,), and half sides [m], shape (3,), of what tilts.
+
+    Of a joint whose record has no geometry only the inertia matters: a cube of it, heavy enough to have the weight's moment
+    within itself.
+    """
+    roll = board.inertia.value
+    if board.geometry and board.mass:
+        sides = np.array([board.geometry[key].value for key in ("length", "width", "thickness")])
+        return board.mass["deck"].value, deck_inertia(board, roll), sides / 2
+    moment = max(law_of(board).stiffness_of_effects, 0.0)
+    mass = max(roll / 0.01, 2 * moment**2 / (GRAVITY**2 * roll))
+    return mass, np.full(3, roll), np.full(3, math.sqrt(1.5 * roll / mass))
+
+
+def _assert_matches_record(spec: mujoco.MjSpec, board: Board, mass: float) -> None:
     model = spec.compile()
     ratio = inertia_ratio(board)
     if not math.isclose(roll_inertia(model), ratio * board.inertia.value, rel_tol=1e-6):
@@ -77,10 +97,10 @@ def _assert_matches_record(spec: mujoco.MjSpec, board: Board) -> None:
             f"board '{board.name}': the compiled roll inertia is {roll_inertia(model):.6g} kg*m^2, the record "
             f"says {ratio * board.inertia.value:.6g} kg*m^2."
         )
-    if not math.isclose(model.body("deck").mass[0], board.mass["deck"].value, rel_tol=1e-9):
+    if not math.isclose(model.body("deck").mass[0], mass, rel_tol=1e-9):
         raise SysidError(
             f"board '{board.name}': the compiled deck weighs {model.body('deck').mass[0]:.6g} kg, the record "
-            f"says {board.mass['deck'].value:.6g} kg."
+            f"says {mass:.6g} kg."
         )
 
 
@@ -108,6 +128,7 @@ def swing(
     *,
     joint: str = TILT_JOINT,
     after_step: AfterStep | None = None,
+    begin: Begin | None = None,
 ) -> Swing:
     """Release the deck and step MuJoCo.
 
@@ -118,23 +139,29 @@ def swing(
         duration: At least this long is simulated [s].
         joint: Name of the tilt joint; its axis may be +x or -x.
         after_step: Called after each step.
+        begin: Brings the model to its start; `angle` is then the joint's own position, whatever its axis.
 
     Raises:
         SysidError: The simulation becomes unstable.
     """
     data = mujoco.MjData(model)
     where = model.joint(joint)
-    sign = 1.0 if where.axis[0] > 0 else -1.0
+    sign = 1.0 if begin is not None or where.axis[0] > 0 else -1.0
     q, v = int(where.qposadr[0]), int(where.dofadr[0])
-    data.qpos[q], data.qvel[v] = sign * angle, sign * rate
-    steer_to_tilt(model, data, q, v)
+    if begin is None:
+        data.qpos[q], data.qvel[v] = sign * angle, sign * rate
+        steer_to_tilt(model, data, q, v)
+    else:
+        begin(model, data, angle, rate)
     _load_support(model, data, joint)
     if after_step is not None:
         after_step(model, data)
+    left = left_out(model)
     steps = math.ceil(duration / model.opt.timestep) + 2
     roll = np.empty(steps + 1)
     roll[0] = angle
     for i in range(steps):
+        apply(left, data)
         mujoco.mj_step(model, data)
         if after_step is not None:
             after_step(model, data)

@@ -14,7 +14,7 @@ Bodies::
 
 import math
 from collections.abc import Sequence
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import mujoco
 import numpy as np
@@ -23,6 +23,9 @@ from sysid.board import Board
 from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.roll import Array
+
+if TYPE_CHECKING:
+    from sysid.joint.law import JointLaw
 
 Coupling = Literal["equality", "direct"]
 """How the deck's tilt steers the trucks: by a joint equality constraint, or by setting the truck
@@ -46,7 +49,7 @@ paper's; torsional is two thirds of the radius of a small contact patch. Through
 the deck: the 0.01 m of the authors' release would add half to the compliant board's damping."""
 
 WHEEL_SOLIMP = (0.99, 0.999, 0.001, 0.5, 2.0)
-"""Contact impedance of a wheel. MuJoCo scales a contact's softness by the mobility of the bodies in
+"""Contact impedance of a wheel [1], its width in m. MuJoCo scales a contact's softness by the mobility of the bodies in
 touch; with its default, wheels as light as these would sink by 23 mm under a rider; with this, 0.8 mm."""
 
 _DIRECT_ARMATURE = 1.0
@@ -54,11 +57,12 @@ _DIRECT_ARMATURE = 1.0
 within a step. An armature loads only its own joint, neither the deck nor the board."""
 
 _ORIGIN = (0.0, 0.0, 0.0)
-"""Centre of mass at the body's origin; left out, MjSpec puts it at the body's position in its parent."""
+"""Centre of mass at the body's origin [m]; left out, MjSpec puts it at the body's position in its parent."""
 
 _DECK_COLOUR = (0.83, 0.68, 0.47, 1.0)
 _METAL = (0.55, 0.57, 0.60, 1.0)
 _WHEEL_COLOUR = (0.93, 0.93, 0.90, 1.0)
+"""Red, green, blue and opacity, as a share of full."""
 
 
 def add_chassis(spec: mujoco.MjSpec, board: Board) -> mujoco.MjsBody:
@@ -203,13 +207,23 @@ def steering_angle(roll: float, rake: float) -> float:
     return math.atan(math.tan(rake) * math.sin(roll))
 
 
+def law_of(board: Board) -> "JointLaw":
+    """Return the law of a board's joint; only here is CasADi imported."""
+    from sysid.joint.law import JointLaw
+
+    return JointLaw.from_board(board)
+
+
 def inertia_ratio(board: Board) -> float:
     """Return by how much the record's effects multiply its roll inertia."""
-    if not board.effects:
-        return 1.0
-    from sysid.joint.law import JointLaw  # only boards with effects need the catalogue
+    return (
+        law_of(board).inertia_ratio if board.effects else 1.0
+    )  # only boards with effects need the catalogue
 
-    return JointLaw.from_board(board).inertia_ratio
+
+def inertia_gain(board: Board) -> float:
+    """Return by how much the record's effects multiply what is added to its roll inertia."""
+    return law_of(board).inertia_gain if board.effects else 1.0
 
 
 def reflected_inertia(board: Board) -> float:

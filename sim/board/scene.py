@@ -21,6 +21,7 @@ from sim.board.bodies import (
     add_chassis,
     add_deck,
     add_truck,
+    inertia_gain,
     inertia_ratio,
     reflected_inertia,
     steering_angle,
@@ -60,6 +61,7 @@ def board_spec(
         SysidError: The record cannot be built: inertia too small for the deck's mass, rake and tilt
             range that do not fit, or compiled mass or inertia differ from the record.
     """
+    board.need("the scene of the whole board")
     spec = mujoco.MjSpec()
     spec.modelname = board.name
     spec.compiler.degree = False
@@ -72,7 +74,7 @@ def board_spec(
     reflected = reflected_inertia(board) if coupling == "equality" else 0.0
     # What steers is taken off the deck, so that nothing is counted twice; an effect that scales the inertia
     # will multiply what is written here.
-    tilt = add_deck(root, board, board.inertia.value - reflected / inertia_ratio(board), limit)
+    tilt = add_deck(root, board, board.inertia.value - reflected / inertia_gain(board), limit)
     for end in ("front", "rear"):
         add_truck(root, board, end, limit, coupling, wheel_friction)
     for wheel in WHEELS:

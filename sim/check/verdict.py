@@ -47,14 +47,14 @@ class Verdict:
     def refusal(self) -> str:
         """Say what speaks against a pass, and why."""
         why = "; ".join(self.reasons) or (
-            f"no part of the scene stands out. If the logs are of another board than '{self.case.board.name}', name that "
-            "with --board; else fit the board to them, or diagnose them"
+            f"no part of the scene stands out. If the logs are of another {self.case.kind} than '{self.case.board.name}', name that "
+            f"with --{self.case.kind}; else fit the {self.case.kind} to them, or diagnose them"
         )
         return f"{'; '.join(self.against)}. Why: {why}."
 
     def report(self, width: int = WIDTH) -> str:
         """Return each decay's error, the tilt joint that the scene has, and that it is passed where it is."""
-        decays, joint = self.case.decays, self.case.joint
+        decays, joint = self.case.decays, self.case.parts
         errors = table(
             ("log", "release", "from", "to compare", "NRMSE", "RMSE with noise"),
             [
@@ -70,18 +70,22 @@ class Verdict:
             ],
             width=width,
         )
-        rows = [("wanted at this step", joint.wanted), ("the scene as a whole", joint.whole)]
-        rows += [(name if name == DECK else f"contribution of {name}", part) for name, part in joint.parts]
-        parts = table(
-            ("tilt joint", "stiffness N·m/rad", "damping N·m·s/rad", "inertia kg·m²"),
-            [(name, *(f"{value:.4g}" for value in _rounded(part, joint.wanted))) for name, part in rows],
-            width=width,
-        )
+        held = "all but the joint" if joint is None else "the chassis"
         lines = [
-            f"board {self.case.board.name} in: {self.case.scene.name}; the chassis is held, as on a bench",
+            f"{self.case.kind} {self.case.board.name} in: {self.case.scene.name}; {held} is held, as on a bench",
             errors,
-            parts,
         ]
+        if joint is not None:
+            rows = [("wanted at this step", joint.wanted), ("the scene as a whole", joint.whole)]
+            rows += [
+                (name if name == DECK else f"contribution of {name}", part) for name, part in joint.parts
+            ]
+            parts = table(
+                ("tilt joint", "stiffness N·m/rad", "damping N·m·s/rad", "inertia kg·m²"),
+                [(name, *(f"{value:.4g}" for value in _rounded(part, joint.wanted))) for name, part in rows],
+                width=width,
+            )
+            lines.append(parts)
         if self.passed:
             lines.append(
                 f"passed: NRMSE {100 * decays.nrmse:.2f} % (tolerance {100 * decays.tolerance:g} %; an error below "
@@ -91,7 +95,7 @@ class Verdict:
 
     def to_json(self) -> dict[str, Any]:
         """Return what `husky-sysid check --json` writes."""
-        decays, joint = self.case.decays, self.case.joint
+        decays, joint = self.case.decays, self.case.parts
         return {
             "board": self.case.board.name,
             "scene": self.case.scene.name,
@@ -115,7 +119,9 @@ class Verdict:
                 }
                 for release in decays.releases
             ],
-            "tilt_joint": {
+            "tilt_joint": None
+            if joint is None
+            else {
                 "wanted": _numbers(joint.wanted),
                 "whole": _numbers(joint.whole),
                 "parts": {name: _numbers(part) for name, part in joint.parts},
@@ -142,7 +148,7 @@ def judge(
         board=board,
         scene=scene,
         decays=check_scene(board, scene, releases, tolerance=tolerance),
-        joint=measure_parasitics(board, scene),
+        parts=measure_parasitics(board, scene) if board.geometry else None,
     )
     against = said("before", case)
     return Verdict(

@@ -13,7 +13,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from sim.board.bench import AfterStep
+from sim.board.bench import AfterStep, Begin, rig_spec
 from sim.board.bodies import FREE_JOINT, TILT_JOINT, Coupling
 from sim.board.scene import board_spec, integrator_name, set_trucks
 from sim.compensation.step import (
@@ -44,10 +44,14 @@ class ClampedScene:
     """In words, for the record and the report."""
     joint: str = TILT_JOINT
     after_step: AfterStep | None = None
+    begin: Begin | None = None
+    """Brings a robot's model to a release; its limits then act as MuJoCo has them, instead of ending what is compared."""
 
     @property
     def tilt_range(self) -> float:
         """Largest tilt that the joint allows to both sides [rad]; infinite without a limit."""
+        if self.begin is not None:
+            return float("inf")
         joint = self.model.joint(self.joint)
         limited = bool(self.model.jnt_limited[joint.id])
         return float(min(abs(joint.range[0]), abs(joint.range[1]))) if limited else float("inf")
@@ -72,6 +76,16 @@ def training_scene(
         name=f"board on its wheels, {coupling} coupling, {integrator} at {1e3 * timestep:g} ms",
         after_step=_set_trucks(board) if coupling == "direct" else None,
     )
+
+
+def bench_scene(board: Board, *, timestep: float, integrator: str = "implicitfast") -> ClampedScene:
+    """Return what decays alone, as written (compensated or not), clamped.
+
+    Raises:
+        SysidError: It cannot be built.
+    """
+    spec = rig_spec(board, timestep=timestep, integrator=integrator)
+    return ClampedScene(model=spec.compile(), name=f"clamped bench, {integrator} at {1e3 * timestep:g} ms")
 
 
 def scene_from_file(path: Path, *, joint: str = TILT_JOINT, timestep: float | None = None) -> ClampedScene:

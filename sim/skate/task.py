@@ -221,7 +221,7 @@ def _events(board: Board, options: SkateOptions, scene: SceneOptions, seed: int)
     offset = {axis: (-0.025, 0.025) for axis in range(3)}
     events = {
         "begin": EventTermCfg(
-            func=randomisation.begin,
+            func=randomisation.Begin,
             mode="reset",
             params={
                 "start": options.start,

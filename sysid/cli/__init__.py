@@ -4,9 +4,11 @@ Each command is one file beside this one and is imported only when it is called,
 `husky-sysid --help` answers at once.
 """
 
+import contextlib
 import sys
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
+from sysid.cli.streams import drop_output, listen, one_line, open_streams, stop_listening
 from sysid.errors import SysidError
 
 if TYPE_CHECKING:
@@ -40,8 +42,11 @@ COMMANDS = {
     ),
     "fit": Command(
         "Fit the MuJoCo tilt joint to logs and save it in the board record.",
-        ("fit tip.csv --board pink", "fit monday.csv tuesday.csv --board pink --effect coulomb --profile"),
-        "intervals.md",
+        (
+            "fit monday.csv tuesday.csv --board pink --effect coulomb --profile",
+            "fit swing.csv --model robot.xml --joint knee --effect coulomb",
+        ),
+        "any_joint.md",
     ),
     "compare": Command(
         "Compare the simulated with the measured decay: how far off, and where.",
@@ -77,6 +82,14 @@ COMMANDS = {
         ("boards", "boards pink"),
         "boards.md",
     ),
+    "new": Command(
+        "Write the smallest record: a board, a pendulum, a torsion rig, a joint of a model.",
+        (
+            "new arm --kind pendulum --mass 0.49±0.002 --arm 0.1±0.001",
+            "new knee --model robot.xml --joint knee",
+        ),
+        "boards.md",
+    ),
     "history": Command("Show how a board's record came about.", ("history --board pink",), "boards.md"),
     "undo": Command(
         "Put a board's record back to what it was before the last change.",
@@ -96,9 +109,19 @@ COMMANDS = {
         ("report --board pink", "report tip.csv --board pink -o pink.html"),
         "tutorial.md",
     ),
+    "batch": Command(
+        "Run many logs of many boards side by side, into one table and one page.",
+        ("batch week.toml", "batch week.csv --workers 8", "batch week.toml --cluster tcp://head:8786"),
+        "batch.md",
+    ),
     "view": Command(
         "Show logs and model of a board in Rerun.",
         ("view --board pink", "view film.mp4 --board pink -o film.rrd"),
+        "tutorial.md",
+    ),
+    "live": Command(
+        "Read a phone while the board rocks: k, d and what to do next after each release.",
+        ("live --board pink --phone 192.168.0.42:8080", "live --board pink --watch logs"),
         "tutorial.md",
     ),
     "marker": Command(
@@ -155,6 +178,7 @@ def build_app() -> "cyclopts.App":
         name="husky-sysid",
         help=f"Find out why a MuJoCo joint does not behave like the real one, and mend it.\n\n{EXIT_CODES}",
         version=lambda: version("husky-sysid"),
+        suppress_keyboard_interrupt=False,
     )
     for name, command in COMMANDS.items():
         more = {} if command.has_parts else {"help_epilogue": epilogue(name)}
@@ -165,12 +189,36 @@ def build_app() -> "cyclopts.App":
 def main() -> None:
     """Run the command line and exit with its code."""
     try:
-        build_app()()
-    except SysidError as error:
-        print(f"error: {error}", file=sys.stderr)  # noqa: T201  the one line a user sees
-        raise SystemExit(error.exit_code) from None
-    except BrokenPipeError:  # the reader (head, less) has gone
+        listen()
+        open_streams()
+        try:
+            build_app()()
+        finally:
+            sys.stdout.flush()
+    except BaseException as error:
+        _end(error)
+        raise
+
+
+def _end(error: BaseException) -> None:
+    """Say in one line why a command ended, and exit; come back where it was nothing that was expected."""
+    number = stop_listening()
+    if isinstance(error, BrokenPipeError):  # the reader (head, less) has gone
+        drop_output()
         raise SystemExit(0) from None
-    except KeyboardInterrupt:
-        print("error: interrupted; no file is left half-written", file=sys.stderr)  # noqa: T201
-        raise SystemExit(130) from None
+    if number is not None and not isinstance(error, SystemExit):
+        _fail("interrupted; no file is left half-written", 128 + number)
+    if isinstance(error, SysidError):
+        _fail(str(error), error.exit_code)
+    if isinstance(error, MemoryError):
+        _fail("out of memory. Give a shorter log, or fewer at once.", 1)
+    if isinstance(error, OSError):
+        drop_output()
+        _fail(f"{error.filename or 'standard output'}: {error.strerror or error}.", 1)
+
+
+def _fail(message: str, code: int) -> NoReturn:
+    """Say the one line that a user sees, and exit."""
+    with contextlib.suppress(OSError):
+        print(f"error: {one_line(message)}", file=sys.stderr, flush=True)  # noqa: T201
+    raise SystemExit(code) from None

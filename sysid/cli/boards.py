@@ -124,17 +124,9 @@ def _warn_of_unknown_effects(board: Board, printer: Printer) -> None:
     from sysid.effects import catalogue
 
     for effect in board.effects:
-        entry = catalogue().get(effect.name)
-        if entry is None:
+        if effect.name not in catalogue():
             hint = did_you_mean(effect.name, catalogue())
             printer.warn(f"effect '{effect.name}' of the record is not in the catalogue.{hint}")
-            continue
-        known = {parameter.name: parameter.unit for parameter in entry.parameters}
-        if {key: quantity.unit for key, quantity in effect.parameters.items()} != known:
-            expected = ", ".join(f"{key} in {unit}" for key, unit in known.items())
-            printer.warn(
-                f"effect '{effect.name}' of the record has other parameters than expected ({expected})."
-            )
 
 
 def derivation(board: Board) -> "DecayNumbers | None":

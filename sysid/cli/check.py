@@ -1,6 +1,7 @@
 """`husky-sysid check`: the gate between a measured board and training."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -9,6 +10,7 @@ from cyclopts import Parameter
 
 from sysid.cli.console import Common, Printer, require_share
 from sysid.cli.log_options import LogArguments, load_recordings, refuse_overwriting_logs
+from sysid.cli.subject import Subject
 from sysid.errors import QualityGateError, SysidError
 
 if TYPE_CHECKING:
@@ -16,16 +18,16 @@ if TYPE_CHECKING:
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
+_NO_SUBJECT = Subject()
 
 
 def check(
     logs: list[Path],
     /,
     *,
-    board: Annotated[str, Parameter(name=("--board", "-b"))],
+    subject: Subject = _NO_SUBJECT,
     tolerance: Annotated[float, Parameter(name="--tolerance")] = 0.02,
     scene_file: Annotated[Path | None, Parameter(name="--scene-file")] = None,
-    joint: Annotated[str, Parameter(name="--joint")] = "board_tilt_joint",
     timestep: Annotated[float | None, Parameter(name="--timestep")] = None,
     integrator: Annotated[str, Parameter(name="--integrator")] = "implicitfast",
     coupling: Annotated[Literal["equality", "direct"], Parameter(name="--coupling")] = "equality",
@@ -39,12 +41,12 @@ def check(
 
     Args:
         logs: Measured decays.
-        board: Name of the board.
+        subject: Whose joint it is; that of a model is let go in the model itself.
         tolerance: Largest accepted NRMSE: RMS error over RMS of the measured roll about rest, sensor noise
             taken out.
-        scene_file: An MJCF scene to check instead of the one that the tool builds.
-        joint: Name of the tilt joint in that file.
-        timestep: Step in s; 0.005 or the scene file's if left out.
+        scene_file: An MJCF scene with a board in it to check instead of the one that the tool builds; --joint names its
+            tilt joint, if that is not board_tilt_joint.
+        timestep: Step in s; 0.005, or that of the scene file or model, if left out.
         integrator: MuJoCo integrator of the scene that the tool builds.
         coupling: How tilt steers the trucks in it: a joint equality, or trucks set directly after each step.
         export: Which parameters are written into it: compensated so that the scene as a whole decays like
@@ -55,14 +57,15 @@ def check(
     Raises:
         QualityGateError: The scene does not decay as measured.
     """
+    from sim.board.bodies import TILT_JOINT
     from sim.check.verdict import judge
-    from sim.compensation.scene import compensate, scene_from_file, training_scene
+    from sim.compensation.scene import bench_scene, compensate, scene_from_file, training_scene
 
     require_share("--tolerance", tolerance)
     if timestep is not None and not 0 < timestep <= 0.05:
         raise SysidError(f"--timestep {timestep:g}: expected seconds between 0 and 0.05, such as 0.005.")
     printer = Printer(common)
-    record = common.space.load_board(board)
+    record = (subject if scene_file is None else replace(subject, joint=None)).load(common, printer)
     refuse_overwriting_logs([*logs, *([] if scene_file is None else [scene_file])], arguments, printer)
     recordings = load_recordings(logs, arguments, printer)
     releases = [release for recording in recordings for release in recording.releases]
@@ -71,18 +74,36 @@ def check(
         usual = {"--integrator": "implicitfast", "--coupling": "equality", "--export": "in-scene"}
         if unused := [option for option, value in given.items() if value != usual[option]]:
             printer.warn(f"not used: {', '.join(unused)}, which are for the scene that the tool builds")
-        scene = scene_from_file(scene_file, joint=joint, timestep=timestep)
+        scene = scene_from_file(scene_file, joint=subject.joint or TILT_JOINT, timestep=timestep)
+    elif record.model:
+        from sim.model.scene import scene_of
+        from sim.model.setup import Setup
+
+        scene = scene_of(Setup.of_entry(record.model), timestep=timestep)
     else:
         step = timestep or 0.005
-        written = compensate(record, export, timestep=step, integrator=integrator, coupling=coupling)
+        alone = not record.geometry
+        written = compensate(
+            record,
+            "step-compensated" if alone and export == "in-scene" else export,
+            timestep=step,
+            integrator=integrator,
+            coupling=coupling,
+        )
         printer.note("; ".join(written.lines()))
-        scene = training_scene(written.board, timestep=step, integrator=integrator, coupling=coupling)
+        scene = (
+            bench_scene(written.board, timestep=step, integrator=integrator)
+            if alone
+            else training_scene(written.board, timestep=step, integrator=integrator, coupling=coupling)
+        )
     verdict = judge(record, scene, releases, tolerance=tolerance)
     for note in verdict.notes:
         printer.note(note)
     printer.say(verdict.report(printer.width))
     printer.result(verdict.to_json())
-    if scene_file is None:
+    if subject.model is not None:
+        printer.note("no record is changed: the model itself was checked")
+    elif scene_file is None:
         path = common.space.save_board(record.checked(_entry(verdict, logs)), since=record)
         printer.note(f"written into {path}")
     else:

@@ -7,18 +7,20 @@ from cyclopts import Parameter
 
 from sysid.cli.console import OUTPUT, Common, Printer, require_share
 from sysid.cli.log_options import LogArguments, refuse_overwriting_logs
+from sysid.cli.subject import Subject
 from sysid.cli.view import read_logs, write_recording
 from sysid.files import atomic_path, write_json
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
+_NO_SUBJECT = Subject()
 
 
 def compare(
     logs: list[Path],
     /,
     *,
-    board: Annotated[str, Parameter(name=("--board", "-b"))],
+    subject: Subject = _NO_SUBJECT,
     tolerance: float = 0.02,
     picture: Annotated[bool, Parameter(group=OUTPUT)] = True,
     rerun: Annotated[Path | None, Parameter(name="--rerun", group=OUTPUT)] = None,
@@ -33,7 +35,7 @@ def compare(
 
     Args:
         logs: Logs of one board.
-        board: Name of the board.
+        subject: Whose joint it is.
         tolerance: Error beyond the noise, over the RMS motion, at which the comparison passes.
         picture: Draw compare.png.
         rerun: Write a Rerun recording (.rrd) here.
@@ -46,13 +48,13 @@ def compare(
     require_share("--tolerance", tolerance)
     printer = Printer(common)
     refuse_overwriting_logs(logs, arguments, printer, {"--rerun": rerun})
-    record = common.space.load_board(board)
+    record = subject.load(common, printer)
     files = find_logs(record, logs, common.space) if logs else []
     material = read_logs(files, arguments, printer, films=rerun is not None)
     result = compare_recordings(material.recordings, record, tolerance=tolerance)
     printer.warnings(result.warnings, material.recordings)
     content = result.to_json()
-    folder = common.space.outputs(board)
+    folder = common.space.outputs(record.name)
     write_json(folder / "compare.json", content)
     written = [folder / "compare.json"]
     if picture:
@@ -60,7 +62,7 @@ def compare(
 
         names = ", ".join(log.name for log in logs)
         with atomic_path(folder / "compare.png") as temporary:
-            compare_figure(result, f"{board}: simulated against {names}").savefig(temporary, dpi=140)
+            compare_figure(result, f"{record.name}: simulated against {names}").savefig(temporary, dpi=140)
         written.append(folder / "compare.png")
     if rerun is not None:
         write_recording(rerun, record, files, material, printer, tolerance=tolerance)

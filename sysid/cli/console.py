@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Group, Parameter
 from rich.console import Console
 
+from sysid.cli.streams import one_line
 from sysid.errors import SysidError
 from sysid.files import refuse_overwriting, write_json
 from sysid.quantity import Quantity
@@ -89,7 +90,7 @@ class Printer:
 
     def warn(self, text: str) -> None:
         """Print a warning on stderr."""
-        self._stderr.print(f"warning: {text}", markup=False, style="yellow")
+        self._stderr.print(f"warning: {one_line(text)}", markup=False, style="yellow")
 
     def note(self, text: str) -> None:
         """Print what was inferred or done, on stderr."""

@@ -7,6 +7,7 @@ from cyclopts import Parameter
 
 from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.cli.log_options import LogArguments, load_recordings, refuse_overwriting_logs
+from sysid.cli.subject import Subject
 from sysid.errors import SysidError
 from sysid.files import atomic_path, write_json
 
@@ -15,13 +16,14 @@ if TYPE_CHECKING:
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
+_NO_SUBJECT = Subject()
 
 
 def decay(
     logs: list[Path],
     /,
     *,
-    board: Annotated[str | None, Parameter(name=("--board", "-b"))] = None,
+    subject: Subject = _NO_SUBJECT,
     picture: Annotated[bool, Parameter(group=OUTPUT)] = True,
     rerun: Annotated[Path | None, Parameter(name="--rerun", group=OUTPUT)] = None,
     arguments: LogArguments = _NO_ARGUMENTS,
@@ -35,8 +37,8 @@ def decay(
 
     Args:
         logs: CSV, Parquet, MCAP, phone exports (zip or folder) or videos of one board.
-        board: Board that was recorded; its record gives the roll inertia. Without, there is no stiffness and no
-            damping, and nothing is written but what --json and --rerun name.
+        subject: Whose joint it is; the record gives the inertia. Without, there is no stiffness and no damping, and
+            nothing is written but what --json and --rerun name.
         picture: Draw decay.png.
         rerun: Write a Rerun recording (.rrd) here.
         arguments: How the logs are read.
@@ -50,15 +52,15 @@ def decay(
             f"--rerun {rerun}: {len(logs)} logs; a recording of a decay shows one. Give one, or use `view`."
         )
     refuse_overwriting_logs(logs, arguments, printer, {"--rerun": rerun})
-    record = None if board is None else common.space.load_board(board)
+    record = subject.find(common, printer)
     recordings = load_recordings(logs, arguments, printer)
     result = fit_decay(recordings, board=record)
     printer.warnings(result.warnings, recordings)
     printer.say(result.report(printer.width))
     content = result.to_json()
     written: list[Path] = []
-    if board is not None:
-        folder = common.space.outputs(board)
+    if record is not None:
+        folder = common.space.outputs(record.name)
         written.append(folder / "decay.json")
         write_json(written[-1], content)
         if picture:
@@ -68,7 +70,12 @@ def decay(
         from reports.page.summary import decay_summary
         from reports.rerun.decay import decay_recording
 
-        decay_recording(rerun, recordings[0].roll, result, decay_summary(board or "a board", result))
+        decay_recording(
+            rerun,
+            recordings[0].roll,
+            result,
+            decay_summary("a board" if record is None else record.name, result),
+        )
         written.append(rerun)
     if written:
         printer.say("written: " + ", ".join(str(path) for path in written))

@@ -10,20 +10,22 @@ from cyclopts import Parameter, validators
 from sysid.cli.console import FIT, Common, Printer
 from sysid.cli.log_options import LogArguments, load_recordings
 from sysid.cli.parameter_options import parse_fixed
-from sysid.files import write_json
+from sysid.cli.subject import Subject
+from sysid.files import atomic_path, write_json
 
 if TYPE_CHECKING:
     from sysid.diagnosis.search import Progress
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
+_NO_SUBJECT = Subject()
 
 
 def diagnose(
     logs: list[Path],
     /,
     *,
-    board: Annotated[str, Parameter(name=("--board", "-b"))],
+    subject: Subject = _NO_SUBJECT,
     fix: Annotated[tuple[str, ...], Parameter(name="--fix", negative="", group=FIT, show_default=False)] = (),
     workers: Annotated[int, Parameter(name="--workers", group=FIT, validator=validators.Number(gte=1))] = 2,
     arguments: LogArguments = _NO_ARGUMENTS,
@@ -31,30 +33,42 @@ def diagnose(
 ) -> int:
     """Rank the physical effects that the model is missing, or say that nothing is.
 
-    Writes diagnose.json into reports/BOARD of the workspace, where the report finds it.
+    Writes diagnose.json, where the report finds it, and diagnose.png into reports/BOARD of the workspace.
 
     Args:
         logs: Logs of one board, with several releases in all.
-        board: Name of the board.
+        subject: Whose joint it is.
         fix: Hold a parameter in every model, as NAME=VALUE in SI units; stiffness=0 for a pendulum whose record has
             gravity. Repeat it for several.
         workers: Processes that search.
         arguments: How the logs are read.
         common: Options of every command.
     """
+    from reports.figures.story import story_figure
+    from reports.story import chosen_effects, story_of_diagnosis
     from sysid.diagnosis.diagnose import diagnose as search
+    from sysid.diagnosis.report import headline
 
     printer = Printer(common)
-    record = common.space.load_board(board)
+    record = subject.load(common, printer)
     recordings = load_recordings(logs, arguments, printer)
     with progress_bar(printer) as progress:
         result = search(recordings, record, fixed=parse_fixed(fix), workers=workers, progress=progress)
     printer.warnings(result.warnings, recordings)
     printer.say(result.report(printer.width))
     content = result.to_json()
-    path = common.space.outputs(board) / "diagnose.json"
-    write_json(path, content)
-    printer.say(f"written: {path}")
+    folder = common.space.outputs(record.name)
+    # Beside the result: which record it is of, and what the report draws.
+    shown = {
+        "record": record.digest,
+        "chosen": chosen_effects(result, record),
+        "score_std": [candidate.score_std for candidate in result.candidates],
+    }
+    write_json(folder / "diagnose.json", {**content, **shown})
+    with atomic_path(folder / "diagnose.png") as temporary:
+        picture = story_figure(story_of_diagnosis(result, record), f"{record.name}: {headline(result)}")
+        picture.savefig(temporary, dpi=110)
+    printer.say(f"written: {folder / 'diagnose.json'}, {folder / 'diagnose.png'}")
     printer.result(content)
     return 0
 

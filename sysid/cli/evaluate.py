@@ -5,7 +5,7 @@ import os
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
 
@@ -45,6 +45,14 @@ class Condition:
     """Force on the pelvis for 0.1 s, in a drawn direction, every 5 to 10 s [N]."""
     terrain: Literal["flat", "slopes", "steps"] = "flat"
     """The ground: level, descents of 5 to 10 degrees, or ledges of 3 to 6 cm to roll down."""
+    coupling: Literal["equality", "direct", "none"] = "equality"
+    """How the deck's tilt steers the trucks: by a constraint, set after every step, or not at all."""
+    board_scale: str | None = None
+    """Factors of the board's stiffness, damping, inertia and rake, e.g. k=4,rake=0.9."""
+    turn_deg: float = 45.0
+    """Largest turn that is asked for [degrees]; 0 for straight on."""
+    hold_heading: bool = False
+    """Make up for what earlier turns missed."""
     randomised: bool = False
     """Draw every world as in training: friction, centres of mass, boards (mjlab only)."""
 
@@ -56,9 +64,12 @@ class Condition:
         """
         from policy_runtime.evaluation.plain import Protocol
         from policy_runtime.evaluation.stress import Stress
+        from sim.board.scaled import parse_factors
 
         if not self.duration > 0:
             raise SysidError(f"--duration {self.duration:g}: must be longer than 0 s.")
+        if not 0 <= self.turn_deg <= 45:
+            raise SysidError(f"--turn-deg {self.turn_deg:g}: policies are trained for 0 to 45°.")
         stress = Stress(
             delay=self.delay,
             noise=self.noise,
@@ -73,6 +84,10 @@ class Condition:
             pushes=self.pushes,
             stress=stress,
             terrain=self.terrain,
+            coupling=self.coupling,
+            board_scale=parse_factors(self.board_scale or ""),
+            turn=math.radians(self.turn_deg),
+            hold_heading=self.hold_heading,
             randomised=self.randomised,
         )
 
@@ -80,7 +95,7 @@ class Condition:
 def evaluate(
     policy: str,
     /,
-    *,
+    *others: str,
     board: Annotated[str, Parameter(name=["--board", "-b"])],
     episodes: int = 100,
     seeds: int = 5,
@@ -93,10 +108,11 @@ def evaluate(
     force: bool = False,
     common: Common = Common(),
 ) -> int:
-    """Measure a policy over many episodes.
+    """Measure a policy over many episodes, or several beside each other.
 
     Args:
-        policy: An ONNX file, or a scripted policy: zero, stand or push.
+        policy: An ONNX file of our interface or the HUSKY release's, or a scripted policy: zero, stand or push.
+        others: More policies, for one table of all.
         board: The board to ride.
         episodes: Episodes of each seed; the paper has 1000.
         seeds: Number of seeds: 0, 1, 2, …
@@ -113,11 +129,9 @@ def evaluate(
     """
     from rich.progress import Progress
 
-    from policy_runtime.evaluation.metrics import METRICS
     from policy_runtime.evaluation.parallel import evaluate_in_parallel
     from policy_runtime.evaluation.plain import Protocol, evaluate_policy
-    from policy_runtime.evaluation.stress import SUITE
-    from reports.figures.ride import paths_figure, suite_figure
+    from policy_runtime.evaluation.suite import SUITE
 
     if episodes < 1 or seeds < 1:
         raise SysidError(f"--episodes {episodes} --seeds {seeds}: both must be at least 1.")
@@ -125,20 +139,18 @@ def evaluate(
     if suite and given != Protocol():
         raise SysidError("--suite has conditions of its own; leave the options of one condition out.")
     printer = Printer(common)
-    printer.keep([Path(policy)])
+    policies = (policy, *others)
+    printer.keep([Path(name) for name in policies])
     record = common.space.load_board(board)
     processes = workers or len(os.sched_getaffinity(0))
-    conditions = [("", given)]
-    if suite:
-        conditions = [(name, Protocol(duration=time, stress=harder)) for name, time, harder in SUITE]
     measure = evaluate_in_parallel if simulator == "mjlab" else partial(evaluate_policy, workers=processes)
-    results: list[Evaluation] = []
+    rides: list[tuple[str, Evaluation]] = []
     with Progress(console=printer.stderr, transient=True) as progress:
-        for name, protocol in conditions:
-            task = progress.add_task(name or "riding", total=episodes * seeds)
-            results.append(
-                measure(
-                    policy,
+        for name, protocol in SUITE if suite else (("as asked for", given),):
+            for one in policies:
+                task = progress.add_task(f"{Path(one).stem}, {name}", total=episodes * seeds)
+                result = measure(
+                    one,
                     record,
                     episodes=episodes,
                     seeds=tuple(range(seeds)),
@@ -146,46 +158,62 @@ def evaluate(
                     force=force,
                     progress=partial(progress.advance, task),
                 )
-            )
-    result = results[0]
+                rides.append((name, result))
     folder = output or common.space.outputs(record.name)
-    if suite:
-        title = f"{result.policy} on {result.board}: {episodes} episodes × {seeds} seed{'s' * (seeds > 1)}"
-        columns = ("E_succ", "standing", "E_vel", "E_yaw", "E_contact")
-        shown = [
-            (
-                name,
-                _text(one.success),
-                _text(one.standing),
-                f"{one.median_duration:.0f} s",
-                *(_text(one.errors[column]) for column in columns[2:]),
-            )
-            for (name, _), one in zip(conditions, results, strict=True)
-        ]
-        printer.table(("condition", *columns[:2], "median", *columns[2:]), shown, title)
-        picture = folder / f"suite-{result.policy}.png"
-        suite_figure(
-            [(name, one.success) for (name, _), one in zip(conditions, results, strict=True)], title, picture
+    title = f"{record.name} in {simulator}: {episodes} episodes × {seeds} seed{'s' * (seeds > 1)}"
+    if len(rides) > 1:
+        content = _report_table(rides, title, folder, printer)
+    else:
+        content = _report_one(rides[0][1], title, simulator, breakdown, folder, printer)
+    printer.result(content | {"simulator": simulator, "randomised": condition.randomised})
+    return 0
+
+
+def _report_table(
+    rides: "list[tuple[str, Evaluation]]", title: str, folder: Path, printer: Printer
+) -> dict[str, Any]:
+    """Print and draw one row for each condition and policy; return them for machines."""
+    from reports.figures.ride import suite_figure
+
+    errors = ("E_vel", "E_yaw", "E_contact", "E_course")
+    policies = list(dict.fromkeys(one.policy for _, one in rides))
+    rows = [
+        (
+            name,
+            one.policy,
+            _text(one.success),
+            _text(one.standing),
+            f"{one.median_duration:.0f} s",
+            *(_text(one.errors[error]) for error in errors),
         )
-        printer.say(f"picture: {picture}")
-        printer.result(
-            {
-                "policy": result.policy,
-                "board": result.board,
-                "conditions": [
-                    {"name": name, "duration": protocol.duration} | one.to_json()
-                    for (name, protocol), one in zip(conditions, results, strict=True)
-                ],
-                "picture": str(picture),
-            }
-        )
-        return 0
+        for name, one in rides
+    ]
+    head = ("condition", "policy", "E_succ", "standing", "median", *errors)
+    printer.table(head, rows, f"{', '.join(policies)} on {title}")
+    picture = folder / f"suite-{'-'.join(policies)}.png"
+    suite_figure([(name, one.policy, one.success) for name, one in rides], title, picture)
+    printer.say(f"picture: {picture}")
+    return {
+        "policies": policies,
+        "conditions": [{"name": name} | one.to_json() for name, one in rides],
+        "picture": str(picture),
+    }
+
+
+def _report_one(
+    result: "Evaluation", title: str, simulator: str, breakdown: bool, folder: Path, printer: Printer
+) -> dict[str, Any]:
+    """Print and draw everything of one evaluation; return it for machines."""
+    from policy_runtime.evaluation.metrics import METRICS
+    from reports.figures.ride import paths_figure
+
     rows = [("E_succ", result.success), ("standing", result.standing)]
     rows += [(name, result.errors[name]) for name in METRICS]
     rows.append(("episode length", result.duration))
-    title = f"{result.policy} on {result.board} in {simulator}: {episodes} episodes × {seeds} seed{'s' * (seeds > 1)}"
-    shown = [(name, _text(value), value.method) for name, value in rows]
-    printer.table(("quantity", "value ± 95 %", "how"), shown, title)
+    title = f"{result.policy} on {title}"
+    printer.table(
+        ("quantity", "value ± 95 %", "how"), [(name, _text(v), v.method) for name, v in rows], title
+    )
     endings = ", ".join(f"{ending} {count}" for ending, count in result.endings.items())
     printer.say(f"endings: {endings}")
     if breakdown:
@@ -195,15 +223,7 @@ def evaluate(
     picture = folder / f"evaluate-{result.policy}-{simulator}.png"
     paths_figure(result.paths, result.headings, title, picture)
     printer.say(f"picture: {picture}")
-    printer.result(
-        {
-            **result.to_json(),
-            "simulator": simulator,
-            "randomised": condition.randomised,
-            "picture": str(picture),
-        }
-    )
-    return 0
+    return {**result.to_json(), "picture": str(picture)}
 
 
 def _text(value: Quantity) -> str:

@@ -6,11 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from sysid.cli.console import FIT, Common, Printer
+from sysid.board import Board
+from sysid.cli.console import FIT, OUTPUT, Common, Printer
 from sysid.cli.fit_intervals import show_intervals
 from sysid.cli.log_options import LogArguments, load_recordings
 from sysid.cli.parameter_options import parse_bounds, parse_fixed
-from sysid.files import atomic_path
+from sysid.cli.subject import Subject
+from sysid.files import atomic_path, refuse_overwriting
 
 if TYPE_CHECKING:
     from sim.compensation.step import Compensation
@@ -18,13 +20,14 @@ if TYPE_CHECKING:
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
+_NO_SUBJECT = Subject()
 
 
 def fit(
     logs: list[Path],
     /,
     *,
-    board: Annotated[str, Parameter(name=("--board", "-b"))],
+    subject: Subject = _NO_SUBJECT,
     effect: Annotated[
         tuple[str, ...], Parameter(name="--effect", negative="", group=FIT, show_default=False)
     ] = (),
@@ -38,6 +41,7 @@ def fit(
     profile: Annotated[bool, Parameter(name="--profile", negative="", group=FIT)] = False,
     bootstrap: Annotated[int, Parameter(group=FIT)] = 0,
     any_period: Annotated[bool, Parameter(name="--any-period", negative="", group=FIT)] = False,
+    output: Annotated[Path | None, Parameter(name=("--output", "-o"), group=OUTPUT)] = None,
     arguments: LogArguments = _NO_ARGUMENTS,
     common: Common = _NO_COMMON,
 ) -> int:
@@ -47,7 +51,7 @@ def fit(
 
     Args:
         logs: Logs of one board.
-        board: Name of the board.
+        subject: Whose joint it is.
         effect: Effect to add to those of the record; repeat it for several.
         fix: Hold a parameter, as NAME=VALUE in SI units: stiffness, damping, rest, or EFFECT.PARAMETER; repeat it for
             several.
@@ -59,6 +63,7 @@ def fit(
         profile: Also walk along each parameter while the others follow: intervals that need not be symmetric.
         bootstrap: Also fit so many logs drawn from the residuals, block by block, as a check of the
             intervals; 400 is a good number.
+        output: The patched copy of a model; MODEL_JOINT.xml beside it if left out. A board has none.
         any_period: Save a natural period above 100 s or below 1 ms too, which else is taken for a wrong unit of time.
         arguments: How the logs are read.
         common: Options of every command.
@@ -67,8 +72,8 @@ def fit(
     from sysid.fitting.joint import check_effects
 
     printer = Printer(common)
-    record = common.space.load_board(board)
-    check_effects(effect)
+    record = subject.load(common, printer)
+    check_effects(effect, [part.name for part in record.effects])
     fixed, bounds = parse_fixed(fix), parse_bounds(bound)
     if bootstrap:
         from sysid.fitting.bootstrap import require_enough
@@ -99,22 +104,42 @@ def fit(
     intervals = show_intervals(result.joint, record, common, printer, profile=profile, draws=bootstrap)
     for line in scene.lines() if scene else ():
         printer.say(line)
-    picture = _draw(common, result)
+    written = [_draw(common, result)]
+    if record.model:
+        new, copies = _patched(new, output, printer)
+        written += copies
     # Last: what fails or is broken off before leaves the record as it was.
-    path = common.space.save_board(new, since=record)
-    printer.say(f"written: {path}, {picture}")
+    written.insert(0, subject.save(new, record, common))
+    printer.say(f"written: {', '.join(map(str, written))}")
     content = {**result.to_json(), **intervals}
     printer.result({**content, "in_scene": scene.entry()} if scene else content)
     return 0
 
 
+def _patched(record: Board, output: Path | None, printer: Printer) -> tuple[Board, list[Path]]:
+    """Write the fitted joint into a copy of its model; return the record that names the copy, and what was written."""
+    from sim.model.patch import patch
+    from sim.model.setup import Setup
+
+    setup = Setup.of_entry(record.model)
+    path = output or setup.file.with_name(f"{record.name}.xml")
+    made = patch(setup, record)
+    refuse_overwriting([setup.file, *made.files], {"--output": path})
+    for line in made.remarks:
+        printer.note(line)
+    printer.say(made.diff.rstrip())
+    copies = made.save(path)
+    return replace(record, model={**record.model, "file": str(path)}), copies
+
+
 def _draw(common: Common, result: "Fit") -> Path:
-    from reports.figures.ladder import ladder_figure
+    from reports.figures.ladder import fit_steps, ladder_figure
 
     name = result.before.name
     path = common.space.outputs(name) / "ladder.png"
-    unit = "rad/s" if result.is_rate else "rad"
+    noise = (result.noise.lowest / result.noise.std, result.noise.highest / result.noise.std)
     with atomic_path(path) as temporary:
-        figure = ladder_figure(result.ladder, result.noise.std, f"{name}: what each effect takes away", unit)
-        figure.savefig(temporary, dpi=140)
+        ladder_figure(fit_steps(result), noise, f"{name}: what each effect takes away").savefig(
+            temporary, dpi=140
+        )
     return path

@@ -12,6 +12,7 @@ from cyclopts import App, Parameter
 from sysid.cli import epilogue
 from sysid.cli.console import Common, Printer
 from sysid.errors import SysidError
+from sysid.files import regular
 from sysid.quantity import Quantity, parse_quantity
 
 NOTES = """Quantities are written 2.58, 2.58±0.05 or 2.58+-0.05 in SI units (± is the 95 % interval), or with a unit: 20±0.2cm,
@@ -383,11 +384,11 @@ def _frequency(name: str, text: str) -> Quantity:
 def _from_json(path: Path, key: str, unit: str) -> Quantity:
     """Read one quantity of a result file."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))[key]
+        content = json.loads(regular(path).read_text(encoding="utf-8"))[key]
         value, std, found = float(content["value"]), float(content["std"]), content["unit"]
     except OSError as error:
         raise SysidError(f"{path}: cannot read it ({error.strerror}).") from error
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise SysidError(
             f"{path}: holds no quantity '{key}' with a value and a std; give a result file."
         ) from error

@@ -10,6 +10,8 @@ from sysid.errors import SysidError
 from sysid.files import write_atomically
 
 _NO_COMMON = Common()
+DOUBTFUL, UNUSABLE = 0.02, 0.1
+"""NRMSE of the unloaded decay beyond which a file is warned of (the gate's tolerance), and beyond which none is written."""
 
 
 def mjcf(
@@ -62,8 +64,12 @@ def mjcf(
         coupling=coupling,
         exact_effects=not substitutes,
     )
-    write_atomically(output, made.xml)
     done = made.compensation
+    error = f"the unloaded decay of this {kind} is {100 * done.decay_error:.1f} % off the board's"
+    why = _why(kind, coupling)
+    if done.decay_error > UNUSABLE and made.export != "physical":
+        raise SysidError(f"{output}: not written: {error}. {why} --export physical writes it all the same.")
+    write_atomically(output, made.xml)
     printer.say(f"{output}: {kind} of board {board}, {made.export}")
     for line in done.lines():
         printer.say(f"  {line}")
@@ -73,6 +79,8 @@ def mjcf(
             f"{line}. The unloaded decay of this file is off by {100 * done.decay_error:.1f} %; for the exact one "
             f"{remedy}."
         )
+    if done.decay_error > DOUBTFUL and not made.substitutes:
+        printer.warn(f"{error}. {why}")
     printer.result(
         {
             "board": board,
@@ -93,3 +101,13 @@ def mjcf(
         }
     )
     return 0
+
+
+def _why(kind: str, coupling: str) -> str:
+    """Return what takes a decay away from the board's, and what helps."""
+    if kind == "scene" and coupling == "equality":
+        return (
+            "The wheels, which the joint equality drags over the ground, damp by more than can be taken off so light a "
+            "damping: choose --coupling direct, which sets the trucks after each step."
+        )
+    return "Choose a smaller --timestep, or --export step-compensated."

@@ -8,13 +8,13 @@ SHORT = {"rest": "rest_angle"}
 """Names that a user may write shorter."""
 
 
-def parse_fixed(texts: Sequence[str]) -> dict[str, float]:
-    """Return parameters and values of '--fix NAME=VALUE'.
+def parse_fixed(texts: Sequence[str], option: str = "--fix") -> dict[str, float]:
+    """Return parameters and values of '--fix NAME=VALUE', or names and values of another option of that shape.
 
     Raises:
         SysidError: A text has another shape.
     """
-    return {name: _number(value, f"--fix {name}") for name, value in _pairs(texts, "--fix NAME=VALUE")}
+    return {name: _number(value, f"{option} {name}") for name, value in _pairs(texts, option, "VALUE")}
 
 
 def parse_bounds(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
@@ -24,7 +24,7 @@ def parse_bounds(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
         SysidError: A text has another shape.
     """
     found: dict[str, tuple[float, float]] = {}
-    for name, value in _pairs(texts, "--bound NAME=LOW:HIGH"):
+    for name, value in _pairs(texts, "--bound", "LOW:HIGH"):
         low, colon, high = value.partition(":")
         if not colon:
             raise SysidError(f"--bound {name}={value} has no ':'; expected --bound {name}=LOW:HIGH.")
@@ -32,14 +32,12 @@ def parse_bounds(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
     return found
 
 
-def _pairs(texts: Sequence[str], shape: str) -> list[tuple[str, str]]:
+def _pairs(texts: Sequence[str], option: str, value_shape: str) -> list[tuple[str, str]]:
     pairs: list[tuple[str, str]] = []
     for text in texts:
         name, equals, value = text.partition("=")
         if not (equals and name.strip()):
-            raise SysidError(
-                f"'{text}' is no parameter with a value; expected {shape}, e.g. --fix stiffness=0."
-            )
+            raise SysidError(f"'{text}' is no parameter with a value; expected {option} NAME={value_shape}.")
         pairs.append((SHORT.get(name.strip(), name.strip()), value.strip()))
     return pairs
 

@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from sysid.cli.console import OUTPUT, Common, Printer
-from sysid.cli.ride_options import RideOptions, choose_renderer, prepare, write_ride
+from sysid.cli.ride_options import RideOptions, SafetyOptions, choose_renderer, prepare, write_ride
 
 
 def play(
@@ -14,6 +14,7 @@ def play(
     /,
     *,
     options: RideOptions = RideOptions(),
+    safety: SafetyOptions = SafetyOptions(),
     output: Annotated[Path | None, Parameter(name=["--output", "-o"], group=OUTPUT)] = None,
     viewer: bool = False,
     common: Common = Common(),
@@ -23,6 +24,7 @@ def play(
     Args:
         policy: zero, stand or push (scripted), an ONNX file, or an exported folder.
         options: The ride.
+        safety: What ends it early.
         output: Folder for picture, film strip, numbers and Rerun recording; reports/BOARD of the workspace
             if not given.
         viewer: Open the MuJoCo viewer and ride in real time instead.
@@ -32,7 +34,6 @@ def play(
     from policy_runtime.evaluation.metrics import episode_errors
     from policy_runtime.evaluation.recording import Recorder
     from policy_runtime.loop.viewer import viewed
-    from policy_runtime.loop.world import joint_limits
     from policy_runtime.runtime import Runtime
 
     printer = Printer(common)
@@ -43,10 +44,11 @@ def play(
         robot=robot,
         policy=ride.policy,
         commands=ride.commands,
-        limits=joint_limits(robot.model),
+        limits=safety.limits(ride.world),
         on_tick=recorder.add,
         real_time=viewer,
         stop_time=0.0,
+        hold_heading=options.hold_heading,
     )
     with viewed(robot, viewer) as shown:
         runtime.robot = shown

@@ -1,28 +1,29 @@
 """`husky-sysid report`: everything known of a board in one HTML file."""
 
-import json
 import shlex
 import sys
 from datetime import date
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter
 
 from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.cli.diagnose import progress_bar
 from sysid.cli.log_options import LogArguments, refuse_overwriting_logs
+from sysid.cli.subject import Subject
 from sysid.cli.view import no_logs, read_logs
 from sysid.errors import SysidError
 from sysid.files import write_atomically
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
+_NO_SUBJECT = Subject()
 
 
 def report(
     *logs: Path,
-    board: Annotated[str, Parameter(name=("--board", "-b"))],
+    subject: Subject = _NO_SUBJECT,
     output: Annotated[Path | None, Parameter(name=("--output", "-o"), group=OUTPUT)] = None,
     tolerance: float = 0.02,
     arguments: LogArguments = _NO_ARGUMENTS,
@@ -35,18 +36,18 @@ def report(
 
     Args:
         logs: Logs of the board; those that its record was fitted to, if left out.
-        board: Name of the board.
+        subject: Whose joint it is.
         output: File to write; reports/BOARD/report.html of the workspace if left out.
         tolerance: Error beyond the noise, over the RMS motion, at which the comparison passes.
         arguments: How the logs are read.
         common: Options of every command.
     """
-    from reports.evidence import find_logs, gather
+    from reports.evidence import find_logs, gather, last_diagnosis
     from reports.page.board import Provenance, board_report
 
     printer = Printer(common)
     space = common.space
-    record = space.load_board(board)
+    record = subject.load(common, printer)
     files = find_logs(record, logs, space)
     if not files:
         raise SysidError(no_logs(record))
@@ -61,19 +62,21 @@ def report(
     if material.recordings:
         with progress_bar(printer) as progress:
             evidence = gather(
-                record, material.recordings, files=files, tolerance=tolerance, progress=progress
+                record, material.recordings, files=files, tolerance=tolerance, progress=progress,
+                stood=space.first(record.name),
             )  # fmt: skip
     provenance = Provenance(
         command=shlex.join(["husky-sysid", *sys.argv[1:]]),
         made=date.today().isoformat(),
-        record=_shown(space.board_path(board), space.root),
+        record=str(subject.model) if subject.model else _shown(space.board_path(record.name), space.root),
     )
-    diagnosis = _diagnosis(space.outputs(board) / "diagnose.json")
-    page = board_report(record, evidence, files, provenance, diagnosis)
-    path = output or space.outputs(board) / "report.html"
+    page = board_report(record, evidence, files, provenance, last_diagnosis(record, space))
+    path = output or space.outputs(record.name) / "report.html"
     write_atomically(path, page)
     printer.say(f"written: {path} ({len(page.encode()) / 1e6:.2f} MB)")
-    printer.result({"board": board, "report": str(path), "logs": [file.path for file in files if file.found]})
+    printer.result(
+        {"board": record.name, "report": str(path), "logs": [file.path for file in files if file.found]}
+    )
     return 0
 
 
@@ -82,12 +85,3 @@ def _shown(record: Path, root: Path) -> str:
     if record.is_relative_to(root):
         return str(record.relative_to(root))
     return f"{record.name}, as shipped with the tool"
-
-
-def _diagnosis(path: Path) -> dict[str, Any] | None:
-    """Return the board's last diagnosis, if there is one; the page says which logs it is of."""
-    try:
-        content: Any = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return content if isinstance(content, dict) and "verdict" in content else None

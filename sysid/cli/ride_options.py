@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from cyclopts import Parameter
+from cyclopts import Group, Parameter
 
 from sysid.board import Board
 from sysid.cli.console import Common, Printer
@@ -16,9 +16,11 @@ if TYPE_CHECKING:
     from policy_runtime.evaluation.recording import Recording
     from policy_runtime.loop.commands import CommandSource
     from policy_runtime.loop.policy import Policy
+    from policy_runtime.loop.safety import Limits
     from policy_runtime.loop.world import World
 
 MIN_TICKS_FOR_FILM = 2
+"""Policy steps that a ride lasts at least to be drawn."""
 
 
 @Parameter(name="*")
@@ -36,6 +38,8 @@ class RideOptions:
     """Commanded turn in every steering stretch [degrees], left positive."""
     commands: Path | None = None
     """CSV file of commands: time_s,speed_m_s,turn_rad; replaces --speed and --turn-deg."""
+    hold_heading: bool = False
+    """Make up in each turn for what earlier ones missed, by the IMU's yaw."""
     start: Literal["stand", "push", "steer"] = "stand"
     """Begin with one foot on the ground, or in a canonical pose on the rolling board."""
     start_speed: float = 0.0
@@ -48,6 +52,41 @@ class RideOptions:
     """Hold the pelvis upright, as a robot is tried out on a trolley."""
     force: bool = False
     """Run where policy and board disagree, or the board has not passed `check`."""
+
+
+@Parameter(name="*", group=Group("Safety", sort_key=1))
+@dataclass(frozen=True, kw_only=True)
+class SafetyOptions:
+    """Beyond these the robot is stopped."""
+
+    joint_margin: float = 0.05
+    """How far beyond its range a joint may be measured [rad]; the HUSKY release's ankle needs 0.1."""
+    tilt_deg: float = 60.0
+    """Greatest inclination of the pelvis [degrees]."""
+    torque_time: float = 0.5
+    """Longest time that a motor may be at its torque limit without a break [s]."""
+    link_timeout: float = 0.1
+    """Longest time without a message from the robot, or with the same state repeated [s]."""
+
+    def limits(self, world: "World") -> "Limits":
+        """Return the limits for a world's robot.
+
+        Raises:
+            SysidError: A number is no limit.
+        """
+        from policy_runtime.loop.world import joint_limits
+
+        for name in ("joint_margin", "tilt_deg", "torque_time", "link_timeout"):
+            if not getattr(self, name) >= 0:
+                raise SysidError(f"--{name.replace('_', '-')} {getattr(self, name):g}: must not be negative.")
+        return joint_limits(
+            world.robot.model,
+            joint_margin=self.joint_margin,
+            tilt=math.radians(self.tilt_deg),
+            torque_time=self.torque_time,
+            link_timeout=self.link_timeout,
+            stale_timeout=self.link_timeout,
+        )
 
 
 def choose_renderer() -> None:

@@ -3,21 +3,39 @@
 import signal
 from collections.abc import Generator
 from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from cyclopts import Parameter
+from cyclopts import Group, Parameter
 
 from sysid.cli.console import OUTPUT, Common, Printer
-from sysid.cli.ride_options import Ride, RideOptions, choose_renderer, prepare, write_ride
+from sysid.cli.ride_options import Ride, RideOptions, SafetyOptions, choose_renderer, prepare, write_ride
 from sysid.errors import QualityGateError, SysidError
 
 if TYPE_CHECKING:
     from policy_runtime.evaluation.recording import Recorder
     from policy_runtime.loop.commands import CommandSource
+    from policy_runtime.loop.ranges import RangeCheck
     from policy_runtime.robots import Robot
+    from policy_runtime.robots.loopback import SimulatedG1
     from policy_runtime.robots.simulated import SimulatedRobot
-    from policy_runtime.runtime import RunResult
+    from policy_runtime.runtime import Event, RunResult, Runtime, Tick
+
+
+@Parameter(name="*", group=Group("Start", sort_key=1))
+@dataclass(frozen=True, kw_only=True)
+class StartOptions:
+    """How a robot that is not where the policy starts comes there; a simulated one begins there."""
+
+    ramp: float = 3.0
+    """Time of the way to the start pose [s]."""
+    pose_tolerance: float = 0.5
+    """How far a joint may be from the start pose when the policy begins [rad]."""
+    handset: bool = True
+    """Wait for the handset: 'start' moves to the start pose, 'A' begins; 'select' or L2+B stop at any time."""
+    dry_run: bool = False
+    """Hold the start pose, send nothing of what the policy answers, and compare what it sees with its training."""
 
 
 def run(
@@ -25,6 +43,8 @@ def run(
     /,
     *,
     options: RideOptions = RideOptions(),
+    beginning: StartOptions = StartOptions(),
+    safety: SafetyOptions = SafetyOptions(),
     robot: Literal["simulated", "rehearsal", "unitree"] = "simulated",
     interface: str | None = None,
     domain: int = 0,
@@ -37,11 +57,13 @@ def run(
     """Run a policy in real time: 50 decisions a second over servos at 500 Hz.
 
     Ends when the time is over, at 'q' or Ctrl-C, or when a check stops the robot: stale or non-finite state,
-    too much tilt, joint or torque limit, lost link. However it ends, all joints brake, and the log says why.
+    too much tilt, joint or torque limit, lost link, the handset. However it ends, all joints brake, and the log says why.
 
     Args:
         policy: zero, stand or push (scripted), an ONNX file, or an exported folder.
         options: The ride; terrain, start and gantry count in simulation only.
+        beginning: How the robot comes to where the policy starts.
+        safety: What stops the robot.
         robot: In plain MuJoCo; a rehearsal, in which the same simulation speaks the G1's messages over this
             computer's loopback; or a G1 on the network.
         interface: Network interface towards the robot, e.g. eth0.
@@ -55,6 +77,10 @@ def run(
     choose_renderer()
     printer = Printer(common)
     ride = prepare(policy, options, printer, visuals=viewer or record)
+    if beginning.dry_run and robot == "simulated":
+        raise SysidError(
+            "--dry-run compares a robot's sensors with the training's. Add --robot rehearsal or unitree."
+        )
     if robot != "simulated" and (viewer or record):
         raise SysidError("--viewer and --record belong to --robot simulated. Leave them out.")
     if robot == "unitree":
@@ -68,12 +94,13 @@ def run(
     commands = _keyboard(options, printer) if keyboard else ride.commands
     folder = output or common.space.outputs(ride.board.name)
     try:
-        result, recorder = _drive(ride, commands, options, robot, interface, domain, viewer, record, printer)
+        runtime, recorder, ranges = _runtime(ride, commands, options, beginning, safety, robot, record)
+        result = _drive(runtime, ride, options.duration, robot, interface, domain, viewer, printer)
     finally:
         commands.close()
     files = {} if recorder is None else write_ride(ride, recorder.recording(), folder, printer)
-    _report(ride, result, files, folder, printer)
-    return 0 if result.stopped is None else 1
+    _report(ride, result, ranges, files, folder, printer)
+    return 0 if result.stopped is None and (ranges is None or not ranges.outside()) else 1
 
 
 def _keyboard(options: RideOptions, printer: Printer) -> "CommandSource":
@@ -86,35 +113,81 @@ def _keyboard(options: RideOptions, printer: Printer) -> "CommandSource":
     return source
 
 
-def _drive(
+def _runtime(
     ride: Ride,
     commands: "CommandSource",
     options: RideOptions,
+    beginning: StartOptions,
+    safety: SafetyOptions,
     robot: str,
-    interface: str | None,
-    domain: int,
-    viewer: bool,
     record: bool,
-    printer: Printer,
-) -> "tuple[RunResult, Recorder | None]":
-    """Run until the end and let go of the robot."""
+) -> "tuple[Runtime, Recorder | None, RangeCheck | None]":
+    """Return the loop, and what collects its ticks: a recorder, or the comparison of a dry run."""
     from policy_runtime.evaluation.recording import Recorder
-    from policy_runtime.loop.world import joint_limits
+    from policy_runtime.loop.policy import OnnxPolicy
+    from policy_runtime.loop.preparation import Preparation
+    from policy_runtime.loop.ranges import RangeCheck
     from policy_runtime.runtime import Runtime
 
     simulated = ride.world.robot
     recorder = Recorder(simulated) if record else None
-    with _ended_from_outside(), _driven(simulated, robot, interface, domain, viewer) as driven:
-        runtime = Runtime(
-            robot=driven,
-            policy=ride.policy,
-            commands=commands,
-            limits=joint_limits(simulated.model),
-            real_time=robot == "simulated",  # the others wait by themselves
-            on_tick=None if recorder is None else recorder.add,
-            on_event=lambda event: printer.note(f"{event.time:8.2f} s  {event.kind}: {event.text}"),
+    ranges = None
+    if beginning.dry_run:
+        if not isinstance(ride.policy, OnnxPolicy):
+            raise SysidError(
+                f"--dry-run: '{ride.policy.name}' was not trained on anything. Give an ONNX file."
+            )
+        ranges = RangeCheck(ride.policy)
+    preparation = None
+    if robot != "simulated":
+        preparation = Preparation(
+            pose=ride.world.start_joints,
+            ramp=beginning.ramp,
+            tolerance=beginning.pose_tolerance,
+            handset=beginning.handset,
+            dry=beginning.dry_run,
         )
-        return runtime.run(options.duration), recorder
+
+    def on_tick(tick: "Tick") -> None:
+        if recorder is not None:
+            recorder.add(tick)
+        if ranges is not None:
+            ranges.add(tick.state, tick.target)
+
+    runtime = Runtime(
+        robot=simulated,
+        policy=ride.policy,
+        commands=commands,
+        limits=safety.limits(ride.world),
+        real_time=robot == "simulated",  # the others wait by themselves
+        on_tick=on_tick,
+        preparation=preparation,
+        hold_heading=options.hold_heading,
+    )
+    return runtime, recorder, ranges
+
+
+def _drive(
+    runtime: "Runtime",
+    ride: Ride,
+    duration: float,
+    robot: str,
+    interface: str | None,
+    domain: int,
+    viewer: bool,
+    printer: Printer,
+) -> "RunResult":
+    """Run until the end and let go of the robot."""
+    simulated = ride.world.robot
+    with _ended_from_outside(), _driven(simulated, robot, interface, domain, viewer) as (driven, rehearsed):
+
+        def on_event(event: "Event") -> None:
+            printer.note(f"{event.time:8.2f} s  {event.kind}: {event.text}")
+            if rehearsed is not None:
+                rehearsed.assist(event.kind)
+
+        runtime.robot, runtime.on_event = driven, on_event
+        return runtime.run(duration)
 
 
 @contextmanager
@@ -130,32 +203,44 @@ def _ended_from_outside() -> "Generator[None]":
 @contextmanager
 def _driven(
     simulated: "SimulatedRobot", robot: str, interface: str | None, domain: int, viewer: bool
-) -> "Generator[Robot]":
-    """Yield the robot to drive, and let go of it at the end."""
+) -> "Generator[tuple[Robot, SimulatedG1 | None]]":
+    """Yield the robot to drive, and the one behind it in a rehearsal; let go of them at the end."""
     if robot == "simulated":
         from policy_runtime.loop.viewer import viewed
 
         with viewed(simulated, viewer) as shown:
-            yield shown
+            yield shown, None
         return
     from policy_runtime.robots.loopback import LOOPBACK, SimulatedG1
     from policy_runtime.robots.unitree import UnitreeG1
 
     interface = LOOPBACK if robot == "rehearsal" else interface
     with (
-        SimulatedG1(simulated, interface=interface, domain=domain) if robot == "rehearsal" else nullcontext()
-    ):
+        SimulatedG1(simulated, interface=interface, domain=domain, hoisted=True)
+        if robot == "rehearsal"
+        else nullcontext()
+    ) as rehearsed:
         driven = UnitreeG1(interface, domain)
         try:
-            yield driven
+            yield driven, rehearsed
         finally:
             driven.close()
 
 
-def _report(ride: Ride, result: "RunResult", files: dict[str, str], folder: Path, printer: Printer) -> None:
+def _report(
+    ride: Ride,
+    result: "RunResult",
+    ranges: "RangeCheck | None",
+    files: dict[str, str],
+    folder: Path,
+    printer: Printer,
+) -> None:
     from sysid.files import write_json
 
     content = {"board": ride.board.name, "policy": ride.policy.name, **result.to_json(), "files": files}
+    if ranges is not None and ranges.seen():
+        content["dry_run"] = ranges.to_json()
+        _report_ranges(ranges, printer)
     log = folder / f"run-{ride.policy.name}.json"
     write_json(log, content)
     printer.say(
@@ -171,3 +256,27 @@ def _report(ride: Ride, result: "RunResult", files: dict[str, str], folder: Path
         printer.say(f"{kind}: {path}")
     printer.say(f"log: {log}")
     printer.result(content)
+
+
+def _report_ranges(ranges: "RangeCheck", printer: Printer) -> None:
+    """Print what the policy saw beside what it was trained on: all that is outside, else the furthest."""
+    outside = ranges.outside()
+    rows = [
+        (
+            n.name,
+            f"{n.live[0]:.3g} … {n.live[1]:.3g}",
+            f"{n.mean:.3g} ± {n.std:.2g}",
+            f"{n.worst:.1f}",
+            f"{n.far:.1%}",
+        )
+        for n in outside or ranges.seen()[:5]
+    ]
+    printer.table(("the policy's input", "live", "in training", "worst [std]", "far"), rows, "Dry run")
+    joint, move = ranges.first_move
+    printer.say(f"the first answer would have moved {joint} by {move:+.2f} rad")
+    printer.say(
+        f"outside the training's range: {', '.join(n.name for n in outside)}. Look for a turned axis, another unit, "
+        "order or pose before the policy is let loose."
+        if outside
+        else "all that the policy saw lies within its training"
+    )

@@ -141,6 +141,7 @@ def train(
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     resume: Path | None = None,
     start_from: Annotated[Path | None, Parameter(name="--from")] = None,
+    motions: Path | None = None,
     minutes: Annotated[float, Parameter(validator=Number(gt=0))] = math.inf,
     force: bool = False,
     common: Common = Common(),
@@ -160,6 +161,8 @@ def train(
         resume: Folder of a run to go on with from its newest checkpoint, with its own options; beyond its end
             with --iterations.
         start_from: A checkpoint of another run to begin with, for other options or another board.
+        motions: Folder of reference motions of pushing (.npy, see `husky-sysid motions`) instead of the shipped ones;
+            the run keeps a copy.
         minutes: Stop, with a checkpoint, after so much time.
         force: Train even though the board has not passed `check`.
         common: Options of every command.
@@ -175,7 +178,7 @@ def train(
         config = _require_same_board(folder, record)
         count = folder.gpus() if gpus is None else int(gpus)
         _require_gpus(count)
-        _say_unused(variant, learner, output, config, printer)
+        _say_unused(variant, learner, {"output": output, "motions": motions}, config, printer)
         _go_on(folder, config, learner, count, minutes, printer)
     else:
         count = 1 if gpus is None else int(gpus)
@@ -183,7 +186,8 @@ def train(
         folder = _new_run(record, output, common, printer)
         _require_readable([] if start_from is None else [start_from])
         config = RunConfig(task=variant.options(), learn=learner.options())
-        folder.begin(config, common.space.board_path(board), start_from, gpus=count)
+        clips = [] if motions is None else [motions]
+        folder.begin(config, common.space.board_path(board), start_from, gpus=count, motions=clips)
         try:
             _run(folder, count, minutes, printer)
         finally:
@@ -245,14 +249,14 @@ def _require_same_board(folder: RunFolder, record: Board) -> RunConfig:
 
 
 def _say_unused(
-    variant: Variant, learner: Learner, output: Path | None, config: RunConfig, printer: Printer
+    variant: Variant, learner: Learner, paths: dict[str, Path | None], config: RunConfig, printer: Printer
 ) -> None:
     """Name the options that a run which goes on does not take up, because it has its own."""
     pairs = (
         (variant.options(), Variant().options(), config.task),
         (replace(learner, iterations=None).options(), Learner().options(), config.learn),
     )
-    unused = [] if output is None else ["output"]
+    unused = [name for name, path in paths.items() if path is not None]
     for given, default, own in pairs:
         for field in fields(given):
             value = getattr(given, field.name)

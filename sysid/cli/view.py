@@ -19,6 +19,7 @@ from sysid.cli.log_options import (
     refuse_overwriting_logs,
     say_notes,
 )
+from sysid.cli.subject import Subject
 from sysid.errors import SysidError
 from sysid.recording import Recording, refuse_duplicates
 from sysid.video.options import is_film
@@ -29,11 +30,12 @@ if TYPE_CHECKING:
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
+_NO_SUBJECT = Subject()
 
 
 def view(
     *logs: Path,
-    board: Annotated[str, Parameter(name=("--board", "-b"))],
+    subject: Subject = _NO_SUBJECT,
     output: Annotated[Path | None, Parameter(name=("--output", "-o"), group=OUTPUT)] = None,
     arguments: LogArguments = _NO_ARGUMENTS,
     common: Common = _NO_COMMON,
@@ -44,7 +46,7 @@ def view(
 
     Args:
         logs: Logs of the board; those that its record was fitted to, if left out.
-        board: Name of the board.
+        subject: Whose joint it is.
         output: Write the recording here, and open nothing.
         arguments: How the logs are read.
         common: Options of every command.
@@ -52,7 +54,7 @@ def view(
     from reports.evidence import find_logs
 
     printer = Printer(common)
-    record = common.space.load_board(board)
+    record = subject.load(common, printer)
     files = find_logs(record, logs, common.space)
     refuse_overwriting_logs(
         [file.found for file in files if file.found], arguments, printer, {"--output": output}
@@ -62,11 +64,11 @@ def view(
             printer.warn(f"{file.path}: {file.state}")
     if not any(file.found for file in files):
         raise SysidError(no_logs(record))
-    path = output or common.space.outputs(board) / "view.rrd"
+    path = output or common.space.outputs(record.name) / "view.rrd"
     material = read_logs(files, arguments, printer, films=True)
     evidence = write_recording(path, record, files, material, printer)
     printer.say(f"written: {path}")
-    printer.result({"board": board, "recording": str(path), "rmse_rad": evidence.comparison.rmse})
+    printer.result({"board": record.name, "recording": str(path), "rmse_rad": evidence.comparison.rmse})
     if output is None:
         # Its own process, so that the window stays when this command has ended.
         subprocess.Popen(

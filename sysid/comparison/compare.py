@@ -17,6 +17,7 @@ from sysid.comparison.release import ComparedRelease
 from sysid.decay.plausibility import amplitude_warnings
 from sysid.files import sha256
 from sysid.fitting.initial_state import fit_initial_states
+from sysid.fitting.joint import FitOptions, held_parameters
 from sysid.fitting.records import Record, Signal, make_records, signal_of
 from sysid.joint import JointLaw, simulate
 from sysid.noise.floor import NoiseFloor, noise_floor
@@ -56,6 +57,8 @@ class Comparison:
     simulated_backbone: Backbone
     tolerance: float
     is_rate: bool
+    slides: bool = False
+    """Whether the joint is a slide, whose positions are in m."""
     heldout_rmse: float | None = None
     """On releases that the board was not fitted to: `rmse` itself, unless a log here is one of the fit's; then what the
     fit measured by leaving releases out. None where that is not known."""
@@ -137,19 +140,22 @@ def compare(
     noise = noise_floor(releases, rate=use_rate)
     records = make_records(releases, noise.std, rate=use_rate)
     law = law or JointLaw.from_board(board)
-    residuals, starts = fit_initial_states(law, records, bias=chosen["bias"])
+    _, bias = held_parameters(law.structure, board, FitOptions(**chosen))
+    residuals, starts = fit_initial_states(law, records, bias=bias)
     compared = tuple(
         _compared(law, record, residual, start)
         for record, residual, start in zip(records, residuals, starts, strict=True)
     )
     everything = np.concatenate(residuals)
     rmse = float(np.sqrt(np.mean(everything**2)))
-    motion = np.concatenate([r.signal - (0.0 if use_rate else law.rest_angle) for r in records])
+    motion = np.concatenate(
+        [r.signal - (0.0 if use_rate else law.posed(r.release.known).rest_angle) for r in records]
+    )
     size = float(np.sqrt(np.mean(motion**2)))
     least, excess, most = (
         float(np.sqrt(max(rmse**2 - std**2, 0.0))) / size for std in (noise.highest, noise.std, noise.lowest)
     )
-    where = locate_error(compared, law, noise)
+    where = locate_error(compared, law, noise, board)
     return Comparison(
         board=board.name,
         law=law,
@@ -166,6 +172,7 @@ def compare(
         simulated_backbone=backbone_of(compared, law, [c.simulated for c in compared], 0.0),
         tolerance=tolerance,
         is_rate=use_rate,
+        slides=board.slides,
         heldout_rmse=_heldout(board, recordings, rmse),
         warnings=(*reading_warnings(recordings), *odd),
         recordings=recordings,
@@ -179,7 +186,10 @@ def _heldout(board: Board, recordings: tuple[Recording, ...], rmse: float) -> fl
 
 
 def _compared(law: JointLaw, record: Record, residual: Array, start: tuple[float, float]) -> ComparedRelease:
-    path = simulate(law, record.time, *start, hold=max(record.release.hold, 0.0), begin=record.release.start)
+    known = record.release.known
+    path = simulate(
+        law.posed(known), record.time, *start, hold=max(record.release.hold, 0.0), begin=record.release.start
+    )
     return ComparedRelease(
         log=record.release.log,
         number=record.release.number,

@@ -6,14 +6,21 @@ from typing import Literal
 
 import numpy as np
 
+from sysid.board import Board
 from sysid.comparison.force_surface import derivatives, filter_length
 from sysid.comparison.release import ComparedRelease
 from sysid.joint.law import JointLaw
 from sysid.noise.floor import NoiseFloor
 from sysid.roll import Array
+from sysid.text import display
 
 Axis = Literal["time", "amplitude", "velocity", "side", "phase"]
 
+SIDES = (
+    ("with the right edge down", "with the left edge down"),
+    ("at positions beyond the rest", "at positions below the rest"),
+)
+"""Where a board is, and where the joint of a model is."""
 AT_THE_FLOOR = 1.05
 """Error over noise floor up to which there is nothing to locate."""
 
@@ -30,7 +37,9 @@ class Place:
     text: str
 
 
-def locate_error(compared: Sequence[ComparedRelease], law: JointLaw, noise: NoiseFloor) -> tuple[Place, ...]:
+def locate_error(
+    compared: Sequence[ComparedRelease], law: JointLaw, noise: NoiseFloor, board: Board
+) -> tuple[Place, ...]:
     """Divide the squared error beyond the noise along five axes and return the parts, largest first."""
     error = np.concatenate([c.residual**2 - noise.std**2 for c in compared])
     total = float(error.sum())
@@ -47,9 +56,10 @@ def locate_error(compared: Sequence[ComparedRelease], law: JointLaw, noise: Nois
         top = float(values.max())
         for low, high in ((0.0, 0.25), (0.25, 0.5), (0.5, 1.0)):
             inside = (values >= low * top) & (values < high * top if high < 1 else values <= top)
-            text = _range_text(axis, low * top, high * top, last=high == 1.0)
+            text = _range_text(axis, low * top, high * top, last=high == 1.0, slides=board.slides)
             places.append(Place(axis, (low * top, high * top), float(error[inside].sum()) / total, text))
-    for sign, text in ((1.0, "with the right edge down"), (-1.0, "with the left edge down")):
+    right, left = SIDES[bool(board.model)]
+    for sign, text in ((1.0, right), (-1.0, left)):
         places.append(Place("side", (sign, sign), float(error[tilt * sign > 0].sum()) / total, text))
     for sign, text in ((1.0, "while slowing down"), (-1.0, "while speeding up")):
         share = float(error[tilt * rate * sign > 0].sum()) / total
@@ -66,7 +76,7 @@ def _motion(release: ComparedRelease, law: JointLaw) -> tuple[Array, Array]:
     return roll - law.rest_angle, rate
 
 
-def _range_text(axis: str, low: float, high: float, *, last: bool) -> str:
+def _range_text(axis: str, low: float, high: float, *, last: bool, slides: bool) -> str:
     if axis == "time":
         return (
             f"after {low:.2g} s"
@@ -75,10 +85,9 @@ def _range_text(axis: str, low: float, high: float, *, last: bool) -> str:
             if low
             else f"before {high:.2g} s"
         )
-    scale, unit, what = (
-        (float(np.degrees(1.0)), "°", "at amplitudes") if axis == "amplitude" else (1.0, " rad/s", "at rates")
-    )
-    low, high = scale * low, scale * high
+    show = display(is_rate=axis != "amplitude", slides=slides)
+    what, unit = "at amplitudes" if axis == "amplitude" else "at rates", show.unit
+    low, high = show.scale * low, show.scale * high
     if last:
         return f"{what} above {low:.2g}{unit}"
     return f"{what} between {low:.2g} and {high:.2g}{unit}" if low else f"{what} below {high:.2g}{unit}"

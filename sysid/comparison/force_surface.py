@@ -6,15 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.comparison.release import ComparedRelease
-from sysid.effects import effect
 from sysid.joint.law import JointLaw
-from sysid.joint.torques import effect_torque
+from sysid.joint.torques import memoryless_torque
 from sysid.roll import Array
 
 SHARE_OF_PERIOD = 1 / 6
 """Length of the filter that differentiates, over the period: a local quartic follows a swing over it to 0.1 %."""
 FEW_A_BIN, MOST_BINS = 1.5, 15
-"""Independent samples that a bin of a profile holds at least, and bins beyond which a curve shows no more."""
+"""Independent samples [1] that a bin of a profile holds at least, and bins beyond which a curve shows no more."""
 CLEAR = 0.1
 """Share of the largest tilt within which a sign is the noise's."""
 LARGEST_SHARE = 1 / 3
@@ -79,7 +78,7 @@ def missing_torque(
         measured = derivatives(release.time, release.measured, window)
         simulated = derivatives(release.time, release.simulated, window)
         windows.append(window)
-        demanded = _torque_left(law, release.time, measured) - _torque_left(law, release.time, simulated)
+        demanded = _torque_left(law, measured) - _torque_left(law, simulated)
         inner = slice(3, -3)
         tilts.append(measured[0][inner] - law.rest_angle)
         rates.append(measured[1][inner])
@@ -154,15 +153,7 @@ def derivatives(time: Array, roll: Array, window: int) -> tuple[Array, Array, Ar
     return smooth, rate, acceleration
 
 
-def _torque_left(law: JointLaw, time: Array, motion: tuple[Array, Array, Array]) -> Array:
-    """Return I φ̈ less the law's torques without memory [N*m]."""
+def _torque_left(law: JointLaw, motion: tuple[Array, Array, Array]) -> Array:
+    """Return I φ̈ less the law's torques without memory [N*m], shape (n,), of roll, rate and acceleration."""
     roll, rate, acceleration = motion
-    left = (
-        law.inertia_ratio * law.inertia * acceleration
-        + law.stiffness * (roll - law.rest_angle)
-        + law.damping * rate
-    )
-    for name, _ in law.effects:
-        if effect(name).role == "torque" and not effect(name).states:
-            left = left - effect_torque(law, name, time, roll, rate)
-    return left
+    return law.inertia_ratio * law.inertia * acceleration - memoryless_torque(law, roll, rate)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 def report(result: "Comparison", width: int = WIDTH) -> str:
     """Return each release's error, the whole, where it sits, and the verdict."""
-    show = display(is_rate=result.is_rate)
+    show = display(is_rate=result.is_rate, slides=result.slides)
     releases = table(
         ("release", "error", "error / noise"),
         [

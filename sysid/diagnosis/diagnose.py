@@ -44,9 +44,10 @@ from sysid.diagnosis.workers import Crew
 from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.fitting.covariance import parameter_quantities
-from sysid.fitting.joint import FitOptions, check_parameters
+from sysid.fitting.joint import FitOptions, check_parameters, held_parameters
 from sysid.fitting.records import Signal, make_records, signal_of
 from sysid.fitting.search import scales_of
+from sysid.joint.structure import structure_of
 from sysid.noise.floor import NoiseFloor, noise_floor
 from sysid.quantity import Quantity
 from sysid.recording import Data, Recording, reading_warnings, unpack
@@ -63,7 +64,7 @@ FINALISTS = 6
 RIVALS = 4
 """How many models that predict as well are listed."""
 WEAK = 2.0
-"""Score that an effect must gain to be listed as a hint."""
+"""Score [nat] that an effect must gain to be listed as a hint."""
 
 Status = Literal["none-missing", "missing", "unexplained"]
 
@@ -110,6 +111,8 @@ class Candidate:
     """None where the model was out of the running before it came to that."""
     score: float
     """Twice the log-likelihood of held-out motion that the best has more: 0 is best, 8 is e⁴ to 1 against."""
+    score_std: float | None
+    """Standard deviation of that difference, from period to period; None where it was not predicted."""
     parameters: Mapping[str, Quantity]
 
 
@@ -218,10 +221,15 @@ def diagnose(
     scales = scales_of(records, board)
     period = 2 * np.pi / scales.frequency
     warnings = check_releases(releases, board, period)
-    held = dict(fixed or {})
-    check_parameters([part.name for part in board.effects], FitOptions(fixed=held))
-    if bias == "per-release" or use_rate:
-        held.setdefault("rest_angle", board.rest_angle)
+    options = FitOptions(bias=bias, use_rate=use_rate, fixed=dict(fixed or {}))
+    own = [part.name for part in board.effects]
+    check_parameters(own, options, board)
+    if any(effect(name).is_known for name in own):
+        held, bias = held_parameters(structure_of(own), board, options)
+    else:
+        held = dict(options.fixed)
+        if bias == "per-release" or use_rate:
+            held.setdefault("rest_angle", board.rest_angle)
     with Crew(workers) as crew:
         search = Search(
             records=records, scales=scales, bias=bias, base=tuple(sorted(p.name for p in board.effects)),
@@ -240,6 +248,7 @@ def diagnose(
     scores = {
         (s.model.effects, s.model.shape): 2 * (everything.best.score - s.score) for s in everything.scored
     }
+    spreads = {s.model.effects: everything.spread(s) for s in everything.scored if not s.model.shape}
     ranked = sorted(final, key=lambda m: scores[m.effects, ""])
     done = {m.effects for m in final}
     others = sorted((m for m in models if m.effects not in done), key=lambda m: m.cost)
@@ -247,6 +256,7 @@ def diagnose(
     def shown(model: Model, score: float) -> Candidate:
         return Candidate(
             effects=tuple(n for n in model.effects if n not in search.base), rmse=model.rmse, score=score,
+            score_std=spreads.get(model.effects),
             heldout_rmse=model.heldout_rmse if model.heldout is not None else None,
             parameters=parameter_quantities(model.problem, model.minimum, board, certain=model.effects in done),
         )  # fmt: skip

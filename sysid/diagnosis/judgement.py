@@ -87,6 +87,11 @@ class Field:
             return Scored(model, Fitted(-np.inf, 0.0, 0.0, 0.0, 0.0, each), extra)
         return Scored(model, fit_errors(self.blocks, model.heldout), extra)
 
+    def spread(self, scored: Scored) -> float:
+        """Return the standard deviation of twice the log-likelihood that the best has more, from period to period."""
+        difference = self.by_block(self.best.errors.each - scored.errors.each)
+        return 2 * float(np.std(difference)) * float(np.sqrt(len(difference)))
+
     def by_block(self, each: Array) -> Array:
         """Return sums over the blocks in the same unit, shape (blocks,)."""
         starts = np.cumsum([0, *(b - a for _, a, b in self.blocks.cuts[:-1])])

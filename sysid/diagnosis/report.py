@@ -30,7 +30,7 @@ def report(result: "Diagnosis", width: int = WIDTH) -> str:
         f"{result.board} · {count(result.releases, 'release')} · sensor noise {show(floor.std, 3)}, {floor.how}",
         table(("missing", "error / noise", "held out / noise", "score"), rows, width=width),
         "held out: error on releases that a model had not seen; score: 0 is best, from 8 on a model is ruled out",
-        f"Result: {_headline(result)} (confidence {percent(verdict.confidence)})",
+        f"Result: {headline(result)} (confidence {percent(verdict.confidence)})",
         verdict.explanation,
         _predicted(result),
     ]
@@ -46,7 +46,8 @@ def report(result: "Diagnosis", width: int = WIDTH) -> str:
     return "\n".join(lines)
 
 
-def _headline(result: "Diagnosis") -> str:
+def headline(result: "Diagnosis") -> str:
+    """Return the verdict in a few words."""
     names = " and ".join(result.verdict.effects)
     if result.status == "none-missing":
         return "no effect is missing"

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 import numpy as np
 
 from sysid.effects._algebra import Algebra, Value, Values
+from sysid.roll import Array
 
 if TYPE_CHECKING:
     import mujoco
@@ -112,6 +113,8 @@ class Parameter:
     """Value taken where a user leaves the parameter out."""
     rough: bool = False
     """Whether the cost is rough along it, because it decides in which half swing the deck stops."""
+    held: bool = False
+    """Whether it is known from elsewhere: a fit holds it at the record's value, unless the user bounds it."""
 
     def bounds(self, scales: Scales) -> tuple[float, float]:
         """Return the bounds in `unit`."""
@@ -192,6 +195,16 @@ class ToMjcf(Protocol):
         ...
 
 
+FromMjcf = Callable[["mujoco.MjsJoint"], Sequence[float]]
+"""Reads its parameters from the attributes of a model's joint, the opposite of `ToMjcf`; none where it is not there."""
+
+
+def in_no_attribute(joint: "mujoco.MjsJoint") -> Sequence[float]:
+    """Return nothing: the effect is in no attribute of a joint."""
+    del joint
+    return ()
+
+
 def spec_angle(spec: "mujoco.MjSpec", angle: float) -> float:
     """Return an angle [rad] in the unit that the spec's compiler reads: degrees, unless told otherwise."""
     return float(np.degrees(angle)) if spec.compiler.degree else angle
@@ -222,12 +235,12 @@ def belongs_to_log(
 
 Family = Literal[
     "friction", "hysteresis", "drag", "hardening", "asymmetry", "stop", "freeplay", "relaxation", "rest", "drift",
-    "lowpass", "clock", "inertia",
+    "lowpass", "clock", "inertia", "learned",
 ]  # fmt: skip
 """What a practitioner would call it; effects of one family are variants of one another."""
-Role = Literal["torque", "support", "shift", "record", "measurement"]
-"""What an effect changes: the torque of the joint; what the joint stands on; the rest angle; the
-numbers of the record (indistinguishable from another k and d in a free decay); or the sensor."""
+Role = Literal["torque", "learned", "support", "shift", "record", "measurement"]
+"""What an effect changes: the torque of the joint, by a formula or by a table that is learned; what the joint stands on; the
+rest angle; the numbers of the record (indistinguishable from another k and d in a free decay); or the sensor."""
 
 DecaySign = Literal["constant loss", "growing loss", "longer period", "shorter period", "moving level"]
 """What the peaks of a decay show: a loss per swing that does not depend on the amplitude, or more than in
@@ -258,6 +271,7 @@ class Effect:
     """The experiment that tells it from its look-alikes."""
     mujoco: MujocoSupport
     to_mjcf: ToMjcf
+    from_mjcf: FromMjcf = in_no_attribute
     example: tuple[float, ...]
     """Parameters that show the effect clearly on the `pink` board, for pictures and tests."""
     states: tuple[State, ...] = ()
@@ -272,6 +286,8 @@ class Effect:
     0.04° at 1 kHz the integration should then change χ² by less than one, or by less than ten where it is nonsmooth."""
     identifiable_from_decay: bool = True
     """Whether a free decay can tell it from another stiffness and damping."""
+    identifiable_with: tuple[str, ...] = ()
+    """Effects of the record beside which a free decay can tell it after all."""
     same_as: tuple[str, ...] = ()
     """Effects, and parameters of the linear joint, that no free decay can tell it from."""
     excludes: tuple[str, ...] = ()
@@ -287,6 +303,11 @@ class Effect:
     def parameter_names(self) -> tuple[str, ...]:
         """Names of the parameters, in the order of the command line."""
         return tuple(parameter.name for parameter in self.parameters)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether all of it is known from elsewhere: it is never left out of a joint that has it."""
+        return bool(self.parameters) and all(parameter.held for parameter in self.parameters)
 
     @property
     def slides(self) -> bool:
@@ -310,6 +331,20 @@ class Effect:
         return f"{'-' if values[0] < 0 else '+'} {self.formula.format(**sizes)}"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Smoothness:
+    """What a fit must know of parameters that are a table of torques: how rough they are, and what is not theirs."""
+
+    names: tuple[str, ...]
+    """The parameters of the tables, in order; p in all."""
+    tables: tuple[str, ...]
+    """Names of the tables, which are smoothed by a weight each."""
+    forms: tuple[Array, ...]
+    """For each, a quadratic form in all parameters that is large where it is rough, shape (p, p)."""
+    linear: Mapping[str, Array]
+    """For a parameter of the linear joint the direction, shape (p,), in which the tables would do the same."""
+
+
 def no_torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return zero torque."""
     del m, motion, parameters, states
@@ -327,6 +362,8 @@ class TorqueEffect(Effect):
     """`friction(m, speed, parameters)` [N*m] ≥ 0: dry friction at |v|; at speed 0, what it takes to slide."""
     modifies: Callable[[LinearJoint, Values], LinearJoint] | None = None
     """`modifies(joint, parameters)`: the linear law with another number."""
+    changing: Callable[[Algebra, Value, Values], tuple[Value, Value]] | None = None
+    """`changing(m, roll, parameters)`: what it adds to the inertia there [kg*m^2], and the derivative of that by roll."""
     restarts: Callable[[Mapping[str, float]], Sequence[dict[str, float]]] | None = None
     """Where to search again from if a search ended at an edge beyond which the law does not change, so that no descent
     comes back: takes and returns the effect's parameters in units of their sizes; none elsewhere."""
@@ -334,10 +371,27 @@ class TorqueEffect(Effect):
     """Whether it acts between deck and ground, past what the joint stands on."""
     adds_stiffness: str = ""
     """The parameter that adds to the joint's stiffness at small tilts; '' where none does."""
+    slope: Callable[[Mapping[str, float], float], float] | None = None
+    """`slope(parameters, roll)`: the stiffness that it is for small motions about a roll [N*m/rad], where no parameter of its
+    own is that."""
+    adds_inertia: str = ""
+    """The parameter that adds to the joint's inertia; '' where none does."""
     acts_during_hold: bool = False
     """Whether a hand can hold the board against it, so that a release sets off faster than the spring alone makes it."""
+    smoothness: Callable[[], Smoothness] | None = None
+    """Of an effect that is a table which is learned: how it is kept smooth."""
+    support: tuple[str, ...] = ()
+    """Of such a one, the parameters that say where it was measured: lowest and highest tilt, lowest and highest rate."""
+    memory: str = ""
+    """Of such a one, the effect that it is tried with where tilt and rate alone leave something."""
     timestep: str = ""
     """The parameter that is a simulator's time step, where the effect is that simulator; else ''."""
+
+    def stiffness_at(self, roll: float, parameters: Mapping[str, float]) -> float:
+        """Return what it adds to the joint's stiffness for small motions about a roll [N*m/rad]."""
+        return (
+            parameters.get(self.adds_stiffness, 0.0) if self.slope is None else self.slope(parameters, roll)
+        )
 
     @property
     def slides(self) -> bool:

@@ -25,6 +25,11 @@ def to_mjcf(
     return (f"asymmetric-stiffness: second stiffness coefficient {parameters['coefficient']:.6g} N*m/rad^2",)
 
 
+def from_mjcf(joint: "mujoco.MjsJoint") -> Sequence[float]:
+    """Return what the joint's attribute says."""
+    return (float(joint.stiffness[1]),) if joint.stiffness[1] else ()
+
+
 EFFECT = TorqueEffect(
     name="asymmetric-stiffness",
     title="left and right springs differ",
@@ -47,6 +52,7 @@ EFFECT = TorqueEffect(
     experiment="Release once from each side, and from 3° and 12°: only unequal springs treat them unequally.",
     mujoco=MujocoSupport(means="joint stiffness polynomial, second coefficient", since="3.7", warp=True),
     to_mjcf=to_mjcf,
+    from_mjcf=from_mjcf,
     example=(25.0,),
     torque=torque,
 )

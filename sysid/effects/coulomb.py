@@ -1,6 +1,6 @@
 """Dry friction that does not depend on speed."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from sysid.effects._algebra import Algebra, Value, Values
@@ -35,6 +35,11 @@ def to_mjcf(
     )
 
 
+def from_mjcf(joint: "mujoco.MjsJoint") -> Sequence[float]:
+    """Return what the joint's attribute says."""
+    return (float(joint.frictionloss),) if joint.frictionloss else ()
+
+
 EFFECT = TorqueEffect(
     name="coulomb",
     title="dry friction",
@@ -60,6 +65,7 @@ EFFECT = TorqueEffect(
         means="frictionloss with solreffriction 0.002 and solimpfriction 0.9999", since="3.0", warp=True
     ),
     to_mjcf=to_mjcf,
+    from_mjcf=from_mjcf,
     example=(0.15,),
     friction=friction,
     decay_signs=(("constant loss", 1),),

@@ -25,6 +25,11 @@ def to_mjcf(
     return (f"cubic-damping: third damping coefficient {parameters['coefficient']:.6g} N*m*s^3/rad^3",)
 
 
+def from_mjcf(joint: "mujoco.MjsJoint") -> Sequence[float]:
+    """Return what the joint's attribute says."""
+    return (float(joint.damping[2]),) if joint.damping[2] else ()
+
+
 EFFECT = TorqueEffect(
     name="cubic-damping",
     title="cubic damping",
@@ -47,6 +52,7 @@ EFFECT = TorqueEffect(
     experiment="Release from 3°, 7° and 12°: damping rises with amplitude for v|v|, with its square for v³.",
     mujoco=MujocoSupport(means="joint damping polynomial, third coefficient", since="3.7", warp=True),
     to_mjcf=to_mjcf,
+    from_mjcf=from_mjcf,
     example=(0.02,),
     torque=torque,
     decay_signs=(("growing loss", 2),),

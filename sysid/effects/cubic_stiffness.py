@@ -25,6 +25,11 @@ def to_mjcf(
     return (f"cubic-stiffness: third stiffness coefficient {parameters['coefficient']:.6g} N*m/rad^3",)
 
 
+def from_mjcf(joint: "mujoco.MjsJoint") -> Sequence[float]:
+    """Return what the joint's attribute says."""
+    return (float(joint.stiffness[2]),) if joint.stiffness[2] else ()
+
+
 EFFECT = TorqueEffect(
     name="cubic-stiffness",
     title="hardening or softening spring",
@@ -47,6 +52,7 @@ EFFECT = TorqueEffect(
     experiment="Release from 3°, 7° and 12°: a cubic changes the period with the square of the amplitude.",
     mujoco=MujocoSupport(means="joint stiffness polynomial, third coefficient", since="3.7", warp=True),
     to_mjcf=to_mjcf,
+    from_mjcf=from_mjcf,
     example=(200.0,),
     torque=torque,
     decay_signs=(("longer period", 2), ("shorter period", 1)),

@@ -25,6 +25,11 @@ def to_mjcf(
     return (f"quadratic-damping: second damping coefficient {parameters['coefficient']:.6g} N*m*s^2/rad^2",)
 
 
+def from_mjcf(joint: "mujoco.MjsJoint") -> Sequence[float]:
+    """Return what the joint's attribute says."""
+    return (float(joint.damping[1]),) if joint.damping[1] else ()
+
+
 EFFECT = TorqueEffect(
     name="quadratic-damping",
     title="quadratic damping",
@@ -47,6 +52,7 @@ EFFECT = TorqueEffect(
     experiment="Release from 3°, 7° and 12°: damping rises with amplitude for v|v|, with its square for v³.",
     mujoco=MujocoSupport(means="joint damping polynomial, second coefficient", since="3.7", warp=True),
     to_mjcf=to_mjcf,
+    from_mjcf=from_mjcf,
     example=(0.06,),
     torque=torque,
     decay_signs=(("growing loss", 1),),

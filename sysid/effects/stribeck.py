@@ -13,7 +13,7 @@ BRISTLE_STIFFNESS = 5000.0
 """Of the LuGre model that stands in for a hard stick in MuJoCo, at most [N*m/rad]; its own damping is none."""
 _PER_STEP = 0.4
 _PER_STAGE = 0.03
-"""Bristle stiffness in units of inertia over step², for semi-implicit integrators and for the explicit RK4."""
+"""Bristle stiffness over inertia / step² [1], for semi-implicit integrators and for the explicit RK4."""
 _VANISHING = 0.02
 """Friction of the element at speed, as a share of its own at standstill: it may not be nothing."""
 
@@ -77,7 +77,7 @@ def as_coulomb(parameters: Values) -> list[dict[str, float]]:
 
 _PARTS = ((0.7, 1.3), (0.3, 1.3))
 _SPEEDS = (0.05, 0.2, 0.5)
-"""Sliding and static friction in units of the common one, and the Stribeck speed in units of its size."""
+"""Sliding and static friction as a share of the common one, and the Stribeck speed as one of its size."""
 
 
 def part_again(parameters: Mapping[str, float]) -> list[dict[str, float]]:

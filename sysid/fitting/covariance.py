@@ -13,7 +13,7 @@ from sysid.joint.structure import Structure
 from sysid.least_squares import Minimum
 from sysid.noise.autoregression import ResidualNoise, residual_noise
 from sysid.noise.lasting import kept_after, own_std
-from sysid.quantity import Quantity
+from sysid.quantity import Quantity, slide_unit
 from sysid.roll import Array
 
 UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "rest_angle": "rad"}
@@ -56,6 +56,8 @@ def parameter_quantities(
         certain: False leaves the deviations unknown, where no covariance is given, and is quick.
     """
     units = {**UNITS, **_effect_units(problem.structure)}
+    if board.slides:
+        units = {name: slide_unit(unit) for name, unit in units.items()}
     parameters = problem.parameters(minimum.point)
     if certain and covariance is None:
         covariance = total_covariance(problem, minimum, board)
@@ -68,6 +70,16 @@ def parameter_quantities(
         name: Quantity(parameters[name], float(std), units[name], "least squares of the decay")
         for name, std in zip(problem.names, deviation, strict=True)
     }
+
+
+def table_values(structure: Structure) -> frozenset[str]:
+    """Return the parameters that are values of a learned table: none of them says anything alone."""
+    return frozenset(
+        f"{part.name}.{name}"
+        for part in structure.torques
+        if part.smoothness
+        for name in part.smoothness().names
+    )
 
 
 def _effect_units(structure: Structure) -> dict[str, str]:
@@ -87,12 +99,19 @@ def parameter_covariance(problem: Problem, minimum: Minimum, residuals: Sequence
     sensitivity = sensitivity_of(problem, minimum)
     noise = noise_behind(problem, minimum, residuals, sensitivity)
     shared, sizes = len(problem.names), problem.sizes()
+    variance = problem.records[0].std ** 2 / problem.average
 
     def sandwich(noises: Sequence[ResidualNoise]) -> Array:
         meat = sum(
             (j.T @ noise.applied(j) for j, noise in zip(sensitivity.rows, noises, strict=True)),
             np.zeros_like(sensitivity.inverse),
         )
+        if (
+            problem.smoothing
+        ):  # as if the prior's own residuals scattered as the sensor does: H⁻¹ Jᵀ(R - σ²)J H⁻¹ + σ² H⁻¹
+            meat = meat - variance * sum((j.T @ j for j in sensitivity.rows), np.zeros_like(meat))
+            whole = sensitivity.inverse @ meat @ sensitivity.inverse + variance * sensitivity.inverse
+            return whole[:shared, :shared]
         return (sensitivity.inverse @ meat @ sensitivity.inverse)[:shared, :shared]
 
     covariance = sandwich([noise] * len(sensitivity.rows))
@@ -120,7 +139,7 @@ class Sensitivity:
     rows: tuple[Array, ...]
     """Of each record, shape (n, unknowns); zero in columns of other records and of unknowns at a bound."""
     inverse: Array
-    """(JᵀJ)⁻¹, shape (unknowns, unknowns), zero for unknowns at a bound."""
+    """(JᵀJ + prior)⁻¹, shape (unknowns, unknowns), zero for unknowns at a bound."""
 
 
 def sensitivity_of(problem: Problem, minimum: Minimum) -> Sensitivity:
@@ -137,6 +156,7 @@ def sensitivity_of(problem: Problem, minimum: Minimum) -> Sensitivity:
         counted = row if problem.weights is None else row[problem.weights[index] >= 1]
         square += counted.T @ counted
         rows.append(row)
+    square[:shared, :shared] += problem.records[0].std ** 2 / problem.average * problem.prior
     inverse = np.zeros_like(square)
     inverse[np.ix_(free, free)] = _inverse(square[np.ix_(free, free)])
     return Sensitivity(tuple(rows), inverse)
@@ -182,27 +202,28 @@ def identifiability_warnings(
         covariance: Of `quantities`, in their order, shape (free, free), in their units.
     """
     lines: list[str] = []
+    values = table_values(problem.structure)
     for name, bound in zip(problem.names, minimum.at_bound, strict=False):
         if bound:
             lines.append(f"{name} = {quantities[name].value:.4g} {quantities[name].unit} is at its bound")
     deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     correlation = covariance / np.outer(deviation, deviation)
     names = list(problem.names)
-    for i, j in itertools.combinations(range(len(names)), 2):
+    for i, j in itertools.combinations([i for i, n in enumerate(names) if n not in values], 2):
         if abs(correlation[i, j]) > 0.995:
             lines.append(
                 f"{names[i]} and {names[j]} cannot be told apart by these releases (correlation "
                 f"{correlation[i, j]:+.4f}): only their combination is fixed"
             )
     for name, quantity in quantities.items():
-        if name in ("stiffness", "damping", "rest_angle") or not np.isfinite(quantity.std):
+        if name in ("stiffness", "damping", "rest_angle", *values) or not np.isfinite(quantity.std):
             continue
         if quantity.std > abs(quantity.value) and quantity.value != 0:
             lines.append(f"{name} is not different from zero within its uncertainty ({quantity})")
     lines += [
         line
         for part in problem.structure.effects
-        if (line := identified_combination(part, quantities, covariance))
+        if not values and (line := identified_combination(part, quantities, covariance))
     ]
     return lines
 

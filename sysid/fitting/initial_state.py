@@ -39,6 +39,24 @@ def fit_initial_states(
     Returns:
         Residuals of each record [rad or rad/s], shape (n,) each, and (roll [rad], rate [rad/s]) at each release.
     """
+    residuals: list[Array] = []
+    starts: list[tuple[float, float]] = []
+    for problem in problems_of_law(law, records, bias=bias, steps_per_period=steps_per_period):
+        found = minimise(problem.normal, problem.start(problem.fixed), *problem.bounds(), iterations=30)
+        if not np.isfinite(found.normal.cost):
+            raise SysidError(
+                "the record's law moves without bound from the measured release. Refit it (husky-sysid fit)."
+            )
+        residuals += problem.residuals(found.point)
+        own = found.point * problem.sizes()
+        starts.append((float(own[0]), float(own[1])))
+    return residuals, starts
+
+
+def problems_of_law(
+    law: JointLaw, records: Sequence[Record], *, bias: Bias = "shared", steps_per_period: int = 120
+) -> list[Problem]:
+    """Return the least squares of a given law for each release by itself: only how it starts is free."""
     structure = law.structure
     amplitude = max(max(float(np.ptp(r.release.roll)) for r in records) / 1.6, 1e-4)
     scales = Scales(
@@ -48,10 +66,8 @@ def fit_initial_states(
     parameters = law.parameters
     del parameters["inertia"]
     free_states = bool(structure.internal_states) and any(r.release.hold <= 0 for r in records)
-    residuals: list[Array] = []
-    starts: list[tuple[float, float]] = []
-    for record in records:
-        problem = Problem(
+    return [
+        Problem(
             structure,
             [record],
             scales,
@@ -60,12 +76,5 @@ def fit_initial_states(
             free_states=free_states,
             steps_per_period=steps_per_period,
         )
-        found = minimise(problem.normal, problem.start(parameters), *problem.bounds(), iterations=30)
-        if not np.isfinite(found.normal.cost):
-            raise SysidError(
-                "the record's law moves without bound from the measured release. Refit it (husky-sysid fit)."
-            )
-        residuals += problem.residuals(found.point)
-        own = found.point * problem.sizes()
-        starts.append((float(own[0]), float(own[1])))
-    return residuals, starts
+        for record in records
+    ]

@@ -13,6 +13,7 @@ from sysid.fitting.problem import Problem
 from sysid.fitting.records import Bias, make_records
 from sysid.fitting.result import JointFit, summarise
 from sysid.fitting.search import scales_of, search
+from sysid.fitting.smoothing import is_table, learn
 from sysid.joint.structure import Structure, structure_of
 from sysid.least_squares import Minimum, minimise
 from sysid.noise.floor import noise_floor
@@ -38,15 +39,20 @@ class FitOptions:
     """Of the integrator, in the final fit."""
 
 
-def check_effects(names: Sequence[str]) -> None:
+def check_effects(names: Sequence[str], known: Sequence[str] = ()) -> None:
     """Accept effects that a free decay can say something about.
+
+    Args:
+        names: The effects.
+        known: Those that the record has.
 
     Raises:
         SysidError: Unknown, or not identifiable from free decays; the message says why.
     """
     for name in names:
         part = effect(name)
-        if not part.identifiable_from_decay:
+        beside = {*names, *known} & set(part.identifiable_with)
+        if not (part.identifiable_from_decay or beside or name in known):
             raise SysidError(
                 f"'{name}' cannot be fitted to a free decay: only k/I, d/I and torque/I show in it, so another "
                 f"stiffness and damping do the same. {part.experiment}"
@@ -59,7 +65,7 @@ def check_effects(names: Sequence[str]) -> None:
             )
 
 
-def check_parameters(names: Sequence[str], options: FitOptions) -> None:
+def check_parameters(names: Sequence[str], options: FitOptions, board: Board) -> None:
     """Accept held and bounded parameters of a joint with some effects.
 
     Raises:
@@ -77,7 +83,7 @@ def check_parameters(names: Sequence[str], options: FitOptions) -> None:
             raise SysidError(f"the bounds of {name} are {low:g} to {high:g}; expected the lower one first.")
         if name in options.fixed:
             raise SysidError(f"{name} is held and bounded at once; give one of both.")
-    if options.fixed.get("stiffness", 1.0) <= 0 and not _pulls_back(structure):
+    if options.fixed.get("stiffness", 1.0) <= 0 and not pulls_back(structure, board):
         pulling = [
             name
             for name, part in catalogue().items()
@@ -89,8 +95,40 @@ def check_parameters(names: Sequence[str], options: FitOptions) -> None:
         )
 
 
-def _pulls_back(structure: Structure) -> bool:
-    return any(part.adds_stiffness for part in structure.torques)
+def pulls_back(structure: Structure, board: Board) -> bool:
+    """Whether something else than a spring may, or, where that is known, does pull the joint to its rest."""
+    values = record_values(board)
+    slopes = (
+        part.slope({p: values[f"{part.name}.{p}"] for p in part.parameter_names}, board.rest_angle)
+        for part in structure.torques
+        if part.slope is not None
+    )
+    return any(part.adds_stiffness for part in structure.torques) or sum(slopes) > 0
+
+
+def record_values(board: Board) -> dict[str, float]:
+    """Return the parameters of the record's effects by 'effect.parameter'."""
+    return {f"{part.name}.{name}": q.value for part in board.effects for name, q in part.parameters.items()}
+
+
+def held_parameters(structure: Structure, board: Board, options: FitOptions) -> tuple[dict[str, float], Bias]:
+    """Return what a fit holds, by the structure's names, and whose zero the sensor has.
+
+    Beside what the user holds that is what the record knows from elsewhere, the spring of a joint that has none, and the
+    rest angle where the zero of the sensor takes its place.
+    """
+    values, fixed, bias = record_values(board), dict(options.fixed), options.bias
+    for part in structure.parts:
+        names = [f"{part.name}.{p.name}" for p in part.parameters if p.held]
+        fixed = {**{name: values[name] for name in names if name not in options.bounds}, **fixed}
+    if board.stiffness == 0 and "stiffness" not in options.bounds and pulls_back(structure, board):
+        fixed.setdefault("stiffness", 0.0)
+    zeros = any("rest_angle" in part.same_as for part in structure.parts)
+    if fixed.get("stiffness") == 0 and not (zeros or options.use_rate):
+        bias = "per-release"  # without a spring no rest angle can stand for the sensor's zero
+    if zeros or options.use_rate or bias == "per-release":
+        fixed.setdefault("rest_angle", board.rest_angle)
+    return fixed, bias
 
 
 def fit_joint(
@@ -111,24 +149,18 @@ def fit_joint(
         SysidError: Nothing to fit, an effect that free decays cannot identify, or no convergence.
     """
     options = options or FitOptions()
-    check_effects(effects)
-    check_parameters(effects, options)
+    check_effects(effects, [part.name for part in board.effects])
+    check_parameters(effects, options, board)
     if not releases:
         raise SysidError("no release to fit. Let the deck go and record until it rests.")
     noise = noise_floor(releases, rate=options.use_rate)
     records = make_records(releases, noise.std, rate=options.use_rate)
     scales = scales_of(records, board)
     structure = structure_of(effects)
-    fixed, bias = dict(options.fixed), options.bias
-    if board.stiffness == 0 and _pulls_back(structure):
-        fixed.setdefault("stiffness", 0.0)
-    zeros = any("rest_angle" in part.same_as for part in structure.parts)
-    if fixed.get("stiffness") == 0 and not (zeros or options.use_rate):
-        bias = "per-release"  # without a spring no rest angle can stand for the sensor's zero
-    if zeros or options.use_rate or bias == "per-release":
-        fixed.setdefault("rest_angle", board.rest_angle)
+    fixed, bias = held_parameters(structure, board, options)
     fine = options.steps_per_period * (3 if structure.nonsmooth else 1)
-    problem, minimum, evaluations = search(
+    find = learn if any(map(is_table, structure.parts)) else search
+    problem, minimum, evaluations = find(
         structure, records, scales, bias=bias, fixed=fixed, bounded=options.bounds, steps_per_period=fine
     )
     problem, minimum, more = _plainest(problem, minimum)

@@ -5,7 +5,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from sysid.board import Board
-from sysid.fitting.joint import FitOptions, fit_joint
+from sysid.effects import effect
+from sysid.fitting.joint import FitOptions, fit_joint, pulls_back
 from sysid.fitting.result import JointFit
 from sysid.joint.structure import structure_of
 from sysid.roll import Array, Release
@@ -56,16 +57,19 @@ def ladder(
     Raises:
         SysidError: A model cannot be fitted; those before it have been returned.
     """
-    for count in range(len(effects) + 1):
-        fitted = fit_joint(releases, board, effects[:count], _without_missing(options, effects[:count]))
-        yield rung_of(effects[:count], fitted, fitted.heldout_rmse() if heldout else math.nan)
+    known = [name for name in effects if effect(name).is_known]
+    added = [name for name in effects if name not in known]
+    for count in range(len(added) + 1):
+        names = [*known, *added[:count]]
+        fitted = fit_joint(releases, board, names, _without_missing(options, names, board))
+        yield rung_of(added[:count], fitted, fitted.heldout_rmse() if heldout else math.nan)
 
 
-def _without_missing(options: FitOptions, effects: Sequence[str]) -> FitOptions:
+def _without_missing(options: FitOptions, effects: Sequence[str], board: Board) -> FitOptions:
     """Return options for a joint that lacks effects: what is said of those is left out, and so is a spring that is none."""
     structure = structure_of(effects)
     kept = set(structure.parameters)
-    if not any(part.adds_stiffness for part in structure.torques):
+    if not pulls_back(structure, board):
         kept -= {"stiffness"} if options.fixed.get("stiffness") == 0 else set()
     return replace(
         options,

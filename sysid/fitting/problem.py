@@ -21,6 +21,9 @@ from sysid.joint.structure import Structure
 from sysid.least_squares import Normal
 from sysid.roll import Array, Release
 
+_FORBIDDEN = 1e8
+"""Weight of what a table must not do because spring and damper do it."""
+
 
 @dataclass(frozen=True, slots=True)
 class _Path:
@@ -69,6 +72,8 @@ class Problem:
     steps_per_period: int = 40
     average: int = 1
     """Neighbouring samples whose means are fitted instead of each: nearly as good, and quicker."""
+    smoothing: tuple[float, ...] = ()
+    """Of each table of the structure's learned torques, by which its roughness counts as if it had been measured."""
     weights: Sequence[Array] | None = None
     """Of each sample of each record, for robust losses; None for all ones."""
 
@@ -126,7 +131,7 @@ class Problem:
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what is made again from the rest."""
-        made = ("_paths", "_starts", "names", "_sizes", "_columns")
+        made = ("_paths", "_starts", "names", "_sizes", "_columns", "prior")
         return {key: value for key, value in self.__dict__.items() if key not in made}
 
     @cached_property
@@ -200,13 +205,14 @@ class Problem:
             Unknowns in units of their sizes, shape (p,).
         """
         values = [parameters[name] for name in self.names]
-        vector = self.vector_of(parameters)
         for record in self.records:
             roll, rate = _first_motion(record)
             own = [roll, rate]
             if self.free_states and self.structure.internal_states:
                 held = build_stepper(self.structure, free_states=False, sensitivities=False)
-                start = np.asarray(held.initial(vector, own, max(record.release.hold, 0.0))).ravel()[2:]
+                start = np.asarray(
+                    held.initial(self.vector_of(parameters, record), own, max(record.release.hold, 0.0))
+                ).ravel()[2:]
                 kept = [
                     not isinstance(part, SensorEffect) for part in self.structure.parts for _ in part.states
                 ]
@@ -214,13 +220,14 @@ class Problem:
             values += own + ([0.0] if self.bias == "per-release" else [])
         return np.array(values) / self.sizes()
 
-    def vector_of(self, parameters: Mapping[str, float]) -> Array:
-        """Return the structure's parameter vector, inertia first.
+    def vector_of(self, parameters: Mapping[str, float], record: Record | None = None) -> Array:
+        """Return the structure's parameter vector, inertia first, as it was for one record if that is given.
 
         Returns:
             Value of each parameter in its own unit, shape (k,).
         """
-        full = {"inertia": self.scales.inertia, **parameters, **self.fixed}
+        known = {} if record is None else record.release.known
+        full = {"inertia": self.scales.inertia, **parameters, **self.fixed, **known}
         return np.array([full[name] for name in self.structure.parameters])
 
     def parameters(self, unknowns: Array) -> dict[str, float]:
@@ -255,9 +262,9 @@ class Problem:
         values = unknowns * self.sizes()
         shared, own, motion = len(self.names), self.n_local, self._motion
         parameters = self.parameters(unknowns)
-        vector = self.vector_of(parameters)
         result: list[tuple[Array, Array]] = []
         for index, path in enumerate(self._paths):
+            vector = self.vector_of(parameters, self.records[index])
             mine = values[shared + index * own : shared + (index + 1) * own]
             at = path.shooting.read(vector, mine[:motion], self.step)
             if len(self._columns) < at.shape[1]:
@@ -288,8 +295,29 @@ class Problem:
             result[:, column] += by[:, 1 + self.structure.parameters.index(name)]
         return result
 
+    @cached_property
+    def prior(self) -> Array:
+        """What is known of the free parameters before: zero, with this inverse covariance, shape (free, free) [1].
+
+        Tables are smooth, and hold nothing that spring and damper can do where those are free.
+        """
+        matrix = np.zeros((len(self.names), len(self.names)))
+        weights = iter(self.smoothing)
+        for part in self.structure.torques if self.smoothing else ():
+            if part.smoothness is None:
+                continue
+            smooth = part.smoothness()
+            form = sum(form * next(weights) for form in smooth.forms)
+            for name, direction in smooth.linear.items():
+                if name in self.names:
+                    form = form + _FORBIDDEN * np.outer(direction, direction)
+            free = [i for i, name in enumerate(smooth.names) if f"{part.name}.{name}" in self.names]
+            where = [self.names.index(f"{part.name}.{smooth.names[i]}") for i in free]
+            matrix[np.ix_(where, where)] = np.asarray(form)[np.ix_(free, free)]
+        return matrix
+
     def normal(self, unknowns: Array) -> Normal:
-        """Return cost and normal equations, residuals in units of their noise.
+        """Return cost and normal equations, residuals in units of their noise; what is known before counts with them.
 
         Args:
             unknowns: In units of their sizes, shape (p,).
@@ -298,7 +326,10 @@ class Problem:
         sizes = self.sizes()
         gradient = np.zeros(len(sizes))
         hessian = np.zeros((len(sizes), len(sizes)))
-        cost = 0.0
+        known = self.prior @ unknowns[:shared]
+        cost = 0.5 * float(unknowns[:shared] @ known)
+        gradient[:shared] += known
+        hessian[:shared, :shared] += self.prior
         for index, (residual, jacobian) in enumerate(self.linearise(unknowns)):
             if not np.all(np.isfinite(residual)) or not np.all(np.isfinite(jacobian)):
                 return Normal(np.inf, gradient, hessian)
@@ -327,12 +358,21 @@ class Problem:
         towards the rest angle that is too fast counts, beyond what `UNSURE_START` of its acceleration makes.
         Without this a stop that acts in the first milliseconds only would be taken for a push.
         """
-        begin = self._starts[index]
-        if begin.unsure == 0 or begin.pull == 0:
-            return 0.0, 0.0
+        sign, spread = self.start_limit(index, unknowns)
         at = len(self.names) + index * self.n_local + 1
-        slope = begin.inward * float(self.sizes()[at]) / self._spread(begin, unknowns)
+        slope = sign * float(self.sizes()[at]) / spread
         return (slope * unknowns[at], slope) if slope * unknowns[at] > 0 else (0.0, 0.0)
+
+    def start_limit(self, index: int, unknowns: Array) -> tuple[float, float]:
+        """Return the sign of a record's rate towards rest, and by how much it may start so: a deviation [rad/s], inf if pushed.
+
+        Args:
+            index: Of the record.
+            unknowns: In units of their sizes, shape (p,).
+        """
+        begin = self._starts[index]
+        free = begin.unsure == 0 or begin.pull == 0
+        return begin.inward, float("inf") if free else self._spread(begin, unknowns)
 
     def _spread(self, begin: _Start, unknowns: Array) -> float:
         """Return the deviation that a start faster than from rest may have [rad/s]: a filter hides the first of it."""

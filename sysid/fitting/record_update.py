@@ -1,7 +1,7 @@
 """A fitted joint becomes part of the board record: values, deviations, provenance, and a history line."""
 
 import datetime
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -13,9 +13,11 @@ from sysid.board import Board, BoardEffect
 from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.files import sha256
+from sysid.fitting.covariance import table_values
 from sysid.fitting.initial_state import residuals_of_law
 from sysid.fitting.result import JointFit
-from sysid.quantity import Quantity
+from sysid.fitting.smoothing import FLAT
+from sysid.quantity import Quantity, slide_unit
 
 
 def require_usable(fit: JointFit) -> None:
@@ -28,6 +30,11 @@ def require_usable(fit: JointFit) -> None:
         raise SysidError(
             f"the fit did not converge ({fit.status}); the record is unchanged. Try other effects (husky-sysid "
             "diagnose), or fewer."
+        )
+    if fit.problem.smoothing and min(fit.problem.smoothing) >= FLAT:
+        raise SysidError(
+            "these logs show no torque beyond what the record holds: nothing was learned, and the record is unchanged. "
+            "Ask husky-sysid diagnose what the logs do show."
         )
     names = list(fit.quantities)
     for name, at_bound in zip(names, fit.minimum.at_bound, strict=False):
@@ -51,7 +58,10 @@ def require_usable(fit: JointFit) -> None:
                 f"{name} came out as {fit.quantities[name].value:.4g}, which no passive joint has; the record is "
                 f"unchanged. Ask husky-sysid diagnose what the logs do show, or hold it (--fix {name}=0)."
             )
+    values = table_values(fit.problem.structure)
     for name, quantity in fit.quantities.items():
+        if name in values:
+            continue
         if quantity.std > 3 * max(abs(quantity.value), 1e-9) and name != "rest_angle":
             raise SysidError(
                 f"{name} is {quantity}: these logs do not fix it; the record is unchanged. {_advice(name)}"
@@ -90,7 +100,10 @@ def updated_board(
                 kept[name].std if fit.problem.fixed[name] == kept[name].value else 0.0,
                 kept[name].unit,
             )
-    effects = tuple(BoardEffect(name, _parameters(fit, name, values)) for name, values in fit.law.effects)
+    unit = slide_unit if board.slides else str
+    effects = tuple(
+        BoardEffect(name, _parameters(fit, name, values, unit)) for name, values in fit.law.effects
+    )
     names = [name for name, _ in fit.law.effects]
     line: dict[str, Any] = {
         "date": day, "effects": names, "rmse_before": error_of(board, fit), "rmse": fit.rmse,
@@ -119,12 +132,14 @@ def updated_board(
     )
 
 
-def _parameters(fit: JointFit, name: str, values: Sequence[float]) -> Mapping[str, Quantity]:
+def _parameters(
+    fit: JointFit, name: str, values: Sequence[float], unit: Callable[[str], str]
+) -> Mapping[str, Quantity]:
     quantities: dict[str, Quantity] = {}
     for parameter, value in zip(effect(name).parameters, values, strict=True):
         known = fit.quantities.get(f"{name}.{parameter.name}")
         quantities[parameter.name] = (
-            Quantity(value, 0.0, parameter.unit) if known is None else replace(known, method="")
+            Quantity(value, 0.0, unit(parameter.unit)) if known is None else replace(known, method="")
         )
     return quantities
 

@@ -98,7 +98,7 @@ def _end_of_motion(release: Release, signal: Array, std: float) -> int:
     n = len(signal)
     if release.end == "log":
         return n
-    quiet = max(16, int(0.9 * n))
+    quiet = min(n, max(16, int(0.9 * n)))
     level = float(np.median(signal[int(0.7 * quiet) : quiet]))
     window = max(1, n // 100)
     smooth = np.convolve(signal[:quiet] - level, np.ones(window) / window, mode="same")

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sysid.fitting.covariance import table_values
+from sysid.fitting.learned_torque import tables_of
 from sysid.text import WIDTH, count, display, table
 
 if TYPE_CHECKING:
@@ -22,7 +24,8 @@ HELD_OUT = "held out: error on releases that the fit had not seen"
 
 def report(fit: "Fit", width: int = WIDTH) -> str:
     """Return the quantities before and after, and the errors from the linear joint up."""
-    show = display(is_rate=fit.is_rate)
+    show = display(is_rate=fit.is_rate, slides=fit.before.slides)
+    values = table_values(fit.law.structure)
     known = {
         **{name: quantity for name, quantity in fit.before.tilt.items() if name != "range"},
         **{
@@ -33,7 +36,11 @@ def report(fit: "Fit", width: int = WIDTH) -> str:
     }
     quantities = table(
         ("quantity", "before", "after ± 95 %"),
-        [(name, str(known.get(name, "-")), str(quantity)) for name, quantity in fit.quantities.items()],
+        [
+            (name, str(known.get(name, "-")), str(quantity))
+            for name, quantity in fit.quantities.items()
+            if name not in values
+        ],
         width=width,
     )
     rungs = table(
@@ -53,9 +60,39 @@ def report(fit: "Fit", width: int = WIDTH) -> str:
         f"{fit.before.name} · {count(len(fit.joint.records), 'release')} · {fit.status} · sensor noise "
         f"{show(fit.noise.std, 3)}, {fit.noise.how}"
     )
-    return "\n".join(
-        (heading, quantities, rungs, HELD_OUT, f"record as it stood: error {show(fit.rmse_before)}")
-    )
+    lines = (heading, quantities, rungs, HELD_OUT, f"record as it stood: error {show(fit.rmse_before)}")
+    return "\n".join((*lines, *learned_lines(fit)))
+
+
+def learned_lines(fit: "Fit") -> list[str]:
+    """Return what was learned, in words: where, what it looks like, and how to have it as an effect of its own."""
+    lines: list[str] = []
+    laws = dict(fit.law.effects)
+    for part in tables_of(fit.joint):
+        values = part.named(laws[part.name])
+        low, high, slow, fast = (values[name] for name in part.support)
+        lines.append(
+            f"learned from {np.degrees(low):.3g}° to {np.degrees(high):.3g}° and from {slow:.3g} to {fast:.3g} rad/s; "
+            "beyond that nothing is known, and the torque stays as it is there"
+        )
+    for part in fit.law.structure.torques:
+        if part.smoothness and part.states:
+            known = ", ".join(f"{n} {fit.quantities[f'{part.name}.{n}']}" for n in ("reach", "fading"))
+            lines.append(
+                f"the joint remembers its path: {known}. Nearest of the catalogue: {', '.join(part.look_alikes)}"
+            )
+    formula = fit.formula
+    if formula is not None:
+        lines.append(f"it {formula.text}")
+        lines.append(
+            f"that formula {'is as good' if formula.good else 'alone is not as good'}: error {display(is_rate=fit.is_rate)(formula.error)}"
+            + (
+                f". Fit it: --effect {' --effect '.join(formula.effects)}"
+                if formula.good and formula.effects
+                else ""
+            )
+        )
+    return lines
 
 
 def to_json(fit: "Fit") -> dict[str, Any]:
@@ -87,8 +124,21 @@ def to_json(fit: "Fit") -> dict[str, Any]:
             if fit.options.bounds
             else {}
         ),
+        **({"learned": _learned_json(fit)} if tables_of(fit.joint) else {}),
         "status": fit.status,
         "warnings": list(fit.joint.warnings),
+    }
+
+
+def _learned_json(fit: "Fit") -> dict[str, Any]:
+    formula = fit.formula
+    return {
+        "error_after_rad": fit.rmse,
+        "heldout_rmse_rad": fit.heldout_rmse,
+        "formula": None if formula is None else [shape.name for shape in formula.shapes],
+        "share": None if formula is None else formula.share,
+        "as_good": formula is not None and formula.good,
+        "text": "nothing was learned" if formula is None else formula.text,
     }
 
 

@@ -14,6 +14,7 @@ from sysid.joint.law import JointLaw
 from sysid.joint.torques import torque_shares
 from sysid.least_squares import Minimum
 from sysid.noise.floor import NoiseFloor
+from sysid.noise.whiteness import correlation_length
 from sysid.quantity import Quantity
 from sysid.roll import Array
 
@@ -62,7 +63,7 @@ class JointFit:
         """RMS of the measured signal about rest, of all records together."""
         total, count = 0.0, 0
         for record in self.records:
-            rest = 0.0 if record.is_rate else self.law.rest_angle
+            rest = 0.0 if record.is_rate else self.law.posed(record.release.known).rest_angle
             total += float(np.sum((record.signal - rest) ** 2))
             count += len(record.signal)
         return float(np.sqrt(total / count))
@@ -103,10 +104,21 @@ def summarise(
         starts=tuple((float(begins[i * own]), float(begins[i * own + 1])) for i in range(len(problem.records))),
         residuals=tuple(residuals),
         evaluations=evaluations,
-        warnings=tuple(identifiability_warnings(problem, minimum, quantities, covariance)),
+        warnings=(*identifiability_warnings(problem, minimum, quantities, covariance), *_unlearned(problem, residuals)),
         problem=problem,
         minimum=minimum,
     )  # fmt: skip
+
+
+def _unlearned(problem: Problem, residuals: Sequence[Array]) -> list[str]:
+    """Say so where tables are fitted, and something is left that no function of tilt, rate and one memory is."""
+    left = rms(residuals) / problem.records[0].std
+    if not problem.smoothing or left < 1.15 or correlation_length(residuals) < 1.5:
+        return []
+    return [
+        f"a torque of tilt, rate and one memory leaves {left:.2f} times the noise: what is left changes with time (warming, "
+        "loosening, another push), or the sensor's noise is not what it seems. Compare early releases with late ones"
+    ]
 
 
 def strength(problem: Problem, minimum: Minimum, effects: Sequence[str]) -> dict[str, float]:

@@ -46,7 +46,7 @@ def scales_of(records: Sequence[Record], board: Board) -> Scales:
 
 def _linear_scales(records: Sequence[Record], known: Scales, bias: Bias) -> Scales:
     """Return the sizes with the linear joint's stiffness and damping that fit best, from several starts."""
-    rest = _rest(records)
+    rest = measured_rest(records)
     guesses = (
         [(known.stiffness / known.inertia, known.damping / known.inertia)] if known.stiffness > 0 else []
     )
@@ -83,7 +83,8 @@ def _pitch(record: Record) -> float:
     return float(2 * np.pi * max(1, int(np.argmax(power))) / (size * step))
 
 
-def _rest(records: Sequence[Record]) -> float:
+def measured_rest(records: Sequence[Record]) -> float:
+    """Return the roll at which the deck rests, as the releases have it [rad]; 0 where rates are fitted."""
     return 0.0 if records[0].is_rate else float(np.median([r.release.rest for r in records]))
 
 
@@ -133,11 +134,18 @@ def starting_points(
             point["stiffness"] *= 1.0 / (
                 1.0 - linear["stiffness"] / point[f"{part.name}.{part.series_stiffness}"]
             )
+        at, pulling = held.get("rest_angle", 0.0), held.get("stiffness", 0.0)
         for part in structure.torques:
-            added = point.get(f"{part.name}.{part.adds_stiffness}", 0.0)
+            own = {p: held.get(f"{part.name}.{p}", point[f"{part.name}.{p}"]) for p in part.parameter_names}
+            added = part.stiffness_at(at, own)
+            pulling += added
             point["stiffness"] -= min(added, 0.98 * linear["stiffness"])
             if "stiffness" in held and part.adds_stiffness:  # a spring that is held leaves it the rest
                 point[f"{part.name}.{part.adds_stiffness}"] = linear["stiffness"] - held["stiffness"]
+        for part in structure.torques:  # what pulls is known, so the frequency says the inertia
+            if part.adds_inertia and "stiffness" in held and pulling > 0:
+                more = max(pulling / scales.frequency**2 - scales.inertia, -0.9 * scales.inertia)
+                point[f"{part.name}.{part.adds_inertia}"] = more
         points.append(point)
     if structure.has_dry_friction:
         # The linear fit gave the damper all of the loss; dry friction takes its share of that, more or less.
@@ -167,7 +175,7 @@ def search(
         The fine problem, its minimum, and how many evaluations it all took.
     """
     fixed = dict(fixed or {})
-    rest = _rest(records)
+    rest = measured_rest(records)
     free_states = bool(structure.internal_states) and any(record.release.hold <= 0 for record in records)
     starts = starting_points(structure, scales, fixed) if starts is None else starts
     nonsmooth = structure.nonsmooth
@@ -210,7 +218,7 @@ def search(
 
 
 _SHARES = (0.6, 0.75, 0.87, 1.15, 1.35, 1.65)
-"""Of a rough parameter, at which it is held on the way out of a false valley."""
+"""Shares of a rough parameter at which it is held on the way out of a false valley: a choice."""
 
 
 def scan_rough_parameters(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]:

@@ -94,6 +94,15 @@ class EquationsOfMotion:
                 joint = joint + torque
         return joint, deck
 
+    def inertia(self, roll: Any) -> tuple[Any, Any]:
+        """Return the inertia at a roll [kg*m^2], and its derivative; zero unless an effect changes it along the way."""
+        inertia, by_roll = self.joint.inertia, 0.0
+        for part, values, _ in self.layout:
+            if isinstance(part, TorqueEffect) and part.changing is not None:
+                more, slope = part.changing(self.m, roll, values)
+                inertia, by_roll = inertia + more, by_roll + slope
+        return inertia, by_roll
+
     def friction(self, speed: Any) -> Any:
         """Return the dry friction of all effects at that speed [N*m]."""
         levels = [
@@ -110,7 +119,8 @@ class EquationsOfMotion:
         if slide is not None:
             joint = joint - slide * self.friction(self.m.abs(motion.rate))
         moving: Any = 1.0 if slide is None else slide * slide
-        rates = [y[1] * moving, (joint + deck) / self.joint.inertia * moving]
+        inertia, by_roll = self.inertia(motion.roll)
+        rates = [y[1] * moving, (joint + deck - by_roll * y[1] * y[1] / 2) / inertia * moving]
         for part, values, states in self.layout:
             if isinstance(part, SupportEffect):
                 s, w = items_of(y, states)

@@ -74,21 +74,43 @@ class JointLaw:
         others = tuple(item for item in self.effects if item[0] != name)
         return replace(self, effects=(*others, (name, tuple(values))))
 
+    def posed(self, known: Mapping[str, float]) -> Self:
+        """Return the law of a joint in another pose, or with another load.
+
+        Args:
+            known: What is other there, by the structure's names (see `Release.known`).
+        """
+        return (
+            self
+            if not known
+            else type(self).from_vector(
+                self.structure, np.array([known.get(name, value) for name, value in self.parameters.items()])
+            )
+        )
+
     @property
     def frequency(self) -> float:
         """Natural frequency at small tilts, with what effects add to the stiffness [rad/s]."""
-        stiffness = self.stiffness
-        for part, values in self._torques():
-            stiffness += values.get(part.adds_stiffness, 0.0)
-        return float(np.sqrt(max(abs(stiffness), 1e-9) / self.inertia))
+        stiffness = self.stiffness + self.stiffness_of_effects
+        return float(np.sqrt(max(abs(stiffness), 1e-9) / (self.inertia * self.inertia_ratio)))
+
+    @property
+    def stiffness_of_effects(self) -> float:
+        """What effects add to the stiffness at small tilts [N*m/rad]."""
+        return sum(part.stiffness_at(self.rest_angle, values) for part, values in self._torques())
 
     @property
     def inertia_ratio(self) -> float:
         """By how much effects multiply the roll inertia [1]."""
-        joint = LinearJoint(1.0, self.stiffness, self.damping, self.rest_angle)
+        joint = LinearJoint(self.inertia, self.stiffness, self.damping, self.rest_angle)
         for part, values in self._torques():
             joint = joint if part.modifies is None else part.modifies(joint, values)
-        return joint.inertia
+        return joint.inertia / self.inertia
+
+    @property
+    def inertia_gain(self) -> float:
+        """By how much effects multiply what is added to the roll inertia [1]."""
+        return 2 * replace(self, inertia=2 * self.inertia).inertia_ratio - self.inertia_ratio
 
     @property
     def timestep(self) -> float:

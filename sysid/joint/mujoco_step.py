@@ -36,6 +36,7 @@ Impedance = tuple[float, float, float, float, float]
 
 _MIN_IMPEDANCE, _MAX_IMPEDANCE = 0.0001, 0.9999
 _MIN_VALUE = 1e-15
+"""MuJoCo's own limits of impedance and width [1]: mjMINIMP, mjMAXIMP, mjMINVAL."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

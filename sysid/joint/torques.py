@@ -21,7 +21,7 @@ def effect_torque(law: JointLaw, name: str, time: Array, roll: Array, rate: Arra
     Args:
         law: The joint.
         name: One of its effects.
-        time: Of the motion [s], shape (n,).
+        time: Of the motion [s], shape (n,); counts where the effect has memory.
         roll: Roll [rad], shape (n,).
         rate: Roll rate [rad/s], shape (n,).
     """
@@ -30,18 +30,28 @@ def effect_torque(law: JointLaw, name: str, time: Array, roll: Array, rate: Arra
     m = NumpyAlgebra()
     motion = JointState(roll - law.rest_angle, rate, roll, law.stiffness)
     if part.states:
-        total = law.inertia * np.gradient(rate, time)
-        rest = -law.stiffness * motion.tilt - law.damping * rate
-        for other, _ in law.effects:
-            if other != name and not effect(other).states:
-                rest = rest + effect_torque(law, other, time, roll, rate)
-        return total - rest
+        return law.inertia * np.gradient(rate, time) - memoryless_torque(law, roll, rate)
     torque = np.zeros_like(roll)
     if not isinstance(part, TorqueEffect):
         return torque
     torque = torque + part.torque(m, motion, parameters, ())
     if part.friction is not None:
         torque = torque - np.sign(rate) * part.friction(m, np.abs(rate), parameters)
+    return torque
+
+
+def memoryless_torque(law: JointLaw, roll: Array, rate: Array) -> Array:
+    """Return the torque of spring, damper and all effects without memory [N*m], shape (n,).
+
+    Args:
+        law: The joint.
+        roll: Roll [rad], shape (n,).
+        rate: Roll rate [rad/s], shape (n,).
+    """
+    torque = -law.stiffness * (roll - law.rest_angle) - law.damping * rate
+    for name, _ in law.effects:
+        if not effect(name).states:
+            torque = torque + effect_torque(law, name, roll, roll, rate)
     return torque
 
 
@@ -64,7 +74,7 @@ def torque_shares(
         path = simulate(plain, grid, angle, rate)
         spring = law.stiffness * (path.roll - law.rest_angle) + law.damping * path.rate
         for part in plain.structure.torques:
-            if part.adds_stiffness:
+            if part.adds_stiffness or part.is_known:
                 spring = spring - effect_torque(plain, part.name, grid, path.roll, path.rate)
         whole = max(whole, float(np.abs(spring).max()))
         for name in effects:

@@ -33,6 +33,10 @@ def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
         raise SysidError(f"--rate {options.rate}: a sampling rate is a positive number of hertz.")
     if not path.exists():
         raise SysidError(f"{path}: there is no such file.")
+    if not (path.is_file() or path.is_dir()):
+        raise SysidError(
+            f"{path}: is a pipe or a device, and a log is read more than once. Write it into a file first."
+        )
     if is_film(path):
         from sysid.video_roll import roll_from_video
 

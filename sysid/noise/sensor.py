@@ -9,8 +9,10 @@ from sysid.roll import Array
 BLOCK = 64
 MAX_BLOCKS = 2000
 DIFFERENCE = 6
+"""Samples of a block, blocks looked at at most, order of the differences: choices. Of a motion with 25 samples a period
+0.03 % is left in sixth differences."""
 _GAIN = 924.0
-"""Sum of the squared coefficients of the sixth difference: what it does to the variance of white noise."""
+"""Sum of the squared coefficients of the sixth difference: the factor by which the variance of white noise grows."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,8 @@ from sysid.noise.sensor import quantisation_step
 from sysid.roll import Array, Release
 
 SMOOTHING_REACH = 0.25
-"""Half-width of the smoothing window in radians of the fastest motion's phase."""
+"""Half-width of the smoothing window, as phase of the fastest motion [rad]: local parabolas over it
+take 1e-5 off a sine."""
 PAUSE = 30.0
 """A pause of the record is looked at as if it were no longer than this [s]."""
 

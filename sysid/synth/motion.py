@@ -28,7 +28,7 @@ Array = npt.NDArray[np.float64]
 
 RTOL = 1e-8
 ATOL = 1e-10
-"""Tolerances of DOP853; the motion is then right to about 1e-8 rad, a hundred-thousandth of sensor noise."""
+"""Tolerances of DOP853, relative and in rad; the motion is then right to about 1e-8 rad, a hundred-thousandth of sensor noise."""
 _LARGEST = 2 * math.pi
 """Roll beyond which a deck has turned over [rad]."""
 _PROBES = (0.2, 0.4, 0.6, 0.8, 1.0)

@@ -21,6 +21,7 @@ Dialect = Literal["angle", "angle-deg", "gyro", "imu", "phyphox", "sensor-logger
 the same as phyphox or as Sensor Logger exports them."""
 DIALECTS: tuple[Dialect, ...] = get_args(Dialect)
 GRAVITY = 9.80665
+"""[m/s²], the standard value: as an accelerometer's maker takes it."""
 _EPOCH_NS = 1_780_000_000_000_000_000
 """Sensor Logger stamps samples with nanoseconds since 1970."""
 

@@ -23,7 +23,7 @@ from sysid.synth.sensors import measure
 Array = npt.NDArray[np.float64]
 
 MOST_SAMPLES = 2e7
-"""Five and a half hours at 1 kHz."""
+"""[samples] Five and a half hours at 1 kHz."""
 
 
 def synthesise(

@@ -22,6 +22,8 @@ def is_film(path: Path) -> bool:
     """Return whether a file is a film: by its name, else by how it begins."""
     if path.suffix.lower() in VIDEO_SUFFIXES:
         return True
+    if not path.is_file():  # a pipe would wait for a writer
+        return False
     try:
         with path.open("rb") as file:
             start = file.read(377)

@@ -17,6 +17,7 @@ from sysid.video.types import Picture
 SEEN_COLOUR = (0, 159, 230)
 """Orange, in OpenCV's order: measurements have it everywhere."""
 LOST_COLOUR = (60, 60, 255)
+"""Red, likewise: what is not seen in this frame."""
 OVERLAY_WIDTH = 960
 """Width of the annotated clip [px], unless the film is smaller."""
 CODECS = {".mp4": "mp4v", ".mov": "mp4v", ".avi": "MJPG", ".mkv": "mp4v"}

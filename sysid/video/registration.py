@@ -26,7 +26,7 @@ MAX_SIDE = 480
 BLUR = 0.8
 """Standard deviation of the smoothing before gradients are taken [px]."""
 ATTITUDE_STEP = np.radians(1.0)
-"""Turns this far apart are different attitudes: the outermost pixels are a pixel or two apart."""
+"""Turns this far apart are different attitudes [rad]: the outermost pixels are a pixel or two apart."""
 AGREEMENT = 0.5
 """Spread of a pixel in pictures turned back, over its spread as filmed, up to which it is the board's."""
 MIN_PIXELS, MAX_PIXELS = 400, 1 << 13
@@ -35,9 +35,8 @@ MIN_SPREAD = 4.0
 """Least standard deviation of the body's pixels about their middle, across its narrow side [px]."""
 MIN_PICTURES, MIN_TURN = 5, np.radians(1.0)
 """Pictures, and turn among them [rad], that tell the body from the rest."""
-MAX_ROUNDS = 5
-CONVERGED = 4e-3
-"""Rounds end where the points move by less [px]."""
+MAX_ROUNDS, CONVERGED = 5, 4e-3
+"""Rounds at most, and by how little the points move in the last one [px]."""
 MAX_CORRECTION = 4.0
 """A picture in which the points end further from where they were followed is not believed [px]."""
 MIN_TRUST = 0.35

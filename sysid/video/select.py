@@ -26,7 +26,7 @@ MIN_SEEN_SHARE = 0.6
 CLEARLY = 0.8
 """What is tried first is left for another one only if that has less than this share of its uncertainty."""
 SHARED_FILM = 2.0
-"""Variance of what one tells of the camera, for another that looks at the same film, over what it states."""
+"""Variance of what one tells of the camera, for another that looks at the same film, over what it states [1]."""
 WHOLE_BODY = 1.5
 """The whole body is preferred even where it states so many times the uncertainty: it states what lasts (`BODY_FLOOR`),
 which a few points do not know of. In 33 rendered films it halves the error of patches, and takes a tenth off that of dots."""

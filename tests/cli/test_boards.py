@@ -27,6 +27,7 @@ from sysid.board import (
     load_board,
     save_board,
 )
+from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.free_decay import decay_from_peaks
 from sysid.quantity import Quantity
@@ -342,16 +343,42 @@ def test_boards_shows_a_fitted_board_whole(tmp_path: Path, pink: Board) -> None:
     assert content["derivation"] is None
 
 
-def test_boards_warns_of_an_unknown_effect_and_of_wrong_parameters(tmp_path: Path, pink: Board) -> None:
-    odd = (
-        BoardEffect("magnetism", {}),
-        BoardEffect("coulomb", {"torque": Quantity(0.1, 0.0, "N*mm")}),
-    )
-    Workspace(tmp_path).save_board(replace(pink, effects=odd))
+def test_boards_warns_of_an_unknown_effect(tmp_path: Path, pink: Board) -> None:
+    Workspace(tmp_path).save_board(replace(pink, effects=(BoardEffect("magnetism", {}),)))
     result = husky("boards", "pink", cwd=tmp_path)
     assert result.returncode == 0
     assert "'magnetism' of the record is not in the catalogue" in result.stderr
-    assert "torque in N*m" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("parameters", "text"),
+    [
+        ("", "parameters.torque' is missing"),
+        ("torque = {value = 0.1, std = 0.0, unit = 'N*mm'}", "expected 'N*m'"),
+        ("torque = {value = 0.1, std = 0.0, unit = 'N*m'}\ntorqe = {value = 0.1}", "Did you mean 'torque'"),
+    ],
+)
+def test_an_effect_without_its_parameters_is_refused(tmp_path: Path, parameters: str, text: str) -> None:
+    folder = tmp_path / "data" / "boards"
+    folder.mkdir(parents=True)
+    record = (shipped_data() / "boards" / "pink.toml").read_text()
+    (folder / "pink.toml").write_text(
+        f'{record}\n[[effect]]\nname = "coulomb"\n[effect.parameters]\n{parameters}\n'
+    )
+    result = husky("mjcf", "-b", "pink", "-o", tmp_path / "pink.xml", cwd=tmp_path)
+    assert result.returncode == 1
+    assert text in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+
+
+def test_parameters_of_an_effect_may_stand_in_any_order(tmp_path: Path, pink: Board) -> None:
+    stop = {"angle": Quantity(0.2, 0.0, "rad"), "stiffness": Quantity(100.0, 0.0, "N*m/rad")}
+    units = {p.name: p.unit for p in effect("end-stop").parameters}
+    parameters = {name: stop.get(name, Quantity(0.1, 0.0, unit)) for name, unit in units.items()}
+    swapped = dict(reversed(parameters.items()))
+    Workspace(tmp_path).save_board(replace(pink, effects=(BoardEffect("end-stop", swapped),)))
+    assert Workspace(tmp_path).load_board("pink").effects[0].parameters == parameters
+    assert tuple(Workspace(tmp_path).load_board("pink").effects[0].parameters) == tuple(units)
 
 
 def test_one_broken_record_does_not_hide_the_others(tmp_path: Path) -> None:

@@ -77,6 +77,8 @@ def test_every_command_file_is_listed():
         "log_options",
         "parameter_options",
         "ride_options",
+        "streams",
+        "subject",
     }
     assert files - shared == set(COMMANDS)
 
@@ -106,11 +108,17 @@ def test_examples_of_the_help_are_commands(name):
 
 def test_options_stand_in_their_groups():
     help_text = husky("fit", "--help").stdout
-    titles = ("─ Log ─", "─ Film ─", "─ Fit ─", "─ Output ─")
+    titles = ("─ Joint ─", "─ Log ─", "─ Film ─", "─ Fit ─", "─ Output ─")
     places = [help_text.index(title) for title in titles]
     assert places == sorted(places)
     panels = re.split(r"╭─ (\w+) ─+╮", help_text[: help_text.index("Examples:")])
     text = dict(zip(panels[1::2], panels[2::2], strict=True))
-    for option, group in (("--column", "Log"), ("--roi", "Film"), ("--effect", "Fit"), ("--json", "Output")):
+    for option, group in (
+        ("--model", "Joint"),
+        ("--column", "Log"),
+        ("--roi", "Film"),
+        ("--effect", "Fit"),
+        ("--json", "Output"),
+    ):
         assert [title for title in text if f"{option} " in text[title]] == [group]
-    assert "husky-sysid fit tip.csv --board pink" in help_text
+    assert "husky-sysid fit monday.csv tuesday.csv --board pink" in help_text

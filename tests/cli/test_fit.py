@@ -12,6 +12,7 @@ import pytest
 from sysid.board import load_board
 from sysid.cli.console import Common
 from sysid.cli.fit import fit
+from sysid.cli.subject import Subject
 from sysid.errors import SysidError
 from sysid.files import sha256
 from sysid.workspace import shipped_data
@@ -21,7 +22,9 @@ LOG = shipped_data() / "decays" / "pink_hidden.csv"
 
 def run(folder, *effects, **options):
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-        return fit([LOG], board="pink", effect=effects, common=Common(workspace=folder, **options))
+        return fit(
+            [LOG], subject=Subject(board="pink"), effect=effects, common=Common(workspace=folder, **options)
+        )
 
 
 def test_record_gets_values_provenance_and_a_line_of_history(tmp_path):
@@ -49,7 +52,7 @@ def test_a_bootstrap_of_too_few_draws_is_refused_before_anything_is_fitted(tmp_p
 
     monkeypatch.setattr(sysid.fit_mjcf, "fit_joint", None)
     with pytest.raises(SysidError, match="1 draws are too few"):
-        fit([LOG], board="pink", bootstrap=1, common=Common(workspace=tmp_path))
+        fit([LOG], subject=Subject(board="pink"), bootstrap=1, common=Common(workspace=tmp_path))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -66,7 +69,7 @@ def test_a_fit_broken_off_during_its_intervals_leaves_the_record(tmp_path, monke
         contextlib.redirect_stderr(io.StringIO()),
         pytest.raises(KeyboardInterrupt),
     ):
-        fit([LOG], board="pink", bootstrap=100, common=Common(workspace=tmp_path))
+        fit([LOG], subject=Subject(board="pink"), bootstrap=100, common=Common(workspace=tmp_path))
     assert "written" not in out.getvalue()
     assert list(tmp_path.iterdir()) == []
 
@@ -80,7 +83,11 @@ def test_errors_of_a_rate_are_given_as_angles(tmp_path):
     log = tmp_path / "gyro.csv"
     synthesise(record, {}, SynthOptions(angles=(0.17, -0.15), duration=1.0, dialect="gyro")).save(log)
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-        fit([log], board="pink", common=Common(workspace=tmp_path, json=str(tmp_path / "fit.json")))
+        fit(
+            [log],
+            subject=Subject(board="pink"),
+            common=Common(workspace=tmp_path, json=str(tmp_path / "fit.json")),
+        )
     content = json.loads((tmp_path / "fit.json").read_text())
     board = load_board(tmp_path / "data" / "boards" / "pink.toml")
     assert content["signal"] == "rate"
@@ -108,7 +115,7 @@ def test_a_refused_fit_leaves_no_trace(tmp_path, effect, reason):
 
 
 KILLED = """
-import os, signal, sys, tempfile
+import os, signal, sys
 from pathlib import Path
 import numpy, casadi
 left = [int(sys.argv[1])]
@@ -119,11 +126,12 @@ def dying(call):
             os.kill(os.getpid(), signal.SIGKILL)
         return call(*args, **kwargs)
     return wrapped
-for owner, name in ((tempfile, "mkstemp"), (Path, "write_bytes"), (Path, "chmod"), (Path, "replace")):
+for owner, name in ((Path, "touch"), (Path, "write_bytes"), (Path, "replace")):
     setattr(owner, name, dying(getattr(owner, name)))
 from sysid.cli.console import Common
 from sysid.cli.fit import fit
-fit([Path(sys.argv[2])], board="pink", effect=("coulomb",), common=Common(workspace=Path(sys.argv[3])))
+from sysid.cli.subject import Subject
+fit([Path(sys.argv[2])], subject=Subject(board="pink"), effect=("coulomb",), common=Common(workspace=Path(sys.argv[3])))
 """
 
 

@@ -1,8 +1,12 @@
 """Options that cannot be meant are refused, and those that are not used are named."""
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+from command_line import husky as in_process
 
 from sysid.cli import build_app
 from sysid.cli.log_options import LogArguments, VideoArguments, unused_options
@@ -83,3 +87,30 @@ def test_the_film_that_is_drawn_and_the_table_are_two_files(tmp_path):
     both = str(tmp_path / "seen.mp4")
     with pytest.raises(SysidError, match="same file"):
         husky("roll", str(tmp_path / "film.mp4"), "-o", both, "--overlay", both)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["motions", "PIPE"],
+        ["inertia", "static-tilt", "--weights", "1", "--omega-n", "PIPE"],
+        ["roll", str(PINK), "-o", "x.csv", "--calibration", "PIPE"],
+    ],
+    ids=["motions", "inertia", "calibration"],
+)
+def test_a_pipe_in_place_of_a_file_is_not_waited_for(tmp_path, arguments):
+    pipe = tmp_path / "pipe.json"
+    os.mkfifo(pipe)
+    command = [sys.executable, "-m", "sysid.cli", *(str(pipe) if a == "PIPE" else a for a in arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=20, cwd=tmp_path)
+    assert "Traceback" not in done.stderr
+
+
+def test_a_message_is_one_line_whatever_a_cell_holds(tmp_path):
+    lines = PINK.read_text().splitlines()
+    lines[40] = "0.08,\x1b[2Jx\ty"
+    (tmp_path / "log.csv").write_text("\n".join(lines))
+    done = in_process("decay", tmp_path / "log.csv", cwd=tmp_path)
+    assert len(done.stderr.splitlines()) == 1
+    assert "line 41" in done.stderr
+    assert "\x1b" not in done.stderr

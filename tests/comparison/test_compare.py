@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from sysid.board import load_board
+from sysid.cli.subject import Subject
 from sysid.comparison.compare import compare
 from sysid.fitting.joint import fit_joint
 from sysid.joint import JointLaw, simulate
@@ -98,7 +99,7 @@ def test_command_line_writes_json_and_picture(tmp_path):
 
     log = shipped_data() / "decays" / "pink_hidden.csv"
     with contextlib.redirect_stdout(io.StringIO()):
-        assert command([log], board="pink", common=Common(workspace=tmp_path)) == 0
+        assert command([log], subject=Subject(board="pink"), common=Common(workspace=tmp_path)) == 0
     content = json.loads((tmp_path / "reports" / "pink" / "compare.json").read_text())
     assert content["passed"] is False
     assert content["rmse_rad"] > 2 * content["noise_floor_rad"]

@@ -16,7 +16,9 @@ NAMES = tuple(catalogue())
 DESIGN = {
     "coulomb", "stribeck", "quadratic-damping", "cubic-damping", "cubic-stiffness", "asymmetric-stiffness",
     "gravity", "end-stop", "freeplay", "preload", "offset", "viscoelastic", "hysteresis", "second-mode",
-    "inertia", "discretisation", "sensor-bias", "sensor-drift", "clock", "lowpass", "bilinear-stiffness", "bouc-wen",
+    "inertia", "discretisation", "sensor-bias", "sensor-drift", "clock", "lowpass", "bilinear-stiffness", "bouc-wen", "armature",
+    "linkage", "weight",
+    "learned", "learned-memory",
 }  # fmt: skip
 
 
@@ -136,7 +138,12 @@ def rig(law: JointLaw, timestep: float = 2e-5) -> mujoco.MjModel:
 
 
 @pytest.mark.parametrize(
-    "name", [n for n in NAMES if effect(n).role in ("torque", "support", "shift") and effect(n).mujoco.since]
+    "name",
+    [
+        n
+        for n in NAMES
+        if effect(n).role in ("torque", "learned", "support", "shift") and effect(n).mujoco.since
+    ],
 )
 def test_mujoco_moves_as_the_law_does(name):
     """At a tiny step the written MJCF and the continuous law are the same motion."""

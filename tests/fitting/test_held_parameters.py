@@ -116,7 +116,7 @@ def test_a_ladder_says_of_each_model_only_what_it_has():
 )
 def test_what_cannot_be_held_is_refused(options, says):
     with pytest.raises(SysidError, match=says):
-        check_parameters(("coulomb",), options)
+        check_parameters(("coulomb",), options, arm())
 
 
 def test_names_and_numbers_of_the_command_line():

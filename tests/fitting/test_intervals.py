@@ -9,6 +9,7 @@ import pytest
 from sysid.board import load_board
 from sysid.cli.console import Common
 from sysid.cli.fit import fit as fit_command
+from sysid.cli.subject import Subject
 from sysid.errors import SysidError
 from sysid.fitting.bootstrap import Bootstrap, block_length, blocks, bootstrap, corrected_percentiles
 from sysid.fitting.intervals import agreements
@@ -207,7 +208,15 @@ def test_the_command_prints_draws_and_writes_them(tmp_path, capsys):
     log = shipped_data() / "decays" / "pink_hidden.csv"
     common = Common(json=str(tmp_path / "fit.json"), workspace=tmp_path)
     assert (
-        fit_command([log], board="pink", effect=("coulomb",), profile=True, bootstrap=100, common=common) == 0
+        fit_command(
+            [log],
+            subject=Subject(board="pink"),
+            effect=("coulomb",),
+            profile=True,
+            bootstrap=100,
+            common=common,
+        )
+        == 0
     )
     out = json.loads((tmp_path / "fit.json").read_text())
     assert set(out["profile"]) == set(out["bootstrap"]["ci95"]) == set(out["parameters"])

@@ -16,7 +16,8 @@ pytestmark = pytest.mark.train
 
 STEPS = (0.0005, 0.001, 0.002, 0.005)
 INTEGRATORS = ("Euler", "implicit", "implicitfast", "RK4")
-DURATION = 2.0
+DURATION = 1.0
+"""Of a rollout [s]: two to thirteen periods."""
 
 
 @dataclass(frozen=True)

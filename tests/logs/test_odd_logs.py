@@ -1,5 +1,6 @@
 """Logs that must not pass for what they are not: one given twice, one in another unit of time."""
 
+import os
 import shutil
 
 import pytest
@@ -15,6 +16,13 @@ def run(*arguments):
     return build_app()(
         list(map(str, arguments)), result_action="return_value", exit_on_error=False, print_error=False
     )
+
+
+@pytest.mark.parametrize("name", ["log.csv", "film.mp4"])
+def test_a_pipe_is_refused_instead_of_waited_for(name, tmp_path):
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(SysidError, match="is a pipe or a device"):
+        run("decay", tmp_path / name)
 
 
 @pytest.mark.parametrize("command", ["fit", "compare", "diagnose", "check", "report"])

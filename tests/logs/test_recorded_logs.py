@@ -9,6 +9,7 @@ import pytest
 from reports.evidence import find_logs
 from sysid.cli.console import Common
 from sysid.cli.fit import fit
+from sysid.cli.subject import Subject
 from sysid.files import sha256
 from sysid.workspace import Workspace, shipped_data
 
@@ -21,7 +22,7 @@ def test_a_workspace_is_looked_at_from_another_folder(tmp_path: Path, monkeypatc
     (elsewhere / "log.csv").write_text("another log")
     monkeypatch.chdir(measured)
     common = Common(json=str(tmp_path / "fit.json"), workspace=Path("../mine"))
-    assert fit([Path("log.csv")], board="pink", common=common) == 0
+    assert fit([Path("log.csv")], subject=Subject(board="pink"), common=common) == 0
     monkeypatch.chdir(elsewhere)
     space = Workspace(Path("../mine"))
     board = space.load_board("pink")

@@ -109,6 +109,11 @@ def test_units_in_the_cells(tmp_path):
     assert roll.roll[0] == pytest.approx(0.32, abs=0.01)
 
 
+@pytest.mark.parametrize("ending", [".zip", ".gz", ".parquet", ".mat"])
+def test_the_name_of_a_table_says_nothing(tmp_path, ending):
+    right(cells(tmp_path, lambda v: f"{v:.3f}").rename(tmp_path / f"log{ending}"))
+
+
 def test_typographic_minus(tmp_path):
     right(cells(tmp_path, lambda v: f"{v:.3f}".replace("-", "−")))
 
@@ -213,6 +218,12 @@ def test_one_bad_byte_is_said(tmp_path, place):
     data[place] ^= 0xFF
     path.write_bytes(data)
     with pytest.raises(SysidError, match=r"export\.zip"):
+        read_roll(path)
+
+
+def test_what_is_wrong_inside_is_said_of_the_archive(tmp_path):
+    path = export(tmp_path, GyroscopeUncalibrated="0" * (1 << 20))
+    with pytest.raises(SysidError, match=r"export\.zip/\d/GyroscopeUncalibrated\.csv"):
         read_roll(path)
 
 

@@ -30,6 +30,7 @@ def rides(**changes):
         "steering": CLOCK.steering(step)[:, None] & both,
         "commanded_speed": speed,
         "target_heading": np.zeros(shape),
+        "course": np.zeros(shape),
         "speed": speed.copy(),
         "heading": np.zeros(shape),
         "joints": np.zeros((*shape, 23)),

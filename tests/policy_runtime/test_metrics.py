@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from policy_runtime.evaluation.metrics import Rides, episode_errors, reachable_headings
+from policy_runtime.evaluation.metrics import Rides, asked_course, episode_errors, reachable_headings
 from policy_runtime.evaluation.statistics import mean_over, proportion
 from sysid.errors import SysidError
 
@@ -19,6 +19,7 @@ def rides(**changes):
         "steering": np.zeros(shape, bool),
         "commanded_speed": np.full(shape, 1.0),
         "target_heading": np.zeros(shape),
+        "course": np.zeros(shape),
         "speed": np.full(shape, 1.0),
         "heading": np.zeros(shape),
         "joints": np.zeros((*shape, 23)),
@@ -147,3 +148,20 @@ def test_nan_is_left_out_and_nothing_left_is_said():
     assert math.isnan(mean_over([np.array([np.nan])], "m").value)
     assert "never" in mean_over([np.array([np.nan])], "m").method
     assert math.isnan(mean_over([np.array([2.0])], "m").std)
+
+
+def test_course_counts_from_the_start_and_every_turn_asked_for_since():
+    heading, course = np.full((STEPS, 1), 0.3), np.zeros((STEPS, 1))
+    heading[STEER.stop - 1] = 0.3 + 0.45  # at the end of steering
+    course[STEER.start :] = 0.5
+    errors = episode_errors(rides(heading=heading, course=course, target_heading=np.full((STEPS, 1), 0.8)))
+    assert errors["E_course"][0] == pytest.approx(0.05)
+
+
+def test_course_of_turns_told_as_they_are_asked_for():
+    steering = np.zeros((9, 1), bool)
+    steering[[2, 3, 6, 7]] = True
+    heading = np.array([0, 0, 0.1, 0.3, 0.4, 0.4, 0.4, 0.2, 0.1])[:, None]
+    target = np.array([0, 0, 0.5, 0.5, 0, 0, 0.1, 0.1, 0])[:, None]
+    expected = [0, 0, 0.4, 0.4, 0.4, 0.4, 0.1, 0.1, 0.1]
+    np.testing.assert_allclose(asked_course(steering, target, heading)[:, 0], expected)

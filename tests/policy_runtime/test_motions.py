@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from policy_runtime.motion import motions
-from policy_runtime.motion.motion_check import motion_facts
+from policy_runtime.motion.contact import find_stance
+from policy_runtime.motion.motion_check import left_stance, motion_facts
 from sim.skate.robot import g1
 from sysid.errors import SysidError
 from sysid.workspace import shipped_data
@@ -221,3 +222,95 @@ def test_the_list_says_where_the_clips_of_transitions_are(model, tmp_path, capsy
     shown = capsys.readouterr()
     assert "mount-plain" in shown.out
     assert "husky-sysid motions" not in shown.err
+
+
+def recorded(name, pushes=3, noise=0.0, wander=0.0, seed=0):
+    """Return a clip of several pushes as a recording has it: shaken from frame to frame, wandering slowly [m]."""
+    clip = motions.load_motion(shipped_data() / "motions" / f"{name}.npy")
+    rng = np.random.default_rng(seed)
+    step = clip.position[-1] - clip.position[0] + (clip.position[-1] - clip.position[-2])
+    step[1:] = 0
+    position = np.concatenate([clip.position + n * step for n in range(pushes)])
+    time = np.arange(len(position)) / clip.rate
+    for frequency in (0.3, 0.7, 1.3):
+        position[:, 2] += wander * np.sin(2 * np.pi * frequency * time + rng.uniform(0, 6)) * np.sqrt(2 / 3)
+    return motions.Motion(
+        name=name,
+        position=position + rng.normal(0, noise, position.shape) if noise else position,
+        quaternion=np.tile(clip.quaternion, (pushes, 1)),
+        joints=np.tile(clip.joints, (pushes, 1)),
+    )
+
+
+@pytest.mark.parametrize("name", CLIPS)
+@pytest.mark.parametrize(("noise", "wander"), [(0.005, 0.0), (0.0, 0.005), (0.004, 0.004)])
+def test_a_foot_with_five_millimetres_of_noise_is_planted(model, name, noise, wander):
+    truth = left_stance(recorded(name), model)
+    found = left_stance(recorded(name, noise=noise, wander=wander), model)
+    assert np.mean(found.planted == truth.planted) > 0.9
+    assert abs(found.planted.mean() - truth.planted.mean()) < 0.1
+
+
+def test_a_foot_in_the_air_is_not_planted_however_calm_the_clip():
+    time = np.arange(100) / 50
+    swing = np.zeros((100, 2, 3))
+    swing[:, :, 0] = 1.5 * time[:, None] + [0.0, 0.2]
+    swing[:, :, 2] = 0.1 + 0.02 * np.sin(9 * time)[:, None]
+    swing[:20, :, 0], swing[:20, :, 2] = [0.0, 0.2], 0.0  # but for its first 0.4 s on the ground
+    planted = find_stance(swing, 50.0).planted
+    assert planted[:18].all()
+    assert not planted[22:].any()
+
+
+def test_a_foot_that_rolls_over_its_toes_stands_on_them():
+    sole = np.zeros((60, 2, 3))
+    sole[:, :, 0] = [0.0, 0.2]
+    sole[20:, 0, 2] = np.linspace(0, 0.15, 40)  # the heel rises, the toes stay
+    assert find_stance(sole, 50.0).planted.all()
+
+
+def test_recorded_pushes_are_cut_from_touchdown_to_touchdown(model, tmp_path):
+    from policy_runtime.train import push_clips
+
+    clip = recorded("push-low-slow", noise=0.003)
+    cut = motions.Motion(
+        name="mine", position=clip.position[30:], quaternion=clip.quaternion[30:], joints=clip.joints[30:]
+    )
+    motions.save_motion(cut, tmp_path / "mine.npy")
+    (mine,) = push_clips([tmp_path])
+    period = motion_facts(clip, model).period * clip.rate
+    assert len(mine.joints) / period == pytest.approx(round(len(mine.joints) / period), abs=0.15)
+    assert 0 < len(mine.joints) < len(cut.joints)
+    still = motions.Motion(
+        name="still",
+        position=cut.position[:1].repeat(20, 0),
+        quaternion=cut.quaternion[:20],
+        joints=cut.joints[:1].repeat(20, 0),
+    )
+    motions.save_motion(still, tmp_path / "still.npy")
+    with pytest.raises(SysidError, match=r"still: its left foot comes down 0 times"):
+        push_clips([tmp_path / "still.npy"])
+
+
+def test_a_runs_own_motions_are_kept_with_it_and_make_its_style(tmp_path):
+    from policy_runtime.learning.run_folder import RunConfig, RunFolder
+    from policy_runtime.learning.style_reference import style_reference
+    from sim.skate.options import SkateOptions
+
+    mine = recorded("push-low-slow")
+    (tmp_path / "mocap").mkdir()
+    motions.save_motion(mine, tmp_path / "mocap" / "mine.npy")
+    folder, plain = RunFolder(tmp_path / "run"), RunFolder(tmp_path / "plain")
+    record = shipped_data() / "boards" / "pink.toml"
+    folder.begin(RunConfig(), record, motions=[tmp_path / "mocap"])
+    plain.begin(RunConfig(), record)
+    assert [path.stem for path in folder.motions()] == ["mine"]
+    assert [path.stem for path in plain.motions()] == CLIPS
+    assert "mine.npy" in folder.origin.read_text()
+    windows = style_reference(SkateOptions(), motions.load_motions(folder.motions()))
+    assert windows.shape == (len(mine.joints) - 4, 115)
+    np.testing.assert_array_equal(windows[3], mine.joints[3:8].ravel())
+    with pytest.raises(SysidError, match="no motion"):
+        RunFolder(tmp_path / "third").begin(RunConfig(), record, motions=[tmp_path])
+    folder.discard()
+    assert not folder.path.exists()

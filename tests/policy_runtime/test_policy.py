@@ -1,4 +1,7 @@
 import dataclasses
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -12,6 +15,7 @@ from policy_runtime.robots import RobotState
 from sim.skate.robot.g1 import JOINTS, default_pose, servos
 from sim.skate.rotation import from_yaw
 from sysid.errors import QualityGateError, SysidError
+from sysid.workspace import shipped_data
 
 pytestmark = pytest.mark.train
 
@@ -239,3 +243,72 @@ def test_missing_onnxruntime_is_said_in_words(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "onnxruntime", None)
     with pytest.raises(SysidError, match=r"needs onnxruntime.*pip install"):
         open_policy(tmp_path / "policy.onnx")
+
+
+def test_opening_a_policy_writes_nothing_anywhere(tmp_path):
+    """onnxruntime would put a device's number and a database into the home folder, to send home."""
+    home, code = (
+        tmp_path / "home",
+        "import sys; from pathlib import Path; from policy_runtime.loop import policy_file",
+    )
+    home.mkdir()
+    subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            f"{code}; policy_file.open_policy(Path(sys.argv[1]))",
+            shipped_data() / "policies/pink.onnx",
+        ],
+        env={**os.environ, "HOME": str(home), "TMPDIR": str(home)},
+        check=True,
+    )
+    assert not list(home.iterdir())
+
+
+def hostile(path, *nodes, **constants):
+    """Write a policy that is none: `nodes` make 'y' of 'x', its 23 answers."""
+    onnx = pytest.importorskip("onnx")
+    from onnx import helper, numpy_helper
+
+    constants["weights"] = np.zeros((390, 23), np.float32)
+    graph = helper.make_graph(
+        [helper.make_node("MatMul", ["obs", "weights"], ["x"]), *nodes],
+        "hostile",
+        [helper.make_tensor_value_info("obs", onnx.TensorProto.FLOAT, [1, 390])],
+        [helper.make_tensor_value_info("y", onnx.TensorProto.FLOAT, [1, 23])],
+        [numpy_helper.from_array(np.asarray(value), name) for name, value in constants.items()],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    onnx.save(model, path)
+    return path
+
+
+def test_a_policy_with_a_loop_without_end_is_refused(tmp_path, monkeypatch):
+    helper = pytest.importorskip("onnx").helper
+    floats, flag, whole = (
+        getattr(pytest.importorskip("onnx").TensorProto, n) for n in ("FLOAT", "BOOL", "INT64")
+    )
+    value = helper.make_tensor_value_info
+    body = helper.make_graph(
+        [helper.make_node("Identity", ["go"], ["on"]), helper.make_node("Sin", ["a"], ["b"])],
+        "body",
+        [value("turn", whole, []), value("go", flag, []), value("a", floats, [1, 23])],
+        [value("on", flag, []), value("b", floats, [1, 23])],
+    )
+    loop = helper.make_node("Loop", ["turns", "yes", "x"], ["y"], body=body)
+    path = hostile(tmp_path / "loop.onnx", loop, turns=np.int64(2**62), yes=np.bool_(True))
+    monkeypatch.setattr("policy_runtime.loop.policy_trial.PATIENCE", 2.0)
+    with pytest.raises(SysidError, match=r"loop\.onnx: gives no answer within 2 s"):
+        open_policy(path)
+
+
+def test_a_policy_with_a_huge_tensor_is_refused(tmp_path):
+    helper = pytest.importorskip("onnx").helper
+    nodes = [
+        helper.make_node("ConstantOfShape", ["shape"], ["huge"]),
+        helper.make_node("ReduceSum", ["huge"], ["sum"], keepdims=0),
+        helper.make_node("Add", ["x", "sum"], ["y"]),
+    ]
+    path = hostile(tmp_path / "huge.onnx", *nodes, shape=np.array([30_000, 30_000], np.int64))
+    with pytest.raises(SysidError, match=r"huge\.onnx: not an ONNX model that can be run"):
+        open_policy(path)

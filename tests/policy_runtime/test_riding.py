@@ -2,12 +2,13 @@
 
 import json
 import sys
+from dataclasses import replace
 from types import SimpleNamespace
 
 import mujoco
 import numpy as np
 import pytest
-from riding import HoldStill, make_onnx, our_metadata, pink, published_metadata, world_or_skip
+from riding import HoldStill, Puppet, make_onnx, our_metadata, pink, published_metadata, world_or_skip
 
 from policy_runtime.evaluation.metrics import episode_errors
 from policy_runtime.evaluation.plain import Protocol, _Episode, evaluate_policy, run_episode
@@ -15,13 +16,15 @@ from policy_runtime.evaluation.recording import Recorder
 from policy_runtime.export import export_folder, load_folder
 from policy_runtime.loop.commands import Command, Constant
 from policy_runtime.loop.gravity_load import GravityLoad, shares
+from policy_runtime.loop.safety import Guard
 from policy_runtime.loop.scripted import scripted, scripted_push, standing
 from policy_runtime.loop.world import joint_limits, make_world
 from policy_runtime.robots.simulated import Gantry
 from policy_runtime.runtime import Runtime
-from sim.skate.robot.g1 import servos
+from sim.skate.robot.g1 import JOINTS, default_pose, servos
 from sim.skate.robot.poses import load_poses
 from sysid.cli import build_app
+from sysid.cli.ride_options import SafetyOptions
 from sysid.errors import SysidError
 
 pytestmark = pytest.mark.train
@@ -387,11 +390,26 @@ def test_rehearsal_drives_the_simulated_robot_over_the_network(capsys, tmp_path)
     pytest.importorskip("cyclonedds", reason="the robot's interface needs cyclonedds (extra 'robot')")
     code, said = call(
         capsys, "run", "stand", "-b", "pink", "--start", "steer", "--gantry", "--robot", "rehearsal",
-        "--domain", 79, "--duration", 0.5, "-o", tmp_path, "--json", "-",
+        "--domain", 79, "--duration", 0.5, "--ramp", 0.2, "--link-timeout", 2, "-o", tmp_path, "--json", "-",
     )  # fmt: skip
     result = json.loads(said.out)
     assert result["ticks"] > 0
+    assert result["delay"]["median_ms"] > 0
     assert code == (0 if result["stopped"] is None else 1)  # a crowded computer may be too slow to rehearse
+
+
+@pytest.mark.parametrize(("margin", "stops"), [(0.05, True), (0.1, False)])
+def test_the_joint_margin_is_an_option(margin, stops):
+    world = world_or_skip()
+    limits = SafetyOptions(joint_margin=margin).limits(world)
+    q = default_pose()
+    ankle = JOINTS.index("right_ankle_roll_joint")
+    q[ankle] = limits.joint_high[ankle] + 0.06
+    said = Guard(limits, 0.02).check(replace(Puppet().read(), joint_position=q))
+    assert (said is not None) == stops
+    assert not stops or said.startswith(
+        "joint limit: right_ankle_roll_joint at 0.322 rad is 0.060 rad beyond"
+    )
 
 
 def test_the_real_robot_takes_only_boards_that_passed(capsys, tmp_path):
@@ -417,6 +435,20 @@ def test_evaluate_prints_a_table_and_writes_json(capsys, tmp_path):
     first, *_ = result["breakdown"]
     assert first["rows"]["stretch 1"]["v_cmd"] > 0.1
     assert (tmp_path / "evaluate-zero-mujoco.png").stat().st_size > 10_000
+
+
+def test_policies_stand_beside_each_other_in_one_table(capsys, tmp_path):
+    world_or_skip()
+    code, said = call(
+        capsys, "evaluate", "zero", "stand", "-b", "pink", "--episodes", 2, "--seeds", 1, "--workers", 1,
+        "--duration", 0.2, "--board-scale", "k=4", "-o", tmp_path, "--json", tmp_path / "e.json",
+    )  # fmt: skip
+    assert code == 0
+    assert "zero, stand on pink in mujoco" in said.out
+    result = json.loads((tmp_path / "e.json").read_text())
+    assert [one["policy"] for one in result["conditions"]] == result["policies"] == ["zero", "stand"]
+    assert all("E_course" in one for one in result["conditions"])
+    assert (tmp_path / "suite-zero-stand.png").stat().st_size > 5_000
 
 
 def test_export_command_says_what_it_wrote(capsys, tmp_path):
@@ -449,12 +481,18 @@ def test_motions_lists_plots_and_plays(capsys, tmp_path):
         (("play", "zero", "-b", "pinck"), "Did you mean 'pink'"),
         (("play", "nothing.onnx", "-b", "pink"), "no such policy"),
         (("run", "zero", "-b", "pink", "--robot", "rehearsal", "--viewer"), "belong to --robot simulated"),
+        (("run", "zero", "-b", "pink", "--dry-run"), "Add --robot rehearsal or unitree"),
+        (("run", "zero", "-b", "pink", "--dry-run", "--robot", "rehearsal"), "was not trained on anything"),
+        (("run", "zero", "-b", "pink", "--joint-margin", "-1"), "--joint-margin -1: must not be negative"),
         (("play", "zero", "-b", "pink", "--speed", "9"), "--speed 9: policies are trained for 0 to 1.5"),
         (("play", "zero", "-b", "pink", "--turn-deg", "nan"), "--turn-deg nan"),
         (("play", "zero", "-b", "pink", "--duration", "0"), "longer than 0"),
         (("play", "zero", "-b", "pink", "--commands", "none.csv"), "none.csv: cannot be read"),
         (("evaluate", "zero", "-b", "pink", "--episodes", "0"), "at least 1"),
         (("evaluate", "zero", "-b", "pink", "--duration", "-1"), "longer than 0"),
+        (("evaluate", "zero", "-b", "pink", "--board-scale", "k:4"), "expected factors like k=4"),
+        (("evaluate", "zero", "-b", "pink", "--turn-deg", "60"), "--turn-deg 60"),
+        (("evaluate", "zero", "-b", "pink", "--suite", "--mass", "1.1"), "--suite has conditions of its own"),
         (("evaluate", "zero", "-b", "pink", "--randomised"), "Add --simulator mjlab"),
         (("motions", "none.npy"), "no such motion"),
     ],

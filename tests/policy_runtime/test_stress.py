@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from riding import HoldStill, pink, world_or_skip
 
-from policy_runtime.evaluation.plain import Protocol, evaluate_policy, run_episode, stressed_world
-from policy_runtime.evaluation.stress import SUITE, Stress, StressedRobot
+from policy_runtime.evaluation.plain import Protocol, evaluate_policy, protocol_world, run_episode
+from policy_runtime.evaluation.stress import Stress, StressedRobot
+from policy_runtime.evaluation.suite import SUITE
 from policy_runtime.loop.world import World
 from policy_runtime.robots import JointCommand
 from sim.skate.robot.g1 import servos
@@ -125,8 +126,8 @@ def test_noise_is_the_trainings_and_each_rides_own():
 
 def test_without_stress_the_world_is_the_plain_one():
     world_or_skip()
-    assert type(stressed_world(pink(), Protocol()).robot) is not StressedRobot
-    assert SUITE[0][2] == Stress()
+    assert type(protocol_world(pink(), Protocol()).robot) is not StressedRobot
+    assert SUITE[0][1] == Protocol()
 
 
 @pytest.mark.parametrize(
@@ -152,3 +153,30 @@ def test_standing_is_counted_apart():
     assert math.isnan(result.success.value)
     assert result.standing.value == 1.0
     assert math.isnan(result.median_duration)
+
+
+def test_board_and_coupling_of_a_protocol_reach_the_world():
+    world_or_skip()
+    board = pink()
+    plain = protocol_world(board, Protocol()).robot.model
+    assert plain.eq_data[0, 1] == pytest.approx(math.tan(math.radians(60)), rel=1e-2)
+    steeper = protocol_world(board, Protocol(board_scale={"rake": 0.9})).robot.model
+    assert steeper.eq_data[0, 1] == pytest.approx(math.tan(math.radians(54)), rel=1e-2)
+    straight = protocol_world(board, Protocol(coupling="none", stress=Stress(delay=0.02))).robot.model
+    assert not np.any(straight.eq_data[0, :5])
+    for stress in (Stress(), Stress(delay=0.02)):
+        world = protocol_world(board, Protocol(coupling="direct", stress=stress))
+        world.reset()
+        robot = world.robot
+        robot.data.qpos[robot.ids.tilt] = 0.05
+        robot.step()
+        tilt = robot.data.qpos[robot.ids.tilt]
+        trucks = np.abs(robot.data.qpos[robot.ids.trucks])
+        np.testing.assert_allclose(trucks, abs(math.atan(math.tan(math.radians(60)) * math.sin(tilt))))
+
+
+def test_every_condition_of_the_suite_makes_a_world():
+    world_or_skip()
+    assert len({name for name, _ in SUITE}) == len(SUITE)
+    for _, protocol in SUITE:
+        protocol_world(pink(), protocol)

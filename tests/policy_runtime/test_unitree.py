@@ -188,3 +188,59 @@ def test_no_robot_is_said_in_words():
 def test_no_interface_is_said_in_words():
     with pytest.raises(SysidError, match=r"no network interface 'nope0'. This computer has: .*lo"):
         UnitreeG1("nope0", DOMAIN)
+
+
+def test_buttons_of_the_handset_are_where_the_sdk_has_them():
+    remote = bytes([0x55, 0x51, 0b00101100, 0b00000011, *range(36)])  # start, select, L2; A, B
+    assert messages.pressed_buttons(remote) == {"start", "select", "L2", "A", "B"}
+    for name in messages.BUTTONS:
+        assert messages.pressed_buttons(messages.handset_bytes(frozenset({name}))) == {name}
+    assert messages.pressed_buttons(bytes(40)) == frozenset()
+
+
+def test_buttons_travel_and_wrists_are_led_slowly_to_where_the_model_has_them(robot_pair):
+    simulated, robot, _ = robot_pair
+    simulated.wrists = np.array([0.2, -0.2, 0.1, 0.0, 0.15, -0.1])
+    simulated.pressed = frozenset({"L2", "B"})
+    deadline = time.monotonic() + 20
+    while robot.read().buttons != {"L2", "B"} and time.monotonic() < deadline:
+        robot.step()
+    assert robot.read().buttons == {"L2", "B"}
+    seen = []
+    begin = time.monotonic()
+    while time.monotonic() < begin + 20:
+        robot.send(JointCommand.hold(default_pose()))
+        seen.append((time.monotonic(), simulated.wrists.copy()))
+        if not np.any(simulated.wrists):
+            break
+        robot.step()
+    assert not np.any(simulated.wrists)
+    assert seen[-1][0] - begin > 0.2 / 0.5 - 0.1  # the furthest, at half a radian a second
+    assert np.abs(np.diff([wrists for _, wrists in seen], axis=0)).max() < 0.1
+
+
+def test_a_rehearsal_goes_through_handset_ramp_and_delay_over_the_network():
+    from policy_runtime.loop.preparation import Preparation
+
+    world = world_or_skip()
+    world.reset()
+    with SimulatedG1(world.robot, interface=LOOPBACK, domain=DOMAIN, hoisted=True) as simulated:
+        world.robot.data.qpos[world.robot.base_q + 7 + 18] -= 0.5  # the left elbow hangs
+        robot = UnitreeG1(LOOPBACK, DOMAIN)
+        try:
+            result = Runtime(
+                robot=robot,
+                policy=HoldStill(),
+                commands=Constant(Command(0.0, 0.0)),
+                limits=joint_limits(world.robot.model, link_timeout=5.0, stale_timeout=5.0),
+                preparation=Preparation(pose=world.start_joints, ramp=0.5),
+                on_event=lambda event: simulated.assist(event.kind),
+                stop_time=0.0,
+            ).run(0.1)
+        finally:
+            robot.close()
+    kinds = [event.kind for event in result.events]
+    assert kinds[:5] == ["wait", "ramp", "delay", "ready", "start"]
+    assert float(result.events[1].text.split()[0]) > 0.3
+    assert not simulated.hoisted
+    assert min(result.delay.times) <= 0.02

@@ -165,6 +165,7 @@ def test_rerun_itself_verifies_the_recording(compared):
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 def test_a_viewer_shows_both_curves_on_the_right_scale(compared, evidence):
     import cv2
 

@@ -21,6 +21,7 @@ from sim.compensation.step import compensate_step
 from sysid.board import Board, BoardEffect, load_board
 from sysid.cli.check import check
 from sysid.cli.console import Common
+from sysid.cli.subject import Subject
 from sysid.errors import QualityGateError, SysidError
 from sysid.joint import JointLaw, simulate
 from sysid.logs import LogOptions, read_roll
@@ -148,7 +149,7 @@ def test_the_lying_scene_is_made_by_its_script():
 def test_a_scene_that_lies_is_found_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     common = Common(json=str(tmp_path / "out.json"), workspace=tmp_path)
     with pytest.raises(QualityGateError) as error:
-        check([DECAYS / "pink.csv"], board="pink", scene_file=LYING, common=common)
+        check([DECAYS / "pink.csv"], subject=Subject(board="pink"), scene_file=LYING, common=common)
     assert error.value.exit_code == 3
     for words in (
         "does not swing at all", "servos +45", "stop the deck at ±0.0577", "weighs 7.58 kg", "deck by itself"
@@ -168,13 +169,13 @@ def test_a_scene_that_lies_is_found_out(tmp_path: Path, capsys: pytest.CaptureFi
 
 def test_check_writes_its_verdict_into_the_workspace(tmp_path: Path):
     common = Common(json="-", workspace=tmp_path)
-    assert check([DECAYS / "pink.csv"], board="pink", common=common) == 0
+    assert check([DECAYS / "pink.csv"], subject=Subject(board="pink"), common=common) == 0
     board = Workspace(tmp_path).load_board("pink")
     assert board.passed
     assert board.check["nrmse"] < 0.01
     assert "equality coupling" in board.check["scene"]
     with pytest.raises(QualityGateError, match=r"inertia .* is wanted"):
-        check([DECAYS / "black.csv"], board="black", export="physical", common=common)
+        check([DECAYS / "black.csv"], subject=Subject(board="black"), export="physical", common=common)
     assert not Workspace(tmp_path).load_board("black").passed
     assert load_board(shipped_data() / "boards" / "pink.toml").check == {}
 
@@ -183,7 +184,7 @@ def test_fit_in_scene_finds_what_the_scene_must_hold(tmp_path: Path, capsys: pyt
     from sysid.cli.fit import fit
 
     common = Common(json=str(tmp_path / "fit.json"), workspace=tmp_path)
-    assert fit([DECAYS / "pink.csv"], board="pink", in_scene=True, common=common) == 0
+    assert fit([DECAYS / "pink.csv"], subject=Subject(board="pink"), in_scene=True, common=common) == 0
     board = Workspace(tmp_path).load_board("pink")
     written = board.fit["in_scene"]
     assert written["stiffness"] == pytest.approx(board.stiffness)
@@ -191,7 +192,12 @@ def test_fit_in_scene_finds_what_the_scene_must_hold(tmp_path: Path, capsys: pyt
     assert written["decay_nrmse"] < 0.005
     assert json.loads((tmp_path / "fit.json").read_text())["in_scene"] == written
     assert "compensated in the scene" in capsys.readouterr().out
-    assert check([DECAYS / "pink.csv"], board="pink", common=Common(json="-", workspace=tmp_path)) == 0
+    assert (
+        check(
+            [DECAYS / "pink.csv"], subject=Subject(board="pink"), common=Common(json="-", workspace=tmp_path)
+        )
+        == 0
+    )
 
 
 def test_bad_scene_files_are_refused_in_words(tmp_path: Path):
@@ -245,8 +251,9 @@ RULE = Rule(order=9, asked=("before",), says=says)
 '''
 
 
-def test_a_rule_is_one_file(board: Board, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_rule_is_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Found, asked, and its word decides; no other file was touched."""
+    board = load_board(shipped_data() / "boards" / "pink.toml")
     scene = training_scene(compensate_in_scene(board).board)
     before = judge(board, scene, [measured(board)])
     assert before.passed

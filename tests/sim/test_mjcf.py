@@ -16,6 +16,7 @@ from sim.mjcf import board_mjcf, default_export
 from sysid.board import Board, BoardEffect, load_board, save_board
 from sysid.cli.console import Common
 from sysid.cli.mjcf import mjcf
+from sysid.cli.subject import Subject
 from sysid.effects import catalogue
 from sysid.errors import SysidError
 from sysid.joint import JointLaw, simulate
@@ -149,7 +150,7 @@ def test_substitutes_are_warned_of_and_named_by_check(
     assert "4.0" in json.loads((tmp_path / "out.json").read_text())["substitutes"][0]
     monkeypatch.setattr(mujoco, "__version__", "3.11.0")
     with pytest.raises(QualityGateError, match=r"Why: effect 'hysteresis' needs MuJoCo 4\.0"):
-        check([shipped_data() / "decays" / "pink.csv"], board="pink", common=common)
+        check([shipped_data() / "decays" / "pink.csv"], subject=Subject(board="pink"), common=common)
 
 
 def test_defaults_of_export():
@@ -174,6 +175,27 @@ def test_the_command_writes_file_and_json(tmp_path: Path):
         mjcf(board="black", output=path, bench=True, scene=True, common=common)
     with pytest.raises(SysidError, match="expected seconds"):
         mjcf(board="black", output=path, timestep=5.0, common=common)
+
+
+def light(tmp_path: Path, damping: float) -> Common:
+    pink = load_board(shipped_data() / "boards" / "pink.toml")
+    board = pink.with_tilt(damping=Quantity(damping, 0.0, "N*m*s/rad"))
+    save_board(board, tmp_path / "data" / "boards" / "pink.toml")
+    return Common(workspace=tmp_path)
+
+
+def test_a_scene_that_is_known_to_be_wrong_is_not_written_without_a_word(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    """The wheels, dragged by the joint equality, damp more than a very light board does."""
+    path = tmp_path / "board.xml"
+    with pytest.raises(SysidError, match=r"29\.\d % off the board's.*--coupling direct"):
+        mjcf(board="pink", output=path, common=light(tmp_path, 0.01))
+    assert not path.exists()
+    mjcf(board="pink", output=path, coupling="direct", common=light(tmp_path, 0.01))
+    assert "off the board's" not in capsys.readouterr().err
+    mjcf(board="pink", output=path, common=light(tmp_path, 0.045))
+    assert "2.2 % off the board's" in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.slow

@@ -9,13 +9,13 @@ import pytest
 from drawn_films import decay, draw_film, marked, plate
 
 from sysid.errors import SysidError
-from sysid.logs import read_roll
+from sysid.logs import LogOptions, read_roll
 from sysid.video.film.container import read_container
 from sysid.video.film.frames import open_clip
 from sysid.video.options import is_film
 from sysid.video_roll import VideoOptions, roll_from_video
 
-TIME = np.arange(72) / 60
+TIME = np.arange(60) / 60
 ROLL = decay(TIME)
 
 
@@ -54,7 +54,7 @@ def test_a_trimmed_film_is_read(film, tmp_path):
     short = trimmed(film, tmp_path / "short.mp4", 0.7)
     assert read_container(short).shown == pytest.approx(0.7, abs=0.01)
     roll = roll_from_video(short, VideoOptions(method="marker", readout=0.0))
-    assert len(roll.time) == pytest.approx(50, abs=3)
+    assert len(roll.time) == pytest.approx(42, abs=3)
     assert error_of(roll) < 0.1
 
 
@@ -91,15 +91,16 @@ def test_a_swing_that_plays_slowly_is_doubted(film, tmp_path):
     assert not any("slow motion" in warning for warning in usual)
 
 
-@pytest.mark.parametrize("name", ["clip.ts", "clip.gif", "clip", "clip.dat"])
+@pytest.mark.parametrize("name", ["clip.ts", "clip.gif", "clip"])
 def test_a_film_is_known_by_how_it_begins(film, name, tmp_path):
     path = tmp_path / name
-    if name in ("clip.ts", "clip.gif"):
-        ffmpeg("-i", film, *(["-c", "copy"] if name == "clip.ts" else ["-vf", "fps=50"]), path)
-    else:
+    if name == "clip":
         shutil.copy(film, path)
+        assert is_film(shutil.copy(film, tmp_path / "clip.dat"))
+    else:
+        ffmpeg("-i", film, *(["-c", "copy"] if name == "clip.ts" else ["-vf", "fps=50"]), path)
     assert is_film(path)
-    assert read_roll(path).origin == "video"
+    assert read_roll(path, LogOptions(video=VideoOptions(method="marker", readout=0.0))).origin == "video"
 
 
 def test_what_is_no_film_is_none(tmp_path):
@@ -117,7 +118,6 @@ def test_what_is_no_film_is_none(tmp_path):
     ("codec", "options"),
     [
         ("libx264", ["-b:v", "600k"]),
-        ("libx265", ["-b:v", "600k", "-tag:v", "hvc1", "-x265-params", "log-level=none"]),
         (
             "libx265",
             ["-b:v", "600k", "-pix_fmt", "yuv420p10le", "-tag:v", "hvc1", "-x265-params", "log-level=none"],

@@ -23,19 +23,24 @@ def read(path, **options):
     return roll_from_video(path, VideoOptions(readout=0.0, **options))
 
 
-def test_texture_gives_the_angle_and_the_marker_what_is_level(tmp_path):
-    film = draw_film(tmp_path / "wide.mp4", marked(plate(520, 90, contrast=35.0), 42), ROLL, background=PLAIN)
-    best = read(film)
+@pytest.fixture(scope="module")
+def wide(tmp_path_factory):
+    """A small marker on a wide deck with texture."""
+    body = marked(plate(520, 90, contrast=35.0), 42)
+    return draw_film(tmp_path_factory.mktemp("select") / "wide.mp4", body, ROLL, background=PLAIN)
+
+
+def test_texture_gives_the_angle_and_the_marker_what_is_level(wide):
+    best = read(wide)
     assert any("patches of texture" in note and "marker 7" in note for note in best.notes)
     assert any("marker's edges are level" in note for note in best.notes)
     assert error_of(best)[1] < 0.01
     assert error_of(best)[0] < 0.15
 
 
-def test_everything_that_turns_with_a_marker_tells_the_angle(tmp_path):
+def test_everything_that_turns_with_a_marker_tells_the_angle(wide):
     """The corners of this marker alone tell it to 0.09°."""
-    film = draw_film(tmp_path / "wide.mp4", marked(plate(520, 90, contrast=35.0), 42), ROLL, background=PLAIN)
-    marker = read(film, method="marker")
+    marker = read(wide, method="marker")
     assert any(
         "marker 7; the angle is that of everything that turns with it" in note for note in marker.notes
     )
@@ -43,6 +48,7 @@ def test_everything_that_turns_with_a_marker_tells_the_angle(tmp_path):
     assert error_of(marker)[0] < 0.15
 
 
+@pytest.mark.slow
 def test_a_speck_does_not_beat_texture(tmp_path):
     body = dotted(plate(300, 80, contrast=35.0), [(60, 10, 4, PINK)])
     film = draw_film(tmp_path / "speck.mp4", body, ROLL)
@@ -52,18 +58,20 @@ def test_a_speck_does_not_beat_texture(tmp_path):
     assert error_of(read(film, method="dots"))[1] > 2 * error_of(roll)[1]
 
 
-@pytest.mark.parametrize("colours", [(PINK, GREEN), (PINK, PINK)])
-def test_two_stickers_may_differ_in_colour(colours, tmp_path):
+@pytest.mark.parametrize(
+    ("colours", "method"),
+    [pytest.param((PINK, GREEN), "auto", marks=pytest.mark.slow), ((PINK, PINK), "dots")],
+)
+def test_two_stickers_may_differ_in_colour(colours, method, tmp_path):
     dots = [(-100, -5, 11, colours[0]), (100, -5, 11, colours[1])]
-    film = draw_film(tmp_path / "pair.mp4", dotted(plate(300, 60), dots), ROLL)
-    for method in ("dots", "auto"):
-        roll = read(film, method=method)
-        assert any("line between the dots is level" in note for note in roll.notes)
-        # Two points do not show the camera's direction well, and with it what is level.
-        assert error_of(roll)[0] < 0.3
-        assert error_of(roll)[1] < 0.25
+    roll = read(draw_film(tmp_path / "pair.mp4", dotted(plate(300, 60), dots), ROLL), method=method)
+    assert any("line between the dots is level" in note for note in roll.notes)
+    # Two points do not show the camera's direction well, and with it what is level.
+    assert error_of(roll)[0] < 0.3
+    assert error_of(roll)[1] < 0.25
 
 
+@pytest.mark.slow
 def test_a_better_one_that_moves_otherwise_is_not_the_board(tmp_path):
     """A marker on the deck, and behind it a large picture that somebody carries past."""
     behind = np.full((SIZE[1], SIZE[0], 3), 150, np.uint8)

@@ -35,6 +35,7 @@ def test_a_wide_deck_is_not_taken_for_background(wide):
     assert error_of(roll) < 0.15
 
 
+@pytest.mark.slow
 def test_shake_before_a_wall_is_taken_out(tmp_path):
     rng = np.random.default_rng(3)
     path = 4 * np.cumsum(rng.normal(size=(len(TIME), 2)), axis=0) / np.sqrt(len(TIME))

@@ -35,6 +35,12 @@ def realistic_film(film_of) -> TestFilm:
     return film_of("realistic")
 
 
+@pytest.fixture(scope="module")
+def marker_roll(film_of) -> Roll:
+    """The roll of `marker_film`, which has a global shutter."""
+    return roll_from_video(film_of("marker").path, VideoOptions(readout=0.0))
+
+
 def check(film: TestFilm, method: str, covers: float = 0.85, **options) -> Roll:
     roll = roll_from_video(film.path, VideoOptions(method=method, **options))
     error = film.error(roll)
@@ -93,17 +99,16 @@ def test_what_does_not_turn_with_the_deck_is_not_followed(film_folder, method, m
     check(film, method, covers=0.8 if "hand" in faults else 0.85)
 
 
-def test_rotated_by_the_container(marker_film, tmp_path):
+def test_rotated_by_the_container(marker_film, marker_roll, tmp_path):
     film = tmp_path / "upright.mp4"
     turned(marker_film.path, film, 90)
     clip = open_clip(film)
     assert (clip.width, clip.height, clip.rotation) == (360, 640, 90)
     upright = roll_from_video(film, VideoOptions(readout=0.0))
-    straight = roll_from_video(marker_film.path, VideoOptions(readout=0.0))
-    swing = np.ptp(straight.roll)
+    swing = np.ptp(marker_roll.roll)
     assert np.ptp(upright.roll) == pytest.approx(swing, rel=0.02)
     # A quarter turn of the picture does not change which way the deck turns.
-    assert np.corrcoef(upright.roll, straight.roll)[0, 1] > 0.999
+    assert np.corrcoef(upright.roll, marker_roll.roll)[0, 1] > 0.999
 
 
 def test_rows_are_read_in_the_sensors_order(marker_film, tmp_path):
@@ -116,10 +121,9 @@ def test_rows_are_read_in_the_sensors_order(marker_film, tmp_path):
     assert shares == pytest.approx([64 / 360, 1 - 90 / 360, 1 - 64 / 360, 90 / 360])
 
 
-def test_filmed_from_the_front_roll_turns_over(marker_film):
-    behind = roll_from_video(marker_film.path, VideoOptions(readout=0.0))
+def test_filmed_from_the_front_roll_turns_over(marker_film, marker_roll):
     front = roll_from_video(marker_film.path, VideoOptions(readout=0.0, front=True))
-    np.testing.assert_allclose(front.roll, -behind.roll)
+    np.testing.assert_allclose(front.roll, -marker_roll.roll)
 
 
 def test_slow_motion_needs_the_true_rate(marker_film):
@@ -144,8 +148,8 @@ def test_overlay_shows_every_frame(marker_film, tmp_path):
     assert orange > 100
 
 
-def test_clock_offset_between_film_and_imu(marker_film):
-    film = roll_from_video(marker_film.path, VideoOptions(readout=0.0))
+def test_clock_offset_between_film_and_imu(marker_film, marker_roll):
+    film = marker_roll
     rng = np.random.default_rng(0)
     time = np.arange(0, 0.9, 1 / 200)
     started = 0.037  # the logger began this much after the film's first frame
@@ -184,8 +188,7 @@ def test_the_command_puts_a_film_on_the_clock_of_a_log(marker_film, tmp_path):
     assert table["time_s"][0] == pytest.approx(0.1, abs=0.002)
 
 
-def test_clock_offset_refuses_different_motions(marker_film):
-    film = roll_from_video(marker_film.path, VideoOptions(readout=0.0))
+def test_clock_offset_refuses_different_motions(marker_roll):
     time = np.arange(0, 2, 0.005)
     other = Roll(
         log="other",
@@ -196,7 +199,7 @@ def test_clock_offset_refuses_different_motions(marker_film):
         zero="drifting",
     )
     with pytest.raises(SysidError, match=r"do not show the same motion|nothing to align by"):
-        clock_offset(film, other)
+        clock_offset(marker_roll, other)
 
 
 def test_lens_distortion_is_taken_out(tmp_path):

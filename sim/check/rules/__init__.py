@@ -20,7 +20,8 @@ def said(asked: Asked, case: Case) -> tuple[str, ...]:
     """Return what the rules that are asked now have to say; of one that is the whole answer, only that."""
     spoken: list[str] = []
     for rule in rules():
-        texts = tuple(rule.says(case)) if asked in rule.asked else ()
+        is_asked = asked in rule.asked and not (rule.of_board and case.parts is None)
+        texts = tuple(rule.says(case)) if is_asked else ()
         if texts and rule.whole_answer:
             return texts
         spoken += texts

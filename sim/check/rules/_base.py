@@ -22,8 +22,19 @@ class Case:
     scene: ClampedScene
     decays: SceneCheck
     """Measured and simulated, side by side."""
-    joint: Parasitics
-    """The scene's tilt joint, and what each part of the scene adds to it."""
+    parts: Parasitics | None
+    """The scene's tilt joint, and what each part of the scene adds to it; None where there is no board about the joint."""
+
+    @property
+    def joint(self) -> Parasitics:
+        """The same, for rules of a whole board."""
+        assert self.parts is not None
+        return self.parts
+
+    @property
+    def kind(self) -> str:
+        """What the record is of, in a word."""
+        return "joint" if self.parts is None else "board"
 
     @property
     def tilt_range(self) -> float:
@@ -40,5 +51,7 @@ class Rule:
     asked: tuple[Asked, ...]
     says: Callable[[Case], Iterable[str]]
     """What is wrong, with numbers, units and where it helps the next step; nothing where nothing is."""
+    of_board: bool = False
+    """Whether it looks at the parts of a whole board."""
     whole_answer: bool = False
     """Whether nothing else is said where it speaks."""

@@ -15,4 +15,4 @@ def _says(case: Case) -> Iterator[str]:
         yield f"the board of the scene weighs {mass:.3g} kg, the record says {expected:.3g} kg"
 
 
-RULE = Rule(order=6, asked=("failed",), says=_says)
+RULE = Rule(order=6, asked=("failed",), says=_says, of_board=True)

@@ -13,4 +13,4 @@ def _says(case: Case) -> Iterator[str]:
         )
 
 
-RULE = Rule(order=4, asked=("failed",), says=_says)
+RULE = Rule(order=4, asked=("failed",), says=_says, of_board=True)

@@ -41,4 +41,4 @@ def _says(case: Case) -> Iterator[str]:
     return departures(case.joint)
 
 
-RULE = Rule(order=5, asked=("failed",), says=_says)
+RULE = Rule(order=5, asked=("failed",), says=_says, of_board=True)

@@ -9,7 +9,7 @@ def _says(case: Case) -> Iterator[str]:
     decays = case.decays
     if decays.nrmse > decays.tolerance:
         yield (
-            f"the scene does not decay like board '{case.board.name}': NRMSE {100 * decays.nrmse:.1f} %, tolerance "
+            f"the scene does not decay like {case.kind} '{case.board.name}': NRMSE {100 * decays.nrmse:.1f} %, tolerance "
             f"{100 * decays.tolerance:g} %"
         )
 

@@ -14,4 +14,4 @@ def _says(case: Case) -> Iterator[str]:
         yield f"the trucks' limits stop the deck at ±{reach:.3g} rad although its own range is ±{own:.3g} rad"
 
 
-RULE = Rule(order=7, asked=("failed",), says=_says)
+RULE = Rule(order=7, asked=("failed",), says=_says, of_board=True)

@@ -220,18 +220,22 @@ class SkateCommand(CommandTerm):
         return extras
 
     def _resample_command(self, env_ids: torch.Tensor) -> None:
-        speed = torch.empty(len(env_ids), device=self.device).uniform_(*self.cfg.speed)
-        # An episode that begins in motion is one that was told to move.
-        moving = self.step[env_ids] > 0
-        self._command[env_ids, 0] = torch.where(moving, speed.clamp(min=STILL_SPEED), speed)
-        self._draw_turn(env_ids)
-
-    def _draw_turn(self, env_ids: torch.Tensor) -> None:
-        turn = torch.empty(len(env_ids), device=self.device).uniform_(*self.cfg.turn)
-        self._command[env_ids, 1] = turn
-        self.target_heading[env_ids] = wrap_angle(self.reading.board_heading()[env_ids] + turn)
-        self._yaw_then[env_ids] = rotation.yaw(self.reading.robot_quaternion()[env_ids])
+        drawn = self.draw()
+        for kept, new in zip((self._command, self.target_heading, self._yaw_then), drawn, strict=True):
+            kept[env_ids] = new[env_ids]
         self._told[env_ids] = self.step[env_ids]
+
+    def draw(self) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Draw a command for every world as it stands now: command (n, 2), target heading and yaw [rad], (n,) each.
+
+        For all of them, so that it is one CUDA graph whoever needs it.
+        """
+        drawn = torch.empty(2, self.num_envs, device=self.device)
+        speed, turn = drawn[0].uniform_(*self.cfg.speed), drawn[1].uniform_(*self.cfg.turn)
+        # An episode that begins in motion is one that was told to move.
+        speed = torch.where(self.step > 0, speed.clamp(min=STILL_SPEED), speed)
+        target = wrap_angle(self.reading.board_heading() + turn)
+        return torch.stack((speed, turn), dim=-1), target, rotation.yaw(self.reading.robot_quaternion())
 
     def compute(self, dt: float | torch.Tensor, env_ids: torch.Tensor | None = None) -> None:
         """Go on by a step; nothing is drawn anew by time, so that nobody has to wait for the device to say when.

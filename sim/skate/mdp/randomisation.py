@@ -15,7 +15,8 @@
 | velocity of the pelvis | ±0.5 m/s, every 5 to 10 s | pushes |
 """
 
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -31,41 +32,73 @@ from sim.skate.world.posterior import TiltDraws
 if TYPE_CHECKING:
     from mjlab.envs import ManagerBasedRlEnv
 
+    from sim.skate.mdp.commands import SkateCommand
 
-def begin(
-    env: "ManagerBasedRlEnv",
-    env_ids: torch.Tensor | None,
-    start: Start,
-    foot_place: tuple[float, float],
-    standing_height: float,
-) -> None:
-    """Put robot and board into the first state of an episode and set the cycle accordingly."""
-    ids = torch.arange(env.num_envs, device=env.device) if env_ids is None else env_ids
-    command, n = skate_command(env), len(ids)
-    clock, cfg = command.clock, command.cfg
-    chance = torch.rand(n, device=env.device)
-    steers, pushes = chance < start.steering, (chance >= start.steering) & (chance < 1 - start.standing)
-    first_steer = clock.push + clock.mount
-    step = torch.where(
-        steers,
-        torch.randint(first_steer + 1, first_steer + clock.steer - 25, (n,), device=env.device),
-        torch.randint(1, clock.push - 10, (n,), device=env.device) * pushes,
-    )
-    speed = torch.empty(n, device=env.device).uniform_(*start.speed) * (steers | pushes)
-    qpos = _poses(command, cfg, steers, pushes, standing_height)
-    aside = start.position_noise * (2 * torch.rand(n, device=env.device) - 1)
-    qpos[:, 1] += aside * torch.where(steers | pushes, 0.5, 1.0)
-    rolls = steers | pushes
-    place = torch.empty(n, device=env.device).uniform_(*foot_place)
-    qpos[:, 0] += place - torch.where(rolls, 0.0, STANDING_PLACE)
-    qpos[:, 7:] += start.joint_noise * (2 * torch.rand(n, 23, device=env.device) - 1)
-    limits = env.scene["robot"].data.soft_joint_pos_limits[ids]
-    qpos[:, 7:] = qpos[:, 7:].clamp(limits[..., 0], limits[..., 1])
-    _write(env, ids, qpos, speed)
-    command.step[ids] = step
-    command.foot_place[ids] = place
-    default, scale = _servo_numbers()
-    command.first_action[ids] = (qpos[:, 7:] - constant(default, qpos)) / constant(scale, qpos)
+
+@dataclass(frozen=True, slots=True)
+class FirstState:
+    """What worlds begin an episode with."""
+
+    qpos: torch.Tensor
+    """(n, nq)."""
+    qvel: torch.Tensor
+    """(n, nv)."""
+    step: torch.Tensor
+    """Steps since the cycle began, (n,)."""
+    foot_place: torch.Tensor
+    """Where the right foot stands along the deck [m], (n,)."""
+    action: torch.Tensor
+    """The action that asks for the pose, (n, 23)."""
+
+
+class Begin:
+    """Puts robot and board into the first state of an episode and sets the cycle accordingly."""
+
+    def __init__(self, cfg: Any, env: "ManagerBasedRlEnv") -> None:
+        """Take `start` (Start), `foot_place` (from, to) [m] and `standing_height` [m]."""
+        self._env = env
+        self._start: Start = cfg.params["start"]
+        self._foot_place: tuple[float, float] = cfg.params["foot_place"]
+        self._standing_height: float = cfg.params["standing_height"]
+
+    def __call__(self, env: "ManagerBasedRlEnv", env_ids: torch.Tensor | None, **params: Any) -> None:
+        """Let the episodes of some worlds begin, of all if None."""
+        ids = slice(None) if env_ids is None else env_ids
+        drawn, command, data = self.draw(), skate_command(env), env.sim.data
+        for kept, new in (
+            (data.qpos, drawn.qpos),
+            (data.qvel, drawn.qvel),
+            (command.step, drawn.step),
+            (command.foot_place, drawn.foot_place),
+            (command.first_action, drawn.action),
+        ):
+            kept[ids] = new[ids]
+
+    def draw(self) -> FirstState:
+        """Draw a first state for every world; all of them, so that it is one CUDA graph whoever needs it."""
+        env, start = self._env, self._start
+        command, n = skate_command(env), env.num_envs
+        clock, random = command.clock, partial(torch.rand, device=env.device)
+        chance = random(n)
+        steers, pushes = chance < start.steering, (chance >= start.steering) & (chance < 1 - start.standing)
+        first_steer = clock.push + clock.mount
+        step = torch.where(
+            steers,
+            torch.randint(first_steer + 1, first_steer + clock.steer - 25, (n,), device=env.device),
+            torch.randint(1, clock.push - 10, (n,), device=env.device) * pushes,
+        )
+        rolls = steers | pushes
+        speed = torch.empty(n, device=env.device).uniform_(*start.speed) * rolls
+        robot = _poses(command, steers, pushes, self._standing_height)
+        robot[:, 1] += start.position_noise * (2 * random(n) - 1) * torch.where(rolls, 0.5, 1.0)
+        place = torch.empty(n, device=env.device).uniform_(*self._foot_place)
+        robot[:, 0] += place - torch.where(rolls, 0.0, STANDING_PLACE)
+        limits = env.scene["robot"].data.soft_joint_pos_limits
+        joints = robot[:, 7:] + start.joint_noise * (2 * random(n, 23) - 1)
+        robot[:, 7:] = joints.clamp(limits[..., 0], limits[..., 1])
+        default, scale = _servo_numbers()
+        action = (robot[:, 7:] - constant(default, robot)) / constant(scale, robot)
+        return FirstState(*_whole(env, robot, speed), step, place, action)
 
 
 @lru_cache
@@ -75,35 +108,32 @@ def _servo_numbers() -> tuple[tuple[float, ...], tuple[float, ...]]:
 
 
 def _poses(
-    command: Any, cfg: Any, steers: torch.Tensor, pushes: torch.Tensor, standing_height: float
+    command: "SkateCommand", steers: torch.Tensor, pushes: torch.Tensor, standing_height: float
 ) -> torch.Tensor:
     """Return the robot's configurations in the world, (n, 30), the board being at the origin."""
-    height = command.reading.axis_height
-    like = command.first_action
+    height, like = command.reading.axis_height, command.first_action
     standing = constant((-0.03, 0.10, standing_height, 1, 0, 0, 0, *_servo_numbers()[0]), like)
-    rolling = [
-        constant((*pose.pelvis, *pose.joints), like).clone() for pose in (cfg.push_pose, cfg.steer_pose)
-    ]
-    for pose in rolling:
-        pose[2] += height
-    qpos = torch.where(pushes[:, None], rolling[0], standing)
-    return torch.where(steers[:, None], rolling[1], qpos)
+    pushing, steering = (
+        constant((*pose.pelvis[:2], pose.pelvis[2] + height, *pose.pelvis[3:], *pose.joints), like)
+        for pose in (command.cfg.push_pose, command.cfg.steer_pose)
+    )
+    return torch.where(steers[:, None], steering, torch.where(pushes[:, None], pushing, standing))
 
 
-def _write(env: "ManagerBasedRlEnv", ids: torch.Tensor, robot: torch.Tensor, speed: torch.Tensor) -> None:
-    """Write positions and velocities of all joints: everything rolls along x at `speed`."""
-    model, data, reading = env.sim.mj_model, env.sim.data, skate_command(env).reading
-    n, device = len(ids), env.device
-    qpos = constant(tuple(model.qpos0.tolist()), robot).repeat(n, 1)
-    qvel = torch.zeros(n, model.nv, device=device)
+def _whole(
+    env: "ManagerBasedRlEnv", robot: torch.Tensor, speed: torch.Tensor
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return positions and velocities of all joints, (n, nq) and (n, nv): everything rolls along x at `speed`."""
+    model, reading = env.sim.mj_model, skate_command(env).reading
+    qpos = constant(tuple(model.qpos0.tolist()), robot).repeat(len(robot), 1)
+    qvel = torch.zeros(len(robot), model.nv, device=env.device)
     qpos[:, reading.robot_q : reading.robot_q + 7] = robot[:, :7]
     qpos[:, reading.joint_q] = robot[:, 7:]
     qvel[:, reading.robot_v] = speed
     qvel[:, reading.board_v] = speed
     for wheel in WHEELS:
         qvel[:, model.joint(f"board/{wheel}_wheel_joint").dofadr[0]] = speed / reading.wheel_radius
-    data.qpos[ids] = qpos
-    data.qvel[ids] = qvel
+    return qpos, qvel
 
 
 @requires_model_fields(

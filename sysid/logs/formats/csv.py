@@ -107,6 +107,7 @@ class CsvTable:
                 comment=self.comment,
                 encoding=self.encoding,
                 encoding_errors="replace",
+                compression=None,  # what a file is tell its first bytes, not its name
                 skipinitialspace=self.blanks,  # costs half as much again, so only where needed
                 skip_blank_lines=True,
                 na_values=["-"],

@@ -13,6 +13,8 @@ from sysid.logs.table.names import parse_unit
 HEAD_BYTES = 1 << 18
 HEAD_LINES = 2000
 MAX_LINE = 20_000
+"""Bytes and lines of its beginning that tell how a file is written, and characters of a line beyond which it is no table
+with a row a sample: choices, a hundred times a logger's header."""
 DIALECTS = (
     (",", "."),
     ("\t", "."),

@@ -2,6 +2,7 @@
 
 import lzma
 import re
+import shutil
 import struct
 import tempfile
 import zipfile
@@ -24,6 +25,7 @@ T = TypeVar("T")
 MAX_UNPACKED = 1 << 30
 """An hour of seven sensors at 1 kHz is 0.3 GiB as text."""
 MAX_MEMBERS = 10_000
+"""Files in an archive; a phone's export has one a sensor, some ten."""
 _DAMAGE = (RuntimeError, NotImplementedError, EOFError, OSError, ValueError, OverflowError)
 _MOTION = re.compile(r"gyro|acc|orient|attitude|grav|motion|raw|rotation", re.I)
 """Names of the tables of motion sensors; a GPS or a microphone beside them is left alone."""
@@ -54,10 +56,13 @@ def open_zip(path: Path) -> SensorTables:
             for number, member in enumerate(needed):
                 target = Path(folder) / str(number) / Path(member.filename).name
                 target.parent.mkdir()
-                with archive.open(member) as packed:
-                    target.write_bytes(packed.read(member.file_size))
+                with archive.open(member) as packed, target.open("wb") as file:
+                    shutil.copyfileobj(packed, file)
                 files.append(target)
-            return _merge(path, files)
+            try:
+                return _merge(path, files)
+            except SysidError as error:  # says it of what was unpacked
+                raise SysidError(str(error).replace(folder, str(path))) from error
     except (*(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error), *_DAMAGE) as error:
         raise SysidError(f"{path}: damaged or locked archive ({error}). Export it again.") from error
 

@@ -18,21 +18,25 @@ from sysid.logs.sources.rotations import cross_matrices, integrate_rate
 from sysid.roll import Array
 
 STANDARD_GRAVITY = 9.80665
+"""[m/s²], by definition (CGPM 1901)."""
 BLOCK_SECONDS = 0.05
+"""Samples are averaged over this long in a frame that turns with the gyro [s] (a choice): what neighbours feel is alike
+anyway (`MOTION_TIME`), and the smoother takes so much less time."""
 ARM_SHARE = 0.03
 """A lever arm counts where it explains this share of what the accelerometer feels beside gravity."""
-ROUNDS = 3
-STATES = 18
+ROUNDS, STATES = 3, 18
+"""Rounds in which offsets, strength of the accelerations and lever arm settle (a choice), and what the smoother follows:
+vertical 3, gyro offset 3, gains and misalignment 9, accelerometer offset 3."""
 GAIN_WALK = 0.003
-"""What is left of gain errors and misalignment: an angle that was turned through is wrong by this much of it."""
+"""Share of an angle that was turned through by which it is wrong, for what is left of gain errors and misalignment."""
 MOTION_TIME = 2.0
 """Accelerations of a hand or a deck stay alike over about this long [s]; blocks within it are one measurement."""
 WINDOW_SECONDS = 1.0
 """Over this long the strength of such accelerations is taken as one [s]."""
 GAIN_STD = 0.02
-"""Typical gain and misalignment errors of a MEMS gyro (1 is the whole)."""
+"""Typical gain and misalignment errors of a MEMS gyro, as a share: 1 to 3 % in data sheets."""
 ACCEL_OFFSET_STD = 0.01
-"""Typical offset of a MEMS accelerometer, in g."""
+"""Typical offset of a MEMS accelerometer [g]."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from sysid.roll import Array, Roll
 REST_BLOCK = 0.2
 """Length of a stretch that is tested for rest [s]."""
 MAX_RATE = 35.0
-"""No common gyro measures more than 2000 °/s = 34.9 rad/s: larger numbers are degrees."""
+"""No common gyro measures more than 2000 °/s = 34.9 rad/s: larger numbers are degrees [rad/s]."""
 
 
 @dataclass(frozen=True, slots=True)

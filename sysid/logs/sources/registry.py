@@ -29,6 +29,9 @@ HARDLY, ALIKE = 0.2, 0.5
 """A column that turns less than this share of another, with less than this correlation, is not the deck's."""
 AVERAGED = (1, 4, 16)
 """Rows that are averaged before two rates are compared: the slope of an angle is mostly noise from row to row."""
+LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3}
+"""Units of a slide, whose position in m is what an angle in rad is of a hinge: only where the user says so, for other columns
+of a log are lengths too."""
 _UNITS = {"angle": ("an angle", "rad", ANGLE_UNITS), "rate": ("a rotation rate", "rad/s", RATE_UNITS)}
 
 
@@ -208,6 +211,8 @@ def _with_unit(source: Source, choice: Choice, options: LogOptions) -> Choice:
         )
     what, si, table = _UNITS[source.quantity]
     unit = parse_unit(options.unit)
+    if options.unit in LENGTHS:
+        return replace(choice, scale=LENGTHS[options.unit])
     if unit in table:
         return replace(choice, unit=unit)
     try:

@@ -10,7 +10,7 @@ from sysid.logs.table.remarks import Remarks, note, warning
 from sysid.roll import Array
 
 LARGEST, LARGEST_STAMP = 1e12, 1e21
-"""Beyond these a signal or a time stamp is damage, not a number; nanoseconds since 1970 are 1.8e18."""
+"""Beyond these a signal or a time stamp is damage, not a number [the log's unit]; nanoseconds since 1970 are 1.8e18."""
 APART = 3.0
 """What lies farther from all other values than this many times their whole range is no motion of the same deck: the
 first swing after a hold at rest is at most once as far away as the hold."""
@@ -21,7 +21,7 @@ GLITCH_ROWS = 3
 SAMPLE = 5000
 """As many values tell whether any may lie far from the others."""
 STAND_INS = (-999.0, -9999.0, -99999.0, 9999.0, 99999.0)
-"""Numbers that loggers write where there is no measurement."""
+"""Numbers that loggers write where there is no measurement [the log's unit]."""
 EACH_APART = 0.5
 """Sensors that write rows of their own share fewer than this share of the rows."""
 

@@ -8,15 +8,16 @@ import cv2
 import numpy as np
 
 from sysid.errors import SysidError
+from sysid.files import regular
 from sysid.roll import Array
 from sysid.video.film.frames import Clip, grey, open_clip
 from sysid.video.options import is_film
 from sysid.video.types import Picture
 
 USUAL_FOCAL = 0.9
-"""Focal length of a phone's main camera in film mode, in long sides of the picture (58 degrees)."""
+"""Focal length of a phone's main camera in film mode, over the long side of the picture (58 degrees)."""
 FOCAL_SPREAD = 0.25
-"""Standard deviation of its logarithm: zoom, crop and stabilisation."""
+"""Standard deviation of its logarithm [1]: zoom, crop and stabilisation."""
 CHESSBOARDS = ((9, 6), (8, 6), (7, 6), (8, 5), (7, 5), (6, 5), (10, 7), (7, 4), (6, 4))
 """Inner corners of the chessboards that are looked for."""
 VIEWS = 30
@@ -96,7 +97,7 @@ def write_calibration(lens: Lens, size: tuple[int, int]) -> str:
 def _from_file(path: Path) -> tuple[Array, Array, tuple[int, int], str]:
     """Read JSON with our field names, or the YAML and XML that OpenCV's and ROS's calibrators write."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = regular(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise SysidError(f"{path}: cannot read the calibration ({error}).") from error
     try:

@@ -28,14 +28,14 @@ MAX_LIKENESS, MIN_SHARE = 0.8, 0.03
 """Correlation with the board's own turn, from frame to frame, and share of its size, from which on a motion is no
 camera's. A hand-held camera turns by a few tenths of a degree where a board turns by twenty."""
 POOLED_FREEDOM = 20.0
-"""Degrees of freedom that the clip's mean scatter counts for beside each frame's own."""
+"""Degrees of freedom [1] that the clip's mean scatter counts for beside each frame's own."""
 KAPPA_SPREAD = 0.5
 """Standard deviation of κ, as a share of it: twice that of the logarithm of a phone's focal length."""
 DISTORTION_DOUBT = 0.1
 """Standard deviation of the logarithm of the focal length, as a lens that bends the picture itself hides it:
 what a first coefficient of 0.03, usual in phones, does."""
 CORRELATED_FRAMES = 10.0
-"""Frames in a row whose patches err alike, so that they count as one where κ is concerned."""
+"""[frames] In a row, whose patches err alike, so that they count as one where κ is concerned."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from sysid.video.types import Picture
 COMPARED_WIDTH = 320
 """Width of the pictures that are compared [px]."""
 MAX_SHIFT = 0.05
-"""Largest shift that is believed, in widths of the picture."""
+"""Largest shift that is believed, as a share of the picture's width."""
 
 
 def camera_shift(first: Picture, other: Picture) -> Array:

@@ -18,8 +18,9 @@ from sysid.video.types import Complex
 NOISE_ROUNDS = 3
 """Times that the noise is found anew."""
 MAX_STEPS = 25
+"""Steps of Levenberg and Marquardt at most; they end by `MIN_GAIN` long before where there is an answer."""
 FIXED_WEIGHT = 1e9
-"""Weight that holds what is not to be found."""
+"""Weight that holds what is not to be found, in the unit of the noise [1]."""
 MIN_GAIN = 1e-2
 """Steps end where they gain less than this of the sum of squares, which is in units of the noise."""
 

@@ -10,7 +10,7 @@ from sysid.video.pose.view import View
 from sysid.video.types import Complex, Mask, Rows
 
 BLUR_SHARE = 0.06
-"""Distance from where they should be that is allowed to points in motion, in steps from frame to frame."""
+"""Distance from where they should be that is allowed to points in motion, as a share of their step from frame to frame."""
 MANY_POINTS, OUTLIER_STDS = 8, 3.0
 """Of so many points those are left out that are so many standard deviations off."""
 

@@ -12,10 +12,11 @@ from sysid.roll import Array
 from sysid.video.types import Complex
 
 ATTITUDE_STEP = np.radians(2.0)
-"""Turns this far apart are different attitudes."""
+"""Turns this far apart are different attitudes [rad]."""
 ATTITUDES_SEEN = 0.4
 """Share of the attitudes in which a patch of the board is seen, against one that is seen in most."""
 REWEIGHTINGS = 8
+"""Rounds in which points that do not turn with the others lose their weight (a choice)."""
 
 
 def rigid_group(points: Array, fewest: int) -> npt.NDArray[np.bool_]:

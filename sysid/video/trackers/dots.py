@@ -28,8 +28,9 @@ MIN_AREA, MAX_AREA_SHARE = 40, 0.02
 PLACE_FLOOR = 0.08
 """Least standard deviation of a dot's place [px]: films hold colour at half the resolution of brightness."""
 SAME_CHROMA = 18.0
-"""Distance in CIELAB below which two dots are of one colour: such a pair is preferred to any other."""
+"""Distance below which two dots are of one colour [CIELAB]: such a pair is preferred to any other."""
 BEST = 1e6
+"""Worth of being of one colour, in the unit of a dot's own worth: above all others, so that such a pair always wins."""
 MIN_UNCOVERED = 0.85
 """A dot of which less than this share is left is covered in part."""
 

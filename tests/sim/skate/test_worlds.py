@@ -122,19 +122,19 @@ def test_targets_arrive_late_by_each_worlds_own_delay(env, worlds):
     env.reset()
     worlds.action_lag.copy_(torch.arange(32) % 9)
     seen = []
-    sim_step = env.sim.step
+    apply_action = env.action_manager.apply_action
 
-    def step():
+    def apply():
+        apply_action()
         seen.append(env.scene["robot"].data.joint_pos_target[:, 0].clone())
-        sim_step()
 
-    env.sim.step = step
+    env.action_manager.apply_action = apply
     try:
         actions = [torch.full((32, 23), float(n)) for n in (1, 2, 3)]
         for action in actions:
             env.step(action)
     finally:
-        env.sim.step = sim_step
+        env.action_manager.apply_action = apply_action
     term = env.action_manager.get_term("joint_pos")
     answered = ((torch.stack(seen) - term._offset[:, 0]) / term._scale[:, 0]).round().long()
     for world in range(9):

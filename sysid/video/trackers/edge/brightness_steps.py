@@ -11,7 +11,7 @@ from sysid.video.types import Picture
 STEPS_WIDTH = 640
 """Width of the pictures in which edges are looked for [px]."""
 MOVING_RATIO = 1.5
-"""What is seen in one picture must be so much stronger than what is seen there in all of them."""
+"""Ratio by which what is seen in one picture must be stronger than what is seen there in all of them."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from sysid.video.film.survey import Survey
 from sysid.video.trackers.edge.brightness_steps import Steps, steps_of, without_still
 
 MIN_LENGTH = 0.06
-"""Shortest edge that is followed, in widths of the picture."""
+"""Shortest edge that is followed, as a share of the picture's width."""
 MAX_EDGES = 4
 """Edges that are followed at most."""
 MAX_SLOPE = 8.0
@@ -27,19 +27,19 @@ STRAIGHT_LENGTH = 15
 PIVOT_GRID = (9.0, 18.0)
 """How near to the pivot, across and down, pictures turned back begin to coincide, in small pictures [px]."""
 ATTITUDE_STEP = np.radians(3.0)
-"""Turns that are one attitude."""
+"""Turns within this are one attitude [rad]."""
 GRID_ACROSS, GRID_DOWN = 3.0, 1.0
 """Steps of the grid that turns with the deck [px]."""
 MIN_STRENGTH = 0.2
-"""What an edge must show of the best one's steps of brightness."""
+"""Share of the best one's steps of brightness that an edge must show."""
 TRIMMED_SHARE, BOX_MARGIN = 0.2, 0.4
 """Share of the steps of brightness that are left out at either end, and what is added again, in widths of the rest."""
 MISSING_ATTITUDES = 0.35
 """Share of the attitudes in which an edge of the deck may be weaker than it counts: against a dark floor, say."""
 MIN_ALONG_SHARE = 0.3
-"""What an edge must show anywhere along it of what it shows at its best."""
+"""Share of what an edge shows at its best that it must show anywhere along it."""
 MAX_TURN = np.radians(40.0)
-"""Largest slope that is looked for."""
+"""Largest slope that is looked for [rad]."""
 HALF_RIDGE = 3
 """Half the width of the ridge that an edge is when all pictures are laid on each other, in steps of the grid."""
 MIN_SPACING = 4

@@ -18,11 +18,11 @@ EDGE_SAMPLES = 24
 AVERAGED_SAMPLES = 4
 """Of these, how many neighbours must step alike."""
 TURN_STEP = np.radians(1.5)
-"""Steps of the turn that is looked for first."""
+"""Steps of the turn that is looked for first [rad]."""
 MAX_FRAME_TURN = np.radians(15.0)
-"""Turn from frame to frame that is looked for first."""
+"""Turn from frame to frame that is looked for first [rad]."""
 MAX_TURN = np.radians(45.0)
-"""Where the deck may be if it was not found there."""
+"""Where the deck may be if it was not found there [rad]."""
 MAX_SHIFT = 6.0
 """How far a shaking camera and soft trucks may shift the edges [px]."""
 EDGE_REACH = 2.5

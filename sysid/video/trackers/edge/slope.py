@@ -18,11 +18,11 @@ from sysid.video.film.survey import Survey
 from sysid.video.types import Picture
 
 MIN_LENGTH = 0.03
-"""Shortest line that counts, in widths of the picture."""
+"""Shortest line that counts, as a share of the picture's width."""
 MAX_SLOPE = np.radians(50)
-"""A line steeper than this is not across the deck."""
+"""A line steeper than this is not across the deck [rad]."""
 PARALLEL_WITHIN = np.radians(2.0)
-"""Lines across the deck differ by less than this in direction, for perspective."""
+"""Lines across the deck differ by less than this in direction, for perspective [rad]."""
 UNPAIRED_SHARE = 0.5
 """Share of a line's score that counts only where others are parallel to it."""
 MAX_CONTRAST = 60.0
@@ -41,9 +41,9 @@ SIDE_DISTANCE = 2.0
 CANDIDATES = 5
 """Slopes that are weighed for each frame."""
 SLOPE_STEP = np.radians(6.0)
-"""Change of slope from frame to frame that costs as much as a slope without any line gains."""
+"""Change of slope from frame to frame that costs as much as a slope without any line gains [rad]."""
 UNSEEN_GAIN = 0.3
-"""What a frame gains whose lines are left aside, of what the best slope in it gains."""
+"""Share of what the best slope in a frame gains, that the frame gains whose lines are left aside."""
 
 
 def deck_slopes(clip: Clip, look: Survey) -> Array:

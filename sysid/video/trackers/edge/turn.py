@@ -23,7 +23,7 @@ EDGE_BIAS = 0.05
 """What shade, background and compression may shift an edge's points by, growing along it [px]: it is the same as
 long as the deck stands still, so that no scatter shows it."""
 SEVERAL_EDGES = 1.3
-"""So many edges a frame, as they count, tell how far edges turn from each other."""
+"""So many edges a frame [1], each as it counts, tell how far edges turn from each other."""
 SLANT_NODES, SLANT_WEIGHTS = np.sqrt(3.0) * np.array([-1.0, 0.0, 1.0]), np.array([1.0, 4.0, 1.0]) / 6
 """Slants at which an unknown direction is tried, in its standard deviations, and their weights."""
 SHUTTER_ROUNDS = 2

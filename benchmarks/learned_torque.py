@@ -1,0 +1,184 @@
+"""What `fit --effect learned` makes of torques that no effect of the catalogue is: error on releases nobody saw, and words.
+
+    python benchmarks/learned_torque.py --seeds 10 --out rows.jsonl --processes 16 --minutes 20
+    python benchmarks/learned_torque.py --out rows.jsonl --write docs/learned_torque.md
+
+The truths and logs are those of the hidden-effect suite (`hidden_truths.py`): three releases each. The learned law then predicts
+three releases of its own, from angles within what it has seen, with only their roll and rate at release fitted. Rows are
+appended as they come; cases whose row is there are not run again.
+"""
+
+import argparse
+import json
+import multiprocessing
+import os
+import time
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # each process is one of many
+
+import numpy as np
+from hidden_truths import TRUTHS, board_of, make
+
+from sysid.errors import SysidError
+from sysid.fitting.formula import formula_of
+from sysid.fitting.initial_state import fit_initial_states
+from sysid.fitting.joint import FitOptions, fit_joint
+from sysid.fitting.record_update import require_usable
+from sysid.fitting.records import make_records
+
+KINDS = {
+    "cogging": {"cogging"},
+    "magnet in the middle": {"magnet", "magnet with wide tails"},
+    "damper on one side": {"one-way damper"},
+    "bumper on one side": {"right bumper"},
+    "stiffness of the fifth power": {"fifth power"},
+    "friction like the root of the rate": {"root of the rate"},
+    "damping by the tilt squared": {"damping by the tilt squared"},
+    "Bouc-Wen, round corners": {"memory"},
+    "two stops": {"right bumper", "left bumper"},
+    "spring that loosens": set[str](),
+}
+"""Kinds and the shapes that are right words for them; none where a warning is: that one is no function of tilt and rate."""
+CLEAN = ("none", "none, heavy", "none, noise of 5 ms", "none, hum", "none, coarse steps")
+NEAR = 1.15
+"""Noise floors up to which unseen motion is predicted well."""
+
+
+def run(case: tuple[str, int]) -> dict[str, object]:
+    """Learn one log and return one row."""
+    name, seed = case
+    truth, begin = next(t for t in TRUTHS if t.name == name), time.process_time()
+    with TemporaryDirectory() as folder:
+        releases = make(truth, seed, Path(folder))
+    row: dict[str, object] = {"truth": name, "seed": seed}
+    try:
+        fit = fit_joint(releases, board_of(truth), ["learned"])
+    except SysidError as error:
+        return {**row, "error": str(error)}
+    try:
+        require_usable(fit)
+        refused = ""
+    except SysidError as error:
+        refused = str(error)
+    words = None if "nothing was learned" in refused else formula_of(fit)
+    row |= {
+        "effects": [n for n, _ in fit.law.effects], "rmse": fit.rmse / fit.noise.std, "refused": refused,
+        "warnings": list(fit.warnings), "words": "" if words is None else words.text,
+        "shapes": [] if words is None else [s.name for s in words.shapes],
+        "good": words is not None and words.good, "share": 0.0 if words is None else words.share,
+    }  # fmt: skip
+    if truth.outside is not None:
+        noise = float(np.median(releases[0].std))
+        plain = fit_joint(releases, board_of(truth), [], FitOptions())
+        with TemporaryDirectory() as folder:
+            unseen = _unseen(truth, seed, Path(folder))
+        records = make_records(unseen, noise, rate=False)
+        for key, law in (("before", plain.law), ("unseen", fit.law)):
+            try:
+                residuals, _ = fit_initial_states(law, records)
+                row[key] = float(np.sqrt(np.mean(np.concatenate(residuals) ** 2))) / noise
+            except SysidError:
+                row[key] = float("inf")
+    return {**row, "seconds": time.process_time() - begin}
+
+
+def _unseen(truth: object, seed: int, folder: Path) -> list:
+    """Return three releases of the same joint, from smaller angles to the same sides, with noise of their own."""
+    from hidden_truths import Truth, _integrated
+
+    assert isinstance(truth, Truth)
+    rng = np.random.default_rng(10**6 + seed)
+    known = make(truth, seed, folder, quiet=True)
+    angles = np.array([r.roll[0] for r in known]) * rng.uniform(0.6, 0.97, len(known))
+    noise = float(make(truth, seed, folder)[0].std[0])
+    return _integrated(replace(truth), angles, 1000.0, noise, rng, quiet=False)
+
+
+def summary(rows: list[dict]) -> list[str]:
+    """Return the table and the counts of some rows as Markdown."""
+    lines: list[str] = []
+    torque = [r for r in rows if r["truth"] in KINDS and KINDS[r["truth"]] and "error" not in r]
+    near = [r for r in torque if r["unseen"] <= NEAR]
+    clean = [r for r in rows if r["truth"] in CLEAN]
+    still = [r for r in clean if "nothing was learned" in r.get("refused", "")]
+    right = [name for name in KINDS if _named(name, [r for r in rows if r["truth"] == name])]
+    lines += [
+        f"- unseen releases within {NEAR} noise floors: {len(near)} of {len(torque)} logs "
+        f"({100 * len(near) / max(len(torque), 1):.0f} %)",
+        f"- right shape in most logs: {len(right)} of {len(KINDS)} kinds",
+        f"- clean logs of which nothing is learned: {len(still)} of {len(clean)} "
+        f"({100 * len(still) / max(len(clean), 1):.1f} %)",
+        "",
+        "| truth | logs | unseen / noise before | learned: median, 90 % | right words | memory | CPU s | e.g. |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for name in (*KINDS, *CLEAN):
+        mine = [r for r in rows if r["truth"] == name and "error" not in r]
+        if not mine:
+            continue
+        before, after = (np.array([r.get(key, np.nan) for r in mine]) for key in ("before", "unseen"))
+        memory = sum(len(r["effects"]) > 1 for r in mine)
+        says = sum(_right(name, r) for r in mine)
+        lines.append(
+            f"| {name} | {len(mine)} | {np.median(before):.2f} | {np.median(after):.3f}, {np.quantile(after, 0.9):.3f} | "
+            f"{says} | {memory} | {np.median([r['seconds'] for r in mine]):.0f} | {mine[0]['words'] or 'nothing learned'} |"
+        )
+    return lines
+
+
+def _right(name: str, row: dict) -> bool:
+    if name in CLEAN:
+        return "nothing was learned" in row["refused"]
+    if not KINDS[name]:
+        return any("changes with time" in text for text in row["warnings"])
+    return set(row["shapes"]) == KINDS[name]
+
+
+def _named(name: str, rows: list[dict]) -> bool:
+    known = [r for r in rows if "error" not in r]
+    return bool(known) and sum(_right(name, r) for r in known) > len(known) / 2
+
+
+def main() -> None:
+    """Run what is missing and print the table."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--seeds", type=int, default=0, help="logs of each truth")
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--clean", type=int, default=0, help="logs of each clean kind; as many as seeds if 0")
+    parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--minutes", type=float, default=1e9, help="start no case after so long")
+    parser.add_argument("--out", type=Path, default=Path("learned_torque.jsonl"))
+    parser.add_argument("--write", type=Path, help="page with <!-- suite --> marks to write the table into")
+    options = parser.parse_args()
+    rows = [json.loads(line) for line in options.out.read_text().splitlines()] if options.out.exists() else []
+    done = {(r["truth"], r["seed"]) for r in rows}
+    last, clean = options.first + options.seeds, options.first + (options.clean or options.seeds)
+    cases = [(name, seed) for seed in range(options.first, last) for name in KINDS]
+    cases += [(name, seed) for seed in range(options.first, clean) for name in CLEAN]
+    cases = [case for case in cases if case not in done]
+    end = time.monotonic() + 60 * options.minutes
+    context = multiprocessing.get_context("spawn")
+    with context.Pool(options.processes) as pool, options.out.open("a", encoding="utf-8") as file:
+        for row in pool.imap_unordered(run, cases):
+            rows.append(row)
+            file.write(json.dumps(row, ensure_ascii=False) + "\n")
+            file.flush()
+            if time.monotonic() > end:
+                pool.terminate()
+                break
+    text = "\n".join(summary(rows))
+    print(text)
+    if options.write:
+        page = options.write.read_text(encoding="utf-8")
+        head, rest = page.split("<!-- suite -->")
+        _, tail = rest.split("<!-- end -->")
+        options.write.write_text(f"{head}<!-- suite -->\n{text}\n<!-- end -->{tail}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

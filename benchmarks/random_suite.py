@@ -1,0 +1,135 @@
+"""The random suite: what `diagnose` says of logs whose joint, hand, sensor and clock are drawn (`random_truths.py`).
+
+    python benchmarks/random_suite.py --seeds 0:500 --processes 14 --out rows.jsonl --minutes 8
+    python benchmarks/reliability.py rows.jsonl
+
+One row a log in JSON lines. Seeds whose row is there already are not run again, so a run may be stopped and go on later,
+and ranges of seeds may be run on several machines.
+"""
+
+import argparse
+import json
+import multiprocessing
+import os
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from random_truths import STIFFNESS, Case, draw, move, sizes, visible, write
+
+from sysid.board import Board, load_board
+from sysid.diagnosis.diagnose import diagnose
+from sysid.effects import effect
+from sysid.logs import read_roll
+from sysid.quantity import Quantity
+from sysid.releases import find_releases
+
+ROOT = Path(__file__).parents[1]
+RECORD_STD = 0.003
+"""Relative deviation of a record that knows stiffness and damping."""
+Row = dict[str, object]
+
+
+def board_of(case: Case) -> Board:
+    """Return the record that the log is held against."""
+    board, truth = load_board(ROOT / "data/boards/pink.toml"), case.truth
+    if not case.record_known:
+        return board
+    rng = np.random.default_rng((3, case.seed))
+    stiffness, damping = ((truth.stiffness or STIFFNESS), truth.damping) * (
+        1 + RECORD_STD * rng.standard_normal(2)
+    )
+    return board.with_tilt(
+        stiffness=Quantity(stiffness, RECORD_STD * stiffness, "N*m/rad"),
+        damping=Quantity(damping, RECORD_STD * damping, "N*m*s/rad"),
+    )
+
+
+def families(names: tuple[str, ...]) -> list[str]:
+    return sorted({effect(name).family for name in names})
+
+
+def run(seed: int) -> Row:
+    """Make and diagnose one log."""
+    case = draw(seed)
+    truth, recording = case.truth, case.recording
+    row: Row = {
+        "seed": seed, "kind": case.kind, "truth": truth.name, "families": list(truth.families), "strength": truth.strength,
+        "sensor": recording.sensor, "noise_kind": recording.noise_kind, "noise": recording.noise, "rate": recording.rate,
+        "jitter": recording.jitter, "drops": recording.drops, "releases": len(recording.angles), "caught": recording.caught,
+        "pushed": recording.pushed, "record_known": case.record_known,
+    }  # fmt: skip
+    try:
+        motion = move(case)
+        row |= {**sizes(case, motion), "visible": visible(case, motion), "samples": len(motion.time)}
+    except ArithmeticError as error:
+        return {**row, "status": "void", "error": str(error)}
+    try:
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / f"random-{seed}.csv"
+            write(case, motion, path)
+            begin = time.perf_counter()
+            releases = find_releases(read_roll(path))
+            result = diagnose(releases, board_of(case))
+    except Exception as error:  # noqa: BLE001 - one broken case must not end the suite: it counts as wrong, with its reason
+        return {**row, "status": "error", "error": f"{type(error).__name__}: {error}"}
+    verdict, floor = result.verdict, result.noise.std
+    return {
+        **row, "status": verdict.status, "effects": list(verdict.effects), "said": sorted(verdict.families),
+        "alike": [families(group) for group in verdict.indistinguishable_from], "confidence": verdict.confidence,
+        "explained": verdict.explained, "before": verdict.error_before / floor, "after": verdict.error_after / floor,
+        "remainder": verdict.remainder, "found": result.releases, "floor": floor, "seconds": time.perf_counter() - begin,
+        "top": [[list(c.effects), round(c.score, 1), round(c.rmse / floor, 4)] for c in result.candidates[:6]],
+    }  # fmt: skip
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--seeds", default="0:500", help="FIRST:END")
+    parser.add_argument(
+        "--kind", choices=("clean", "inside", "outside"), help="of these seeds, only those of one kind"
+    )
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument(
+        "--out", type=Path, required=True, help="JSON lines: what is there is kept, what is new appended"
+    )
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="after which no more is run")
+    options = parser.parse_args()
+    first, end = map(int, options.seeds.split(":"))
+    done = (
+        {json.loads(line)["seed"] for line in options.out.read_text().splitlines()}
+        if options.out.exists()
+        else set()
+    )
+    seeds = [s for s in range(first, end) if s not in done and options.kind in (None, draw(s).kind)]
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")  # a process a log, and each loads numpy anew
+    stop = time.monotonic() + 60 * options.minutes
+    context = multiprocessing.get_context("spawn")
+    with (
+        context.Pool(options.processes, maxtasksperchild=50) as pool,
+        options.out.open("a", encoding="utf-8") as file,
+    ):
+        answers = pool.imap_unordered(run, seeds)
+        for number in range(len(seeds)):
+            try:
+                row = answers.next(timeout=max(stop - time.monotonic(), 0.01) if np.isfinite(stop) else None)
+            except multiprocessing.TimeoutError:
+                print(f"stopped after {options.minutes:g} minutes: {number} of {len(seeds)} done")
+                break
+            file.write(json.dumps(row) + "\n")
+            file.flush()
+            said = ", ".join(map(str, row.get("effects", ()))) or row["status"]  # type: ignore[arg-type]
+            print(
+                f"{row['seed']:>6} {row['kind']:8s}{row['truth']:32s} -> {said} {row.get('confidence', 0.0):.2f} "
+                f"{row.get('after', 0.0):.3f} {row.get('seconds', 0.0):.1f} s {row.get('error', '')}",
+                flush=True,
+            )
+        pool.terminate()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,31 @@
+"""The robustness table: under which conditions a policy is tried, one after the other."""
+
+import math
+
+from policy_runtime.evaluation.plain import Protocol
+from policy_runtime.evaluation.stress import Stress
+
+SUITE: tuple[tuple[str, Protocol], ...] = (
+    ("as it is", Protocol()),
+    ("120 s", Protocol(duration=120.0)),
+    ("straight on, 60 s", Protocol(duration=60.0, turn=0.0)),
+    ("straight on, 60 s, heading held", Protocol(duration=60.0, turn=0.0, hold_heading=True)),
+    ("delay 20 ms", Protocol(stress=Stress(delay=0.02))),
+    ("delay 40 ms", Protocol(stress=Stress(delay=0.04))),
+    ("noise of the training", Protocol(stress=Stress(noise=1.0))),
+    ("mass + 10 %", Protocol(stress=Stress(mass=1.1))),
+    ("soles 0.4", Protocol(stress=Stress(friction=0.4))),
+    ("rolling friction × 3", Protocol(stress=Stress(rolling=3.0))),
+    ("3° uphill", Protocol(stress=Stress(slope=math.radians(3)))),
+    ("3° downhill", Protocol(stress=Stress(slope=-math.radians(3)))),
+    ("pushes of 100 N", Protocol(stress=Stress(push=100.0))),
+    ("slopes", Protocol(terrain="slopes")),
+    ("ledges", Protocol(terrain="steps")),
+    ("board: k × 4", Protocol(board_scale={"k": 4.0})),
+    ("board: k / 4", Protocol(board_scale={"k": 0.25})),
+    ("board: rake × 0.9", Protocol(board_scale={"rake": 0.9})),
+    ("board: rake × 1.1", Protocol(board_scale={"rake": 1.1})),
+    ("trucks set directly", Protocol(coupling="direct")),
+    ("trucks held straight", Protocol(coupling="none")),
+)
+"""Name and conditions."""

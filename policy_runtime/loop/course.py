@@ -1,0 +1,60 @@
+"""The course: where a ride shall be heading after all turns asked for, and how to hold it with the IMU alone.
+
+A policy turns by what it is told from where it points, and what it misses stays missed: straight on, the heading
+walks off over the cycles. The pelvis' yaw, averaged over the second half of each pushing stretch, where the robot
+faces ahead in the same way every time, tells how far; the next turn makes up for it.
+"""
+
+import math
+
+from policy_runtime.loop.commands import TURN_RANGE
+from policy_runtime.robots import RobotState
+from sim.skate import rotation
+from sim.skate.arrays import wrap_angle
+from sim.skate.cycle.clock import Clock
+
+
+class Course:
+    """Adds up the turns asked for; with `hold`, asks for those that keep to the sum."""
+
+    def __init__(self, clock: Clock, *, hold: bool = False) -> None:
+        """Start straight on.
+
+        Args:
+            clock: The cycle.
+            hold: Make up for what earlier turns missed.
+        """
+        self._clock, self._hold = clock, hold
+        self.asked = 0.0
+        """Sum of the turns asked for since the start [rad]."""
+        self._cosine = self._sine = 0.0
+        self._first: float | None = None
+        self._last_step = -1
+
+    def follow(self, state: RobotState, step: int, turn: float) -> float | None:
+        """Take one policy step; return the turn to tell the policy [rad] where steering begins, else None.
+
+        Args:
+            state: The robot's.
+            step: Policy steps since the cycle began.
+            turn: The turn asked for [rad].
+        """
+        clock, position = self._clock, step % self._clock.period
+        if step == self._last_step:
+            return None  # the cycle stands still
+        self._last_step = step
+        if position == 0:
+            self._cosine = self._sine = 0.0
+        if clock.push // 2 <= position < clock.push:
+            yaw = float(rotation.yaw(state.quaternion))
+            self._cosine += math.cos(yaw)
+            self._sine += math.sin(yaw)
+        if position != clock.push + clock.mount:
+            return None
+        self.asked += turn
+        if not self._hold or not (self._cosine or self._sine):
+            return turn
+        heading = math.atan2(self._sine, self._cosine)
+        self._first = heading if self._first is None else self._first
+        missing = float(wrap_angle(self.asked - (heading - self._first)))
+        return min(max(missing, TURN_RANGE[0]), TURN_RANGE[1])

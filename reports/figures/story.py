@@ -1,0 +1,183 @@
+"""The story of a board in four panels: before and after, the missing torque, the ladder, the candidates; and whether the rest is white."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from reports.figures.compare import draw_profile
+from reports.figures.decay import STYLE
+from reports.figures.ladder import draw_ladder
+from reports.figures.palette import NOISE, REAL, SIM, STOOD
+from reports.figures.svg import thin
+from reports.story import Missing, Ranked, Story
+from sysid.quantity import Z95
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+RULED_OUT = 12.0
+"""Score below which two models are not told apart: twice the log-likelihood's `TIE`. Up to here the axis is linear."""
+DEGREES = float(np.degrees(1.0))
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """One picture of the story."""
+
+    name: str
+    title: str
+    caption: str
+    draw: "Callable[[Axes], None]"
+
+
+def panels(story: Story) -> list[Panel]:
+    """Return the panels that there is something to draw for, in reading order."""
+    former, latter = story.fall
+    fell = f"error {latter:.3g} × noise" if np.isnan(former) else f"error {former:.3g} → {latter:.3g} × noise"
+    named = " and ".join(story.effects)
+    drawn = [
+        Panel(
+            "decay", fell, f"{story.release}: raw measurement, the record as it stood, and the law {story.labels[1]}.",
+            lambda axes: draw_decay(axes, story),
+        )
+    ]  # fmt: skip
+    what = f"what {named} must make up for" if named else "what the law lacks"
+    for missing, name, label, scale in (
+        (story.over_rate, "rate", "rate [rad/s]", 1.0),
+        (story.over_angle, "tilt", "tilt [°]", DEGREES),
+    ):
+        if missing is not None:
+            drawn.append(
+                Panel(
+                    f"torque-{name}", f"Missing torque over {name}",
+                    f"Torque beyond spring and damper. Orange: {what}, averaged by {name}, with its 95 % band." + (f" Blue: the law of {named}." if named else ""),
+                    lambda axes, m=missing, x=label, s=scale: draw_missing(axes, m, x, s, named),
+                )
+            )  # fmt: skip
+    drawn.append(
+        Panel(
+            "ladder", "Ladder of errors", "Error of each model in multiples of the noise; grey: the noise's own 95 % interval.",
+            lambda axes: draw_ladder(axes, story.steps, story.noise_range),
+        )
+    )  # fmt: skip
+    if story.ranked:
+        drawn.append(
+            Panel(
+                "candidates", f"Chosen: {story.why}" if story.why else "Candidates",
+                "How much worse each candidate predicts held-out motion than the best (twice the log-likelihood, 95 % "
+                "interval). In the grey zone these data do not tell models apart.",
+                lambda axes: draw_candidates(axes, story.ranked),
+            )
+        )  # fmt: skip
+    drawn.append(
+        Panel(
+            "whiteness", "Is the rest noise?", "Autocorrelation of the residual; inside the grey 99 % band it is noise.",
+            lambda axes: draw_whiteness(axes, story),
+        )
+    )  # fmt: skip
+    return drawn
+
+
+def story_figure(story: Story, title: str) -> "Figure":
+    """Draw all panels in one picture.
+
+    Args:
+        story: What to draw.
+        title: Heading.
+    """
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    drawn = panels(story)
+    rows = -(-len(drawn) // 3)
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(12.6, 3.5 * rows + 0.4), layout="constrained")
+        figure.suptitle(title, fontsize=11, x=0.01, ha="left")
+        grid: Any = figure.subfigures(rows, 3, squeeze=False)
+        for part, panel in zip(grid.flat, drawn, strict=False):
+            panel.draw(part.subplots())
+            part.suptitle("\n".join(wrap(panel.title, 54)), fontsize=10, x=0.02, ha="left")
+    return figure
+
+
+def draw_decay(axes: "Axes", story: Story) -> None:
+    """Draw one release: the raw measurement, the record as it stood, and the law with what was missing."""
+    after = story.after
+    release, scale, unit = (
+        after.releases[story.shown],
+        1.0 if after.is_rate else DEGREES,
+        "rad/s" if after.is_rate else "°",
+    )
+    axes.plot(
+        *thin(release.time, scale * release.measured),
+        ".",
+        color=REAL,
+        ms=4,
+        label="measured",
+        gid="series:measured",
+    )
+    if story.before is not None:
+        former = story.before.releases[story.shown]
+        axes.plot(
+            *thin(former.time, scale * former.simulated), color=STOOD, lw=1.4, ls="--", label=story.labels[0],
+            gid=f"series:{story.labels[0]}",
+        )  # fmt: skip
+    axes.plot(
+        *thin(release.time, scale * release.simulated),
+        color=SIM,
+        lw=1.4,
+        label=story.labels[1],
+        gid=f"series:{story.labels[1]}",
+    )
+    axes.set(xlabel="time since release [s]", ylabel=f"{'rate' if after.is_rate else 'roll'} [{unit}]")
+    axes.legend(loc="best")
+
+
+def draw_missing(axes: "Axes", missing: Missing, label: str, scale: float, named: str) -> None:
+    """Draw the torque beyond spring and damper with its 95 % band, and the named effect's law over it."""
+    draw_profile(axes, missing.seen, label, scale=scale)
+    if len(missing.at):
+        axes.plot(scale * missing.at, missing.law, color=SIM, lw=1.6, label=f"law of {named}")
+        axes.legend(loc="best")
+    axes.set_ylabel("torque [N·m]")
+
+
+def draw_candidates(axes: "Axes", ranked: "tuple[Ranked, ...]") -> None:
+    """Draw the score of each candidate with its interval, the chosen one filled, as models are ranked by expected prediction."""
+    from matplotlib.ticker import NullLocator, StrMethodFormatter
+
+    axes.axvspan(0, RULED_OUT, color=NOISE, alpha=0.25, lw=0)
+    axes.axvline(0, color=NOISE, lw=1.2, ls="--")
+    for row, model in enumerate(ranked):
+        axes.errorbar(
+            model.score, row, xerr=Z95 * (model.std or 0.0), fmt="o", color=SIM if model.chosen else "black",
+            mfc=SIM if model.chosen else "none", ms=7, capsize=3, elinewidth=1.2,
+        )  # fmt: skip
+    names = [f"{model.label} (chosen)" if model.chosen else model.label for model in ranked]
+    axes.set_yticks(range(len(ranked)), names)
+    axes.set_ylim(len(ranked) - 0.5, -0.5)
+    largest = max(model.score for model in ranked)
+    if largest > 4 * RULED_OUT:
+        axes.set_xscale("symlog", linthresh=RULED_OUT)
+        axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axes.set_xlim(left=-RULED_OUT / 2)
+    axes.grid(visible=False, axis="y")
+    axes.set_xlabel("score: 0 is best")
+
+
+def draw_whiteness(axes: "Axes", story: Story) -> None:
+    """Draw the autocorrelation of the residuals with the 99 % band of white noise."""
+    axes.axhspan(-story.white, story.white, color=NOISE, alpha=0.35, lw=0)
+    axes.axhline(0, color=NOISE, lw=0.8)
+    colours = [STOOD, SIM][-len(story.correlations) :]
+    for (label, values), colour in zip(story.correlations, colours, strict=True):
+        axes.plot(
+            1e3 * story.lags, values, ".-", color=colour, lw=1.0, ms=3, label=label, gid=f"series:{label}"
+        )
+    axes.set(xlabel="lag [ms]", ylabel="autocorrelation")
+    axes.legend(loc="best")

@@ -1,0 +1,62 @@
+"""The results of a batch on one page: what was found, and what failed."""
+
+from collections.abc import Mapping, Sequence
+from datetime import date
+from typing import Any
+
+from reports.figures.batch import batch_figure
+from reports.figures.svg import figure_to_svg, page_style
+from reports.page.page import Page, figure, paragraph, table, verdict, warning_list
+from sysid.batch.jobs import column
+
+SHOWN = {
+    "job": "job",
+    "board": "board",
+    "task": "task",
+    "stiffness_nm_rad": "k [N·m/rad]",
+    "damping_nms_rad": "d [N·m·s/rad]",
+    "omega_n_rad_s": "ω_n [rad/s]",
+    "damping_ratio": "ζ",
+    "nrmse": "NRMSE",
+    "verdict": "verdict",
+    "effects": "effects",
+    "confidence": "confidence",
+    "warnings": "warnings",
+}
+"""Columns of the page's table, and their heads; those that no job fills are left out."""
+
+
+def batch_page(name: str, rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return the page of a batch as HTML.
+
+    Args:
+        name: Of the manifest.
+        rows: Of the table, by `sysid.batch.jobs.COLUMNS`.
+    """
+    done = [row for row in rows if row["state"] == "done"]
+    failed = [f"{row['job']}: {row['message']}" for row in rows if row["state"] != "done"]
+    page = Page(title=f"Batch {name}", subtitle=f"{len(rows)} jobs, {date.today().isoformat()}")
+    page.section(
+        "Result", verdict(f"{len(done)} of {len(rows)} jobs done, {len(failed)} failed.", good=not failed)
+    )
+    with page_style():
+        for title, key in (("Stiffness", "stiffness"), ("Damping", "damping")):
+            found = [row for row in done if column(key) in row]
+            if found:
+                drawn = batch_figure(found, key)
+                page.section(
+                    title,
+                    figure(
+                        figure_to_svg(drawn, key, title),
+                        "With 95 % intervals, by board; hollow: the decay is not linear, so there is no one value.",
+                    ),
+                )
+    columns = {key: head for key, head in SHOWN.items() if any(key in row for row in done)}
+    cells = [[_cell(row.get(key, "")) for key in columns] for row in done]
+    page.section("Table", table(list(columns.values()), cells) if done else paragraph("Nothing was done."))
+    page.section("Failed", warning_list(failed))
+    return page.render()
+
+
+def _cell(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

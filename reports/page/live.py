@@ -1,0 +1,90 @@
+"""The page of a running measurement: numbers and intervals after each release, what to do next, and sliders."""
+
+import numpy as np
+
+from reports.evidence import Evidence
+from reports.figures.board import small_figure
+from reports.figures.palette import SIM
+from reports.figures.svg import figure_to_svg, page_style
+from reports.page.page import Page, answers, figure, panels, script, sliders, table
+from reports.playground import playground
+from sysid.comparison.compare import compare
+from sysid.decay.report import LABELS
+from sysid.errors import SysidError
+from sysid.joint import JointLaw
+from sysid.live.session import Session
+from sysid.text import count
+
+NAMES = ("stiffness", "damping")
+
+
+def live_page(session: Session, version: int, log: str) -> str:
+    """Return the page as HTML.
+
+    Args:
+        session: What was measured so far.
+        version: Goes up with each page; the page asks for it to know when it is old.
+        log: Where the log is kept.
+    """
+    page = Page(title=f"Live: board {session.board.name}", subtitle=f"kept in {log}")
+    decay = session.decay
+    numbers = "None yet." if decay is None else ", ".join(
+        f"{name[0]} = {getattr(decay.numbers, name)}" for name in NAMES
+    )  # fmt: skip
+    rows = [
+        ("Releases so far", count(len(session.releases), "release") + ".", ""),
+        ("Stiffness and damping", session.trouble or f"{numbers} (95 %)", "bad" if session.trouble else ""),
+        ("What to do next?", session.next_step, ""),
+    ]
+    page.lead = f'<div data-version="{version}">{answers(rows)}</div>' + _sliders(session) + script("live.js")
+    if decay is not None:
+        with page_style():
+            page.section("Intervals shrink", panels([_shrinking(session, name) for name in NAMES]))
+        page.section(
+            "Numbers",
+            table(("quantity", "value ± 95 %"), [(LABELS[n], str(q)) for n, q in decay.numbers.items()]),
+        )
+    return page.render()
+
+
+def _shrinking(session: Session, name: str) -> str:
+    """Draw a number with its 95 % interval after each release."""
+    found = [getattr(numbers, name) for numbers in session.history]
+    low, high = np.array([quantity.ci95 for quantity in found]).T
+    drawn = small_figure(2.6)
+    axes = drawn.subplots()
+    at = [numbers.releases for numbers in session.history]
+    axes.vlines(at, low, high, color=SIM, lw=2)
+    axes.plot(at, [quantity.value for quantity in found], "o", color=SIM)
+    axes.set(xlabel="releases", ylabel=f"{name} [{found[0].printed_unit}]", xticks=at)
+    # The first release may say next to nothing, and would flatten what follows.
+    low, high = float(np.median(low)), float(np.median(high))
+    axes.set_ylim(low - 1.5 * (high - low), high + 1.5 * (high - low))
+    return figure(figure_to_svg(drawn, f"live-{name}", name), f"{name.capitalize()} with its 95 % interval.")
+
+
+def _sliders(session: Session) -> str:
+    """Return sliders that begin with the linear decay of what was measured; nothing where it cannot be simulated."""
+    decay = session.decay
+    if decay is None:
+        return ""
+    numbers, board = decay.numbers, session.board
+    rests = [q.value for q in decay.rest_angles]
+    found = JointLaw(
+        inertia=board.inertia.value, stiffness=numbers.stiffness.value, damping=numbers.damping.value,
+        rest_angle=float(np.median(rests)),
+    )  # fmt: skip
+    try:
+        evidence = Evidence(
+            board=board, files=(), rolls=(), releases=tuple(session.releases), phases=(),
+            comparison=compare(session.releases, board, law=found), ladder=(), fit=None, look_alikes=None,
+            stood=JointLaw.from_board(board), warnings=(),
+        )  # fmt: skip
+        play = playground(evidence, None)
+    except SysidError:
+        return ""
+    return (
+        ""
+        if play is None
+        else sliders(play.code, play.to_json(), "Roll and rate at each release are fitted at once.")
+    )

@@ -1,0 +1,332 @@
+"""A board's decay to play with in a page: the law as JavaScript, numbers to slide, and the measured releases.
+
+What runs in the page is the CasADi graph of the joint itself, printed (`reports.javascript`): laws, integration step,
+internal states and what the sensor does are stated where they always are. Each effect has an amount there, by which its
+torque is multiplied: 0 takes it away, 1 is as it was fitted.
+"""
+
+from base64 import b64encode
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+from reports.evidence import Evidence, LastDiagnosis
+from reports.javascript import javascript
+from reports.story import REFITTED, STOOD, law_of_candidate, release_name
+from sysid.effects import effect
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import Effect, JointState, LinearJoint, Parameter, SensorEffect, TorqueEffect
+from sysid.fitting.initial_state import problems_of_law
+from sysid.fitting.ladder import PLAIN
+from sysid.fitting.problem import Problem
+from sysid.fitting.records import make_records, signal_of
+from sysid.joint import JointLaw
+from sysid.joint.equations import EquationsOfMotion
+from sysid.joint.integrator import build_stepper
+from sysid.joint.sensor import at_samples, clock_ratio, filtered, reader
+from sysid.joint.structure import Structure
+from sysid.quantity import printed
+from sysid.roll import Array
+
+STEPS_PER_PERIOD = 60
+"""Integration steps a period, times the law's sharpness: RK4 is then off by 1e-6 of the motion."""
+MOST_SAMPLES = 12_000
+"""Samples that a page carries; of longer logs means of neighbours, whose own scatter no law changes."""
+MOST_TRIED = 4
+"""Single effects of a diagnosis, the best first, that get a slider."""
+MOST_PRESETS = 6
+AMOUNT = Parameter(name="amount", unit="1", size=lambda s: 1.0, low=0.0, high=2.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Preset:
+    """A law to begin from."""
+
+    label: str
+    law: JointLaw
+    vector: tuple[float, ...]
+    """Its numbers, as the page's law orders them."""
+    spreads: tuple[float | None, ...]
+    """For each release, by how much it may start faster than from rest [rad/s]; None where it was pushed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Slider:
+    """A number that can be changed by hand."""
+
+    label: str
+    unit: str
+    index: int
+    """In the law's numbers."""
+    low: float
+    high: float
+    shown: int
+    """Index of the number that is shown times this one; -1 to show this one alone."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Playground:
+    """All that a page needs to simulate a board."""
+
+    code: str
+    """JavaScript: `initial`, `held`, `step`, `cut`, `output`, `reading`."""
+    presets: tuple[Preset, ...]
+    """As it stood, refitted, and with effects."""
+    sliders: tuple[Slider, ...]
+    releases: tuple[Mapping[str, Any], ...]
+    settings: Mapping[str, Any]
+    left_out: tuple[str, ...]
+    """Effects of the laws that have no slider."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what the page's script reads."""
+        return {
+            "presets": [{"label": p.label, "vector": p.vector, "spreads": p.spreads} for p in self.presets],
+            "sliders": [{f.name: getattr(s, f.name) for f in fields(Slider)} for s in self.sliders],
+            "releases": self.releases,
+            **self.settings,
+        }
+
+
+def playground(evidence: Evidence, diagnosis: LastDiagnosis | None) -> Playground | None:
+    """Return a board's playground; None where its law stands for a simulator's step, which no slider changes.
+
+    Args:
+        evidence: The board and its logs.
+        diagnosis: Its last one, for the effects that were tried.
+    """
+    laws, last = _laws(evidence, diagnosis)
+    if last.timestep:
+        return None
+    own = {name for name, _ in last.effects}
+    extra = {name for _, law in laws for name, _ in law.effects} - own
+    # An effect that some laws lack must be able to vanish.
+    needed = {name for name in own if not (_slides(effect(name)) or _vanishes(effect(name)))}
+    allowed = own | {name for name in extra if _slides(effect(name)) or _vanishes(effect(name))}
+    laws = [(label, law) for label, law in laws if needed <= {name for name, _ in law.effects} <= allowed]
+    names = sorted({name for _, law in laws for name, _ in law.effects})
+    sliding = [name for name in names if _slides(effect(name))]
+    structure = Structure(
+        tuple(name for name in names if name not in sliding), tuple(_amounted(effect(name)) for name in sliding)
+    )  # fmt: skip
+    bias = signal_of(evidence.releases)["bias"]
+    floor = evidence.comparison.noise.std
+    records = make_records(evidence.releases, floor, rate=evidence.comparison.is_rate)
+    known = {name: values for _, law in reversed(laws) for name, values in law.effects}
+    presets = [
+        Preset(label, law, _vector(structure, law, known), _spreads(problems_of_law(law, records, bias=bias)))
+        for label, law in laws
+    ]
+    ratio = clock_ratio(structure, dict(zip(structure.parameters, presets[0].vector, strict=True)))
+    width = -(-sum(len(record.time) for record in records) // MOST_SAMPLES)
+    problem = problems_of_law(last, records, bias=bias)[0]
+    free_states = bool(structure.internal_states) and any(r.release.hold <= 0 for r in records)
+    scales = problem.scales
+    sizes = [scales.amplitude, scales.rate]
+    sizes += [state.size(scales) for state in structure.internal_states] if free_states else []
+    sizes += [scales.amplitude] if bias == "per-release" else []
+    frequency = max(law.frequency for _, law in laws)
+    rest = [not isinstance(part, SensorEffect) for part in structure.parts for _ in part.states]
+    return Playground(
+        code=_code(structure, free_states=free_states),
+        presets=tuple(presets),
+        sliders=tuple(_sliders(structure, presets, scales.amplitude)),
+        releases=tuple(
+            _release(evidence, i, record.time, record.signal, width, ratio)
+            for i, record in enumerate(records)
+        ),
+        settings={
+            "begin": [law for _, law in laws].index(last),
+            "noise": floor,
+            "isRate": evidence.comparison.is_rate,
+            "bias": bias == "per-release",
+            "step": 2 * np.pi / frequency / STEPS_PER_PERIOD / structure.sharpness,
+            "sizes": sizes,
+            "internal": [2 + i for i, is_own in enumerate(rest) if is_own] if free_states else [],
+            "turns": structure.has_dry_friction,
+            "reads": bool(at_samples(structure)),
+            "ratio": ratio,
+        },
+        left_out=tuple(sorted((own | extra) - set(sliding))),
+    )
+
+
+def _laws(evidence: Evidence, diagnosis: LastDiagnosis | None) -> tuple[list[tuple[str, JointLaw]], JointLaw]:
+    """Return the laws that buttons lead to, and the one to begin with: what the diagnosis chose, or the record's."""
+    laws = [(STOOD, evidence.stood)]
+    laws += [(REFITTED if rung.label == PLAIN else rung.label, rung.fit.law) for rung in evidence.ladder]
+    begin = evidence.comparison.law
+    laws.append(("the record", begin))
+    if diagnosis is not None and diagnosis.is_current:
+        tried = diagnosis.content["candidates"]
+        chosen = tuple(diagnosis.content.get("chosen", ()))
+        singles = [c for c in tried if len(c["effects"]) == 1 and c["heldout_rmse_rad"] is not None]
+        best = [c for c in tried if chosen and tuple(c["effects"]) == chosen]
+        for candidate in [*best, *(c for c in singles[:MOST_TRIED] if c not in best)]:
+            law = law_of_candidate(evidence.board, candidate)
+            if law is not None:
+                laws.append((f"+ {' + '.join(candidate['effects'])}", law))
+                begin = law if candidate in best else begin
+    unique: dict[JointLaw, str] = {}
+    for label, law in laws:
+        unique.setdefault(law, label)
+    kept = [(label, law) for law, label in unique.items()]
+    return [*kept[:MOST_PRESETS], *(item for item in kept[MOST_PRESETS:] if item[1] == begin)], begin
+
+
+def _slides(part: Effect) -> bool:
+    """Whether an effect can be had in part: its torque times something."""
+    return isinstance(part, TorqueEffect) and part.part_of_joint
+
+
+def _vanishes(part: Effect) -> bool:
+    """Whether a sensor's effect has values at which it does nothing, without a state of its own or another clock."""
+    plain = isinstance(part, SensorEffect) and not part.states and not part.clock_ratio
+    return plain and all(parameter.neutral is not None for parameter in part.parameters)
+
+
+def _amounted(part: Effect) -> TorqueEffect:
+    """Return an effect with one parameter more, which multiplies what it does."""
+    assert isinstance(part, TorqueEffect)
+    friction, modifies = part.friction, part.modifies
+
+    def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
+        return parameters["amount"] * part.torque(m, motion, parameters, states)
+
+    def shared_friction(m: Algebra, speed: Value, parameters: Values) -> Value:
+        assert friction is not None
+        return parameters["amount"] * friction(m, speed, parameters)
+
+    def modified(joint: LinearJoint, parameters: Values) -> LinearJoint:
+        assert modifies is not None
+        new, amount = modifies(joint, parameters), parameters["amount"]
+        mixed = {
+            f.name: amount * getattr(new, f.name) + (1 - amount) * getattr(joint, f.name)
+            for f in fields(joint)
+        }
+        return LinearJoint(**mixed)
+
+    return replace(
+        part,
+        parameters=(*part.parameters, AMOUNT),
+        torque=torque,
+        friction=None if friction is None else shared_friction,
+        modifies=None if modifies is None else modified,
+    )
+
+
+def _vector(structure: Structure, law: JointLaw, known: Mapping[str, Sequence[float]]) -> tuple[float, ...]:
+    """Return the numbers of a law as a structure with more effects orders them.
+
+    Args:
+        structure: Of the page.
+        law: One of the laws.
+        known: Parameters of effects that the law does not have: where their sliders begin.
+    """
+    mine = dict(law.effects)
+    vector = [law.inertia, law.stiffness, law.damping, law.rest_angle]
+    for part in structure.parts:
+        if _slides(part):
+            vector += [*mine.get(part.name, known[part.name]), float(part.name in mine)]
+        else:
+            vector += mine.get(part.name) or [
+                float(parameter.neutral or 0.0) for parameter in part.parameters
+            ]
+    return tuple(map(float, vector))
+
+
+def _spreads(problems: Sequence[Problem]) -> tuple[float | None, ...]:
+    limits = [problem.start_limit(0, problem.start(problem.fixed))[1] for problem in problems]
+    return tuple(limit if np.isfinite(limit) else None for limit in limits)
+
+
+def _sliders(structure: Structure, presets: Sequence[Preset], amplitude: float) -> list[Slider]:
+    """Return sliders for spring, damper, rest angle and the amount of each effect."""
+    vectors = np.array([preset.vector for preset in presets])
+    sliders: list[Slider] = []
+    for index, (name, unit, least) in enumerate(
+        (
+            ("stiffness k", "N·m/rad", 0.0),
+            ("damping d", "N·m·s/rad", 0.0),
+            ("rest angle", "°", amplitude / 4),
+        ),
+        1,
+    ):
+        low, high = float(vectors[:, index].min()), float(vectors[:, index].max())
+        reach = max(abs(low), abs(high), least)
+        sliders.append(Slider(name, unit, index, -reach if least else min(0.3 * low, 0.0), 2 * reach, -1))
+        if least:
+            sliders[-1] = replace(sliders[-1], low=-2 * reach)
+    for part, where, _ in structure.layout():
+        if _slides(part):
+            first = part.parameters[0]
+            if first.neutral == 0:  # its strength
+                label, unit, shown = (
+                    f"{part.title}: {first.name.replace('_', ' ')}",
+                    printed(first.unit),
+                    where.start,
+                )
+            else:
+                label, unit, shown = part.title, "× fitted", -1
+            sliders.append(Slider(label, unit, where.stop - 1, 0.0, 2.0, shown))
+    return sliders
+
+
+def _release(
+    evidence: Evidence, index: int, time: Array, signal: Array, width: int, ratio: float
+) -> dict[str, Any]:
+    """Return the samples of one release for the page: means of `width` neighbours, and what they scatter about them."""
+    release, simulated = evidence.releases[index], evidence.comparison.releases[index]
+    used = len(time) // width * width
+    means = [part[:used].reshape(-1, width).mean(axis=1) for part in (time, signal, simulated.residual)]
+    inside = float(np.sum(simulated.residual[:used] ** 2) - width * np.sum(means[2] ** 2))
+    rest = float(np.sum(simulated.residual[used:] ** 2))
+    return {
+        "label": release_name(evidence.comparison, index),
+        "time": _packed(means[0] / ratio),
+        "signal": _packed(means[1]),
+        "width": width,
+        "samples": len(time),
+        "scatter": inside + rest,
+        "hold": max(release.hold, 0.0),
+        "begin": release.start,
+        "inward": -float(np.sign(release.roll[0] - release.rest)),
+        "guess": [float(simulated.roll[0]), 0.0 if release.hold > 0 else float(simulated.rate[0])],
+    }
+
+
+def _packed(values: Array) -> dict[str, Any]:
+    """Return numbers as what they differ from a straight line by, in single precision and base 64."""
+    line = np.linspace(values[0], values[-1], len(values))
+    left = (values - line).astype("<f4")
+    return {"from": float(values[0]), "to": float(values[-1]), "left": b64encode(left.tobytes()).decode()}
+
+
+def _code(structure: Structure, *, free_states: bool) -> str:
+    """Return the joint in JavaScript: its state at release, its step, what leaves its filters and what is read of that."""
+    import casadi
+
+    ca: Any = casadi
+    p = ca.SX.sym("p", len(structure.parameters))
+    y, h = ca.SX.sym("y", 2 + len(structure.states)), ca.SX.sym("h")
+    equations = EquationsOfMotion(structure, p)
+    held = build_stepper(structure, free_states=False, sensitivities=False).initial
+    functions = {
+        "held": held,
+        "initial": build_stepper(structure, free_states=True, sensitivities=False).initial
+        if free_states
+        else held,
+        "output": ca.Function("f", [y, p], [ca.vertcat(*filtered(equations, y))]),
+    }
+    if structure.has_dry_friction:
+        whole, _, turned = equations.sliding_step(y, h)
+        functions["step"] = ca.Function("f", [y, p, h], ca.cse([ca.densify(whole), turned]))
+        functions["cut"] = ca.Function("f", [y, p, h], ca.cse([ca.densify(equations.event_step(y, h))]))
+    else:
+        functions["step"] = ca.Function("f", [y, p, h], ca.cse([ca.densify(equations.rk4(y, h, None)[0])]))
+    if at_samples(structure):
+        read = [ca.SX.sym(name) for name in ("angle", "rate", "time")]
+        functions["reading"] = ca.Function("f", [*read, p], [reader(structure)(*read, p)[0]])
+    return "".join(javascript(function, name) for name, function in functions.items())

@@ -1,0 +1,380 @@
+"""The story of a board in four panels, as data: how it decayed and how the law has it, what was missing, what helped, and why.
+
+A board's record as it stood is compared with its releases, and so is the law with what was missing. Between the two lies the
+torque that the effects make, the ladder of errors, and the candidates that were ranked. What is drawn is decided and
+tested here; `reports.figures.story` draws it.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from reports.evidence import Evidence, LastDiagnosis
+from sysid.board import Board
+from sysid.comparison.compare import Comparison, compare
+from sysid.comparison.force_surface import TorqueProfile
+from sysid.comparison.release import ComparedRelease
+from sysid.effects import effect
+from sysid.errors import SysidError
+from sysid.fitting.ladder import PLAIN
+from sysid.joint import JointLaw
+from sysid.joint.structure import structure_of
+from sysid.joint.torques import effect_torque
+from sysid.noise.whiteness import autocorrelation
+from sysid.recording import Data
+from sysid.roll import Array
+
+if TYPE_CHECKING:
+    from sysid.diagnosis.diagnose import Diagnosis
+
+Z99 = 2.5758
+"""Half width of a 99 % interval in standard deviations."""
+STOOD = "as it stood"
+REFITTED = "k and d refitted"
+MOST_RANKED = 6
+"""Candidates drawn besides the record's own law."""
+MOST_LAGS = 150
+"""Lags of the autocorrelation drawn."""
+FINE = 60
+"""Points at which a law is drawn over the torque that it is to explain."""
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One model of the ladder."""
+
+    label: str
+    error: float
+    """RMS error on the releases that were looked at, in multiples of the noise."""
+    heldout: float | None = None
+    """On releases that were left out, in multiples of the noise."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ranked:
+    """One candidate of a diagnosis."""
+
+    effects: tuple[str, ...]
+    """Beyond the record's own."""
+    score: float
+    """Twice the log-likelihood of held-out motion that the best has more."""
+    std: float | None
+    """Standard deviation of that difference."""
+    chosen: bool
+
+    @property
+    def label(self) -> str:
+        """Its effects, for people."""
+        return " + ".join(self.effects) or "nothing"
+
+
+@dataclass(frozen=True, slots=True)
+class Missing:
+    """The torque beyond spring and damper against tilt or rate, and what the effects make of it."""
+
+    seen: TorqueProfile
+    at: Array
+    """Tilt [rad] or rate [rad/s] at which the law is drawn, shape (m,); empty where no effect is named."""
+    law: Array
+    """Mean torque of the effects there [N*m], shape (m,)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Story:
+    """What the four panels show."""
+
+    board: str
+    effects: tuple[str, ...]
+    """What the law after has more than spring and damper, or more than the record."""
+    labels: tuple[str, str]
+    """Of the law before and after."""
+    before: Comparison | None
+    """None where there was no other law, or it runs away from a measured release."""
+    after: Comparison
+    shown: int
+    """Which release is drawn: the one that the law before misses most."""
+    over_rate: Missing | None
+    """None where the sampling is too slow, or the rate was measured."""
+    over_angle: Missing | None
+    steps: tuple[Step, ...]
+    ranked: tuple[Ranked, ...]
+    """Best first; empty without a diagnosis."""
+    is_dated: bool
+    """Whether the candidates were ranked for a record before the present one."""
+    lags: Array
+    """[s], shape (l,), from the first on."""
+    correlations: tuple[tuple[str, Array], ...]
+    """Autocorrelation of the residual of each law, shape (l,)."""
+    white: float
+    """Half width of the 99 % band in which it lies if the residual is white."""
+
+    @property
+    def release(self) -> str:
+        """What the drawn release is called."""
+        return release_name(self.after, self.shown)
+
+    @property
+    def noise_range(self) -> tuple[float, float]:
+        """95 % interval of the noise floor, in multiples of it."""
+        noise = self.after.noise
+        return noise.lowest / noise.std, noise.highest / noise.std
+
+    @property
+    def fall(self) -> tuple[float, float]:
+        """Error before and after, in multiples of the noise; NaN before where the law ran away."""
+        floor = self.after.noise.std
+        return (np.nan if self.before is None else self.before.rmse / floor), self.after.rmse / floor
+
+    @property
+    def why(self) -> str:
+        """Why the chosen candidate was chosen, in words."""
+        chosen = next((model for model in self.ranked if model.chosen), None)
+        if chosen is None:
+            return ""
+        return "the best" if chosen.score == 0 else "the simplest not told from the best"
+
+
+def release_name(result: Comparison, index: int) -> str:
+    """Return what a release is called: with its log where there are several logs."""
+    release = result.releases[index]
+    several = len({other.log for other in result.releases}) > 1
+    return f"{Path(release.log).name}, release {release.number}" if several else f"release {release.number}"
+
+
+def tell(
+    data: Data,
+    board: Board,
+    *,
+    before: JointLaw,
+    after: JointLaw,
+    effects: Sequence[str],
+    steps: Sequence[Step] = (),
+    ranked: Sequence[Ranked] = (),
+    is_dated: bool = False,
+) -> Story:
+    """Compare two laws of a board with recordings, and say what lies between them.
+
+    Args:
+        data: Measured decays.
+        board: The record, for the inertia and the name.
+        before: The law as it stood.
+        after: The law with what was missing.
+        effects: What `after` has more.
+        steps: The ladder above the record as it stood.
+        ranked: The candidates of a diagnosis, best first.
+        is_dated: Whether that diagnosis is of an earlier record.
+
+    Raises:
+        SysidError: The law after cannot be compared with these releases.
+    """
+    latter = compare(data, board, law=after)
+    try:
+        former = None if before == after else compare(data, board, law=before)
+    except SysidError:
+        former = None
+    floor = latter.noise.std
+    worst = latter if former is None else former
+    over_rate, over_angle = _missing(data, board, latter, effects)
+    label = _added(tuple(effects))
+    laws = [(STOOD, former)] if former is not None else []
+    laws += [(label, latter)]
+    longest = max(2, min(min(len(r.residual) for r in latter.releases) // 2, _period_samples(latter)))
+    lags = np.unique(np.linspace(1, longest, min(longest, MOST_LAGS)).astype(int))
+    stood = [] if former is None else [Step(STOOD, former.rmse / floor)]
+    return Story(
+        board=board.name,
+        effects=tuple(effects),
+        labels=(STOOD, label),
+        before=former,
+        after=latter,
+        shown=int(np.argmax([release.rmse for release in worst.releases])),
+        over_rate=over_rate,
+        over_angle=over_angle,
+        steps=(*stood, *steps),
+        ranked=tuple(ranked),
+        is_dated=is_dated,
+        lags=lags * float(np.median(np.diff(latter.releases[0].time))),
+        correlations=tuple(
+            (name, autocorrelation([r.residual for r in law.releases], longest)[lags]) for name, law in laws
+        ),
+        white=Z99 / float(np.sqrt(sum(len(r.residual) for r in latter.releases))),
+    )
+
+
+def _period_samples(result: Comparison) -> int:
+    """Return how many samples one natural period has."""
+    step = float(np.median(np.diff(result.releases[0].time)))
+    return int(2 * np.pi / result.law.frequency / step)
+
+
+def _missing(
+    data: Data, board: Board, after: Comparison, effects: Sequence[str]
+) -> tuple[Missing | None, Missing | None]:
+    """Return what a law without the effects lacks, with all its other numbers as they are: component plus residual."""
+    law = after.law
+    torques = tuple(name for name in effects if effect(name).role == "torque")
+    without = replace(law, effects=tuple(item for item in law.effects if item[0] not in torques))
+    try:
+        missing = after.missing if without == law else compare(data, board, law=without).missing
+    except SysidError:  # the effect was all that held the joint
+        return None, None
+    if missing is None:
+        return None, None
+    tilt, rate, torque = (
+        np.concatenate(part)
+        for part in zip(
+            *((r.roll - law.rest_angle, r.rate, _torque(law, torques, r)) for r in after.releases),
+            strict=True,
+        )
+    )
+    return (
+        Missing(missing.over_rate, *_averaged(rate, torque)),
+        Missing(missing.over_angle, *_averaged(tilt, torque)),
+    )
+
+
+def _torque(law: JointLaw, names: Sequence[str], release: ComparedRelease) -> Array:
+    """Return the torque of some effects of a law along its own motion [N*m], shape (n,)."""
+    each = [effect_torque(law, name, release.time, release.roll, release.rate) for name in names]
+    return np.sum(each, axis=0) if each else np.full(len(release.time), np.nan)
+
+
+def _averaged(at: Array, torque: Array) -> tuple[Array, Array]:
+    """Average a torque over bins of as many samples each; nothing where no effect is named."""
+    if np.isnan(torque).any():
+        return np.zeros(0), np.zeros(0)
+    parts = np.array_split(np.argsort(at), min(FINE, len(at)))
+    return np.array([at[p].mean() for p in parts]), np.array([torque[p].mean() for p in parts])
+
+
+def story_of_diagnosis(found: "Diagnosis", board: Board) -> Story:
+    """Return the story of a diagnosis: the record as it stood, and with what is missing.
+
+    Args:
+        found: The diagnosis, with the recordings that it was made from.
+        board: The record that it is of.
+    """
+    problem, floor = found.best.problem, found.noise.std
+    chosen = chosen_effects(found, board)
+    after = JointLaw.from_vector(problem.structure, problem.vector_of(found.best.parameters))
+    tried = {candidate.effects: candidate for candidate in (found.baseline, *found.candidates)}
+    rungs = [
+        (),
+        *([min(halves, key=lambda c: tried[c].score)] if (halves := _halves(chosen, tried)) else []),
+        chosen,
+    ]
+    steps = [
+        Step(
+            _added(names), tried[names].rmse / floor,
+            None if tried[names].heldout_rmse is None else (tried[names].heldout_rmse or 0.0) / floor,
+        )
+        for names in dict.fromkeys(rungs)
+    ]  # fmt: skip
+    return tell(
+        found.recordings,
+        board,
+        before=JointLaw.from_board(board),
+        after=after,
+        effects=chosen,
+        steps=steps,
+        ranked=ranked([(c.effects, c.score, c.score_std) for c in found.candidates], chosen),
+    )
+
+
+def story_of_board(evidence: Evidence, diagnosis: LastDiagnosis | None) -> Story:
+    """Return the story of a record: as it stood, and as it is or as its last diagnosis would have it.
+
+    Args:
+        evidence: The record and its logs.
+        diagnosis: Its last one.
+    """
+    board, floor = evidence.board, evidence.comparison.noise.std
+    after, effects = evidence.comparison.law, tuple(part.name for part in board.effects)
+    steps = [
+        Step(
+            REFITTED if rung.label == PLAIN else rung.label, rung.rmse / floor,
+            rung.heldout_rmse / floor if np.isfinite(rung.heldout_rmse) else None,
+        )
+        for rung in evidence.ladder
+    ]  # fmt: skip
+    models: tuple[Ranked, ...] = ()
+    if diagnosis is not None:
+        content = diagnosis.content
+        chosen, spreads = tuple(content.get("chosen", ())), content.get("score_std", [])
+        tried = [(c["effects"], c["score"], s) for c, s in zip(content["candidates"], spreads, strict=False)]
+        models = ranked(tried, chosen)
+        best = next((c for c in content["candidates"] if tuple(c["effects"]) == chosen), None)
+        law = law_of_candidate(board, best) if best and diagnosis.is_current and chosen else None
+        if best is not None and law is not None:
+            after, effects = law, (*effects, *chosen)
+            held = best["heldout_rmse_rad"]
+            noise = content["noise_floor_rad"]
+            steps.append(
+                Step(_added(chosen), best["rmse_rad"] / noise, None if held is None else held / noise)
+            )
+    return tell(
+        evidence.releases, board, before=evidence.stood, after=after, effects=effects, steps=steps, ranked=models,
+        is_dated=diagnosis is not None and not diagnosis.is_current,
+    )  # fmt: skip
+
+
+def chosen_effects(found: "Diagnosis", board: Board) -> tuple[str, ...]:
+    """Return what the model that the verdict rests on has beyond the record."""
+    own = {part.name for part in board.effects}
+    return tuple(name for name in found.best.effects if name not in own)
+
+
+def _halves(chosen: tuple[str, ...], tried: Mapping[tuple[str, ...], Any]) -> list[tuple[str, ...]]:
+    """Return the single effects of a pair that were tried."""
+    return [(name,) for name in chosen if len(chosen) > 1 and (name,) in tried]
+
+
+def _added(effects: tuple[str, ...]) -> str:
+    return f"with {' and '.join(effects)}" if effects else REFITTED
+
+
+def ranked(
+    candidates: Sequence[tuple[Sequence[str], float | None, float | None]], chosen: Sequence[str]
+) -> tuple[Ranked, ...]:
+    """Return the candidates to draw: the best, the record's own law and the chosen one among them.
+
+    Args:
+        candidates: Effects, score and its standard deviation, best first.
+        chosen: Effects of the one that the verdict rests on.
+    """
+    models = [
+        Ranked(tuple(names), score, std, tuple(names) == tuple(chosen))
+        for names, score, std in candidates
+        if score is not None and np.isfinite(score)
+    ]
+    scored = [model for model in models if model.std is not None]
+    return tuple(
+        model
+        for place, model in enumerate(scored)
+        if place < MOST_RANKED or model.chosen or not model.effects
+    )
+
+
+def law_of_candidate(board: Board, candidate: Mapping[str, Any]) -> JointLaw | None:
+    """Return the law of a candidate in diagnose.json; None where numbers of it were held that the file does not have.
+
+    Args:
+        board: The record that was diagnosed.
+        candidate: One of the file's candidates.
+    """
+    structure = structure_of([*(part.name for part in board.effects), *candidate["effects"]])
+    known = {name: quantity["value"] for name, quantity in candidate["parameters"].items()}
+    # A joint that hangs has no spring, and no rest angle beside the sensor's zero.
+    hangs = "stiffness" not in known
+    held = {
+        "inertia": board.inertia.value,
+        "stiffness": 0.0,
+        "rest_angle": 0.0 if hangs else board.rest_angle,
+    }
+    values = {**held, **known}
+    if not set(structure.parameters) <= set(values):
+        return None
+    return JointLaw.from_vector(structure, np.array([values[name] for name in structure.parameters]))

@@ -1,0 +1,50 @@
+"""What a learned torque lacks in the elements that MuJoCo has: added from outside, step by step.
+
+A model that holds one (`husky-sysid mjcf`) carries its tables as custom numbers. In plain MuJoCo
+
+    import mujoco
+    from sim.board.learned import passive
+    mujoco.set_mjcb_passive(passive)
+
+adds the rest to the passive torques of every such model; without it the tables of the tilt still act, as tendons.
+"""
+
+from collections.abc import Callable
+
+import mujoco
+
+from sysid.effects.learned import NUMERIC, remainder
+
+Left = list[tuple[int, int, Callable[[float, float], float]]]
+
+
+def left_out(model: mujoco.MjModel) -> Left:
+    """Return (address in qpos, in qvel, torque [N*m] of position [rad] and rate [rad/s]) of each learned torque of a model."""
+    found: Left = []
+    for index in range(model.nnumeric):
+        name = model.numeric(index).name
+        if name.endswith(NUMERIC):
+            joint = model.joint(name.removesuffix(NUMERIC))
+            found.append((int(joint.qposadr[0]), int(joint.dofadr[0]), remainder(model.numeric(index).data)))
+    return found
+
+
+def apply(left: Left, data: mujoco.MjData) -> None:
+    """Set what is left out as applied torque, for the step that comes."""
+    for q, v, torque in left:
+        data.qfrc_applied[v] = torque(float(data.qpos[q]), float(data.qvel[v]))
+
+
+_KNOWN: dict[bytes, Left] = {}
+"""By a model's custom numbers: the same model comes as another Python object each time."""
+
+
+def passive(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Add what is left out to the passive torques; for `mujoco.set_mjcb_passive`."""
+    if model.nnumeric == 0:
+        return
+    key = model.numeric_data.tobytes()
+    if key not in _KNOWN:
+        _KNOWN[key] = left_out(model)
+    for q, v, torque in _KNOWN[key]:
+        data.qfrc_passive[v] += torque(float(data.qpos[q]), float(data.qvel[v]))

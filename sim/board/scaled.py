@@ -1,0 +1,58 @@
+"""A board that differs from its record by factors: what a policy is tried on that should bear another board."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+from sysid.board import Board
+from sysid.errors import SysidError
+from sysid.quantity import Quantity
+
+FACTORS = {"k": "stiffness", "d": "damping", "inertia": "roll inertia", "rake": "rake"}
+"""What can be scaled, and what it is called."""
+STEEPEST_RAKE = math.radians(80)
+"""Beyond it tan λ, the trucks' angle for one of tilt, is over 5.6 and no board's."""
+
+
+def scaled_board(board: Board, factors: Mapping[str, float]) -> Board:
+    """Return a board with some numbers multiplied; its check and its effects' parameters stay the record's.
+
+    Args:
+        board: The record.
+        factors: By the names of `FACTORS`.
+
+    Raises:
+        SysidError: A name is unknown, a factor is negative or not finite, or a rake is none.
+    """
+
+    def times(quantity: Quantity, name: str) -> Quantity:
+        factor = factors.get(name, 1.0)
+        return replace(quantity, value=factor * quantity.value, std=factor * quantity.std)
+
+    for name, factor in factors.items():
+        if name not in FACTORS:
+            raise SysidError(f"--board-scale {name}={factor:g}: unknown. Known: {', '.join(FACTORS)}.")
+        if not (0 <= factor < math.inf) or (factor == 0 and name == "inertia"):
+            raise SysidError(f"--board-scale {name}={factor:g}: must be a finite factor, not negative.")
+    rake = times(board.geometry["rake"], "rake")
+    if rake.value > STEEPEST_RAKE:
+        raise SysidError(
+            f"--board-scale rake={factors['rake']:g}: makes it {math.degrees(rake.value):.0f}°, "
+            f"at most {math.degrees(STEEPEST_RAKE):.0f}°."
+        )
+    tilt = {name: times(board.tilt[full], name) for name, full in FACTORS.items() if full in board.tilt}
+    scaled = board.with_tilt(**{FACTORS[name]: value for name, value in tilt.items()})
+    return replace(scaled, inertia=times(board.inertia, "inertia"), geometry={**board.geometry, "rake": rake})
+
+
+def parse_factors(text: str) -> dict[str, float]:
+    """Read 'k=4,rake=0.9'.
+
+    Raises:
+        SysidError: It is not of that form.
+    """
+    try:
+        pairs = [part.split("=") for part in text.split(",") if part.strip()]
+        return {name.strip(): float(value) for name, value in pairs}
+    except ValueError:
+        raise SysidError(f"--board-scale {text}: expected factors like k=4,rake=0.9.") from None

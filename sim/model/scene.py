@@ -1,0 +1,78 @@
+"""The model itself, its joint let go: everything else stays where it was held, and nothing drives it."""
+
+import mujoco
+import numpy as np
+
+from sim.board.scene import integrator_name
+from sim.compensation.scene import ClampedScene
+from sim.model.arc import close, tangent_of, tied_to
+from sim.model.setup import Setup
+from sysid.roll import Array
+
+HELD = 1e9
+"""Armature of joints that are held [kg*m^2 or kg]: what pulls at them moves them by less than rounding does."""
+
+
+def scene_of(setup: Setup, *, timestep: float | None = None) -> ClampedScene:
+    """Return a model with everything held but the joint, what a loop ties to it, and what was free.
+
+    Actuators and contacts are off: a decay is measured without power, in the air. Step and integrator are the model's own.
+
+    Args:
+        setup: Which joint, and how it was measured.
+        timestep: Step instead of the model's [s].
+
+    Raises:
+        SysidError: The model cannot be read.
+    """
+    spec = setup.load()
+    if timestep is not None:
+        spec.option.timestep = timestep
+    off = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_ACTUATION
+    spec.option.disableflags |= int(off)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.qpos[:] = setup.posed(model)
+    model.opt.jacobian, given = mujoco.mjtJacobian.mjJAC_DENSE, model.opt.jacobian
+    own = int(model.jnt_dofadr[model.joint(setup.joint).id])
+    moving = {own, *tied_to(model, data, own)} | {
+        int(model.jnt_dofadr[setup.named(model, name)]) for name in setup.free
+    }
+    numbers = {int(model.dof_jntid[dof]) for dof in moving}
+    for joint in spec.joints:
+        if joint.id not in numbers:
+            joint.armature = HELD
+    tied = sorted(tied_to(model, data, own))
+    pose = np.array(data.qpos)
+    model.opt.jacobian = given
+    held = spec.compile()
+    return ClampedScene(
+        model=held,
+        joint=setup.joint,
+        name=f"{setup.file.name}, {integrator_name(held)} at {1e3 * held.opt.timestep:g} ms",
+        begin=_Begin(pose, own, tied),
+    )
+
+
+class _Begin:
+    """Closes the loops about the joint and gives what they carry along its velocity."""
+
+    def __init__(self, pose: Array, own: int, tied: list[int]) -> None:
+        """Keep the pose, shape (nq,), and which velocities move."""
+        self._pose, self._own, self._tied = pose, own, tied
+
+    def __call__(self, model: mujoco.MjModel, data: mujoco.MjData, position: float, rate: float) -> None:
+        data.qpos[:] = self._pose
+        where = int(model.jnt_qposadr[model.dof_jntid[self._own]])
+        if not self._tied:
+            data.qpos[where], data.qvel[self._own] = position, rate
+            return
+        given, model.opt.jacobian = model.opt.jacobian, mujoco.mjtJacobian.mjJAC_DENSE
+        steps = max(1, int(abs(position - data.qpos[where]) / 0.05))
+        for _ in range(steps):
+            tangent, _ = tangent_of(model, data, self._own, self._tied)
+            mujoco.mj_integratePos(model, data.qpos, tangent * (position - self._pose[where]) / steps, 1.0)
+            close(model, data, self._tied)
+        tangent, _ = tangent_of(model, data, self._own, self._tied)
+        model.opt.jacobian = given
+        data.qvel[:] = rate * tangent

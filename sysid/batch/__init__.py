@@ -1,0 +1,1 @@
+"""Many logs and many boards at once."""

@@ -1,0 +1,109 @@
+"""`husky-sysid batch`: many logs of many boards, into one table and one page."""
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter, validators
+
+from sysid.cli.console import OUTPUT, Common, Printer
+from sysid.files import locked, write_atomically, write_json
+from sysid.text import count
+
+_NO_COMMON = Common()
+
+
+def batch(
+    manifest: Path,
+    /,
+    *,
+    output: Annotated[Path | None, Parameter(name=("--output", "-o"), group=OUTPUT)] = None,
+    workers: Annotated[int | None, Parameter(name="--workers", validator=validators.Number(gte=1))] = None,
+    cluster: Annotated[str | None, Parameter(name="--cluster")] = None,
+    common: Common = _NO_COMMON,
+) -> int:
+    """Run many jobs side by side, and put their results into one table and one page.
+
+    What was done is kept: broken off or extended, the same command goes on where it was. No board's record is changed.
+
+    Args:
+        manifest: The jobs, TOML or CSV.
+        output: Folder for table.csv, table.json, page.html and rows.jsonl; reports/batch/MANIFEST of the workspace if
+            left out.
+        workers: Processes; one a core if left out.
+        cluster: Address of a Dask scheduler (tcp://HOST:8786) or a Ray cluster (ray://HOST:10001) that runs the jobs
+            instead; it must see the logs under the same paths.
+        common: Options of every command.
+    """
+    from rich.progress import Progress
+
+    from reports.page.batch import batch_page
+    from sysid.batch.jobs import COLUMNS, run_job, table_row, unfinished
+    from sysid.batch.manifest import read_manifest
+    from sysid.batch.runner import read_rows, run_all
+
+    printer = Printer(common)
+    printer.keep([manifest])
+    jobs = read_manifest(manifest)
+    folder = output or common.workspace / "reports" / "batch" / manifest.stem
+    file = folder / "rows.jsonl"
+    root = common.workspace.resolve()
+    with locked(file):
+        waiting, rows = unfinished(jobs, root, read_rows(file))
+        printer.note(f"{count(len(jobs), 'job')}, {len(rows)} of them done before")
+        with Progress(console=printer.stderr, transient=True) as progress:
+            task = progress.add_task("jobs", total=len(waiting))
+            for row in run_all(run_job, waiting, file, workers=workers or -1, cluster=cluster):
+                rows.append(dict(row))
+                progress.advance(task)
+                if row["state"] == "failed":
+                    printer.warn(f"{row['job']}: {row['message']}")
+    place = {job.name: number for number, job in enumerate(jobs)}
+    rows.sort(key=lambda row: place[row["job"]])
+    table = [table_row(row) for row in rows]
+    write_atomically(folder / "table.csv", _csv(COLUMNS, table))
+    write_json(folder / "table.json", table)
+    write_atomically(folder / "page.html", batch_page(manifest.name, table))
+    printer.table(
+        ("job", "task", "board", "k [N·m/rad]", "d [N·m·s/rad]", "f [Hz]", "verdict"),
+        [_shown(row) for row in table],
+    )
+    failed = sum(row["state"] == "failed" for row in table)
+    printer.say(f"{len(table) - failed} of {count(len(table), 'job')} done, {failed} failed")
+    printer.say(
+        "written: " + ", ".join(str(folder / name) for name in ("table.csv", "table.json", "page.html"))
+    )
+    printer.result({"jobs": table, "failed": failed, "table": str(folder / "table.csv")})
+    return int(failed > 0)
+
+
+def _csv(columns: Sequence[str], table: Sequence[Mapping[str, Any]]) -> str:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(table)
+    return text.getvalue()
+
+
+def _shown(row: Mapping[str, Any]) -> tuple[str, ...]:
+    from sysid.batch.jobs import ENDS, column
+
+    def interval(name: str) -> str:
+        if column(name) not in row:
+            return "-"
+        value, low, high = (row[column(name, end)] for end in ENDS)
+        return f"{value:.4g} ± {(high - low) / 2:.2g}"
+
+    frequency = f"{row['omega_n_rad_s'] / 6.283185307179586:.3g}" if "omega_n_rad_s" in row else "-"
+    said = " ".join(filter(None, (row.get("verdict"), row.get("effects")))) or row["state"]
+    return (
+        row["job"],
+        row["task"],
+        row.get("board", "-"),
+        interval("stiffness"),
+        interval("damping"),
+        frequency,
+        said if row["state"] == "done" else "failed",
+    )

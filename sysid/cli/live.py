@@ -1,0 +1,241 @@
+"""`husky-sysid live`: numbers while the board still rocks."""
+
+import json
+import threading
+import time
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import datetime
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from cyclopts import Parameter, validators
+
+from sysid.board import Board
+from sysid.cli.console import OUTPUT, Common, Printer
+from sysid.cli.log_options import LogArguments, recording_of
+from sysid.errors import SysidError
+from sysid.live.phyphox import Phone
+from sysid.live.session import Session
+from sysid.logs import read_roll
+from sysid.recording import Recording
+from sysid.roll import Array
+from sysid.workspace import shipped_data
+
+_NO_ARGUMENTS = LogArguments()
+_NO_COMMON = Common()
+EVERY = 0.2
+"""Between two questions to the phone, or two looks into the folder [s]."""
+STILL = (0.25, 0.4, 0.7)
+"""After how much stillness the log is read: a decay may take a while to be known as ended, and reading costs [s]."""
+QUIET = 0.06
+"""Rate of rotation below which a deck counts as still, beside the phone's offset [rad/s]."""
+LOSSES = 5
+"""Answers in a row that a phone may owe."""
+
+
+def live(
+    *,
+    board: Annotated[str, Parameter(name=("--board", "-b"))],
+    phone: Annotated[str | None, Parameter(name="--phone")] = None,
+    watch: Annotated[Path | None, Parameter(name="--watch")] = None,
+    releases: Annotated[int | None, Parameter(validator=validators.Number(gte=1))] = None,
+    port: Annotated[int, Parameter(group=OUTPUT, validator=validators.Number(gte=0, lte=65535))] = 8123,
+    arguments: LogArguments = _NO_ARGUMENTS,
+    common: Common = _NO_COMMON,
+) -> int:
+    """Read a phone while the board rocks, and show stiffness and damping after each release.
+
+    The phone runs phyphox with gyroscope and accelerometer and allows remote access. A page with numbers, what to do next
+    and sliders is served on this machine only. The log is kept in logs/ of the workspace whatever happens; end with Ctrl-C.
+
+    Args:
+        board: Name of the board.
+        phone: Address that phyphox shows, such as 192.168.0.42:8080.
+        watch: Instead of a phone: a folder in which logs appear.
+        releases: End by itself after so many.
+        port: Of the page; 0 takes a free one.
+        arguments: How the logs are read.
+        common: Options of every command.
+    """
+    printer = Printer(common)
+    record = common.space.load_board(board)
+    if (phone is None) == (watch is None):
+        raise SysidError(
+            "live reads a phone or a folder: give --phone ADDRESS or --watch FOLDER, one of them."
+        )
+    stamp = f"{datetime.now():%Y%m%d-%H%M%S}"
+    log = watch if watch is not None else common.space.root / "logs" / f"{board}-{stamp}"
+    session = Session(record, grows=phone is not None)
+    _warm_up(record)
+    look = _watching(watch, arguments) if watch is not None else _phoning(str(phone), log, arguments, printer)
+    with _served(_Shown(session, str(log)), port, printer) as shown:
+        printer.say(session.next_step)
+        try:
+            while releases is None or len(session.releases) < releases:
+                begin = time.monotonic()
+                found = look()
+                if found is not None and session.take(found):
+                    _say(session, printer)
+                    shown.renew()
+                time.sleep(max(0.0, EVERY - (time.monotonic() - begin)))
+        except KeyboardInterrupt:
+            printer.note("ended")
+    numbers = {} if session.decay is None else session.decay.to_json()
+    kept = str(log) if phone is not None else f"{log}/*"
+    printer.say(
+        f"kept: {log}\nnext: husky-sysid fit {kept} --board {board}, then husky-sysid diagnose {kept} --board {board}"
+    )
+    printer.result(
+        {**numbers, "log": str(log), "releases_found": len(session.releases), "next": session.next_step}
+    )
+    return 0
+
+
+def _warm_up(board: Board) -> None:
+    """Go once through everything with a log that is at hand: what a first release needs is then loaded and compiled."""
+    from reports.page.live import live_page
+
+    session = Session(board)
+    session.take([Recording.read(shipped_data() / "decays" / "pink_imu.csv")])
+    live_page(session, 0, "")
+
+
+def _say(session: Session, printer: Printer) -> None:
+    last = session.releases[-1]
+    where = f"release {len(session.releases)}: {np.degrees(last.amplitude):.2g}° from the {last.side}"
+    if session.trouble or not session.history:
+        printer.warn(f"{where}: {session.trouble}")
+    else:
+        numbers = session.history[-1]
+        printer.say(f"{where}   k = {numbers.stiffness}   d = {numbers.damping}")
+    printer.say(f"  {session.next_step}")
+
+
+def _phoning(
+    address: str, folder: Path, arguments: LogArguments, printer: Printer
+) -> Callable[[], list[Recording] | None]:
+    """Return what fetches from a phone, and reads the log where the deck has come to rest."""
+    phone = Phone(address, folder)
+    phone.connect()
+    rest = _Rest()
+    owed = 0
+
+    def look() -> list[Recording] | None:
+        nonlocal owed
+        try:
+            rates = phone.poll()
+        except SysidError as error:
+            owed += 1
+            if owed >= LOSSES:
+                raise SysidError(f"{error} What came until then is kept in {folder}.") from error
+            printer.warn("the phone did not answer; trying again")
+            return None
+        owed = 0
+        if not rest.has_come(rates, time.monotonic()):
+            return None
+        try:
+            return [recording_of(read_roll(folder, arguments.options), arguments)]
+        except SysidError:  # nothing was let go yet
+            return None
+
+    return look
+
+
+@dataclass(slots=True)
+class _Rest:
+    """Knows a deck that has just come to rest, from its rates alone."""
+
+    moved: float = 0.0
+    """When it last moved."""
+    looks: int = len(STILL)
+    """How often the log was read since."""
+
+    def has_come(self, rates: Array, now: float) -> bool:
+        """Return whether it is time to read the log.
+
+        Args:
+            rates: New rates of rotation [rad/s], shape (n, 3).
+            now: A clock [s].
+        """
+        if len(rates) and float(np.abs(rates - np.median(rates, axis=0)).max()) > QUIET:
+            self.moved, self.looks = now, 0
+        if self.looks == len(STILL) or now - self.moved < STILL[self.looks]:
+            return False
+        self.looks += 1
+        return True
+
+
+def _watching(folder: Path, arguments: LogArguments) -> Callable[[], list[Recording] | None]:
+    """Return what reads the files that appear in a folder, once each has stopped growing."""
+    if not folder.is_dir():
+        raise SysidError(f"--watch {folder}: there is no such folder.")
+    sizes: dict[Path, int] = {}
+    read: dict[Path, Recording | None] = {}
+
+    def look() -> list[Recording] | None:
+        new = False
+        for path in sorted(folder.iterdir()):
+            if path.name.startswith(".") or not path.is_file() or path in read:
+                continue
+            size = path.stat().st_size
+            if size and sizes.get(path) == size:
+                try:
+                    read[path] = recording_of(read_roll(path, arguments.options), arguments)
+                    new = True
+                except SysidError:  # no log, or none with a release in it
+                    read[path] = None
+            sizes[path] = size
+        return [recording for recording in read.values() if recording is not None] if new else None
+
+    return look
+
+
+class _Shown:
+    """The page as it is now, and its server."""
+
+    def __init__(self, session: Session, log: str) -> None:
+        self.session, self.log, self.version, self.page = session, log, 0, b""
+        self.renew()
+
+    def renew(self) -> None:
+        """Make the page anew."""
+        from reports.page.live import live_page
+
+        self.page = live_page(self.session, self.version + 1, self.log).encode()
+        self.version += 1
+
+
+@contextmanager
+def _served(shown: _Shown, port: int, printer: Printer) -> Generator[_Shown]:
+    """Serve a page on this machine only while the block runs."""
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            state = json.dumps({"version": shown.version}).encode()
+            kinds = {"/": ("text/html; charset=utf-8", shown.page), "/state": ("application/json", state)}
+            kind, body = kinds.get(self.path, ("text/plain", b""))
+            self.send_response(200 if self.path in kinds else 404)
+            self.send_header("Content-Type", kind)
+            self.end_headers()
+            self.wfile.write(body)
+
+        def log_message(self, format: str, *args: Any) -> None:
+            del format, args
+
+    try:
+        server = ThreadingHTTPServer(("127.0.0.1", port), Handler)
+    except OSError as error:
+        raise SysidError(
+            f"--port {port}: taken ({error.strerror}). Choose another, or 0 for a free one."
+        ) from error
+    printer.say(f"page: http://127.0.0.1:{server.server_address[1]}/")
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        yield shown
+    finally:
+        server.shutdown()
+        server.server_close()

@@ -1,0 +1,125 @@
+"""`husky-sysid new`: the smallest record that a joint can be identified with."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+from sysid.board import Board, BoardEffect
+from sysid.cli.console import Common, Printer
+from sysid.cli.subject import Subject
+from sysid.effects import weight
+from sysid.errors import SysidError, UsageError
+from sysid.inertia import GRAVITY
+from sysid.quantity import Quantity, parse_quantity, propagate
+
+_NO_COMMON = Common()
+_NO_SUBJECT = Subject()
+Kind = Literal["board", "pendulum", "rig", "joint"]
+QUESTIONS = {
+    "kind": "What is it: a board, a pendulum, a rig (a torsion spring or servo without weight), or the joint of a model?",
+    "inertia": "Inertia about the axis in kg*m^2, e.g. 0.0087±0.0001 (docs/inertia.md tells how to measure it)",
+    "mass": "Mass that swings in kg, e.g. 0.49±0.002",
+    "arm": "Distance from the axis to its centre of mass in m, e.g. 0.1±0.001",
+    "model": "MuJoCo model, a file",
+    "joint": "Joint of it",
+}
+"""Asked at a terminal where the options leave something open."""
+FULL_TURN = Quantity(3.14159, 0.0, "rad")
+
+
+def new(
+    name: str,
+    /,
+    *,
+    kind: Kind | None = None,
+    inertia: str | None = None,
+    mass: str | None = None,
+    arm: str | None = None,
+    subject: Subject = _NO_SUBJECT,
+    common: Common = _NO_COMMON,
+) -> int:
+    """Write the smallest record of a joint; what the options leave open is asked, at a terminal.
+
+    A decay gives k/I and d/I: the record says where I comes from. Geometry and masses of a whole board are needed for its
+    scene only, and can be added later.
+
+    Args:
+        name: Of the record, which becomes data/boards/NAME.toml of the workspace.
+        kind: What it is.
+        inertia: Inertia about the axis [kg*m^2], of a board or a rig; of a pendulum, that about its own centre.
+        mass: Mass of a pendulum [kg].
+        arm: From its axis to its centre of mass [m].
+        subject: The joint of a model.
+        common: Options of every command.
+    """
+    printer = Printer(common)
+    if not name or Path(name).name != name:
+        raise SysidError(f"'{name}' is no name for a record: it becomes a file's, so leave out folders.")
+    if name in common.space.board_names():
+        raise SysidError(
+            f"there is a record '{name}' already. Choose another name, or remove {common.space.board_path(name)}."
+        )
+    chosen = kind or (
+        "joint" if subject.model else "pendulum" if mass or arm else "rig" if inertia else _ask("kind")
+    )
+    if chosen not in ("board", "pendulum", "rig", "joint"):
+        raise UsageError(f"'{chosen}' is not one of board, pendulum, rig, joint.")
+    if chosen == "joint":
+        if subject.model is None:
+            subject = replace(subject, model=Path(_ask("model")), joint=subject.joint or _ask("joint"))
+        record = replace(subject.load(common, printer), name=name)
+    elif chosen == "pendulum":
+        record = _pendulum(name, _read("mass", mass, "kg"), _read("arm", arm, "m"), inertia)
+    else:
+        text = "a skateboard" if chosen == "board" else "a torsion rig"
+        record = _record(name, text, _read("inertia", inertia, "kg*m^2"))
+    path = common.space.save_board(record)
+    printer.say(f"written: {path}")
+    printer.say(f"  inertia {record.inertia} ({record.inertia.method})")
+    beside = " --effect coulomb --effect armature" if chosen in ("pendulum", "joint") else ""
+    printer.say(f"next: record a release and run: husky-sysid fit LOG --board {name}{beside}")
+    printer.result({"board": name, "record": str(path), "kind": chosen, "inertia": record.inertia.to_json()})
+    return 0
+
+
+def _pendulum(name: str, mass: Quantity, arm: Quantity, own: str | None) -> Board:
+    """Return a pendulum: m l² of inertia, m g l of weight, and no spring."""
+    about_centre = parse_quantity(own, "kg*m^2", "--inertia") if own else Quantity(0.0, 0.0, "kg*m^2")
+    method = "m l²" + (" and about its own centre" if own else "")
+    board = _record(name, "a pendulum", propagate(_about_axis, (mass, arm, about_centre), "kg*m^2", method))
+    part = weight.EFFECT
+    values = {"scale": 1.0, "sine": -mass.value * GRAVITY.value * arm.value}
+    pull = {p.name: Quantity(values.get(p.name, 0.0), 0.0, p.unit) for p in part.parameters}
+    return replace(board, effects=(BoardEffect(part.name, pull),))
+
+
+def _about_axis(mass: float, arm: float, about_centre: float) -> float:
+    return mass * arm**2 + about_centre
+
+
+def _record(name: str, description: str, inertia: Quantity) -> Board:
+    """Return a record of an inertia and nothing else: its stiffness and damping are what a fit starts from."""
+    return Board(
+        name=name, description=description, source="husky-sysid new", geometry={}, mass={},
+        inertia=inertia if inertia.method else inertia.with_method("as given to `new`"),
+        tilt={
+            "stiffness": Quantity(0.0, 0.0, "N*m/rad"), "damping": Quantity(0.0, 0.0, "N*m*s/rad"),
+            "rest_angle": Quantity(0.0, 0.0, "rad"), "range": FULL_TURN,
+        },
+    )  # fmt: skip
+
+
+def _read(option: str, text: str | None, unit: str) -> Quantity:
+    return parse_quantity(_ask(option) if text is None else text, unit, f"--{option}")
+
+
+def _ask(option: str) -> str:
+    """Return what a person answers.
+
+    Raises:
+        UsageError: Nobody is there to ask.
+    """
+    if not sys.stdin.isatty():
+        raise UsageError(f"--{option} is missing, and there is no terminal to ask at. {QUESTIONS[option]}")
+    return input(f"{QUESTIONS[option]}\n> ").strip()

@@ -1,0 +1,104 @@
+"""What the shell gives a command: its streams, and the signals to end."""
+
+import codecs
+import io
+import os
+import signal
+import sys
+from types import FrameType
+
+WORDS = {
+    "·": "*",
+    "×": "x",
+    "±": "+-",
+    "²": "^2",
+    "−": "-",
+    "→": "->",
+    "✓": "ok:",
+    "✗": "no:",
+    "°": " deg",
+    "≤": "<=",
+    "≥": ">=",
+    "…": "...",
+}
+DOTS = {"\u0307": "'", "\u0308": "''"}
+"""Combining dots, which stand for derivatives."""
+
+
+AGAIN = 1.0
+"""Time after which a command that goes on after a signal is interrupted again [s]."""
+_received: list[int] = []
+
+
+def listen() -> None:
+    """Let SIGINT and SIGTERM unwind the command, so that nothing is left half-written.
+
+    What they raise may be lost where Python calls back from C, or be turned into another error amid an import;
+    therefore they raise again, until `stop_listening`.
+    """
+    _received.clear()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _interrupt)
+
+
+def stop_listening() -> int | None:
+    """Return the signal that came, if one did, and leave signals to Python again."""
+    if hasattr(signal, "setitimer"):
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    return _received[0] if _received else None
+
+
+def _interrupt(number: int, frame: FrameType | None) -> None:
+    if not _received and hasattr(signal, "setitimer"):
+        signal.signal(signal.SIGALRM, _interrupt)
+        signal.setitimer(signal.ITIMER_REAL, AGAIN, AGAIN)
+    is_second = bool(_received) and number != getattr(signal, "SIGALRM", None)
+    _received.append(number)
+    if not is_second:  # `timeout` sends its signal to the process and to its group
+        raise KeyboardInterrupt
+
+
+def open_streams() -> None:
+    """Make standard output and error take every sign: what their encoding lacks is spelled in ASCII."""
+    codecs.register_error("spelled", _spell)
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:  # closed by the shell, as `>&-` does
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: PTH123, SIM115  as long as the process
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="spelled")
+
+
+def drop_output() -> None:
+    """Send what is left in the buffer of standard output nowhere: who should read it is gone, or the disk full."""
+    try:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except (OSError, ValueError):  # a test's own stream
+        return
+
+
+def one_line(text: str) -> str:
+    """Return a message with the line ends and control signs that a damaged file's cells brought into it as blanks."""
+    return "".join(sign if sign.isprintable() else " " for sign in text)
+
+
+def _spell(error: UnicodeError) -> tuple[str, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    return "".join(map(_word, error.object[error.start : error.end])), error.end
+
+
+def _word(sign: str) -> str:
+    """Return a sign in ASCII: 'omega' for ω, '|' for a line of a table, '?' where there is nothing better."""
+    import unicodedata
+
+    if "\u2500" <= sign <= "\u257f":
+        return {"─": "-", "━": "-", "═": "-", "│": "|", "┃": "|", "║": "|"}.get(sign, "+")
+    name = unicodedata.name(sign, "")
+    if name.startswith("GREEK"):
+        word = name.split("LETTER ")[-1].split(" ")[0].lower()
+        return word.capitalize() if "CAPITAL" in name else word
+    plain = unicodedata.normalize("NFKD", sign).encode("ascii", "ignore").decode()
+    return WORDS.get(sign) or DOTS.get(sign) or plain or "?"

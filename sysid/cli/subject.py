@@ -1,0 +1,96 @@
+"""Whose joint a command is about: a board of the workspace, or a joint of a MuJoCo model."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Group, Parameter
+
+from sysid.board import Board
+from sysid.cli.console import Common, Printer
+from sysid.cli.parameter_options import parse_fixed
+from sysid.errors import SysidError, UsageError
+
+if TYPE_CHECKING:
+    from sim.model.setup import Setup
+
+SUBJECT = Group("Joint", sort_key=0)
+
+
+@Parameter(name="*", group=SUBJECT)
+@dataclass(frozen=True, kw_only=True)
+class Subject:
+    """Whose joint it is: a board's, or one of a MuJoCo model as it was measured."""
+
+    board: Annotated[str | None, Parameter(name=("--board", "-b"))] = None
+    """Name of the board."""
+    model: Annotated[Path | None, Parameter(name="--model")] = None
+    """MuJoCo model, instead of a board."""
+    joint: Annotated[str | None, Parameter(name="--joint")] = None
+    """Hinge or slide of the model that was let go; all others were held."""
+    keyframe: Annotated[str | None, Parameter(name="--keyframe")] = None
+    """Keyframe of the model with the pose in which it was measured."""
+    pose: Annotated[tuple[str, ...], Parameter(name="--pose", negative="", show_default=False)] = ()
+    """Position of another joint there, as NAME=VALUE in rad or m; repeat it for several."""
+    free: Annotated[tuple[str, ...], Parameter(name="--free", negative="", show_default=False)] = ()
+    """Joint that was free to follow, not held; repeat it for several."""
+    payload: Annotated[tuple[str, ...], Parameter(name="--payload", negative="", show_default=False)] = ()
+    """Known mass that was added, as MASS@X,Y,Z [kg, m] in the frame of the joint's body, or MASS@SITE."""
+    mass_error: Annotated[float, Parameter(name="--mass-error")] = 0.0
+    """Half-width of the 95 % interval of the model's masses, as a share, e.g. 0.02; every torque shares it."""
+
+    @property
+    def setup(self) -> "Setup | None":
+        """How the joint of the model was measured; None where a board is meant.
+
+        Raises:
+            SysidError: Options do not go together.
+        """
+        if self.model is None:
+            given = {"--joint": self.joint, "--keyframe": self.keyframe, "--pose": self.pose, "--free": self.free,
+                     "--payload": self.payload}  # fmt: skip
+            if unused := [name for name, value in given.items() if value]:
+                raise UsageError(f"{', '.join(unused)}: only with --model, which says whose joint it is.")
+            return None
+        from sim.model.setup import Payload, Setup
+
+        if self.board is not None:
+            raise UsageError("--board and --model: give the one whose joint was measured.")
+        if self.joint is None:
+            raise UsageError(f"--model {self.model}: which joint of it was let go? Name it with --joint.")
+        return Setup(
+            file=self.model, joint=self.joint, keyframe=self.keyframe or "", pose=parse_fixed(self.pose, "--pose"),
+            free=self.free, payload=tuple(map(Payload.parse, self.payload)),
+        )  # fmt: skip
+
+    def load(self, common: Common, printer: Printer) -> Board:
+        """Return the record of the board, or the one that the joint of the model makes.
+
+        Raises:
+            SysidError: Neither was given, or it cannot be read.
+        """
+        record = self.find(common, printer)
+        if record is None:
+            raise UsageError(
+                "whose joint is it? Name a board (--board), or a joint of a model (--model, --joint)."
+            )
+        return record
+
+    def find(self, common: Common, printer: Printer) -> Board | None:
+        """Return the same, or None where neither was given."""
+        setup = self.setup
+        if setup is None:
+            return None if self.board is None else common.space.load_board(self.board)
+        from sim.model.subject import board_of
+
+        if not 0 <= self.mass_error < 1:
+            raise SysidError(f"--mass-error {self.mass_error:g}: expected a share such as 0.02.")
+        record, notes = board_of(setup, mass_error=self.mass_error)
+        printer.note("\n".join((f"joint '{setup.joint}' of {setup.file}", *(f"  {note}" for note in notes))))
+        if self.mass_error == 0:
+            printer.note("  the model's masses are taken as exact (--mass-error says otherwise)")
+        return record
+
+    def save(self, record: Board, since: Board, common: Common) -> Path:
+        """Write a record into the workspace; that of a model replaces what was there, which `undo` brings back."""
+        return common.space.save_board(record, since=None if self.model else since)

@@ -1,0 +1,60 @@
+"""What a model knows along the arc of a joint, as the first harmonics of its position."""
+
+import math
+
+import numpy as np
+
+from sysid.effects._algebra import Algebra, NumpyAlgebra, Value, Values
+from sysid.effects._base import Parameter, Scales
+from sysid.roll import Array
+
+HARMONICS = ("constant", "sine", "cosine", "sine2", "cosine2")
+"""The terms 1, sin φ, cos φ, sin 2φ, cos 2φ; the weight of a rigid body on a hinge needs the second and third alone, on a
+slide the first."""
+QUARTER = math.pi / 2
+
+
+def value_of(m: Algebra, roll: Value, parameters: Values) -> Value:
+    """Return c₀ + a₁ sin φ + b₁ cos φ + a₂ sin 2φ + b₂ cos 2φ."""
+    return sum(parameters[name] * term for name, term in zip(HARMONICS, _terms(m, roll), strict=True))
+
+
+def slope_of(m: Algebra, roll: Value, parameters: Values) -> Value:
+    """Return its derivative by φ."""
+    p = parameters
+    first = p["sine"] * m.sin(roll + QUARTER) - p["cosine"] * m.sin(roll)
+    return first + 2 * (p["sine2"] * m.sin(2 * roll + QUARTER) - p["cosine2"] * m.sin(2 * roll))
+
+
+def _terms(m: Algebra, roll: Value) -> tuple[Value, ...]:
+    return 1.0 + 0 * roll, m.sin(roll), m.sin(roll + QUARTER), m.sin(2 * roll), m.sin(2 * roll + QUARTER)
+
+
+def of_table(roll: Array, values: Array) -> tuple[dict[str, float], float]:
+    """Return the parameters of a table, and by how much they miss it at most, in the unit of `values`.
+
+    Args:
+        roll: Where it was looked up [rad], shape (n,).
+        values: What is there, shape (n,).
+    """
+    columns = np.column_stack(_terms(NumpyAlgebra(), roll))
+    found, missed = np.zeros(5), 0.0
+    for count in (1, 3, 5):  # the fewest that hold it: on a short arc all five look alike
+        found[:count] = np.linalg.lstsq(columns[:, :count], values, rcond=1e-12)[0]
+        missed = float(np.abs(columns @ found - values).max())
+        if missed < 1e-6 * max(float(np.abs(values).max()), 1e-12):
+            break
+    found[np.abs(found) < 1e-10 * np.abs(found).max(initial=1e-12)] = 0.0
+    return dict(zip(HARMONICS, map(float, found), strict=True)), missed
+
+
+def held(unit: str) -> tuple[Parameter, ...]:
+    """Return the five parameters of a table that a model states."""
+
+    def size(scales: Scales) -> float:
+        return scales.inertia if unit.startswith("kg") else scales.torque / scales.amplitude
+
+    return tuple(
+        Parameter(name=name, unit=unit, size=size, low=-1e3, high=1e3, starts=(0.0,), held=True)
+        for name in HARMONICS
+    )

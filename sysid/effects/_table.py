@@ -1,0 +1,70 @@
+"""A smooth curve through a table of torques: what an effect without a formula is made of.
+
+The table holds the torque at `2 n` knots, n to either side of zero, where it is 0. Between knots runs Keys' cubic: it goes
+through every value, has a continuous slope and knows its neighbours only. Beyond the last knot the curve stays where it is.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sysid.effects._algebra import Algebra, Value
+from sysid.least_squares import Array
+
+
+def knots(n: int, grading: float) -> Array:
+    """Return where the knots are, as shares of the reach [1], shape (2n,), ascending and without zero.
+
+    Args:
+        n: Knots to either side.
+        grading: Distance from zero within which half of a side's knots are, over the reach, before they thin out
+            (`position` undone): small is dense in the middle.
+    """
+    s = np.arange(1, n + 1) / n
+    x = grading * s / (1 + grading - s)
+    return np.concatenate([-x[::-1], x])
+
+
+def position(m: Algebra, share: Value, grading: float) -> Value:
+    """Return where a share of the reach is on the even scale of the knots, both from -1 to 1."""
+    return (1 + grading) * share / (m.abs(share) + grading)
+
+
+def cardinals(m: Algebra, s: Value, n: int) -> list[Value]:
+    """Return how much each value of a table counts at a position from -1 to 1 (Keys, IEEE Trans. ASSP 29, 1981).
+
+    Args:
+        m: The algebra.
+        s: Position on the even scale.
+        n: Knots to either side, 2 or more.
+    """
+    u = n * s
+    at = {j: _kernel(m, u - j) for j in range(-n - 1, n + 2)}
+    for side in (-1, 1):  # a point beyond the table goes on as a parabola would: Keys' boundary
+        ghost = at.pop(side * (n + 1))
+        for back, weight in ((0, 3.0), (1, -3.0), (2, 1.0)):
+            at[side * (n - back)] = at[side * (n - back)] + weight * ghost
+    return [at[j] for j in range(-n, n + 1) if j != 0]
+
+
+def bending(n: int) -> Array:
+    """Return the quadratic form in a table's values [1] that a rough curve makes large, shape (2n, 2n).
+
+    Second differences along the knots, zero at the middle included; and the values themselves, as little as half a wave
+    over the whole reach bends, so that what nobody has seen is zero.
+    """
+    second = np.diff(np.eye(2 * n + 1), 2, axis=0)
+    second = np.delete(second, n, axis=1)
+    return second.T @ second + (np.pi / (2 * n)) ** 4 * np.eye(2 * n)
+
+
+def interpolate(m: Algebra, s: Value, values: Sequence[Value]) -> Value:
+    """Return the curve through a table's values, shape (2n,), at a position from -1 to 1."""
+    return sum(value * one for value, one in zip(values, cardinals(m, s, len(values) // 2), strict=True))
+
+
+def _kernel(m: Algebra, u: Value) -> Value:
+    """Return Keys' cubic convolution kernel: 1 at 0, 0 at every other integer, 0 from ±2 on."""
+    size = m.abs(u)
+    near, far = m.maximum(1 - size, 0.0), m.maximum(2 - size, 0.0)
+    return 0.5 * far * far * (far - 1) - near * near * (2 * near - 1)

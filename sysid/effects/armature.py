@@ -1,0 +1,50 @@
+"""What a motor's rotor adds to the inertia that a joint sees, beyond what its model states."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from sysid.effects._algebra import Values
+from sysid.effects._base import LinearJoint, MujocoSupport, Parameter, TorqueEffect
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+def added(joint: LinearJoint, parameters: Values) -> LinearJoint:
+    """Return the joint with A more inertia."""
+    return replace(joint, inertia=joint.inertia + parameters["inertia"])
+
+
+def to_mjcf(
+    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
+) -> tuple[str, ...]:
+    """Add to the joint's armature."""
+    del spec, exact
+    joint.armature += parameters["inertia"]
+    return (f"armature: {parameters['inertia']:+.6g} kg*m^2",)
+
+
+EFFECT = TorqueEffect(
+    name="armature",
+    title="inertia of rotor and gear",
+    family="inertia",
+    role="record",
+    parameters=(
+        Parameter(
+            name="inertia", unit="kg*m^2", size=lambda s: s.inertia, low=-0.95, high=20.0, starts=(0.3,)
+        ),
+    ),
+    law="I → I + A; A = N² J of a rotor of inertia J behind a gear of ratio N",
+    source="only k/I, d/I and τ/I show in a free decay; a known weight gives them a scale",
+    does="The joint swings slower and loses less for each swing, as if all its torques were smaller.",
+    look_alikes=("inertia", "clock", "weight"),
+    experiment="Swing a known weight, or the same joint with a known mass added: both give the inertia itself.",
+    mujoco=MujocoSupport(means="armature of the joint", since="3.0", warp=True),
+    to_mjcf=to_mjcf,
+    example=(0.003,),
+    modifies=added,
+    identifiable_from_decay=False,
+    identifiable_with=("weight",),
+    adds_inertia="inertia",
+)

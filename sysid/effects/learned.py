@@ -1,0 +1,231 @@
+"""The torque over tilt and rate that no formula was found for: tables that the fit fills.
+
+    τ = f(x) + g(v) + h(x, v),   f(0) = g(0) = h(0, v) = h(x, 0) = 0
+
+Each is a smooth curve (a surface) through a table of torques. What is linear in x or v belongs to the joint's spring and
+damper and is kept out. Nothing is said beyond the support, the range of tilt and rate that was measured: there the torque
+stays what it is at its edge.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sysid.effects._algebra import Algebra, NumpyAlgebra, Value, Values
+from sysid.effects._base import JointState, MujocoSupport, Parameter, Smoothness, TorqueEffect, rest_of
+from sysid.effects._table import bending, cardinals, interpolate, knots, position
+from sysid.roll import Array
+
+if TYPE_CHECKING:
+    import mujoco
+
+TILT_KNOTS, TILT_GRADING = 20, 1.0
+"""To either side: a magnet a fifth as wide as the swing, or four waves of a cogging torque, to a hundredth of its size."""
+RATE_KNOTS, RATE_GRADING = 8, 0.5
+"""Friction bends where the joint turns round, so knots are dense there."""
+BOTH_KNOTS = 3
+"""Of tilt and rate together: every product of powers up to the second."""
+_FAR = 10.0
+"""Tilt that no joint reaches [rad]."""
+SUPPORT = ("tilt_low", "tilt_high", "rate_low", "rate_high")
+
+
+def _numbers(n: int) -> list[int]:
+    return [j for j in range(-n, n + 1) if j != 0]
+
+
+TILT = tuple(f"tilt_{j}" for j in _numbers(TILT_KNOTS))
+RATE = tuple(f"rate_{j}" for j in _numbers(RATE_KNOTS))
+BOTH = tuple(f"both_{i}_{j}" for i in _numbers(BOTH_KNOTS) for j in _numbers(BOTH_KNOTS))
+
+
+def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
+    """Return f(x) + g(v) + h(x, v) [N*m]."""
+    del states
+    x, v = _shares(m, motion.tilt, motion.rate, parameters)
+    total = interpolate(m, position(m, x, TILT_GRADING), [parameters[n] for n in TILT])
+    total = total + interpolate(m, position(m, v, RATE_GRADING), [parameters[n] for n in RATE])
+    rows, columns = cardinals(m, x, BOTH_KNOTS), cardinals(m, v, BOTH_KNOTS)
+    values = iter(parameters[n] for n in BOTH)
+    return total + sum(row * sum(column * next(values) for column in columns) for row in rows)
+
+
+def _shares(m: Algebra, tilt: Value, rate: Value, parameters: Values) -> tuple[Value, Value]:
+    """Return tilt and rate, no farther than the support goes, over its larger side."""
+
+    def share(value: Value, name: str) -> Value:
+        low, high = parameters[f"{name}_low"], parameters[f"{name}_high"]
+        return m.maximum(low, m.minimum(high, value)) / m.maximum(-low, high)
+
+    return share(tilt, "tilt"), share(rate, "rate")
+
+
+@cache
+def smoothness() -> Smoothness:
+    """Return what keeps the three tables smooth, each by a weight of its own, and what belongs to spring and damper."""
+    sizes = (len(TILT), len(RATE), len(BOTH))
+    ends = np.cumsum((0, *sizes))
+    places = [slice(int(a), int(b)) for a, b in pairwise(ends)]
+    plain = bending(BOTH_KNOTS)
+    each = np.eye(2 * BOTH_KNOTS)
+    forms: list[Array] = []
+    for place, form in zip(
+        places,
+        (bending(TILT_KNOTS), bending(RATE_KNOTS), np.kron(plain, each) + np.kron(each, plain)),
+        strict=True,
+    ):
+        whole = np.zeros((ends[-1], ends[-1]))
+        whole[place, place] = form
+        forms.append(whole)
+    linear = {"stiffness": np.zeros(ends[-1]), "damping": np.zeros(ends[-1])}
+    linear["stiffness"][places[0]] = knots(TILT_KNOTS, TILT_GRADING)
+    linear["damping"][places[1]] = knots(RATE_KNOTS, RATE_GRADING)
+    return Smoothness(
+        names=(*TILT, *RATE, *BOTH), tables=("tilt", "rate", "both"), forms=tuple(forms), linear=linear
+    )
+
+
+NUMERIC = "_learned_torque"
+"""Of a model's custom numbers, after the joint's name: rest angle, the damper's polynomial that stands for g, support and tables."""
+
+
+def to_mjcf(
+    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
+) -> tuple[str, ...]:
+    """Write f as slack tendons, the nearest that a damper's polynomial comes to g, and the tables for `remainder`."""
+    del exact
+    rest = rest_of(spec, joint)
+    at, torques = _bends(parameters)
+    slopes = np.concatenate([[0.0], np.diff(torques) / np.diff(at), [0.0]])
+    here = int(np.searchsorted(at, 0.0))
+    count = 0
+    for index, bend in enumerate(np.diff(slopes)):
+        # What is steeper from a knot on, away from rest, is a spring that is slack up to there.
+        sides = [bend] if index != here else [slopes[index + 1], -slopes[index]]
+        for side, change in zip(
+            (1, -1) if index == here else (1 if index > here else -1,), sides, strict=True
+        ):
+            if abs(change) < 1e-9:
+                continue
+            tendon = spec.add_tendon(name=f"{joint.name}_learned_{count}")
+            tendon.wrap_joint(joint.name, 1.0)
+            tendon.stiffness[0] = -change if side > 0 else change
+            tendon.springlength = (
+                [rest - _FAR, rest + at[index]] if side > 0 else [rest + at[index], rest + _FAR]
+            )
+            count += 1
+    damper = _damper(parameters, float(joint.damping[0]))
+    for power, coefficient in enumerate(damper):
+        joint.damping[power] += coefficient
+    numeric = spec.add_numeric(name=f"{joint.name}{NUMERIC}")
+    numeric.data = [rest, *damper, *(parameters[p.name] for p in EFFECT.parameters)]
+    numeric.size = len(numeric.data)
+    return (
+        f"learned: {count} slack tendons, straight between the knots of its table over the tilt",
+        "learned: the nearest damper's polynomial to its table over the rate; sim.board.learned adds what is left",
+    )
+
+
+def remainder(numbers: Array) -> Callable[[float, float], float]:
+    """Return the torque [N*m] of (tilt joint's position [rad], rate [rad/s]) that a written model lacks.
+
+    Args:
+        numbers: The model's custom numbers, shape (n,): [rad], the damper's in N*m and rad/s, the parameters in their units.
+    """
+    rest, damper = float(numbers[0]), numbers[1:4]
+    parameters = EFFECT.named([float(number) for number in numbers[4:]])
+    at, torques = _bends(parameters)
+
+    def torque_left(roll: float, rate: float) -> float:
+        whole = torque(NumpyAlgebra(), JointState(roll - rest, rate, roll, 0.0), parameters, ())
+        written = np.interp(roll - rest, at, torques) - _polynomial(rate) @ damper
+        return float(whole - written)
+
+    return torque_left
+
+
+def _bends(parameters: Mapping[str, float]) -> tuple[Array, Array]:
+    """Return the tilts [rad] and torques [N*m] between which the table over the tilt is written straight, shape (n,) each."""
+    low, high = parameters["tilt_low"], parameters["tilt_high"]
+    at = knots(2 * TILT_KNOTS, TILT_GRADING) * max(-low, high)
+    at = np.unique(np.concatenate([[low, 0.0, high], at[(at > low) & (at < high)]]))
+    alone = {**parameters, **dict.fromkeys((*RATE, *BOTH), 0.0)}
+    return at, np.asarray(torque(NumpyAlgebra(), JointState(at, 0.0 * at, at, 0.0), alone, ()))
+
+
+def _polynomial(rate: Value) -> Array:
+    return np.stack([rate, rate * np.abs(rate), rate**3], axis=-1)
+
+
+def _damper(parameters: Mapping[str, float], damping: float) -> Array:
+    """Return the coefficients of v, v|v| and v³ of a damper that comes nearest to g and leaves no joint that is driven, shape (3,)."""
+    from scipy.optimize import lsq_linear
+
+    rate = np.linspace(parameters["rate_low"], parameters["rate_high"], 201)
+    alone = {**parameters, **dict.fromkeys((*TILT, *BOTH), 0.0)}
+    torques = torque(NumpyAlgebra(), JointState(0.0 * rate, rate, rate, 0.0), alone, ())
+    size = max(float(np.abs(rate).max()), 1e-9) ** np.arange(1, 4)
+    found = lsq_linear(-_polynomial(rate) / size, torques, ([-damping * size[0], 0.0, 0.0], np.inf))
+    return found.x / size
+
+
+def _value(name: str) -> Parameter:
+    return Parameter(
+        name=name, unit="N*m", size=lambda s: 0.1 * s.torque, low=-100.0, high=100.0, starts=(0.0,)
+    )
+
+
+def _edge(name: str) -> Parameter:
+    start = -1.0 if name.endswith("low") else 1.0
+    if name.startswith("tilt"):
+        return Parameter(
+            name=name,
+            unit="rad",
+            size=lambda s: s.amplitude,
+            low=-4.0,
+            high=4.0,
+            starts=(start,),
+            neutral=None,
+        )
+    return Parameter(
+        name=name, unit="rad/s", size=lambda s: s.rate, low=-4.0, high=4.0, starts=(start,), neutral=None
+    )
+
+
+_EXAMPLE = {"tilt_low": -0.2, "tilt_high": 0.2, "rate_low": -8.0, "rate_high": 8.0}
+"""A magnet in the middle of the `pink` board."""
+_EXAMPLE |= {
+    name: float(-12 * x / (1 + (x / 0.02) ** 2) ** 2)
+    for name, x in zip(TILT, 0.2 * knots(TILT_KNOTS, TILT_GRADING), strict=True)
+}
+
+EFFECT = TorqueEffect(
+    name="learned",
+    title="a learned torque",
+    family="learned",
+    role="learned",
+    parameters=(*map(_edge, SUPPORT), *map(_value, (*TILT, *RATE, *BOTH))),
+    law="τ = f(x) + g(v) + h(x, v): smooth tables, zero at rest, constant beyond what was measured",
+    source="smoothing splines, Wahba (1990); knots joined by Keys' cubic, IEEE Trans. ASSP 29 (1981)",
+    does="Whatever the data show that no formula of the catalogue does.",
+    look_alikes=(),
+    experiment="Release from more angles, to both sides: a table knows only where the deck has been.",
+    mujoco=MujocoSupport(
+        means=(
+            "of the tilt: slack tendons, straight between knots; of the rate: the nearest damper's polynomial; the rest by "
+            "a callback (sim.board.learned)"
+        ),
+        since="3.7",
+        warp=True,
+    ),
+    to_mjcf=to_mjcf,
+    example=tuple(_EXAMPLE.get(name, 0.0) for name in (*SUPPORT, *TILT, *RATE, *BOTH)),
+    torque=torque,
+    sharpness=3.0,
+    smoothness=smoothness,
+    support=SUPPORT,
+    memory="learned-memory",
+)

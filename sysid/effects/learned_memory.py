@@ -1,0 +1,89 @@
+"""A learned torque of one internal state: what the joint remembers of its path, without a formula.
+
+An arm is stretched by the motion and lets go as time passes and as the deck moves on:
+
+    τ = q(z),   ż = (v - |v| z) / a - z / T,   q(0) = 0
+
+Rubber that creeps forgets with time alone (a → ∞), a slider with rounded corners with the path alone (T → ∞); q is a smooth
+table.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import TYPE_CHECKING
+
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import JointState, MujocoSupport, Parameter, Smoothness, State, TorqueEffect
+from sysid.effects._table import bending, interpolate, knots, position
+
+if TYPE_CHECKING:
+    import mujoco
+
+KNOTS, GRADING = 4, 0.5
+STRETCH = tuple(f"stretch_{j}" for j in range(-KNOTS, KNOTS + 1) if j != 0)
+
+
+def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
+    """Return q(z) [N*m]."""
+    del motion
+    z = m.maximum(-1.0, m.minimum(1.0, states[0]))
+    return interpolate(m, position(m, z, GRADING), [parameters[name] for name in STRETCH])
+
+
+def stretching(m: Algebra, motion: JointState, z: Value, parameters: Values) -> Value:
+    """Return (v - |v| z) / a - z / T [1/s]."""
+    return (motion.rate - m.abs(motion.rate) * z) / parameters["reach"] - parameters["fading"] * z
+
+
+def held(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
+    """Return the stretch that is left of a slow drag from rest to the release angle and the hold after it."""
+    del stiffness
+    dragged = m.where(tilt > 0, 1.0, -1.0) * (1 - m.exp(-m.abs(tilt) / parameters["reach"]))
+    return dragged * m.exp(-parameters["fading"] * hold)
+
+
+@cache
+def smoothness() -> Smoothness:
+    """Return what keeps the table smooth; nothing of it is the spring's or the damper's."""
+    return Smoothness(names=STRETCH, tables=("stretch",), forms=(bending(KNOTS),), linear={})
+
+
+def to_mjcf(
+    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
+) -> tuple[str, ...]:
+    """Write nothing: MuJoCo has no such arm."""
+    del spec, joint, parameters, exact
+    return ("learned-memory: left out, MuJoCo has no joint that forgets",)
+
+
+EFFECT = TorqueEffect(
+    name="learned-memory",
+    title="a learned torque that remembers the path",
+    family="learned",
+    role="learned",
+    parameters=(
+        Parameter(
+            name="reach", unit="rad", size=lambda s: s.amplitude, low=0.01, high=10.0, starts=(0.1, 0.4, 10.0), neutral=None
+        ),
+        Parameter(
+            name="fading", unit="1/s", size=lambda s: s.frequency, low=0.0, high=20.0, starts=(0.0, 0.1, 0.5, 2.0),
+            neutral=None,
+        ),
+        *(
+            Parameter(name=name, unit="N*m", size=lambda s: 0.1 * s.torque, low=-100.0, high=100.0, starts=(0.0,))
+            for name in STRETCH
+        ),
+    ),
+    law="τ = q(z), ż = (v - |v| z) / a - z / T: a smooth table of what the joint remembers",
+    source="between Maxwell 1867 (a → ∞) and Bouc 1967 (T → ∞)",
+    does="The torque depends on where the deck came from: creep, slip, a second body.",
+    look_alikes=("viscoelastic", "hysteresis", "bouc-wen", "second-mode"),
+    experiment="Hold for 0.2 s and for 5 s before the release, and release from small and wide angles.",
+    mujoco=MujocoSupport(means="nothing: MuJoCo has no joint that forgets", since="", warp=False),
+    to_mjcf=to_mjcf,
+    example=(0.02, 0.0, *(-0.16 * knots(KNOTS, GRADING)).tolist()),
+    torque=torque,
+    states=(State(name="stretch", start=held, size=lambda s: 0.3, rate=stretching),),
+    sharpness=2.0,
+    smoothness=smoothness,
+)  # fmt: skip

@@ -1,0 +1,53 @@
+"""An inertia that changes along the way, as that of a joint in a loop of others does: known from a model."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import MujocoSupport, TorqueEffect
+from sysid.effects._harmonics import held, slope_of, value_of
+from sysid.errors import SysidError
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+def changing(m: Algebra, roll: Value, parameters: Values) -> tuple[Value, Value]:
+    """Return what it adds to the inertia at a roll [kg*m^2], and the derivative of that."""
+    return value_of(m, roll, parameters), slope_of(m, roll, parameters)
+
+
+def to_mjcf(
+    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
+) -> tuple[str, ...]:
+    """Refuse a bench: one body on a hinge has one inertia.
+
+    Raises:
+        SysidError: Unless nothing changes.
+    """
+    del spec, joint, exact
+    if any(parameters.values()):
+        raise SysidError(
+            "a bench of one body has one inertia, and this joint's changes along its way. Release it in its own model "
+            "(--model, --joint)."
+        )
+    return ()
+
+
+EFFECT = TorqueEffect(
+    name="linkage",
+    title="inertia that changes along the way",
+    family="inertia",
+    role="record",
+    parameters=held("kg*m^2"),
+    law="I → I + ΔI(φ), and τ = -½ ΔI'(φ) v²; ΔI = c₀ + a₁ sin φ + b₁ cos φ + a₂ sin 2φ + b₂ cos 2φ",
+    source="Lagrange's equation of one degree of freedom; the mass matrix of a model along the arc of the joint",
+    does="The joint is slower where it moves more mass, so its period changes with the amplitude.",
+    look_alikes=("cubic-stiffness", "gravity"),
+    experiment="Open the loop: without it the inertia is the same everywhere.",
+    mujoco=MujocoSupport(means="the loop of the model (equality constraints)", since="3.0", warp=True),
+    to_mjcf=to_mjcf,
+    example=(0.0, 0.0, 0.0, 0.0, 0.0),
+    changing=changing,
+    identifiable_from_decay=False,
+)

@@ -1,0 +1,86 @@
+"""The weight of what hangs on a joint, as a model of it states: known along the whole arc, so that it is not fitted."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from sysid.effects._algebra import Algebra, NumpyAlgebra, Value, Values
+from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect
+from sysid.effects._harmonics import held, slope_of, value_of
+from sysid.errors import SysidError
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
+    """Return s (c₀ + a₁ sin φ + b₁ cos φ + a₂ sin 2φ + b₂ cos 2φ) [N*m]."""
+    del states
+    return parameters["scale"] * value_of(m, motion.roll, parameters)
+
+
+def slope(parameters: Mapping[str, float], roll: float) -> float:
+    """Return the stiffness that it is for small motions about a roll [N*m/rad]."""
+    return -parameters["scale"] * float(slope_of(NumpyAlgebra(), roll, parameters))
+
+
+def to_mjcf(
+    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
+) -> tuple[str, ...]:
+    """Put the centre of mass of a bench's body where it pulls so; a model of the robot has its masses already.
+
+    Raises:
+        SysidError: More than one rigid body on a hinge pulls there.
+    """
+    del exact
+    body, p = joint.parent, parameters
+    force = body.mass * float(-spec.option.gravity[2])
+    if p["constant"] or p["sine2"] or p["cosine2"] or force <= 0:
+        raise SysidError(
+            "a bench of one body cannot pull as this weight does (a slide, a linkage, or gravity is off). Release the joint "
+            "in its own model (--model, --joint)."
+        )
+    y, z = -p["scale"] * p["cosine"] / force, p["scale"] * p["sine"] / force
+    about_own = body.inertia[0] - body.mass * (y * y + z * z)
+    if about_own <= 0:
+        raise SysidError(
+            f"the weight needs the mass {body.mass:.4g} kg {math.hypot(y, z):.3g} m off the axis, more than the inertia "
+            f"{body.inertia[0]:.4g} kg*m^2 allows. Check the mass."
+        )
+    body.ipos, body.inertia[0] = [0.0, y, z], about_own
+    return (
+        f"weight: centre of mass {math.hypot(y, z):.6g} m off the axis, inertia about the axis unchanged",
+    )
+
+
+EFFECT = TorqueEffect(
+    name="weight",
+    title="weight as the model states it",
+    family="hardening",
+    role="record",
+    parameters=(
+        Parameter(
+            name="scale",
+            unit="1",
+            size=lambda s: 1.0,
+            low=0.1,
+            high=10.0,
+            starts=(1.0,),
+            neutral=1.0,
+            held=True,
+        ),
+        *held("N*m"),
+    ),
+    law="τ = s (c₀ + a₁ sin φ + b₁ cos φ + a₂ sin 2φ + b₂ cos 2φ), all but s from the masses of a model",
+    source="mj_inverse along the arc of the joint; s = 1 unless it is bounded, and then fitted",
+    does="Pulls the joint to where its weight hangs, known in N·m: what is measured against it has a scale.",
+    look_alikes=("gravity", "stiffness of the record"),
+    experiment="Measure in another pose or with a known mass added: weight changes as the model says, a spring does not.",
+    mujoco=MujocoSupport(means="the masses of the model", since="3.0", warp=True),
+    to_mjcf=to_mjcf,
+    example=(1.0, 0.0, -1.0, 0.15, 0.0, 0.0),
+    torque=torque,
+    grounded=True,
+    identifiable_from_decay=False,
+    slope=slope,
+)

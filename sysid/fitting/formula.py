@@ -1,0 +1,343 @@
+"""A learned torque in words: the nearest formula of a small library, and what it may be.
+
+The learned torque is read off along the fitted motion, so that what the deck did often counts often. Whatever is linear in
+tilt or rate is spring and damper and fits any formula. A shape with a width or an angle of its own is searched along it.
+"""
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sysid.effects import catalogue
+from sysid.effects._algebra import Algebra, NumpyAlgebra, Value, Values
+from sysid.effects._base import JointState, MujocoSupport, Parameter, Scales, TorqueEffect, belongs_to_log
+from sysid.fitting.cross_validation import rms
+from sysid.fitting.learned_torque import learned_torque, tables_of
+from sysid.fitting.problem import Problem
+from sysid.fitting.result import JointFit
+from sysid.fitting.search import first_swings
+from sysid.fitting.smoothing import is_table
+from sysid.joint.structure import LINEAR, Structure
+from sysid.joint.trajectory import simulate
+from sysid.least_squares import Minimum, minimise
+from sysid.roll import Array
+
+Law = Callable[[Algebra, Value, Value, float], Value]
+"""Of the algebra, tilt [rad], rate [rad/s] and the shape's own width or angle."""
+GOOD = 1.02
+"""Error of a formula over that of the tables up to which it is as good."""
+CANDIDATES = 4
+"""How many of the nearest shapes are fitted."""
+_STEPS = 120
+"""Steps a period of those fits."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shape:
+    """One formula of the library."""
+
+    name: str
+    law: Law
+    code: str
+    """The same in the language of an effect's file, with x, v and a."""
+    text: str
+    """The term as a formula, with {a} for its width or angle in degrees."""
+    words: str
+    """What it does and may be, with {a} [deg] and {c}: the torque that it reaches, or what it takes, with its unit."""
+    opposite: str = ""
+    """The same where the torque drives instead of holding back; '' where that is the same thing."""
+    widths: tuple[float, ...] = ()
+    """What `a` is tried at, over the largest tilt; a sine's wave length is one too."""
+    unit: str = ""
+    """Of its coefficient."""
+
+
+_ANGLES = tuple(np.linspace(0.1, 0.9, 33))
+_WIDTHS = tuple(np.geomspace(0.02, 0.4, 25))
+_WAVES = tuple(1 / np.linspace(0.5, 8, 76))
+SHAPES: tuple[Shape, ...] = (
+    Shape(
+        name="magnet", law=lambda m, x, v, a: -x * m.exp(-0.5 * (x / a) ** 2), code="-x * m.exp(-0.5 * (x / a) ** 2)",
+        text="x exp(-½ (x/{a}°)²)", words="pulls to the middle within {a2}°: a magnet or a detent; {c}",
+        opposite="pushes away from the middle within {a2}°: a dead centre or a repelling magnet; {c}", widths=_WIDTHS,
+        unit="N*m/rad",
+    ),
+    Shape(
+        name="magnet with wide tails", law=lambda m, x, v, a: -x / (1 + (x / a) ** 2) ** 2, code="-x / (1 + (x / a) ** 2) ** 2",
+        text="x/(1 + (x/{a}°)²)²", words="pulls to the middle within {a}°: a magnet; {c}",
+        opposite="pushes away from the middle within {a}°: a repelling magnet; {c}", widths=_WIDTHS, unit="N*m/rad",
+    ),
+    Shape(
+        name="cogging", law=lambda m, x, v, a: -m.sin(6.283185307 * x / a), code="-m.sin(6.283185307 * x / a)",
+        text="sin(360° x/{a}°)", words="comes in waves of {a}°: cogging, teeth or poles of a motor; {c}", widths=_WAVES,
+        unit="N*m",
+    ),
+    Shape(
+        name="right bumper", law=lambda m, x, v, a: -m.maximum(x - a, 0.0), code="-m.maximum(x - a, 0.0)",
+        text="max(x - {a}°, 0)", words="acts beyond {a}° on the right only: a bumper on one side; {c}",
+        opposite="lets go beyond {a}° on the right only; {c}", widths=_ANGLES, unit="N*m/rad",
+    ),
+    Shape(
+        name="left bumper", law=lambda m, x, v, a: m.maximum(-x - a, 0.0), code="m.maximum(-x - a, 0.0)",
+        text="min(x + {a}°, 0)", words="acts beyond {a}° on the left only: a bumper on one side; {c}",
+        opposite="lets go beyond {a}° on the left only; {c}", widths=_ANGLES, unit="N*m/rad",
+    ),
+    Shape(
+        name="fifth power", law=lambda m, x, v, a: -x**5, code="-x**5", text="x⁵",
+        words="hardens at wide tilts only, like x⁵: rubber that is pressed flat; {c}",
+        opposite="softens at wide tilts only, like x⁵; {c}", unit="N*m/rad^5",
+    ),
+    Shape(
+        name="cubic", law=lambda m, x, v, a: -x**3, code="-x**3", text="x³", words="hardens like x³; {c}",
+        opposite="softens like x³; {c}", unit="N*m/rad^3",
+    ),
+    Shape(
+        name="square", law=lambda m, x, v, a: -x * m.abs(x), code="-x * m.abs(x)", text="x|x|",
+        words="hardens in proportion to the tilt, like x|x|; {c}", opposite="softens in proportion to the tilt; {c}",
+        unit="N*m/rad^2",
+    ),
+    Shape(
+        name="lopsided square", law=lambda m, x, v, a: -(x**2), code="-(x**2)", text="x²",
+        words="is stiffer the farther to one side, like x²; {c}", unit="N*m/rad^2",
+    ),
+    Shape(
+        name="lopsided", law=lambda m, x, v, a: -m.abs(x), code="-m.abs(x)", text="|x|",
+        words="is a spring stiffer on one side, like |x|; {c}", unit="N*m/rad",
+    ),
+    Shape(
+        name="one-way damper", law=lambda m, x, v, a: -m.abs(v), code="-m.abs(v)", text="|v|",
+        words="damps in one direction more than in the other, like max(v, 0): a one-way damper; {c}", unit="N*m*s/rad",
+    ),
+    Shape(
+        name="root of the rate", law=lambda m, x, v, a: -v / (m.abs(v) + 1e-6) ** 0.5, code="-v / (m.abs(v) + 1e-6) ** 0.5",
+        text="sgn v √|v|", words="brakes like the root of the rate: a seal, or a thin film; {c}", unit="N*m*s^0.5/rad^0.5",
+    ),
+    Shape(
+        name="dry friction", law=lambda m, x, v, a: -v / (m.abs(v) + 1e-3), code="-v / (m.abs(v) + 1e-3)", text="sgn v",
+        words="brakes alike at all rates: dry friction; {c}", unit="N*m",
+    ),
+    Shape(
+        name="quadratic drag", law=lambda m, x, v, a: -v * m.abs(v), code="-v * m.abs(v)", text="v|v|",
+        words="brakes like v|v|: drag of air or oil; {c}", unit="N*m*s^2/rad^2",
+    ),
+    Shape(
+        name="cubic drag", law=lambda m, x, v, a: -v**3, code="-v**3", text="v³", words="brakes like v³; {c}", unit="N*m*s^3/rad^3",
+    ),
+    Shape(
+        name="damping by the tilt", law=lambda m, x, v, a: -m.abs(x) * v, code="-m.abs(x) * v", text="|x| v",
+        words="damps more the wider the tilt, like |x| v; {c}", opposite="damps less the wider the tilt; {c}", unit="N*m*s/rad^2",
+    ),
+    Shape(
+        name="damping by the tilt squared", law=lambda m, x, v, a: -x * x * v, code="-x * x * v", text="x² v",
+        words="damps more the wider the tilt, like x² v: rubber that is pressed, or a linkage; {c}",
+        opposite="damps less the wider the tilt, like x² v; {c}", unit="N*m*s/rad^3",
+    ),
+    Shape(
+        name="damping on one side", law=lambda m, x, v, a: -x * v, code="-x * v", text="x v",
+        words="damps more on one side, like x v; {c}", unit="N*m*s/rad^2",
+    ),
+    Shape(
+        name="drag to one side", law=lambda m, x, v, a: -v * v, code="-v * v", text="v²",
+        words="pushes to one side when it is fast, like v²; {c}", unit="N*m*s^2/rad^2",
+    ),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Formula:
+    """What a learned torque looks like."""
+
+    shapes: tuple[Shape, ...]
+    coefficients: tuple[float, ...]
+    """In the shapes' units."""
+    widths: tuple[float, ...]
+    """Their widths, angles or wave lengths [rad]; 0 where one has none."""
+    share: float
+    """Of the learned torque beyond spring and damper, squared, that it carries [1]."""
+    error: float
+    """Root mean square residual with it in the place of the tables [rad or rad/s]."""
+    good: bool
+    """Whether it is as good as the tables."""
+    text: str
+    """In words."""
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """The effects of the catalogue whose law it is; empty where one of its terms is in none."""
+        laws = {
+            part.formula.split("} ")[-1].replace("φ̇", "v").replace("φ", "x"): n
+            for n, part in catalogue().items()
+        }
+        names = tuple(laws.get(shape.text, "") for shape in self.shapes)
+        return names if all(names) else ()
+
+
+def formula_of(fit: JointFit) -> Formula | None:
+    """Return the formula nearest to what a fit has learned; None where nothing was learned of tilt and rate.
+
+    The shapes that come nearest to the tables are fitted to the releases in their place, and so are the effects that remember
+    their path; the best one is taken.
+    """
+    if not tables_of(fit):
+        return None
+    x, v = _motion(fit)
+    torque, _ = learned_torque(fit, x, v)
+    plain = np.column_stack([x, v])
+    left = _without(plain, torque)
+    power, reach = float(left @ left), float(np.abs(x).max())
+    if not power > (1e-6 * fit.law.stiffness * reach) ** 2 * len(x):
+        return None
+    columns: list[_Column] = []
+    for shape in SHAPES:
+        for width in shape.widths or (0.0,):
+            column = _without(plain, np.asarray(shape.law(NumpyAlgebra(), x, v, width * reach or 1.0)))
+            if float(column @ column) > 1e-12:
+                columns.append((shape, width * reach, column))
+    found = [_fitted(fit, chosen, left) for chosen in _candidates(columns, left)]
+    # A parameter must pay for itself, as everywhere: BIC's price.
+    best = min(found, key=lambda item: 2 * item[1].normal.cost + len(item[2].names) * np.log(item[2].samples))
+    chosen, minimum, problem = best
+    values = problem.parameters(minimum.point)
+    coefficients = [values[f"{_NAME}.coefficient_{i}"] for i in range(len(chosen))]
+    widths = [values[f"{_NAME}.width_{i}"] for i in range(len(chosen))]
+    here = [
+        c * _without(plain, np.asarray(shape.law(NumpyAlgebra(), x, v, width)))
+        for (shape, _, _), c, width in zip(chosen, coefficients, widths, strict=True)
+    ]
+    rest = left - sum(here)
+    terms = " + ".join(
+        shape.text.format(a=_degrees(width)) for (shape, _, _), width in zip(chosen, widths, strict=True)
+    )
+    parts = [
+        _said(shape, c, width, float(np.quantile(np.abs(column), 0.999)))
+        for (shape, _, _), c, width, column in zip(chosen, coefficients, widths, here, strict=True)
+    ]
+    share = max(0.0, 1 - float(rest @ rest) / power)
+    return Formula(
+        shapes=tuple(shape for shape, _, _ in chosen),
+        coefficients=tuple(coefficients),
+        widths=tuple(widths),
+        share=share,
+        error=rms(problem.residuals(minimum.point)),
+        good=rms(problem.residuals(minimum.point)) <= GOOD * fit.rmse,
+        text=f"{' and '.join(parts)}. {terms} carries {100 * share:.0f} % of the learned torque",
+    )
+
+
+_Column = tuple[Shape, float, Array]
+"""A shape, its width [rad] and its torque along the motion, without what spring and damper can do, shape (n,)."""
+_NAME = "formula"
+
+
+def _candidates(columns: Sequence[_Column], left: Array) -> list[tuple[_Column, ...]]:
+    """Return the shapes that come nearest, each at its best width, and the nearest two bumpers."""
+    best: dict[str, tuple[float, _Column]] = {}
+    for column in columns:
+        rest = _rest([column], left)
+        if column[0].name not in best or rest < best[column[0].name][0]:
+            best[column[0].name] = rest, column
+    nearest = sorted(best.values(), key=lambda item: item[0])
+    singles = [(column,) for _, column in nearest[:CANDIDATES]]
+    stops = [column for column in columns if column[0].name.endswith("bumper")]
+    pairs = [pair for pair in itertools.combinations(stops[::2], 2) if pair[0][0] is not pair[1][0]]
+    two = min(pairs, key=lambda pair: _rest(pair, left))
+    return [*singles, two] if _rest(two, left) < 0.5 * nearest[0][0] else singles
+
+
+def _fitted(
+    fit: JointFit, chosen: tuple[_Column, ...], left: Array
+) -> tuple[tuple[_Column, ...], Minimum, Problem]:
+    """Fit the formula to the releases in the place of the tables."""
+    old = fit.problem
+    kept = tuple(part.name for part in old.structure.parts if not is_table(part))
+    structure = Structure(kept, (effect_of([shape for shape, _, _ in chosen]),))
+    held = {
+        f"{_NAME}.width_{i}": width or 1.0 for i, (shape, width, _) in enumerate(chosen) if not shape.widths
+    }
+    known = {name: value for name, value in old.fixed.items() if name.split(".")[0] in (*kept, *LINEAR)}
+    problem = old.with_(
+        structure=structure, smoothing=(), bounded={}, fixed={**known, **held}, steps_per_period=_STEPS
+    )
+    guess = np.linalg.lstsq(np.column_stack([c[2] for c in chosen]), left, rcond=None)[0]
+    start = {**fit.law.parameters}
+    for i, ((_, width, _), coefficient) in enumerate(zip(chosen, guess, strict=True)):
+        start |= {f"{_NAME}.coefficient_{i}": float(coefficient), f"{_NAME}.width_{i}": width or 1.0}
+    point = problem.start(start)
+    for periods in (2.5, np.inf):
+        short = problem.with_(records=[first_swings(r, problem.scales, periods) for r in problem.records])
+        point = minimise(short.normal, point, *short.bounds(), iterations=20, tolerance=1e-5).point
+    return chosen, minimise(problem.normal, point, *problem.bounds(), iterations=20), problem
+
+
+def effect_of(shapes: Sequence[Shape]) -> TorqueEffect:
+    """Return an effect whose torque is a sum of shapes, with a coefficient and a width each."""
+
+    def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
+        terms = [
+            parameters[f"coefficient_{i}"] * shape.law(m, motion.tilt, motion.rate, parameters[f"width_{i}"])
+            for i, shape in enumerate(shapes)
+        ]
+        return sum(terms[1:], terms[0])
+
+    def size(shape: Shape) -> Callable[[Scales], float]:
+        return lambda s: (
+            0.1
+            * s.torque
+            / max(
+                abs(float(shape.law(NumpyAlgebra(), side * s.amplitude, s.rate, 0.3 * s.amplitude)))
+                for side in (-1, 1)
+            )
+        )
+
+    parameters: list[Parameter] = []
+    for i, shape in enumerate(shapes):
+        parameters += [
+            Parameter(name=f"coefficient_{i}", unit=shape.unit, size=size(shape), low=-1e3, high=1e3),
+            Parameter(
+                name=f"width_{i}", unit="rad", size=lambda s: s.amplitude, low=0.005, high=3.0, neutral=None
+            ),
+        ]
+    return TorqueEffect(
+        name=_NAME, title="a formula", family="learned", parameters=tuple(parameters), law="", source="", does="",
+        look_alikes=(), experiment="", mujoco=MujocoSupport(means="", since="", warp=False), to_mjcf=belongs_to_log,
+        example=(), torque=torque,
+    )  # fmt: skip
+
+
+def _rest(columns: Sequence[tuple[Shape, float, Array]], left: Array) -> float:
+    """Return the sum of squares that some columns leave."""
+    table = np.column_stack([column for _, _, column in columns])
+    square = table.T @ table
+    size = np.sqrt(np.diag(square))
+    if np.linalg.cond(square / np.outer(size, size)) > 1e4:  # two terms that cancel say nothing
+        return float("inf")
+    along = table.T @ left
+    return max(float(left @ left - along @ np.linalg.solve(square, along)), 0.0)
+
+
+def _without(plain: Array, column: Array) -> Array:
+    """Take out of a torque what spring and damper can do."""
+    return column - plain @ np.linalg.lstsq(plain, column, rcond=None)[0]
+
+
+def _motion(fit: JointFit) -> tuple[Array, Array]:
+    """Return tilt [rad] and rate [rad/s] along the fitted releases, shape (n,) each."""
+    law = fit.law.of_joint()
+    tilts: list[Array] = []
+    rates: list[Array] = []
+    for record, (roll, rate) in zip(fit.records, fit.starts, strict=True):
+        path = simulate(law, np.linspace(0.0, float(record.time[-1]), 1500), roll, rate)
+        tilts.append(path.roll - law.rest_angle)
+        rates.append(path.rate)
+    return np.concatenate(tilts), np.concatenate(rates)
+
+
+def _degrees(angle: float) -> str:
+    return f"{np.degrees(angle):.3g}"
+
+
+def _said(shape: Shape, coefficient: float, width: float, torque: float) -> str:
+    words = shape.opposite if coefficient < 0 and shape.opposite else shape.words
+    return words.format(a=_degrees(width), a2=_degrees(2 * width), c=f"{torque:.2g} N·m")

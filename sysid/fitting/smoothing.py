@@ -1,0 +1,291 @@
+"""Fit of torques that are tables: through the motion, as smooth as releases that were left out want them.
+
+The roughness of each table counts in the sum of squares as a measurement would. Its weight is the one with which other motion
+is predicted best, found from the normal equations of each release alone: near a fit everything is linear, and leaving a
+release out is algebra. A table that gains nothing stays zero.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from sysid.effects._base import Effect, Scales, TorqueEffect
+from sysid.fitting.problem import Problem
+from sysid.fitting.records import Bias, Record
+from sysid.fitting.search import first_swings, measured_rest, search, starting_points
+from sysid.joint.law import JointLaw
+from sysid.joint.structure import Structure, structure_of
+from sysid.joint.trajectory import simulate
+from sysid.least_squares import Minimum, minimise
+from sysid.noise.whiteness import correlation_length
+from sysid.roll import Array
+
+FLAT = 1e12
+"""Weight of a table that is zero."""
+_WEIGHTS = (FLAT, *(10.0**e for e in (6, 5, 4, 3, 2, 1, 0, -1, -2)))
+"""Weights that are tried, from flat to free, for values in units of a tenth of the spring's torque."""
+_PERIODS = (1.25, 2.5, 5.0, 10.0, np.inf)
+"""Of each release, that are fitted one after another: in the first swings no model is out of step yet."""
+_STRETCHES = 6
+"""Of one release alone, each predicted from the others."""
+CLEAR = 6.0
+"""Held-out log-likelihood that a learned torque must gain [nats], and"""
+_GAIN = 1.0
+"""that a weight one step lower must."""
+_ROUNDS = 5
+"""In which weights are chosen again, for each stretch of the motion."""
+_COLOURED = 1.5
+"""Correlation length of what is left [samples] from which an internal state is tried: noise has one."""
+_COARSE = 40
+"""Steps a period while weights are sought."""
+
+
+def learn(
+    structure: Structure,
+    records: Sequence[Record],
+    scales: Scales,
+    *,
+    bias: Bias,
+    fixed: Mapping[str, float],
+    bounded: Mapping[str, tuple[float, float]],
+    steps_per_period: int,
+) -> tuple[Problem, Minimum, int]:
+    """Fit a structure with learned torques, from the fit of the same joint without them.
+
+    Returns:
+        The problem with its weights, its minimum, and how many evaluations it all took.
+    """
+    plain = structure_of([p.name for p in structure.parts if not is_table(p)])
+    own = set(plain.parameters)
+    before, found, evaluations = search(
+        plain, records, scales, bias=bias, steps_per_period=_COARSE,
+        fixed={n: v for n, v in fixed.items() if n in own}, bounded={n: e for n, e in bounded.items() if n in own},
+    )  # fmt: skip
+    known = before.parameters(found.point)
+    if (
+        "rest_angle" in before.names
+    ):  # where a lopsided joint rests, not the middle of its swings: the tables are zero there
+        known["rest_angle"] = measured_rest(records)
+    edges = support_of(before, found, structure, known["rest_angle"])
+    problem = before.with_(bounded=dict(bounded), fixed={**before.fixed, **fixed})
+    tables = [part for part in structure.torques if part.smoothness]
+    remembering = [part.memory for part in tables if part.memory and part.memory not in structure.effects]
+    first = with_structure(problem, structure, edges)
+    problem, found, more = _learned(first, extended(first, known, before, found.point))
+    evaluations += more
+    if remembering and correlation_length(problem.residuals(found.point)) > _COLOURED:
+        richer, there, more = _remembering(problem, found, (*structure.effects, *remembering))
+        evaluations += more
+        if gain(problem, found, richer, there) > CLEAR:
+            problem, found = richer, there
+    fine = problem.with_(steps_per_period=steps_per_period)
+    minimum = minimise(fine.normal, found.point, *fine.bounds(), iterations=30)
+    return fine, minimum, evaluations + minimum.evaluations
+
+
+def with_structure(
+    problem: Problem, structure: Structure, fixed: Mapping[str, float] | None = None
+) -> Problem:
+    """Return a problem with another structure, its tables flat."""
+    return problem.with_(
+        structure=structure,
+        fixed={**problem.fixed, **(fixed or {})},
+        free_states=bool(structure.internal_states) and any(r.release.hold <= 0 for r in problem.records),
+        smoothing=tuple(
+            FLAT for part in structure.torques if part.smoothness for _ in part.smoothness().tables
+        ),
+    )
+
+
+def _learned(
+    problem: Problem, point: Array, horizons: Sequence[float] = _PERIODS
+) -> tuple[Problem, Minimum, int]:
+    """Fit tables from a point on, first swings first, with weights that are chosen again as the fit comes nearer."""
+    evaluations = 0
+    for periods in horizons:
+        here = problem.with_(records=[first_swings(r, problem.scales, periods) for r in problem.records])
+        low, high = here.bounds()
+        if "rest_angle" in here.names and np.isfinite(
+            periods
+        ):  # few swings tell a rest angle from a bend nowhere
+            at = here.names.index("rest_angle")
+            low[at] = high[at] = point[at]
+        for _ in range(_ROUNDS):
+            found = minimise(here.normal, point, low, high, iterations=15, tolerance=1e-5)
+            point, evaluations = found.point, evaluations + found.evaluations
+            weights = chosen_weights(here, point)
+            if weights == here.smoothing:
+                break
+            here = here.with_(smoothing=weights)
+        problem = problem.with_(smoothing=here.smoothing)
+    return problem, minimise(problem.normal, point, *problem.bounds(), iterations=10), evaluations
+
+
+def _remembering(problem: Problem, found: Minimum, effects: Sequence[str]) -> tuple[Problem, Minimum, int]:
+    """Fit the same tables beside an internal state, from where that promises most."""
+    structure = structure_of(effects)
+    richer = with_structure(problem, structure)
+    known = problem.parameters(found.point)
+    starts = [
+        extended(richer, {**start, **known}, problem, found.point)
+        for start in starting_points(structure, problem.scales)
+    ]
+    weights = (*problem.smoothing, *richer.smoothing[len(problem.smoothing) :])
+    point = max(starts, key=lambda start: _chosen(_Linearised(richer, start), weights)[1])
+    return _learned(richer.with_(smoothing=weights), point, _PERIODS[-1:])
+
+
+def gain(problem: Problem, found: Minimum, richer: Problem, there: Minimum) -> float:
+    """Return by how much a richer problem predicts better what is left out: a difference of log-likelihoods [nats]."""
+    one, other = _Linearised(problem, found.point), _Linearised(richer, there.point)
+    before, after = one.missed(problem.smoothing), other.missed(richer.smoothing)
+    return 0.5 * other.samples / other.memory * float(np.log(before / after))
+
+
+def chosen_weights(problem: Problem, point: Array) -> tuple[float, ...]:
+    """Return the weight of each table with which motion that is left out is predicted best; all flat if none is clearly better.
+
+    Args:
+        problem: With a weight for each table.
+        point: Near its minimum, in units of the unknowns' sizes, shape (p,).
+    """
+    linear = _Linearised(problem, point)
+    flat = (FLAT,) * len(problem.smoothing)
+    weights, best = _chosen(linear, flat)
+    return weights if best > linear.score(flat) + CLEAR else flat
+
+
+def _chosen(linear: "_Linearised", weights: tuple[float, ...]) -> tuple[tuple[float, ...], float]:
+    """Choose the weights of tables one after another, each as flat as those that predict as well; and the score."""
+    best = linear.score(weights)
+    for _ in range(3):
+        before = weights
+        for table in range(len(weights)):
+            tried = [(*weights[:table], weight, *weights[table + 1 :]) for weight in _WEIGHTS]
+            scores = [best if w == weights else linear.score(w) for w in tried]
+            first = next(i for i, score in enumerate(scores) if score > max(scores) - _GAIN)
+            weights, best = tried[first], scores[first]
+        if weights == before:
+            break
+    return weights, best
+
+
+class _Linearised:
+    """The residuals of a problem near a point, as parts that are predicted from one another."""
+
+    def __init__(self, problem: Problem, point: Array) -> None:
+        self.problem, self.shared = problem, len(problem.names)
+        rows = problem.linearise(point)
+        sizes = problem.sizes()
+        own = problem.n_local
+        stds = [record.std / np.sqrt(problem.average) for record in problem.records]
+        parts: list[tuple[Array, Array]] = []
+        for index, ((residual, jacobian), std) in enumerate(zip(rows, stds, strict=True)):
+            at = slice(self.shared + index * own, self.shared + (index + 1) * own)
+            where = np.r_[0 : self.shared, at]
+            parts.append((residual / std, jacobian * sizes[where] / std))
+        self.start = point[: self.shared]
+        if len(parts) == 1:  # its start is known to all stretches
+            residual, jacobian = parts[0]
+            length = max(1, len(residual) // (4 * _STRETCHES))
+            fold = np.arange(len(residual)) // length % _STRETCHES
+            parts = [(residual[fold == f], jacobian[fold == f]) for f in range(_STRETCHES)]
+        else:
+            parts = [_without_start(r, j, self.shared) for r, j in parts]
+        self.squares = [float(r @ r) for r, _ in parts]
+        self.gradients = [j.T @ r for r, j in parts]
+        self.hessians = [j.T @ j for _, j in parts]
+        self.samples = sum(len(r) for r, _ in parts)
+        step = self._step(
+            sum(self.gradients), sum(self.hessians), self._prior((1.0,) * len(problem.smoothing))
+        )
+        self.memory = max(correlation_length([r + j @ step for r, j in parts]), 1.0)
+
+    def score(self, weights: tuple[float, ...]) -> float:
+        """Return the log-likelihood of each part as the others predict it [nats]."""
+        return -0.5 * self.samples / self.memory * float(np.log(self.missed(weights)))
+
+    def missed(self, weights: tuple[float, ...]) -> float:
+        """Return the sum of squares that is missed of each part by what the others say [1]."""
+        prior = self._prior(weights)
+        gradient, hessian = sum(self.gradients), sum(self.hessians)
+        total = 0.0
+        for c, g, h in zip(self.squares, self.gradients, self.hessians, strict=True):
+            step = self._step(gradient - g, hessian - h, prior)
+            total += c + 2 * float(g @ step) + float(step @ h @ step)
+        return max(total, 1e-300)
+
+    def _prior(self, weights: tuple[float, ...]) -> Array:
+        prior = self.problem.with_(smoothing=weights).prior
+        whole = np.zeros((len(self.gradients[0]),) * 2)
+        whole[: self.shared, : self.shared] = prior
+        return whole
+
+    def _step(self, gradient: Array, hessian: Array, prior: Array) -> Array:
+        """Return where the minimum of some parts and the prior is, from the point."""
+        pull = gradient + prior[:, : self.shared] @ self.start
+        matrix = hessian + prior
+        scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-12 * float(np.diag(matrix).max())))
+        inner = matrix * np.outer(scale, scale) + 1e-12 * np.eye(len(pull))
+        return -scale * np.linalg.solve(inner, scale * pull)
+
+
+def _without_start(residual: Array, jacobian: Array, shared: int) -> tuple[Array, Array]:
+    """Take out of a release what its own start could explain."""
+    basis, _ = np.linalg.qr(jacobian[:, shared:])
+    inner = jacobian[:, :shared]
+    return residual - basis @ (basis.T @ residual), inner - basis @ (basis.T @ inner)
+
+
+def is_table(part: Effect) -> bool:
+    """Return whether an effect is a table that is learned."""
+    return isinstance(part, TorqueEffect) and part.smoothness is not None
+
+
+def support_of(
+    problem: Problem, minimum: Minimum, structure: Structure, rest_angle: float
+) -> dict[str, float]:
+    """Return where a structure's tables have data: the parameters that say so, by the structure's names [rad or rad/s].
+
+    Args:
+        problem: Of the joint without tables.
+        minimum: Of it.
+        structure: With tables.
+        rest_angle: From which tilts count [rad].
+    """
+    law = JointLaw.from_vector(problem.structure, problem.vector_of(problem.parameters(minimum.point)))
+    own = (minimum.point * problem.sizes())[len(problem.names) :].reshape(len(problem.records), -1)
+    ends: list[tuple[float, ...]] = []
+    for record, start in zip(problem.records, own, strict=True):
+        path = simulate(law.of_joint(), np.r_[0.0, record.time], start[0], start[1])
+        tilt = (record.release.roll if not record.is_rate else path.roll) - rest_angle
+        ends.append((float(tilt.min()), float(tilt.max()), float(path.rate.min()), float(path.rate.max())))
+    low, high = np.min(ends, axis=0), np.max(ends, axis=0)
+    found = (low[0], high[1], low[2], high[3])
+    return {
+        f"{part.name}.{name}": float(value)
+        for part in structure.torques
+        for name, value in zip(part.support, found, strict=False)
+    }
+
+
+def extended(problem: Problem, known: Mapping[str, float], before: Problem, point: Array) -> Array:
+    """Return the unknowns of a problem with tables: parameters that are not known zero, starts as another problem had them.
+
+    Args:
+        problem: With tables.
+        known: Parameters in their units.
+        before: Of the same records.
+        point: Of it, in units of its unknowns' sizes, shape (p,).
+
+    Returns:
+        In units of the sizes, shape (q,).
+    """
+    start = problem.start({**dict.fromkeys(problem.names, 0.0), **known})
+    for index in range(len(problem.records)):
+        here = len(problem.names) + index * problem.n_local
+        there = len(before.names) + index * before.n_local
+        start[here : here + 2] = point[there : there + 2]
+        if problem.bias == "per-release":
+            start[here + problem.n_local - 1] = point[there + before.n_local - 1]
+    return start

@@ -1,0 +1,112 @@
+"""What a running measurement has shown so far: releases, stiffness and damping, and which release would help most."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sysid.board import Board
+from sysid.errors import SysidError
+from sysid.free_decay import FreeDecay, fit_decay
+from sysid.quantity import Quantity
+from sysid.recording import Recording
+from sysid.roll import Release
+
+EACH_SIDE = 3
+"""Releases from each side that a diagnosis is well served with: one of them can be left out and two remain."""
+SPREAD = 3.0
+"""Ratio of the widest to the smallest first amplitude from which what grows with it shows."""
+BEGINNING = 0.3
+"""Stretch at the beginning of a log in which nobody has touched the deck yet [s]."""
+SAME_REST = 0.4
+"""Share of an amplitude by which two rest levels may differ: friction makes less, a hand that holds the deck all of it."""
+WIDE = np.radians(10.0)
+"""Where nobody has released yet [rad]."""
+_NUMBERS = ("no", "one", "two", "three")
+
+
+@dataclass(frozen=True, slots=True)
+class Numbers:
+    """Stiffness and damping after some releases."""
+
+    releases: int
+    stiffness: Quantity
+    damping: Quantity
+
+
+@dataclass(slots=True)
+class Session:
+    """A measurement that grows."""
+
+    board: Board
+    grows: bool = False
+    """Whether the log is still being written."""
+    releases: list[Release] = field(default_factory=list[Release])
+    """The free decays that have ended."""
+    decay: FreeDecay | None = None
+    """Of all of them."""
+    trouble: str = ""
+    """Why they have no numbers."""
+    history: list[Numbers] = field(default_factory=list[Numbers])
+
+    def take(self, recordings: Sequence[Recording]) -> bool:
+        """Take what has been read so far, and return whether another release has ended.
+
+        Args:
+            recordings: All of them; a log that has grown, in place of what it was.
+        """
+        found = [
+            r for recording in recordings for r in (_ended(recording) if self.grows else recording.releases)
+        ]
+        known = {(release.log, round(release.start, 1)) for release in self.releases}
+        if not any((release.log, round(release.start, 1)) not in known for release in found):
+            return False
+        self.releases = found
+        try:
+            self.decay = fit_decay(found, board=self.board)
+        except SysidError as error:
+            self.trouble = str(error)
+        else:
+            self.trouble = ""
+            numbers = self.decay.numbers
+            self.history.append(Numbers(len(found), numbers.stiffness, numbers.damping))
+        return True
+
+    @property
+    def next_step(self) -> str:
+        """Which release would help most, in words; or that there are enough."""
+        return next_release(self.releases)
+
+
+def _ended(recording: Recording) -> list[Release]:
+    """Return the free decays of a log that is still being written, without a hand that has tilted the deck and holds it.
+
+    That looks like a decay to where the deck is held, until it is let go. A decay ends where the others do, or where the
+    deck was when the log began.
+    """
+    roll = recording.roll
+    begun = float(np.median(roll.roll[roll.time < roll.time[0] + BEGINNING]))
+    level = float(np.median([begun, *(release.rest for release in recording.releases)]))
+    return [r for r in recording.releases if abs(r.rest - level) < SAME_REST * r.amplitude]
+
+
+def next_release(releases: Sequence[Release]) -> str:
+    """Return which release would help most: from which side, and from how far.
+
+    Args:
+        releases: So far.
+    """
+    counts = {side: sum(r.side == side for r in releases) for side in ("right", "left")}
+    side = min(counts, key=lambda name: counts[name])
+    needed = EACH_SIDE - counts[side]
+    sizes = [r.amplitude for r in releases]
+    if not sizes:
+        return f"Hold the deck still at {np.degrees(WIDE):.0f}°, {side} edge down, let go, and leave it until it rests."
+    widest, smallest = max(sizes), min(sizes)
+    small = f"{np.degrees(widest) / SPREAD:.1g}"
+    if needed > 0:
+        angle = small if widest < SPREAD * smallest else f"{np.degrees(widest):.2g}"
+        return f"{_NUMBERS[needed].capitalize()} more from the {side}, from {angle}°."
+    if widest < SPREAD * smallest:
+        return f"One more from {small}°: all so far were about as wide, and what grows with amplitude does not show."
+    return "Enough for a diagnosis; more releases make it surer."

@@ -1,0 +1,131 @@
+"""`live` shows numbers after each release of a replayed phone, keeps the log, and serves its page to this machine only."""
+
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from urllib.request import ProxyHandler, build_opener
+
+import psutil
+import pytest
+from command_line import husky
+from recorded_phone import recorded_phone
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def export(tmp_path_factory):
+    path = tmp_path_factory.mktemp("export") / "tip.zip"
+    husky("synth", "-b", "pink", "--releases", "2", "--rate", "200", "--dialect", "phyphox", "-o", path)
+    return path
+
+
+def start(*arguments):
+    return subprocess.Popen(
+        [sys.executable, "-u", "-m", "sysid.cli", "live", "--board", "pink", "--port", "0", *map(str, arguments)],
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=ROOT,
+    )  # fmt: skip
+
+
+def fetch(address):
+    with build_opener(ProxyHandler({})).open(address) as answer:
+        return answer.read().decode()
+
+
+def test_a_replayed_phone_gives_numbers_and_a_kept_log(export, tmp_path):
+    with recorded_phone(export, pace=2.0) as (_, address):
+        done = husky(
+            "live",
+            "-b",
+            "pink",
+            "--phone",
+            address,
+            "--releases",
+            "2",
+            "--port",
+            "0",
+            "--workspace",
+            tmp_path,
+        )
+    assert done.returncode == 0, done.stderr
+    lines = re.findall(
+        r"release (\d): .* from the (\w+)   k = (.*) N·m/rad   d = (.*) N·m·s/rad", done.stdout
+    )
+    assert [line[:2] for line in lines] == [("1", "right"), ("2", "left")]
+    value, half = map(float, lines[1][2].split(" ± "))
+    assert abs(value - 14.68) < half
+    assert "Three more from the left, from 3°." in done.stdout
+    (log,) = (tmp_path / "logs").iterdir()
+    assert husky("decay", log, "-b", "pink", "--workspace", tmp_path).returncode == 0
+
+
+def test_a_phone_that_falls_silent_leaves_its_log(export, tmp_path):
+    with recorded_phone(export, pace=5.0) as (phone, address):
+        threading.Timer(3.0, lambda: setattr(phone, "broken", True)).start()
+        done = husky("live", "-b", "pink", "--phone", address, "--port", "0", "--workspace", tmp_path)
+    assert done.returncode == 1
+    assert "kept in" in done.stderr
+    (log,) = (tmp_path / "logs").iterdir()
+    assert (log / "Gyroscope.csv").stat().st_size > 1000
+
+
+def test_files_that_appear_are_taken_and_the_page_shows_them(tmp_path):
+    (tmp_path / "in").mkdir()
+    process = start("--watch", tmp_path / "in", "--workspace", tmp_path)
+    try:
+        address = re.search(r"http://127\.0\.0\.1:\d+/", process.stdout.readline())[0]
+        assert '"version": 1' in fetch(address + "state")
+        assert "Hold the deck still" in fetch(address)
+        (tmp_path / "in" / "readme.txt").write_text("no log")
+        shutil.copy(ROOT / "data" / "decays" / "pink.csv", tmp_path / "in")
+        shown = ""
+        while "release" not in shown:
+            shown = process.stdout.readline()
+        assert "k = " in shown
+        deadline = time.monotonic() + 10
+        while '"version": 2' not in fetch(address + "state"):
+            assert time.monotonic() < deadline
+            time.sleep(0.1)
+        page = fetch(address)
+        assert 'id="play-data"' in page
+        assert "N·m/rad" in page
+        listens = [c for c in psutil.Process(process.pid).net_connections() if c.status == psutil.CONN_LISTEN]
+        assert {c.laddr.ip for c in listens} == {"127.0.0.1"}
+        process.send_signal(signal.SIGINT)
+        rest, _ = process.communicate(timeout=20)
+        assert process.returncode == 0
+        assert "kept: " in rest
+    finally:
+        process.kill()
+        process.communicate()
+
+
+@pytest.mark.parametrize("given", [(), ("--phone", "a", "--watch", "b"), ("--watch", "nowhere")])
+def test_what_is_not_clear_is_refused(given, tmp_path):
+    done = husky("live", "-b", "pink", *given, "--port", "0", "--workspace", tmp_path)
+    assert done.returncode == 1
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.slow
+def test_at_its_own_pace_numbers_come_within_a_second_and_cost_a_quarter_of_a_core(export, tmp_path):
+    with recorded_phone(export) as (phone, address):
+        process = start("--phone", address, "--workspace", tmp_path, "--releases", "2")
+        watched, cpu, begun = psutil.Process(process.pid), [], None
+        shown = []
+        for line in process.stdout:
+            if "Hold the deck" in line:
+                begun = phone.now
+                cpu.append(sum(watched.cpu_times()[:2]))
+            if line.startswith("release"):
+                shown.append(phone.now)
+                cpu.append(sum(watched.cpu_times()[:2]))
+        process.communicate()
+    ends = (2.06, 5.16)  # the deck is still then: releases at 1.7 and 4.8 s
+    assert all(seen - end < 1.0 for seen, end in zip(shown, ends, strict=True))
+    assert (cpu[2] - cpu[0]) / (shown[1] - begun) < 0.25

@@ -1,0 +1,80 @@
+"""`new` writes the smallest record, and what it lacks is said where it is needed."""
+
+import builtins
+import sys
+
+import pytest
+from command_line import husky
+
+from sysid.board import Board
+
+
+def made(folder, name) -> Board:
+    return Board.load(folder / "data" / "boards" / f"{name}.toml")
+
+
+def test_a_pendulum_is_its_mass_and_arm(tmp_path):
+    done = husky("new", "arm", "--mass", "0.49±0.002", "--arm", "0.1±0.001", "--workspace", tmp_path)
+    assert done.returncode == 0, done.stderr
+    board = made(tmp_path, "arm")
+    assert board.inertia.value == pytest.approx(0.49 * 0.1**2)
+    share = board.inertia.ci95[1] / board.inertia.value - 1
+    assert share == pytest.approx(((0.002 / 0.49) ** 2 + 0.02**2) ** 0.5, rel=1e-3)
+    (pull,) = (part.parameters for part in board.effects)
+    assert pull["sine"].value == pytest.approx(-0.49 * 9.80665 * 0.1)
+    assert board.stiffness == 0.0
+    assert not board.geometry
+
+
+def test_a_rig_is_its_inertia(tmp_path):
+    assert husky("new", "rig", "--inertia", "0.01±0.0001", "--workspace", tmp_path).returncode == 0
+    assert str(made(tmp_path, "rig").inertia) == "0.010000 ± 0.000100 kg·m²"
+
+
+def test_a_terminal_is_asked(tmp_path, monkeypatch):
+    answers = iter(["board", "0.0087±0.0001"])
+    monkeypatch.setattr(sys, "stdin", type("Terminal", (), {"isatty": lambda self: True})())
+    monkeypatch.setattr(builtins, "input", lambda question: next(answers))
+    from sysid.cli.console import Common
+    from sysid.cli.new import new
+
+    assert new("mine", common=Common(workspace=tmp_path)) == 0
+    assert made(tmp_path, "mine").inertia.value == 0.0087
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says", "code"),
+    [
+        (("new", "mine"), "--kind is missing, and there is no terminal", 2),
+        (("new", "mine", "--kind", "pendulum", "--mass", "1"), "--arm is missing", 2),
+        (("new", "pink", "--inertia", "0.01"), "there is a record 'pink' already", 1),
+        (("new", "a/b", "--inertia", "0.01"), "no name for a record", 1),
+        (("new", "mine", "--inertia", "-1"), "positive number", 1),
+    ],
+)
+def test_what_is_missing_is_said(tmp_path, arguments, says, code):
+    done = husky(*arguments, "--workspace", tmp_path)
+    assert (done.returncode, says in done.stderr) == (code, True), done.stderr
+
+
+def test_the_scene_of_a_board_names_the_sections_that_it_needs(tmp_path):
+    husky("new", "rig", "--inertia", "0.01", "--workspace", tmp_path)
+    done = husky("mjcf", "--board", "rig", "--scene", "-o", tmp_path / "a.xml", "--workspace", tmp_path)
+    assert done.returncode == 1
+    assert "no [geometry] and no [mass]: the scene of the whole board needs them" in done.stderr
+
+
+def test_a_bare_record_is_fitted_and_checked_on_its_bench(tmp_path):
+    """A rig without geometry: released logs of the pink board, whose inertia it is given."""
+    from sysid.workspace import shipped_data
+
+    log = shipped_data() / "decays" / "pink.csv"
+    husky("new", "rig", "--inertia", "0.0087", "--workspace", tmp_path)
+    fitted = husky("fit", log, "--board", "rig", "--workspace", tmp_path)
+    assert fitted.returncode == 0, fitted.stderr
+    assert made(tmp_path, "rig").stiffness == pytest.approx(14.68, rel=0.02)
+    checked = husky("check", log, "--board", "rig", "--workspace", tmp_path)
+    assert checked.returncode == 0, checked.stderr
+    assert "clamped bench" in checked.stdout
+    bench = husky("mjcf", "--board", "rig", "--bench", "-o", tmp_path / "rig.xml", "--workspace", tmp_path)
+    assert bench.returncode == 0, bench.stderr

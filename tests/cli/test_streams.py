@@ -1,0 +1,77 @@
+"""What the shell gives: streams that cannot hold every sign, are full or closed, and signals to end."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from sysid.workspace import shipped_data
+
+LOG = shipped_data() / "decays" / "pink.csv"
+
+
+def shell(*arguments, **options):
+    command = [sys.executable, "-m", "sysid.cli", *map(str, arguments)]
+    return subprocess.run(command, stderr=subprocess.PIPE, timeout=60, **options)
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
+def test_any_encoding_of_the_output_will_do(encoding, tmp_path):
+    done = shell(
+        *("decay", LOG, "--board", "pink", "--workspace", tmp_path, "--no-picture"),
+        stdout=subprocess.PIPE,
+        env={**os.environ, "PYTHONIOENCODING": encoding},
+    )
+    assert done.returncode == 0, done.stderr.decode()
+    text = done.stdout.decode(encoding)
+    assert "natural frequency omega_n" in text
+    assert "8.70e-3 phi'' + 0.404 phi' + 14.77 phi = 0" in text
+    assert "?" not in text
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="a device of Linux")  # noqa: PTH110
+@pytest.mark.parametrize("arguments", [["boards"], ["boards", "--json", "-"], ["--help"]])
+def test_a_full_disk_is_one_line(arguments, tmp_path):
+    with open("/dev/full", "w") as full:  # noqa: PTH123
+        done = shell(*arguments, stdout=full)
+    assert done.returncode == 1
+    assert done.stderr.decode().splitlines() == ["error: standard output: No space left on device."]
+
+
+def test_a_closed_output_is_no_failure():
+    done = subprocess.run(
+        f"{sys.executable} -m sysid.cli boards >&-", shell=True, stderr=subprocess.PIPE, timeout=60
+    )
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+@pytest.mark.parametrize("wait", [None, 0.5])
+def test_a_signal_ends_a_command_in_one_line_and_leaves_nothing(number, code, wait, tmp_path):
+    """As soon as it has been able to listen, or amid the search."""
+    workspace, temporary = tmp_path / "workspace", tmp_path / "temporary"
+    temporary.mkdir()
+    listening = "from sysid.cli import main; main() if not print(flush=True) else None"
+    arguments = ("diagnose", LOG, "--board", "pink", "--workspace", workspace, "--workers", "1")
+    process = subprocess.Popen(
+        [sys.executable, "-c", listening, *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env={**os.environ, "TMPDIR": str(temporary)},
+    )
+    process.stdout.readline()
+    if wait is None:
+        time.sleep(0.02)
+    else:
+        process.stderr.readline()  # the log was read
+        time.sleep(wait)
+    process.send_signal(number)
+    error = process.communicate(timeout=30)[1].decode()
+    assert process.returncode == code
+    assert error.splitlines()[-1] == "error: interrupted; no file is left half-written"
+    assert "Traceback" not in error
+    assert not workspace.exists()
+    assert not list(temporary.iterdir())

@@ -1,0 +1,76 @@
+"""The logs of the random suite hold what they say."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import random_truths
+from random_suite import board_of, run
+from random_truths import INERTIA, OUTSIDE, STIFFNESS, VARIANTS, Case, Truth, draw, move, read, sizes, visible
+
+
+def held_and_let_go(truth: Truth, seed: int = 0) -> Case:
+    """Return a case of one release from 0.1 rad, neither pushed nor caught, with that truth."""
+    case = draw(seed)
+    recording = replace(
+        case.recording, sensor="angle", rate=1000.0, angles=(0.1,), caught=False, pushed=False, step=0.0
+    )
+    return replace(case, truth=truth, recording=recording)
+
+
+def test_ten_seeds_hold_two_clean_logs_and_one_outside_the_catalogue() -> None:
+    kinds = [draw(seed).kind for seed in range(30)]
+    assert [kinds.count(kind) for kind in ("clean", "inside", "outside")] == [6, 21, 3]
+
+
+def test_every_variant_and_every_law_outside_is_drawn_and_a_third_of_clean_logs_is_caught() -> None:
+    cases = [draw(seed) for seed in range(1000)]
+    assert {case.truth.name for case in cases} >= {*VARIANTS, *(t.name for t in OUTSIDE)}
+    caught = [case.recording.caught for case in cases if case.kind == "clean"]
+    assert np.mean(caught) == pytest.approx(1 / 3, abs=0.02)
+
+
+def test_the_same_seed_is_the_same_log() -> None:
+    first, again = (read(draw(5), move(draw(5)))[2] for _ in range(2))
+    assert all(np.array_equal(first[name], again[name]) for name in first)
+
+
+def test_a_linear_joint_decays_as_the_formula_says() -> None:
+    case = held_and_let_go(Truth("nothing", (), damping=0.03))
+    motion = move(case)
+    (begin, end), frequency, fall = motion.free[0], np.sqrt(STIFFNESS / INERTIA), 0.03 / (2 * INERTIA)
+    inside = (motion.time >= begin + 1e-9) & (motion.time <= end)
+    t = motion.time[inside] - begin
+    swing, roll = np.sqrt(frequency**2 - fall**2), motion.states[inside, 0]
+    basis = np.exp(-fall * t)[:, None] * np.column_stack((np.cos(swing * t), np.sin(swing * t)))
+    left = roll - basis @ np.linalg.lstsq(basis, roll, rcond=None)[0]
+    assert np.abs(left).max() < 1e-6
+    assert visible(case, motion) < 1e-3
+
+
+def test_dry_friction_takes_four_times_its_torque_over_the_stiffness_a_period() -> None:
+    truth = Truth("coulomb", ("friction",))
+    truth.parts.append(random_truths._friction(0.05))
+    motion = move(held_and_let_go(truth))
+    begin = motion.free[0][0]
+    period = 2 * np.pi / truth.frequency
+    peaks = np.interp(begin + period * np.arange(4), motion.time, motion.states[:, 0])
+    assert np.diff(peaks) == pytest.approx(-4 * 0.05 / STIFFNESS, rel=0.01)
+    assert sizes(held_and_let_go(truth), motion)["energy_share"] == pytest.approx(1.0)
+
+
+def test_a_log_that_cannot_be_made_or_read_is_a_row_with_its_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("random_suite.read_roll", lambda path: 1 / 0)
+    row = run(0)
+    assert (row["status"], row["error"]) == ("error", "ZeroDivisionError: division by zero")
+    monkeypatch.setattr(random_truths, "MOST_STEPS", 10)
+    assert run(0)["status"] == "void"
+
+
+def test_a_record_that_knows_the_joint_is_off_by_its_deviation_only() -> None:
+    case = next(
+        c for c in map(draw, range(100)) if c.record_known and c.truth.stiffness and c.kind == "clean"
+    )
+    stiffness = board_of(case).tilt["stiffness"]
+    assert abs(stiffness.value - case.truth.stiffness) < 4 * stiffness.std
+    assert board_of(replace(case, record_known=False)).stiffness == STIFFNESS

@@ -1,0 +1,49 @@
+"""A learned torque in words: the right shape, where it acts, and nothing where nothing was learned."""
+
+import numpy as np
+import pytest
+from light_board import BOARD, magnet, releases
+
+from sysid.effects._algebra import NumpyAlgebra
+from sysid.fitting.formula import SHAPES, Formula, formula_of
+from sysid.fitting.joint import fit_joint
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.name)
+def test_code_and_law_of_a_shape_are_one(shape):
+    m, x, v, a = NumpyAlgebra(), np.linspace(-0.2, 0.2, 11), np.linspace(-5, 7, 11), 0.07
+    assert shape.law(m, x, v, a) == pytest.approx(eval(shape.code, {"m": m, "x": x, "v": v, "a": a}))
+
+
+def test_shapes_of_the_catalogue_lead_to_its_effects():
+    def effects(*names):
+        shapes = tuple(shape for shape in SHAPES if shape.name in names)
+        return Formula(
+            shapes=shapes, coefficients=(), widths=(), share=1, error=0, good=True, text=""
+        ).effects
+
+    assert effects("cubic") == ("cubic-stiffness",)
+    assert effects("dry friction") == ("coulomb",)
+    assert effects("quadratic drag") == ("quadratic-damping",)
+    assert effects("lopsided") == ("bilinear-stiffness",)
+    assert effects("cubic", "fifth power") == ()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("torque", "name", "said"),
+    [
+        (magnet, "magnet", "pulls to the middle within 1."),
+        (lambda t, x, v: -0.08 * max(v, 0.0), "one-way damper", "damps in one direction"),
+    ],
+)
+def test_the_right_shape_is_named(torque, name, said):
+    words = formula_of(fit_joint(releases(torque), BOARD, ["learned"]))
+    assert words.shapes[0].name.startswith(name)
+    assert said in words.text
+    assert words.share > 0.8
+    assert words.coefficients[0] > 0
+
+
+def test_of_nothing_no_formula_is_made():
+    assert formula_of(fit_joint(releases(lambda t, x, v: 0.0), BOARD, ["learned"])) is None

@@ -1,0 +1,86 @@
+"""A growing log gives each release once, a hand that holds the deck none, and the next step follows from what there is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from decay_truth import Recipe, make_roll
+
+from sysid.board import load_board
+from sysid.live.session import EACH_SIDE, Session, next_release
+from sysid.recording import Recording
+from sysid.releases import find_releases
+from sysid.workspace import shipped_data
+
+AMPLITUDES = (0.2, -0.15, 0.05)
+
+
+@pytest.fixture(scope="module")
+def pink():
+    return load_board(shipped_data() / "boards" / "pink.toml")
+
+
+@pytest.fixture(scope="module")
+def roll():
+    return make_roll(Recipe(amplitudes=AMPLITUDES, sampling=200, noise=3e-4))
+
+
+def until(roll, time):
+    part = roll[roll.time <= time]
+    return Recording(roll=part, releases=tuple(find_releases(part)))
+
+
+def test_numbers_come_with_each_release_and_their_intervals_shrink(pink, roll):
+    session = Session(pink, grows=True)
+    starts = [release.start for release in find_releases(roll)]
+    for number, start in enumerate(starts, start=1):
+        assert session.take([until(roll, start + 0.6)])
+        assert not session.take([until(roll, start + 0.8)])  # the same releases again
+        assert len(session.releases) == number
+    assert [numbers.releases for numbers in session.history] == [1, 2, 3]
+    widths = [np.ptp(numbers.stiffness.ci95) for numbers in session.history]
+    assert widths[2] < widths[1] < widths[0]
+    low, high = session.history[-1].stiffness.ci95
+    assert low < 14.68 < high
+
+
+def test_a_hand_that_tilts_the_deck_and_holds_it_is_no_release(pink, roll):
+    """The tool cannot know better from the log alone, before the deck is let go."""
+    held = until(roll, find_releases(roll)[0].start - 0.05)
+    assert held.releases
+    assert not Session(pink, grows=True).take([held])
+    assert Session(pink).take([held])  # a log that is whole is taken at its word
+
+
+def test_what_cannot_be_fitted_is_said_and_forgotten(pink, roll):
+    session = Session(pink)
+    whole = until(roll, 1e3)
+    faint = replace(whole.releases[0], roll=whole.releases[0].roll * 1e-3)
+    assert session.take([Recording(roll=whole.roll, releases=(faint,))])
+    assert session.trouble
+    assert session.decay is None
+    assert session.take([whole])
+    assert not session.trouble
+    assert session.decay is not None
+
+
+def release(roll, degrees):
+    """A release from some degrees, the right edge down where they are positive."""
+    first = find_releases(roll)[0]
+    return replace(first, roll=first.roll * np.radians(degrees) / first.roll[0])
+
+
+@pytest.mark.parametrize(
+    ("angles", "words"),
+    [
+        ((), "Hold the deck still at 10°"),
+        ((10,), "Three more from the left, from 3°."),
+        ((10, -9, 9), "Two more from the left, from 3°."),
+        ((10, -9, 9, -9, -3), "One more from the right, from 10°."),
+        ((10, -9, 9, -9, 8, -8), "One more from 3°"),
+        ((10, -9, 9, -9, 8, -2), "Enough"),
+    ],
+)
+def test_the_next_release_is_the_one_that_helps_most(roll, angles, words):
+    assert words in next_release([release(roll, angle) for angle in angles])
+    assert EACH_SIDE == 3

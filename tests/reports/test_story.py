@@ -1,0 +1,121 @@
+"""What the four panels show is right before it is drawn, and drawn as it is."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from decay_truth import Recipe, make_roll
+
+from reports.figures.story import panels, story_figure
+from reports.story import STOOD, Ranked, Step, law_of_candidate, ranked, tell
+from sysid.board import load_board
+from sysid.joint import JointLaw
+from sysid.releases import find_releases
+from sysid.workspace import shipped_data
+
+FRICTION = 0.15
+"""Of the truth [N*m]."""
+
+
+@pytest.fixture(scope="module")
+def pink():
+    return load_board(shipped_data() / "boards" / "pink.toml")
+
+
+@pytest.fixture(scope="module")
+def story(pink):
+    """Dry friction hidden in a light decay whose spring and damper are known."""
+    inertia, stiffness, damping = pink.inertia.value, 14.68, 0.06
+
+    def law(angle, rate):
+        return (-stiffness * angle - damping * rate - FRICTION * np.tanh(rate / 1e-3)) / inertia
+
+    roll = make_roll(Recipe(law=law, sampling=500, amplitudes=(0.2, -0.15, 0.18), noise=2e-4))
+    before = JointLaw(inertia=inertia, stiffness=stiffness, damping=damping)
+    after = before.with_effect("coulomb", FRICTION)
+    models = ranked([(("coulomb",), 0.0, 0.0), ((), 400.0, 30.0), (("x",), 500.0, None)], ("coulomb",))
+    return tell(
+        find_releases(roll), pink, before=before, after=after, effects=("coulomb",),
+        steps=(Step("with coulomb", 1.0, 1.1),), ranked=models,
+    )  # fmt: skip
+
+
+def test_the_error_falls_from_the_record_as_it_stood_to_the_noise(story):
+    former, latter = story.fall
+    assert former > 5
+    assert latter == pytest.approx(1, abs=0.1)
+    assert [step.label for step in story.steps] == [STOOD, "with coulomb"]
+    assert story.steps[0].error == former
+    low, high = story.noise_range
+    assert low < 1 < high
+
+
+def test_the_release_with_the_largest_error_is_drawn(story):
+    errors = [release.rmse for release in story.before.releases]
+    assert story.shown == int(np.argmax(errors))
+
+
+def test_the_missing_torque_is_the_law_of_what_is_missing(story):
+    for missing in (story.over_rate, story.over_angle):
+        expected = np.interp(missing.seen.at, missing.at, missing.law)
+        assert np.abs(missing.seen.torque - expected).max() < 3 * missing.seen.std.max()
+    fast = np.abs(story.over_rate.at) > 0.5
+    assert story.over_rate.law[fast] == pytest.approx(-FRICTION * np.sign(story.over_rate.at[fast]))
+    seen = story.over_rate.seen
+    moving = np.abs(seen.at) > 0.5
+    assert -np.mean(seen.torque[moving] * np.sign(seen.at[moving])) == pytest.approx(FRICTION, rel=0.1)
+
+
+def test_the_residual_is_white_only_with_what_was_missing(story):
+    (_, before), (_, after) = story.correlations
+    assert np.mean(np.abs(after) > story.white) < 0.05
+    assert np.mean(np.abs(before) > story.white) > 0.5
+    assert story.lags[-1] == pytest.approx(2 * np.pi / story.after.law.frequency, rel=0.05)
+
+
+def test_candidates_are_those_that_were_predicted_and_the_chosen_one_is_marked(story):
+    assert story.ranked == (Ranked(("coulomb",), 0.0, 0.0, True), Ranked((), 400.0, 30.0, False))
+    assert story.why == "the best"
+    worse = tuple(replace(model, score=model.score + 1) for model in story.ranked)
+    assert "simplest" in replace(story, ranked=worse).why
+
+
+def test_what_is_drawn_is_the_story(story):
+    by_name = {panel.name: panel for panel in panels(story)}
+    assert list(by_name) == ["decay", "torque-rate", "torque-tilt", "ladder", "candidates", "whiteness"]
+    figure = story_figure(story, "a title")
+    drawn = [line.get_xydata() for axes in figure.axes for line in axes.get_lines()]
+
+    def shows(x, y):
+        return any(line.shape == (len(x), 2) and np.allclose(line, np.column_stack([x, y])) for line in drawn)
+
+    assert shows(story.over_rate.at, story.over_rate.law)
+    assert shows(np.degrees(story.over_angle.seen.at), story.over_angle.seen.torque)
+    assert shows(1e3 * story.lags, story.correlations[1][1])
+    assert shows([step.error for step in story.steps], range(len(story.steps)))
+    release = story.after.releases[story.shown]
+    assert shows(release.time, np.degrees(release.measured))
+
+
+def test_a_panel_without_data_is_not_drawn(story):
+    bare = replace(story, over_rate=None, over_angle=None, ranked=(), before=None)
+    assert [panel.name for panel in panels(bare)] == ["decay", "ladder", "whiteness"]
+    assert story_figure(bare, "a title").axes
+
+
+def test_a_law_comes_back_from_the_file_of_a_diagnosis(pink):
+    candidate = {
+        "effects": ["coulomb"],
+        "parameters": {
+            name: {"value": value}
+            for name, value in (("stiffness", 14.0), ("damping", 0.3), ("coulomb.torque", 0.1))
+        },
+    }
+    law = law_of_candidate(pink, json.loads(json.dumps(candidate)))
+    assert law.parameters == {
+        "inertia": pink.inertia.value, "stiffness": 14.0, "damping": 0.3, "rest_angle": pink.rest_angle,
+        "coulomb.torque": 0.1,
+    }  # fmt: skip
+    del candidate["parameters"]["coulomb.torque"]  # held by --fix
+    assert law_of_candidate(pink, candidate) is None

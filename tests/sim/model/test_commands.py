@@ -1,0 +1,179 @@
+"""From a stranger's model to a mended one, by the commands; the truth is integrated by formulas of its own."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import robots
+from command_line import husky
+
+from sim.model.scene import scene_of
+from sim.model.setup import Setup
+from sim.model.subject import board_of
+from sysid.board import Board
+from sysid.quantity import Quantity
+from sysid.synth import SynthOptions, synthesise
+from sysid.synth.sensors import Sensor
+
+KNEE = {"damping": 0.035, "coulomb.torque": 0.02, "armature.inertia": 0.002}
+LIFT = {"stiffness": 212.0, "damping": 1.1, "rest_angle": 0.028}
+
+
+def plain(inertia: float, stiffness: float, damping: float, rest: float = 0.0) -> Board:
+    """Return a record that the synthetic truth is made from; it never sees the model."""
+    return Board(
+        name="truth", description="", source="", geometry={}, mass={}, inertia=Quantity(inertia, 0.0, "kg*m^2"),
+        tilt={
+            "stiffness": Quantity(stiffness, 0.0, "N*m/rad"), "damping": Quantity(damping, 0.0, "N*m*s/rad"),
+            "rest_angle": Quantity(rest, 0.0, "rad"), "range": Quantity(3.0, 0.0, "rad"),
+        },
+    )  # fmt: skip
+
+
+def knee_log(path: Path, model: Path, *, seed: int = 0) -> Path:
+    """A pendulum of the arm's inertia and moment, about where it hangs, with the truth of `KNEE`."""
+    board = board_of(Setup(file=model, joint="knee"))[0]
+    moment = 9.81 * float(np.hypot(0.4 * 0.1 + 0.2 * 0.3, 0.4 * 0.01))
+    truth = plain(board.inertia.value + KNEE["armature.inertia"], 0.0, KNEE["damping"])
+    options = SynthOptions(
+        angles=(0.8, -0.6, 0.5), rate=250.0, duration=4.0, seed=seed, sensor=Sensor(noise=1e-3)
+    )
+    synthesise(truth, {"gravity": (moment,), "coulomb": (KNEE["coulomb.torque"],)}, options).save(path)
+    return path
+
+
+def lift_log(path: Path) -> Path:
+    """A mass on a spring under its weight, in m."""
+    truth = plain(1.5, LIFT["stiffness"], LIFT["damping"], LIFT["rest_angle"])
+    options = SynthOptions(angles=(0.06, -0.17), rate=500.0, duration=4.0, sensor=Sensor(noise=2e-4))
+    synthesise(truth, {"preload": (-1.5 * 9.81,)}, options).save(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def mended(tmp_path_factory):
+    """The arm's model, a log of its knee, and what `fit` made of both."""
+    folder = tmp_path_factory.mktemp("stranger")
+    model = robots.write(folder)["arm"]
+    log = knee_log(folder / "swing.csv", model)
+    done = husky(
+        "fit", log, "--model", model, "--joint", "knee", "--effect", "coulomb", "--effect", "armature",
+        "-o", folder / "mended.xml", "--workspace", folder, "--json", folder / "fit.json",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return folder, done
+
+
+def test_fit_finds_the_truth_and_shows_the_change(mended):
+    folder, done = mended
+    found = json.loads((folder / "fit.json").read_text())["parameters"]
+    assert set(found) == set(KNEE)
+    for name, value in KNEE.items():
+        low, high = found[name]["ci95"]
+        assert low - (high - low) / 2 < value < high + (high - low) / 2, name
+    assert "+++ " in done.stdout
+    assert 'range="-150 150" damping="0.03' in done.stdout
+    assert "known from the model, not fitted" in done.stderr
+
+
+def test_the_gate_lets_only_the_mended_model_pass(mended):
+    folder, _ = mended
+    ours = ("check", folder / "swing.csv", "--joint", "knee", "--workspace", folder)
+    stranger = husky(*ours, "--model", folder / "arm.xml")
+    assert stranger.returncode == 3
+    assert "does not decay like joint 'arm_knee'" in stranger.stderr
+    copy = husky(*ours, "--model", folder / "mended.xml", "--json", folder / "check.json")
+    assert copy.returncode == 0, copy.stderr
+    assert json.loads((folder / "check.json").read_text())["nrmse"] < 0.01
+    by_name = husky("check", folder / "swing.csv", "--board", "arm_knee", "--workspace", folder)
+    assert by_name.returncode == 0, by_name.stderr
+    assert "mended.xml, implicitfast at 2 ms" in by_name.stdout
+
+
+@pytest.mark.parametrize("command", ["compare", "decay"])
+def test_other_commands_take_the_joint_of_a_model(mended, command):
+    folder, _ = mended
+    done = husky(
+        command, folder / "swing.csv", "--model", folder / "mended.xml", "--joint", "knee", "--workspace", folder,
+        "--no-picture",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_slide_is_fitted_in_metres_with_its_weight_known(tmp_path):
+    model, log = robots.write(tmp_path)["slider"], lift_log(tmp_path / "bounce.csv")
+    done = husky(
+        "fit", log, "--unit", "m", "--model", model, "--joint", "lift", "-o", tmp_path / "mended.xml",
+        "--workspace", tmp_path, "--json", tmp_path / "fit.json",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    found = json.loads((tmp_path / "fit.json").read_text())["parameters"]
+    assert {name: q["unit"] for name, q in found.items()} == {
+        "stiffness": "N/m",
+        "damping": "N*s/m",
+        "rest_angle": "m",
+    }
+    for name, value in LIFT.items():
+        low, high = found[name]["ci95"]
+        assert low - (high - low) / 2 < value < high + (high - low) / 2, name
+    checked = husky("check", log, "--unit", "m", "--board", "slider_lift", "--workspace", tmp_path)
+    assert checked.returncode == 0, checked.stderr
+    assert "° " not in done.stdout
+
+
+def test_the_mended_slide_moves_as_the_truth(tmp_path):
+    """Patched with the truth itself, MuJoCo at the model's step and integrator is within 1 % of an exact solution."""
+    from sim.board.bench import swing
+    from sim.model.patch import patch
+
+    setup = Setup(file=robots.write(tmp_path)["slider"], joint="lift")
+    board = board_of(setup)[0].with_tilt(
+        **{name: replace(board_of(setup)[0].tilt[name], value=value) for name, value in LIFT.items()}
+    )
+    patch(setup, board).save(tmp_path / "mended.xml")
+    scene = scene_of(setup.with_(file=tmp_path / "mended.xml"))
+    assert scene.model.opt.integrator == int(mujoco.mjtIntegrator.mjINT_RK4)
+    time = np.linspace(0.0, 3.0, 1000)
+    moved = swing(scene.model, 0.1, 0.0, 3.0, joint="lift", begin=scene.begin).at(time)
+    rest = LIFT["rest_angle"] - 1.5 * 9.81 / LIFT["stiffness"]
+    decay, omega = LIFT["damping"] / 3.0, np.sqrt(LIFT["stiffness"] / 1.5 - (LIFT["damping"] / 3.0) ** 2)
+    exact = rest + (0.1 - rest) * np.exp(-decay * time) * (
+        np.cos(omega * time) + decay / omega * np.sin(omega * time)
+    )
+    assert np.sqrt(np.mean((moved - exact) ** 2) / np.mean((exact - rest) ** 2)) < 0.01
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says", "code"),
+    [
+        ((), "whose joint is it?", 2),
+        (("--model", "arm.xml"), "which joint of it", 2),
+        (("--joint", "knee"), "--joint: only with --model", 2),
+        (("--board", "pink", "--model", "arm.xml", "--joint", "knee"), "--board and --model", 2),
+        (("--model", "arm.xml", "--joint", "knee", "--pose", "ankle"), "expected --pose NAME=VALUE", 1),
+        (("--model", "arm.xml", "--joint", "knee", "--mass-error", "2"), "expected a share", 1),
+        (("--model", "arm.xml", "--joint", "knee", "--effect", "weight"), None, 1),
+    ],
+)
+def test_what_does_not_go_together_is_said(tmp_path, monkeypatch, arguments, says, code):
+    robots.write(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    knee_log(tmp_path / "swing.csv", tmp_path / "arm.xml") if says is None else (
+        tmp_path / "swing.csv"
+    ).touch()
+    done = husky("fit", "swing.csv", *arguments)
+    if says is None:  # the weight is there already
+        assert done.returncode == 0
+        return
+    assert done.returncode == code
+    assert says in done.stderr
+
+
+def test_armature_needs_a_scale(tmp_path):
+    """Without a weight that is known, a decay cannot tell the inertia."""
+    done = husky("fit", "x.csv", "--board", "pink", "--effect", "armature", "--workspace", tmp_path)
+    assert done.returncode == 1
+    assert "only k/I, d/I and torque/I show" in done.stderr

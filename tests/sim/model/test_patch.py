@@ -1,0 +1,135 @@
+"""A fitted joint in a copy of the user's file: only that joint changes, and the copy compiles to what was fitted."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+import robots
+
+from sim.model.patch import patch
+from sim.model.setup import Setup
+from sim.model.subject import board_of
+from sysid.board import Board, BoardEffect
+from sysid.errors import SysidError
+from sysid.quantity import Quantity
+
+
+def with_effects(board: Board, **effects: dict[str, tuple[float, str]]) -> Board:
+    new = tuple(
+        BoardEffect(
+            name.replace("_", "-"),
+            {key: Quantity(value, 0.0, unit) for key, (value, unit) in parameters.items()},
+        )
+        for name, parameters in effects.items()
+    )
+    names = {part.name for part in new}
+    return replace(board, effects=(*(part for part in board.effects if part.name not in names), *new))
+
+
+def knee(folder) -> tuple[Setup, Board]:
+    setup = Setup(file=robots.write(folder)["arm"], joint="knee")
+    board = board_of(setup)[0].with_tilt(damping=Quantity(0.034, 0.001, "N*m*s/rad"))
+    return setup, with_effects(
+        board, coulomb={"torque": (0.021, "N*m")}, armature={"inertia": (0.002, "kg*m^2")}
+    )
+
+
+def test_only_the_joint_changes_and_the_rest_stays_to_the_byte(tmp_path):
+    setup, board = knee(tmp_path)
+    made = patch(setup, board)
+    main, part = made.save(tmp_path / "mended.xml")
+    assert (main.name, part.name) == ("mended.xml", "mended_link.xml")
+    assert main.read_text() == robots.ARM.replace("parts/link.xml", "parts/mended_link.xml")
+    before, after = robots.LINK.splitlines(), part.read_text().splitlines()
+    changed = [(old, new) for old, new in zip(before, after, strict=True) if old != new]
+    assert len(changed) == 1
+    old, new = changed[0]
+    assert new.startswith(old.removesuffix("/>"))
+    assert new.strip().removeprefix('range="-150 150" ') == (
+        'damping="0.034" armature="0.003" frictionloss="0.021" solreffriction="0.002 1" '
+        'solimpfriction="0.9999 0.9999 0.001 0.5 2"/>'
+    )
+    assert f"-{old}\n+{new}\n" in made.diff
+    assert (tmp_path / "parts" / "link.xml").read_text() == robots.LINK
+
+
+def test_the_copy_compiles_to_what_was_fitted(tmp_path):
+    setup, board = knee(tmp_path)
+    patch(setup, board).save(tmp_path / "mended.xml")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "mended.xml"))
+    assert model.dof_armature.tolist() == [0.003, 0.0]
+    assert model.dof_damping.tolist() == [0.034, 0.02]
+    assert model.dof_frictionloss.tolist() == [0.021, 0.0]
+    again = board_of(Setup(file=tmp_path / "mended.xml", joint="knee"))[0]
+    assert again.inertia.value == pytest.approx(board.inertia.value + 0.002)
+    assert again.damping == pytest.approx(board.damping)
+
+
+def test_an_attribute_is_replaced_where_it_stands_and_polynomials_are_written(tmp_path):
+    setup = Setup(file=robots.write(tmp_path)["slider"], joint="lift")
+    board = board_of(setup)[0].with_tilt(
+        stiffness=Quantity(212.5, 0.0, "N/m"),
+        rest_angle=Quantity(0.028, 0.0, "m"),
+        damping=Quantity(0.9, 0.0, "N*s/m"),
+    )
+    board = with_effects(board, cubic_stiffness={"coefficient": (350.0, "N/m^3")})
+    made = patch(setup, board)
+    made.save(tmp_path / "mended.xml")
+    line = '<joint name="lift" type="slide" axis="0 0 1" stiffness="212.5 0 350" springref="0.028" damping="0.9" range="-0.2 0.2"'
+    assert line in (tmp_path / "mended.xml").read_text()
+
+
+def test_degrees_stay_degrees(tmp_path):
+    setup, board = knee(tmp_path)
+    board = board.with_tilt(stiffness=Quantity(2.0, 0.0, "N*m/rad"), rest_angle=Quantity(0.1, 0.0, "rad"))
+    patch(setup, board).save(tmp_path / "mended.xml")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "mended.xml"))
+    assert float(model.qpos_spring[0]) == pytest.approx(0.1)
+    assert 'springref="5.729578"' in (tmp_path / "parts" / "mended_link.xml").read_text()
+
+
+def test_what_an_effect_adds_becomes_a_section_of_its_own(tmp_path):
+    setup, board = knee(tmp_path)
+    board = with_effects(
+        board, end_stop={"angle": (0.6, "rad"), "stiffness": (8.0, "N*m/rad"), "damping": (0.0, "N*m*s/rad")}
+    )
+    patch(setup, board).save(tmp_path / "mended.xml")
+    text = (tmp_path / "mended.xml").read_text()
+    assert text.startswith(
+        robots.ARM.removesuffix("</mujoco>\n").replace("parts/link.xml", "parts/mended_link.xml")
+    )
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "mended.xml"))
+    assert model.ntendon == 1
+    assert model.tendon_lengthspring[0] == pytest.approx(np.array([-0.6, 0.6]) + board.rest_angle, abs=1e-5)
+
+
+def test_a_copy_that_cannot_load_is_not_left_there(tmp_path):
+    setup, board = knee(tmp_path / "model")
+    (tmp_path / "elsewhere").mkdir()
+    mesh = (
+        (tmp_path / "model" / "arm.xml")
+        .read_text()
+        .replace("</mujoco>", '<asset><hfield name="h" file="ground.png" size="1 1 1 1"/></asset></mujoco>')
+    )
+    (tmp_path / "model" / "arm.xml").write_text(mesh)
+    from PIL import Image
+
+    Image.new("L", (4, 4)).save(tmp_path / "model" / "ground.png")
+    with pytest.raises(SysidError, match="write it beside the model"):
+        patch(setup, board).save(tmp_path / "elsewhere" / "mended.xml")
+    assert list((tmp_path / "elsewhere").iterdir()) == []
+
+
+def test_a_joint_from_elsewhere_is_refused(tmp_path):
+    robots.write(tmp_path)
+    (tmp_path / "two.xml").write_text(
+        '<mujoco><asset><model name="s" file="slider.xml"/></asset><worldbody><frame>'
+        '<attach model="s" body="cart" prefix="left_"/></frame></worldbody></mujoco>'
+    )
+    setup = Setup(file=tmp_path / "two.xml", joint="left_lift")
+    with (
+        pytest.warns(UserWarning, match="Attach conflict"),
+        pytest.raises(SysidError, match="attached or replicated"),
+    ):
+        patch(setup, board_of(setup)[0])

@@ -1,0 +1,93 @@
+"""A learned torque in MuJoCo: of the tilt by itself, of the rate with what is added from outside."""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from sim.board.bench import rig_spec, swing
+from sim.board.learned import left_out, passive
+from sysid.board import Board, BoardEffect
+from sysid.effects import effect
+from sysid.effects._table import knots
+from sysid.joint import JointLaw, simulate
+from sysid.quantity import Quantity
+
+
+def board(values):
+    """Return the pink board, little damped, with a learned torque."""
+    part = effect("learned")
+    known = {**dict(zip(part.parameter_names, [-0.2, 0.2, -8.0, 8.0], strict=False)), **values}
+    parameters = {p.name: Quantity(known.get(p.name, 0.0), 0.0, p.unit) for p in part.parameters}
+    plain = Board.load("pink").with_tilt(damping=Quantity(0.06, 0.0, "N*m*s/rad"))
+    return replace(plain, effects=(BoardEffect("learned", parameters),))
+
+
+ONE_SIDED = {
+    f"rate_{j}": -0.08 * max(v, 0.0)
+    for j, v in zip([*range(-8, 0), *range(1, 9)], 8 * knots(8, 0.5), strict=True)
+}
+BUMPER = {
+    f"tilt_{j}": -25 * max(x - 0.06, 0.0)
+    for j, x in zip([*range(-20, 0), *range(1, 21)], 0.2 * knots(20, 1.0), strict=True)
+}
+
+
+def error(rich, roll_of):
+    """Return the NRMSE of MuJoCo's decay against the law's."""
+    time = np.linspace(0, 1, 200)
+    truth = simulate(JointLaw.from_board(rich), time, 0.17).roll
+    model = rig_spec(rich, timestep=1e-4).compile()
+    return np.sqrt(np.mean((roll_of(model, time) - truth) ** 2) / np.mean(truth**2))
+
+
+def plain(model, time):
+    """Return the roll of plain MuJoCo's own steps."""
+    data = mujoco.MjData(model)
+    data.qpos[0] = 0.17
+    path = [0.17]
+    while data.time < time[-1]:
+        mujoco.mj_step(model, data)
+        path.append(data.qpos[0])
+    return np.interp(time, model.opt.timestep * np.arange(len(path)), path)
+
+
+def with_callback(model, time):
+    """Return the same with the documented callback."""
+    mujoco.set_mjcb_passive(passive)
+    try:
+        return plain(model, time)
+    finally:
+        mujoco.set_mjcb_passive(None)
+
+
+def test_a_table_over_the_tilt_needs_nothing_from_outside():
+    assert error(board(BUMPER), plain) < 3e-3
+
+
+def test_a_table_over_the_rate_is_near_alone_and_exact_with_what_is_left_out():
+    alone, helped, swung = (
+        error(board(ONE_SIDED), how)
+        for how in (plain, with_callback, lambda model, time: swing(model, 0.17, 0.0, 1.0).at(time))
+    )
+    assert helped < 3e-3
+    assert swung < 3e-3
+    assert 0.005 < alone < 0.2
+
+
+def test_other_models_have_nothing_left_out():
+    assert left_out(rig_spec(Board.load("pink")).compile()) == []
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_beyond_the_support_the_torque_stays(side):
+    rich = board(BUMPER)
+    model = rig_spec(rich).compile()
+    data = mujoco.MjData(model)
+    torques = []
+    for tilt in (0.2, 0.3, 0.6):
+        data.qpos[0] = side * tilt
+        mujoco.mj_forward(model, data)
+        torques.append(data.qfrc_passive[0] + rich.stiffness * side * tilt)
+    assert torques == pytest.approx([torques[0]] * 3, abs=1e-9)

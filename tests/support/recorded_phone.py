@@ -1,0 +1,84 @@
+"""A phone that replays an export of phyphox over its remote access, at its own pace or faster."""
+
+import io
+import json
+import threading
+import time
+import zipfile
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from urllib.parse import parse_qsl, urlsplit
+
+import numpy as np
+
+BUFFERS = {
+    "Gyroscope.csv": ("gyr_time", "gyrX", "gyrY", "gyrZ"),
+    "Accelerometer.csv": ("acc_time", "accX", "accY", "accZ"),
+}
+
+
+class RecordedPhone:
+    """What the phone holds, and what it was asked."""
+
+    def __init__(self, export, pace=1.0, without=()):
+        self.pace, self.started, self.asked, self.broken = pace, None, [], False
+        self.buffers = {}
+        with zipfile.ZipFile(export) as archive:
+            for table, names in BUFFERS.items():
+                columns = np.loadtxt(io.BytesIO(archive.read(table)), delimiter=",", skiprows=1).T
+                self.buffers |= {
+                    name: column for name, column in zip(names, columns, strict=True) if name not in without
+                }
+
+    @property
+    def now(self):
+        """Time of the experiment [s]."""
+        return 0.0 if self.started is None else self.pace * (time.monotonic() - self.started)
+
+    def answer(self, path):
+        asked = urlsplit(path)
+        self.asked.append(path)
+        if asked.path == "/config":
+            return {"title": "Inertia", "buffers": [{"name": name, "size": 0} for name in self.buffers]}
+        if asked.path == "/control":
+            self.started = time.monotonic()
+            return {"result": True}
+        buffers = {}
+        now = self.now
+        for name, wanted in parse_qsl(asked.query):
+            threshold, _, reference = wanted.partition("|")
+            clock = self.buffers[reference or name]
+            rows = (clock > float(threshold)) & (clock <= now)
+            buffers[name] = {"size": 0, "updateMode": "partial", "buffer": self.buffers[name][rows].tolist()}
+        return {
+            "buffer": buffers,
+            "status": {"session": "a1b2c3", "measuring": True, "timedRun": False, "countDown": 0},
+        }
+
+
+@contextmanager
+def recorded_phone(export, pace=1.0, without=()):
+    """Serve an export on this machine; yields the phone and its address."""
+    phone = RecordedPhone(export, pace, without)
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self):
+            if phone.broken:
+                self.connection.close()
+                return
+            body = json.dumps(phone.answer(self.path)).encode()
+            self.send_response(200)
+            self.send_header("Content-Type", "application/json")
+            self.end_headers()
+            self.wfile.write(body)
+
+        def log_message(self, *_):
+            pass
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        yield phone, f"127.0.0.1:{server.server_address[1]}"
+    finally:
+        server.shutdown()
+        server.server_close()
