@@ -30,6 +30,7 @@ from sysid.diagnosis.judgement import (
 from sysid.diagnosis.report import fittable
 from sysid.diagnosis.search import Candidate as Model
 from sysid.diagnosis.search import Progress, Search, best_families
+from sysid.diagnosis.stretches import judged_stretches
 from sysid.diagnosis.surrogates import LAWS, surrogates
 from sysid.diagnosis.wording import (
     experiment_in_words,
@@ -221,6 +222,9 @@ def diagnose(
     scales = scales_of(records, board)
     period = 2 * np.pi / scales.frequency
     warnings = check_releases(releases, board, period)
+    judged, left_out = judged_stretches(releases, period)
+    if left_out:
+        warnings, records = [*warnings, left_out], make_records(judged, noise.std, rate=use_rate)
     options = FitOptions(bias=bias, use_rate=use_rate, fixed=dict(fixed or {}))
     own = [part.name for part in board.effects]
     check_parameters(own, options, board)
@@ -342,7 +346,7 @@ def _searched(search: Search) -> tuple[Search, list[Model], list[Model]]:
     for count in (1, 2):
         extra = [m for m in models if len(m.effects) - len(search.base) == count]
         picked += best_families(extra, FINALISTS)
-    return search, models, search.finalists(picked)
+    return search, models, [m for m in search.finalists(picked) if m.heldout is not None]
 
 
 def _material(search: Search, tried: Field, final: list[Model]) -> tuple[Model, list[Model], frozenset[str]]:

@@ -44,6 +44,9 @@ ASIDE = (0.7, 1.5)
 BEATEN, FAR = 6, 60.0
 """A union is given up when this many others have reached less than it promises, by that much of χ²."""
 
+HOPELESS = 8.0
+"""Error beyond the noise, squared, over the best model's, from which a model is not predicted: far beyond what is not told apart."""
+
 Progress = Callable[[str, float], None]
 
 
@@ -341,29 +344,39 @@ class Search:
         return Candidate(effects=effects, problem=problem, minimum=min(found, key=lambda m: m.normal.cost))
 
     def finalists(self, models: Iterable[Candidate]) -> list[Candidate]:
-        """Return models fitted on the fine grid, simple ones first, with what they miss of held-out releases."""
+        """Return models fitted on the fine grid, simple ones first, and what those in the running miss of held-out releases."""
         done: dict[tuple[str, ...], Candidate] = {}
         for _, group in itertools.groupby(sorted(models, key=_count), key=_count):
             jobs = [
                 (m, [known for names, known in done.items() if set(names) < set(m.effects)]) for m in group
             ]
-            share = 0.85 + 0.1 * (len(done) > 1)
-            done.update(
-                {m.effects: m for m in self.each("predicting", Search.finalist, jobs, share, share + 0.04)}
-            )
+            share = 0.85 + 0.05 * (len(done) > 1)
+            done.update({m.effects: m for m in self.each("refining", Search.fine, jobs, share, share + 0.02)})
         # What the best one needs not may have kept its own fit from the right valley.
         best = min(done.values(), key=lambda m: m.cost)
         again = [
             (m, [best]) for names, m in done.items() if names != self.base and set(names) < set(best.effects)
         ]
-        for model in self.each("predicting", Search.finalist, again, 0.93, 0.95):
+        for model in self.each("refining", Search.fine, again, 0.92, 0.93):
             done[model.effects] = min(done[model.effects], model, key=lambda m: m.cost)
+        ranked = sorted(done.values(), key=lambda m: m.cost)
+        beyond = max(FAR, HOPELESS * (ranked[0].cost - ranked[0].problem.samples))
+        running = [
+            m
+            for i, m in enumerate(ranked)
+            if i < BEATEN or m.cost < ranked[0].cost + beyond or m.effects == self.base
+        ]
+        for model in self.each("predicting", Search.predicted, [(m,) for m in running], 0.93, 0.98):
+            done[model.effects] = model
         return list(done.values())
 
     def finalist(self, model: Candidate, parents: Sequence[Candidate]) -> Candidate:
         """Return a model fitted on the fine grid, from where it is and from others, and its predictions."""
-        fine = self.fine(model, parents)
-        return replace(fine, heldout=surprising_residuals(fine.problem, fine.minimum))
+        return self.predicted(self.fine(model, parents))
+
+    def predicted(self, model: Candidate) -> Candidate:
+        """Return a model with what it misses of held-out releases."""
+        return replace(model, heldout=surprising_residuals(model.problem, model.minimum))
 
     def fine(
         self, model: Candidate, parents: Sequence[Candidate] = (), *, average: int | None = None
