@@ -33,11 +33,13 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from fuzz_inputs import (
+    WRITTEN,
     Truth,
     damaged,
     damaged_record,
@@ -59,6 +61,8 @@ LOG_COMMANDS = ("decay", "roll", "fit", "compare", "check", "diagnose", "report"
 LOG_SHARES = (0.4, 0.2, 0.1, 0.1, 0.06, 0.06, 0.04, 0.04)
 KINDS = {"truth": 0.4, "log": 0.25, "record": 0.13, "option": 0.13, "policy": 0.03, "broken-off": 0.06}
 """Kinds of cases and their shares."""
+NOT_RUN = ("train", "live")
+"""They take hours, and wait for a phone."""
 BOARD = ("--board", "mine", "--workspace", "ws")
 
 
@@ -88,6 +92,8 @@ class Result:
     command: list[str]
     code: int
     seconds: float
+    cpu: float
+    """Of the command and the processes that it waited for [s]."""
     memory_mb: float
     said: str
     problems: list[str]
@@ -165,7 +171,7 @@ def _odd_command(rng: np.random.Generator, folder: Path, log: Path, usual: Seque
     (inside / "loop").symlink_to("loop")
     (inside / "fifo_read").symlink_to("/dev/null")
     app = build_app()
-    command = str(rng.choice([c for c in COMMANDS if c != "train"]))
+    command = str(rng.choice([c for c in COMMANDS if c not in NOT_RUN]))
     words, found = [command], app[command]
     if COMMANDS[command].has_parts:
         part = str(rng.choice([n for n in found if not n.startswith("-")]))
@@ -208,9 +214,11 @@ def run_case(case: Case, limit: float) -> Result:
     fd, timed_out = os.pidfd_open(child), False
     if case.end_after is not None and not select.select([fd], [], [], case.end_after[0])[0]:
         os.kill(child, case.end_after[1])
-    if not select.select([fd], [], [], limit - (time.monotonic() - begin))[0]:
-        timed_out = True
-        os.killpg(child, signal.SIGKILL)
+    while not select.select([fd], [], [], max(0.0, limit - (time.monotonic() - begin - _starved(child))))[0]:
+        if time.monotonic() - begin - _starved(child) >= limit:
+            timed_out = True
+            os.killpg(child, signal.SIGKILL)
+            break
     os.close(fd)
     _, status, usage = os.wait4(child, 0)
     seconds = time.monotonic() - begin
@@ -218,7 +226,7 @@ def run_case(case: Case, limit: float) -> Result:
     lines = [line for line in error.splitlines() if line.strip()]
     result = Result(
         number=case.number, kind=case.kind, command=case.arguments, code=os.waitstatus_to_exitcode(status),
-        seconds=round(seconds, 2), memory_mb=round(usage.ru_maxrss / 1024), said=lines[-1][:200] if lines else "",
+        seconds=round(seconds, 2), cpu=round(usage.ru_utime + usage.ru_stime, 2), memory_mb=round(usage.ru_maxrss / 1024), said=lines[-1][:200] if lines else "",
         problems=[f"no end within {limit:g} s"] if timed_out else [],
     )  # fmt: skip
     try:
@@ -232,6 +240,11 @@ def run_case(case: Case, limit: float) -> Result:
     if case.truth is not None and result.code == 0:
         result.deviations = _deviations(case, case.truth)
     return result
+
+
+def _starved(process: int) -> float:
+    """Return how long a process waited for a processor that others used [s]."""
+    return 1e-9 * int(Path(f"/proc/{process}/schedstat").read_text().split()[1])
 
 
 def _be_the_command(case: Case) -> None:
@@ -346,8 +359,11 @@ def _left_wrong(case: Case, result: Result, before: dict[str, str]) -> Iterator[
     after = _contents(case.folder)
     killed = result.code == -signal.SIGKILL
     record = "ws/data/boards/mine.toml"
+    words = case.arguments
+    asked = {(case.folder / word).resolve() for option, word in pairwise(words) if option in WRITTEN}
+    asked -= {(case.folder / word).resolve() for word in words[1:2]}  # what it reads
     for name, content in before.items():
-        if name != record and after.get(name) != content:
+        if name != record and after.get(name) != content and (case.folder / name).resolve() not in asked:
             yield f"changed {name}"
     for name in after.keys() - before.keys():
         place = name.startswith(("out/", "ws/reports/", "ws/data/boards/")) or name in ("stdout", "stderr")
@@ -389,7 +405,7 @@ def _load() -> None:
     import sysid.video_roll  # noqa: F401
 
     for name in COMMANDS:
-        if name != "train" and not COMMANDS[name].has_parts:
+        if name not in NOT_RUN and not COMMANDS[name].has_parts:
             build_app()[name].assemble_argument_collection()
 
 
@@ -400,7 +416,7 @@ def work(number: int, limit: float, keep: str | None) -> dict[str, Any]:
         return vars(run_case(make_case(number, folder), limit))
     except Exception as error:  # noqa: BLE001  what is wrong with the benchmark itself is said of its case
         traceback.print_exc()
-        return vars(Result(number, "benchmark", [], 70, 0, 0, repr(error), [f"benchmark: {error!r}"]))
+        return vars(Result(number, "benchmark", [], 70, 0, 0, 0, repr(error), [f"benchmark: {error!r}"]))
     finally:
         if not keep:
             shutil.rmtree(folder, ignore_errors=True)

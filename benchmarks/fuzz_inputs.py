@@ -368,7 +368,7 @@ NOT_TRIED = {
     "--realtime",
 }
 """What would move a robot, open a window or start as many processes as it says."""
-WRITTEN = {"--output", "--rerun", "--overlay", "--json", "--plot"}
+WRITTEN = {"--output", "-o", "--rerun", "--overlay", "--json", "--plot"}
 NUMBERS = (
     "0",
     "-1",

@@ -8,10 +8,8 @@ random instant on, so releases fall between samples. The tool then finds the rel
 """
 
 import argparse
-import json
 import os
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -19,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid.batch.runner import read_rows, run_all
 from sysid.board import Board, load_board
 from sysid.effects import effect
 from sysid.errors import SysidError
@@ -171,35 +170,32 @@ def main() -> None:
     parser.add_argument("--profile", action="store_true")
     parser.add_argument("--draws", type=int, default=0)
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--json", type=Path)
+    parser.add_argument("--rows", type=Path, help="JSON lines: read what is there, append what is new")
     parser.add_argument("--out", type=Path, default=OUT)
     options = parser.parse_args()
     os.environ["OMP_NUM_THREADS"] = "1"
     # Seed by seed over all rows, so that what an interrupted run leaves is whole.
     chosen = [i for i, row in enumerate(ROWS) if options.only in row.label]
+    results = [dict(row) for row in read_rows(options.rows)] if options.rows else []
+    done = {(row["row"], row["seed"]) for row in results}
     cases = [
-        (i, s, options.profile, options.draws)
+        ((i, s, options.profile, options.draws),)
         for s in range(options.first, options.first + options.seeds)
         for i in chosen
+        if (i, s) not in done
     ]
-    results: list[dict[str, Any]] = []
-    with ProcessPoolExecutor(options.workers) as pool:
-        for result in pool.map(one, cases, chunksize=len(chosen)):
-            results.append(result)
-            if len(results) % 500 == 0 or len(results) == len(cases):
-                if options.json:
-                    options.json.write_text(json.dumps(results) + "\n")
-                text = (
-                    "# How often the 95 % intervals hold the truth\n\n"
-                    f"Three releases at {RATE} Hz, noise 0.1°, found and fitted as `husky-sysid fit` does; "
-                    f"{options.seeds} logs a row; made by `benchmarks/interval_coverage.py`.\n"
-                    "Covered: ± one binomial standard deviation. 'Spread / stated' compares the scatter of the values "
-                    "with the deviation that the tool states (1 is right); 'bias / spread' is 0 without bias.\n\n"
-                    + table(results)
-                    + "\n"
-                )
-                options.out.parent.mkdir(parents=True, exist_ok=True)
-                options.out.write_text(text)
+    results += map(dict, run_all(one, cases, options.rows, workers=options.workers))
+    text = (
+        "# How often the 95 % intervals hold the truth\n\n"
+        f"Three releases at {RATE} Hz, noise 0.1°, found and fitted as `husky-sysid fit` does; "
+        f"{options.seeds} logs a row; made by `benchmarks/interval_coverage.py`.\n"
+        "Covered: ± one binomial standard deviation. 'Spread / stated' compares the scatter of the values "
+        "with the deviation that the tool states (1 is right); 'bias / spread' is 0 without bias.\n\n"
+        + table(results)
+        + "\n"
+    )
+    options.out.parent.mkdir(parents=True, exist_ok=True)
+    options.out.write_text(text)
     print(table(results))
 
 

@@ -90,14 +90,17 @@ class Playground:
         }
 
 
-def playground(evidence: Evidence, diagnosis: LastDiagnosis | None) -> Playground | None:
+def playground(
+    evidence: Evidence, diagnosis: LastDiagnosis | None, current: str = "the record"
+) -> Playground | None:
     """Return a board's playground; None where its law stands for a simulator's step, which no slider changes.
 
     Args:
         evidence: The board and its logs.
         diagnosis: Its last one, for the effects that were tried.
+        current: What the law that was compared is called.
     """
-    laws, last = _laws(evidence, diagnosis)
+    laws, last = _laws(evidence, diagnosis, current)
     if last.timestep:
         return None
     own = {name for name, _ in last.effects}
@@ -153,12 +156,14 @@ def playground(evidence: Evidence, diagnosis: LastDiagnosis | None) -> Playgroun
     )
 
 
-def _laws(evidence: Evidence, diagnosis: LastDiagnosis | None) -> tuple[list[tuple[str, JointLaw]], JointLaw]:
+def _laws(
+    evidence: Evidence, diagnosis: LastDiagnosis | None, current: str
+) -> tuple[list[tuple[str, JointLaw]], JointLaw]:
     """Return the laws that buttons lead to, and the one to begin with: what the diagnosis chose, or the record's."""
     laws = [(STOOD, evidence.stood)]
     laws += [(REFITTED if rung.label == PLAIN else rung.label, rung.fit.law) for rung in evidence.ladder]
     begin = evidence.comparison.law
-    laws.append(("the record", begin))
+    laws.append((current, begin))
     if diagnosis is not None and diagnosis.is_current:
         tried = diagnosis.content["candidates"]
         chosen = tuple(diagnosis.content.get("chosen", ()))

@@ -7,7 +7,7 @@ the simulator passed the comparison, and one history line a refit.
 import hashlib
 import math
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
@@ -247,7 +247,7 @@ def save_board(board: Board, path: Path) -> None:
     """
     text = board_to_toml(board)
     _Reader(path).board(tomllib.loads(text))  # never write what could not be read back
-    write_atomically(path, text)
+    write_atomically(path, text, is_record=True)
 
 
 def board_to_toml(board: Board) -> str:
@@ -333,7 +333,7 @@ class _Reader:
             decay=self._quantities(raw, "decay", DECAY_UNITS) if "decay" in raw else {},
             published=self._quantities(raw, "published", PUBLISHED_UNITS) if "published" in raw else {},
             effects=tuple(
-                self._effect(f"effect[{i}]", raw_effect)
+                self._effect(f"effect[{i}]", raw_effect, kind)
                 for i, raw_effect in enumerate(self._tables(raw, "effect"))
             ),
             fit=self._table(raw, "fit") if "fit" in raw else {},
@@ -342,14 +342,20 @@ class _Reader:
             history=tuple(self._tables(raw, "history")),
         )
 
-    def _effect(self, where: str, raw: Mapping[str, Any]) -> BoardEffect:
-        """Read one effect, its parameters in the catalogue's order; one that is not in the catalogue as it is."""
+    def _effect(self, where: str, raw: Mapping[str, Any], unit_of: Callable[[str], str]) -> BoardEffect:
+        """Read one effect, its parameters in the catalogue's order; one that is not in the catalogue as it is.
+
+        Args:
+            where: Its place in the file.
+            raw: What the file says.
+            unit_of: The unit that a joint of the record's kind has in place of a hinge's.
+        """
         from sysid.effects import catalogue
 
         name = self._text(raw, "name", f"{where}.name")
         table = self._table(raw, "parameters", f"{where}.parameters")
         known = catalogue().get(name)
-        units = dict.fromkeys(table) if known is None else {p.name: p.unit for p in known.parameters}
+        units = dict.fromkeys(table) if known is None else {p.name: unit_of(p.unit) for p in known.parameters}
         if unknown := [key for key in table if key not in units]:
             raise SysidError(
                 f"{self.path}: unknown field '{where} ({name}).parameters.{unknown[0]}'."

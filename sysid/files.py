@@ -12,6 +12,9 @@ from pathlib import Path
 
 from sysid.errors import SysidError
 
+RECORDS = "data/boards/*.toml"
+"""Where a workspace keeps the records of its boards."""
+
 
 def shipped_data() -> Path:
     """Return the data folder that ships with the tool: in an installed wheel, or in the repository."""
@@ -32,18 +35,24 @@ def regular(path: Path) -> Path:
 
 
 @contextmanager
-def atomic_path(path: Path) -> Generator[Path]:
+def atomic_path(path: Path, *, is_record: bool = False) -> Generator[Path]:
     """Yield a temporary path beside `path`, and rename it to `path` only if the block succeeds.
 
     For writers that want a file name (matplotlib, Rerun, video). The suffix is kept, because some
     of them choose the format by it. A link stays a link: what it points to is replaced. A device or a pipe is no
     file that could be replaced: what was written is copied into it.
 
+    Args:
+        path: The file.
+        is_record: It is a board's record; nothing else is written in place of one.
+
     Raises:
-        SysidError: The folder cannot be made or written to.
+        SysidError: The folder cannot be made or written to, or a record lies there.
     """
     try:
         target = path.resolve()
+        if target.match(RECORDS) and target.exists() and not is_record:
+            raise SysidError(f"{path}: holds a board's record; it would be lost. Choose another name.")
         is_special = target.exists() and not target.is_file()
         if target.is_dir():
             raise IsADirectoryError(None, "it is a folder")
@@ -132,14 +141,14 @@ def refuse_overwriting(inputs: Iterable[Path], outputs: Mapping[str, Path | None
                 )
 
 
-def write_atomically(path: Path, content: str | bytes) -> None:
-    """Write `content` to `path`, replacing it in one step.
+def write_atomically(path: Path, content: str | bytes, *, is_record: bool = False) -> None:
+    """Write `content` to `path`, replacing it in one step; see `atomic_path`.
 
     Raises:
         SysidError: The folder cannot be made or written to.
     """
     data = content.encode() if isinstance(content, str) else content
-    with atomic_path(path) as temporary:
+    with atomic_path(path, is_record=is_record) as temporary:
         temporary.write_bytes(data)
 
 

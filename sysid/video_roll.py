@@ -48,7 +48,7 @@ def roll_from_video(path: Path, options: VideoOptions | None = None) -> Roll:
     from sysid.video.select import follow_board
 
     options = options or VideoOptions()
-    clip = open_clip(path)
+    clip = open_clip(path, options.progress)
     lens = lens_of(clip, options.calibration)
     target, track = follow_board(clip, lens, options)
     roll, rows = roll_from_track(clip, lens, target, track, options)

@@ -92,14 +92,14 @@ class Workspace:
         """Return the records that a board had before, oldest first."""
         return sorted(self._earlier(name).glob("[0-9]*.toml"))  # not what a killed command left half-written
 
-    def first(self, name: str) -> Board:
-        """Return a board as it was before it was first written in this workspace; as it is, if it never was.
+    def first(self, name: str) -> Board | None:
+        """Return a board as it was before it was first written in this workspace; None if it never was.
 
         Raises:
-            SysidError: There is no such board, or its record is not valid.
+            SysidError: That record is not valid.
         """
         kept = self.earlier(name)
-        return load_board(kept[0]) if kept else self.load_board(name)
+        return load_board(kept[0]) if kept else None
 
     def undo(self, name: str) -> Path:
         """Put a board's record back to what it was before it was last written, and return its path.
@@ -115,7 +115,7 @@ class Workspace:
                     f"board '{name}' was never changed in this workspace, so there is nothing to go back to. Is it in another "
                     "(--workspace)?"
                 )
-            write_atomically(path, kept[-1].read_bytes())
+            write_atomically(path, kept[-1].read_bytes(), is_record=True)
             kept[-1].unlink()
         return path
 

@@ -81,6 +81,14 @@ def test_a_full_device_is_an_error_and_stays_a_device():
     assert Path("/dev/full").is_char_device()
 
 
+def test_a_board_record_is_written_over_by_records_only(tmp_path):
+    record = tmp_path / "data" / "boards" / "mine.toml"
+    write_atomically(record, "old", is_record=True)
+    with pytest.raises(SysidError, match=r"mine\.toml: holds a board's record"):
+        write_json(record, {})
+    assert record.read_text() == "old"
+
+
 def test_a_folder_is_not_written_over(tmp_path):
     with pytest.raises(SysidError, match="it is a folder"):
         write_atomically(tmp_path, "x")

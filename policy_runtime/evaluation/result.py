@@ -100,7 +100,7 @@ class Evaluation:
             "standing": self.standing.to_json(),
             **{name: quantity.to_json() for name, quantity in self.errors.items()},
             "duration": self.duration.to_json(),
-            "median_duration": self.median_duration,
+            "median_duration": None if math.isnan(self.median_duration) else self.median_duration,
             "endings": self.endings,
             "breakdown": [table.to_json() for table in self.tables],
             "headings": [

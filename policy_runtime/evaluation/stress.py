@@ -49,7 +49,7 @@ class Stress:
             SysidError: One cannot be.
         """
         lag = self.delay / PD_PERIOD
-        if self.delay < 0 or not math.isclose(lag, round(lag), abs_tol=1e-6):
+        if not 0 <= lag < math.inf or not math.isclose(lag, round(lag), abs_tol=1e-6):
             raise SysidError(
                 f"--delay {self.delay:g}: must be a multiple of the servos' {PD_PERIOD:g} s, and not negative."
             )

@@ -17,7 +17,7 @@ from sysid.quantity import Z95
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, FigureBase
 
 RULED_OUT = 12.0
 """Score below which two models are not told apart: twice the log-likelihood's `TIE`. Up to here the axis is linear."""
@@ -92,16 +92,27 @@ def story_figure(story: Story, title: str) -> "Figure":
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    drawn = panels(story)
-    rows = -(-len(drawn) // 3)
+    rows = -(-len(panels(story)) // 3)
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(12.6, 3.5 * rows + 0.4), layout="constrained")
         figure.suptitle(title, fontsize=11, x=0.01, ha="left")
-        grid: Any = figure.subfigures(rows, 3, squeeze=False)
-        for part, panel in zip(grid.flat, drawn, strict=False):
-            panel.draw(part.subplots())
-            part.suptitle("\n".join(wrap(panel.title, 54)), fontsize=10, x=0.02, ha="left")
+        draw_panels(figure, story, columns=3)
     return figure
+
+
+def draw_panels(figure: "FigureBase", story: Story, *, columns: int) -> None:
+    """Draw all panels into a figure or a part of one, each with its title.
+
+    Args:
+        figure: Empty.
+        story: What to draw.
+        columns: Panels side by side.
+    """
+    drawn = panels(story)
+    grid: Any = figure.subfigures(-(-len(drawn) // columns), columns, squeeze=False)
+    for part, panel in zip(grid.flat, drawn, strict=False):
+        panel.draw(part.subplots())
+        part.suptitle("\n".join(wrap(panel.title, 54)), fontsize="large", x=0.02, ha="left")
 
 
 def draw_decay(axes: "Axes", story: Story) -> None:

@@ -420,17 +420,19 @@ def _provenance(board: Board, files: "Sequence[LogFile]", provenance: Provenance
     rows = [(file.path, file.digest or "(a folder)", file.state) for file in files]
     return [
         table(("log", "sha256", "state"), rows) if rows else paragraph("No logs."),
-        table(
-            ("what", "value"),
-            [
-                ("record", provenance.record),
-                ("source", board.source),
-                ("fitted", _fitted(board)),
-                ("page made", provenance.made),
-                *((name, version(name)) for name in ("husky-sysid", "mujoco", "casadi", "numpy", "scipy")),
-            ],
-        ),
+        table(("what", "value"), made_of(board, provenance)),
         preformatted(provenance.command),
+    ]
+
+
+def made_of(board: Board, provenance: Provenance) -> list[tuple[str, str]]:
+    """Return where a page comes from: record, source, dates, versions."""
+    return [
+        ("record", provenance.record),
+        ("source", board.source),
+        ("fitted", _fitted(board)),
+        ("page made", provenance.made),
+        *((name, version(name)) for name in ("husky-sysid", "mujoco", "casadi", "numpy", "scipy")),
     ]
 
 

@@ -15,7 +15,7 @@ from sysid.joint import JointLaw
 from sysid.live.session import Session
 from sysid.text import count
 
-NAMES = ("stiffness", "damping")
+NAMES = {"stiffness": "k", "damping": "d"}
 
 
 def live_page(session: Session, version: int, log: str) -> str:
@@ -29,7 +29,7 @@ def live_page(session: Session, version: int, log: str) -> str:
     page = Page(title=f"Live: board {session.board.name}", subtitle=f"kept in {log}")
     decay = session.decay
     numbers = "None yet." if decay is None else ", ".join(
-        f"{name[0]} = {getattr(decay.numbers, name)}" for name in NAMES
+        f"{letter} = {getattr(decay.numbers, name)}" for name, letter in NAMES.items()
     )  # fmt: skip
     rows = [
         ("Releases so far", count(len(session.releases), "release") + ".", ""),
@@ -80,7 +80,7 @@ def _sliders(session: Session) -> str:
             comparison=compare(session.releases, board, law=found), ladder=(), fit=None, look_alikes=None,
             stood=JointLaw.from_board(board), warnings=(),
         )  # fmt: skip
-        play = playground(evidence, None)
+        play = playground(evidence, None, "as measured")
     except SysidError:
         return ""
     return (

@@ -48,8 +48,10 @@ ENVELOPE = "#777777"
 PHASES = {"rest": "#555555", "held": REAL, "free": SIM, "caught": "#CC79A7"}
 MILLI = 1e3
 """From SI to thousandths, the factor in which residuals are shown."""
-SLOWLY = 0.1
-"""Speed of play as a share of the true one, at which an eye follows a swing of 0.2 s (a choice)."""
+CLEAR = 5.0
+"""Size of a motion that is no noise, in standard deviations of it."""
+SHOWN_IN = 8.0
+"""How long it takes to play what there is to see once, if that is not slower than it was [s]."""
 
 
 def decay_recording(path: Path, roll: Roll, decay: FreeDecay, summary: str) -> None:
@@ -80,7 +82,10 @@ def decay_recording(path: Path, roll: Roll, decay: FreeDecay, summary: str) -> N
         tabs.append(_release_tab(root, f"release {release.number}", signal, span, whole, error))
     blueprint = _blueprint(
         rrb.Tabs(*tabs, name="releases"),
-        rrb.Vertical(*_log_views("log", roll), rrb.TextDocumentView(origin="summary", name="summary")),
+        rrb.Vertical(
+            *_log_views("log", roll, decay.releases[0].start),
+            rrb.TextDocumentView(origin="summary", name="summary"),
+        ),
         last,
     )
     with recording(path, _identity(summary, "decay", roll.log), blueprint) as stream:
@@ -149,7 +154,7 @@ def comparison_recording(
     tabs: list[rrb.View | rrb.Container] = []
     last = 0.0
     for i, release in enumerate(result.releases):
-        span = _window(release.time, release.simulated)
+        span = _shown(release, result)
         last = max(last, span[1])
         name = f"{Path(release.log).stem} {release.number}" if many else f"release {release.number}"
         error = float(np.abs(release.residual).max())
@@ -158,7 +163,9 @@ def comparison_recording(
     right += [rrb.Spatial2DView(origin="missing_torque", name="missing torque")] if result.missing else []
     right += [rrb.Spatial2DView(origin=f"film{i + 1}", name="film") for i in range(len(films))]
     right += [
-        rrb.Vertical(*_log_views(f"log{i + 1}", roll), name=f"log {Path(roll.log).name}")
+        rrb.Vertical(
+            *_log_views(f"log{i + 1}", roll, _first(evidence, roll)), name=f"log {Path(roll.log).name}"
+        )
         for i, roll in enumerate(evidence.rolls)
     ]
     scene = rrb.Spatial3DView(
@@ -171,8 +178,7 @@ def comparison_recording(
         path, _identity(summary, evidence.board.name, *(roll.log for roll in evidence.rolls)), blueprint
     ) as stream:
         for i, (roll, phases) in enumerate(zip(evidence.rolls, evidence.phases, strict=True)):
-            releases = evidence.releases_of(roll)
-            _log_whole_log(stream, f"log{i + 1}", roll, phases, releases[0].start if releases else 0.0)
+            _log_whole_log(stream, f"log{i + 1}", roll, phases, _first(evidence, roll))
         for i, release in enumerate(result.releases):
             _log_release(stream, f"release{i + 1}", release, result, evidence, i)
         _log_boards(stream, evidence)
@@ -181,6 +187,11 @@ def comparison_recording(
             film.log(stream, f"film{i + 1}")
         _log_summary(stream, summary)
         log_properties(stream, _board_properties(evidence))
+
+
+def _first(evidence: Evidence, roll: Roll) -> float:
+    """Return when the first release of a log begins, on the log's clock [s]."""
+    return evidence.releases_of(roll)[0].start
 
 
 def _log_release(
@@ -262,11 +273,9 @@ def _log_boards(stream: "rr.RecordingStream", evidence: Evidence) -> None:
     rest = np.array(model.qpos0)
     rest[2] = board.geometry["truck_height"].value + board.geometry["wheel_radius"].value
     stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    before = min(
-        [-1.0, *(float(roll.time[0] - evidence.releases_of(roll)[0].start) for roll in evidence.rolls)]
-    )
+    before = min([-1.0, *(float(roll.time[0]) - _first(evidence, roll) for roll in evidence.rolls)])
     for i, release in enumerate(result.releases[:MOST_BOARDS]):
-        kept = _moving(release)
+        kept = _moving(release, result)
         measured = release.roll if result.is_rate else release.measured
         for root, roll, tint, alpha in (
             (f"world/simulated{i + 1}", release.roll, SIM, 1.0),
@@ -287,10 +296,10 @@ def _log_boards(stream: "rr.RecordingStream", evidence: Evidence) -> None:
         stream.log(f"world/name{i + 1}", rr.Points3D([label], labels=[name], radii=[0.0]), static=True)
 
 
-def _moving(release: ComparedRelease) -> npt.NDArray[np.int64]:
+def _moving(release: ComparedRelease, result: Comparison) -> npt.NDArray[np.int64]:
     """Return the samples whose poses are logged: all while the deck moves, few of the rest."""
     step = float(np.median(np.diff(release.time)))
-    end = int(np.searchsorted(release.time, _window(release.time, release.simulated)[1]))
+    end = int(np.searchsorted(release.time, _shown(release, result)[1]))
     stride = max(1, round(1 / POSES / step))
     return np.unique(np.r_[0:end, end : len(release.time) : stride]).astype(np.int64)
 
@@ -354,20 +363,30 @@ def _release_tab(
     )
 
 
-def _log_views(root: str, roll: Roll) -> "list[rrb.View]":
+def _log_views(root: str, roll: Roll, first: float) -> "list[rrb.View]":
+    """Return the whole log and its phases, over all of its time: else they take the range of a release's view.
+
+    Args:
+        root: Of its entities.
+        roll: The log.
+        first: Time of its first release on its clock [s], which is 0 in the recording.
+    """
     import rerun.blueprint as rrb
 
     reach = 1.1 * float(np.abs(roll.roll).max())
     return [
         rrb.TimeSeriesView(
-            origin=f"{root}/roll", name="whole log: roll [rad]", axis_y=rrb.ScalarAxis(range=(-reach, reach))
+            origin=f"{root}/roll",
+            name="whole log: roll [rad]",
+            axis_x=_axis((float(roll.time[0]) - first, float(roll.time[-1]) - first)),
+            axis_y=rrb.ScalarAxis(range=(-reach, reach)),
         ),
         rrb.StateTimelineView(origin=f"{root}/phase", name="phases"),
     ]
 
 
 def _blueprint(left: "rrb.Tabs", right: "rrb.Container", end: float) -> "rrb.Blueprint":
-    """Return the layout; it opens playing the releases up to a time [s], slowly and again and again."""
+    """Return the layout; it opens playing the releases up to a time [s], again and again."""
     import rerun as rr
     import rerun.blueprint as rrb
 
@@ -380,7 +399,7 @@ def _blueprint(left: "rrb.Tabs", right: "rrb.Container", end: float) -> "rrb.Blu
                 min=rr.TimeInt(seconds=0.0), max=rr.TimeInt(seconds=end)
             ),
             loop_mode="selection",
-            playback_speed=SLOWLY,
+            playback_speed=min(end / SHOWN_IN, 1.0),
             play_state="playing",
         ),
         rrb.SelectionPanel(state="collapsed"),
@@ -414,10 +433,20 @@ def _spacing(board: Board) -> float:
     return 1.9 * board.geometry["width"].value
 
 
-def _window(time: Array, motion: Array) -> tuple[float, float]:
-    """Return the times between which there is something to see [s]."""
+def _shown(release: ComparedRelease, result: Comparison) -> tuple[float, float]:
+    """Return the times between which the measured or the simulated deck moves [s]: a wrong law may rest long before."""
+    spans = (
+        _window(release.time, release.simulated),
+        _window(release.time, release.measured, CLEAR * result.noise.std),
+    )
+    return spans[0][0], max(end for _, end in spans)
+
+
+def _window(time: Array, motion: Array, least: float = 0.0) -> tuple[float, float]:
+    """Return the times between which there is something to see [s]: a motion about rest of at least that size."""
     rest = float(np.median(motion[len(motion) * 3 // 4 :]))
-    moving = np.flatnonzero(np.abs(motion - rest) > 0.01 * float(np.abs(motion - rest).max()))
+    size = np.abs(motion - rest)
+    moving = np.flatnonzero(size > max(0.01 * float(size.max()), least))
     end = float(time[moving[-1]]) if len(moving) else float(time[-1])
     return -0.03 * end, min(1.6 * end, float(time[-1]))
 

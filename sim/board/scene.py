@@ -223,6 +223,9 @@ def roll_inertia(
     mujoco.mj_fullM(model, data, inertia)
     motion = np.zeros(model.nv)  # of all joints, for a roll rate of 1 rad/s
     motion[model.joint(joint).dofadr[0]] = 1.0
+    hinge = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{joint}_hanging_joint")
+    if hinge >= 0:  # what hangs on the deck does not turn with it
+        motion[model.jnt_dofadr[hinge]] = -1.0
     if geometry is not None:
         steer = math.tan(geometry["rake"].value)
         roll = steer * geometry["track"].value / 2 / geometry["wheel_radius"].value

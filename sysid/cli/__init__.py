@@ -5,6 +5,7 @@ Each command is one file beside this one and is imported only when it is called,
 """
 
 import contextlib
+import os
 import sys
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
@@ -142,6 +143,11 @@ COMMANDS = {
         ("evaluate data/policies/pink.onnx --board pink",),
         "training.md",
     ),
+    "paper": Command(
+        "Make the HUSKY paper's tables and figures from trained policies.",
+        ("paper", "paper main curves --episodes 20 --seeds 3"),
+        "training.md",
+    ),
     "play": Command(
         "Show a policy in Rerun or in the MuJoCo viewer.",
         ("play data/policies/pink.onnx --board pink", "play data/policies/pink.onnx --board pink --viewer"),
@@ -191,6 +197,7 @@ def main() -> None:
     try:
         listen()
         open_streams()
+        require_own_packages()
         try:
             build_app()()
         finally:
@@ -198,6 +205,27 @@ def main() -> None:
     except BaseException as error:
         _end(error)
         raise
+
+
+def require_own_packages() -> None:
+    """Make sure that `sysid` and `reports` are this tool's: other projects have packages of these names.
+
+    Raises:
+        SysidError: One of them is another's.
+    """
+    from importlib.util import find_spec
+
+    root = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))  # noqa: PTH100, PTH120  starts sooner
+    for name in ("sysid", "reports"):
+        found = find_spec(name)
+        where = None if found is None else found.origin
+        own = os.path.join(root, name, "__init__.py")  # noqa: PTH118
+        lost = name == "sysid" and "Recording" not in getattr(sys.modules[name], "__all__", ())
+        if where != own or lost:
+            raise SysidError(
+                f"the package '{name}' that Python finds is another project's ({where}), and husky-sysid has one of that "
+                "name. Install husky-sysid into an environment of its own, and run it where no such folder lies."
+            )
 
 
 def _end(error: BaseException) -> None:

@@ -2,7 +2,8 @@
 
 import json
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -25,6 +26,9 @@ LOG, FILM, FIT, OUTPUT = (
     Group(name, sort_key=place) for place, name in enumerate(("Log", "Film", "Fit", "Output"), 1)
 )
 """What options belong to, in the order of a command's help."""
+
+Progress = Callable[[str, float], None]
+"""Told what is being done, and which share of it is."""
 
 
 @Parameter(name="*", group=OUTPUT)
@@ -57,13 +61,14 @@ class Printer:
     def __post_init__(self) -> None:
         """Open both consoles."""
         quiet = self.common.json == "-"
-        width = None if sys.stdout.isatty() else 160
-        object.__setattr__(
-            self, "_stdout", Console(quiet=quiet, highlight=False, width=width, soft_wrap=True, emoji=False)
+        # A terminal breaks a line wherever it is full; we break between words. A pipe gets whole lines.
+        out, err = sys.stdout.isatty(), sys.stderr.isatty()
+        stdout = Console(
+            quiet=quiet, highlight=False, width=None if out else 160, soft_wrap=not out, emoji=False
         )
-        object.__setattr__(
-            self, "_stderr", Console(stderr=True, highlight=False, soft_wrap=True, emoji=False)
-        )
+        stderr = Console(stderr=True, highlight=False, soft_wrap=not err, emoji=False)
+        object.__setattr__(self, "_stdout", stdout)
+        object.__setattr__(self, "_stderr", stderr)
 
     @property
     def stderr(self) -> Console:
@@ -141,3 +146,20 @@ def require_share(option: str, value: float) -> None:
     """
     if not 0 < value < 1:
         raise SysidError(f"{option} {value:g}: expected a share between 0 and 1, such as 0.02.")
+
+
+@contextmanager
+def progress_bar(printer: Printer) -> Generator[Progress | None]:
+    """Show a bar on stderr, on a terminal only."""
+    if not printer.stderr.is_terminal:
+        yield None
+        return
+    from rich.progress import Progress as Bar
+
+    with Bar(console=printer.stderr, transient=True) as bar:
+        task = bar.add_task("", total=1.0)
+
+        def update(what: str, share: float) -> None:
+            bar.update(task, description=what, completed=share)
+
+        yield update

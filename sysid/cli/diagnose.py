@@ -1,20 +1,15 @@
 """`husky-sysid diagnose`: what the model is missing, or that nothing is, or that nothing known explains it."""
 
-from collections.abc import Generator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import Parameter, validators
 
-from sysid.cli.console import FIT, Common, Printer
+from sysid.cli.console import FIT, Common, Printer, progress_bar
 from sysid.cli.log_options import LogArguments, load_recordings
 from sysid.cli.parameter_options import parse_fixed
 from sysid.cli.subject import Subject
 from sysid.files import atomic_path, write_json
-
-if TYPE_CHECKING:
-    from sysid.diagnosis.search import Progress
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
@@ -71,20 +66,3 @@ def diagnose(
     printer.say(f"written: {folder / 'diagnose.json'}, {folder / 'diagnose.png'}")
     printer.result(content)
     return 0
-
-
-@contextmanager
-def progress_bar(printer: Printer) -> Generator["Progress | None"]:
-    """Show a bar on stderr, on a terminal only."""
-    if not printer.stderr.is_terminal:
-        yield None
-        return
-    from rich.progress import Progress as Bar
-
-    with Bar(console=printer.stderr, transient=True) as bar:
-        task = bar.add_task("", total=1.0)
-
-        def update(what: str, share: float) -> None:
-            bar.update(task, description=what, completed=share)
-
-        yield update

@@ -17,6 +17,7 @@ from cyclopts import Parameter, validators
 from sysid.board import Board
 from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.cli.log_options import LogArguments, recording_of
+from sysid.cli.subject import Subject
 from sysid.errors import SysidError
 from sysid.live.phyphox import Phone
 from sysid.live.session import Session
@@ -27,6 +28,7 @@ from sysid.workspace import shipped_data
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
+_NO_SUBJECT = Subject()
 EVERY = 0.2
 """Between two questions to the phone, or two looks into the folder [s]."""
 STILL = (0.25, 0.4, 0.7)
@@ -39,7 +41,7 @@ LOSSES = 5
 
 def live(
     *,
-    board: Annotated[str, Parameter(name=("--board", "-b"))],
+    subject: Subject = _NO_SUBJECT,
     phone: Annotated[str | None, Parameter(name="--phone")] = None,
     watch: Annotated[Path | None, Parameter(name="--watch")] = None,
     releases: Annotated[int | None, Parameter(validator=validators.Number(gte=1))] = None,
@@ -53,7 +55,7 @@ def live(
     and sliders is served on this machine only. The log is kept in logs/ of the workspace whatever happens; end with Ctrl-C.
 
     Args:
-        board: Name of the board.
+        subject: Whose joint it is.
         phone: Address that phyphox shows, such as 192.168.0.42:8080.
         watch: Instead of a phone: a folder in which logs appear.
         releases: End by itself after so many.
@@ -62,13 +64,13 @@ def live(
         common: Options of every command.
     """
     printer = Printer(common)
-    record = common.space.load_board(board)
+    record = subject.load(common, printer)
     if (phone is None) == (watch is None):
         raise SysidError(
             "live reads a phone or a folder: give --phone ADDRESS or --watch FOLDER, one of them."
         )
     stamp = f"{datetime.now():%Y%m%d-%H%M%S}"
-    log = watch if watch is not None else common.space.root / "logs" / f"{board}-{stamp}"
+    log = watch if watch is not None else common.space.root / "logs" / f"{record.name}-{stamp}"
     session = Session(record, grows=phone is not None)
     _warm_up(record)
     look = _watching(watch, arguments) if watch is not None else _phoning(str(phone), log, arguments, printer)
@@ -87,7 +89,7 @@ def live(
     numbers = {} if session.decay is None else session.decay.to_json()
     kept = str(log) if phone is not None else f"{log}/*"
     printer.say(
-        f"kept: {log}\nnext: husky-sysid fit {kept} --board {board}, then husky-sysid diagnose {kept} --board {board}"
+        f"kept: {log}\nnext: husky-sysid fit {kept} --board {record.name}, then husky-sysid diagnose {kept} --board {record.name}"
     )
     printer.result(
         {**numbers, "log": str(log), "releases_found": len(session.releases), "next": session.next_step}

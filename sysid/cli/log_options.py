@@ -1,14 +1,15 @@
 """Options of every command that takes a log."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Generator, Iterable, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from sysid.cli.console import FILM, LOG, Printer
+from sysid.cli.console import FILM, LOG, Printer, progress_bar
 from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
 from sysid.logs.sources.registry import sources
@@ -165,9 +166,21 @@ def load_roll(log: Path, arguments: LogArguments, printer: Printer) -> Roll:
     if unused := unused_options(log, arguments):
         kind = "a film" if is_film(log) else "no film"
         printer.warn(f"{log}: not used: {', '.join(unused)}; this is {kind}")
-    roll = read_roll(log, arguments.options)
+    with reading(arguments, printer, shown=is_film(log)) as options:
+        roll = read_roll(log, options)
     say_notes(log, roll, printer)
     return roll
+
+
+@contextmanager
+def reading(arguments: LogArguments, printer: Printer, *, shown: bool) -> Generator[LogOptions]:
+    """Yield how a log is read, with a bar on stderr while its frames are, if it is a film."""
+    options = arguments.options
+    if not shown:
+        yield options
+        return
+    with progress_bar(printer) as progress:
+        yield replace(options, video=replace(options.video or VideoOptions(), progress=progress))
 
 
 def say_notes(log: Path, roll: Roll, printer: Printer) -> None:

@@ -11,7 +11,8 @@ from sysid.files import write_atomically
 
 _NO_COMMON = Common()
 DOUBTFUL, UNUSABLE = 0.02, 0.1
-"""NRMSE of the unloaded decay beyond which a file is warned of (the gate's tolerance), and beyond which none is written."""
+"""NRMSE of the unloaded decay beyond which a file is warned of, as the gate would fail it, and beyond which none is
+written [1]."""
 
 
 def mjcf(

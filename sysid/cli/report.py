@@ -8,13 +8,12 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sysid.cli.console import OUTPUT, Common, Printer
-from sysid.cli.diagnose import progress_bar
+from sysid.cli.console import OUTPUT, Common, Printer, progress_bar
 from sysid.cli.log_options import LogArguments, refuse_overwriting_logs
 from sysid.cli.subject import Subject
 from sysid.cli.view import no_logs, read_logs
 from sysid.errors import SysidError
-from sysid.files import write_atomically
+from sysid.files import atomic_path, write_atomically
 
 _NO_ARGUMENTS = LogArguments()
 _NO_COMMON = Common()
@@ -25,6 +24,7 @@ def report(
     *logs: Path,
     subject: Subject = _NO_SUBJECT,
     output: Annotated[Path | None, Parameter(name=("--output", "-o"), group=OUTPUT)] = None,
+    one_page: Annotated[bool, Parameter(name="--one-page", negative="", group=OUTPUT)] = False,
     tolerance: float = 0.02,
     arguments: LogArguments = _NO_ARGUMENTS,
     common: Common = _NO_COMMON,
@@ -38,6 +38,7 @@ def report(
         logs: Logs of the board; those that its record was fitted to, if left out.
         subject: Whose joint it is.
         output: File to write; reports/BOARD/report.html of the workspace if left out.
+        one_page: Also write it on one page, as PDF and PNG beside the file.
         tolerance: Error beyond the noise, over the RMS motion, at which the comparison passes.
         arguments: How the logs are read.
         common: Options of every command.
@@ -70,10 +71,21 @@ def report(
         made=date.today().isoformat(),
         record=str(subject.model) if subject.model else _shown(space.board_path(record.name), space.root),
     )
-    page = board_report(record, evidence, files, provenance, last_diagnosis(record, space))
+    diagnosis = last_diagnosis(record, space)
+    page = board_report(record, evidence, files, provenance, diagnosis)
     path = output or space.outputs(record.name) / "report.html"
     write_atomically(path, page)
     printer.say(f"written: {path} ({len(page.encode()) / 1e6:.2f} MB)")
+    if one_page:
+        if evidence is None:
+            raise SysidError(no_logs(record))
+        from reports.page.sheet import board_sheet
+
+        sheet = board_sheet(evidence, files, provenance, diagnosis)
+        for target in (path.with_suffix(".pdf"), path.with_suffix(".png")):
+            with atomic_path(target) as temporary:
+                sheet.savefig(temporary, dpi=150)
+            printer.say(f"written: {target}")
     printer.result(
         {"board": record.name, "report": str(path), "logs": [file.path for file in files if file.found]}
     )

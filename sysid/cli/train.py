@@ -132,12 +132,49 @@ class Learner:
         )
 
 
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Machines:
+    """A run on several machines: the same command on each, with a folder that all of them see."""
+
+    nodes: Annotated[int, Parameter(validator=Number(gte=1))] = 1
+    """Number of machines; each brings --gpus."""
+    node: Annotated[int, Parameter(validator=Number(gte=0))] = 0
+    """Which of them this one is; 0 begins the run."""
+    rendezvous: str | None = None
+    """Where machine 0 is to be met, HOST:PORT."""
+
+    def torchrun(self, gpus: int) -> list[str]:
+        """Return torchrun's options for so many GPUs on each machine.
+
+        Raises:
+            SysidError: The machines do not fit together.
+        """
+        processes = f"--nproc-per-node={max(1, gpus)}"
+        if self.nodes == 1 and self.node == 0 and self.rendezvous is None:
+            return ["--standalone", processes]
+        host, _, port = (self.rendezvous or "").rpartition(":")
+        if self.node >= self.nodes or not host or not port.isdigit():
+            raise SysidError(
+                f"--nodes {self.nodes} --node {self.node} --rendezvous {self.rendezvous}: expected machines 0 to "
+                f"{self.nodes - 1} and where machine 0 is to be met, HOST:PORT."
+            )
+        return [
+            f"--nnodes={self.nodes}",
+            f"--node-rank={self.node}",
+            f"--master-addr={host}",
+            f"--master-port={port}",
+            processes,
+        ]
+
+
 def train(
     *,
     board: str,
     variant: Variant = Variant(),
     learner: Learner = Learner(),
     gpus: Literal[0, 1, 2, 4, 8] | None = None,
+    machines: Machines = Machines(),
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     resume: Path | None = None,
     start_from: Annotated[Path | None, Parameter(name="--from")] = None,
@@ -157,6 +194,7 @@ def train(
         learner: Options of the learner.
         gpus: Number of GPUs, each a process; 0 trains on the CPU, to try things out. 1 for a new run; with
             --resume as many as it began on.
+        machines: Other machines that train along.
         output: Folder of the run; the default is reports/BOARD/train-N.
         resume: Folder of a run to go on with from its newest checkpoint, with its own options; beyond its end
             with --iterations.
@@ -173,13 +211,16 @@ def train(
     record = common.space.load_board(board)
     _gate(record, force, printer)
     _require_mjlab()
+    machines.torchrun(1)
+    if machines.node > 0:
+        return _join(resume or output, 1 if gpus is None else int(gpus), minutes, machines, printer)
     if resume is not None:
         folder = RunFolder(resume)
         config = _require_same_board(folder, record)
         count = folder.gpus() if gpus is None else int(gpus)
         _require_gpus(count)
         _say_unused(variant, learner, {"output": output, "motions": motions}, config, printer)
-        _go_on(folder, config, learner, count, minutes, printer)
+        _go_on(folder, config, learner, count, minutes, printer, machines)
     else:
         count = 1 if gpus is None else int(gpus)
         _require_gpus(count)
@@ -189,7 +230,7 @@ def train(
         clips = [] if motions is None else [motions]
         folder.begin(config, common.space.board_path(board), start_from, gpus=count, motions=clips)
         try:
-            _run(folder, count, minutes, printer)
+            _run(folder, count, minutes, printer, machines)
         finally:
             if not folder.has_learned():
                 folder.discard()
@@ -270,8 +311,25 @@ def _say_unused(
         )
 
 
+def _join(path: Path | None, gpus: int, minutes: float, machines: Machines, printer: Printer) -> int:
+    """Train along with a run that machine 0 begins or goes on with."""
+    if path is None:
+        raise SysidError(
+            f"--node {machines.node}: name the run's folder, which machine 0 shares, by --output."
+        )
+    _require_gpus(gpus)
+    _run(RunFolder(path), gpus, minutes, printer, machines)
+    return 0
+
+
 def _go_on(
-    folder: RunFolder, config: RunConfig, learner: Learner, gpus: int, minutes: float, printer: Printer
+    folder: RunFolder,
+    config: RunConfig,
+    learner: Learner,
+    gpus: int,
+    minutes: float,
+    printer: Printer,
+    machines: Machines,
 ) -> None:
     """Go on with a run to its end, or to the new total that was given."""
     if not folder.checkpoints():
@@ -293,7 +351,7 @@ def _go_on(
             f"{folder.path}: all of its {total} iterations are done; go on with a larger --iterations."
         )
         return
-    _run(folder, gpus, minutes, printer)
+    _run(folder, gpus, minutes, printer, machines)
 
 
 def _require_readable(checkpoints: list[Path]) -> None:
@@ -312,11 +370,13 @@ def _new_run(record: Board, output: Path | None, common: Common, printer: Printe
     return RunFolder(path)
 
 
-def _run(folder: RunFolder, gpus: int, minutes: float, printer: Printer) -> None:
+def _run(
+    folder: RunFolder, gpus: int, minutes: float, printer: Printer, machines: Machines = Machines()
+) -> None:
     """Train in processes of their own, so that a crash of one says so and leaves the files whole."""
     command = [sys.executable, "-m"]
-    if gpus > 1:
-        command += ["torch.distributed.run", "--standalone", f"--nproc-per-node={gpus}", "-m"]
+    if gpus > 1 or machines.nodes > 1:
+        command += ["torch.distributed.run", *machines.torchrun(gpus), "-m"]
     command += ["policy_runtime.train", str(folder.path), "--device", "cuda" if gpus else "cpu"]
     if math.isfinite(minutes):
         command += ["--minutes", str(minutes)]

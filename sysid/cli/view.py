@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from sysid.board import Board
-from sysid.cli.console import OUTPUT, Common, Printer
-from sysid.cli.diagnose import progress_bar
+from sysid.cli.console import OUTPUT, Common, Printer, progress_bar
 from sysid.cli.log_options import (
     LogArguments,
     load_roll,
+    reading,
     recording_of,
     refuse_overwriting_logs,
     say_notes,
@@ -125,7 +125,8 @@ def read_logs(
         if films and is_film(file.found):
             from reports.rerun.film_frames import read_film
 
-            roll, frames = read_film(file.found, arguments.options)
+            with reading(arguments, printer, shown=True) as options:
+                roll, frames = read_film(file.found, options)
             pictures[roll.log] = frames
             say_notes(file.found, roll, printer)
         else:

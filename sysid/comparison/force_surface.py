@@ -31,7 +31,7 @@ class TorqueProfile:
     torque: Array
     """Mean missing torque [N*m], shape (n,)."""
     std: Array
-    """Standard deviation of that mean [N*m], shape (n,): samples within one length of the filter count as one."""
+    """Standard deviation of that mean [N*m], shape (n,), with what neighbours in time have in common."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,12 +106,24 @@ def missing_torque(
 def _profile(at: Array, torque: Array, together: float) -> TorqueProfile:
     """Average a torque over bins of as many samples each; `together` neighbouring samples say the same."""
     bins = int(np.clip(len(at) / (FEW_A_BIN * together), 3, MOST_BINS))
-    parts = np.array_split(np.argsort(at), bins)
-    std = [float(np.std(torque[part])) / np.sqrt(max(len(part) / together, 1.0)) for part in parts]
+    parts = [np.sort(part) for part in np.array_split(np.argsort(at), bins)]
+    means = np.array([float(np.mean(torque[part])) for part in parts])
+    squares = np.array(
+        [float(np.sum((torque[part] - mean) ** 2)) for part, mean in zip(parts, means, strict=True)]
+    )
+    # Noise that was differentiated cancels from sample to sample; what the model lacks does not. What neighbours in time make of
+    # the scatter together, over what each makes alone, tells which it is.
+    runs = [
+        float(np.sum(torque[run] - mean)) ** 2
+        for part, mean in zip(parts, means, strict=True)
+        for run in np.split(part, np.flatnonzero(np.diff(part) > 1) + 1)
+    ]
+    shared = sum(runs) / max(float(squares.sum()), 1e-300)
+    counts = np.array([len(part) for part in parts])
     return TorqueProfile(
         np.array([float(np.mean(at[part])) for part in parts]),
-        np.array([float(np.mean(torque[part])) for part in parts]),
-        np.array(std),
+        means,
+        np.sqrt(shared * squares) / counts,
     )
 
 

@@ -111,7 +111,7 @@ def fit_peak_line(peaks: Sequence[Sequence[Peak]], rest_stds: Sequence[float]) -
     """Fit δ and T to all usable peaks of all releases, weighted by their noise.
 
     Every release has its own first amplitude and time; slope and period are shared. Scatter beyond the
-    noise widens the intervals. None if no release has two peaks.
+    noise widens the intervals. None if no release has two peaks that stand above the noise.
     """
     used = [(i, peak) for i, group in enumerate(peaks) if len(group) > 1 for peak in group]
     if not used:
@@ -127,6 +127,9 @@ def fit_peak_line(peaks: Sequence[Sequence[Peak]], rest_stds: Sequence[float]) -
     fitted = np.exp(np.array([intercepts[int(i)] for i in owner]) + slope * number)
     # Nor may chance decide which of the smallest ones count: what is near the threshold goes, by the line.
     kept = (fitted > 1.3 * CLEAR * std) | (number <= 2)
+    kept &= (np.bincount(owner[kept], minlength=len(peaks)) > 1)[owner]  # one alone says nothing of a slope
+    if not kept.any():
+        return None
     used = [item for item, keep in zip(used, kept, strict=True) if keep]
     number, owner, log_amplitude = number[kept], owner[kept], log_amplitude[kept]
     slope, slope_std, freedom, intercepts = _shared_slope(

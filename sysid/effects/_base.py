@@ -132,15 +132,15 @@ class State:
     sensor's gets the absolute roll for the tilt."""
     size: Callable[[Scales], float]
     """Its typical size, for scaling when it is fitted."""
-    rate: Callable[[Algebra, JointState, Value, Values], Value] | None = None
-    """`rate(m, motion, z, parameters)`: its time derivative."""
+    rate: Callable[[Algebra, JointState, Sequence[Value], Values], Value] | None = None
+    """`rate(m, motion, states, parameters)`: its time derivative, from all states of its effect."""
     late_release: Callable[[Algebra, Value, Value, Value, Values], Value] | None = None
     """For a sensor's: `late_release(m, roll, rate, acceleration, parameters)`, its value at a release noticed late, when the deck
     has that rate already."""
     detection_delay: Callable[[float, float, Mapping[str, float]], float] | None = None
     """For a sensor's: `detection_delay(acceleration, noise, parameters)`, for how long a release does not show in its reading [s]."""
-    return_map: Callable[[Algebra, Value, Values], Value] | None = None
-    """For rate-independent states: z follows the tilt, and `return_map(m, z, parameters)` limits it."""
+    return_map: Callable[[Algebra, Value, Value, Values], Value] | None = None
+    """For rate-independent states: `return_map(m, z, moved, parameters)`, what a tilt one way by `moved` makes of z."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -54,7 +54,7 @@ EFFECT = TorqueEffect(
     formula="{difference} |φ|",
     source="piecewise linear oscillator, Shaw and Holmes, J. Sound and Vibration 90 (1983)",
     does="Half swings to one side are wider and longer than to the other by the same share at every amplitude.",
-    look_alikes=("asymmetric-stiffness", "offset", "preload", "sensor-bias"),
+    look_alikes=("asymmetric-stiffness", "one-sided-stop", "offset", "preload", "sensor-bias"),
     experiment=(
         "Release from 3° and 12° to either side: half swings that differ by the same share at both angles are two "
         "springs, by more at 12° one spring that bends."

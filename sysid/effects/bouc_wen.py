@@ -17,9 +17,9 @@ def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[
     return -parameters["torque"] * states[0]
 
 
-def share_rate(m: Algebra, motion: JointState, z: Value, parameters: Values) -> Value:
+def share_rate(m: Algebra, motion: JointState, states: Sequence[Value], parameters: Values) -> Value:
     """Return (v - u |v| z - (1 - u) v |z|) / a: steep after a turn, flat where the torque has yielded [1/s]."""
-    rate, u = motion.rate, parameters["unloading"]
+    (z,), rate, u = states, motion.rate, parameters["unloading"]
     return (rate - u * m.abs(rate) * z - (1 - u) * rate * m.abs(z)) / parameters["reach"]
 
 
@@ -65,7 +65,7 @@ EFFECT = TorqueEffect(
     law="τ = -T z, ż = (v - u |v| z - (1 - u) v |z|) / a",
     source="Bouc 1967; Wen, J. Engineering Mechanics 102 (1976), with exponent 1",
     does="Wide swings lose a fixed torque, small ones less and less: the loss a swing grows gradually with amplitude.",
-    look_alikes=("hysteresis", "coulomb", "viscoelastic"),
+    look_alikes=("hysteresis", "dahl", "coulomb", "viscoelastic"),
     experiment="Release from 1°, 3° and 10°: the loss a swing, over its amplitude, is largest in the middle.",
     mujoco=MujocoSupport(
         means="nothing that has round corners", since="", warp=False,

@@ -93,10 +93,12 @@ EFFECT = TorqueEffect(
     law="τ = -k_s (|x| - a) sgn x - d_s v beyond ±a",
     source="piecewise linear stop, Shaw and Holmes, J. Sound and Vibration 90 (1983)",
     does="Wide swings turn round early and run fast; below the angle of the stop nothing changes.",
-    look_alikes=("cubic-stiffness",),
+    look_alikes=("cubic-stiffness", "one-sided-stop"),
     experiment="Release from below and above the angle of the stop: below it the period is constant.",
     mujoco=MujocoSupport(
-        means="fixed tendon with a dead band (springlength) and a stiffness", since="3.0", warp=True
+        means="fixed tendon with a dead band (springlength) and a stiffness (its loss is left out)",
+        since="3.0",
+        warp=True,
     ),
     to_mjcf=to_mjcf,
     example=(0.1, 60.0, 0.0),

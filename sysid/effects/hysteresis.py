@@ -16,16 +16,16 @@ def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[
     return -parameters["stiffness"] * states[0]
 
 
-def slip(m: Algebra, stretch: Value, parameters: Values) -> Value:
-    """Return the stretch that the slider can hold: it slips at ±T/k₁ [rad]."""
+def slip(m: Algebra, stretch: Value, moved: Value, parameters: Values) -> Value:
+    """Return the stretch after a move: it follows the tilt, and slips at ±T/k₁ [rad]."""
     reach = parameters["torque"] / (parameters["stiffness"] + 1e-12)
-    return m.maximum(-reach, m.minimum(reach, stretch))
+    return m.maximum(-reach, m.minimum(reach, stretch + moved))
 
 
 def held(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
     """Return the stretch of a slider that was dragged from rest to the release angle [rad]."""
     del hold, stiffness
-    return slip(m, tilt, parameters)
+    return slip(m, 0.0, tilt, parameters)
 
 
 def to_mjcf(

@@ -6,9 +6,9 @@ from sysid.effects._algebra import Algebra, Value, Values
 from sysid.effects._base import JointState, Parameter, Reading, SensorEffect, State
 
 
-def reading_rate(m: Algebra, motion: JointState, reading: Value, parameters: Values) -> Value:
+def reading_rate(m: Algebra, motion: JointState, states: Sequence[Value], parameters: Values) -> Value:
     """Return (φ - reading)/T [rad/s]."""
-    return (motion.roll - reading) / m.maximum(parameters["time_constant"], 1e-6)
+    return (motion.roll - states[0]) / m.maximum(parameters["time_constant"], 1e-6)
 
 
 def observe(m: Algebra, reading: Reading, parameters: Values, states: Sequence[Value]) -> Reading:

@@ -101,7 +101,7 @@ EFFECT = SupportEffect(
     law="J s̈ = -k_s s - d_s ṡ + k x + d v - Σ τ, with x = φ - s - rest angle",
     source="two-degree-of-freedom oscillator, den Hartog, Mechanical Vibrations (1934)",
     does="A second frequency rides on the decay, or, if it is damped, the decay looks viscoelastic.",
-    look_alikes=("viscoelastic",),
+    look_alikes=("viscoelastic", "hanging-body"),
     experiment="Block the trucks or stand the board on concrete: a compliant support then disappears.",
     mujoco=MujocoSupport(means="a second hinge and a tendon of the difference", since="3.7", warp=True),
     to_mjcf=to_mjcf,

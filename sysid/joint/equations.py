@@ -126,8 +126,8 @@ class EquationsOfMotion:
                 s, w = items_of(y, states)
                 rates += [w, part.acceleration(self.m, s, w, joint, values)]
                 continue
-            for state, z in zip(part.states, items_of(y, states), strict=True):
-                rates.append(0.0 if state.rate is None else state.rate(self.m, motion, z, values))
+            own = items_of(y, states)
+            rates += [s.rate(self.m, motion, own, values) if s.rate else 0.0 for s in part.states]
         return self._ca.vertcat(*rates)
 
     def slipped(self, y: Any, tilt_before: Any) -> Any:
@@ -137,7 +137,7 @@ class EquationsOfMotion:
         for part, values, states in self.layout:
             for index, state in zip(range(states.start, states.stop), part.states, strict=True):
                 if state.return_map is not None:
-                    items[index] = state.return_map(self.m, items[index] + moved, values)
+                    items[index] = state.return_map(self.m, items[index], moved, values)
         return self._ca.vertcat(*items)
 
     def rk4(self, y: Any, h: Any, slide: Any) -> tuple[Any, Any]:

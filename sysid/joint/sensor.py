@@ -104,12 +104,7 @@ def _filter(part: SensorEffect, law: JointLaw, time: Array, roll: Array, rate: A
     z, h, angle, speed = ca.SX.sym("z", len(part.states)), ca.SX.sym("h"), ca.SX.sym("a"), ca.SX.sym("v")
     motion = JointState(angle - law.rest_angle, speed, angle, law.stiffness)
     states = items_of(z, slice(0, len(part.states)))
-    rates = ca.vertcat(
-        *(
-            0.0 if s.rate is None else s.rate(m, motion, zi, values)
-            for s, zi in zip(part.states, states, strict=True)
-        )
-    )
+    rates = ca.vertcat(*(s.rate(m, motion, states, values) if s.rate else 0.0 for s in part.states))
     implicit = ca.SX.eye(len(part.states)) - h / 2 * ca.jacobian(rates, z)
     step = ca.Function("step", [z, ca.vertcat(h, angle, speed)], [z + h * ca.solve(implicit, rates)])
     first = [s.start(NumpyAlgebra(), roll[0], np.inf, law.stiffness, values) for s in part.states]

@@ -21,6 +21,9 @@ from sysid.logs.table.rows import measured_rows, on_common_rows
 from sysid.roll import Array, Roll
 from sysid.video.options import VideoOptions, is_film
 
+RATES = 1e-3, 1e8
+"""Sampling rates that something records with [Hz]."""
+
 
 def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
     """Read any log or film as roll against time.
@@ -29,8 +32,8 @@ def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
         SysidError: The file cannot be read, holds no roll, or holds too little to be a measurement.
     """
     options = options or LogOptions()
-    if options.rate is not None and not 0 < options.rate < np.inf:
-        raise SysidError(f"--rate {options.rate}: a sampling rate is a positive number of hertz.")
+    if options.rate is not None and not RATES[0] <= options.rate <= RATES[1]:
+        raise SysidError(f"--rate {options.rate:g}: expected hertz from {RATES[0]:g} to {RATES[1]:g}.")
     if not path.exists():
         raise SysidError(f"{path}: there is no such file.")
     if not (path.is_file() or path.is_dir()):

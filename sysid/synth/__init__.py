@@ -1,4 +1,4 @@
-"""Synthetic logs from a known truth, by formulas of their own."""
+"""Synthetic logs from a known truth, moved by an integrator of their own."""
 
 from sysid.synth.log import SyntheticLog, SynthOptions, TrueRelease
 from sysid.synth.synthesis import synthesise

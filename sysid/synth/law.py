@@ -1,10 +1,63 @@
 """The true joint of a synthetic board: every parameter, and its torques branch by branch."""
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from sysid.effects._algebra import NumpyAlgebra
+from sysid.effects._base import Effect, JointState, TorqueEffect
 from sysid.errors import SysidError
+
+_NUMPY = NumpyAlgebra()
+_MOVE = 1e-8
+"""Tilt over which the slope of a rate-independent state is taken [rad]."""
+
+
+@dataclass(frozen=True, slots=True)
+class CatalogueLaw:
+    """The catalogue's own law of an effect of which there is no formula here."""
+
+    effect: TorqueEffect
+    values: Mapping[str, float]
+    stiffness: float
+    """The joint's linear stiffness [N*m/rad]."""
+
+    def torque(self, x: float, u: float, roll: float, states: Sequence[float]) -> float:
+        """Return its torque at tilt x [rad], rate u [rad/s] and roll [rad] [N*m]."""
+        motion = JointState(x, u, roll, self.stiffness)
+        return float(self.effect.torque(_NUMPY, motion, self.values, states))
+
+    def rates(self, x: float, u: float, roll: float, states: Sequence[float]) -> list[float]:
+        """Return the time derivatives of its internal states."""
+        motion = JointState(x, u, roll, self.stiffness)
+        flows: list[float] = []
+        for state, z in zip(self.effect.states, states, strict=True):
+            if state.return_map is not None:
+                moved = math.copysign(_MOVE, u)
+                flows.append(abs(u) / _MOVE * float(state.return_map(_NUMPY, z, moved, self.values) - z))
+            else:
+                flows.append(float(state.rate(_NUMPY, motion, states, self.values)) if state.rate else 0.0)
+        return flows
+
+    def at_rest(self) -> list[float]:
+        """Return its internal states where nobody has touched the deck."""
+        starts = (s.start(_NUMPY, 0.0, math.inf, self.stiffness, self.values) for s in self.effect.states)
+        return [float(start) for start in starts]
+
+
+def catalogue_law(effect: Effect, values: Sequence[float], stiffness: float) -> CatalogueLaw:
+    """Return the law of an effect that is a torque.
+
+    Raises:
+        SysidError: It is another kind of effect, or slides.
+    """
+    if not isinstance(effect, TorqueEffect) or effect.slides or effect.modifies is not None:
+        raise SysidError(
+            f"effect '{effect.name}' cannot be made: synth follows torques and their states by the catalogue's "
+            "law; what sticks, senses or carries the joint needs a formula in sysid/synth/."
+        )
+    return CatalogueLaw(effect, effect.named(values), stiffness)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,11 +90,14 @@ class TrueLaw:
     support_inertia: float = 0.0
     support_stiffness: float = 0.0
     support_damping: float = 0.0
+    laws: tuple[CatalogueLaw, ...] = ()
+    """What has no formula here."""
 
     @property
     def has_memory(self) -> bool:
         """Whether the way in which the deck was held matters: an arm, a slider or a support."""
-        return self.arm_stiffness > 0 or self.slider_stiffness > 0 or self.support_inertia > 0
+        states = any(law.effect.states for law in self.laws)
+        return self.arm_stiffness > 0 or self.slider_stiffness > 0 or self.support_inertia > 0 or states
 
     @property
     def has_kinks(self) -> bool:
@@ -51,6 +107,7 @@ class TrueLaw:
             or math.isfinite(self.stop_angle)
             or self.half_gap > 0
             or self.slider_stiffness > 0
+            or any(law.effect.nonsmooth for law in self.laws)
         )
 
     def equilibrium(self) -> float:
@@ -82,7 +139,7 @@ class TrueLaw:
         return float(roll)
 
     def smooth_torque(self, x: float, u: float, modes: "Modes") -> float:
-        """Joint torque without dry friction, slider and arm, in the regions that `modes` names [N*m]."""
+        """Joint torque without dry friction and all that remembers, in the regions that `modes` names [N*m]."""
         spring = x - modes.gap * self.half_gap if self.half_gap == 0 or modes.gap else 0.0
         torque = (
             self.preload
@@ -92,7 +149,7 @@ class TrueLaw:
         )
         if modes.stop:
             torque -= self.stop_stiffness * (x - modes.stop * self.stop_angle) + self.stop_damping * u
-        return torque
+        return torque + sum(law.torque(x, u, x + self.rest, ()) for law in self.laws if not law.effect.states)
 
     def sliding_friction(self, u: float) -> float:
         """Size of the dry friction torque at the sliding rate u [N*m]."""

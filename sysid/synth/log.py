@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.files import write_json
 from sysid.roll import Release, Roll
-from sysid.synth.effects import PARAMETERS
 from sysid.synth.law import TrueLaw
 from sysid.synth.sensors import Dialect, Sensor, write_log
 
@@ -131,7 +131,7 @@ class SyntheticLog:
                 "name": name,
                 "parameters": {
                     parameter.name: {"value": value, "unit": parameter.unit}
-                    for parameter, value in zip(PARAMETERS[name], values, strict=True)
+                    for parameter, value in zip(effect(name).parameters, values, strict=True)
                 },
             }
             for name, values in self.effects.items()

@@ -1,7 +1,8 @@
 """The true motion of a synthetic board: its own torque laws and its own event-driven integrator.
 
-Nothing here is shared with the model that is fitted (no CasADi, no MuJoCo, no effect catalogue): a test
-that recovers the truth of a synthetic log compares two independent accounts of the same physics.
+The integrator shares nothing with the model that is fitted (no CasADi, no MuJoCo), and the laws of `TrueLaw` are
+written out here too: a test that recovers their truth compares two independent accounts of the same physics. An effect
+without a formula here acts by the catalogue's law; of it the integration alone is independent.
 
 Smooth stretches are integrated by DOP853. Wherever a law has a kink or a jump (dry friction that sticks
 or slips, a dead band, an end stop, a slider that yields) the integration stops at the very instant,
@@ -10,7 +11,8 @@ it stops at each of them, because a step of eighth order over a kink is off by f
 
 Equation of motion, with x = φ − s − rest and u = v − w:
     I φ̈ = τ(x, u) − M sin φ,    I₂ s̈ = −k₂ s − d₂ w − τ(x, u),    ż = u − z/T
-where s is the roll of a compliant support (0 without one) and z the stretch of a Maxwell arm.
+where s is the roll of a compliant support (0 without one) and z the stretch of a Maxwell arm; the internal states
+of the catalogue's laws follow.
 """
 
 import math
@@ -22,7 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sysid.errors import SysidError
-from sysid.synth.law import Modes, TrueLaw
+from sysid.synth.law import CatalogueLaw, Modes, TrueLaw
 
 Array = npt.NDArray[np.float64]
 
@@ -52,7 +54,7 @@ class Hand(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """Everything that the motion starts from: state (φ, v, s, w, z), shape (5,), and modes."""
+    """Everything that the motion starts from: state (φ, v, s, w, z, ...), shape (5 + n,), and modes."""
 
     state: Array
     modes: Modes
@@ -63,7 +65,8 @@ class Condition:
         roll = law.equilibrium()
         support = -law.gravity * math.sin(roll) / law.support_stiffness if law.support_inertia else 0.0
         x = roll - support - law.rest
-        return cls(np.array([roll, 0.0, support, 0.0, 0.0]), Modes(origin=x).regions(law, x))
+        inner = [state for each in law.laws for state in each.at_rest()]
+        return cls(np.array([roll, 0.0, support, 0.0, 0.0, *inner]), Modes(origin=x).regions(law, x))
 
 
 @dataclass(slots=True)
@@ -80,9 +83,10 @@ class _Motion:
         With `friction` None the joint is locked: the torque that keeps u constant comes out.
         """
         law = self.law
-        roll, v, s, w, z = y.tolist()
+        roll, v, s, w, z, *inner = y.tolist()
         x, u = roll - s - law.rest, v - w
         torque = law.smooth_torque(x, u, self.modes) - law.arm_stiffness * z + self.slider(x)
+        torque += sum(each.torque(x, u, roll, states) for each, states in self.remembering(inner))
         if self.hand is None:
             deck, deck_gain = (torque - law.gravity * math.sin(roll)) / law.inertia, 1.0 / law.inertia
         else:
@@ -109,10 +113,17 @@ class _Motion:
         return -self.modes.friction * self.law.sliding_friction(u) if self.modes.friction else None
 
     def rates(self, time: float, y: Array) -> Array:
-        """Right-hand side of the differential equation, shape (5,)."""
-        _, v, _, w, z = y.tolist()
-        deck, support, _ = self.accelerations(time, y, self.friction(v - w))
-        return np.array((v, deck, w, support, v - w - z / self.law.arm_time))
+        """Right-hand side of the differential equation, shape (5 + n,)."""
+        roll, v, s, w, z, *inner = y.tolist()
+        x, u = roll - s - self.law.rest, v - w
+        deck, support, _ = self.accelerations(time, y, self.friction(u))
+        flows = [flow for each, states in self.remembering(inner) for flow in each.rates(x, u, roll, states)]
+        return np.array((v, deck, w, support, u - z / self.law.arm_time, *flows))
+
+    def remembering(self, inner: list[float]) -> list[tuple[CatalogueLaw, list[float]]]:
+        """Return the catalogue's laws that have internal states, with theirs."""
+        left, laws = iter(inner), (each for each in self.law.laws if each.effect.states)
+        return [(each, [next(left) for _ in each.effect.states]) for each in laws]
 
     def locks(self) -> bool:
         """Whether dry friction decides anything now (a hand on a rigid board overrules it)."""
@@ -187,7 +198,7 @@ class _Motion:
     def stands_still(self) -> bool:
         """Whether the deck is stuck for good: nothing left that could move."""
         law = self.law
-        free = self.hand is None and not law.arm_stiffness and not law.support_inertia
+        free = self.hand is None and not law.arm_stiffness and not law.support_inertia and not law.laws
         return free and self.locks() and self.modes.friction == 0
 
 

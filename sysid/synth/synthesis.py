@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from sysid.board import Board
 from sysid.errors import SysidError
-from sysid.synth.effects import SENSOR_FIELDS, STEPPED, complete_effects, true_law
+from sysid.synth.effects import SENSOR_FIELDS, complete_effects, steps, true_law
 from sysid.synth.hand import HandMotion, hand_motion
 from sysid.synth.law import Modes, TrueLaw
 from sysid.synth.log import SyntheticLog, SynthOptions, TrueRelease
@@ -33,7 +33,7 @@ def synthesise(
 
     Args:
         board: Gives inertia, stiffness, damping, rest angle and effects.
-        effects: Name and parameters, in the order of `PARAMETERS`; an effect that the record has too is
+        effects: Name and parameters, in the order of the catalogue; an effect that the record has too is
             replaced by the one given here.
         options: How it is moved and recorded.
 
@@ -100,7 +100,7 @@ def _check(options: SynthOptions, effects: Mapping[str, object]) -> None:
     if options.dialect == "gyro" and "sensor-bias" in effects:
         raise SysidError("effect 'sensor-bias' is an angle and a rate gyro has none; use sensor-drift.")
     if "discretisation" in effects:
-        if others := set(effects) - STEPPED:
+        if others := [name for name in effects if not steps(name)]:
             raise SysidError(
                 f"effect 'discretisation' cannot be made together with {', '.join(sorted(others))}: "
                 "the plain step loop holds smooth laws only."
@@ -206,5 +206,5 @@ def _stepped(
             raise SysidError(
                 f"with steps of {timestep:g} s the motion grows without bound; use a shorter one."
             )
-    last = np.array([path[-1, 0], path[-1, 1], 0.0, 0.0, 0.0])
+    last = np.array([path[-1, 0], path[-1, 1], 0.0, 0.0, 0.0])  # nothing that steps remembers
     return path[index], Condition(last, modes)

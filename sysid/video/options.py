@@ -60,3 +60,5 @@ class VideoOptions:
     """Film to write in which what was followed is drawn; a contact sheet (.png) lands beside it."""
     on_frame: Callable[[float, npt.NDArray[np.uint8]], None] | None = None
     """Called with the time on the roll's clock [s] and the picture of each frame of the overlay."""
+    progress: Callable[[str, float], None] | None = None
+    """Called with what is being done and which share of it is, frame by frame."""

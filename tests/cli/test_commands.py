@@ -11,6 +11,7 @@ import pytest
 from command_line import husky
 
 from sysid.cli import COMMANDS, EXIT_CODES, build_app
+from sysid.cli.console import Common, Printer
 
 HEAVY = {"numpy", "pandas", "scipy", "matplotlib", "casadi", "mujoco", "cv2", "rerun", "torch", "control"}
 
@@ -122,3 +123,14 @@ def test_options_stand_in_their_groups():
     ):
         assert [title for title in text if f"{option} " in text[title]] == [group]
     assert "husky-sysid fit monday.csv tuesday.csv --board pink" in help_text
+
+
+def test_a_terminal_breaks_lines_between_words_and_a_pipe_gets_whole_ones(monkeypatch, capsys):
+    words = [f"word{number}" for number in range(40)]
+    for is_terminal in (True, False):
+        monkeypatch.setenv("COLUMNS", "80")
+        monkeypatch.setattr("sys.stdout.isatty", lambda is_terminal=is_terminal: is_terminal, raising=False)
+        Printer(Common()).say(" ".join(words))
+        lines = capsys.readouterr().out.splitlines()
+        assert [word for line in lines for word in line.split()] == words
+        assert all(len(line) <= 80 for line in lines) == is_terminal

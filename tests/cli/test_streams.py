@@ -48,6 +48,23 @@ def test_a_closed_output_is_no_failure():
     assert (done.returncode, done.stderr) == (0, b"")
 
 
+@pytest.mark.parametrize("name", ["reports", "sysid"])
+def test_another_projects_package_of_the_same_name_is_told(name, tmp_path):
+    """One that lies nearer on the path, or that was installed over this one."""
+    if name == "reports":
+        (tmp_path / "reports").mkdir()
+        (tmp_path / "reports" / "__init__.py").touch()
+        code = "from sysid.cli import main; import sys; sys.path.insert(0, ''); main()"
+    else:
+        code = "import sysid; sysid.__all__ = []; from sysid.cli import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", code, "boards"], capture_output=True, text=True, cwd=tmp_path
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith(f"error: the package '{name}' that Python finds is another project's")
+    assert len(done.stderr.splitlines()) == 1
+
+
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
 @pytest.mark.parametrize("wait", [None, 0.5])
 def test_a_signal_ends_a_command_in_one_line_and_leaves_nothing(number, code, wait, tmp_path):

@@ -13,7 +13,7 @@ from scipy.special import stdtrit
 from sysid.decay.linear_fit import decay_basis, fit_traces
 from sysid.decay.nonlinearity import find_nonlinearities
 from sysid.decay.numbers import decay_numbers, numbers_from_decrement
-from sysid.decay.peaks import Peak, find_peaks
+from sysid.decay.peaks import Peak, find_peaks, fit_peak_line
 from sysid.errors import SysidError
 from sysid.free_decay import decay_from_peaks, fit_decay, log_decrement_two_peaks
 from sysid.quantity import Quantity, t95
@@ -506,3 +506,17 @@ def test_an_interval_wider_than_the_value_is_no_tick():
     untold = replace(decay, numbers=vague)
     assert not untold.known
     assert "✓" not in untold.report()
+
+
+def test_peaks_of_which_noise_leaves_one_each_make_no_line():
+    """As of a film that shows the middle of a swing only: its first half-cycles are not seen."""
+    groups = [
+        [Peak(n, 0.1 * n, 1e-3, a, a, 0.02) for n, a in peaks]
+        for peaks in (((3, 0.5), (4, 0.03)), ((3, 0.4), (5, 0.01)))
+    ]
+    assert fit_peak_line(groups, [0.0, 0.0]) is None
+    clear = [*groups, [Peak(n, 0.1 * n, 1e-3, a, a, 1e-3) for n, a in ((0, 0.5), (1, 0.1), (2, 0.02))]]
+    line = fit_peak_line(clear, [0.0, 0.0, 0.0])
+    assert line is not None
+    assert line.log_decrement.value == pytest.approx(2 * math.log(5), rel=0.01)
+    assert math.isnan(line.intercepts[0])

@@ -18,7 +18,7 @@ DESIGN = {
     "gravity", "end-stop", "freeplay", "preload", "offset", "viscoelastic", "hysteresis", "second-mode",
     "inertia", "discretisation", "sensor-bias", "sensor-drift", "clock", "lowpass", "bilinear-stiffness", "bouc-wen", "armature",
     "linkage", "weight",
-    "learned", "learned-memory",
+    "learned", "learned-memory", "dahl", "one-sided-stop", "hanging-body",
 }  # fmt: skip
 
 
@@ -100,6 +100,10 @@ def test_parameters_come_in_order_and_defaults_fill_the_end():
         ("preload", (0.3,), 0.1, 1.0, 0.3),
         ("end-stop", (0.1, 60.0, 0.5), 0.15, 2.0, -4.0),
         ("end-stop", (0.1, 60.0, 0.5), 0.05, 2.0, 0.0),
+        ("one-sided-stop", (0.1, 60.0, 0.5), 0.15, 2.0, -4.0),
+        ("one-sided-stop", (0.1, 60.0, 0.5), -0.15, 2.0, 0.0),
+        ("one-sided-stop", (-0.1, 60.0, 0.5), -0.15, 2.0, 2.0),
+        ("one-sided-stop", (-0.1, 60.0, 0.5), 0.15, 2.0, 0.0),
         ("bilinear-stiffness", (3.0,), 0.1, 0.0, -0.3),
         ("bilinear-stiffness", (3.0,), -0.1, 0.0, -0.3),
         ("freeplay", (0.02,), 0.15, 0.0, 14.684 * 0.02),
@@ -153,6 +157,8 @@ def test_mujoco_moves_as_the_law_does(name):
     data.qpos[0] = 0.15
     if name == "second-mode":  # the support starts where both springs carry the same
         data.qpos[1] = 0.15 * law.stiffness / (law.stiffness + effect(name).example[1])
+    if name == "dahl":  # its bristles bent as far as they go
+        data.act[0] = effect(name).example[1]
     if name == "hysteresis":  # dragged from rest, as a hand does
         for angle in np.linspace(0.0, 0.15, 400):
             data.qpos[0] = angle
@@ -229,7 +235,7 @@ def test_round_hysteresis_starts_steeply_and_yields():
         assert z == pytest.approx(1 - np.exp(-tilt / 0.02))
         assert part.torque(m, JointState(tilt, 0.0, tilt, 14.684), values, (z,)) == pytest.approx(-0.3 * z)
     assert share.start(m, -0.1, 1.0, 14.684, values) == pytest.approx(-(1 - np.exp(-5)))
-    away, back = (share.rate(m, JointState(0.1, rate, 0.1, 14.684), 0.9, values) for rate in (1.0, -1.0))
+    away, back = (share.rate(m, JointState(0.1, rate, 0.1, 14.684), (0.9,), values) for rate in (1.0, -1.0))
     assert away == pytest.approx((1 - 0.9) / 0.02)
     assert back == pytest.approx(-1.0 / 0.02)
 

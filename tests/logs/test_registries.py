@@ -115,6 +115,16 @@ def test_a_kind_of_sensor_is_one_file(extended, decay, tmp_path):
 
 def test_formats_and_sensors_keep_their_order():
     assert [form.name for form in formats()] == [
-        *("elsewhere", "Parquet", "MCAP", "phone export", "compressed", "MATLAB", "text table")
+        *(
+            "spreadsheet",
+            "Parquet",
+            "MCAP",
+            "ROS bag",
+            "phone export",
+            "compressed",
+            "MATLAB",
+            "HDF5",
+            "text table",
+        )
     ]
     assert list(sources()) == ["angle", "imu", "gyro", "quaternion"]

@@ -5,6 +5,7 @@ import gzip
 import io
 import lzma
 import struct
+import sys
 import time as clock
 import zipfile
 
@@ -177,20 +178,84 @@ def test_matlab_files(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("head", "command"),
+    ("head", "package", "command"),
     [
-        (b"\x89HDF\r\n\x1a\n", "h5dump"),
-        (b"MATLAB 7.3 MAT-file", "save"),
-        (b"\xd0\xcf\x11\xe0", "libreoffice --headless --convert-to csv"),
-        (b"#ROSBAG V2.0", "mcap convert"),
-        (b"SQLite format 3\0", "mcap convert"),
+        (b"\x89HDF\r\n\x1a\n", "h5py", "h5dump"),
+        (b"MATLAB 7.3 MAT-file", "h5py", "save"),
+        (b"\xd0\xcf\x11\xe0", "python_calamine", "libreoffice --headless --convert-to csv"),
+        (b"#ROSBAG V2.0", "rosbags.highlevel", "mcap convert"),
+        (b"SQLite format 3\0", "rosbags.highlevel", "mcap convert"),
+        (b"PAR1", "pyarrow", r"husky-sysid\[parquet\]"),
     ],
 )
-def test_other_formats_say_which_command_converts(tmp_path, head, command):
+def test_what_reads_another_format_or_converts_it_is_named(tmp_path, monkeypatch, head, package, command):
     path = tmp_path / "log.bin"
     path.write_bytes(head + bytes(500))
-    with pytest.raises(SysidError, match=command):
+    with pytest.raises(SysidError, match=r"damaged|not a readable"):
         read_roll(path)
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(SysidError, match=rf"pip install .*{command}|{command}"):
+        read_roll(path)
+
+
+@pytest.mark.parametrize("layout", ["vectors", "table", "group"])
+def test_hdf5_files(tmp_path, layout):
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "log.h5"
+    with h5py.File(path, "w") as file:
+        columns = {"time_s": TIME, "roll_rad": swing()}
+        if layout == "table":
+            table = np.empty(len(TIME), [(name, "f8") for name in columns])
+            for name, values in columns.items():
+                table[name] = values
+            file["log"] = table
+        else:
+            for name, values in columns.items():
+                file[name if layout == "vectors" else f"run 1/{name}"] = values
+    right(path)
+    path.write_bytes(path.read_bytes()[:3000])
+    with pytest.raises(SysidError, match=r"damaged HDF5|no vector"):
+        read_roll(path)
+
+
+def test_a_workbook_of_a_phone(tmp_path):
+    """As phyphox writes .xls: a sheet a sensor, and what is no table beside them."""
+    pytest.importorskip("python_calamine")
+    writer = pytest.importorskip("xlsxwriter")
+    path = tmp_path / "export.xlsx"
+    gyro, accel = imu(TIME, *rocking(TIME))
+    with writer.Workbook(path) as book:
+        for name, values, unit in (("Gyroscope", gyro, "rad/s"), ("Accelerometer", accel, "m/s^2")):
+            sheet = book.add_worksheet(name)
+            sheet.write_row(0, 0, ("Time (s)", *(f"{name} {a} ({unit})" for a in "xyz")))
+            for row, (t, cells) in enumerate(zip(TIME, values, strict=True), 1):
+                sheet.write_row(row, 0, (t, *cells))
+        book.add_worksheet("Metadata Device").write_row(0, 0, ("property", "value"))
+    assert right(path).origin == "imu"
+
+
+def test_ros_1_bags(tmp_path):
+    rosbag1 = pytest.importorskip("rosbags.rosbag1")
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS1_NOETIC)
+    kinds = store.types
+    path = tmp_path / "log.bag"
+    gyro, accel = imu(TIME, *rocking(TIME))
+    with rosbag1.Writer(path) as bag:
+        topic = bag.add_connection("/imu", "sensor_msgs/msg/Imu", typestore=store)
+        for number, (t, w, a) in enumerate(zip(TIME, gyro, accel, strict=True)):
+            stamp = round(1e9 * (1.7e9 + t))
+            vector, nine = kinds["geometry_msgs/msg/Vector3"], np.zeros(9)
+            message = kinds["sensor_msgs/msg/Imu"](
+                kinds["std_msgs/msg/Header"](
+                    number, kinds["builtin_interfaces/msg/Time"](stamp // 10**9, stamp % 10**9), "imu"
+                ),
+                kinds["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0),
+                *(nine, vector(*map(float, w)), nine, vector(*map(float, a)), nine),
+            )
+            bag.write(topic, stamp, store.serialize_ros1(message, "sensor_msgs/msg/Imu"))
+    assert right(path).origin == "imu"
 
 
 # Archives

@@ -144,7 +144,7 @@ def begun(tmp_path, monkeypatch):
     monkeypatch.setattr(curves, "draw_curves", lambda rows, picture, title: picture)
     for name in ("_require_mjlab", "_require_gpus", "_require_readable"):
         monkeypatch.setattr(command, name, lambda *given: None)
-    monkeypatch.setattr(command, "_run", lambda folder, gpus, minutes, printer: starts.append(gpus))
+    monkeypatch.setattr(command, "_run", lambda folder, gpus, *given: starts.append(gpus))
     folder = RunFolder(tmp_path / "run")
     folder.begin(RunConfig(learn=LearnOptions(environments=16, iterations=3)), PINK, gpus=0)
     return folder, starts
@@ -524,6 +524,52 @@ def test_two_processes_hold_the_same_weights_normalisers_and_discriminator(start
         assert first[part].keys() == second[part].keys()
         for name, value in first[part].items():
             torch.testing.assert_close(value, second[part][name], rtol=0, atol=1e-6, msg=f"{part} {name}")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--nodes", "2"), "where machine 0 is to be met, HOST:PORT"),
+        (("--nodes", "2", "--rendezvous", "here"), "where machine 0 is to be met"),
+        (("--nodes", "2", "--node", "2", "--rendezvous", "a:1"), "expected machines 0 to 1"),
+        (("--node", "1"), "expected machines 0 to 0"),
+        (("--nodes", "2", "--node", "1", "--rendezvous", "a:1"), "name the run's folder"),
+    ],
+)
+def test_machines_that_do_not_fit_together_are_refused(options, message, monkeypatch):
+    from sysid.cli import train as command
+
+    monkeypatch.setattr(command, "_require_mjlab", lambda: None)
+    with pytest.raises(SysidError, match=message):
+        build_app()(["train", "--board", "pink", "--force", *options], result_action="return_value")
+
+
+@pytest.mark.slow
+def test_two_machines_train_one_run(tmp_path):
+    """Both on this computer, met at a port of its own; one begins the run, the other joins it."""
+    for module in ("torch", "mjlab"):
+        pytest.importorskip(module, reason="needs the training stack")
+    import socket
+
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    folder = RunFolder(tmp_path / "run")
+    common = [
+        *(sys.executable, "-m", "sysid.cli", "train", "--board", "pink", "--force", "--gpus", "0"),
+        *("--environments", "4", "--iterations", "1", "--nodes", "2", "--rendezvous", f"127.0.0.1:{port}"),
+        *("--output", str(folder.path)),
+    ]
+    environment = os.environ | {"OMP_NUM_THREADS": "1"}
+    machines = [
+        subprocess.Popen([*common, "--node", node], stderr=subprocess.PIPE, text=True, env=environment)
+        for node in ("0", "1")
+    ]
+    said = [machine.communicate(timeout=400)[1] for machine in machines]
+    assert [machine.returncode for machine in machines] == [0, 0], said
+    (row,) = folder.read_curves()
+    assert row["samples"] == 2 * 4 * 24
+    assert folder.policy.is_file()
 
 
 @pytest.mark.slow

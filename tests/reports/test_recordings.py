@@ -1,8 +1,11 @@
 """Recordings hold what was computed, open as they should, and fail in clear words."""
 
+import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,11 +13,12 @@ from decay_truth import Recipe, make_roll
 
 from reports.evidence import PLAIN, gather
 from reports.page.summary import board_summary, decay_summary
-from reports.rerun.decay import MILLI, comparison_recording, decay_recording
+from reports.rerun.decay import MILLI, _log_views, _shown, comparison_recording, decay_recording
 from reports.rerun.film_frames import FilmFrames
 from reports.screenshots import headless_viewer, recording_picture
 from sysid.board import BoardEffect
 from sysid.cli import build_app
+from sysid.comparison.release import ComparedRelease
 from sysid.effects import catalogue
 from sysid.errors import SysidError
 from sysid.free_decay import fit_decay
@@ -246,3 +250,32 @@ def test_every_effect_of_the_catalogue_has_a_place_in_the_law(board):
         text = law_text(replace(board, effects=(BoardEffect(name, values),)))
         assert text.startswith("8.70e-3 φ̈")
         assert text != law_text(replace(board, effects=()))
+
+
+def test_the_whole_log_is_shown_over_all_of_its_time(evidence):
+    """Not over the range of a release, which views of one time line share unless each has its own."""
+    roll, first = evidence.rolls[0], evidence.releases[0].start
+    view, _ = _log_views("log1", roll, first)
+    ends = re.findall(r"'(?:start|end)': (-?\d+)", str(view.properties["TimeAxis"]))
+    shown = sorted(int(end) * 1e-9 for end in ends)
+    assert shown == pytest.approx([roll.time[0] - first, roll.time[-1] - first], abs=1e-6)
+
+
+def test_a_release_is_shown_as_long_as_the_deck_swings_whatever_the_law_says():
+    time = np.arange(0, 30, 0.01)
+    noise = np.random.default_rng(0).normal(0, 1e-3, len(time))
+    swings, rests = 0.5 * np.exp(-0.1 * time) * np.cos(6 * time), 0.5 * np.exp(-20 * time)
+    release = ComparedRelease(
+        log="",
+        number=1,
+        time=time,
+        measured=swings + noise,
+        simulated=rests,
+        roll=rests,
+        rate=rests,
+        rmse=0.1,
+    )
+    result = SimpleNamespace(noise=SimpleNamespace(std=1e-3))
+    assert _shown(release, result)[1] > 25
+    still = replace(release, measured=rests + noise)
+    assert _shown(still, result)[1] < 1

@@ -134,6 +134,17 @@ def test_an_unwritable_place_is_said(space, tmp_path):
         run("report", "-b", "pink", "--workspace", space, "-o", tmp_path / "file" / "report.html")
 
 
+def test_one_page_is_one_page_as_pdf_and_png(space, tmp_path):
+    assert run("report", "-b", "pink", "--workspace", space, "--one-page", "-o", tmp_path / "sheet.html") == 0
+    pdf = (tmp_path / "sheet.pdf").read_bytes()
+    assert len(re.findall(rb"/Type /Page\b", pdf)) == 1
+    assert (tmp_path / "sheet.png").read_bytes().startswith(b"\x89PNG")
+    if reader := shutil.which("pdftotext"):
+        text = subprocess.run([reader, tmp_path / "sheet.pdf", "-"], capture_output=True, text=True).stdout
+        for words in ("Does the model match? Yes", "coulomb: torque", "as it stood", "sha256", "mujoco"):
+            assert words in text
+
+
 @pytest.mark.slow
 def test_a_long_log_makes_no_large_page(tmp_path):
     log = write_log(tmp_path / "long.csv", sampling=1000, free=20.0, zeta=0.01, amplitudes=(0.2,) * 3)
@@ -322,6 +333,7 @@ def sized(tab, request):
 @pytest.mark.parametrize("dark", [False, True])
 def test_every_text_is_readable(sized, dark):
     sized.dark(dark)
+    sized.run("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => done(0))))")
     assert sized.run(READABLE) == []
     assert sized.run("document.documentElement.scrollWidth <= innerWidth")
 

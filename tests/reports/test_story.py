@@ -58,8 +58,11 @@ def test_the_release_with_the_largest_error_is_drawn(story):
 
 def test_the_missing_torque_is_the_law_of_what_is_missing(story):
     for missing in (story.over_rate, story.over_angle):
-        expected = np.interp(missing.seen.at, missing.at, missing.law)
-        assert np.abs(missing.seen.torque - expected).max() < 3 * missing.seen.std.max()
+        seen = missing.seen
+        clear = np.abs(seen.at) > 0.15 * np.abs(seen.at).max()  # the step itself is smoothed
+        off = np.abs(seen.torque - np.interp(seen.at, missing.at, missing.law))[clear]
+        assert np.mean(off < 1.96 * seen.std[clear]) > 0.9
+        assert seen.std[clear].max() < 0.5 * FRICTION  # the band shows the friction
     fast = np.abs(story.over_rate.at) > 0.5
     assert story.over_rate.law[fast] == pytest.approx(-FRICTION * np.sign(story.over_rate.at[fast]))
     seen = story.over_rate.seen

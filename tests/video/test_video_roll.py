@@ -433,3 +433,12 @@ def test_memory_grows_by_little_more_than_the_points(marker_film, tmp_path):
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert (peaks[1] - peaks[0]) / 1000 < 1000  # bytes a frame; a picture has 691200
+
+
+def test_progress_is_told_frame_by_frame(marker_film):
+    told = []
+    roll_from_video(marker_film.path, VideoOptions(progress=lambda what, share: told.append((what, share))))
+    read = [share for what, share in told if what.endswith("reading")]
+    assert len(read) >= len(marker_film.stamps)
+    assert read[0] == 0
+    assert read[-1] > 0.95

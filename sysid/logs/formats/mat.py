@@ -17,6 +17,8 @@ class MatTable:
     """The vectors of a MATLAB file that are as long as its longest."""
 
     path: Path
+    kind: str
+    """What it is, in words."""
     columns: Mapping[str, Array]
     """Name and values, shape (n,)."""
     has_header: bool = True
@@ -34,7 +36,7 @@ class MatTable:
     @property
     def notes(self) -> tuple[str, ...]:
         """What is in it."""
-        return (f"MATLAB file with {', '.join(self.columns)}",)
+        return (f"{self.kind} file with {', '.join(self.columns)}",)
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
         """Return whole columns of float64, shape (n,) each, in the log's units."""
@@ -55,11 +57,20 @@ def open_mat(path: Path) -> MatTable:
         raise SysidError(
             f"{path}: damaged MATLAB file ({type(error).__name__}: {str(error)[:80]})."
         ) from error
-    vectors = dict(_vectors({name: value for name, value in content.items() if name[:2] != "__"}))
+    return table_of(path, "MATLAB", {name: value for name, value in content.items() if name[:2] != "__"})
+
+
+def table_of(path: Path, kind: str, content: Mapping[str, Any]) -> MatTable:
+    """Return the vectors among some variables that are as long as the longest of them.
+
+    Raises:
+        SysidError: There is none.
+    """
+    vectors = dict(_vectors(content))
     longest = max((len(vector) for vector in vectors.values()), default=0)
     if longest < 2:
         raise SysidError(f"{path}: no vector of numbers among {', '.join(content) or 'nothing'}.")
-    return MatTable(path, {name: vector for name, vector in vectors.items() if len(vector) == longest})
+    return MatTable(path, kind, {name: vector for name, vector in vectors.items() if len(vector) == longest})
 
 
 def _vectors(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Array]]:

@@ -59,9 +59,13 @@ def open_parquet(path: Path) -> ParquetTable:
     Raises:
         SysidError: It is damaged.
     """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
+    try:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+    except ImportError as error:
+        raise SysidError(
+            f"{path}: reading Parquet needs an extra: pip install 'husky-sysid[parquet]' (missing: {error.name})."
+        ) from error
     try:
         schema = pq.read_schema(path)
     except (pa.ArrowException, OSError) as error:

@@ -60,7 +60,7 @@ def open_zip(path: Path) -> SensorTables:
                     shutil.copyfileobj(packed, file)
                 files.append(target)
             try:
-                return _merge(path, files)
+                return merge(path, files)
             except SysidError as error:  # says it of what was unpacked
                 raise SysidError(str(error).replace(folder, str(path))) from error
     except (*(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error), *_DAMAGE) as error:
@@ -73,7 +73,7 @@ def open_folder(path: Path) -> SensorTables:
     Raises:
         SysidError: It holds no tables of motion sensors.
     """
-    return _merge(path, sorted(file for file in path.iterdir() if file.is_file() and _is_table(file)))
+    return merge(path, sorted(file for file in path.iterdir() if file.is_file() and _is_table(file)))
 
 
 def open_export(path: Path) -> SensorTables:
@@ -91,7 +91,7 @@ def _of_motion(tables: Sequence[T], name: Callable[[T], Path]) -> list[T]:
     return [table for table in tables if len(tables) == 1 or _MOTION.search(name(table).stem)]
 
 
-def _merge(path: Path, files: Sequence[Path]) -> SensorTables:
+def merge(path: Path, files: Sequence[Path]) -> SensorTables:
     """Read the motion sensors among the files of an export."""
     tables: dict[str, tuple[Array, dict[str, Array]]] = {}
     for file in _of_motion(files, lambda file: file):

@@ -1,7 +1,7 @@
 """Frames of a clip with the container's own time stamps, one at a time."""
 
 import os
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -52,6 +52,8 @@ class Clip:
     """Four letters that name the compression, in capitals, e.g. H264, HEVC, MJPG, FMP4; empty where not known."""
     slowed: float = 1.0
     """How many times slower it plays than it was filmed, as the file notes."""
+    progress: Callable[[str, float], None] | None = None
+    """Told which share of the film was decoded."""
 
     def frames(self, every: int = 1) -> Generator[Frame]:
         """Decode the clip from its start; only every `every`-th frame is converted to a picture.
@@ -73,6 +75,9 @@ class Clip:
                             "or give its frame rate with --rate."
                         )
                     last = time
+                    if self.progress is not None and self.announced:
+                        what = f"{self.path.name}: {'reading' if every == 1 else 'looking through'}"
+                        self.progress(what, min(count / self.announced, 1.0))
                     yield Frame(count, time, np.asarray(picture, np.uint8))
                 count += 1
         missing = self.announced - count
@@ -130,8 +135,12 @@ class Clip:
         return {0: down, 90: 1 - across, 180: 1 - down, 270: across}[self.rotation]
 
 
-def open_clip(path: Path) -> Clip:
+def open_clip(path: Path, progress: Callable[[str, float], None] | None = None) -> Clip:
     """Check that a file is a film that can be read, without decoding more than one frame.
+
+    Args:
+        path: The file.
+        progress: Told which share of the film was decoded, whenever it is.
 
     Raises:
         SysidError: It is missing, not a film, has no pictures (audio only), or too large ones.
@@ -171,6 +180,7 @@ def open_clip(path: Path) -> Clip:
         announced,
         codec,
         slowed if slowed > SLOW_MOTION else 1.0,
+        progress,
     )
 
 

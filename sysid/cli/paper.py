@@ -1,0 +1,99 @@
+"""`husky-sysid paper`: the HUSKY paper's tables and figures from trained policies."""
+
+import os
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+
+from sysid.cli.console import OUTPUT, Common, Printer
+from sysid.errors import SysidError
+
+if TYPE_CHECKING:
+    from policy_runtime.evaluation.plain import Protocol
+    from policy_runtime.evaluation.result import Evaluation
+    from reports.paper.runs import Run
+
+Part = Literal["main", "trajectories", "curves", "map", "terrain", "sensitivity"]
+
+
+def paper(
+    *part: Part,
+    runs: Path | None = None,
+    episodes: int = 100,
+    seeds: int = 5,
+    workers: int | None = None,
+    force: bool = False,
+    output: Annotated[Path | None, Parameter(name=["--output", "-o"], group=OUTPUT)] = None,
+    common: Common = Common(),
+) -> int:
+    """Make the paper's tables and figures, the paper's own figures beside ours; what has not been trained is said.
+
+    Args:
+        part: What to make: main, trajectories, curves, map, terrain, sensitivity; all if none is named. The map
+            takes 36 times as many episodes as a row of a table.
+        runs: Manifest of runs (TOML): which command made which weights; the shipped one if not given.
+        episodes: Episodes of each seed for every policy and condition; the paper has 1000.
+        seeds: Number of seeds: 0, 1, 2, …
+        workers: Processes; as many as there are processors if not given.
+        force: Ride where policy and board disagree.
+        output: Folder for paper.md, paper.json and the pictures; reports/paper of the workspace if not given.
+        common: Options of every command.
+    """
+    from rich.progress import Progress
+
+    from policy_runtime.evaluation.plain import evaluate_policy
+    from reports.paper.parts import PARTS
+    from reports.paper.runs import load_runs
+    from sysid.files import write_atomically, write_json
+
+    if episodes < 1 or seeds < 1:
+        raise SysidError(f"--episodes {episodes} --seeds {seeds}: both must be at least 1.")
+    printer = Printer(common)
+    manifest = load_runs(runs)
+    folder = output or common.space.outputs("paper")
+    processes = workers or len(os.sched_getaffinity(0))
+    with Progress(console=printer.stderr, transient=True) as progress:
+        measured: dict[str, Evaluation] = {}
+
+        def measure(run: "Run", protocol: "Protocol") -> "Evaluation":
+            key = f"{run.name} {protocol}"  # the trajectories ride what the table has ridden
+            if key not in measured:
+                task = progress.add_task(run.name, total=episodes * seeds)
+                measured[key] = evaluate_policy(
+                    str(run.policy),
+                    common.space.load_board(run.board),
+                    episodes=episodes,
+                    seeds=tuple(range(seeds)),
+                    protocol=protocol,
+                    workers=processes,
+                    force=force,
+                    progress=partial(progress.advance, task),
+                )
+                progress.remove_task(task)
+            return measured[key]
+
+        sections = [PARTS[name](manifest, measure, folder) for name in part or PARTS]
+    text = [
+        "# The paper's tables and figures, made here",
+        "",
+        f"{episodes} episodes × {seeds} seed{'s' * (seeds > 1)} for every policy and condition, in plain MuJoCo, 20 s each; "
+        "in brackets 95 % intervals. The paper's figures are mean ± standard deviation over its seeds, in its own simulator.",
+    ]
+    for section in sections:
+        text += ["", f"## {section.title}", "", *section.lines]
+        if section.picture is not None:
+            text += ["", f"![{section.title}]({section.picture})"]
+        if section.missing:
+            text += ["", "Missing, and how to train it:", "", *(f"- {row}" for row in section.missing)]
+    text += ["", "## Runs", "", *(f"- {run.name}: `{run.command}`" for run in manifest), ""]
+    write_atomically(folder / "paper.md", "\n".join(text))
+    content = {section.title: {"rows": section.numbers, "missing": section.missing} for section in sections}
+    content = {"episodes": episodes, "seeds": seeds, "sections": content}
+    write_json(folder / "paper.json", content)
+    for section in sections:
+        printer.say(f"{section.title}: {len(section.missing)} missing" if section.missing else section.title)
+    printer.say(f"written: {folder / 'paper.md'}")
+    printer.result(content)
+    return 0

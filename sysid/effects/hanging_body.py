@@ -1,0 +1,116 @@
+"""A body that hangs on the deck, or stands on it on a spring: it swings with the deck, late."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import JointState, MujocoSupport, Parameter, State, TorqueEffect
+
+if TYPE_CHECKING:
+    import mujoco
+
+
+def coupling(motion: JointState, states: Sequence[Value], parameters: Values) -> Value:
+    """Return the body's angular acceleration ω² (x - ψ) + 2 ζ ω (v - ψ̇) [rad/s^2]."""
+    frequency = parameters["frequency"]
+    behind, slower = motion.tilt - states[0], motion.rate - states[1]
+    return frequency**2 * behind + 2 * parameters["damping_ratio"] * frequency * slower
+
+
+def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
+    """Return what holds the body back, on the deck [N*m]."""
+    del m
+    return -parameters["inertia"] * coupling(motion, states, parameters)
+
+
+def own_rate(m: Algebra, motion: JointState, states: Sequence[Value], parameters: Values) -> Value:
+    """Return ψ̇ [rad/s]."""
+    del m, motion, parameters
+    return states[1]
+
+
+def own_acceleration(m: Algebra, motion: JointState, states: Sequence[Value], parameters: Values) -> Value:
+    """Return ψ̈ [rad/s^2]."""
+    del m
+    return coupling(motion, states, parameters)
+
+
+def held(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
+    """Return the body's roll after a hold: the deck's [rad]."""
+    del m, hold, stiffness, parameters
+    return tilt
+
+
+def still(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
+    """Return the body's rate at release: none [rad/s]."""
+    del m, hold, stiffness, parameters
+    return 0 * tilt
+
+
+def to_mjcf(
+    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
+) -> tuple[str, ...]:
+    """Add the body to the deck, on a hinge of the same axis with its spring and damper."""
+    import mujoco
+
+    del spec, exact
+    inertia, frequency = parameters["inertia"], parameters["frequency"]
+    body = joint.parent.add_body(name=f"{joint.name}_hanging_body", pos=list(joint.pos))
+    body.explicitinertial = True
+    body.ipos = [0.0, 0.0, 0.0]  # left out, MjSpec takes the position of the body
+    body.mass = 1e-3
+    body.inertia = [inertia, inertia, inertia]
+    hinge = body.add_joint(name=f"{joint.name}_hanging_joint", axis=list(joint.axis))
+    hinge.type = mujoco.mjtJoint.mjJNT_HINGE
+    hinge.stiffness[0] = inertia * frequency**2
+    hinge.damping[0] = 2 * parameters["damping_ratio"] * frequency * inertia
+    return (
+        f"hanging-body: {inertia:.6g} kg*m^2 on the deck at {frequency:.6g} rad/s, damping ratio "
+        f"{parameters['damping_ratio']:.6g}, on a hinge of its own",
+    )
+
+
+EFFECT = TorqueEffect(
+    name="hanging-body",
+    title="hanging body",
+    family="relaxation",
+    parameters=(
+        Parameter(
+            name="inertia", unit="kg*m^2", size=lambda s: s.inertia, low=0.0, high=5.0, starts=(0.05, 0.3)
+        ),
+        Parameter(
+            name="frequency",
+            unit="rad/s",
+            size=lambda s: s.frequency,
+            low=0.2,
+            high=5.0,
+            starts=(0.6, 1.0, 1.8),
+            neutral=None,
+        ),
+        Parameter(
+            name="damping_ratio",
+            unit="1",
+            size=lambda s: 1.0,
+            low=0.0,
+            high=1.0,
+            starts=(0.05,),
+            neutral=None,
+        ),
+    ),
+    law="τ = -J ψ̈, ψ̈ = ω² (x - ψ) + 2 ζ ω (v - ψ̇)",
+    source="tuned mass damper, den Hartog, Mechanical Vibrations (1934); a mass m hung a beside the axis has J = m a²",
+    does="The swing is passed to the body and comes back: the amplitude beats instead of falling steadily.",
+    look_alikes=("second-mode", "viscoelastic"),
+    experiment="Take off or hold what hangs on the deck and release again: the beat disappears.",
+    mujoco=MujocoSupport(
+        means="a body on the deck with a hinge, a spring and a damper", since="3.0", warp=True
+    ),
+    to_mjcf=to_mjcf,
+    example=(0.001, 30.0, 0.03),
+    torque=torque,
+    states=(
+        State(name="roll", start=held, size=lambda s: s.amplitude, rate=own_rate),
+        State(name="rate", start=still, size=lambda s: s.rate, rate=own_acceleration),
+    ),
+    sharpness=1.5,
+)

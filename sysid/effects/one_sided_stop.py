@@ -1,0 +1,79 @@
+"""A bumper that the deck meets on one side only."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from sysid.effects import end_stop
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect, rest_of
+
+if TYPE_CHECKING:
+    import mujoco
+
+_FAR = 10.0
+"""Tilt that no joint reaches [rad]: a tendon that is slack up to there never pulls on that side."""
+
+
+def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
+    """Return -k_s (x - a) - d_s v where x is beyond a, on the side of a, else 0 [N*m]."""
+    del states
+    angle = parameters["angle"]
+    side = m.where(angle > 0, 1.0, -1.0)
+    beyond = m.maximum(side * (motion.tilt - angle), 0.0)
+    touching = m.where(beyond > 0, 1.0, 0.0)
+    return -side * parameters["stiffness"] * beyond - parameters["damping"] * motion.rate * touching
+
+
+def to_mjcf(
+    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
+) -> tuple[str, ...]:
+    """Write a spring tendon that is slack up to the stop; MuJoCo has no damper that acts on one side only."""
+    del exact
+    angle, rest = parameters["angle"], rest_of(spec, joint)
+    tendon = spec.add_tendon(name=f"{joint.name}_one_sided_stop")
+    tendon.wrap_joint(joint.name, 1.0)
+    tendon.stiffness[0] = parameters["stiffness"]
+    tendon.springlength = [rest - _FAR, rest + angle] if angle > 0 else [rest + angle, rest + _FAR]
+    lines = [f"one-sided-stop: tendon of {parameters['stiffness']:.6g} N*m/rad beyond {angle:+.6g} rad"]
+    if parameters["damping"]:
+        lines.append(f"one-sided-stop: its damping {parameters['damping']:.6g} N*m*s/rad is left out")
+    return tuple(lines)
+
+
+_ANGLE, _STIFFNESS, _DAMPING = end_stop.EFFECT.parameters
+
+EFFECT = TorqueEffect(
+    name="one-sided-stop",
+    title="end stop on one side",
+    family="stop",
+    parameters=(
+        Parameter(
+            name="angle",
+            unit="rad",
+            size=_ANGLE.size,
+            low=-1.0,
+            high=1.0,
+            starts=(-0.8, -0.5, 0.5, 0.8),
+            neutral=1.0,
+        ),
+        _STIFFNESS,
+        _DAMPING,
+    ),
+    law="τ = -k_s (x - a) - d_s v beyond a; a > 0 is met with the right edge down",
+    source=end_stop.EFFECT.source,
+    does="Wide swings turn round early on one side; below the angle of the stop nothing changes.",
+    look_alikes=("end-stop", "bilinear-stiffness", "asymmetric-stiffness"),
+    experiment="Release from below and above the angle of the stop, to either side: only one side turns round early.",
+    mujoco=MujocoSupport(
+        means="fixed tendon with a stiffness, slack up to the stop (its loss is left out)",
+        since="3.0",
+        warp=True,
+    ),
+    to_mjcf=to_mjcf,
+    example=(0.08, 60.0, 0.0),
+    torque=torque,
+    acts_during_hold=True,
+    excludes=("end-stop",),
+    nonsmooth=True,
+    sharpness=4.0,
+)

@@ -1,0 +1,49 @@
+"""HDF5 files, MATLAB's of version 7.3 among them."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sysid.errors import SysidError
+from sysid.logs.formats.mat import MatTable, table_of
+from sysid.logs.formats.registry import Format, starts_with
+
+
+def open_hdf5(path: Path) -> MatTable:
+    """Open an HDF5 file: its vectors, matrices and tables, by their path in it.
+
+    Raises:
+        SysidError: The reader is not installed, the file is damaged, or it holds no vectors of numbers.
+    """
+    try:
+        import h5py
+    except ImportError as error:
+        raise SysidError(
+            f"{path}: reading HDF5 needs an extra: pip install 'husky-sysid[formats]'. Or write its columns out: "
+            "h5dump -d DATASET -y -w 0 -o log.csv FILE; in MATLAB: save('log.mat', '-v7')."
+        ) from error
+    content: dict[str, Any] = {}
+
+    def keep(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset):
+            values: Any = np.asarray(item)
+            fields = values.dtype.names
+            content.update(
+                {f"{name}/{f}": values[f] for f in fields} if fields else {name: np.squeeze(values)}
+            )
+
+    try:
+        with h5py.File(path, "r") as file:
+            file.visititems(keep)
+    except Exception as error:  # h5py lets through whatever a damaged file makes the C library say
+        raise SysidError(f"{path}: damaged HDF5 file ({type(error).__name__}: {str(error)[:80]}).") from error
+    return table_of(path, "HDF5", content)
+
+
+FORMAT = Format(
+    name="HDF5",
+    order=6,
+    sniff=lambda path, head: starts_with(b"\x89HDF")(path, head) or head.startswith(b"MATLAB 7.3"),
+    open=open_hdf5,
+)

@@ -1,0 +1,156 @@
+"""The variants of friction, stop and relaxation: fitted to logs that scipy made by formulas written out here."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from sysid.effects import effect
+from sysid.effects._base import JointState
+from sysid.fitting.joint import fit_joint
+from sysid.joint import JointLaw, simulate
+from sysid.roll import Release
+from sysid.synth.law import catalogue_law
+from sysid.workspace import Workspace
+
+INERTIA, K, D, NOISE = 8.7e-3, 14.684, 0.04, float(np.radians(0.05))
+PLAIN = JointLaw(inertia=INERTIA, stiffness=K, damping=D)
+Inner = Callable[[float, float, Sequence[float]], tuple[float, list[float]]]
+"""Torque and rates of the inner states from tilt, rate and inner states."""
+
+
+def dahl(x: float, v: float, z: Sequence[float]) -> tuple[float, list[float]]:
+    return -0.08 * z[0], [(v - abs(v) * z[0]) / 0.006]
+
+
+def stop(x: float, v: float, z: Sequence[float]) -> tuple[float, list[float]]:
+    return (-80.0 * (x + 0.09) - 0.1 * v if x < -0.09 else 0.0), []
+
+
+def hanging(x: float, v: float, z: Sequence[float]) -> tuple[float, list[float]]:
+    pull = 30.0**2 * (x - z[0]) + 2 * 0.05 * 30.0 * (v - z[1])
+    return -0.001 * pull, [z[1], pull]
+
+
+def releases(law: Inner, held: Callable[[float], list[float]]) -> list[Release]:
+    """Return three noisy releases of the joint with a law; `held` gives the inner states at a release angle."""
+    rng, time, made = np.random.default_rng(1), np.arange(0.0, 2.0, 2.5e-3), []
+    for number, angle in enumerate((0.17, -0.14, 0.1), start=1):
+
+        def slope(_: float, y: Sequence[float]) -> list[float]:
+            torque, inner = law(y[0], y[1], y[2:])
+            return [y[1], (-K * y[0] - D * y[1] + torque) / INERTIA, *inner]
+
+        path = solve_ivp(
+            slope, (0.0, 2.0), [angle, 0.0, *held(angle)], t_eval=time, rtol=1e-8, atol=1e-10, max_step=2e-3
+        )
+        roll = path.y[0] + NOISE * rng.standard_normal(len(time))
+        made.append(
+            Release(
+                log="made", number=number, time=time, roll=roll, std=np.full(len(time), NOISE), origin="angle",
+                rest=0.0, hold=1.0, end="log",
+            )
+        )  # fmt: skip
+    return made
+
+
+@pytest.mark.parametrize(
+    ("name", "law", "held", "truth"),
+    [
+        ("dahl", dahl, lambda a: [np.sign(a) * (1 - np.exp(-abs(a) / 0.006))], (0.08, 0.006)),
+        ("one-sided-stop", stop, lambda a: [], (-0.09, 80.0, 0.1)),
+        ("hanging-body", hanging, lambda a: [a, 0.0], (0.001, 30.0, 0.05)),
+    ],
+)
+def test_a_fit_recovers_the_truth(
+    name: str, law: Inner, held: Callable[[float], list[float]], truth: tuple[float, ...]
+):
+    board = Workspace(Path()).load_board("pink")
+    fit = fit_joint(releases(law, held), board, [name])
+    assert fit.rmse < 1.02 * NOISE
+    for parameter, value in zip(effect(name).parameters, truth, strict=True):
+        found = fit.quantities[f"{name}.{parameter.name}"]
+        assert abs(found.value - value) < max(4 * found.std, 0.02 * abs(value)), (parameter.name, found)
+        assert found.std < 0.15 * abs(value), (parameter.name, found)
+
+
+@pytest.mark.parametrize("name", ["dahl", "one-sided-stop", "hanging-body"])
+def test_a_variant_gives_no_energy_away(name: str):
+    """Moved there and back for a while, by any path, from rest to rest, it takes work in."""
+    law = catalogue_law(
+        effect(name), {name: effect(name).example, "one-sided-stop": (0.03, 60.0, 0.2)}[name], K
+    )
+    rng, most = np.random.default_rng(0), 0.0
+    for _ in range(5):
+        f, a = rng.uniform(5, 60, 3), rng.uniform(-0.07, 0.07, 3)
+
+        def motion(t: float, f=f, a=a) -> JointState:
+            window, slope = np.sin(np.pi * t) ** 2, np.pi * np.sin(2 * np.pi * t)
+            x, v = (a * np.sin(f * t)).sum(), (a * f * np.cos(f * t)).sum()
+            return JointState(window * x, window * v + slope * x, window * x, K)
+
+        def slope(t: float, y: Sequence[float], motion=motion) -> list[float]:
+            at, z = motion(t), y[1:]
+            return [
+                -law.torque(at.tilt, at.rate, at.roll, z) * at.rate,
+                *law.rates(at.tilt, at.rate, at.roll, z),
+            ]
+
+        path = solve_ivp(slope, (0.0, 1.0), [0.0, *law.at_rest()], rtol=1e-8, atol=1e-10, max_step=2e-3)
+        assert path.y[0, -1] > -1e-9
+        most = max(most, path.y[0, -1])
+    assert most > 1e-3
+
+
+def test_limits():
+    """Stiff bristles are dry friction, a body held hard is inertia, a stop out of reach is none, its sign is its side."""
+    time = np.linspace(0.0, 0.5, 400)
+
+    def path(name: str, *values: float, law: JointLaw = PLAIN) -> np.ndarray:
+        return simulate(law.with_effect(name, *values), time, 0.15).roll
+
+    assert np.abs(path("dahl", 0.05, 5e-4) - path("coulomb", 0.05)).max() < 3e-3
+    heavier = JointLaw(inertia=1.1 * INERTIA, stiffness=K, damping=D)
+    firm = path("hanging-body", 0.1 * INERTIA, 20 * PLAIN.frequency, 0.05)
+    assert np.abs(firm - simulate(heavier, time, 0.15).roll).max() < 2e-3
+    assert path("one-sided-stop", 0.2, 60.0, 0.0) == pytest.approx(simulate(PLAIN, time, 0.15).roll, abs=1e-6)
+    right = path("one-sided-stop", 0.08, 60.0, 0.0)
+    left = simulate(PLAIN.with_effect("one-sided-stop", -0.08, 60.0, 0.0), time, -0.15).roll
+    assert right == pytest.approx(-left, abs=1e-9)
+    assert right.max() == pytest.approx(0.15)
+    assert right.min() < -0.1
+
+
+def test_a_free_decay_hardly_tells_two_arms_from_one():
+    """Two arms that share a tenth of the spring, a decade apart: one arm fits three releases to within chance."""
+    from scipy.optimize import least_squares
+
+    frequency, time = PLAIN.frequency, np.arange(0.0, 2.5, 5e-3)
+
+    def decay(angle: float, hold: float) -> np.ndarray:
+        arms = ((0.05, 3 / frequency), (0.05, 0.3 / frequency))
+        matrix = np.array(
+            [[0, 1, 0, 0], [-K / INERTIA, -D / INERTIA, 0, 0], [0, 1, 0, 0], [0, 1, 0, 0]],
+            dtype=float,
+        )
+        for row, (share, slow) in enumerate(arms, start=2):
+            matrix[1, row], matrix[row, row] = -share * K / INERTIA, -1 / slow
+        poles, modes = np.linalg.eig(matrix)
+        start = [angle, 0.0, *(angle * np.exp(-hold / slow) for _, slow in arms)]
+        weights = np.linalg.solve(modes, np.array(start, dtype=complex))
+        return np.real((modes[0] * weights) @ np.exp(np.outer(poles, time)))
+
+    signals = [decay(a, h) for a, h in ((0.17, 0.6), (-0.13, 0.9), (0.09, 0.5))]
+
+    def left(point: np.ndarray) -> np.ndarray:
+        swing, fall, *creep = point * frequency
+        basis = [np.exp(-fall * time) * f(swing * time) for f in (np.cos, np.sin)]
+        basis = np.column_stack([*basis, *(np.exp(-c * time) for c in creep)])
+        errors = [s - basis @ np.linalg.lstsq(basis, s, rcond=None)[0] for s in signals]
+        return np.concatenate(errors) / np.radians(0.1)
+
+    linear, arm = (2 * least_squares(left, start).cost for start in ((1.03, 0.05), (1.03, 0.05, 0.4)))
+    assert linear > 50
+    assert arm < 13
