@@ -223,8 +223,8 @@ def diagnose(
     period = 2 * np.pi / scales.frequency
     warnings = check_releases(releases, board, period)
     judged, left_out = judged_stretches(releases, period)
-    if left_out:
-        warnings, records = [*warnings, left_out], make_records(judged, noise.std, rate=use_rate)
+    warnings += [left_out] if left_out else []
+    records = make_records(judged, noise.std, rate=use_rate)
     options = FitOptions(bias=bias, use_rate=use_rate, fixed=dict(fixed or {}))
     own = [part.name for part in board.effects]
     check_parameters(own, options, board)

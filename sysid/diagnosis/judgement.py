@@ -133,12 +133,16 @@ class Field:
             return known
         return [s for s in known if self.explained(s) >= EXPLAINED] or known
 
+    def behind(self, scored: Scored) -> float:
+        """Return by how much the candidate that beats one most does so, in nats."""
+        return max(self.gap(other, scored) for other in self._possible())
+
     def likely(self) -> dict[frozenset[str], float]:
         """Return the probability of each set of families that was tried, by its likeliest candidate."""
         weights: dict[frozenset[str], float] = {}
         for s in self._possible():
             key = families_of(s.model, self.base_effects)
-            weight = float(np.exp(-self.gap(self.best, s) / TEMPERATURE - PRICE * s.extra))
+            weight = float(np.exp(-self.behind(s) / TEMPERATURE - PRICE * s.extra))
             weights[key] = max(weights.get(key, 0.0), weight)
         whole = max(sum(weights.values()), 1e-300)
         return {key: weight / whole for key, weight in weights.items()}
@@ -153,9 +157,9 @@ class Field:
         return sum(p for key, p in self.likely().items() if families <= key <= families | idle)
 
     def winner(self) -> Scored:
-        """Return the simplest of the candidates that may be true and are not told from the best: fewest effects, then parameters."""
+        """Return the simplest of the candidates that may be true and that none beats: fewest effects, then parameters."""
         possible = self._possible()
-        near = [s for s in possible if self.gap(self.best, s) <= TIE] or possible
+        near = [s for s in possible if self.behind(s) <= TIE] or possible
         return min(near, key=lambda s: (s.extra, s.model.size, -s.score))
 
     def left(self, scored: Scored) -> float:

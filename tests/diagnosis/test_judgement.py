@@ -57,7 +57,7 @@ def test_the_simplest_of_those_that_are_not_told_apart_wins(friction):
 def test_what_explains_nothing_cannot_win_where_something_is_missing(friction, monkeypatch):
     """Even if the data told nothing from anything, the joint without friction leaves too much."""
     _, field = friction
-    monkeypatch.setattr(Field, "gap", lambda self, one, other: 0.0)
+    monkeypatch.setattr(Field, "behind", lambda self, scored: 0.0)
     assert field.winner().model.effects == ("coulomb",)
 
 
