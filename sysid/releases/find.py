@@ -97,8 +97,6 @@ def _release(
     finish, end = _ending(signal, segment, begin)
     if limit is not None and limit <= finish:
         finish, end = float(np.nextafter(limit, -math.inf)), "caught"
-    if end != "caught" and (hand := _held_beside(signal, segment, begin, finish)) is not None:
-        finish, end = hand, "caught"
     if end != "caught" and (hand := _caught_in_motion(signal, segment, begin, finish)) is not None:
         finish, end = hand, "caught"
     inside = (roll.time >= begin - 1e-9) & (roll.time <= finish + 1e-9)
@@ -190,22 +188,6 @@ def _caught_in_motion(signal: SmoothedSignal, segment: Segment, begin: float, fi
         gone = amplitude[index:] < CAUGHT * expected
         if expected > 4 * signal.noise and before[-1] > 0.005 * amplitude[0] and gone.all():
             return float(signal.time[starts[index]])
-    return None
-
-
-def _held_beside(signal: SmoothedSignal, segment: Segment, begin: float, finish: float) -> float | None:
-    """Return when a hand took hold of the deck beside its rest [s], or None if none did.
-
-    It stays there for a swing and then leaves: dry friction would hold it for good.
-    """
-    half = HALF_SWING * segment.pace
-    rest = float(np.median(signal.roll[(signal.time >= finish - half) & (signal.time <= finish)]))
-    beside = max(4 * signal.noise, 0.5 * STILL * segment.sizes[0])
-    for first, last in signal.plateaus:
-        since, until = float(signal.time[first]), float(signal.time[last])
-        level = float(np.median(signal.roll[first : last + 1]))
-        if begin + half < since and since + half < until < finish - half and abs(level - rest) > beside:
-            return since - half
     return None
 
 
