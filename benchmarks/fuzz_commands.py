@@ -150,8 +150,12 @@ def make_case(number: int, folder: Path) -> Case:
         case.policy.write_bytes(hostile_policy(rng))
         case.arguments = ["play", "in/policy.onnx", *BOARD]
     else:
-        command = str(rng.choice(["decay", "fit", "check", "report", "mjcf", "roll"]))
-        rest = {"roll": output["roll"], "mjcf": (*BOARD, "-o", "out/mine.xml")}.get(command, BOARD)
+        command = str(rng.choice(["decay", "fit", "check", "report", "view", "mjcf", "roll"]))
+        rest = {
+            "roll": output["roll"],
+            "view": (*BOARD, *output["view"]),
+            "mjcf": (*BOARD, "-o", "out/mine.xml"),
+        }.get(command, BOARD)
         case.arguments = [command, *((name,) if command != "mjcf" else ()), *rest]
         if rng.random() < 0.6:
             number_of = int(rng.choice([signal.SIGINT, signal.SIGTERM, signal.SIGKILL]))

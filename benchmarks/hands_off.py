@@ -78,10 +78,10 @@ def let_go(
         time: How long [s].
     """
     spec = board_spec(board)
-    spec.body("board").add_geom(
-        type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.2, 0.1, 0.05], pos=[0, 0, 0.1], mass=max(load, 1e-6),
-        contype=0, conaffinity=0,
-    )  # fmt: skip
+    if load > 0:  # a body of its own: what has an explicit inertia takes no mass from its geoms
+        spec.body("board").add_body().add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.2, 0.1, 0.05], mass=load, contype=0, conaffinity=0
+        )
     joint = spec.joint(TILT_JOINT)
     if held:
         joint.stiffness[0], joint.damping[0], joint.springref = HOLDING, HOLDING / 100, tilt

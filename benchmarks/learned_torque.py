@@ -30,16 +30,16 @@ from sysid.fitting.record_update import require_usable
 from sysid.fitting.records import make_records
 
 KINDS = {
-    "cogging": {"cogging"},
-    "magnet in the middle": {"magnet", "magnet with wide tails"},
-    "damper on one side": {"one-way damper"},
-    "bumper on one side": {"right bumper"},
-    "stiffness of the fifth power": {"fifth power"},
-    "friction like the root of the rate": {"root of the rate"},
-    "damping by the tilt squared": {"damping by the tilt squared"},
-    "Bouc-Wen, round corners": {"memory"},
-    "two stops": {"right bumper", "left bumper"},
-    "spring that loosens": set[str](),
+    "cogging": ({"cogging"},),
+    "magnet in the middle": ({"magnet"}, {"magnet with wide tails"}),
+    "damper on one side": ({"one-way damper"},),
+    "bumper on one side": ({"right bumper"},),
+    "stiffness of the fifth power": ({"fifth power"},),
+    "friction like the root of the rate": ({"root of the rate"},),
+    "damping by the tilt squared": ({"damping by the tilt squared"},),
+    "Bouc-Wen, round corners": ({"memory"},),
+    "two stops": ({"right bumper", "left bumper"},),
+    "spring that loosens": (),
 }
 """Kinds and the shapes that are right words for them; none where a warning is: that one is no function of tilt and rate."""
 CLEAN = ("none", "none, heavy", "none, noise of 5 ms", "none, hum", "none, coarse steps")
@@ -134,7 +134,7 @@ def _right(name: str, row: dict) -> bool:
         return "nothing was learned" in row["refused"]
     if not KINDS[name]:
         return any("changes with time" in text for text in row["warnings"])
-    return set(row["shapes"]) == KINDS[name]
+    return set(row["shapes"]) in KINDS[name]
 
 
 def _named(name: str, rows: list[dict]) -> bool:

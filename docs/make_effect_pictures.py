@@ -5,21 +5,11 @@ python docs/make_effect_pictures.py
 
 from pathlib import Path
 
-import matplotlib as mpl
-import numpy as np
-from matplotlib.figure import Figure
-
-from reports.figures.decay import STYLE
-from reports.figures.palette import REAL, SIM
+from reports.figures.effect import effect_figure
 from sysid.effects import catalogue
 from sysid.effects._base import Effect, TorqueEffect
-from sysid.joint import JointLaw, simulate
 
 DOCS = Path(__file__).parent
-PLAIN = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.06)
-"""The pink board with a sixth of its damping, so that several swings show."""
-STIFF = JointLaw(inertia=7.15e-3, stiffness=34.85, damping=0.54)
-"""The black board as it is: a simulator's step shows on a strong damper only."""
 ROLES = {
     "torque": "The joint's torque",
     "learned": "Learned, without a formula",
@@ -28,28 +18,6 @@ ROLES = {
     "record": "The record's numbers, or the simulator",
     "measurement": "The sensor",
 }
-
-
-def picture(effect: Effect) -> Figure:
-    """Draw the decay with the effect (real, orange) and without (sim, blue)."""
-    base = STIFF if effect.name == "discretisation" else PLAIN
-    time = np.linspace(0.0, 0.25 if base is STIFF else 1.0, 800)
-    real = simulate(base.with_effect(effect.name, *effect.example), time, 0.17)
-    sim = simulate(base, time, 0.17)
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(6.4, 2.5), layout="constrained")
-        axes = figure.add_subplot()
-        axes.plot(time, np.degrees(real.roll), color=REAL, linewidth=2.4, label=f"with {effect.name}")
-        axes.plot(time, np.degrees(sim.roll), color=SIM, linewidth=1.2, label="without")
-        axes.set_xlabel("time since release [s]")
-        axes.set_ylabel("roll [°]")
-        values = ", ".join(
-            f"{p.name} {v:g} {p.unit.replace('*', '·').removesuffix('1')}".strip()
-            for p, v in zip(effect.parameters, effect.example, strict=True)
-        )
-        axes.set_title(f"{effect.title}: {values}" if len(effect.parameters) <= 6 else effect.title)
-        axes.legend(loc="upper right")
-    return figure
 
 
 def section(effect: Effect) -> str:
@@ -111,7 +79,7 @@ def main() -> None:
     folder = DOCS / "effects"
     folder.mkdir(exist_ok=True)
     for effect in catalogue().values():
-        picture(effect).savefig(folder / f"{effect.name}.png", dpi=90, metadata={"Software": None})
+        effect_figure(effect).savefig(folder / f"{effect.name}.png", dpi=90, metadata={"Software": None})
     (DOCS / "effects.md").write_text(page(), encoding="utf-8")
 
 

@@ -24,7 +24,7 @@ def run(folder: Path, *arguments: str) -> None:
 
 
 def main() -> None:
-    """Compare, fit, compare again, and keep the pictures."""
+    """Compare, diagnose, fit, compare again, and keep the pictures."""
     pictures = ROOT / "docs" / "pictures"
     pictures.mkdir(exist_ok=True)
     with TemporaryDirectory() as name:
@@ -32,6 +32,8 @@ def main() -> None:
         reports = folder / "reports" / "pink"
         run(folder, "compare")
         shutil.copy(reports / "compare.png", pictures / "tutorial_before.png")
+        run(folder, "diagnose")
+        shutil.copy(reports / "diagnose.png", pictures / "tutorial_story.png")
         run(folder, "fit", "--effect", "coulomb")
         shutil.copy(reports / "ladder.png", pictures / "tutorial_ladder.png")
         run(folder, "compare")

@@ -81,7 +81,7 @@ def last_diagnosis(board: Board, space: Workspace) -> LastDiagnosis | None:
         content: Any = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    if not isinstance(content, dict) or "verdict" not in content:
+    if not isinstance(content, dict) or not {"verdict", "best", "score_std"} <= set(content):
         return None
     return LastDiagnosis(content, content.get("record") == board.digest)
 
@@ -188,9 +188,14 @@ def gather(
         ladder=tuple(rungs),
         fit=fit,
         look_alikes=alike,
-        stood=JointLaw.from_board(stood or board),
+        stood=JointLaw.from_board(stood if stood is not None and _says_something(stood) else board),
         warnings=tuple(dict.fromkeys(warnings)),
     )
+
+
+def _says_something(board: Board) -> bool:
+    """Return whether a record has a law at all: a new one has neither spring nor damper before its first fit."""
+    return bool(board.stiffness or board.damping or board.effects)
 
 
 def _look_alikes(

@@ -21,6 +21,7 @@ STORIES = {
         "fit data/decays/pink_hidden.csv --board pink",
         "diagnose data/decays/pink_hidden.csv --board pink",
         "fit data/decays/pink_hidden.csv --board pink --effect coulomb",
+        "diagnose data/decays/pink_hidden.csv --board pink",
         "check data/decays/pink_hidden.csv --board pink",
     ),
     "black": (

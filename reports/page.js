@@ -30,7 +30,7 @@ for (const figure of document.querySelectorAll("figure")) {
       label.append(input, swatch, name);
       box.append(label);
     }
-    figure.prepend(box);
+    svg.before(box);
   }
 
   const tip = document.createElement("div");

@@ -21,8 +21,17 @@
   let p = Float64Array.from(play.presets[preset].vector);
   let shown = 0;
 
+  // The numbers with what is known to differ in one release: another pose, another load.
+  function inPose(release) {
+    if (!release.known.length) return p;
+    const other = p.slice();
+    for (const [index, value] of release.known) other[index] = value;
+    return other;
+  }
+
   // What the sensor would read of one release that starts so.
   function simulate(release, own) {
+    const p = inPose(release), zeros = play.presets[preset].zeros;
     const motion = own.slice(0, 2 + play.internal.length);
     let y = initial(p, motion, [release.hold]);
     const angles = new Float64Array(release.grid), rates = new Float64Array(release.grid);
@@ -38,7 +47,7 @@
       let angle = (1 + 2 * s) * (1 - s) ** 2 * a + s * (1 - s) ** 2 * u + s * s * (3 - 2 * s) * b - s * s * (1 - s) * v;
       let rate = ((6 * s * (1 - s) * (b - a) + (1 - s) * (1 - 3 * s) * u + s * (3 * s - 2) * v) / h) / play.ratio;
       if (play.reads) [angle, rate] = reading([angle], [rate], [release.begin + release.time[k] * play.ratio], p);
-      seen[k] = (play.isRate ? rate : angle) + (play.bias ? own[own.length - 1] : 0);
+      seen[k] = (play.isRate ? rate : angle) + (zeros ? own[own.length - 1] : 0);
     }
     return seen;
   }
@@ -55,8 +64,8 @@
   }
 
   function start(release) {
-    const rest = Array.from(held(p, release.guess, [release.hold]));
-    return [...release.guess, ...play.internal.map((i) => rest[i]), ...(play.bias ? [0] : [])];
+    const rest = Array.from(held(inPose(release), release.guess, [release.hold]));
+    return [...release.guess, ...play.internal.map((i) => rest[i]), ...(play.presets[preset].zeros ? [0] : [])];
   }
 
   // Levenberg and Marquardt's descent, from where the release last started.
@@ -64,9 +73,9 @@
     let own = release.own || start(release), now = misfit(release, index, own), damping = 1e-6;
     if (!isFinite(now.cost)) { own = start(release); now = misfit(release, index, own); }
     for (let round = 0; round < 12 && isFinite(now.cost); round++) {
-      const spread = play.presets[preset].spreads[index];
+      const { zeros, spreads } = play.presets[preset], spread = spreads[index];
       const columns = own.map((value, j) => {
-        const aside = own.slice(), change = 1e-5 * play.sizes[j];
+        const aside = own.slice(), change = 1e-5 * (zeros && j === own.length - 1 ? play.sizes[play.sizes.length - 1] : play.sizes[j]);
         aside[j] += change;
         const moved = simulate(release, aside), scale = (change * play.noise) / Math.sqrt(release.width);
         const slope = moved.map((m, k) => (m - now.seen[k]) / scale);

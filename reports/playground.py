@@ -19,6 +19,7 @@ from sysid.effects import effect
 from sysid.effects._algebra import Algebra, Value, Values
 from sysid.effects._base import Effect, JointState, LinearJoint, Parameter, SensorEffect, TorqueEffect
 from sysid.fitting.initial_state import problems_of_law
+from sysid.fitting.joint import FitOptions, held_parameters
 from sysid.fitting.ladder import PLAIN
 from sysid.fitting.problem import Problem
 from sysid.fitting.records import make_records, signal_of
@@ -50,6 +51,8 @@ class Preset:
     """Its numbers, as the page's law orders them."""
     spreads: tuple[float | None, ...]
     """For each release, by how much it may start faster than from rest [rad/s]; None where it was pushed."""
+    zeros: bool
+    """Whether each release has a zero of the sensor of its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +86,10 @@ class Playground:
     def to_json(self) -> dict[str, Any]:
         """Return what the page's script reads."""
         return {
-            "presets": [{"label": p.label, "vector": p.vector, "spreads": p.spreads} for p in self.presets],
+            "presets": [
+                {"label": p.label, "vector": p.vector, "spreads": p.spreads, "zeros": p.zeros}
+                for p in self.presets
+            ],
             "sliders": [{f.name: getattr(s, f.name) for f in fields(Slider)} for s in self.sliders],
             "releases": self.releases,
             **self.settings,
@@ -114,22 +120,24 @@ def playground(
     structure = Structure(
         tuple(name for name in names if name not in sliding), tuple(_amounted(effect(name)) for name in sliding)
     )  # fmt: skip
-    bias = signal_of(evidence.releases)["bias"]
     floor = evidence.comparison.noise.std
     records = make_records(evidence.releases, floor, rate=evidence.comparison.is_rate)
     known = {name: values for _, law in reversed(laws) for name, values in law.effects}
+    options = FitOptions(**signal_of(evidence.releases))
     presets = [
-        Preset(label, law, _vector(structure, law, known), _spreads(problems_of_law(law, records, bias=bias)))
+        Preset(
+            label, law, _vector(structure, law, known), _spreads(problems_of_law(law, records)),
+            held_parameters(law.structure, evidence.board, options)[1] == "per-release",
+        )
         for label, law in laws
-    ]
+    ]  # fmt: skip
     ratio = clock_ratio(structure, dict(zip(structure.parameters, presets[0].vector, strict=True)))
     width = -(-sum(len(record.time) for record in records) // MOST_SAMPLES)
-    problem = problems_of_law(last, records, bias=bias)[0]
     free_states = bool(structure.internal_states) and any(r.release.hold <= 0 for r in records)
-    scales = problem.scales
+    scales = problems_of_law(last, records)[0].scales
     sizes = [scales.amplitude, scales.rate]
     sizes += [state.size(scales) for state in structure.internal_states] if free_states else []
-    sizes += [scales.amplitude] if bias == "per-release" else []
+    sizes.append(scales.amplitude)
     frequency = max(law.frequency for _, law in laws)
     rest = [not isinstance(part, SensorEffect) for part in structure.parts for _ in part.states]
     return Playground(
@@ -137,14 +145,13 @@ def playground(
         presets=tuple(presets),
         sliders=tuple(_sliders(structure, presets, scales.amplitude)),
         releases=tuple(
-            _release(evidence, i, record.time, record.signal, width, ratio)
+            _release(evidence, structure, i, record.time, record.signal, width, ratio)
             for i, record in enumerate(records)
         ),
         settings={
             "begin": [law for _, law in laws].index(last),
             "noise": floor,
             "isRate": evidence.comparison.is_rate,
-            "bias": bias == "per-release",
             "step": 2 * np.pi / frequency / STEPS_PER_PERIOD / structure.sharpness,
             "sizes": sizes,
             "internal": [2 + i for i, is_own in enumerate(rest) if is_own] if free_states else [],
@@ -165,15 +172,16 @@ def _laws(
     begin = evidence.comparison.law
     laws.append((current, begin))
     if diagnosis is not None and diagnosis.is_current:
-        tried = diagnosis.content["candidates"]
-        chosen = tuple(diagnosis.content.get("chosen", ()))
-        singles = [c for c in tried if len(c["effects"]) == 1 and c["heldout_rmse_rad"] is not None]
-        best = [c for c in tried if chosen and tuple(c["effects"]) == chosen]
-        for candidate in [*best, *(c for c in singles[:MOST_TRIED] if c not in best)]:
+        best = diagnosis.content["best"]
+        singles = [
+            c for c in diagnosis.content["candidates"]
+            if len(c["effects"]) == 1 and c["heldout_rmse_rad"] is not None and c["effects"] != best["effects"]
+        ]  # fmt: skip
+        for candidate in [*([best] if best["effects"] else []), *singles[:MOST_TRIED]]:
             law = law_of_candidate(evidence.board, candidate)
             if law is not None:
                 laws.append((f"+ {' + '.join(candidate['effects'])}", law))
-                begin = law if candidate in best else begin
+                begin = law if candidate is best else begin
     unique: dict[JointLaw, str] = {}
     for label, law in laws:
         unique.setdefault(law, label)
@@ -183,7 +191,7 @@ def _laws(
 
 def _slides(part: Effect) -> bool:
     """Whether an effect can be had in part: its torque times something."""
-    return isinstance(part, TorqueEffect) and part.part_of_joint
+    return isinstance(part, TorqueEffect) and part.part_of_joint and part.changing is None
 
 
 def _vanishes(part: Effect) -> bool:
@@ -280,7 +288,7 @@ def _sliders(structure: Structure, presets: Sequence[Preset], amplitude: float) 
 
 
 def _release(
-    evidence: Evidence, index: int, time: Array, signal: Array, width: int, ratio: float
+    evidence: Evidence, structure: Structure, index: int, time: Array, signal: Array, width: int, ratio: float
 ) -> dict[str, Any]:
     """Return the samples of one release for the page: means of `width` neighbours, and what they scatter about them."""
     release, simulated = evidence.releases[index], evidence.comparison.releases[index]
@@ -293,6 +301,7 @@ def _release(
         "time": _packed(means[0] / ratio),
         "signal": _packed(means[1]),
         "width": width,
+        "known": [[structure.parameters.index(name), value] for name, value in release.known.items()],
         "samples": len(time),
         "scatter": inside + rest,
         "hold": max(release.hold, 0.0),

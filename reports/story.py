@@ -17,6 +17,7 @@ from sysid.board import Board
 from sysid.comparison.compare import Comparison, compare
 from sysid.comparison.force_surface import TorqueProfile
 from sysid.comparison.release import ComparedRelease
+from sysid.diagnosis.judgement import TIE
 from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.fitting.ladder import PLAIN
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 
 Z99 = 2.5758
 """Half width of a 99 % interval in standard deviations."""
+TIED = 2 * TIE
+"""Score below which two models are not told apart: it is twice a log-likelihood [1]."""
 STOOD = "as it stood"
 REFITTED = "k and d refitted"
 MOST_RANKED = 6
@@ -134,7 +137,11 @@ class Story:
         chosen = next((model for model in self.ranked if model.chosen), None)
         if chosen is None:
             return ""
-        return "the best" if chosen.score == 0 else "the simplest not told from the best"
+        if chosen.score == 0:
+            return "the best"
+        if chosen.score <= TIED:
+            return "the simplest not told from the best"
+        return "the simplest; none is exact"
 
 
 def release_name(result: Comparison, index: int) -> str:
@@ -152,6 +159,7 @@ def tell(
     after: JointLaw,
     effects: Sequence[str],
     steps: Sequence[Step] = (),
+    heldout: float | None = None,
     ranked: Sequence[Ranked] = (),
     is_dated: bool = False,
 ) -> Story:
@@ -163,7 +171,8 @@ def tell(
         before: The law as it stood.
         after: The law with what was missing.
         effects: What `after` has more.
-        steps: The ladder above the record as it stood.
+        steps: The ladder between the two laws.
+        heldout: Error of the law after on releases that were left out, in multiples of the noise.
         ranked: The candidates of a diagnosis, best first.
         is_dated: Whether that diagnosis is of an earlier record.
 
@@ -193,7 +202,7 @@ def tell(
         shown=int(np.argmax([release.rmse for release in worst.releases])),
         over_rate=over_rate,
         over_angle=over_angle,
-        steps=(*stood, *steps),
+        steps=(*stood, *steps, Step(label, latter.rmse / floor, heldout)),
         ranked=tuple(ranked),
         is_dated=is_dated,
         lags=lags * float(np.median(np.diff(latter.releases[0].time))),
@@ -259,29 +268,35 @@ def story_of_diagnosis(found: "Diagnosis", board: Board) -> Story:
     """
     problem, floor = found.best.problem, found.noise.std
     chosen = chosen_effects(found, board)
-    after = JointLaw.from_vector(problem.structure, problem.vector_of(found.best.parameters))
-    tried = {candidate.effects: candidate for candidate in (found.baseline, *found.candidates)}
-    rungs = [
-        (),
-        *([min(halves, key=lambda c: tried[c].score)] if (halves := _halves(chosen, tried)) else []),
-        chosen,
-    ]
-    steps = [
-        Step(
-            _added(names), tried[names].rmse / floor,
-            None if tried[names].heldout_rmse is None else (tried[names].heldout_rmse or 0.0) / floor,
-        )
-        for names in dict.fromkeys(rungs)
-    ]  # fmt: skip
+    tried = {candidate.effects: candidate for candidate in (*found.candidates, found.baseline)}
+    halves = [(name,) for name in chosen if len(chosen) > 1 and (name,) in tried]
+    between = [(), *([min(halves, key=lambda names: tried[names].score)] if halves else [])] if chosen else []
+    held = {names: None if c.heldout_rmse is None else c.heldout_rmse / floor for names, c in tried.items()}
     return tell(
         found.recordings,
         board,
         before=JointLaw.from_board(board),
-        after=after,
+        after=JointLaw.from_vector(problem.structure, problem.vector_of(found.best.parameters)),
         effects=chosen,
-        steps=steps,
+        steps=[Step(_added(names), tried[names].rmse / floor, held[names]) for names in between],
+        heldout=held.get(chosen),
         ranked=ranked([(c.effects, c.score, c.score_std) for c in found.candidates], chosen),
     )
+
+
+def for_report(found: "Diagnosis", board: Board) -> dict[str, Any]:
+    """Return what a report reads of a diagnosis besides its JSON: of which record it is, and what its verdict rests on.
+
+    Args:
+        found: The diagnosis.
+        board: The record that it is of.
+    """
+    parameters = {name: {"value": float(value)} for name, value in found.best.parameters.items()}
+    return {
+        "record": board.digest,
+        "best": {"effects": list(chosen_effects(found, board)), "parameters": parameters},
+        "score_std": [candidate.score_std for candidate in found.candidates],
+    }
 
 
 def story_of_board(evidence: Evidence, diagnosis: LastDiagnosis | None) -> Story:
@@ -300,24 +315,25 @@ def story_of_board(evidence: Evidence, diagnosis: LastDiagnosis | None) -> Story
         )
         for rung in evidence.ladder
     ]  # fmt: skip
+    heldout = steps.pop().heldout if evidence.fit is not None else None
     models: tuple[Ranked, ...] = ()
     if diagnosis is not None:
         content = diagnosis.content
-        chosen, spreads = tuple(content.get("chosen", ())), content.get("score_std", [])
-        tried = [(c["effects"], c["score"], s) for c, s in zip(content["candidates"], spreads, strict=False)]
-        models = ranked(tried, chosen)
-        best = next((c for c in content["candidates"] if tuple(c["effects"]) == chosen), None)
-        law = law_of_candidate(board, best) if best and diagnosis.is_current and chosen else None
-        if best is not None and law is not None:
+        chosen = tuple(content["best"]["effects"])
+        spreads = zip(content["candidates"], content["score_std"], strict=True)
+        models = ranked([(c["effects"], c["score"], std) for c, std in spreads], chosen)
+        law = law_of_candidate(board, content["best"])
+        if chosen and diagnosis.is_current and law is not None:
+            if evidence.fit is not None:
+                steps.append(Step(_added(effects), evidence.fit.rmse / floor, heldout))
             after, effects = law, (*effects, *chosen)
-            held = best["heldout_rmse_rad"]
-            noise = content["noise_floor_rad"]
-            steps.append(
-                Step(_added(chosen), best["rmse_rad"] / noise, None if held is None else held / noise)
+            held = next(
+                (c["heldout_rmse_rad"] for c in content["candidates"] if tuple(c["effects"]) == chosen), None
             )
+            heldout = None if held is None else held / content["noise_floor_rad"]
     return tell(
-        evidence.releases, board, before=evidence.stood, after=after, effects=effects, steps=steps, ranked=models,
-        is_dated=diagnosis is not None and not diagnosis.is_current,
+        evidence.releases, board, before=evidence.stood, after=after, effects=effects, steps=steps, heldout=heldout,
+        ranked=models, is_dated=diagnosis is not None and not diagnosis.is_current,
     )  # fmt: skip
 
 
@@ -325,11 +341,6 @@ def chosen_effects(found: "Diagnosis", board: Board) -> tuple[str, ...]:
     """Return what the model that the verdict rests on has beyond the record."""
     own = {part.name for part in board.effects}
     return tuple(name for name in found.best.effects if name not in own)
-
-
-def _halves(chosen: tuple[str, ...], tried: Mapping[tuple[str, ...], Any]) -> list[tuple[str, ...]]:
-    """Return the single effects of a pair that were tried."""
-    return [(name,) for name in chosen if len(chosen) > 1 and (name,) in tried]
 
 
 def _added(effects: tuple[str, ...]) -> str:

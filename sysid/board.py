@@ -39,6 +39,8 @@ TILT_UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "rest_angle": "rad
 DECAY_UNITS = {"period": "s", "first_peak": "rad", "second_peak": "rad"}
 MAY_LACK = ("stiffness", "damping")
 """What a joint may do without: gravity pulls a pendulum back, and dry friction alone stops a servo."""
+ROLLING_UNITS = {"deceleration": "m/s^2"}
+"""Loss of speed at 1 m/s on level ground, whoever rides."""
 PUBLISHED_UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad"}
 
 PHYSICAL = {
@@ -47,6 +49,7 @@ PHYSICAL = {
     "kg*m^2": (1e-9, 1e3),
     "rad": (1e-6, math.pi),
     "s": (1e-3, 100.0),
+    "m/s^2": (1e-5, 10.0),
     "N*m/rad": (1e-6, 1e6),
     "N*m*s/rad": (1e-9, 1e5),
 }
@@ -61,6 +64,8 @@ class BoardEffect:
     name: str
     """A name of the effect catalogue (`sysid.effects`)."""
     parameters: Mapping[str, Quantity]
+    file: str = ""
+    """The file that it needs, where it is an effect of the user's own."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,6 +82,8 @@ class Board:
     tilt: Mapping[str, Quantity]
     decay: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
     """The free decay that stiffness and damping were derived from, where no log was fitted yet."""
+    rolling: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
+    """How the board rolls, where that was measured."""
     published: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
     """Stiffness and damping as the source itself prints them; for comparison, never used."""
     effects: tuple[BoardEffect, ...] = ()
@@ -266,11 +273,15 @@ def board_to_toml(board: Board) -> str:
     if board.published:
         document["published"] = _quantities(board.published)
     document["tilt"] = _quantities(board.tilt)
+    if board.rolling:
+        document["rolling"] = _quantities(board.rolling)
     if board.effects:
         effects = tomlkit.aot()
         for effect in board.effects:
             table = tomlkit.table()
             table["name"] = effect.name
+            if effect.file:
+                table["file"] = effect.file
             table["parameters"] = _quantities(effect.parameters)
             effects.append(table)
         document["effect"] = effects
@@ -309,7 +320,7 @@ class _Reader:
     def board(self, raw: Mapping[str, Any]) -> Board:
         known = {
             "schema", "name", "description", "source", "geometry", "mass", "inertia", "decay", "published",
-            "tilt", "effect", "model", "fit", "check", "history",
+            "tilt", "rolling", "effect", "model", "fit", "check", "history",
         }  # fmt: skip
         for key in raw:
             if key not in known:
@@ -331,6 +342,7 @@ class _Reader:
                 raw, "tilt", {n: kind(u) for n, u in TILT_UNITS.items()}, may_be_negative=("rest_angle",)
             ),
             decay=self._quantities(raw, "decay", DECAY_UNITS) if "decay" in raw else {},
+            rolling=self._quantities(raw, "rolling", ROLLING_UNITS) if "rolling" in raw else {},
             published=self._quantities(raw, "published", PUBLISHED_UNITS) if "published" in raw else {},
             effects=tuple(
                 self._effect(f"effect[{i}]", raw_effect, kind)
@@ -367,6 +379,7 @@ class _Reader:
                 key: self._quantity(table.get(key), f"{where} ({name}).parameters.{key}", unit)
                 for key, unit in units.items()
             },
+            self._text(raw, "file", f"{where}.file") if "file" in raw else "",
         )
 
     def _quantities(

@@ -39,7 +39,11 @@ class Workspace:
         Raises:
             SysidError: There is no such board, or its record is not valid.
         """
-        return load_named(name, self.root)
+        board = load_named(name, self.root)
+        for part in board.effects:
+            if part.file:
+                _require_known(board, part.name, part.file)
+        return board
 
     def save_board(self, board: Board, *, since: Board | None = None) -> Path:
         """Write a board into the workspace and return its path; in a clone that is where the shipped ones are, too.
@@ -129,3 +133,17 @@ class Workspace:
     def outputs(self, board: str) -> Path:
         """Return the folder for a board's outputs; it is made when something is written to it."""
         return self.root / "reports" / board
+
+
+def _require_known(board: Board, name: str, file: str) -> None:
+    """Ask for the file of a user's effect that a record's law needs.
+
+    Raises:
+        SysidError: The effect is not known; the message names the file.
+    """
+    from sysid.effects import catalogue
+
+    if name not in catalogue():
+        raise SysidError(
+            f"board '{board.name}' has the effect '{name}', which {file} makes. Add --effect-file {file}"
+        )

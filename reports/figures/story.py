@@ -12,15 +12,13 @@ from reports.figures.decay import STYLE
 from reports.figures.ladder import draw_ladder
 from reports.figures.palette import NOISE, REAL, SIM, STOOD
 from reports.figures.svg import thin
-from reports.story import Missing, Ranked, Story
+from reports.story import TIED, Missing, Ranked, Story
 from sysid.quantity import Z95
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, FigureBase
 
-RULED_OUT = 12.0
-"""Score below which two models are not told apart: twice the log-likelihood's `TIE`. Up to here the axis is linear."""
 DEGREES = float(np.degrees(1.0))
 
 
@@ -161,7 +159,7 @@ def draw_candidates(axes: "Axes", ranked: "tuple[Ranked, ...]") -> None:
     """Draw the score of each candidate with its interval, the chosen one filled, as models are ranked by expected prediction."""
     from matplotlib.ticker import NullLocator, StrMethodFormatter
 
-    axes.axvspan(0, RULED_OUT, color=NOISE, alpha=0.25, lw=0)
+    axes.axvspan(0, TIED, color=NOISE, alpha=0.25, lw=0)
     axes.axvline(0, color=NOISE, lw=1.2, ls="--")
     for row, model in enumerate(ranked):
         axes.errorbar(
@@ -172,11 +170,11 @@ def draw_candidates(axes: "Axes", ranked: "tuple[Ranked, ...]") -> None:
     axes.set_yticks(range(len(ranked)), names)
     axes.set_ylim(len(ranked) - 0.5, -0.5)
     largest = max(model.score for model in ranked)
-    if largest > 4 * RULED_OUT:
-        axes.set_xscale("symlog", linthresh=RULED_OUT)
+    if largest > 4 * TIED:
+        axes.set_xscale("symlog", linthresh=TIED)
         axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axes.set_xlim(left=-RULED_OUT / 2)
+    axes.set_xlim(left=-TIED / 2)
     axes.grid(visible=False, axis="y")
     axes.set_xlabel("score: 0 is best")
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-MOST_POINTS = 1200
+MOST_POINTS = 600
 """Points kept of one curve: about one a pixel; the numbers beside it use all of them."""
 
 

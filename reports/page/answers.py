@@ -98,7 +98,9 @@ def next_step(
     if verdict["status"] == "missing":
         fitted = [name for name in verdict["effects"] if effect(name).identifiable_from_decay]
         if fitted:
-            return f"Add it: husky-sysid fit {end} {' '.join(f'--effect {name}' for name in fitted)}"
+            flags = [f"--effect {name}" for name in fitted]
+            hangs = diagnosis.content["best"]["parameters"].get("stiffness", {}).get("value") == 0
+            return f"Add it: husky-sysid fit {end} {' '.join(flags + ['--fix stiffness=0'] * hangs)}"
     if verdict["status"] != "none-missing" and verdict["next_experiment"]:
         return verdict["next_experiment"]
     if not evidence.comparison.passed:

@@ -375,6 +375,8 @@ def _correlation(evidence: Evidence) -> list[str]:
 
 
 def _frequency_response(board: Board) -> str:
+    if not board.stiffness:
+        return paragraph("Not drawn: the record has no spring.")
     return _figure(
         bode_figure(board, board_figures.WIDTH),
         "bode",

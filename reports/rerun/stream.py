@@ -4,6 +4,7 @@ Rerun logs mistakes as warnings and goes on; here every call is strict. A record
 temporary file and takes its place only when it is whole.
 """
 
+import os
 import re
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
@@ -36,6 +37,7 @@ def need_rerun() -> None:
     Raises:
         SysidError: rerun-sdk is not installed.
     """
+    os.environ.setdefault("RUST_LOG", "off")  # what goes wrong is said once, by the error that it raises
     try:
         import rerun
     except ImportError as error:
@@ -65,6 +67,10 @@ def recording(path: Path, recording_id: str, blueprint: "rrb.Blueprint") -> "Gen
             yield stream
             stream.flush()
             stream.disconnect()
+    except RuntimeError as error:
+        if "writer" not in str(error):
+            raise
+        raise SysidError(f"{path}: cannot be written ({error}). Is the disk full?") from error
     finally:
         rr.set_strict_mode(was_strict)
 

@@ -48,6 +48,13 @@ WHEEL_FRICTION = (1.0, 0.001, 0.001)
 paper's; torsional is two thirds of the radius of a small contact patch. Through the coupling it brakes
 the deck: the 0.01 m of the authors' release would add half to the compliant board's damping."""
 
+COASTING = (
+    (0.00025, 0.0073), (0.0005, 0.0290), (0.001, 0.0848), (0.0015, 0.155), (0.002, 0.237), (0.003, 0.427), (0.004, 0.635),
+)  # fmt: skip
+"""Rolling friction [m], and the loss of speed at 1 m/s that it makes in this scene under 33 kg [m/s^2]. It is no Coulomb
+friction: a pyramidal cone makes of it a loss that grows with the speed and falls with the load
+(`benchmarks/results/hands_off.md`)."""
+
 WHEEL_SOLIMP = (0.99, 0.999, 0.001, 0.5, 2.0)
 """Contact impedance of a wheel [1], its width in m. MuJoCo scales a contact's softness by the mobility of the bodies in
 touch; with its default, wheels as light as these would sink by 23 mm under a rider; with this, 0.8 mm."""
@@ -63,6 +70,15 @@ _DECK_COLOUR = (0.83, 0.68, 0.47, 1.0)
 _METAL = (0.55, 0.57, 0.60, 1.0)
 _WHEEL_COLOUR = (0.93, 0.93, 0.90, 1.0)
 """Red, green, blue and opacity, as a share of full."""
+
+
+def wheel_friction(board: Board) -> tuple[float, float, float]:
+    """Return the wheels' friction, rolling as it was measured on the board where it was."""
+    sliding, torsional, rolling = WHEEL_FRICTION
+    if board.rolling:
+        frictions, losses = np.log(COASTING).T
+        rolling = float(np.exp(np.interp(np.log(board.rolling["deceleration"].value), losses, frictions)))
+    return sliding, torsional, rolling
 
 
 def add_chassis(spec: mujoco.MjSpec, board: Board) -> mujoco.MjsBody:

@@ -23,8 +23,8 @@ def left_out(model: mujoco.MjModel) -> Left:
     found: Left = []
     for index in range(model.nnumeric):
         name = model.numeric(index).name
-        if name.endswith(NUMERIC):
-            joint = model.joint(name.removesuffix(NUMERIC))
+        if NUMERIC in name:
+            joint = model.joint(name.split(NUMERIC)[0])
             found.append((int(joint.qposadr[0]), int(joint.dofadr[0]), remainder(model.numeric(index).data)))
     return found
 

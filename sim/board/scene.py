@@ -15,7 +15,6 @@ import numpy as np
 from sim.board.bodies import (
     TILT_JOINT,
     TRUCK_JOINTS,
-    WHEEL_FRICTION,
     WHEELS,
     Coupling,
     add_chassis,
@@ -25,6 +24,7 @@ from sim.board.bodies import (
     inertia_ratio,
     reflected_inertia,
     steering_angle,
+    wheel_friction,
 )
 from sysid.board import Board
 from sysid.errors import SysidError
@@ -40,7 +40,7 @@ def board_spec(
     timestep: float = 0.005,
     integrator: str = "implicitfast",
     tilt_range: float | None = None,
-    wheel_friction: Sequence[float] = WHEEL_FRICTION,
+    friction: Sequence[float] | None = None,
     exact_effects: bool = True,
 ) -> mujoco.MjSpec:
     """Build the free board from its record, effects included.
@@ -54,7 +54,7 @@ def board_spec(
         timestep: Step of the scene [s]; the coupling is as stiff as this step allows.
         integrator: MuJoCo's name of the integrator.
         tilt_range: Largest tilt to either side [rad]; the record's if None.
-        wheel_friction: Sliding [1], torsional [m] and rolling [m] friction of the wheels.
+        friction: Sliding [1], torsional [m] and rolling [m] friction of the wheels; the record's if None.
         exact_effects: False writes effects that need a MuJoCo newer than 3.11 as their substitutes.
 
     Raises:
@@ -76,7 +76,7 @@ def board_spec(
     # will multiply what is written here.
     tilt = add_deck(root, board, board.inertia.value - reflected / inertia_gain(board), limit)
     for end in ("front", "rear"):
-        add_truck(root, board, end, limit, coupling, wheel_friction)
+        add_truck(root, board, end, limit, coupling, friction or wheel_friction(board))
     for wheel in WHEELS:
         # A deck at full tilt would touch its own wheels; a real one has risers against wheel bite.
         spec.add_exclude(name=f"deck_{wheel}_wheel", bodyname1="deck", bodyname2=f"{wheel}_wheel")

@@ -78,6 +78,16 @@ COMMANDS = {
         "inertia.md",
         has_parts=True,
     ),
+    "rollout": Command(
+        "Measure rake and rolling resistance from a board that rolls by itself.",
+        ("rollout film.csv --board pink", "rollout imu.csv --board pink --slope-deg 2 --save"),
+        "boards.md",
+    ),
+    "effects": Command(
+        "List the effects with their laws, show one, or write a file for one of your own.",
+        ("effects", "effects coulomb", "effects new my_effect"),
+        "effects.md",
+    ),
     "boards": Command(
         "List boards, their parameters and whether they passed the check.",
         ("boards", "boards pink"),
@@ -185,6 +195,9 @@ def build_app() -> "cyclopts.App":
         help=f"Find out why a MuJoCo joint does not behave like the real one, and mend it.\n\n{EXIT_CODES}",
         version=lambda: version("husky-sysid"),
         suppress_keyboard_interrupt=False,
+    )
+    app.register_install_completion_command(
+        help="Let the shell complete commands and options (bash, zsh, fish)."
     )
     for name, command in COMMANDS.items():
         more = {} if command.has_parts else {"help_epilogue": epilogue(name)}

@@ -41,6 +41,23 @@ class Common:
     workspace: Annotated[Path, Parameter(name="--workspace")] = Path()
     """Folder with the user's boards (data/boards) and outputs (reports/BOARD)."""
 
+    effect_file: Annotated[
+        tuple[Path, ...], Parameter(name="--effect-file", negative="", group=FIT, show_default=False)
+    ] = ()
+    """File with an effect of your own (see husky-sysid effects new), known to this command; repeat it for several."""
+
+    def own_effects(self) -> tuple[str, ...]:
+        """Add the effects of the user's files to the catalogue and return their names.
+
+        Raises:
+            SysidError: A file makes no effect.
+        """
+        if not self.effect_file:
+            return ()
+        from sysid.effects import use_file
+
+        return tuple(use_file(path) for path in self.effect_file)
+
     @property
     def space(self) -> Workspace:
         """The workspace."""
@@ -59,7 +76,8 @@ class Printer:
     _stderr: Console = field(init=False)
 
     def __post_init__(self) -> None:
-        """Open both consoles."""
+        """Take up effects of the user's own, and open both consoles."""
+        self.common.own_effects()
         quiet = self.common.json == "-"
         # A terminal breaks a line wherever it is full; we break between words. A pipe gets whole lines.
         out, err = sys.stdout.isatty(), sys.stderr.isatty()

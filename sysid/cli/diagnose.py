@@ -40,7 +40,7 @@ def diagnose(
         common: Options of every command.
     """
     from reports.figures.story import story_figure
-    from reports.story import chosen_effects, story_of_diagnosis
+    from reports.story import for_report, story_of_diagnosis
     from sysid.diagnosis.diagnose import diagnose as search
     from sysid.diagnosis.report import headline
 
@@ -53,13 +53,7 @@ def diagnose(
     printer.say(result.report(printer.width))
     content = result.to_json()
     folder = common.space.outputs(record.name)
-    # Beside the result: which record it is of, and what the report draws.
-    shown = {
-        "record": record.digest,
-        "chosen": chosen_effects(result, record),
-        "score_std": [candidate.score_std for candidate in result.candidates],
-    }
-    write_json(folder / "diagnose.json", {**content, **shown})
+    write_json(folder / "diagnose.json", {**content, **for_report(result, record)})
     with atomic_path(folder / "diagnose.png") as temporary:
         picture = story_figure(story_of_diagnosis(result, record), f"{record.name}: {headline(result)}")
         picture.savefig(temporary, dpi=110)

@@ -12,7 +12,7 @@ from sysid.cli.fit_intervals import show_intervals
 from sysid.cli.log_options import LogArguments, load_recordings
 from sysid.cli.parameter_options import parse_bounds, parse_fixed
 from sysid.cli.subject import Subject
-from sysid.files import atomic_path, refuse_overwriting
+from sysid.files import atomic_path, refuse_overwriting, write_atomically
 
 if TYPE_CHECKING:
     from sim.compensation.step import Compensation
@@ -73,6 +73,7 @@ def fit(
 
     printer = Printer(common)
     record = subject.load(common, printer)
+    effect = (*effect, *(name for name in common.own_effects() if name not in effect))
     check_effects(effect, [part.name for part in record.effects])
     fixed, bounds = parse_fixed(fix), parse_bounds(bound)
     if bootstrap:
@@ -105,6 +106,8 @@ def fit(
     for line in scene.lines() if scene else ():
         printer.say(line)
     written = [_draw(common, result)]
+    if result.formula is not None and result.formula.good and not result.formula.effects:
+        written.append(_offer(common, result, printer))
     if record.model:
         new, copies = _patched(new, output, printer)
         written += copies
@@ -114,6 +117,18 @@ def fit(
     content = {**result.to_json(), **intervals}
     printer.result({**content, "in_scene": scene.entry()} if scene else content)
     return 0
+
+
+def _offer(common: Common, result: "Fit", printer: Printer) -> Path:
+    """Write the formula of what was learned as an effect of its own."""
+    from sysid.fitting.formula import own_effect
+
+    assert result.formula is not None
+    name, source = own_effect(result.formula)
+    path = common.space.outputs(result.before.name) / f"{name.replace('-', '_')}.py"
+    write_atomically(path, source)
+    printer.say(f"the formula as an effect of its own: --plain --effect-file {path}")
+    return path
 
 
 def _patched(record: Board, output: Path | None, printer: Printer) -> tuple[Board, list[Path]]:

@@ -67,7 +67,7 @@ def mjcf(
     )
     done = made.compensation
     error = f"the unloaded decay of this {kind} is {100 * done.decay_error:.1f} % off the board's"
-    why = _why(kind, coupling)
+    why = _why(kind, coupling, made.export)
     if done.decay_error > UNUSABLE and made.export != "physical":
         raise SysidError(f"{output}: not written: {error}. {why} --export physical writes it all the same.")
     write_atomically(output, made.xml)
@@ -104,11 +104,13 @@ def mjcf(
     return 0
 
 
-def _why(kind: str, coupling: str) -> str:
+def _why(kind: str, coupling: str, export: str) -> str:
     """Return what takes a decay away from the board's, and what helps."""
+    if export == "physical":
+        return "It holds the record's numbers as they are; without --export physical they are compensated."
     if kind == "scene" and coupling == "equality":
         return (
             "The wheels, which the joint equality drags over the ground, damp by more than can be taken off so light a "
             "damping: choose --coupling direct, which sets the trucks after each step."
         )
-    return "Choose a smaller --timestep, or --export step-compensated."
+    return "Choose a smaller --timestep."

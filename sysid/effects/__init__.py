@@ -8,18 +8,71 @@ import importlib
 import pkgutil
 from collections.abc import Mapping, Sequence
 from functools import cache
+from pathlib import Path
 from types import MappingProxyType
 
-from sysid.effects._base import DecaySign, Effect
+from sysid.effects import _own
+from sysid.effects._base import (
+    DecaySign,
+    Effect,
+    MujocoSupport,
+    Parameter,
+    SensorEffect,
+    State,
+    SupportEffect,
+    TorqueEffect,
+)
+from sysid.effects._template import effect_file
+from sysid.effects.learned import AS_TABLE, as_table
 from sysid.errors import SysidError, did_you_mean
+
+__all__ = [
+    "AS_TABLE",
+    "MujocoSupport",
+    "Parameter",
+    "SensorEffect",
+    "State",
+    "SupportEffect",
+    "TorqueEffect",
+    "as_table",
+    "catalogue",
+    "effect",
+    "effect_file",
+    "origin",
+    "parameters_from",
+    "showing",
+    "use_file",
+]
 
 
 @cache
 def catalogue() -> Mapping[str, Effect]:
-    """Return every effect by name, sorted by name."""
+    """Return every effect by name, sorted by name: the files of this folder, installed ones, and the user's own."""
+    every = _shipped()
+    every = {**every, **{name: part for name, (part, _) in _own.own_effects(every).items()}}
+    return MappingProxyType(dict(sorted(every.items())))
+
+
+def _shipped() -> Mapping[str, Effect]:
     modules = (name for _, name, _ in pkgutil.iter_modules(__path__) if name[0] != "_")
-    effects = [importlib.import_module(f"{__name__}.{name}").EFFECT for name in modules]
-    return MappingProxyType({effect.name: effect for effect in sorted(effects, key=lambda e: e.name)})
+    return {part.name: part for part in (importlib.import_module(f"{__name__}.{m}").EFFECT for m in modules)}
+
+
+def use_file(path: Path) -> str:
+    """Add the effect of a user's file to the catalogue, for this process and those that it starts, and return its name.
+
+    Raises:
+        SysidError: There is no such file, or it makes no effect that runs.
+    """
+    part = _own.use(path)
+    catalogue.cache_clear()
+    catalogue()
+    return part.name
+
+
+def origin(name: str) -> str:
+    """Return the file or the package that an effect comes from; '' for the catalogue's own."""
+    return "" if name in _shipped() else _own.own_effects(_shipped())[name][1]
 
 
 def effect(name: str) -> Effect:

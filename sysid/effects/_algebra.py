@@ -65,3 +65,37 @@ class NumpyAlgebra:
     def where(self, condition: Value, yes: Value, no: Value) -> Value:
         """`yes` where the condition holds, else `no`."""
         return np.where(condition, yes, no)
+
+
+class CasadiAlgebra:
+    """Torque laws on CasADi expressions."""
+
+    def __init__(self) -> None:
+        """Import CasADi only when a law is built."""
+        import casadi
+
+        self._casadi: Any = casadi
+
+    def sin(self, x: Value) -> Value:
+        """Sine."""
+        return self._casadi.sin(x)
+
+    def exp(self, x: Value) -> Value:
+        """Exponential."""
+        return self._casadi.exp(x)
+
+    def abs(self, x: Value) -> Value:
+        """Absolute value."""
+        return self._casadi.fabs(x)
+
+    def minimum(self, a: Value, b: Value) -> Value:
+        """The smaller."""
+        return self._casadi.fmin(a, b)
+
+    def maximum(self, a: Value, b: Value) -> Value:
+        """The larger."""
+        return self._casadi.fmax(a, b)
+
+    def where(self, condition: Value, yes: Value, no: Value) -> Value:
+        """`yes` where the condition holds, else `no`."""
+        return self._casadi.if_else(condition, yes, no)

@@ -15,19 +15,30 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.effects._algebra import Algebra, NumpyAlgebra, Value, Values
-from sysid.effects._base import JointState, MujocoSupport, Parameter, Smoothness, TorqueEffect, rest_of
+from sysid.effects._base import (
+    JointState,
+    MujocoSupport,
+    Parameter,
+    Smoothness,
+    ToMjcf,
+    TorqueEffect,
+    rest_of,
+)
 from sysid.effects._table import bending, cardinals, interpolate, knots, position
+from sysid.errors import SysidError
 from sysid.roll import Array
 
 if TYPE_CHECKING:
     import mujoco
 
 TILT_KNOTS, TILT_GRADING = 20, 1.0
-"""To either side: a magnet a fifth as wide as the swing, or four waves of a cogging torque, to a hundredth of its size."""
+"""Number and grading [1] to either side: a magnet a fifth as wide as the swing, or four waves of a cogging torque, to a hundredth of its size."""
 RATE_KNOTS, RATE_GRADING = 8, 0.5
-"""Friction bends where the joint turns round, so knots are dense there."""
+"""Number and grading [1]: friction bends where the joint turns round, so knots are dense there."""
 BOTH_KNOTS = 3
 """Of tilt and rate together: every product of powers up to the second."""
+_WIDE = 0.6
+"""Tilt up to which a law is written as a table where the joint has no range [rad]."""
 _FAR = 10.0
 """Tilt that no joint reaches [rad]."""
 SUPPORT = ("tilt_low", "tilt_high", "rate_low", "rate_high")
@@ -101,6 +112,7 @@ def to_mjcf(
     at, torques = _bends(parameters)
     slopes = np.concatenate([[0.0], np.diff(torques) / np.diff(at), [0.0]])
     here = int(np.searchsorted(at, 0.0))
+    earlier = sum(NUMERIC in other.name for other in spec.numerics)
     count = 0
     for index, bend in enumerate(np.diff(slopes)):
         # What is steeper from a knot on, away from rest, is a spring that is slack up to there.
@@ -110,7 +122,7 @@ def to_mjcf(
         ):
             if abs(change) < 1e-9:
                 continue
-            tendon = spec.add_tendon(name=f"{joint.name}_learned_{count}")
+            tendon = spec.add_tendon(name=f"{joint.name}_learned{earlier}_{count}")
             tendon.wrap_joint(joint.name, 1.0)
             tendon.stiffness[0] = -change if side > 0 else change
             tendon.springlength = (
@@ -120,7 +132,7 @@ def to_mjcf(
     damper = _damper(parameters, float(joint.damping[0]))
     for power, coefficient in enumerate(damper):
         joint.damping[power] += coefficient
-    numeric = spec.add_numeric(name=f"{joint.name}{NUMERIC}")
+    numeric = spec.add_numeric(name=f"{joint.name}{NUMERIC}_{earlier}")
     numeric.data = [rest, *damper, *(parameters[p.name] for p in EFFECT.parameters)]
     numeric.size = len(numeric.data)
     return (
@@ -147,6 +159,62 @@ def remainder(numbers: Array) -> Callable[[float, float], float]:
     return torque_left
 
 
+def tabulated(law: Callable[[Value, Value], Value], support: Mapping[str, float]) -> Array:
+    """Return the values of the tables [N*m] for a torque that has a law, shape (p,), in the parameters' order.
+
+    Args:
+        law: Torque [N*m] of tilt [rad] and rate [rad/s]; zero at rest.
+        support: The parameters that say where the tables end.
+    """
+    reach = max(-support["tilt_low"], support["tilt_high"])
+    speed = max(-support["rate_low"], support["rate_high"])
+    x, v = reach * knots(TILT_KNOTS, TILT_GRADING), speed * knots(RATE_KNOTS, RATE_GRADING)
+    shares = np.array(_numbers(BOTH_KNOTS)) / BOTH_KNOTS
+    across, along = np.meshgrid(reach * shares, speed * shares, indexing="ij")
+    both = law(across, along) - law(across, 0.0 * along) - law(0.0 * across, along)
+    return np.concatenate([law(x, 0.0 * x), law(0.0 * v, v), both.ravel()])
+
+
+def as_table(
+    law: Callable[[Algebra, JointState, Values, Sequence[Value]], Value],
+) -> ToMjcf:
+    """Return what writes any torque without memory into MuJoCo: as the tables of a learned one.
+
+    Args:
+        law: An effect's torque; zero at rest.
+    """
+
+    def write(
+        spec: "mujoco.MjSpec",
+        joint: "mujoco.MjsJoint",
+        parameters: Mapping[str, float],
+        *,
+        exact: bool = True,
+    ) -> tuple[str, ...]:
+        """Write the law as tables over the joint's range."""
+        limited = float(np.abs(joint.range).max()) if any(joint.range) else 0.0
+        reach = np.radians(limited) if spec.compiler.degree else limited
+        reach = float(reach) or _WIDE
+        speed = reach * float(np.sqrt(max(joint.stiffness[0], 1e-6) / joint.parent.inertia[0]))
+
+        def at(x: Value, v: Value) -> Array:
+            x, v = np.broadcast_arrays(x, v)
+            rest = rest_of(spec, joint)
+            return np.asarray(
+                law(NumpyAlgebra(), JointState(x, v, x + rest, joint.stiffness[0]), parameters, ()) + 0.0 * x
+            )
+
+        if abs(float(at(0.0, 0.0))) > 1e-9:
+            raise SysidError(
+                f"this torque is {float(at(0.0, 0.0)):.3g} N*m at rest, where a table is zero. Use preload for that part."
+            )
+        edges = dict(zip(SUPPORT, (-reach, reach, -speed, speed), strict=True))
+        values = [*edges.values(), *tabulated(at, edges)]
+        return to_mjcf(spec, joint, EFFECT.named([float(value) for value in values]), exact=exact)
+
+    return write
+
+
 def _bends(parameters: Mapping[str, float]) -> tuple[Array, Array]:
     """Return the tilts [rad] and torques [N*m] between which the table over the tilt is written straight, shape (n,) each."""
     low, high = parameters["tilt_low"], parameters["tilt_high"]
@@ -170,6 +238,17 @@ def _damper(parameters: Mapping[str, float], damping: float) -> Array:
     size = max(float(np.abs(rate).max()), 1e-9) ** np.arange(1, 4)
     found = lsq_linear(-_polynomial(rate) / size, torques, ([-damping * size[0], 0.0, 0.0], np.inf))
     return found.x / size
+
+
+AS_TABLE = MujocoSupport(
+    means=(
+        "of the tilt: slack tendons, straight between knots; of the rate: the nearest damper's polynomial; the rest by a "
+        "callback (sim.board.learned)"
+    ),
+    since="3.7",
+    warp=True,
+)
+"""How a table reaches MuJoCo."""
 
 
 def _value(name: str) -> Parameter:
@@ -213,14 +292,7 @@ EFFECT = TorqueEffect(
     does="Whatever the data show that no formula of the catalogue does.",
     look_alikes=(),
     experiment="Release from more angles, to both sides: a table knows only where the deck has been.",
-    mujoco=MujocoSupport(
-        means=(
-            "of the tilt: slack tendons, straight between knots; of the rate: the nearest damper's polynomial; the rest by "
-            "a callback (sim.board.learned)"
-        ),
-        since="3.7",
-        warp=True,
-    ),
+    mujoco=AS_TABLE,
     to_mjcf=to_mjcf,
     example=tuple(_EXAMPLE.get(name, 0.0) for name in (*SUPPORT, *TILT, *RATE, *BOTH)),
     torque=torque,

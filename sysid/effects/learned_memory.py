@@ -30,8 +30,9 @@ def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[
     return interpolate(m, position(m, z, GRADING), [parameters[name] for name in STRETCH])
 
 
-def stretching(m: Algebra, motion: JointState, z: Value, parameters: Values) -> Value:
+def stretching(m: Algebra, motion: JointState, states: Sequence[Value], parameters: Values) -> Value:
     """Return (v - |v| z) / a - z / T [1/s]."""
+    (z,) = states
     return (motion.rate - m.abs(motion.rate) * z) / parameters["reach"] - parameters["fading"] * z
 
 

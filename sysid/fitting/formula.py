@@ -1,18 +1,21 @@
 """A learned torque in words: the nearest formula of a small library, and what it may be.
 
-The learned torque is read off along the fitted motion, so that what the deck did often counts often. Whatever is linear in
-tilt or rate is spring and damper and fits any formula. A shape with a width or an angle of its own is searched along it.
+Shapes are ranked by how much worse the releases would be explained with their tables, and the nearest are fitted to the
+releases. Whatever is linear in tilt or rate is spring and damper and fits any formula. A shape with a width or an angle of its
+own is searched along it.
 """
 
 import itertools
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.effects import catalogue
+from sysid.effects import catalogue, effect_file
 from sysid.effects._algebra import Algebra, NumpyAlgebra, Value, Values
 from sysid.effects._base import JointState, MujocoSupport, Parameter, Scales, TorqueEffect, belongs_to_log
+from sysid.effects.learned import tabulated
 from sysid.fitting.cross_validation import rms
 from sysid.fitting.learned_torque import learned_torque, tables_of
 from sysid.fitting.problem import Problem
@@ -28,7 +31,7 @@ Law = Callable[[Algebra, Value, Value, float], Value]
 """Of the algebra, tilt [rad], rate [rad/s] and the shape's own width or angle."""
 GOOD = 1.02
 """Error of a formula over that of the tables up to which it is as good."""
-CANDIDATES = 4
+CANDIDATES = 5
 """How many of the nearest shapes are fitted."""
 _STEPS = 120
 """Steps a period of those fits."""
@@ -155,7 +158,7 @@ class Formula:
     widths: tuple[float, ...]
     """Their widths, angles or wave lengths [rad]; 0 where one has none."""
     share: float
-    """Of the learned torque beyond spring and damper, squared, that it carries [1]."""
+    """Of what the learned torque explains of the releases, the share that it explains with the width that was tried [1]."""
     error: float
     """Root mean square residual with it in the place of the tables [rad or rad/s]."""
     good: bool
@@ -174,28 +177,44 @@ class Formula:
         return names if all(names) else ()
 
 
+def own_effect(formula: Formula) -> tuple[str, str]:
+    """Return name and Python source of an effect whose law a formula is, in the language of a user's own file."""
+    name = re.sub("[^a-z]+", "-", " and ".join(shape.name for shape in formula.shapes))
+    terms: list[str] = []
+    parameters: list[tuple[str, str, str, float]] = []
+    for i, (shape, c, width) in enumerate(
+        zip(formula.shapes, formula.coefficients, formula.widths, strict=True), start=1
+    ):
+        code = re.sub(r"\ba\b", f'parameters["width_{i}"]', shape.code)
+        terms.append(f'parameters["coefficient_{i}"] * ({code})')
+        parameters.append((f"coefficient_{i}", shape.unit, f"{abs(c):.3g}", c))
+        if shape.widths:
+            parameters.append((f"width_{i}", "rad", f"{width:.3g}", width))
+    text = " - ".join(
+        shape.text.format(a=_degrees(width))
+        for shape, width in zip(formula.shapes, formula.widths, strict=True)
+    )
+    source = effect_file(
+        name, title=formula.text.split(":")[-1].split(";")[0].strip() or name, does=f"It {formula.text.split(';')[0]}.",
+        law=" + ".join(terms), text=f"τ ∝ -{text}", source="read off a learned torque", parameters=parameters,
+    )  # fmt: skip
+    return name, source
+
+
 def formula_of(fit: JointFit) -> Formula | None:
     """Return the formula nearest to what a fit has learned; None where nothing was learned of tilt and rate.
 
-    The shapes that come nearest to the tables are fitted to the releases in their place, and so are the effects that remember
-    their path; the best one is taken.
+    The shapes that come nearest to the tables are fitted to the releases in their place; the best one is taken.
     """
     if not tables_of(fit):
         return None
     x, v = _motion(fit)
     torque, _ = learned_torque(fit, x, v)
-    plain = np.column_stack([x, v])
-    left = _without(plain, torque)
-    power, reach = float(left @ left), float(np.abs(x).max())
-    if not power > (1e-6 * fit.law.stiffness * reach) ** 2 * len(x):
+    if np.abs(torque).max() < 1e-6 * fit.law.stiffness * np.abs(x).max():
         return None
-    columns: list[_Column] = []
-    for shape in SHAPES:
-        for width in shape.widths or (0.0,):
-            column = _without(plain, np.asarray(shape.law(NumpyAlgebra(), x, v, width * reach or 1.0)))
-            if float(column @ column) > 1e-12:
-                columns.append((shape, width * reach, column))
-    found = [_fitted(fit, chosen, left) for chosen in _candidates(columns, left)]
+    plain = np.column_stack([x, v])
+    columns, known = _by_information(fit)
+    found = [_fitted(fit, chosen, (x, v, torque)) for chosen in _candidates(columns, known)]
     # A parameter must pay for itself, as everywhere: BIC's price.
     best = min(found, key=lambda item: 2 * item[1].normal.cost + len(item[2].names) * np.log(item[2].samples))
     chosen, minimum, problem = best
@@ -206,7 +225,6 @@ def formula_of(fit: JointFit) -> Formula | None:
         c * _without(plain, np.asarray(shape.law(NumpyAlgebra(), x, v, width)))
         for (shape, _, _), c, width in zip(chosen, coefficients, widths, strict=True)
     ]
-    rest = left - sum(here)
     terms = " + ".join(
         shape.text.format(a=_degrees(width)) for (shape, _, _), width in zip(chosen, widths, strict=True)
     )
@@ -214,7 +232,7 @@ def formula_of(fit: JointFit) -> Formula | None:
         _said(shape, c, width, float(np.quantile(np.abs(column), 0.999)))
         for (shape, _, _), c, width, column in zip(chosen, coefficients, widths, here, strict=True)
     ]
-    share = max(0.0, 1 - float(rest @ rest) / power)
+    share = 1 - _rest(chosen, known) / float(known @ known)
     return Formula(
         shapes=tuple(shape for shape, _, _ in chosen),
         coefficients=tuple(coefficients),
@@ -227,8 +245,43 @@ def formula_of(fit: JointFit) -> Formula | None:
 
 
 _Column = tuple[Shape, float, Array]
-"""A shape, its width [rad] and its torque along the motion, without what spring and damper can do, shape (n,)."""
+"""A shape, its width [rad], and its table in coordinates of what the releases tell apart, shape (p,)."""
 _NAME = "formula"
+
+
+def _by_information(fit: JointFit) -> tuple[list[_Column], Array]:
+    """Return the shapes as tables, and what was learned, in coordinates in which a distance is what the releases tell apart.
+
+    The normal equations of the fit say how much worse any other table would be: δᵀ H δ. Everything else of the joint is free.
+    """
+    problem, (part, *_) = fit.problem, tables_of(fit)
+    shared, sizes = len(problem.names), problem.sizes()
+    hessian = fit.minimum.normal.hessian.copy()
+    hessian[:shared, :shared] -= problem.prior
+    parameters = part.named(dict(fit.law.effects)[part.name])
+    assert part.smoothness is not None
+    names = part.smoothness().names
+    mine = np.array([problem.names.index(f"{part.name}.{name}") for name in names])
+    others = np.setdiff1d(np.arange(len(sizes)), mine)
+    mixed = hessian[np.ix_(mine, others)]
+    inner = (
+        hessian[np.ix_(mine, mine)]
+        - mixed @ np.linalg.pinv(hessian[np.ix_(others, others)], hermitian=True) @ mixed.T
+    )
+    values, vectors = np.linalg.eigh(inner)
+    root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T / sizes[mine]
+    reach = max(abs(parameters[name]) for name in part.support[:2])
+    columns: list[_Column] = []
+    for shape in SHAPES:
+        for width in shape.widths or (0.0,):
+            at = width * reach or 1.0
+            table = tabulated(
+                lambda x, v, shape=shape, at=at: shape.law(NumpyAlgebra(), x, v, at) + 0.0 * x, parameters
+            )
+            column = root @ table
+            if float(column @ column) > 1e-12:
+                columns.append((shape, width * reach, column))
+    return columns, root @ np.array([parameters[name] for name in names])
 
 
 def _candidates(columns: Sequence[_Column], left: Array) -> list[tuple[_Column, ...]]:
@@ -247,7 +300,7 @@ def _candidates(columns: Sequence[_Column], left: Array) -> list[tuple[_Column, 
 
 
 def _fitted(
-    fit: JointFit, chosen: tuple[_Column, ...], left: Array
+    fit: JointFit, chosen: tuple[_Column, ...], along: tuple[Array, Array, Array]
 ) -> tuple[tuple[_Column, ...], Minimum, Problem]:
     """Fit the formula to the releases in the place of the tables."""
     old = fit.problem
@@ -260,12 +313,18 @@ def _fitted(
     problem = old.with_(
         structure=structure, smoothing=(), bounded={}, fixed={**known, **held}, steps_per_period=_STEPS
     )
-    guess = np.linalg.lstsq(np.column_stack([c[2] for c in chosen]), left, rcond=None)[0]
+    x, v, torque = along
+    laws = [np.asarray(shape.law(NumpyAlgebra(), x, v, width or 1.0)) for shape, width, _ in chosen]
+    stiffer, damped, *guess = np.linalg.lstsq(np.column_stack([-x, -v, *laws]), torque, rcond=None)[0]
     start = {**fit.law.parameters}
+    start["stiffness"] += stiffer
+    start["damping"] += damped
     for i, ((_, width, _), coefficient) in enumerate(zip(chosen, guess, strict=True)):
         start |= {f"{_NAME}.coefficient_{i}": float(coefficient), f"{_NAME}.width_{i}": width or 1.0}
     point = problem.start(start)
-    for periods in (2.5, np.inf):
+    own = point[len(problem.names) :].reshape(len(fit.records), -1)
+    own[:, :2] = np.array(fit.starts) / problem.sizes()[len(problem.names) :].reshape(own.shape)[:, :2]
+    for periods in (2.5, 6.0):
         short = problem.with_(records=[first_swings(r, problem.scales, periods) for r in problem.records])
         point = minimise(short.normal, point, *short.bounds(), iterations=20, tolerance=1e-5).point
     return chosen, minimise(problem.normal, point, *problem.bounds(), iterations=20), problem

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from sysid.board import Board, BoardEffect
-from sysid.effects import effect
+from sysid.effects import effect, origin
 from sysid.errors import SysidError
 from sysid.files import sha256
 from sysid.fitting.covariance import table_values
@@ -102,7 +102,8 @@ def updated_board(
             )
     unit = slide_unit if board.slides else str
     effects = tuple(
-        BoardEffect(name, _parameters(fit, name, values, unit)) for name, values in fit.law.effects
+        BoardEffect(name, _parameters(fit, name, values, unit), origin(name))
+        for name, values in fit.law.effects
     )
     names = [name for name, _ in fit.law.effects]
     line: dict[str, Any] = {

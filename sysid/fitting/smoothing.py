@@ -25,13 +25,15 @@ FLAT = 1e12
 _WEIGHTS = (FLAT, *(10.0**e for e in (6, 5, 4, 3, 2, 1, 0, -1, -2)))
 """Weights that are tried, from flat to free, for values in units of a tenth of the spring's torque."""
 _PERIODS = (1.25, 2.5, 5.0, 10.0, np.inf)
-"""Of each release, that are fitted one after another: in the first swings no model is out of step yet."""
+"""Numbers of periods [1] of each release that are fitted one after another: in the first swings no model is out of step yet."""
 _STRETCHES = 6
 """Of one release alone, each predicted from the others."""
 CLEAR = 6.0
-"""Held-out log-likelihood that a learned torque must gain [nats], and"""
+"""Held-out log-likelihood that a learned torque must gain [nats],"""
+LITTLE = 0.02
+"""share of the squared held-out error that it must take away: steps of a sensor are a function of the angle too, and"""
 _GAIN = 1.0
-"""that a weight one step lower must."""
+"""log-likelihood that a weight one step lower must gain [nats]."""
 _ROUNDS = 5
 """In which weights are chosen again, for each stretch of the motion."""
 _COLOURED = 1.5
@@ -152,7 +154,8 @@ def chosen_weights(problem: Problem, point: Array) -> tuple[float, ...]:
     linear = _Linearised(problem, point)
     flat = (FLAT,) * len(problem.smoothing)
     weights, best = _chosen(linear, flat)
-    return weights if best > linear.score(flat) + CLEAR else flat
+    enough = linear.missed(weights) < (1 - LITTLE) * linear.missed(flat)
+    return weights if enough and best > linear.score(flat) + CLEAR else flat
 
 
 def _chosen(linear: "_Linearised", weights: tuple[float, ...]) -> tuple[tuple[float, ...], float]:

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 from sysid.board import Board
 from sysid.effects import effect, parameters_from
-from sysid.effects._base import Effect, SensorEffect
+from sysid.effects._base import Effect, LinearJoint, SensorEffect, TorqueEffect
 from sysid.errors import SysidError
 from sysid.synth.law import CatalogueLaw, TrueLaw, catalogue_law
 
@@ -30,8 +30,8 @@ SENSOR_FIELDS = {
     "lowpass": "time_constant",
 }
 """Effects that act on the measurement, and the field of `Sensor` that each sets."""
-_ELSEWHERE = {"coulomb", "inertia", "offset", "discretisation", *SENSOR_FIELDS}
-"""Effects that are no torque of their own here: they change another number, the steps, or the sensor."""
+_ELSEWHERE = {"coulomb", "discretisation", *SENSOR_FIELDS}
+"""Effects that are no torque of their own here: they add to another, change the steps, or the sensor."""
 
 
 def parse_effect(text: str) -> tuple[str, tuple[float, ...]]:
@@ -94,20 +94,24 @@ def true_law(board: Board, effects: Mapping[str, Sequence[float]]) -> TrueLaw:
     effects = complete_effects(effects)
     fields: dict[str, float] = {}
     laws: list[CatalogueLaw] = []
+    joint = LinearJoint(board.inertia.value, board.stiffness, board.damping, board.rest_angle)
     for name, values in effects.items():
+        part = effect(name)
         if name in _LAW_FIELDS:
             fields |= zip(_LAW_FIELDS[name], values, strict=True)
+        elif isinstance(part, TorqueEffect) and part.modifies is not None:
+            joint = part.modifies(joint, part.named(values))
         elif name not in _ELSEWHERE:
-            laws.append(catalogue_law(effect(name), values, board.stiffness))
+            laws.append(catalogue_law(part, values, board.stiffness))
     for key in ("friction", "static_friction") if "coulomb" in effects else ():
         fields[key] = fields.get(key, 0.0) + effects["coulomb"][0]
     if not fields.get("slider_torque"):
         fields.pop("slider_stiffness", None)  # it slips at once
     return TrueLaw(
-        inertia=board.inertia.value * effects.get("inertia", (1.0,))[0],
-        stiffness=board.stiffness,
-        damping=board.damping,
-        rest=board.rest_angle + effects.get("offset", (0.0,))[0],
+        inertia=joint.inertia,
+        stiffness=joint.stiffness,
+        damping=joint.damping,
+        rest=joint.rest_angle,
         laws=tuple(laws),
         **fields,
     )

@@ -10,6 +10,8 @@ from sysid.effects._base import Effect, JointState, TorqueEffect
 from sysid.errors import SysidError
 
 _NUMPY = NumpyAlgebra()
+_UNTOUCHED = 1e6
+"""For how long nobody has touched the deck before a log [s]."""
 _MOVE = 1e-8
 """Tilt over which the slope of a rate-independent state is taken [rad]."""
 
@@ -42,7 +44,7 @@ class CatalogueLaw:
 
     def at_rest(self) -> list[float]:
         """Return its internal states where nobody has touched the deck."""
-        starts = (s.start(_NUMPY, 0.0, math.inf, self.stiffness, self.values) for s in self.effect.states)
+        starts = (s.start(_NUMPY, 0.0, _UNTOUCHED, self.stiffness, self.values) for s in self.effect.states)
         return [float(start) for start in starts]
 
 
@@ -52,7 +54,7 @@ def catalogue_law(effect: Effect, values: Sequence[float], stiffness: float) -> 
     Raises:
         SysidError: It is another kind of effect, or slides.
     """
-    if not isinstance(effect, TorqueEffect) or effect.slides or effect.modifies is not None:
+    if not isinstance(effect, TorqueEffect) or effect.slides:
         raise SysidError(
             f"effect '{effect.name}' cannot be made: synth follows torques and their states by the catalogue's "
             "law; what sticks, senses or carries the joint needs a formula in sysid/synth/."
@@ -92,6 +94,15 @@ class TrueLaw:
     support_damping: float = 0.0
     laws: tuple[CatalogueLaw, ...] = ()
     """What has no formula here."""
+
+    def inertia_at(self, roll: float) -> tuple[float, float]:
+        """Return the inertia at a roll [kg*m^2], and its derivative."""
+        inertia, slope = self.inertia, 0.0
+        for law in self.laws:
+            if law.effect.changing is not None:
+                more, steeper = law.effect.changing(_NUMPY, roll, law.values)
+                inertia, slope = inertia + float(more), slope + float(steeper)
+        return inertia, slope
 
     @property
     def has_memory(self) -> bool:

@@ -10,7 +10,7 @@ changes its mode and goes on, so that friction sticks exactly and dissipates exa
 it stops at each of them, because a step of eighth order over a kink is off by far more than its tolerance.
 
 Equation of motion, with x = φ − s − rest and u = v − w:
-    I φ̈ = τ(x, u) − M sin φ,    I₂ s̈ = −k₂ s − d₂ w − τ(x, u),    ż = u − z/T
+    I φ̈ = τ(x, u) − M sin φ − I' v²/2,    I₂ s̈ = −k₂ s − d₂ w − τ(x, u),    ż = u − z/T
 where s is the roll of a compliant support (0 without one) and z the stretch of a Maxwell arm; the internal states
 of the catalogue's laws follow.
 """
@@ -88,7 +88,9 @@ class _Motion:
         torque = law.smooth_torque(x, u, self.modes) - law.arm_stiffness * z + self.slider(x)
         torque += sum(each.torque(x, u, roll, states) for each, states in self.remembering(inner))
         if self.hand is None:
-            deck, deck_gain = (torque - law.gravity * math.sin(roll)) / law.inertia, 1.0 / law.inertia
+            inertia, slope = law.inertia_at(roll)
+            deck = (torque - law.gravity * math.sin(roll) - slope * v * v / 2) / inertia
+            deck_gain = 1.0 / inertia
         else:
             deck, deck_gain = self.hand.acceleration(time), 0.0
         support = support_gain = 0.0

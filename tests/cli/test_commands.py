@@ -1,6 +1,7 @@
 """The command line as a whole: every command is there, usage errors exit with 2, failures with 1."""
 
 import importlib
+import os
 import re
 import shlex
 import subprocess
@@ -82,6 +83,19 @@ def test_every_command_file_is_listed():
         "subject",
     }
     assert files - shared == set(COMMANDS)
+
+
+def test_the_shell_completes_commands_and_options(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-m", "sysid.cli", "--install-completion", "--shell", "bash"],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "HOME": str(tmp_path)},
+    )
+    assert done.returncode == 0, done.stderr
+    script = next(path for path in tmp_path.rglob("*") if path.is_file() and "decay" in path.read_text())
+    assert "--time-column" in script.read_text()
+    assert subprocess.run(["bash", "-n", script]).returncode == 0
 
 
 def test_unknown_command_is_a_usage_error_with_a_suggestion():

@@ -41,6 +41,20 @@ def test_a_full_disk_is_one_line(arguments, tmp_path):
     assert done.stderr.decode().splitlines() == ["error: standard output: No space left on device."]
 
 
+def test_a_disk_that_fills_while_a_recording_is_written_is_one_line(tmp_path):
+    arguments = f"view {LOG} --board pink --workspace {tmp_path} -o {tmp_path / 'view.rrd'}"
+    done = subprocess.run(
+        ["bash", "-c", f"ulimit -f 100; {sys.executable} -m sysid.cli {arguments}"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1].startswith(f"error: {tmp_path / 'view.rrd'}: cannot be written")
+    assert "Traceback" not in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_closed_output_is_no_failure():
     done = subprocess.run(
         f"{sys.executable} -m sysid.cli boards >&-", shell=True, stderr=subprocess.PIPE, timeout=60

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import random_truths
+import reliability
 from random_suite import board_of, run
 from random_truths import INERTIA, OUTSIDE, STIFFNESS, VARIANTS, Case, Truth, draw, move, read, sizes, visible
 
@@ -74,3 +75,53 @@ def test_a_record_that_knows_the_joint_is_off_by_its_deviation_only() -> None:
     stiffness = board_of(case).tilt["stiffness"]
     assert abs(stiffness.value - case.truth.stiffness) < 4 * stiffness.std
     assert board_of(replace(case, record_known=False)).stiffness == STIFFNESS
+
+
+ROW = {
+    "kind": "inside", "status": "missing", "said": ["friction"], "alike": [["drag"]], "families": ["drag"],
+    "visible": 1e4, "torque_share": 0.1, "energy_share": 0.0, "confidence": 0.9,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("changes", "right", "answered"),
+    [
+        ({}, True, True),
+        ({"families": ["stop"]}, False, False),
+        ({"families": ["drag", "friction"]}, False, False),
+        ({"status": "none-missing"}, False, False),
+        ({"status": "none-missing", "visible": 10.0}, False, True),
+        ({"status": "none-missing", "torque_share": 0.001}, False, True),
+        ({"status": "none-missing", "kind": "clean", "families": []}, True, True),
+        ({"status": "unexplained"}, False, False),
+        ({"status": "unexplained", "kind": "outside"}, True, True),
+        ({"kind": "outside", "families": ["outside"]}, False, False),
+    ],
+)
+def test_a_verdict_is_right_if_it_names_the_families_or_a_look_alike(
+    changes, right: bool, answered: bool
+) -> None:
+    row = {**ROW, **changes}
+    assert (reliability.right(row), reliability.answered(row)) == (right, answered)
+
+
+def test_intervals_of_shares_are_wilsons() -> None:
+    assert reliability.wilson(0, 10) == pytest.approx((0.0, 0.2775), abs=1e-3)
+    assert reliability.wilson(5, 10) == pytest.approx((0.2366, 0.7634), abs=1e-3)
+
+
+def test_calibration_finds_what_confidence_is_deserved() -> None:
+    """Verdicts whose true odds are the root of the printed ones, times two."""
+    rng = np.random.default_rng(0)
+    printed = rng.uniform(0.1, 0.95, 20_000)
+    deserved = reliability.calibrated(printed, 0.5, np.log(2))
+    rows = [
+        {**ROW, "confidence": p, "families": ["drag"] if hit else ["stop"]}
+        for p, hit in zip(printed, rng.random(len(printed)) < deserved, strict=True)
+    ]
+    assert reliability.calibration(rows) == pytest.approx((0.5, np.log(2)), abs=0.05)
+    assert reliability.brier(deserved, np.ones(len(deserved))) < reliability.brier(
+        printed, np.ones(len(printed))
+    )
+    mean, hits, count = reliability.bins(np.array([0.92, 0.94, 1.0]), np.array([True, False, True]))[0]
+    assert (mean, hits, count) == (pytest.approx(0.93), 1, 2)

@@ -20,7 +20,7 @@ from sysid.synth.sensors import Sensor
 from sysid.workspace import Workspace
 
 VALUES = {name: effect.example for name, effect in catalogue().items()} | {
-    "end-stop": (0.1, 60.0, 0.02), "second-mode": (0.02, 300.0, 0.2), "lowpass": (0.01,),
+    "end-stop": (0.1, 60.0, 0.02), "second-mode": (0.02, 300.0, 0.2), "lowpass": (0.01,), "linkage": (0.0, 0.02, 0.0, 0.0, 0.0),
 }  # fmt: skip
 STEPPED_OVER = {"end-stop": 3e-4, "one-sided-stop": 3e-5, "freeplay": 2e-5}
 """Roll error [rad] of a fixed step that goes over a kink instead of stopping at it."""

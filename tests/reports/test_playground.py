@@ -56,7 +56,7 @@ def with_effects(board, **effects):
     return replace(light, effects=tuple(own))
 
 
-def recording(board, *, rate=False, drifting=False):
+def recording(board, *, rate=False, drifting=False, **_):
     inertia = board.inertia.value
 
     def law(angle, speed):
@@ -84,6 +84,7 @@ CASES = {
     "memory": (dict(viscoelastic=(4.0, 0.05), hysteresis=(6.0, 0.1)), {}),
     "a support": (dict(second_mode=(0.004, 60.0, 0.1), coulomb=(0.1,)), {}),
     "a sensor": (dict(lowpass=(0.004,), sensor_bias=(0.01,), clock=(1.02,)), {}),
+    "no spring": (dict(gravity=(14.0,), coulomb=(0.1,)), {"stiffness": 0.0}),
     "a rate": (dict(coulomb=(0.12,)), {"rate": True}),
     "a zero for each release": (dict(coulomb=(0.12,), sensor_drift=(0.001,)), {"drifting": True}),
 }
@@ -113,6 +114,8 @@ def error_of(tab):
 def test_the_page_has_pythons_error(name, pink, opened):
     effects, how = CASES[name]
     board = with_effects(pink, **effects)
+    if "stiffness" in how:
+        board = board.with_tilt(stiffness=Quantity(how["stiffness"], 0.0, "N*m/rad"))
     recorded = recording(pink, **how)
     play = playground(evidence_of(board, recorded, with_effects(pink)), None)
     tab = opened(play)
@@ -150,7 +153,11 @@ def test_effects_that_were_tried_get_sliders_and_buttons(pink):
     board = with_effects(pink)
     parameters = {"stiffness": STIFF, "damping": DAMP, "rest_angle": 0.01}
     content = {
-        "verdict": {}, "chosen": ["coulomb"],
+        "verdict": {}, "score_std": [0.0, 0.0, 0.0],
+        "best": {
+            "effects": ["coulomb"],
+            "parameters": {n: {"value": v} for n, v in {**parameters, "coulomb.torque": 0.12}.items()},
+        },
         "candidates": [
             {"effects": [name], "heldout_rmse_rad": 1e-3, "parameters": {n: {"value": v} for n, v in {**parameters, **own}.items()}}
             for name, own in (

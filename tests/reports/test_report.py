@@ -386,7 +386,7 @@ def diagnosed(board, **changes):
     }  # fmt: skip
     return {
         "verdict": verdict | changes, "candidates": [candidate], "logs": ["rock.csv"], "noise_floor_rad": 1e-3,
-        "record": board.digest, "chosen": ["coulomb"], "score_std": [0.0],
+        "record": board.digest, "best": candidate, "score_std": [0.0],
     }  # fmt: skip
 
 
@@ -448,3 +448,17 @@ def test_narrow_figures_stay_narrow():
     assert "small-series:real" in text
     hover = json.loads(re.search(r'class="hover">(.*?)</script>', text)[1])
     assert hover[0]["series"][0]["y"] == [0.0, 1.0]
+
+
+def test_a_pendulum_without_a_spring_has_a_page(tmp_path):
+    def law(angle, rate):
+        return -36.0 * np.sin(angle) - 0.1 * rate
+
+    log = write_log(tmp_path / "swing.csv", law=law, omega=6.0, amplitudes=(0.9,), sampling=100, free=12.0)
+    assert run("new", "arm", "--inertia", "0.01", "--workspace", tmp_path) == 0
+    fixed = ("--effect", "gravity", "--fix", "stiffness=0")
+    assert run("fit", log, "-b", "arm", "--workspace", tmp_path, *fixed) == 0
+    assert run("report", log, "-b", "arm", "--workspace", tmp_path) == 0
+    text = (tmp_path / "reports" / "arm" / "report.html").read_text()
+    assert "has no spring" in text
+    assert "k to ± 0" in text

@@ -37,7 +37,7 @@ def story(pink):
     models = ranked([(("coulomb",), 0.0, 0.0), ((), 400.0, 30.0), (("x",), 500.0, None)], ("coulomb",))
     return tell(
         find_releases(roll), pink, before=before, after=after, effects=("coulomb",),
-        steps=(Step("with coulomb", 1.0, 1.1),), ranked=models,
+        steps=(Step("k and d refitted", 2.0, 2.1),), heldout=1.1, ranked=models,
     )  # fmt: skip
 
 
@@ -45,7 +45,8 @@ def test_the_error_falls_from_the_record_as_it_stood_to_the_noise(story):
     former, latter = story.fall
     assert former > 5
     assert latter == pytest.approx(1, abs=0.1)
-    assert [step.label for step in story.steps] == [STOOD, "with coulomb"]
+    assert [step.label for step in story.steps] == [STOOD, "k and d refitted", "with coulomb"]
+    assert story.steps[-1].error == latter
     assert story.steps[0].error == former
     low, high = story.noise_range
     assert low < 1 < high
@@ -81,7 +82,9 @@ def test_candidates_are_those_that_were_predicted_and_the_chosen_one_is_marked(s
     assert story.ranked == (Ranked(("coulomb",), 0.0, 0.0, True), Ranked((), 400.0, 30.0, False))
     assert story.why == "the best"
     worse = tuple(replace(model, score=model.score + 1) for model in story.ranked)
-    assert "simplest" in replace(story, ranked=worse).why
+    assert "not told from the best" in replace(story, ranked=worse).why
+    far = tuple(replace(model, score=model.score + 100) for model in story.ranked)
+    assert "none is exact" in replace(story, ranked=far).why
 
 
 def test_what_is_drawn_is_the_story(story):

@@ -106,7 +106,9 @@ def test_law_holds_every_parameter(pink: Board) -> None:
     assert law.rest == pytest.approx(pink.rest_angle + 0.01)
 
 
-VALUES = {name: effect.example for name, effect in catalogue().items()} | {"stribeck": (0.05, 0.15, 0.5)}
+VALUES = {name: effect.example for name, effect in catalogue().items()} | {
+    "stribeck": (0.05, 0.15, 0.5), "linkage": (0.0, 0.02, 0.0, 0.0, 0.0),
+}  # fmt: skip
 """Every effect of the catalogue can be made."""
 
 

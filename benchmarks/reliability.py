@@ -1,0 +1,219 @@
+"""What the rows of the random suite say: how often the verdict is right, and whether its confidence is deserved.
+
+    python benchmarks/random_suite.py --seeds 0:2000 --processes 14 --out rows.jsonl
+    python benchmarks/reliability.py rows.jsonl --write docs/diagnosis.md --picture docs/pictures/reliability.png
+
+Every second seed may shape the calibration that it prints; the diagram and the table are of the others only.
+"""
+
+import argparse
+import json
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from hidden_truths import VISIBLE
+
+from sysid.diagnosis.importance import ENERGY, TORQUE
+
+Row = dict[str, Any]
+OTHERWISE = {"rest", "drift", "lowpass", "clock", "inertia"}
+"""Families that are no torque: their strength is what they change."""
+EDGES = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)
+"""Of the diagram's bins of confidence."""
+CLIPPED = 0.02
+"""Confidence beyond which the log of the odds is not believed."""
+MARKS = "<!-- random suite -->", "<!-- end of random suite -->"
+
+
+def right(row: Row) -> bool:
+    """Return whether the verdict names the hidden families, or a set of look-alikes that does."""
+    if row["kind"] == "outside" or row["status"] == "unexplained":
+        return row["kind"] == "outside" and row["status"] == "unexplained"
+    said = [row["said"], *row["alike"]] if row["status"] == "missing" else [[]]
+    return any(set(group) == set(row["families"]) for group in said)
+
+
+def shows(row: Row) -> bool:
+    """Return whether what is hidden matters and the log holds it."""
+    if row["visible"] < VISIBLE:
+        return False
+    if set(row["families"]) & OTHERWISE:
+        return True
+    return row["torque_share"] >= TORQUE or row["energy_share"] >= ENERGY
+
+
+def answered(row: Row) -> bool:
+    """Return whether the verdict is right, or silent about what is too weak."""
+    return right(row) or (row["kind"] != "clean" and not shows(row) and row["status"] == "none-missing")
+
+
+def wilson(hits: int, count: int) -> tuple[float, float]:
+    """Return the 95 % interval of a share (Wilson 1927)."""
+    if not count:
+        return 0.0, 1.0
+    z, share = 1.96, hits / count
+    middle, half = (
+        share + z * z / (2 * count),
+        z * np.sqrt(share * (1 - share) / count + z * z / (4 * count**2)),
+    )
+    return float((middle - half) / (1 + z * z / count)), float((middle + half) / (1 + z * z / count))
+
+
+def rate(rows: Sequence[Row], hit: Any = right) -> str:
+    """Return 'hits of count (share, interval)'."""
+    hits = sum(map(hit, rows))
+    low, high = wilson(hits, len(rows))
+    return f"{hits} of {len(rows)} | {hits / max(len(rows), 1):.1%} | {low:.1%} to {high:.1%}"
+
+
+def logit(share: Any) -> Any:
+    clipped = np.clip(share, CLIPPED, 1 - CLIPPED)
+    return np.log(clipped / (1 - clipped))
+
+
+def calibration(rows: Sequence[Row]) -> tuple[float, float]:
+    """Return slope and offset by which the log of the odds must be changed to be deserved (Platt 1999)."""
+    from scipy.optimize import minimize
+
+    odds = logit(np.array([row["confidence"] for row in rows]))
+    hits = np.array([answered(row) for row in rows])
+
+    def cost(point: Any) -> float:
+        value = point[0] * odds + point[1]
+        return float(np.sum(np.logaddexp(0, value) - hits * value) + 0.05 * np.sum((point - (1.0, 0.0)) ** 2))
+
+    slope, offset = minimize(cost, (1.0, 0.0)).x
+    return float(slope), float(offset)
+
+
+def calibrated(confidence: Any, slope: float, offset: float) -> Any:
+    return 1 / (1 + np.exp(-(slope * logit(np.asarray(confidence)) + offset)))
+
+
+def bins(confidence: Any, hits: Any) -> list[tuple[float, int, int]]:
+    """Return mean confidence, hits and count of each bin that is not empty."""
+    found: list[tuple[float, int, int]] = []
+    for low, high in pairwise(EDGES):
+        inside = (confidence >= low) & ((confidence < high) | (high == 1.0))
+        if inside.any():
+            found.append((float(confidence[inside].mean()), int(hits[inside].sum()), int(inside.sum())))
+    return found
+
+
+def report(rows: Sequence[Row]) -> str:
+    """Return the tables as Markdown; of clean logs and those of one kind all are counted, for confidence every second."""
+    made = [row for row in rows if row["status"] != "void"]
+    read = [row for row in made if row["status"] != "error"]
+    groups: dict[str, tuple[list[Row], Any]] = {}
+    for name, hand in HANDS.items():
+        mine = [row for row in read if hand(row)]
+        inside = [row for row in mine if row["kind"] == "inside"]
+        groups |= {
+            f"families right, {name}": ([row for row in inside if shows(row)], right),
+            f"too weak: nothing or the family said, {name}": ([r for r in inside if not shows(r)], answered),
+            f"false alarms, {name}": ([r for r in mine if r["kind"] == "clean"], lambda row: not right(row)),
+            f"unexplained outside, {name}": ([r for r in mine if r["kind"] == "outside" and shows(r)], right),
+        }
+    seconds = [row["seconds"] for row in read]
+    lines = [
+        f"{len(made)} logs, {len(made) - len(read)} of them refused; {np.median(seconds):.0f} s in the median.", "",
+        "| | logs | share | 95 % |", "|---|---|---|---|",
+        *(f"| {name} | {rate(group, hit)} |" for name, (group, hit) in groups.items() if group),
+        "", "| hidden | families right (those that show) | where they are not |", "|---|---|---|",
+    ]  # fmt: skip
+    for truth in sorted({row["truth"] for row in read}):
+        mine = [row for row in read if row["truth"] == truth and (row["kind"] == "clean" or shows(row))]
+        wrong: dict[str, int] = {}
+        for row in mine:
+            if not right(row):
+                said = " + ".join(row["said"]) if row["status"] == "missing" else row["status"]
+                wrong[said] = wrong.get(said, 0) + 1
+        most = "; ".join(f"{n} x {said}" for said, n in sorted(wrong.items(), key=lambda item: -item[1])[:3])
+        lines.append(f"| {truth} | {sum(map(right, mine))} of {len(mine)} | {most} |")
+    shown = [row for row in read if row["seed"] // 10 % 2]
+    slope, offset = calibration([row for row in read if not row["seed"] // 10 % 2])
+    confidence, hits = (
+        np.array([f(row) for row in shown]) for f in (lambda row: row["confidence"], answered)
+    )
+    lines += ["", "| confidence | right | as calibrated on the other seeds | right |", "|---|---|---|---|"]
+    before, after = bins(confidence, hits), bins(calibrated(confidence, slope, offset), hits)
+    for index in range(max(len(before), len(after))):
+        cells = [
+            f"{b[index][0]:.2f} | {b[index][1]} of {b[index][2]}" if index < len(b) else " | "
+            for b in (before, after)
+        ]
+        lines.append(f"| {cells[0]} | {cells[1]} |")
+    lines += ["", f"Log odds of the confidence, calibrated: {slope:.2f} of them {offset:+.2f}. Brier score {brier(confidence, hits):.3f}, "
+              f"calibrated {brier(calibrated(confidence, slope, offset), hits):.3f}."]  # fmt: skip
+    return "\n".join(lines)
+
+
+HANDS = {
+    "all": lambda row: True,
+    "held still and left alone": lambda row: not row["caught"] and not row["pushed"],
+    "caught": lambda row: row["caught"] and not row["pushed"],
+    "pushed": lambda row: row["pushed"],
+}
+
+
+def brier(confidence: Any, hits: Any) -> float:
+    return float(np.mean((confidence - hits) ** 2))
+
+
+def picture(rows: Sequence[Row], path: Path) -> None:
+    """Draw the share that is right against the confidence, before and after calibration, of the seeds that did not shape it."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    from reports.figures.decay import STYLE
+    from reports.figures.palette import REAL, SIM
+
+    read = [row for row in rows if row["status"] not in ("void", "error")]
+    slope, offset = calibration([row for row in read if not row["seed"] // 10 % 2])
+    shown = [row for row in read if row["seed"] // 10 % 2]
+    confidence, hits = (
+        np.array([f(row) for row in shown]) for f in (lambda row: row["confidence"], answered)
+    )
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(4.6, 4.2), layout="constrained")
+        axes = figure.add_subplot()
+        axes.plot([0, 1], [0, 1], color="0.6", linewidth=1, label="deserved")
+        for values, colour, label in (
+            (confidence, SIM, "as printed"), (calibrated(confidence, slope, offset), REAL, "calibrated on other seeds"),
+        ):  # fmt: skip
+            each = bins(values, hits)
+            x, share = [b[0] for b in each], np.array([b[1] / b[2] for b in each])
+            spans = np.array([wilson(b[1], b[2]) for b in each])
+            error = np.abs(spans.T - share)
+            axes.errorbar(x, share, error, color=colour, marker="o", capsize=3, linewidth=1.5, label=label)
+        axes.set_xlabel("confidence of the verdict")
+        axes.set_ylabel("share of these verdicts that is right")
+        axes.set_title(f"{len(shown)} logs that did not shape it")
+        axes.legend(loc="upper left")
+    figure.savefig(path, dpi=90, metadata={"Software": None})
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("rows", type=Path, nargs="+")
+    parser.add_argument("--write", type=Path, help="a document with the marks of this table")
+    parser.add_argument("--picture", type=Path)
+    options = parser.parse_args()
+    rows = [json.loads(line) for path in options.rows for line in path.read_text().splitlines()]
+    text = report(rows)
+    print(text)
+    if options.picture:
+        picture(rows, options.picture)
+    if options.write:
+        document = options.write.read_text(encoding="utf-8")
+        begin, end = document.index(MARKS[0]) + len(MARKS[0]), document.index(MARKS[1])
+        options.write.write_text(f"{document[:begin]}\n{text}\n{document[end:]}", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

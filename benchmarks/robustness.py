@@ -1,0 +1,175 @@
+"""How far each policy goes: the suite of `evaluate`, and a map over stiffness, rake, speed and delay, as long as there is time.
+
+Run `python benchmarks/robustness.py [--minutes 10] [--workers 16] [--policies data/policies/*.onnx]`. Every round rides a
+few episodes of every condition with a seed of its own; rides are added to `results/robustness.jsonl`, so that a run that is
+stopped goes on where it was. At the end it writes `results/robustness.md` and `../docs/pictures/robustness*.png`.
+"""
+
+import argparse
+import json
+import math
+import os
+import time
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from policy_runtime.evaluation.plain import Protocol, evaluate_policy
+from policy_runtime.evaluation.result import TIME_LIMIT
+from policy_runtime.evaluation.statistics import mean_over, proportion
+from policy_runtime.evaluation.stress import Stress
+from policy_runtime.evaluation.suite import SUITE
+from reports.figures.paper import map_figure
+from reports.figures.ride import suite_figure
+from reports.paper.parts import text
+from sysid.workspace import Workspace
+
+ROOT = Path(__file__).parents[1]
+ROWS = Path(__file__).with_name("results") / "robustness.jsonl"
+STIFFNESS, RAKE, SPEED, DELAY = (
+    (0.0625, 1.0, 10.0, 30.0),
+    (0.7, 0.85, 1.0, 1.15),
+    (0.4, 0.8, 1.2),
+    (0.0, 0.04),
+)
+"""Of the map: factors of the record's stiffness and rake, [m/s], [s]."""
+ERRORS = ("E_vel", "E_yaw", "E_course")
+
+
+def conditions() -> dict[str, Protocol]:
+    """Return what is ridden, by name: the suite, then the maps."""
+    found = dict(SUITE)
+    for delay in DELAY:
+        for speed in SPEED:
+            for name, factors in (("k", STIFFNESS), ("rake", RAKE)):
+                for factor in factors:
+                    found[f"map {name} {factor:g} {speed:g} {delay:g}"] = Protocol(
+                        speed=(speed, speed), board_scale={name: factor}, stress=Stress(delay=delay)
+                    )
+    return found
+
+
+def ride(policies: list[Path], episodes: int, workers: int, deadline: float) -> None:
+    """Ride round after round until the time is over."""
+    workspace = Workspace(Path("/nonexistent"))
+    done = {(row["policy"], row["condition"], row["seed"]) for row in read()}
+    for seed in range(1000):
+        for name, protocol in conditions().items():
+            for policy in policies:
+                if (policy.stem, name, seed) in done:
+                    continue
+                if time.monotonic() > deadline:
+                    return
+                board = workspace.load_board("black" if policy.stem.startswith("black") else "pink")
+                result = evaluate_policy(
+                    str(policy), board, episodes=episodes, seeds=(seed,), protocol=protocol, workers=workers
+                )
+                row = {
+                    "policy": policy.stem,
+                    "condition": name,
+                    "seed": seed,
+                    "rides": round(rides_of(result.success)),
+                    "lasted": round(
+                        rides_of(result.success) * (result.success.value if rides_of(result.success) else 0)
+                    ),
+                    "ended": {k: v for k, v in result.endings.items() if k != TIME_LIMIT},
+                    **{error: finite(result.errors[error].value) for error in ERRORS},
+                }
+                with ROWS.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps(row) + "\n")
+
+
+def rides_of(success: Any) -> int:
+    """Return how many rides a share is of; its method says it."""
+    return 0 if math.isnan(success.value) else int(success.method.split()[1])
+
+
+def finite(value: float) -> float | None:
+    """Return a number for JSON."""
+    return value if math.isfinite(value) else None
+
+
+def read() -> list[dict[str, Any]]:
+    """Return the rows ridden so far."""
+    return [json.loads(line) for line in ROWS.read_text().splitlines()] if ROWS.exists() else []
+
+
+def report() -> None:
+    """Write table and pictures of all rows."""
+    cells: dict[tuple[str, str], list[dict[str, Any]]] = defaultdict(list)
+    for row in read():
+        cells[row["condition"], row["policy"]].append(row)
+    policies = sorted({policy for _, policy in cells})
+    share = {
+        cell: proportion(sum(row["lasted"] for row in rows), sum(row["rides"] for row in rows))
+        for cell, rows in cells.items()
+    }
+
+    def error(cell: tuple[str, str], name: str, unit: str) -> str:
+        values = np.array([row[name] for row in cells[cell] if row[name] is not None])
+        return text(mean_over([np.array([v]) for v in values], unit))
+
+    lines = [
+        "# How far each policy goes",
+        "",
+        "`benchmarks/robustness.py` writes this file: plain MuJoCo, standing rides left out, 95 % intervals in brackets.",
+        "",
+        "| condition | policy | rides | E_succ | E_vel [m/s] | E_yaw [rad] | E_course [rad] |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    suite = [(name, policy) for name, _ in SUITE for policy in policies if (name, policy) in share]
+    lines += [
+        f"| {name} | {policy} | {sum(row['rides'] for row in cells[name, policy])} | {text(share[name, policy])} "
+        f"| {error((name, policy), 'E_vel', 'm/s')} | {error((name, policy), 'E_yaw', 'rad')} "
+        f"| {error((name, policy), 'E_course', 'rad')} |"
+        for name, policy in suite
+    ]
+    pictures = ROOT / "docs" / "pictures"
+    suite_figure(
+        [(name, p, share[name, p]) for name, p in suite], "Rides that last", pictures / "robustness.png"
+    )
+    for name, factors in (("k", STIFFNESS), ("rake", RAKE)):
+        lines += ["", f"E_succ over {name}, of the record's, for each speed [m/s] and delay [s]:", ""]
+        lines += [
+            f"| policy | delay | speed | {' | '.join(f'{factor:g}' for factor in factors)} |",
+            "|---|---|---|" + "---|" * len(factors),
+        ]
+        grids: dict[tuple[str, float], list[list[float]]] = {}
+        for policy in policies:
+            for delay in DELAY:
+                grid: list[list[float]] = []
+                for speed in SPEED:
+                    keys = [(f"map {name} {factor:g} {speed:g} {delay:g}", policy) for factor in factors]
+                    if not all(key in share for key in keys):
+                        continue
+                    grid.append([share[key].value for key in keys])
+                    lines.append(
+                        f"| {policy} | {delay:g} | {speed:g} | {' | '.join(text(share[key]) for key in keys)} |"
+                    )
+                if len(grid) == len(SPEED):
+                    grids[policy, delay] = grid
+        if grids:
+            label = "stiffness" if name == "k" else "rake"
+            map_figure(grids, factors, SPEED, pictures / f"robustness-{name}.png", label=label)
+    target = ROWS.with_suffix(".md")
+    target.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    print(target)
+
+
+def main() -> None:
+    """Ride for so long, and write what is known by then."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    shipped = sorted((ROOT / "data" / "policies").glob("*.onnx"))
+    parser.add_argument("--policies", type=Path, nargs="*", default=shipped)
+    parser.add_argument("--episodes", type=int, default=16, help="of a condition and round")
+    parser.add_argument("--workers", type=int, default=len(os.sched_getaffinity(0)))
+    parser.add_argument("--minutes", type=float, default=10.0)
+    options = parser.parse_args()
+    ride(options.policies, options.episodes, options.workers, time.monotonic() + 60 * options.minutes)
+    report()
+
+
+if __name__ == "__main__":
+    main()

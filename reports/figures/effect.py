@@ -1,0 +1,45 @@
+"""What an effect does to a decay: with it and without."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from reports.figures.decay import STYLE
+from reports.figures.palette import REAL, SIM
+from sysid.effects._base import Effect, TorqueEffect
+from sysid.joint import JointLaw, simulate
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PLAIN = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.06)
+"""The pink board with a sixth of its damping, so that several swings show."""
+STIFF = JointLaw(inertia=7.15e-3, stiffness=34.85, damping=0.54)
+"""The black board as it is: a simulator's step shows on a strong damper only."""
+
+
+def effect_figure(effect: Effect) -> "Figure":
+    """Draw the decay with the effect (real, orange) and without (sim, blue)."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    base = (
+        STIFF if isinstance(effect, TorqueEffect) and effect.timestep else PLAIN
+    )  # a step shows on a strong damper
+    time = np.linspace(0.0, 0.25 if base is STIFF else 1.0, 800)
+    real = simulate(base.with_effect(effect.name, *effect.example), time, 0.17)
+    sim = simulate(base, time, 0.17)
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(6.4, 2.5), layout="constrained")
+        axes = figure.add_subplot()
+        axes.plot(time, np.degrees(real.roll), color=REAL, linewidth=2.4, label=f"with {effect.name}")
+        axes.plot(time, np.degrees(sim.roll), color=SIM, linewidth=1.2, label="without")
+        axes.set_xlabel("time since release [s]")
+        axes.set_ylabel("roll [°]")
+        values = ", ".join(
+            f"{p.name} {v:g} {p.unit.replace('*', '·').removesuffix('1')}".strip()
+            for p, v in zip(effect.parameters, effect.example, strict=True)
+        )
+        axes.set_title(f"{effect.title}: {values}" if len(effect.parameters) <= 6 else effect.title)
+        axes.legend(loc="upper right")
+    return figure

@@ -1,0 +1,77 @@
+"""`husky-sysid effects`: every effect with its law and where it comes from; a file for one of your own."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from sysid.cli.console import Common, Printer
+from sysid.errors import SysidError
+from sysid.files import atomic_path, write_atomically
+
+
+def effects(
+    name: Annotated[str | None, Parameter(help="Show this effect whole, with a picture; or 'new'.")] = None,
+    new: Annotated[str | None, Parameter(help="After 'new': name of the effect to write a file for.")] = None,
+    /,
+    *,
+    common: Common = Common(),
+) -> int:
+    """List all effects with law and provenance, show one, or write the file of a new one.
+
+    The catalogue's own, those of installed packages (entry points `husky_sysid.effects`) and those of files that
+    `--effect-file` names.
+    """
+    from sysid.effects import catalogue, origin
+
+    printer = Printer(common)
+    if name == "new":
+        return _write(new, printer)
+    if new is not None:
+        raise SysidError(f"effects {name} {new}: expected one name, or: effects new NAME")
+    if name is not None:
+        return _show(name, common, printer)
+    rows = [(n, part.title, part.law, origin(n) or "catalogue") for n, part in catalogue().items()]
+    printer.table(("effect", "what it is", "law", "from"), rows)
+    printer.result(
+        {"effects": [dict(zip(("name", "title", "law", "from"), row, strict=True)) for row in rows]}
+    )
+    return 0
+
+
+def _write(name: str | None, printer: Printer) -> int:
+    from sysid.effects import catalogue, effect_file
+
+    if name is None:
+        raise SysidError("effects new: which? Give the new effect's name: husky-sysid effects new my_effect")
+    path = Path(f"{Path(name).name.removesuffix('.py').replace('-', '_')}.py")
+    called = path.stem.replace("_", "-").lower()
+    if path.exists():
+        raise SysidError(f"{path}: there is such a file already. Give another name.")
+    if called in catalogue():
+        raise SysidError(f"there is an effect '{called}' already. Give another name.")
+    write_atomically(path, effect_file(called))
+    printer.say(f"written: {path}. Try it: husky-sysid fit LOG --board BOARD --effect-file {path}")
+    printer.result({"name": called, "file": str(path)})
+    return 0
+
+
+def _show(name: str, common: Common, printer: Printer) -> int:
+    from reports.figures.effect import effect_figure
+    from sysid.effects import effect, origin
+
+    part = effect(name)
+    parameters = ", ".join(f"{p.name} [{p.unit}]" for p in part.parameters[:6])
+    more = f" and {len(part.parameters) - 6} values of tables" if len(part.parameters) > 6 else ""
+    rows = [
+        ("what it is", part.title), ("law", part.law), ("parameters", parameters + more), ("does", part.does),
+        ("source", part.source), ("in MuJoCo", part.mujoco.means), ("looks like", ", ".join(part.look_alikes) or "-"),
+        ("tell it apart", part.experiment), ("from", origin(name) or "catalogue"),
+    ]  # fmt: skip
+    printer.table((name, ""), rows)
+    path = common.space.outputs("effects") / f"{name}.png"
+    with atomic_path(path) as temporary:
+        effect_figure(part).savefig(temporary, dpi=120)
+    printer.say(f"written: {path}")
+    printer.result({"name": name, **dict(rows), "picture": str(path)})
+    return 0

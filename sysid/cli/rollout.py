@@ -1,0 +1,98 @@
+"""`husky-sysid rollout`: rake and rolling resistance from a board that rolls by itself."""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+from cyclopts import Parameter
+
+from sysid.cli.console import Common, Printer
+from sysid.errors import SysidError
+
+if TYPE_CHECKING:
+    from sysid.roll import Array
+    from sysid.roll_out import RollOut
+
+FILM = ("time_s", "x_m", "y_m", "roll_rad")
+IMU = ("time_s", "forward_m_s2", "yaw_rate_rad_s", "roll_rad")
+"""Columns of the two kinds of log."""
+
+
+def rollout(
+    *log: Path,
+    board: Annotated[str, Parameter(name=["--board", "-b"])],
+    slope_deg: float = 0.0,
+    rest: float = 1.0,
+    free: float = 2.0,
+    save: bool = False,
+    common: Common = Common(),
+) -> int:
+    """Measure rake and rolling resistance of a whole board that is let go on a slope or pushed, and rolls by itself.
+
+    Tilt its deck while it rolls, by a weight beside the axis or by hand, to both sides if you can: that is what tells the rake.
+
+    Args:
+        log: CSV files. From above (film, motion capture): time_s,x_m,y_m,roll_rad, from when nothing touches the board any
+            more; y is left of x, roll is positive with the right edge down. From an IMU on the board, which stands
+            still at first: time_s,forward_m_s2,yaw_rate_rad_s,roll_rad, left turns positive.
+        board: The board; its wheelbase counts.
+        slope_deg: Gradient of the ground along the way, downhill positive [degrees].
+        rest: IMU: for how long the board stands still at the beginning [s].
+        free: IMU: after how long it rolls freely [s].
+        save: Put both into the board's record; scene and training follow.
+        common: Options of every command.
+    """
+    from sysid.roll_out import roll_out
+
+    printer = Printer(common)
+    printer.keep(log)
+    if not log:
+        raise SysidError("no log of a roll-out. Give one or several CSV files.")
+    if not abs(slope_deg) < 30:
+        raise SysidError(f"--slope-deg {slope_deg:g}: must be within ±30 degrees.")
+    record = common.space.load_board(board)
+    runs = [_read(path, rest, free) for path in log]
+    found = roll_out(runs, record.geometry["wheelbase"], math.radians(slope_deg))
+    rows = [(f"loss of speed at {found.at_speed:.2g} m/s", found.deceleration)]
+    if found.rake is None:
+        printer.warn("the deck was not tilted enough to tell the rake; tilt it by a weight beside the axis.")
+    else:
+        rows.insert(0, ("rake", found.rake))
+    printer.quantities(rows, f"{record.name}: {len(runs)} roll-out{'s' * (len(runs) > 1)}")
+    content: dict[str, Any] = {name: quantity.to_json() for name, quantity in rows}
+    content["at_speed"] = found.at_speed
+    if save:
+        path = common.space.save_board(found.board(record), since=record)
+        printer.say(f"saved: {path}")
+        if record.check:
+            printer.warn(f"{board}: the check of the old record no longer counts; run it again.")
+        content["saved"] = str(path)
+    printer.result(content)
+    return 0
+
+
+def _read(path: Path, rest: float, free: float) -> "RollOut":
+    from sysid.roll_out import from_imu, from_path
+
+    columns = _columns(path)
+    if all(name in columns for name in FILM):
+        time, x, y, roll = (columns[name] for name in FILM)
+        return from_path(time, np.column_stack([x, y]), roll)
+    if all(name in columns for name in IMU):
+        return from_imu(*(columns[name] for name in IMU), rest=rest, free=free)
+    raise SysidError(
+        f"{path}: has columns {', '.join(columns)}; expected {','.join(FILM)} or {','.join(IMU)}."
+    )
+
+
+def _columns(path: Path) -> "dict[str, Array]":
+    try:
+        head, *lines = path.read_text(encoding="utf-8").splitlines()
+        numbers = np.array([[float(cell) for cell in line.split(",")] for line in lines if line.strip()])
+    except (OSError, UnicodeDecodeError, ValueError) as error:
+        raise SysidError(f"{path}: cannot be read as numbers under a line of names ({error}).") from error
+    names = [name.strip() for name in head.split(",")]
+    if numbers.ndim != 2 or numbers.shape[1] != len(names) or not np.all(np.isfinite(numbers)):
+        raise SysidError(f"{path}: expected a finite number for each of {', '.join(names)} in every line.")
+    return dict(zip(names, numbers.T, strict=True))

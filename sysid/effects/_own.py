@@ -1,0 +1,132 @@
+"""Effects of the user's own: one file anywhere, or an installed package's entry points `husky_sysid.effects`."""
+
+import importlib.util
+import os
+import re
+from collections.abc import Mapping
+from importlib.metadata import entry_points
+from pathlib import Path
+
+import numpy as np
+
+from sysid.effects._algebra import CasadiAlgebra, NumpyAlgebra
+from sysid.effects._base import Effect, JointState, TorqueEffect
+from sysid.errors import SysidError
+
+GROUP = "husky_sysid.effects"
+FILES = "HUSKY_SYSID_EFFECT_FILES"
+"""Environment variable with the files that are in use: the processes that a search starts know them too."""
+
+
+def files() -> tuple[Path, ...]:
+    """Return the files that are in use."""
+    return tuple(Path(name) for name in os.environ.get(FILES, "").split(os.pathsep) if name)
+
+
+def use(path: Path) -> Effect:
+    """Take up an effect's file, for this process and those that it starts.
+
+    Raises:
+        SysidError: There is no such file, or it does not make an effect; in one line.
+    """
+    found = read(path)
+    kept = [str(known) for known in files() if known != path.resolve()]
+    os.environ[FILES] = os.pathsep.join([*kept, str(path.resolve())])
+    return found
+
+
+def own_effects(taken: Mapping[str, Effect]) -> dict[str, tuple[Effect, str]]:
+    """Return the effects of files in use and of installed packages by name, each with where it comes from.
+
+    Args:
+        taken: The catalogue's own, whose names nobody else may have.
+
+    Raises:
+        SysidError: One of them makes no effect, or has the name of another.
+    """
+    found: dict[str, tuple[Effect, str]] = {}
+    sources = [(str(path), lambda path=path: read(path)) for path in files()]
+    sources += [(f"{point.value} (installed)", point.load) for point in entry_points(group=GROUP)]
+    for where, load in sources:
+        part = checked(load(), where)
+        if part.name in taken or part.name in found:
+            raise SysidError(f"{where}: there is an effect '{part.name}' already. Give yours another name.")
+        found[part.name] = part, where
+    return found
+
+
+def read(path: Path) -> Effect:
+    """Return the effect that a file makes.
+
+    Raises:
+        SysidError: There is no such file, it does not run, or makes no effect; in one line.
+    """
+    if not path.is_file():
+        raise SysidError(f"{path}: there is no such file. A new one: husky-sysid effects new {path.stem}")
+    spec = importlib.util.spec_from_file_location(f"husky_sysid_effect_{path.stem}", path)
+    if spec is None or spec.loader is None:
+        raise SysidError(f"{path}: not a Python file; expected a name that ends in .py.")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        line = next(
+            (f"line {t.tb_lineno}, " for t in _frames(error) if t.tb_frame.f_code.co_filename == str(path)),
+            "",
+        )
+        raise SysidError(f"{path}: {line}{type(error).__name__}: {error}") from error
+    return checked(getattr(module, "EFFECT", None), str(path))
+
+
+def checked(part: object, where: str) -> Effect:
+    """Accept an effect whose law runs.
+
+    Raises:
+        SysidError: It is none, its name cannot be typed, or its torque is no number or not smooth code; in one line.
+    """
+    if not isinstance(part, Effect):
+        raise SysidError(
+            f"{where}: EFFECT is {part!r}; expected TorqueEffect(...), SensorEffect(...) or SupportEffect(...)."
+        )
+    if not re.fullmatch(r"[a-z][a-z0-9]*(-[a-z0-9]+)*", part.name):
+        raise SysidError(
+            f"{where}: name '{part.name}': expected small letters, digits and hyphens, such as 'my-effect'."
+        )
+    if len(part.example) != len(part.parameters):
+        raise SysidError(
+            f"{where}: {len(part.example)} numbers in `example`, but {len(part.parameters)} parameters; expected one for each."
+        )
+    if isinstance(part, TorqueEffect) and not part.states:
+        _run(part, where)
+    return part
+
+
+def _run(part: TorqueEffect, where: str) -> None:
+    """Let a torque run on numbers and on symbols, as simulation and fit will."""
+    import casadi
+
+    values = part.named(part.example)
+    at = np.linspace(-0.1, 0.1, 3)
+    symbol = casadi.SX.sym("x")
+    try:
+        torque = np.asarray(
+            part.torque(NumpyAlgebra(), JointState(at, at, at, 10.0), values, ()), dtype=np.float64
+        )
+        part.torque(CasadiAlgebra(), JointState(symbol, symbol, symbol, 10.0), values, ())
+    except Exception as error:
+        raise SysidError(
+            f"{where}: its torque does not run ({type(error).__name__}: {error}). Use only + - * / ** and m.sin, m.exp, m.abs, "
+            "m.minimum, m.maximum, m.where, and the names of its parameters."
+        ) from error
+    if not np.all(np.isfinite(torque)):
+        raise SysidError(
+            f"{where}: its torque is {torque} at tilts of -0.1, 0 and 0.1 rad; expected finite numbers."
+        )
+
+
+def _frames(error: BaseException) -> list:
+    frame, found = error.__traceback__, []
+    while frame is not None:
+        found.insert(0, frame)
+        frame = frame.tb_next
+    return found
