@@ -128,7 +128,7 @@ class Field:
         Where something is missing for sure, what does not explain it is out, if anything does. What nobody has met, a law
         outside the catalogue, counts only where it leaves nothing.
         """
-        known = [s for s in self.scored if not (s.model.shape and self.inexact)]
+        known = [s for s in self.scored if np.isfinite(s.score) and not (s.model.shape and self.inexact)]
         if self.left(self.base) <= MATERIAL:
             return known
         return [s for s in known if self.explained(s) >= EXPLAINED] or known
