@@ -162,6 +162,15 @@ class Board:
             )
 
     @property
+    def option(self) -> str:
+        """How the command line names the joint."""
+        return (
+            f"--model {self.model['file']} --joint {self.model['joint']}"
+            if self.model
+            else f"--board {self.name}"
+        )
+
+    @property
     def slides(self) -> bool:
         """Whether the joint slides: its units are then m, N/m and kg."""
         return self.inertia.unit == "kg"

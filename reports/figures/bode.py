@@ -6,6 +6,7 @@ import numpy as np
 
 from reports.figures.palette import SIM
 from sysid.board import Board
+from sysid.joint import JointLaw
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -25,11 +26,12 @@ def bode_figure(board: Board, width: float) -> "Figure":
     from matplotlib.figure import Figure
     from matplotlib.ticker import StrMethodFormatter
 
-    natural = np.sqrt(board.stiffness / board.inertia.value)
+    hangs = 0.0 if board.stiffness > 0 else max(JointLaw.from_board(board).stiffness_of_effects, 1e-9)
+    natural = np.sqrt((board.stiffness + hangs) / board.inertia.value)
     omega = np.geomspace(natural / 30, natural * 10, 200)
     rng = np.random.default_rng(0)
     parts = (board.inertia, board.tilt["damping"], board.tilt["stiffness"])
-    nominal = np.array([part.value for part in parts])
+    nominal = np.add([part.value for part in parts], [0.0, 0.0, hangs])
     spread = np.array([part.std if np.isfinite(part.std) else 0.0 for part in parts])
     draws = np.vstack([nominal, np.abs(nominal + spread * rng.standard_normal((DRAWS, 3)))])
     responses = np.array(

@@ -168,12 +168,13 @@ def comparison_recording(
         )
         for i, roll in enumerate(evidence.rolls)
     ]
-    scene = rrb.Spatial3DView(
-        origin="world", name="simulated (solid), measured (ghost)", eye_controls=_eye(evidence)
-    )
-    blueprint = _blueprint(
-        rrb.Tabs(*tabs, name="releases"), rrb.Vertical(scene, rrb.Tabs(*right), row_shares=[1, 1]), last
-    )
+    beside: rrb.Container = rrb.Tabs(*right)
+    if evidence.board.geometry:  # else nobody knows what it looks like
+        scene = rrb.Spatial3DView(
+            origin="world", name="simulated (solid), measured (ghost)", eye_controls=_eye(evidence)
+        )
+        beside = rrb.Vertical(scene, beside, row_shares=[1, 1])
+    blueprint = _blueprint(rrb.Tabs(*tabs, name="releases"), beside, last)
     with recording(
         path, _identity(summary, evidence.board.name, *(roll.log for roll in evidence.rolls)), blueprint
     ) as stream:
@@ -181,7 +182,8 @@ def comparison_recording(
             _log_whole_log(stream, f"log{i + 1}", roll, phases, _first(evidence, roll))
         for i, release in enumerate(result.releases):
             _log_release(stream, f"release{i + 1}", release, result, evidence, i)
-        _log_boards(stream, evidence)
+        if evidence.board.geometry:
+            _log_boards(stream, evidence)
         _log_missing(stream, result)
         for i, film in enumerate(films):
             film.log(stream, f"film{i + 1}")

@@ -1,7 +1,8 @@
 """A joint of a MuJoCo model as a record: everything that identifies a board's tilt joint then works on it."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -9,10 +10,12 @@ import numpy as np
 from sim.model.arc import Arc, walk
 from sim.model.setup import Setup
 from sysid.board import Board, BoardEffect
-from sysid.effects import catalogue, linkage, weight
+from sysid.effects import catalogue, effect, linkage, payload, weight
 from sysid.effects._base import Effect
 from sysid.effects._harmonics import HARMONICS, of_table
 from sysid.quantity import Z95, Quantity
+from sysid.recording import Recording
+from sysid.roll import Array
 
 WORTH = 1e-9
 """Pull below this share of what the joint's inertia would feel as a point at 1 m is no weight."""
@@ -47,9 +50,12 @@ def board_of(setup: Setup, *, mass_error: float = 0.0) -> tuple[Board, list[str]
         if (values := part.from_mjcf(joint))
     ]
     strongest = float(np.abs(arc.pull).max())
-    pull, missed = of_table(arc.position, arc.pull)
+    own = arc.pull if not setup.payload else _without_payload(setup, arc)
+    pull, missed = of_table(arc.position, own)
     if strongest > WORTH * inertia:
         effects.append(_effect(weight.EFFECT, {"scale": 1.0, **pull}))
+    if setup.payload:
+        effects.append(_effect(payload.EFFECT, of_table(arc.position, arc.pull - own)[0]))
     changes, blurred = of_table(arc.position, arc.inertia - inertia)
     if np.ptp(arc.inertia) > STEADY * inertia:
         effects.append(_effect(linkage.EFFECT, changes))
@@ -83,13 +89,44 @@ def board_of(setup: Setup, *, mass_error: float = 0.0) -> tuple[Board, list[str]
     ]
 
 
+def pose_releases(
+    board: Board, recordings: Sequence[Recording], setups: Sequence[Setup]
+) -> tuple[Board, list[Recording]]:
+    """Return a record and recordings of its joint in several poses, or with several loads, for one fit of all.
+
+    Args:
+        board: The record of the joint as it mostly was.
+        recordings: The logs.
+        setups: How each of them was measured.
+    """
+    records = [board_of(setup)[0] for setup in setups]
+    posed = [
+        replace(
+            recording, releases=tuple(replace(release, known=known_of(one)) for release in recording.releases)
+        )
+        for recording, one in zip(recordings, records, strict=True)
+    ]
+    names = {part.name for part in board.effects}
+    more = {
+        part.name: part
+        for one in records
+        for part in one.effects
+        if effect(part.name).is_known and part.name not in names
+    }
+    unpulled = (
+        BoardEffect(
+            name, {key: replace(q, value=float(key == "scale")) for key, q in part.parameters.items()}
+        )
+        for name, part in more.items()
+    )
+    return replace(board, effects=(*board.effects, *unpulled)), posed
+
+
 def known_of(board: Board) -> dict[str, float]:
     """Return what is other than in another record of the same joint, of another pose or payload, as `Release.known` takes it."""
     parts = {part.name: part.parameters for part in board.effects}
     known = {"inertia": board.inertia.value}
-    if board.stiffness == 0:
-        known["rest_angle"] = board.rest_angle
-    for own in (weight.EFFECT.name, linkage.EFFECT.name):
+    for own in (weight.EFFECT.name, payload.EFFECT.name, linkage.EFFECT.name):
         for parameter in HARMONICS:
             known[f"{own}.{parameter}"] = parts[own][parameter].value if own in parts else 0.0
     return known
@@ -103,6 +140,13 @@ def hangs_at(arc: Arc, near: float) -> float:
     i = min(crossing, key=lambda k: abs(arc.position[k] - near))
     (x, y), (p, q) = arc.position[i : i + 2], arc.pull[i : i + 2]
     return float(x + (y - x) * p / (p - q))
+
+
+def _without_payload(setup: Setup, arc: Arc) -> Array:
+    """Return the pull of the model alone at the places of an arc [N*m or N], shape (n,)."""
+    bare = setup.with_(payload=())
+    alone = walk(bare, bare.load())
+    return np.interp(arc.position, alone.position, alone.pull)
 
 
 def _position(setup: Setup, spec: mujoco.MjSpec) -> float:
@@ -139,7 +183,7 @@ def _parts(arc: Arc, board: Board, armature: float, strongest: float) -> list[st
 
 def _coarse(shares: Mapping[str, float]) -> list[str]:
     return [
-        f"its {what} is known to {100 * share:.0f} % of its largest value only: it bends more than two harmonics do"
+        f"its {what} is known to {100 * share:.0f} % of its largest value only: it bends more than three harmonics do"
         for what, share in shares.items()
         if share > COARSE
     ]

@@ -1,5 +1,6 @@
 """`husky-sysid compare`: measured against simulated, and where they part."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -49,8 +50,11 @@ def compare(
     printer = Printer(common)
     refuse_overwriting_logs(logs, arguments, printer, {"--rerun": rerun})
     record = subject.load(common, printer)
+    logs, setups = subject.logs(logs)
     files = find_logs(record, logs, common.space) if logs else []
     material = read_logs(files, arguments, printer, films=rerun is not None)
+    record, recordings = subject.posed(record, list(material.recordings), setups)
+    material = replace(material, recordings=tuple(recordings))
     result = compare_recordings(material.recordings, record, tolerance=tolerance)
     printer.warnings(result.warnings, material.recordings)
     content = result.to_json()

@@ -46,7 +46,8 @@ def diagnose(
 
     printer = Printer(common)
     record = subject.load(common, printer)
-    recordings = load_recordings(logs, arguments, printer)
+    logs, setups = subject.logs(logs)
+    record, recordings = subject.posed(record, load_recordings(logs, arguments, printer), setups)
     with progress_bar(printer) as progress:
         result = search(recordings, record, fixed=parse_fixed(fix), workers=workers, progress=progress)
     printer.warnings(result.warnings, recordings)

@@ -70,6 +70,7 @@ def fit(
     """
     from sysid.fit_mjcf import fit as fit_recordings
     from sysid.fitting.joint import check_effects
+    from sysid.fitting.learned_torque import tables_of
 
     printer = Printer(common)
     record = subject.load(common, printer)
@@ -80,7 +81,8 @@ def fit(
         from sysid.fitting.bootstrap import require_enough
 
         require_enough(bootstrap)
-    recordings = load_recordings(logs, arguments, printer)
+    logs, setups = subject.logs(logs)
+    record, recordings = subject.posed(record, load_recordings(logs, arguments, printer), setups)
     result = fit_recordings(
         recordings,
         record,
@@ -106,6 +108,8 @@ def fit(
     for line in scene.lines() if scene else ():
         printer.say(line)
     written = [_draw(common, result)]
+    if tables_of(result.joint):
+        written.append(_draw_learned(common, result))
     if result.formula is not None and result.formula.good and not result.formula.effects:
         written.append(_offer(common, result, printer))
     if record.model:
@@ -145,6 +149,16 @@ def _patched(record: Board, output: Path | None, printer: Printer) -> tuple[Boar
     printer.say(made.diff.rstrip())
     copies = made.save(path)
     return replace(record, model={**record.model, "file": str(path)}), copies
+
+
+def _draw_learned(common: Common, result: "Fit") -> Path:
+    from reports.figures.learned import learned_figure
+
+    path = common.space.outputs(result.before.name) / "learned.png"
+    with atomic_path(path) as temporary:
+        title = f"{result.before.name}: {result.formula.text if result.formula else 'nothing was learned'}"
+        learned_figure(result.joint, result.formula, title).savefig(temporary, dpi=140)
+    return path
 
 
 def _draw(common: Common, result: "Fit") -> Path:

@@ -1,5 +1,6 @@
 """Whose joint a command is about: a board of the workspace, or a joint of a MuJoCo model."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,6 +14,7 @@ from sysid.errors import SysidError, UsageError
 
 if TYPE_CHECKING:
     from sim.model.setup import Setup
+    from sysid.recording import Recording
 
 SUBJECT = Group("Joint", sort_key=0)
 
@@ -90,6 +92,38 @@ class Subject:
         if self.mass_error == 0:
             printer.note("  the model's masses are taken as exact (--mass-error says otherwise)")
         return record
+
+    def logs(self, given: Sequence[Path]) -> "tuple[list[Path], list[Setup]]":
+        """Return the logs, with those that a list (a TOML file) names, and how each was measured; no how for a board.
+
+        Raises:
+            SysidError: A list cannot be read, or is not of a model's joint.
+        """
+        setup = self.setup
+        if setup is None or not any(path.suffix == ".toml" for path in given):
+            if lists := [path for path in given if path.suffix == ".toml"]:
+                raise SysidError(
+                    f"{lists[0]}: a list of logs says poses and loads of a model (--model, --joint)."
+                )
+            return list(given), []
+        from sim.model.runs import read_runs
+
+        runs = [
+            run
+            for path in given
+            for run in (read_runs(path, setup) if path.suffix == ".toml" else [(path, setup)])
+        ]
+        return [log for log, _ in runs], [setup for _, setup in runs]
+
+    def posed(
+        self, record: Board, recordings: "list[Recording]", setups: "list[Setup]"
+    ) -> "tuple[Board, list[Recording]]":
+        """Return record and recordings with what each pose and load makes of the joint; as they are for a board."""
+        if not setups:
+            return record, recordings
+        from sim.model.subject import pose_releases
+
+        return pose_releases(record, recordings, setups)
 
     def save(self, record: Board, since: Board, common: Common) -> Path:
         """Write a record into the workspace; that of a model replaces what was there, which `undo` brings back."""

@@ -27,6 +27,7 @@ from sysid.diagnosis.judgement import (
     families_of,
     rest_of,
 )
+from sysid.diagnosis.remedy import Learned, learn
 from sysid.diagnosis.report import fittable
 from sysid.diagnosis.search import Candidate as Model
 from sysid.diagnosis.search import Progress, Search, best_families
@@ -138,7 +139,11 @@ class Diagnosis:
     base: Model = field(repr=False)
     swing_frequency: float | None = None
     """Where a rate was fitted, and errors are rates: the joint's natural frequency [rad/s]."""
+    learned: Learned | None = None
+    """What can be learned of it, where something is left that matters."""
     board: str
+    option: str
+    """How the command line names the joint."""
     releases: int
     """How many were judged."""
     recordings: tuple[Recording, ...] = ()
@@ -246,6 +251,11 @@ def diagnose(
         everything = Field([*final, *outside], search.base, period, noise.std)
     verdict, best = _judged(search, everything, winner, board, noise.std, idle)
     base = search.fine(everything.base.model, average=1)
+    verdict = _with_errors(verdict, base, best)
+    matters = verdict.status == "unexplained" or verdict.remainder > MATERIAL * everything.motion
+    learned = (
+        learn(releases, board, fittable(verdict.effects), signal=signal, fixed=fixed) if matters else None
+    )
     if progress is not None:
         progress("done", 1.0)
     warnings += _fast_starts(best)
@@ -273,10 +283,12 @@ def diagnose(
             *(shown(m, scores[m.effects, ""]) for m in ranked),
             *(shown(m, worst + m.cost - others[0].cost) for m in others),
         ),
-        verdict=_with_errors(verdict, base, best),
+        verdict=replace(verdict, error_after=learned.error_after) if learned else verdict,
+        learned=learned,
         shares={} if verdict.matters is None else verdict.matters.each,
         doubts=tuple(warnings),
         board=board.name,
+        option=board.option,
         releases=len(releases),
         recordings=recordings,
         logs=tuple(dict.fromkeys(release.log for release in releases)),

@@ -16,7 +16,8 @@ SHOWN = 8
 
 def fittable(names: Sequence[str]) -> tuple[str, ...]:
     """Return those of some effects that `fit` can add: not what is another number of the record."""
-    return tuple(name for name in names if effect(name).identifiable_from_decay)
+    parts = [effect(name) for name in names]  # one that was tried beside another has been found so
+    return tuple(part.name for part in parts if part.identifiable_from_decay or part.identifiable_with)
 
 
 def report(result: "Diagnosis", width: int = WIDTH) -> str:
@@ -39,10 +40,14 @@ def report(result: "Diagnosis", width: int = WIDTH) -> str:
     ]
     if verdict.next_experiment:
         lines.append(f"next experiment: {verdict.next_experiment}")
+    if result.learned is not None:
+        lines.append(
+            f"{result.learned.text}: error {show(result.learned.error_after)}, held out {show(result.learned.heldout_rmse)}"
+        )
     if result.effects:
         held = [f"--fix {name}={value:g}" for name, value in result.held.items()]
         flags = " ".join([*(f"--effect {name}" for name in result.effects), *held])
-        lines.append(f"to add it: husky-sysid fit LOG... --board {result.board} {flags}")
+        lines.append(f"to add it: husky-sysid fit LOG... {result.option} {flags}")
     return "\n".join(lines)
 
 
@@ -128,6 +133,7 @@ def to_json(result: "Diagnosis") -> dict[str, Any]:
                 {"effects": list(hint.effects), "size": hint.size.to_json(), "text": hint.text}
                 for hint in verdict.hints
             ],
+            **({} if result.learned is None else {"learned": result.learned.to_json(per)}),
         },
         "warnings": list(result.doubts),
     }

@@ -149,7 +149,8 @@ class Search:
             if e.role in roles and e.minimum_amplitude <= self.scales.amplitude
             and e.identifiable_from_decay and "rest_angle" not in e.same_as
         }  # fmt: skip
-        return sorted(chosen - set(self.base))
+        beside = {n for n, e in known.items() if set(e.identifiable_with) & set(self.base)}
+        return sorted((chosen | beside) - set(self.base))
 
     def problem(self, effects: Sequence[str], *, free_states: bool = False) -> Problem:
         """Return the least squares of a model, on the coarse grid."""

@@ -8,26 +8,31 @@ from sysid.effects._algebra import Algebra, NumpyAlgebra, Value, Values
 from sysid.effects._base import Parameter, Scales
 from sysid.roll import Array
 
-HARMONICS = ("constant", "sine", "cosine", "sine2", "cosine2")
-"""The terms 1, sin φ, cos φ, sin 2φ, cos 2φ; the weight of a rigid body on a hinge needs the second and third alone, on a
+HARMONICS = ("constant", "sine", "cosine", "sine2", "cosine2", "sine3", "cosine3")
+"""The terms 1, sin φ, cos φ, sin 2φ, ... cos 3φ; the weight of a rigid body on a hinge needs the second and third alone, on a
 slide the first."""
+FORMULA = "c + Σ (aₙ sin nφ + bₙ cos nφ), n = 1, 2, 3"
+"""Their sum, as the page of effects shows it."""
 QUARTER = math.pi / 2
+"""Turn that makes a cosine of a sine [rad]."""
 
 
 def value_of(m: Algebra, roll: Value, parameters: Values) -> Value:
-    """Return c₀ + a₁ sin φ + b₁ cos φ + a₂ sin 2φ + b₂ cos 2φ."""
+    """Return c + Σ (aₙ sin nφ + bₙ cos nφ)."""
     return sum(parameters[name] * term for name, term in zip(HARMONICS, _terms(m, roll), strict=True))
 
 
 def slope_of(m: Algebra, roll: Value, parameters: Values) -> Value:
     """Return its derivative by φ."""
-    p = parameters
-    first = p["sine"] * m.sin(roll + QUARTER) - p["cosine"] * m.sin(roll)
-    return first + 2 * (p["sine2"] * m.sin(2 * roll + QUARTER) - p["cosine2"] * m.sin(2 * roll))
+    terms = _terms(m, roll)
+    # Of sin nφ it is n cos nφ, of cos nφ -n sin nφ.
+    pairs = ((n, HARMONICS[2 * n - 1], HARMONICS[2 * n], terms[2 * n - 1], terms[2 * n]) for n in (1, 2, 3))
+    return sum(n * (parameters[a] * cosine - parameters[b] * sine) for n, a, b, sine, cosine in pairs)
 
 
 def _terms(m: Algebra, roll: Value) -> tuple[Value, ...]:
-    return 1.0 + 0 * roll, m.sin(roll), m.sin(roll + QUARTER), m.sin(2 * roll), m.sin(2 * roll + QUARTER)
+    waves = (m.sin(n * roll + turn) for n in (1, 2, 3) for turn in (0.0, QUARTER))
+    return 1.0 + 0 * roll, *waves
 
 
 def of_table(roll: Array, values: Array) -> tuple[dict[str, float], float]:
@@ -38,8 +43,8 @@ def of_table(roll: Array, values: Array) -> tuple[dict[str, float], float]:
         values: What is there, shape (n,).
     """
     columns = np.column_stack(_terms(NumpyAlgebra(), roll))
-    found, missed = np.zeros(5), 0.0
-    for count in (1, 3, 5):  # the fewest that hold it: on a short arc all five look alike
+    found, missed = np.zeros(len(HARMONICS)), 0.0
+    for count in (1, 3, 5, 7):  # the fewest that hold it: on a short arc all look alike
         found[:count] = np.linalg.lstsq(columns[:, :count], values, rcond=1e-12)[0]
         missed = float(np.abs(columns @ found - values).max())
         if missed < 1e-6 * max(float(np.abs(values).max()), 1e-12):
@@ -49,7 +54,7 @@ def of_table(roll: Array, values: Array) -> tuple[dict[str, float], float]:
 
 
 def held(unit: str) -> tuple[Parameter, ...]:
-    """Return the five parameters of a table that a model states."""
+    """Return the parameters of a table that a model states."""
 
     def size(scales: Scales) -> float:
         return scales.inertia if unit.startswith("kg") else scales.torque / scales.amplitude

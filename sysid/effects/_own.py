@@ -6,6 +6,7 @@ import re
 from collections.abc import Mapping
 from importlib.metadata import entry_points
 from pathlib import Path
+from types import TracebackType
 
 import numpy as np
 
@@ -124,8 +125,9 @@ def _run(part: TorqueEffect, where: str) -> None:
         )
 
 
-def _frames(error: BaseException) -> list:
-    frame, found = error.__traceback__, []
+def _frames(error: BaseException) -> list[TracebackType]:
+    found: list[TracebackType] = []
+    frame = error.__traceback__
     while frame is not None:
         found.insert(0, frame)
         frame = frame.tb_next

@@ -208,7 +208,7 @@ def as_table(
             raise SysidError(
                 f"this torque is {float(at(0.0, 0.0)):.3g} N*m at rest, where a table is zero. Use preload for that part."
             )
-        edges = dict(zip(SUPPORT, (-reach, reach, -speed, speed), strict=True))
+        edges: dict[str, float] = dict(zip(SUPPORT, (-reach, reach, -speed, speed), strict=True))
         values = [*edges.values(), *tabulated(at, edges)]
         return to_mjcf(spec, joint, EFFECT.named([float(value) for value in values]), exact=exact)
 
@@ -274,12 +274,15 @@ def _edge(name: str) -> Parameter:
     )
 
 
-_EXAMPLE = {"tilt_low": -0.2, "tilt_high": 0.2, "rate_low": -8.0, "rate_high": 8.0}
-"""A magnet in the middle of the `pink` board."""
-_EXAMPLE |= {
-    name: float(-12 * x / (1 + (x / 0.02) ** 2) ** 2)
-    for name, x in zip(TILT, 0.2 * knots(TILT_KNOTS, TILT_GRADING), strict=True)
-}
+_EXAMPLE: dict[str, float] = dict(zip(SUPPORT, (-0.2, 0.2, -8.0, 8.0), strict=True))
+"""A magnet in the middle of the `pink` board [rad, rad/s, N*m]."""
+_EXAMPLE.update(
+    zip(
+        (*TILT, *RATE, *BOTH),
+        tabulated(lambda x, v: -12 * x / (1 + (x / 0.02) ** 2) ** 2 + 0.0 * v, _EXAMPLE).tolist(),
+        strict=True,
+    )
+)
 
 EFFECT = TorqueEffect(
     name="learned",
@@ -294,7 +297,7 @@ EFFECT = TorqueEffect(
     experiment="Release from more angles, to both sides: a table knows only where the deck has been.",
     mujoco=AS_TABLE,
     to_mjcf=to_mjcf,
-    example=tuple(_EXAMPLE.get(name, 0.0) for name in (*SUPPORT, *TILT, *RATE, *BOTH)),
+    example=tuple(_EXAMPLE.values()),
     torque=torque,
     sharpness=3.0,
     smoothness=smoothness,

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from sysid.effects._algebra import Algebra, Value, Values
 from sysid.effects._base import MujocoSupport, TorqueEffect
-from sysid.effects._harmonics import held, slope_of, value_of
+from sysid.effects._harmonics import FORMULA, HARMONICS, held, slope_of, value_of
 from sysid.errors import SysidError
 
 if TYPE_CHECKING:
@@ -40,14 +40,14 @@ EFFECT = TorqueEffect(
     family="inertia",
     role="record",
     parameters=held("kg*m^2"),
-    law="I → I + ΔI(φ), and τ = -½ ΔI'(φ) v²; ΔI = c₀ + a₁ sin φ + b₁ cos φ + a₂ sin 2φ + b₂ cos 2φ",
+    law=f"I → I + ΔI(φ), and τ = -½ ΔI'(φ) v²; ΔI = {FORMULA}",
     source="Lagrange's equation of one degree of freedom; the mass matrix of a model along the arc of the joint",
     does="The joint is slower where it moves more mass, so its period changes with the amplitude.",
     look_alikes=("cubic-stiffness", "gravity"),
     experiment="Open the loop: without it the inertia is the same everywhere.",
     mujoco=MujocoSupport(means="the loop of the model (equality constraints)", since="3.0", warp=True),
     to_mjcf=to_mjcf,
-    example=(0.0, 0.0, 0.0, 0.0, 0.0),
+    example=(0.0,) * len(HARMONICS),
     changing=changing,
     identifiable_from_decay=False,
 )

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from sysid.effects._algebra import Algebra, NumpyAlgebra, Value, Values
 from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect
-from sysid.effects._harmonics import held, slope_of, value_of
+from sysid.effects._harmonics import FORMULA, HARMONICS, held, slope_of, value_of
 from sysid.errors import SysidError
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
-    """Return s (c₀ + a₁ sin φ + b₁ cos φ + a₂ sin 2φ + b₂ cos 2φ) [N*m]."""
+    """Return s times the sum of harmonics [N*m]."""
     del states
     return parameters["scale"] * value_of(m, motion.roll, parameters)
 
@@ -35,7 +35,7 @@ def to_mjcf(
     del exact
     body, p = joint.parent, parameters
     force = body.mass * float(-spec.option.gravity[2])
-    if p["constant"] or p["sine2"] or p["cosine2"] or force <= 0:
+    if force <= 0 or any(p[name] for name in HARMONICS if name not in ("sine", "cosine")):
         raise SysidError(
             "a bench of one body cannot pull as this weight does (a slide, a linkage, or gravity is off). Release the joint "
             "in its own model (--model, --joint)."
@@ -71,14 +71,14 @@ EFFECT = TorqueEffect(
         ),
         *held("N*m"),
     ),
-    law="τ = s (c₀ + a₁ sin φ + b₁ cos φ + a₂ sin 2φ + b₂ cos 2φ), all but s from the masses of a model",
+    law=f"τ = s ({FORMULA}), all but s from the masses of a model",
     source="mj_inverse along the arc of the joint; s = 1 unless it is bounded, and then fitted",
     does="Pulls the joint to where its weight hangs, known in N·m: what is measured against it has a scale.",
     look_alikes=("gravity", "stiffness of the record"),
     experiment="Measure in another pose or with a known mass added: weight changes as the model says, a spring does not.",
     mujoco=MujocoSupport(means="the masses of the model", since="3.0", warp=True),
     to_mjcf=to_mjcf,
-    example=(1.0, 0.0, -1.0, 0.15, 0.0, 0.0),
+    example=(1.0, 0.0, -1.0, 0.15, 0.0, 0.0, 0.0, 0.0),
     torque=torque,
     grounded=True,
     identifiable_from_decay=False,

@@ -162,6 +162,34 @@ def sensitivity_of(problem: Problem, minimum: Minimum) -> Sensitivity:
     return Sensitivity(tuple(rows), inverse)
 
 
+def known_together(problem: Problem, minimum: Minimum) -> dict[str, tuple[float, float]]:
+    """Return how well all releases fix each parameter, and how well the best of their poses alone, for white noise.
+
+    Releases of one pose and load are those of which the same is known (`Release.known`).
+
+    Returns:
+        Standard deviations by name, in the parameters' units; none where there is only one pose.
+    """
+    poses = [tuple(sorted(record.release.known.items())) for record in problem.records]
+    if len(set(poses)) < 2:
+        return {}
+    sensitivity = sensitivity_of(problem, minimum)
+    shared, sizes, noise = len(problem.names), problem.sizes(), problem.records[0].std
+
+    def spread(chosen: Sequence[int]) -> Array:
+        square = sum(
+            (sensitivity.rows[i].T @ sensitivity.rows[i] for i in chosen), np.zeros_like(sensitivity.inverse)
+        )
+        used = np.flatnonzero(np.diag(square) > 0)
+        found = np.full(len(square), np.inf)
+        found[used] = np.sqrt(np.diag(_inverse(square[np.ix_(used, used)])))
+        return noise * (found * sizes)[:shared]
+
+    each = [spread([i for i, pose in enumerate(poses) if pose == one]) for one in dict.fromkeys(poses)]
+    whole, best = spread(range(len(poses))), np.min(each, axis=0)
+    return {name: (float(whole[i]), float(best[i])) for i, name in enumerate(problem.names)}
+
+
 def noise_behind(
     problem: Problem, minimum: Minimum, residuals: Sequence[Array], sensitivity: Sensitivity | None = None
 ) -> ResidualNoise:

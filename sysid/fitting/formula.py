@@ -167,6 +167,20 @@ class Formula:
     """In words."""
 
     @property
+    def law(self) -> str:
+        """The terms without their coefficients, e.g. 'x exp(-½ (x/0.7°)²)'."""
+        return " + ".join(
+            shape.text.format(a=_degrees(width))
+            for shape, width in zip(self.shapes, self.widths, strict=True)
+        )
+
+    def torque(self, tilt: Array, rate: Array) -> Array:
+        """Return the torque [N*m] at tilts [rad] and rates [rad/s], shape (n,) each."""
+        m = NumpyAlgebra()
+        terms = zip(self.shapes, self.coefficients, self.widths, strict=True)
+        return sum((c * shape.law(m, tilt, rate, width) for shape, c, width in terms), 0.0 * tilt)
+
+    @property
     def effects(self) -> tuple[str, ...]:
         """The effects of the catalogue whose law it is; empty where one of its terms is in none."""
         laws = {
@@ -208,7 +222,7 @@ def formula_of(fit: JointFit) -> Formula | None:
     """
     if not tables_of(fit):
         return None
-    x, v = _motion(fit)
+    x, v = motion_of(fit)
     torque, _ = learned_torque(fit, x, v)
     if np.abs(torque).max() < 1e-6 * fit.law.stiffness * np.abs(x).max():
         return None
@@ -225,9 +239,6 @@ def formula_of(fit: JointFit) -> Formula | None:
         c * _without(plain, np.asarray(shape.law(NumpyAlgebra(), x, v, width)))
         for (shape, _, _), c, width in zip(chosen, coefficients, widths, strict=True)
     ]
-    terms = " + ".join(
-        shape.text.format(a=_degrees(width)) for (shape, _, _), width in zip(chosen, widths, strict=True)
-    )
     parts = [
         _said(shape, c, width, float(np.quantile(np.abs(column), 0.999)))
         for (shape, _, _), c, width, column in zip(chosen, coefficients, widths, here, strict=True)
@@ -240,7 +251,7 @@ def formula_of(fit: JointFit) -> Formula | None:
         share=share,
         error=rms(problem.residuals(minimum.point)),
         good=rms(problem.residuals(minimum.point)) <= GOOD * fit.rmse,
-        text=f"{' and '.join(parts)}. {terms} carries {100 * share:.0f} % of the learned torque",
+        text=f"{' and '.join(parts)}; this formula carries {100 * share:.0f} % of what was learned",
     )
 
 
@@ -381,7 +392,7 @@ def _without(plain: Array, column: Array) -> Array:
     return column - plain @ np.linalg.lstsq(plain, column, rcond=None)[0]
 
 
-def _motion(fit: JointFit) -> tuple[Array, Array]:
+def motion_of(fit: JointFit) -> tuple[Array, Array]:
     """Return tilt [rad] and rate [rad/s] along the fitted releases, shape (n,) each."""
     law = fit.law.of_joint()
     tilts: list[Array] = []

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sysid.fitting.covariance import table_values
+from sysid.fitting.covariance import known_together, table_values
 from sysid.fitting.learned_torque import tables_of
+from sysid.quantity import Z95
 from sysid.text import WIDTH, count, display, table
 
 if TYPE_CHECKING:
@@ -60,7 +61,14 @@ def report(fit: "Fit", width: int = WIDTH) -> str:
         f"{fit.before.name} · {count(len(fit.joint.records), 'release')} · {fit.status} · sensor noise "
         f"{show(fit.noise.std, 3)}, {fit.noise.how}"
     )
-    lines = (heading, quantities, rungs, HELD_OUT, f"record as it stood: error {show(fit.rmse_before)}")
+    lines = (
+        heading,
+        quantities,
+        *_poses(fit, width),
+        rungs,
+        HELD_OUT,
+        f"record as it stood: error {show(fit.rmse_before)}",
+    )
     return "\n".join((*lines, *learned_lines(fit)))
 
 
@@ -93,6 +101,20 @@ def learned_lines(fit: "Fit") -> list[str]:
             )
         )
     return lines
+
+
+def _poses(fit: "Fit", width: int) -> list[str]:
+    """Say what several poses and loads fix that each of them alone leaves open."""
+    together = known_together(fit.joint.problem, fit.joint.minimum)
+    if not together:
+        return []
+
+    def share(name: str, std: float) -> str:
+        wide = Z95 * std / max(abs(fit.quantities[name].value), 1e-300)
+        return f"± {100 * wide:.2g} %" if wide < 1 else "open"
+
+    rows = [(name, share(name, alone), share(name, whole)) for name, (whole, alone) in together.items()]
+    return [table(("quantity", "best pose alone", "all poses"), rows, width=width)]
 
 
 def to_json(fit: "Fit") -> dict[str, Any]:

@@ -199,9 +199,7 @@ class _Linearised:
         self.gradients = [j.T @ r for r, j in parts]
         self.hessians = [j.T @ j for _, j in parts]
         self.samples = sum(len(r) for r, _ in parts)
-        step = self._step(
-            sum(self.gradients), sum(self.hessians), self._prior((1.0,) * len(problem.smoothing))
-        )
+        step = self._step(*self._together(), self._prior((1.0,) * len(problem.smoothing)))
         self.memory = max(correlation_length([r + j @ step for r, j in parts]), 1.0)
 
     def score(self, weights: tuple[float, ...]) -> float:
@@ -211,12 +209,15 @@ class _Linearised:
     def missed(self, weights: tuple[float, ...]) -> float:
         """Return the sum of squares that is missed of each part by what the others say [1]."""
         prior = self._prior(weights)
-        gradient, hessian = sum(self.gradients), sum(self.hessians)
+        gradient, hessian = self._together()
         total = 0.0
         for c, g, h in zip(self.squares, self.gradients, self.hessians, strict=True):
             step = self._step(gradient - g, hessian - h, prior)
             total += c + 2 * float(g @ step) + float(step @ h @ step)
         return max(total, 1e-300)
+
+    def _together(self) -> tuple[Array, Array]:
+        return np.sum(self.gradients, axis=0), np.sum(self.hessians, axis=0)
 
     def _prior(self, weights: tuple[float, ...]) -> Array:
         prior = self.problem.with_(smoothing=weights).prior

@@ -11,7 +11,7 @@ from sysid.effects import catalogue
 ROOT = Path(__file__).parents[2]
 OWNERS = ("sysid/effects", "sysid/synth", "sysid/cli/synth.py")
 """Rooms that may: the catalogue itself, and the independent truth that makes logs."""
-WORDS = {"inertia", "gravity", "clock", "offset", "weight", "armature", "linkage", "learned"}
+WORDS = {"inertia", "gravity", "clock", "offset", "weight", "armature", "linkage", "payload", "learned"}
 """Effects whose names are everyday words: alone they may mean a quantity of the board, a channel of a log, a measure."""
 LOOKUPS = {"effect", "with_effect", "parameters_from"}
 """Functions that take an effect's name."""

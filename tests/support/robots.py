@@ -2,6 +2,9 @@
 
 from pathlib import Path
 
+from sysid.board import Board
+from sysid.quantity import Quantity
+
 ARM = """<mujoco model="arm">
   <!-- a pendulum behind a gear; angles in degrees, as is MuJoCo's habit -->
   <compiler angle="degree"/>
@@ -74,3 +77,14 @@ def write(folder: Path) -> dict[str, Path]:
     for name, text in files.items():
         (folder / f"{name}.xml").write_text(text)
     return {name: folder / f"{name}.xml" for name in files}
+
+
+def plain(inertia: float, stiffness: float, damping: float, rest: float = 0.0) -> Board:
+    """Return a record that the synthetic truth is made from; it never sees the model."""
+    return Board(
+        name="truth", description="", source="", geometry={}, mass={}, inertia=Quantity(inertia, 0.0, "kg*m^2"),
+        tilt={
+            "stiffness": Quantity(stiffness, 0.0, "N*m/rad"), "damping": Quantity(damping, 0.0, "N*m*s/rad"),
+            "rest_angle": Quantity(rest, 0.0, "rad"), "range": Quantity(3.0, 0.0, "rad"),
+        },
+    )  # fmt: skip

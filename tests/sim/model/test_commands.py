@@ -13,8 +13,6 @@ from command_line import husky
 from sim.model.scene import scene_of
 from sim.model.setup import Setup
 from sim.model.subject import board_of
-from sysid.board import Board
-from sysid.quantity import Quantity
 from sysid.synth import SynthOptions, synthesise
 from sysid.synth.sensors import Sensor
 
@@ -22,22 +20,11 @@ KNEE = {"damping": 0.035, "coulomb.torque": 0.02, "armature.inertia": 0.002}
 LIFT = {"stiffness": 212.0, "damping": 1.1, "rest_angle": 0.028}
 
 
-def plain(inertia: float, stiffness: float, damping: float, rest: float = 0.0) -> Board:
-    """Return a record that the synthetic truth is made from; it never sees the model."""
-    return Board(
-        name="truth", description="", source="", geometry={}, mass={}, inertia=Quantity(inertia, 0.0, "kg*m^2"),
-        tilt={
-            "stiffness": Quantity(stiffness, 0.0, "N*m/rad"), "damping": Quantity(damping, 0.0, "N*m*s/rad"),
-            "rest_angle": Quantity(rest, 0.0, "rad"), "range": Quantity(3.0, 0.0, "rad"),
-        },
-    )  # fmt: skip
-
-
 def knee_log(path: Path, model: Path, *, seed: int = 0) -> Path:
     """A pendulum of the arm's inertia and moment, about where it hangs, with the truth of `KNEE`."""
     board = board_of(Setup(file=model, joint="knee"))[0]
     moment = 9.81 * float(np.hypot(0.4 * 0.1 + 0.2 * 0.3, 0.4 * 0.01))
-    truth = plain(board.inertia.value + KNEE["armature.inertia"], 0.0, KNEE["damping"])
+    truth = robots.plain(board.inertia.value + KNEE["armature.inertia"], 0.0, KNEE["damping"])
     options = SynthOptions(
         angles=(0.8, -0.6, 0.5), rate=250.0, duration=4.0, seed=seed, sensor=Sensor(noise=1e-3)
     )
@@ -47,7 +34,7 @@ def knee_log(path: Path, model: Path, *, seed: int = 0) -> Path:
 
 def lift_log(path: Path) -> Path:
     """A mass on a spring under its weight, in m."""
-    truth = plain(1.5, LIFT["stiffness"], LIFT["damping"], LIFT["rest_angle"])
+    truth = robots.plain(1.5, LIFT["stiffness"], LIFT["damping"], LIFT["rest_angle"])
     options = SynthOptions(angles=(0.06, -0.17), rate=500.0, duration=4.0, sensor=Sensor(noise=2e-4))
     synthesise(truth, {"preload": (-1.5 * 9.81,)}, options).save(path)
     return path
@@ -177,3 +164,52 @@ def test_armature_needs_a_scale(tmp_path):
     done = husky("fit", "x.csv", "--board", "pink", "--effect", "armature", "--workspace", tmp_path)
     assert done.returncode == 1
     assert "only k/I, d/I and torque/I show" in done.stderr
+
+
+def test_known_masses_tell_armature_and_weight_apart(tmp_path):
+    """One pose leaves both open; with two masses on the tip the fit finds both, and says what all poses fix."""
+    model = robots.write(tmp_path)["arm"]
+    board = board_of(Setup(file=model, joint="knee"))[0]
+    entries = []
+    for number, load in enumerate((0.0, 0.3)):
+        truth = robots.plain(board.inertia.value + 0.002 + load * 0.2**2, 0.0, 0.035)
+        moment = 1.06 * 9.81 * float(np.hypot(0.1, 0.004)) + load * 9.81 * 0.2
+        options = SynthOptions(
+            angles=(0.8, -0.6), rate=125.0, duration=3.0, seed=number, sensor=Sensor(noise=1e-3)
+        )
+        synthesise(truth, {"gravity": (moment,)}, options).save(tmp_path / f"{number}.csv")
+        entries.append(f'[[log]]\nfile = "{number}.csv"\n' + (f'payload = ["{load}@tip"]\n' if load else ""))
+    (tmp_path / "runs.toml").write_text("\n".join(entries))
+    options = (
+        "--model", model, "--joint", "knee", "--plain", "--effect", "armature", "--bound", "weight.scale=0.5:2",
+        "--workspace", tmp_path, "-o", tmp_path / "mended.xml",
+    )  # fmt: skip
+    both = husky("fit", tmp_path / "runs.toml", *options, "--json", tmp_path / "fit.json")
+    assert both.returncode == 0, both.stderr
+    found = json.loads((tmp_path / "fit.json").read_text())["parameters"]
+    for name, value in {"armature.inertia": 0.002, "weight.scale": 1.06, "damping": 0.035}.items():
+        low, high = found[name]["ci95"]
+        assert low - (high - low) / 2 < value < high + (high - low) / 2, name
+    assert "best pose alone" in both.stdout
+    alone = husky("fit", tmp_path / "0.csv", *options)
+    assert alone.returncode == 1
+    assert "these logs do not fix it" in alone.stderr
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("[log]\nfile = 1", "expected tables"),
+        ('[[log]]\nfile = "a.csv"\nposes = {}', "unknown field 'poses'. Did you mean 'pose'"),
+        ("[[log]]\npose = {}", "field file is None"),
+        ('[[log]]\nfile = "a.csv"\npose = { knee = "up" }', "field pose is"),
+        ('[[log]]\nfile = "a.csv"\npayload = 0.3', "field payload is 0.3"),
+        ("[[log", "cannot read the list of logs"),
+    ],
+)
+def test_a_list_of_logs_says_what_is_wrong_with_it(tmp_path, text, says):
+    model = robots.write(tmp_path)["arm"]
+    (tmp_path / "runs.toml").write_text(text)
+    done = husky("fit", tmp_path / "runs.toml", "--model", model, "--joint", "knee")
+    assert done.returncode == 1
+    assert says in done.stderr

@@ -1,0 +1,68 @@
+"""What a fit has learned: torque over tilt and over rate with its band, and where there were data."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from reports.figures.decay import STYLE
+from reports.figures.palette import NOISE, REAL, SIM
+from sysid.fitting.formula import Formula, motion_of
+from sysid.fitting.learned_torque import learned_torque
+from sysid.quantity import Z95
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from sysid.fitting.result import JointFit
+
+
+def learned_figure(fit: "JointFit", formula: Formula | None, title: str) -> "Figure":
+    """Draw the learned torque at rate zero over the tilt, and at rest over the rate, within what was measured.
+
+    Args:
+        fit: With tables of tilt and rate.
+        formula: The nearest formula, drawn beside them; None for none.
+        title: Heading.
+    """
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    tilts, rates = motion_of(fit)
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(8.8, 3.9), layout="constrained")
+        axes = figure.subplots(2, 2, sharex="col", height_ratios=(4, 1))
+        for column, (values, scale, label) in enumerate(
+            ((tilts, float(np.degrees(1.0)), "tilt [°]"), (rates, 1.0, "rate [rad/s]"))
+        ):
+            at = np.linspace(values.min(), values.max(), 301)
+            x, v = (at, 0 * at) if column == 0 else (0 * at, at)
+            torque, std = learned_torque(fit, x, v)
+            above, below = axes[0, column], axes[1, column]
+            above.fill_between(
+                scale * at, torque - Z95 * std, torque + Z95 * std, color=SIM, alpha=0.25, linewidth=0
+            )
+            above.plot(scale * at, torque, color=SIM, linewidth=1.8, label="learned, with 95 %")
+            if formula is not None:
+                line = formula.torque(x, v)
+                plain = np.polyfit(
+                    at, torque - line, 1, w=1 / np.maximum(std, 1e-3 * np.abs(torque).max() + 1e-12)
+                )
+                above.plot(
+                    scale * at,
+                    line + np.polyval([plain[0], 0.0], at),
+                    color=REAL,
+                    linestyle="--",
+                    label=formula.law,
+                )
+            above.axhline(0.0, color=NOISE, linewidth=0.8)
+            below.hist(scale * values, bins=60, color=NOISE)
+            below.set_xlabel(label)
+            below.set_yticks([])
+        axes[0, 0].set_ylabel("torque [N·m]")
+        axes[1, 0].set_ylabel("data")
+        axes[0, 0].set_title("over the tilt, at rate 0")
+        axes[0, 1].set_title("over the rate, at rest")
+        axes[0, 1].sharey(axes[0, 0])
+        axes[0, 0].legend(loc="best")
+        figure.suptitle(title, x=0.01, ha="left", fontsize=10)
+    return figure

@@ -1,0 +1,61 @@
+"""What is done about what no effect explains: it is learned, and said in words."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from sysid.board import Board
+from sysid.errors import SysidError
+from sysid.fit_mjcf import fit
+from sysid.fitting.records import Signal
+from sysid.roll import Release
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Learned:
+    """A learned torque that can be had, and what it would win."""
+
+    error_after: float
+    """On the releases [rad or rad/s]."""
+    heldout_rmse: float
+    """On releases that were left out [rad or rad/s]."""
+    formula: tuple[str, ...]
+    """Names of the shapes that come nearest; empty where none does."""
+    text: str
+
+    def to_json(self, per: float = 1.0) -> dict[str, Any]:
+        """Return it for JSON; `per` turns its errors into angles."""
+        return {
+            "error_after_rad": per * self.error_after, "heldout_rmse_rad": per * self.heldout_rmse,
+            "formula": " + ".join(self.formula), "text": self.text,
+        }  # fmt: skip
+
+
+def learn(
+    releases: Sequence[Release],
+    board: Board,
+    effects: Sequence[str],
+    *,
+    signal: Signal,
+    fixed: Mapping[str, float] | None,
+) -> Learned | None:
+    """Learn the torque that some releases show beyond the record and what was named; None where that is nothing.
+
+    Args:
+        releases: From one board.
+        board: The record.
+        effects: What the verdict names.
+        signal: What is fitted.
+        fixed: Parameters held.
+    """
+    try:
+        found = fit(releases, board, (*effects, "learned"), signal=signal, fixed=fixed, any_period=True)
+    except SysidError:  # what the verdict rests on stands without it
+        return None
+    if found.formula is None:
+        return None
+    text = f"Learned from tilt and rate, it {found.formula.text}. Fit it: husky-sysid fit LOG --board {board.name} --effect learned"
+    return Learned(
+        error_after=found.rmse, heldout_rmse=found.heldout_rmse, text=text,
+        formula=tuple(shape.name for shape in found.formula.shapes) if found.formula.good else (),
+    )  # fmt: skip

@@ -1,0 +1,56 @@
+"""The tutorial of the learned torque: from a log with a magnet to an MJCF that swings as it does."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from command_line import husky
+
+from sysid.board import load_board
+
+ROOT = Path(__file__).parents[2]
+LOG = ROOT / "docs/examples/magnet.csv"
+
+
+@pytest.mark.slow
+def test_a_magnet_is_learned_checked_and_written(tmp_path):
+    common = ("--board", "pink", "--workspace", tmp_path)
+    fitted = husky("fit", LOG, *common, "--effect", "learned")
+    assert fitted.returncode == 0, fitted.stderr
+    assert "pulls to the middle within 1." in fitted.stdout
+    assert "a magnet" in fitted.stdout
+    assert (tmp_path / "reports/pink/learned.png").is_file()
+    board = load_board(tmp_path / "data/boards/pink.toml")
+    values = board.effects[0].parameters
+    assert values["tilt_5"].unit == "N*m"
+    assert 0.18 < values["tilt_high"].value < 0.2
+    assert husky("check", LOG, *common).returncode == 0
+    file = tmp_path / "pink.xml"
+    assert husky("mjcf", *common, "--bench", "-o", file).returncode == 0
+    assert _nrmse(file) < 0.01
+
+
+def _nrmse(file):
+    """Return how far plain MuJoCo's decay is from the log's first release, its roll and rate at the start fitted."""
+    from scipy.optimize import least_squares
+
+    table = np.loadtxt(LOG, delimiter=",", skiprows=1)
+    begin = int(1.9 * 400)  # rest, drag and hold come before
+    time, roll = table[begin : begin + 400, 0] - table[begin, 0], table[begin : begin + 400, 1]
+    model = mujoco.MjModel.from_xml_path(str(file))
+
+    def simulated(start):
+        data = mujoco.MjData(model)
+        data.qpos[0], data.qvel[0] = start
+        path = [start[0]]
+        while data.time < time[-1]:
+            mujoco.mj_step(model, data)
+            path.append(float(data.qpos[0]))
+        from scipy.interpolate import CubicSpline
+
+        return CubicSpline(model.opt.timestep * np.arange(len(path)), path)(time)
+
+    found = least_squares(lambda s: simulated(s) - roll, [roll[0], 0.0], diff_step=1e-4)
+    noise = np.radians(0.03)
+    return np.sqrt(max(np.mean(found.fun**2) - noise**2, 0.0) / np.mean(roll**2))
