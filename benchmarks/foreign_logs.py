@@ -1,10 +1,8 @@
 """Logs that nobody here made: does `diagnose` name the family, and at what confidence?
 
     python benchmarks/foreign_logs.py ../shared/foreign_logs --board pink
-    python benchmarks/foreign_logs.py ../shared/real_logs
 
-A folder with a truth.json holds logs of one board with what is hidden in each; a folder of folders holds real logs, for
-which the expected families stand here. The folder may be absent: then nothing is run.
+A folder with a truth.json holds logs of one board with what is hidden in each. It may be absent: then nothing is run.
 """
 
 import argparse
@@ -12,32 +10,16 @@ import json
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from sysid.board import load_board
 from sysid.diagnosis.diagnose import Diagnosis, diagnose
 from sysid.effects import effect
-from sysid.logs import LogOptions, read_roll
+from sysid.logs import read_roll
 from sysid.releases import find_releases
 
 ROOT = Path(__file__).parents[1]
-REAL: dict[str, tuple[set[str], set[str], dict[str, Any]]] = {
-    "servo_passive_drop/drop_kp100.csv": ({"friction", "hardening"}, {"friction"}, {"start": 2.0}),
-    "servo_passive_drop/drop_kp200.csv": ({"friction", "hardening"}, {"friction"}, {"start": 2.0}),
-    "servo_passive_drop/drop_kp400.csv": ({"friction", "hardening"}, {"friction"}, {"start": 2.0}),
-    "servo_passive_drop/drop_kp800.csv": ({"friction", "hardening"}, {"friction"}, {"start": 2.0}),
-    "sts3250_servo_drop/drop.csv": ({"friction", "hardening"}, {"friction"}, {"start": 2.03}),
-    "bicycle_fork_gyro/compound.csv": ({"friction", "hardening"}, {"friction"}, {}),
-    "bicycle_wheel_gyro/radial.csv": (set(), set(), {}),
-    "bicycle_wheel_gyro/axial.csv": (set(), set(), {}),
-    "rotary_pendulum_freeswing/swing_01.csv": ({"hardening", "friction"}, {"friction"}, {"start": 0.73}),
-    "rotary_pendulum_freeswing/swing_02.csv": ({"hardening", "friction"}, {"friction"}, {"start": 0.63}),
-    "kvlcc2_roll_decay/run_21337.csv": ({"drag", "hardening"}, {"drag"}, {"start": 24.95}),
-    "kvlcc2_roll_decay/run_21338.csv": ({"drag", "hardening"}, {"drag"}, {"start": 8.0}),
-}
-"""Real logs: families documented or found by an independent fit, those that must be named, and the part to look at."""
 
 
 def families(effects: tuple[str, ...]) -> frozenset[str]:
@@ -89,26 +71,6 @@ def foreign(folder: Path, board_name: str, only: str, part: slice) -> None:
     print(f"{hits} of {count} right")
 
 
-def real(folder: Path, board_name: str, only: str, part: slice) -> None:
-    board = load_board(ROOT / f"data/boards/{board_name}.toml")
-    for name, (known, needed, where) in list(REAL.items())[part]:
-        if only not in name:
-            continue
-        begin = time.process_time()
-        try:
-            releases = find_releases(read_roll(folder / name, LogOptions()), **where)
-            result = diagnose(releases, board)
-        except Exception as error:  # noqa: BLE001 - one log that cannot be read must not end the table
-            print(f"BAD {name}: {type(error).__name__}: {error}", flush=True)
-            continue
-        said = verdicts(result)
-        right = any(needed <= set(s) - {"rest"} <= known for s in said) if known else not said[0]
-        print(
-            line(name, result, right, ",".join(sorted(known)) or "-", time.process_time() - begin), flush=True
-        )
-        print("      ", result.verdict.explanation, "|", result.verdict.next_experiment, flush=True)
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -122,9 +84,8 @@ def main() -> None:
         print(f"{options.folder}: absent, nothing to run")
         sys.exit(0)
     np.seterr(all="ignore")
-    run = foreign if (options.folder / "truth.json").exists() else real
     first, step = map(int, options.part.split("/"))
-    run(options.folder, options.board, options.only, slice(first, None, step))
+    foreign(options.folder, options.board, options.only, slice(first, None, step))
 
 
 if __name__ == "__main__":

@@ -16,11 +16,22 @@ from sysid.diagnosis import report as diagnosis_report
 from sysid.diagnosis.against_record import record_deviation
 from sysid.diagnosis.experiment import deciding
 from sysid.diagnosis.importance import Importance, importance
-from sysid.diagnosis.judgement import INEXACT, PRICE, TIE, Field, Scored, families_of, rest_of
+from sysid.diagnosis.judgement import (
+    EXPLAINED,
+    INEXACT,
+    MATERIAL,
+    PRICE,
+    TIE,
+    Field,
+    Scored,
+    families_of,
+    rest_of,
+)
 from sysid.diagnosis.remedy import Learned, learn
 from sysid.diagnosis.report import fittable
 from sysid.diagnosis.search import Candidate as Model
-from sysid.diagnosis.search import Progress, Search, best_of
+from sysid.diagnosis.search import Progress, Search, best_families
+from sysid.diagnosis.stretches import judged_stretches
 from sysid.diagnosis.surrogates import LAWS, surrogates
 from sysid.diagnosis.wording import (
     experiment_in_words,
@@ -48,14 +59,10 @@ from sysid.text import WIDTH
 if TYPE_CHECKING:
     import pandas as pd
 
-EXPLAINED = 0.8
-"""Share of the squared held-out error beyond the noise that must be taken away for an effect to be named."""
-MATERIAL = 0.02
-"""Error beyond the noise over the motion, both RMS, below which what is left does not matter."""
 CLOSE = 0.05
 """The same, up to which a model is a description of the motion, whatever share it explains."""
-FINALISTS = 7
-"""How many of the best single effects, and of the best pairs, are predicted."""
+FINALISTS = 6
+"""How many of the best sets of families, of single effects and of pairs, are predicted."""
 RIVALS = 4
 """How many models that predict as well are listed."""
 WEAK = 2.0
@@ -220,6 +227,9 @@ def diagnose(
     scales = scales_of(records, board)
     period = 2 * np.pi / scales.frequency
     warnings = check_releases(releases, board, period)
+    judged, left_out = judged_stretches(releases, period)
+    warnings += [left_out] if left_out else []
+    records = make_records(judged, noise.std, rate=use_rate)
     options = FitOptions(bias=bias, use_rate=use_rate, fixed=dict(fixed or {}))
     own = [part.name for part in board.effects]
     check_parameters(own, options, board)
@@ -351,8 +361,8 @@ def _searched(search: Search) -> tuple[Search, list[Model], list[Model]]:
     picked = [linear]
     for count in (1, 2):
         extra = [m for m in models if len(m.effects) - len(search.base) == count]
-        picked += best_of(extra, FINALISTS)
-    return search, models, search.finalists(picked)
+        picked += best_families(extra, FINALISTS)
+    return search, models, [m for m in search.finalists(picked) if m.heldout is not None]
 
 
 def _material(search: Search, tried: Field, final: list[Model]) -> tuple[Model, list[Model], frozenset[str]]:
@@ -368,7 +378,7 @@ def _material(search: Search, tried: Field, final: list[Model]) -> tuple[Model, 
         if known is None or again.cost < known.cost:
             known = again
             final = [*(m for m in final if m.effects != rest), known]
-        if _left(tried, tried.score(known)) > max(MATERIAL, _left(tried, tried.score(winner))):
+        if tried.left(tried.score(known)) > max(MATERIAL, tried.left(tried.score(winner))):
             break
         winner, left_out = known, left_out | {effect(idle[0]).family}
     return winner, final, left_out
@@ -385,41 +395,37 @@ def _judged(
     size = importance(winner, named, base.model) if named else None
     explained = tried.explained(chosen)
     hints = _hints(search, tried, chosen, size)
-    vague = not named or explained < EXPLAINED or _left(tried, chosen) > CLOSE
-    if outside is not None or (_left(tried, base) > MATERIAL and vague):
-        return _unexplained(search, tried, chosen, outside, hints)
+    vague = not named or explained < EXPLAINED or tried.left(chosen) > CLOSE
+    if outside is not None or (tried.left(base) > MATERIAL and vague):
+        return _unexplained(search, tried, chosen, outside, hints, board)
     if size is None or not size.matters or explained < EXPLAINED:
         return _nothing(search, tried, chosen, hints, board)
     return _missing(search, tried, chosen, size, hints, board, idle)
-
-
-def _left(tried: Field, scored: Scored) -> float:
-    """Return the held-out error beyond the noise over the motion, both RMS."""
-    return float(np.sqrt(max(tried.excess(scored), 0.0))) / max(tried.motion, 1e-300)
 
 
 def _outside(tried: Field, chosen: Scored, floor: float) -> Scored | None:
     """Return a law outside the catalogue that reaches the noise and is beyond doubt the better one, if there is one."""
     shaped = [s for s in tried.scored if s.model.shape and s.model.rmse < INEXACT * floor]
     best = max(shaped, key=lambda s: s.score, default=None)
-    if best is None or best.score - chosen.score <= max(2 * TIE, tried.tie(best, chosen)):
+    if best is None or best.score - chosen.score <= 2 * TIE or tried.gap(best, chosen) <= TIE:
         return None  # a law that nobody has met must be better by more than one that people have
     return best
 
 
 def _hints(search: Search, tried: Field, chosen: Scored, size: Importance | None) -> tuple[Hint, ...]:
-    """Return single effects that are seen but are too weak to be named."""
-    if chosen.extra and size is not None and size.matters:
-        return ()
+    """Return single effects that are seen, beside what is named if that matters, but are too weak to be named."""
+    beside = chosen if chosen.extra and size is not None and size.matters else tried.base
     hints: list[Hint] = []
     for s in sorted(tried.scored, key=lambda s: -s.score):
-        names = tuple(n for n in s.model.effects if n not in search.base)
-        if len(names) != 1 or s.model.shape or s.score - tried.base.score < WEAK or len(hints) == 3:
+        names = tuple(n for n in s.model.effects if n not in beside.model.effects)
+        richer = set(beside.model.effects) < set(s.model.effects)
+        gained = s.score - beside.score
+        if not richer or len(names) != 1 or s.model.shape or gained < WEAK or len(hints) == 3:
             continue
-        weight = importance(s.model, names, tried.base.model)
-        gained = s.score - tried.base.score
-        text = f"{listed(names)} is seen ({gained:.1f} in the log of the odds). {size_in_words(weight)}"
-        hints.append(Hint(effects=names, size=weight, text=text))
+        weight = importance(s.model, names, beside.model)
+        if beside is tried.base or weight.matters:
+            text = f"{listed(names)} is seen ({gained:.1f} in the log of the odds). {size_in_words(weight)}"
+            hints.append(Hint(effects=names, size=weight, text=text))
     return tuple(hints)
 
 
@@ -448,13 +454,14 @@ def _missing(
         text += f" These data cannot tell it from {'; or '.join(listed(s) for s in sets)}."
     if tried.base in tried.near(chosen):
         text += " The evidence is thin: the model without it is nearly as likely."
+    text += "".join(f" Beside it, {hint.text}" for hint in hints)
     remainder, words = _remainder(tried, chosen)
     families = families_of(chosen.model, search.base)
     # Where no model is exact, the rest may be the mark of another law.
     confidence = tried.confidence(families, idle) * (explained if tried.inexact else 1.0)
     verdict = _verdict(
         search, tried, "missing", effects, sorted(families), confidence, sets, chosen, size, remainder,
-        words, hints, _experiment(search, tried, chosen), f"{text} {words}".strip(),
+        words, hints, _experiment(search, tried, chosen, board), f"{text} {words}".strip(),
     )  # fmt: skip
     return verdict, final
 
@@ -475,7 +482,7 @@ def _nothing(
     else:
         status = "none-missing"
         text = f"Nothing is missing that matters. {deviation.text}".strip()
-        experiment = "" if not hints else _experiment(search, tried, tried.base)
+        experiment = "" if not hints else _experiment(search, tried, tried.base, board)
     for hint in hints:
         text += f" Hint: {hint.text}"
     families = sorted({effect(n).family for n in deviation.effects})
@@ -487,7 +494,12 @@ def _nothing(
 
 
 def _unexplained(
-    search: Search, tried: Field, chosen: Scored, outside: Scored | None, hints: tuple[Hint, ...]
+    search: Search,
+    tried: Field,
+    chosen: Scored,
+    outside: Scored | None,
+    hints: tuple[Hint, ...],
+    board: Board,
 ) -> tuple[Verdict, Model]:
     final = search.fine(chosen.model, average=1)
     named = tuple(n for n in chosen.model.effects if n not in search.base)
@@ -509,7 +521,7 @@ def _unexplained(
     text += f"{words} The map of the missing torque (compare) shows at which angle and rate it acts."
     verdict = _verdict(
         search, tried, "unexplained", (), [], confidence, (), chosen, None, remainder, words, hints,
-        _experiment(search, tried, chosen), text,
+        _experiment(search, tried, chosen, board), text,
     )  # fmt: skip
     return verdict, final
 
@@ -527,7 +539,7 @@ def _remainder(tried: Field, scored: Scored) -> tuple[float, str]:
     return left, f"What is left is {percent(share)} of the motion."
 
 
-def _experiment(search: Search, tried: Field, chosen: Scored) -> str:
+def _experiment(search: Search, tried: Field, chosen: Scored, board: Board) -> str:
     """Return the experiment that decides between a candidate and the best of another family."""
     own = families_of(chosen.model, search.base)
     others = [
@@ -539,7 +551,8 @@ def _experiment(search: Search, tried: Field, chosen: Scored) -> str:
         return ""
     rival = max(others, key=lambda s: s.score - PRICE * s.extra)
     names = [tuple(n for n in s.model.effects if n not in search.base) for s in (chosen, rival)]
-    found = deciding(chosen.model, rival.model, tried.best.errors)
+    reach = board.tilt["range"].value if "range" in board.tilt else np.inf
+    found = deciding(chosen.model, rival.model, tried.best.errors, reach)
     fallback = "" if found or not names[0] else effect(names[0][0]).experiment
     return experiment_in_words(found, titles(names[0]), titles(names[1]), fallback)
 

@@ -1,4 +1,4 @@
-"""The experiment that would decide between two models: the smallest release that tells them apart at 95 %."""
+"""The experiment that would decide between two models: the fewest releases that tell them apart at 95 %."""
 
 from dataclasses import dataclass
 
@@ -12,8 +12,10 @@ from sysid.joint.trajectory import simulate
 
 DECIDED = float(np.log(19.0))
 """Log of the odds at 95 %."""
-ANGLES = np.radians([1, 2, 3, 5, 7, 10, 12, 15, 20, 30, 45, 60])
-"""Release angles that are tried, smallest first [rad]."""
+ANGLES = np.radians([0.2, 0.5, 1, 2, 3, 5, 7, 10, 12, 15, 20, 30, 45, 60, 75, 90, 120, 150])
+"""Release angles that a person can set, smallest first [rad]."""
+CLEAR, SMALL, WIDE = 50.0, 0.25, 1.5
+"""Release angles run from the larger of so many times the noise and that share of the largest tilt seen, to so many times that tilt."""
 MOST = 5
 """Releases that one is ready to make."""
 
@@ -31,22 +33,26 @@ class Experiment:
     """Largest difference between the two predictions [rad]."""
 
 
-def deciding(one: Candidate, other: Candidate, errors: Fitted) -> Experiment | None:
-    """Return the smallest release that decides between two fitted models, at most `MOST` times; None if there is none.
+def deciding(one: Candidate, other: Candidate, errors: Fitted, reach: float) -> Experiment | None:
+    """Return the fewest releases that decide between two fitted models, from the smallest angle that does; None if there are none.
 
     Args:
         one: Taken for true.
         other: Its rival, as fitted.
         errors: Of the sensor, and how far the better model is from exact.
+        reach: Of the joint to either side, as its record has it [rad].
     """
     laws = [_law(model) for model in (one, other)]
-    record = one.problem.records[0]
+    record, seen = one.problem.records[0], one.problem.scales.amplitude
     step = float(np.median(np.diff(record.time)))
     duration = float(max(r.time[-1] for r in one.problem.records))
     time = np.arange(0.0, duration, step)
     period = 2 * np.pi / one.problem.scales.frequency
-    limit = 1.5 * one.problem.scales.amplitude
-    for angle in ANGLES[limit >= ANGLES]:
+    noise = record.std / (one.problem.scales.frequency if record.is_rate else 1.0)
+    lowest, limit = max(CLEAR * noise, SMALL * seen), min(WIDE * seen, max(reach, seen))
+    possible = ANGLES[(lowest <= ANGLES) & (limit >= ANGLES)]
+    found: list[Experiment] = []
+    for angle in possible if len(possible) else np.array([seen]):
         for side in (1.0, -1.0):
             rest = laws[0].rest_angle
             try:
@@ -67,8 +73,8 @@ def deciding(one: Candidate, other: Candidate, errors: Fitted) -> Experiment | N
                 largest = float(np.abs(first.roll - second.roll).max())
                 loud = np.flatnonzero(np.abs(first.roll - rest) > 0.02 * angle)
                 lasts = float(time[loud[-1]]) if len(loud) else duration
-                return Experiment(float(side * angle), number, lasts, largest)
-    return None
+                found.append(Experiment(float(side * angle), number, lasts, largest))
+    return min(found, key=lambda e: (e.number, abs(e.angle)), default=None)
 
 
 def _law(model: Candidate) -> JointLaw:

@@ -15,6 +15,10 @@ from sysid.diagnosis.search import Candidate
 from sysid.effects import effect
 from sysid.roll import Array
 
+EXPLAINED = 0.8
+"""Share of the squared held-out error beyond the noise that must be taken away for an effect to be named."""
+MATERIAL = 0.02
+"""Error beyond the noise over the motion, both RMS, below which what is left does not matter."""
 TIE = 6.0
 """Fall of the log-likelihood of held-out motion below which two models are not told apart. An effect that is not there
 gains 1 to 3 by chance as the best of some fifteen."""
@@ -30,7 +34,7 @@ TEMPERATURE = 2.0
 """By which differences of the log-likelihood are divided for a confidence: what the reliability diagram asks for."""
 FEWEST_BLOCKS = 8
 """Periods from which a standard error can be taken."""
-PRICE = 4.0
+PRICE = 3.0
 """Of one effect more, in the log of its prior odds: one in twenty is there."""
 DRAWS = 400
 """Bootstrap draws of the share that is explained."""
@@ -83,13 +87,6 @@ class Field:
             return Scored(model, Fitted(-np.inf, 0.0, 0.0, 0.0, 0.0, each), extra)
         return Scored(model, fit_errors(self.blocks, model.heldout), extra)
 
-    def tie(self, one: Scored, other: Scored) -> float:
-        """Return the difference of score below which two candidates are not told apart: one standard error of it."""
-        difference = self.by_block(other.errors.each - one.errors.each)
-        if len(difference) < FEWEST_BLOCKS:
-            return TIE
-        return max(TIE, float(np.std(difference)) * float(np.sqrt(len(difference))))
-
     def spread(self, scored: Scored) -> float:
         """Return the standard deviation of twice the log-likelihood that the best has more, from period to period."""
         difference = self.by_block(self.best.errors.each - scored.errors.each)
@@ -100,32 +97,74 @@ class Field:
         starts = np.cumsum([0, *(b - a for _, a, b in self.blocks.cuts[:-1])])
         return np.add.reduceat(each, starts)
 
-    def near(self, one: Scored) -> list[Scored]:
-        """Return the candidates that are not told from one."""
-        return [
-            s for s in self.scored
-            if np.isfinite(s.score) and (one.score - s.score <= self.tie(one, s) or self.gap(one, s) <= TIE)
-        ]  # fmt: skip
-
     def gap(self, one: Scored, other: Scored) -> float:
-        """Return how much worse a candidate is than one, in nats.
+        """Return how much worse a candidate is than one, in nats; up to `TIE` they are not told apart.
 
-        Where neither is exact, what is left is a law of tilt and rate that comes back in each swing: however long the log,
-        it counts as a dozen independent values, and two a period at most; and a hundredth of the motion does not matter.
+        A difference that comes from few of the periods is no surer than they agree: one paired standard error counts `TIE`
+        at most. Where neither is exact, what is left is a law of tilt and rate that comes back in each swing: however long
+        the log, it counts as a dozen independent values, and two a period at most; and a hundredth of the motion does not
+        matter.
         """
         if not np.isfinite(other.score):
             return float("inf")
-        gap = one.score - other.score
+        by_block = self.by_block(other.errors.each - one.errors.each)
+        count = len(by_block)
+        error = float(np.std(by_block) * np.sqrt(count)) if count >= FEWEST_BLOCKS else 0.0
+        gap = (one.score - other.score) * TIE / max(TIE, error)
         if not self.inexact:
             return gap
         small = (NEGLIGIBLE * self.motion) ** 2
-        values = min(LAWFUL, 2 * len(self.blocks.cuts))
         before, after = (max(self.excess(s), 0.0) + small + 1e-30 for s in (one, other))
-        return min(gap, 0.5 * values * float(np.log(max(after / before, 1.0))))
+        lawful = 0.5 * min(LAWFUL, 2 * count) * float(np.log(max(after / before, 1.0)))
+        return min(gap, lawful + GAIN * (other.model.size - one.model.size))
+
+    def near(self, one: Scored) -> list[Scored]:
+        """Return the candidates that are not told from one."""
+        return [s for s in self.scored if self.gap(one, s) <= TIE]
+
+    def _possible(self) -> list[Scored]:
+        """Return the candidates that may be true.
+
+        Where something is missing for sure, what does not explain it is out, if anything does. What nobody has met, a law
+        outside the catalogue, counts only where it leaves nothing.
+        """
+        known = [s for s in self.scored if np.isfinite(s.score) and not (s.model.shape and self.inexact)]
+        if self.left(self.base) <= MATERIAL:
+            return known
+        return [s for s in known if self.explained(s) >= EXPLAINED] or known
+
+    def behind(self, scored: Scored) -> float:
+        """Return by how much the candidate that beats one most does so, in nats."""
+        return max(self.gap(other, scored) for other in self._possible())
+
+    def likely(self) -> dict[frozenset[str], float]:
+        """Return the probability of each set of families that was tried, by its likeliest candidate."""
+        weights: dict[frozenset[str], float] = {}
+        for s in self._possible():
+            key = families_of(s.model, self.base_effects)
+            weight = float(np.exp(-self.behind(s) / TEMPERATURE - PRICE * s.extra))
+            weights[key] = max(weights.get(key, 0.0), weight)
+        whole = max(sum(weights.values()), 1e-300)
+        return {key: weight / whole for key, weight in weights.items()}
+
+    def confidence(self, families: frozenset[str], idle: frozenset[str] = frozenset()) -> float:
+        """Return the probability of a set of families against all others that were tried.
+
+        Args:
+            families: What is named.
+            idle: What is there or not, but does not matter.
+        """
+        return sum(p for key, p in self.likely().items() if families <= key <= families | idle)
 
     def winner(self) -> Scored:
-        """Return the simplest candidate that is not told from the best."""
-        return min(self.near(self.best), key=lambda s: (s.model.size, s.extra, -s.score))
+        """Return the simplest of the candidates that may be true and that none beats: fewest effects, then parameters."""
+        possible = self._possible()
+        near = [s for s in possible if self.behind(s) <= TIE] or possible
+        return min(near, key=lambda s: (s.extra, s.model.size, -s.score))
+
+    def left(self, scored: Scored) -> float:
+        """Return the held-out error beyond the noise over the motion, both RMS."""
+        return float(np.sqrt(max(self.excess(scored), 0.0))) / max(self.motion, 1e-300)
 
     def excess(self, scored: Scored) -> float:
         """Return the held-out mean square error beyond the sensor's noise [rad²]."""
@@ -153,11 +192,14 @@ class Field:
 
     def _excess_by_block(self, scored: Scored) -> Array:
         """Return mean squares less the sensor's noise, of blocks weighted by their lengths."""
-        lengths = np.array([b - a for _, a, b in self.blocks.cuts], dtype=float)
-        noise = self.noise**2
         assert scored.model.heldout is not None
         squares = np.array([float(np.sum(scored.model.heldout[i][a:b] ** 2)) for i, a, b in self.blocks.cuts])
-        return (squares / lengths - noise) * lengths / lengths.mean()
+        return (squares / self._lengths - self.noise**2) * self._lengths / self._lengths.mean()
+
+    @property
+    def _lengths(self) -> Array:
+        """Samples of each block, shape (blocks,)."""
+        return np.array([b - a for _, a, b in self.blocks.cuts], dtype=float)
 
     @property
     def noise(self) -> float:
@@ -169,23 +211,6 @@ class Field:
     def motion(self) -> float:
         """RMS of the held-out motion about rest [rad]."""
         return float(np.sqrt(np.mean(self.blocks.signal_square)))
-
-    def confidence(self, families: frozenset[str], idle: frozenset[str] = frozenset()) -> float:
-        """Return the probability of a set of families against all others that were tried.
-
-        Args:
-            families: What is named.
-            idle: What is there or not, but does not matter.
-        """
-        weights: dict[frozenset[str], float] = {}
-        for s in self.scored:
-            if s.model.shape and self.inexact:
-                continue  # what nobody has met counts only where it leaves nothing
-            key = families_of(s.model, self.base_effects)
-            value = -self.gap(self.best, s) / TEMPERATURE - PRICE * s.extra
-            weights[key] = max(weights.get(key, 0.0), float(np.exp(value)))
-        mine = sum(weight for key, weight in weights.items() if families <= key <= families | idle)
-        return mine / max(sum(weights.values()), 1e-300)
 
 
 def families_of(model: Candidate, base: Sequence[str]) -> frozenset[str]:

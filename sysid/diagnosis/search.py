@@ -37,10 +37,15 @@ FRICTIONLESS = 0.4
 """Share of a model's damping that is left to it where dry friction joins."""
 HANGS = 1.1
 """Ratio of squared errors up to which a joint with a spring beside gravity is no better than one without: 5 % of error."""
+VARIANTS = 3
+"""Models of one set of families that are predicted."""
 ASIDE = (0.7, 1.5)
 """Factors of a nonsmooth effect's parameters from which it is searched again on the fine grid, where it is not at the noise."""
 BEATEN, FAR = 6, 60.0
 """A union is given up when this many others have reached less than it promises, by that much of χ²."""
+
+HOPELESS = 8.0
+"""Error beyond the noise, squared, over the best model's, from which a model is not predicted: far beyond what is not told apart."""
 
 Progress = Callable[[str, float], None]
 
@@ -340,22 +345,39 @@ class Search:
         return Candidate(effects=effects, problem=problem, minimum=min(found, key=lambda m: m.normal.cost))
 
     def finalists(self, models: Iterable[Candidate]) -> list[Candidate]:
-        """Return models fitted on the fine grid, simple ones first, with what they miss of held-out releases."""
+        """Return models fitted on the fine grid, simple ones first, and what those in the running miss of held-out releases."""
         done: dict[tuple[str, ...], Candidate] = {}
         for _, group in itertools.groupby(sorted(models, key=_count), key=_count):
             jobs = [
                 (m, [known for names, known in done.items() if set(names) < set(m.effects)]) for m in group
             ]
-            share = 0.85 + 0.1 * (len(done) > 1)
-            done.update(
-                {m.effects: m for m in self.each("predicting", Search.finalist, jobs, share, share + 0.04)}
-            )
+            share = 0.85 + 0.05 * (len(done) > 1)
+            done.update({m.effects: m for m in self.each("refining", Search.fine, jobs, share, share + 0.02)})
+        # What the best one needs not may have kept its own fit from the right valley.
+        best = min(done.values(), key=lambda m: m.cost)
+        again = [
+            (m, [best]) for names, m in done.items() if names != self.base and set(names) < set(best.effects)
+        ]
+        for model in self.each("refining", Search.fine, again, 0.92, 0.93):
+            done[model.effects] = min(done[model.effects], model, key=lambda m: m.cost)
+        ranked = sorted(done.values(), key=lambda m: m.cost)
+        beyond = max(FAR, HOPELESS * (ranked[0].cost - ranked[0].problem.samples))
+        running = [
+            m
+            for i, m in enumerate(ranked)
+            if i < BEATEN or m.cost < ranked[0].cost + beyond or m.effects == self.base
+        ]
+        for model in self.each("predicting", Search.predicted, [(m,) for m in running], 0.93, 0.98):
+            done[model.effects] = model
         return list(done.values())
 
     def finalist(self, model: Candidate, parents: Sequence[Candidate]) -> Candidate:
-        """Return a model fitted on the fine grid, from where it is and from simpler ones, and its predictions."""
-        fine = self.fine(model, parents)
-        return replace(fine, heldout=surprising_residuals(fine.problem, fine.minimum))
+        """Return a model fitted on the fine grid, from where it is and from others, and its predictions."""
+        return self.predicted(self.fine(model, parents))
+
+    def predicted(self, model: Candidate) -> Candidate:
+        """Return a model with what it misses of held-out releases."""
+        return replace(model, heldout=surprising_residuals(model.problem, model.minimum))
 
     def fine(
         self, model: Candidate, parents: Sequence[Candidate] = (), *, average: int | None = None
@@ -364,7 +386,7 @@ class Search:
 
         Args:
             model: Where it starts.
-            parents: Simpler models, whose optima are starts too.
+            parents: Other models, simpler or richer, whose optima are starts too.
             average: Samples of which means are fitted; as in the search, if left out.
         """
         old = model.problem
@@ -413,6 +435,20 @@ def best_of(models: Sequence[Candidate], count: int) -> list[Candidate]:
     frugal = sorted(models, key=lambda m: 6 * np.log(max(m.cost, 1e-300)) + m.size)
     turns = zip(sorted(models, key=lambda m: m.cost), frugal, strict=True)
     return list({id(m): m for pair in turns for m in pair}.values())[:count]
+
+
+def best_families(models: Sequence[Candidate], count: int) -> list[Candidate]:
+    """Return the best models of the best sets of families: of each the one with the least error, and the one with the least for its size."""
+    groups: dict[frozenset[str], list[Candidate]] = {}
+    for model in models:
+        groups.setdefault(frozenset(effect(name).family for name in model.effects), []).append(model)
+    leaders = best_of([min(group, key=lambda m: m.cost) for group in groups.values()], count)
+    return [
+        m
+        for group in groups.values()
+        if any(one is m for m in group for one in leaders)
+        for m in best_of(group, VARIANTS)
+    ]
 
 
 def inherited(problem: Problem, known: Candidate) -> Array:

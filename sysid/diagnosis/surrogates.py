@@ -86,13 +86,17 @@ def surrogate(search: Search, model: Candidate, kept: tuple[str, ...], shape: st
 def surrogates(search: Search, model: Candidate) -> list[Candidate]:
     """Return the best shape in each of a model's effects' places and in all of them, predicted.
 
+    In one release alone the amplitude only falls, so a law that changes with time can be any law that changes with amplitude:
+    it says nothing there.
+
     In this process: laws that are no module's do not travel to another.
     """
     named = tuple(n for n in model.effects if n not in search.base)
+    shapes = [shape for shape, law in LAWS.items() if len(search.records) > 1 or not law.changes]
     best: list[Candidate] = []
     for place in dict.fromkeys([named, *((name,) for name in named)]):
         kept = tuple(n for n in model.effects if n not in place)
-        best.append(min((surrogate(search, model, kept, shape) for shape in LAWS), key=lambda m: m.cost))
+        best.append(min((surrogate(search, model, kept, shape) for shape in shapes), key=lambda m: m.cost))
         if search.progress is not None:
             search.progress("laws outside the catalogue", 0.97)
     return [search.finalist(m, []) for m in best]

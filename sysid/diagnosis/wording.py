@@ -48,15 +48,21 @@ def experiment_in_words(found: Experiment | None, one: str, other: str, fallback
     """Return the experiment that decides between two models, as a sentence with numbers."""
     if found is None:
         return (
-            f"No release from within the angles of these logs, made up to five times, tells {one} from {other} at 95 %. "
+            f"No release up to one and a half times the angles of these logs, made up to five times, tells {one} from {other} at 95 %. "
             f"{fallback}"
         ).strip()
     side = "right" if found.angle > 0 else "left"
+    each = "" if found.number == 1 else " each"
     times = "once" if found.number == 1 else f"{found.number} times"
     return (
-        f"Release {times} from {abs(np.degrees(found.angle)):.3g}° ({side} edge down) and record {found.duration:.2g} s: "
+        f"Release {times} from {abs(np.degrees(found.angle)):.3g}° ({side} edge down) and record {rounded(found.duration)} s{each}: "
         f"{one} and {other} then differ by up to {np.degrees(found.difference):.2g}°, which decides at 95 %. {fallback}"
     ).strip()
+
+
+def rounded(number: float) -> str:
+    """Return a number with two digits at least, never with an exponent."""
+    return f"{number:.0f}" if number >= 10 else f"{number:.2g}"
 
 
 def titles(names: Sequence[str]) -> str:

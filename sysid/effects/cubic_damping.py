@@ -39,7 +39,7 @@ EFFECT = TorqueEffect(
             name="coefficient",
             unit="N*m*s^3/rad^3",
             size=lambda s: s.torque / s.rate**3,
-            low=-0.3,
+            low=0.0,
             high=10.0,
             starts=(0.05, 0.5),
         ),

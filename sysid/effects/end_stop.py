@@ -9,12 +9,21 @@ from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffe
 if TYPE_CHECKING:
     import mujoco
 
+RAMP = 0.1
+"""Width of the range of tilt in which the damper sets in, over the angle of the stop: two steps of the integration, at 1/128 of
+a period each. A stop with a loss, 40 times as stiff as the spring, is then fitted to 1 %."""
+
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
-    """Return -(k_s (|x| - a) sgn x + d_s v) beyond ±a, else 0 [N*m]."""
+    """Return -(k_s (|x| - a) sgn x + d_s v) beyond ±a, else 0 [N*m].
+
+    A damper that sets in at once makes a jump, which no integrator's step and no derivative with respect to `a` sees: it sets
+    in over `RAMP` about ±a instead, which takes the same impulse.
+    """
     del states
-    beyond = motion.tilt - m.maximum(-parameters["angle"], m.minimum(parameters["angle"], motion.tilt))
-    touching = m.where(m.abs(motion.tilt) > parameters["angle"], 1.0, 0.0)
+    angle = parameters["angle"]
+    beyond = motion.tilt - m.maximum(-angle, m.minimum(angle, motion.tilt))
+    touching = m.minimum(m.maximum((m.abs(motion.tilt) / angle - 1) / RAMP + 0.5, 0.0), 1.0)
     return -parameters["stiffness"] * beyond - parameters["damping"] * motion.rate * touching
 
 
@@ -47,6 +56,9 @@ def as_freeplay(parameters: Values) -> list[dict[str, float]]:
     return [freeplay]
 
 
+SOFTEST = 0.1
+"""Stiffness of a stop over the joint's own: what bends the spring by less is no stop but another spring law."""
+
 EFFECT = TorqueEffect(
     name="end-stop",
     title="end stop or bumper",
@@ -65,7 +77,7 @@ EFFECT = TorqueEffect(
             name="stiffness",
             unit="N*m/rad",
             size=lambda s: s.stiffness,
-            low=0.0,
+            low=SOFTEST,
             high=60.0,
             starts=(2.0, 8.0),
         ),

@@ -39,7 +39,7 @@ EFFECT = TorqueEffect(
             name="coefficient",
             unit="N*m*s^2/rad^2",
             size=lambda s: s.torque / s.rate**2,
-            low=-0.5,
+            low=0.0,
             high=5.0,
             starts=(0.05, 0.5),
         ),

@@ -199,7 +199,7 @@ def fit_joint(
         problem, minimum, warnings = _springless(problem, minimum, board)
     if (
         "damping" in {*problem.names} - {*problem.bounded}
-        and problem.parameters(minimum.point)["damping"] < 0
+        and problem.parameters(minimum.point)["damping"] <= 0
     ):
         problem, minimum = _without_damper(problem, minimum)
     if options.robust:

@@ -186,7 +186,8 @@ class Problem:
 
     def bounds(self) -> tuple[Array, Array]:
         """Return lower and upper bounds in units of the sizes, shape (p,) each."""
-        known = {"stiffness": (-3.0, 50.0), "damping": (-0.5, 20.0), "rest_angle": (-2.0, 2.0)}
+        # A spring may push (gravity outweighs it, or a bend of another law is taken for one); nothing passive drives.
+        known = {"stiffness": (-3.0, 50.0), "damping": (0.0, 20.0), "rest_angle": (-2.0, 2.0)}
         for part in self.structure.parts:
             known.update({f"{part.name}.{p.name}": (p.low, p.high) for p in part.parameters})
         own = [(-4.0, 4.0)] * 2

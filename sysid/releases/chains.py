@@ -22,6 +22,8 @@ WANDER = 0.03
 """Share of the first swing by which the zero of a sensor may move within one swing: a gyro's integral, a warm IMU."""
 STILL_HELD = 1.0
 """A deck that has not left this many swings' 10 to 90 % times after the given release was not let go then."""
+HAND = 0.025
+"""Logarithm of two swings' ratio by which a first one from no rest may lose more than any free one: 2.5 % of its size."""
 SHARE_OF_HALF = 0.59
 """10 to 90 % time of a swing over half a period, lightly damped."""
 
@@ -190,9 +192,9 @@ def _rest_angle(swings: list[HalfCycle]) -> float:
 
 
 def _first_swing_is_odd(swings: list[HalfCycle]) -> bool:
-    """Whether the first swing loses far more than the next ones: a hand was still on the deck."""
-    losses = [math.log(one.size / other.size) for one, other in pairwise(swings[:4])]
-    return losses[0] > 0.12 + 2.0 * losses[1] - losses[2] and losses[0] > 1.8 * losses[1]
+    """Whether the first swing loses more than the steepest drag, v³, makes of what the next ones lose: a hand was still on the deck."""
+    first, second = (math.log(one.size / other.size) for one, other in pairwise(swings[:3]))
+    return first > second * (swings[0].size / swings[1].size) ** 2 + HAND
 
 
 def given_segment(signal: SmoothedSignal, swings: list[HalfCycle], time: float, log: str) -> Segment:

@@ -81,7 +81,7 @@ def test_what_json_cannot_hold_becomes_null():
     from sysid.diagnosis.report import to_json
 
     lost = Candidate(
-        effects=("freeplay",), rmse=np.inf, heldout_rmse=-np.inf, score=np.nan,
+        effects=("freeplay",), rmse=np.inf, heldout_rmse=-np.inf, score=np.nan, score_std=np.nan,
         parameters={"stiffness": Quantity(np.inf, np.nan, "N*m/rad", "x")},
     )  # fmt: skip
     size = Importance(

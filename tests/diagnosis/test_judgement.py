@@ -54,6 +54,19 @@ def test_the_simplest_of_those_that_are_not_told_apart_wins(friction):
     assert not near & {(), ("quadratic-damping",)}
 
 
+def test_what_explains_nothing_cannot_win_where_something_is_missing(friction, monkeypatch):
+    """Even if the data told nothing from anything, the joint without friction leaves too much."""
+    _, field = friction
+    monkeypatch.setattr(Field, "behind", lambda self, scored: 0.0)
+    assert field.winner().model.effects == ("coulomb",)
+
+
+def test_the_likeliest_families_are_those_that_are_there(friction):
+    _, field = friction
+    assert field.confidence(frozenset({"friction"})) > 0.99
+    assert sum(field.likely().values()) == pytest.approx(1.0)
+
+
 def test_what_is_there_explains_all_and_is_certain(friction):
     _, field = friction
     assert field.explained(field.winner()) > 0.97
@@ -94,9 +107,10 @@ def test_the_experiment_is_the_smallest_that_decides(friction):
     _, field = friction
     rival = next(s for s in field.scored if s.model.effects == ("quadratic-damping",))
     loud, quiet = (
-        deciding(field.winner().model, rival.model, Fitted(0.0, noise, 0.0, 0.0, 0.0, np.zeros(1)))
+        deciding(field.winner().model, rival.model, Fitted(0.0, noise, 0.0, 0.0, 0.0, np.zeros(1)), 0.2)
         for noise in (300 * NOISE, NOISE)
     )
     assert quiet is not None
+    assert 0.25 * 0.17 < abs(quiet.angle) < 0.2
     assert loud is None or abs(loud.angle) > abs(quiet.angle) or loud.number > quiet.number
     assert pytest.approx(np.log(19.0)) == DECIDED

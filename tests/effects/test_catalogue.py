@@ -251,3 +251,15 @@ def test_every_effect_belongs_to_a_family_of_things_that_look_the_same():
 @pytest.mark.parametrize("name", NAMES)
 def test_an_effect_can_be_part_of_a_structure_that_functions_are_kept_for(name):
     assert hash(effect(name)) == hash(effect(name))
+
+
+def test_a_stop_takes_the_impulse_of_a_damper_that_sets_in_at_once():
+    """Over the range in which it sets in, it takes what the sharp law takes beyond the angle; no more before, no less after."""
+    from sysid.effects import end_stop
+
+    angle, damping = 0.12, 0.4
+    tilt = np.linspace(0.0, 0.2, 20001)
+    parameters = {"angle": angle, "stiffness": 0.0, "damping": damping}
+    torque = end_stop.torque(NumpyAlgebra(), JointState(tilt, np.ones_like(tilt), tilt, 14.7), parameters, ())
+    assert np.trapezoid(torque, tilt) == pytest.approx(-damping * (0.2 - angle), rel=1e-3)
+    assert np.all(torque[tilt < angle * (1 - end_stop.RAMP)] == 0)
