@@ -1,6 +1,7 @@
 """A bumper that the deck meets on one side only."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from sysid.effects import end_stop
@@ -11,14 +12,19 @@ if TYPE_CHECKING:
     import mujoco
 
 
+NEAREST = 1e-6
+"""Angle of a stop at rest, instead of zero: the range in which the damper sets in is a share of it [rad]."""
+
+
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
-    """Return -k_s (x - a) - d_s v where x is beyond a, on the side of a, else 0 [N*m]."""
-    del states
+    """Return -k_s (x - a) - d_s v where x is beyond a, on the side of a, else 0 [N*m].
+
+    It is that of the stop on both sides, for a deck that does not go to the other one.
+    """
     angle = parameters["angle"]
     side = m.where(angle > 0, 1.0, -1.0)
-    beyond = m.maximum(side * (motion.tilt - angle), 0.0)
-    touching = m.where(beyond > 0, 1.0, 0.0)
-    return -side * parameters["stiffness"] * beyond - parameters["damping"] * motion.rate * touching
+    here = replace(motion, tilt=side * m.maximum(side * motion.tilt, 0.0))
+    return end_stop.torque(m, here, {**parameters, "angle": m.maximum(side * angle, NEAREST)}, states)
 
 
 def to_mjcf(

@@ -104,6 +104,8 @@ def test_parameters_come_in_order_and_defaults_fill_the_end():
         ("one-sided-stop", (0.1, 60.0, 0.5), -0.15, 2.0, 0.0),
         ("one-sided-stop", (-0.1, 60.0, 0.5), -0.15, 2.0, 2.0),
         ("one-sided-stop", (-0.1, 60.0, 0.5), 0.15, 2.0, 0.0),
+        ("one-sided-stop", (0.0, 60.0, 0.5), 0.15, 2.0, 0.0),
+        ("one-sided-stop", (-1e-6, 60.0, 0.5), -0.15, 2.0, 7.99994),
         ("bilinear-stiffness", (3.0,), 0.1, 0.0, -0.3),
         ("bilinear-stiffness", (3.0,), -0.1, 0.0, -0.3),
         ("freeplay", (0.02,), 0.15, 0.0, 14.684 * 0.02),
@@ -253,13 +255,17 @@ def test_an_effect_can_be_part_of_a_structure_that_functions_are_kept_for(name):
     assert hash(effect(name)) == hash(effect(name))
 
 
-def test_a_stop_takes_the_impulse_of_a_damper_that_sets_in_at_once():
+@pytest.mark.parametrize(("name", "side"), [("end-stop", 1), ("one-sided-stop", 1), ("one-sided-stop", -1)])
+def test_a_stop_takes_the_impulse_of_a_damper_that_sets_in_at_once(name: str, side: int):
     """Over the range in which it sets in, it takes what the sharp law takes beyond the angle; no more before, no less after."""
-    from sysid.effects import end_stop
+    from sysid.effects.end_stop import RAMP
 
     angle, damping = 0.12, 0.4
-    tilt = np.linspace(0.0, 0.2, 20001)
-    parameters = {"angle": angle, "stiffness": 0.0, "damping": damping}
-    torque = end_stop.torque(NumpyAlgebra(), JointState(tilt, np.ones_like(tilt), tilt, 14.7), parameters, ())
-    assert np.trapezoid(torque, tilt) == pytest.approx(-damping * (0.2 - angle), rel=1e-3)
-    assert np.all(torque[tilt < angle * (1 - end_stop.RAMP)] == 0)
+    reach = np.linspace(0.0, 0.2, 20001)
+    tilt = side * reach
+    parameters = {"angle": side * angle, "stiffness": 0.0, "damping": damping}
+    motion = JointState(tilt, np.ones_like(tilt), tilt, 14.7)
+    torque = effect(name).torque(NumpyAlgebra(), motion, parameters, ())
+    assert np.trapezoid(torque, reach) == pytest.approx(-damping * (0.2 - angle), rel=1e-3)
+    assert np.all(torque[reach < angle * (1 - RAMP)] == 0)
+    assert np.abs(np.diff(torque)).max() < 1e-3 * damping, "no jump"
