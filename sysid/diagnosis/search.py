@@ -246,14 +246,16 @@ class Search:
 
     def hung(self, singles: Sequence[Candidate]) -> tuple["Search", list[Candidate]]:
         """Let weight take the spring's place if it does as well alone as beside a spring, or the spring came out pushing."""
-        names = (*self.base, weight())
-        both = next((m for m in singles if set(m.effects) == set(names)), None)
+        names = tuple(sorted({*self.base, weight()}))
+        both = next((m for m in singles if m.effects == names), None)
         if both is None or "stiffness" not in both.problem.names:
             return self, list(singles)
         other = replace(self, hangs=True)
         alone = other.single(names, singles[0])
         if alone.cost > HANGS * both.cost and both.parameters["stiffness"] > 0:
             return self, list(singles)
+        if names == self.base:  # every one of them has the weight
+            return other, other.singles()
         return other, [alone if m is both else m for m in singles]
 
     def unions(

@@ -1,6 +1,8 @@
 """The search: a richer model is never worse than what it contains."""
 
 import itertools
+from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -60,7 +62,7 @@ def test_the_best_are_those_with_the_least_error_and_the_most_frugal(search):
 
 
 def test_a_pendulum_is_searched_without_a_spring():
-    """Of a swing of 70° the sine shows; then gravity alone does as well as gravity and a spring."""
+    """Of a swing of 70° the sine shows; then gravity alone does as well as gravity and a spring, in the record or not."""
     board = load_board(shipped_data() / "boards" / "pink.toml")
     law = JointLaw(inertia=board.inertia.value, stiffness=0.0, damping=0.01).with_effect("gravity", 0.6)
     time = np.arange(0.0, 4.0, 0.01)
@@ -77,3 +79,11 @@ def test_a_pendulum_is_searched_without_a_spring():
     assert "stiffness" not in gravity.problem.names
     assert gravity.parameters["gravity.moment"] == pytest.approx(0.6, rel=1e-3)
     assert gravity.parameters["sensor-bias.angle"] == pytest.approx(0.05, abs=1e-3)
+
+    known = replace(search, base=("gravity",))
+    with patch.object(Search, "names", return_value=["coulomb"]):
+        other, (hung, coulomb) = known.hung(known.singles())
+    assert other.hangs
+    assert (hung.effects, coulomb.effects) == (("gravity",), ("coulomb", "gravity"))
+    assert hung.parameters["gravity.moment"] == pytest.approx(0.6, rel=1e-3)
+    assert not {"stiffness"} & {*hung.problem.names, *coulomb.problem.names}
