@@ -549,7 +549,7 @@ def _experiment(search: Search, tried: Field, chosen: Scored, board: Board) -> s
     ]  # fmt: skip
     if not others:
         return ""
-    rival = max(others, key=lambda s: s.score - PRICE * s.extra)
+    rival = max(others, key=lambda s: s.score - PRICE * s.choices)
     names = [tuple(n for n in s.model.effects if n not in search.base) for s in (chosen, rival)]
     reach = board.tilt["range"].value if "range" in board.tilt else np.inf
     found = deciding(chosen.model, rival.model, tried.best.errors, reach)

@@ -29,13 +29,15 @@ NEGLIGIBLE = 0.01
 INEXACT = 1.5
 """Error over the noise floor from which even the best model is not exact."""
 GAIN = 1.0
-"""Of a parameter that may move towards what it predicts, as of one that is fitted to it (Akaike 1974) [nats]."""
+"""Of a parameter that may move towards what it predicts, as of one that is fitted to it (Akaike 1974) [nats]; from eight
+periods on it pays half the log of their number (Schwarz 1978)."""
 TEMPERATURE = 2.0
 """By which differences of the log-likelihood are divided for a confidence: what the reliability diagram asks for."""
 FEWEST_BLOCKS = 8
 """Periods from which a standard error can be taken."""
-PRICE = 3.0
-"""Of one effect more, in the log of its prior odds: one in twenty is there."""
+PRICE = 1.5
+"""Of one effect more, and of each parameter of its law, in the log of the prior odds: of a law with one, one in twenty is
+there."""
 DRAWS = 400
 """Bootstrap draws of the share that is explained."""
 
@@ -49,11 +51,10 @@ class Scored:
     """On held-out motion."""
     extra: int
     """Effects beyond the board's record, laws outside the catalogue included."""
-
-    @property
-    def score(self) -> float:
-        """Log-likelihood of held-out motion, less what the parameters gain by moving towards it [nats]."""
-        return self.errors.log_likelihood - GAIN * self.model.size
+    choices: int
+    """Those, and the parameters of their laws: a bumper with three is no simpler than drag and a stiffening spring."""
+    score: float
+    """Log-likelihood of held-out motion, less the price of the parameters and of internal states that were fitted [nats]."""
 
 
 class Field:
@@ -71,8 +72,11 @@ class Field:
             floor: Noise of the sensor [rad or rad/s].
         """
         self.base_effects = base
+        linear = next(m for m in models if m.effects == base and not m.shape)
+        self.base_parameters = len(linear.problem.names)
         best = min(models, key=lambda m: m.cost)
         self.blocks = held_blocks(best, period)
+        self.gain = max(GAIN, 0.5 * float(np.log(len(self.blocks.cuts))))
         self.scored = [self.score(model) for model in models]
         self.base = next(s for s in self.scored if s.model.effects == base and not s.model.shape)
         self.best = max(self.scored, key=lambda s: s.score)
@@ -82,10 +86,12 @@ class Field:
         """Score one candidate."""
         assert model.heldout is not None
         extra = len(model.effects) - len(self.base_effects) + bool(model.shape)
-        if not np.isfinite(model.heldout_rmse):
-            each = np.full(len(self.blocks.frequency), -1e9)
-            return Scored(model, Fitted(-np.inf, 0.0, 0.0, 0.0, 0.0, each), extra)
-        return Scored(model, fit_errors(self.blocks, model.heldout), extra)
+        choices = extra + len(model.problem.names) - self.base_parameters
+        if np.isfinite(model.heldout_rmse):
+            errors = fit_errors(self.blocks, model.heldout)
+        else:
+            errors = Fitted(-np.inf, 0.0, 0.0, 0.0, 0.0, np.full(len(self.blocks.frequency), -1e9))
+        return Scored(model, errors, extra, choices, errors.log_likelihood - self.gain * model.size)
 
     def spread(self, scored: Scored) -> float:
         """Return the standard deviation of twice the log-likelihood that the best has more, from period to period."""
@@ -116,7 +122,7 @@ class Field:
         small = (NEGLIGIBLE * self.motion) ** 2
         before, after = (max(self.excess(s), 0.0) + small + 1e-30 for s in (one, other))
         lawful = 0.5 * min(LAWFUL, 2 * count) * float(np.log(max(after / before, 1.0)))
-        return min(gap, lawful + GAIN * (other.model.size - one.model.size))
+        return min(gap, lawful + self.gain * (other.model.size - one.model.size))
 
     def near(self, one: Scored) -> list[Scored]:
         """Return the candidates that are not told from one."""
@@ -142,7 +148,7 @@ class Field:
         weights: dict[frozenset[str], float] = {}
         for s in self._possible():
             key = families_of(s.model, self.base_effects)
-            weight = float(np.exp(-self.behind(s) / TEMPERATURE - PRICE * s.extra))
+            weight = float(np.exp(-self.behind(s) / TEMPERATURE - PRICE * s.choices))
             weights[key] = max(weights.get(key, 0.0), weight)
         whole = max(sum(weights.values()), 1e-300)
         return {key: weight / whole for key, weight in weights.items()}
@@ -157,10 +163,10 @@ class Field:
         return sum(p for key, p in self.likely().items() if families <= key <= families | idle)
 
     def winner(self) -> Scored:
-        """Return the simplest of the candidates that may be true and that none beats: fewest effects, then parameters."""
+        """Return the simplest of the candidates that may be true and that none beats: by effects and parameters, then by score."""
         possible = self._possible()
         near = [s for s in possible if self.behind(s) <= TIE] or possible
-        return min(near, key=lambda s: (s.extra, s.model.size, -s.score))
+        return min(near, key=lambda s: (s.choices, -s.score))
 
     def left(self, scored: Scored) -> float:
         """Return the held-out error beyond the noise over the motion, both RMS."""

@@ -1,5 +1,7 @@
 """One judgement: what counts as equally good, what matters, and the experiment that decides."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -52,6 +54,36 @@ def test_the_simplest_of_those_that_are_not_told_apart_wins(friction):
     near = {s.model.effects for s in field.near(field.best)}
     assert ("stribeck",) in near
     assert not near & {(), ("quadratic-damping",)}
+
+
+def test_of_those_not_told_apart_a_law_of_three_parameters_is_no_simpler_than_two_of_one(
+    friction, monkeypatch
+):
+    """Each effect counts, and each parameter of its law; among as simple ones the likeliest wins."""
+    _, field = friction
+    by_name = {s.model.effects: s for s in field.scored}
+    assert {names: s.choices for names, s in by_name.items()} == {
+        (): 0, ("coulomb",): 2, ("quadratic-damping",): 2, ("stribeck",): 4,
+    }  # fmt: skip
+    rich = by_name["stribeck",]
+    pair = replace(by_name["quadratic-damping",], extra=2, choices=4, score=rich.score + 1.0)
+    monkeypatch.setattr(Field, "behind", lambda self, scored: 0.0)
+    monkeypatch.setattr(Field, "_possible", lambda self: [rich, pair])
+    assert field.winner() is pair
+    pair = replace(pair, score=rich.score - 1.0)
+    assert field.winner() is rich
+    pair = replace(pair, choices=3)
+    assert field.winner() is pair
+
+
+def test_a_parameter_pays_more_on_a_long_log(friction):
+    """Half the log of the periods from eight on: 1 nat before."""
+    _, field = friction
+    linear = next(s for s in field.scored if s.extra == 0)
+    assert linear.errors.log_likelihood - linear.score == pytest.approx(linear.model.size * field.gain)
+    assert field.gain == pytest.approx(0.5 * np.log(len(field.blocks.cuts)))
+    few = Field([s.model for s in field.scored], (), 1e3, NOISE)
+    assert few.gain == 1.0
 
 
 def test_what_explains_nothing_cannot_win_where_something_is_missing(friction, monkeypatch):
