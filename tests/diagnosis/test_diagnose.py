@@ -94,7 +94,7 @@ def test_what_json_cannot_hold_becomes_null():
     )  # fmt: skip
     result = SimpleNamespace(
         noise=SimpleNamespace(std=1e-3), baseline=lost, candidates=(lost,), verdict=verdict,
-        shares={"freeplay": np.nan}, doubts=(), board="pink", logs=("a.csv",), swing_frequency=None, heldout_before=(np.inf,), heldout_after=(0.1,),
+        shares={"freeplay": np.nan}, doubts=(), learned=None, board="pink", logs=("a.csv",), swing_frequency=None, heldout_before=(np.inf,), heldout_after=(0.1,),
     )  # fmt: skip
     content = json.loads(json.dumps(to_json(result), allow_nan=False))
     first = content["candidates"][0]
