@@ -2,7 +2,8 @@
 
 The free motion is told from the pushed one where later swings are a linear decay to the noise and the beginning is not.
 A joint that is not linear shows it in later swings too; one with a memory, or behind a filter, adds an exponential to
-the beginning; and a stop adds energy, where a hand that is slower than the spring takes some. None of them is cut.
+the beginning; and neither a stop nor friction holds the deck back, as a hand does that is slower than the spring. None of
+them is cut.
 """
 
 import math
@@ -22,7 +23,13 @@ SWINGS = 8.0
 """Periods of a decay that are looked at."""
 BLOCK, STEP = 0.12, 0.02
 """Periods over which residuals are pooled, and by which the start moves on; the first that are noise may hold the hand's last."""
-AT_NOISE = 1.2
+MOST_DAMPED = 0.2
+"""Damping ratio over which too little of a decay is left after a hand to tell it from one."""
+LEAST = 40
+"""Samples after the latest hand without which a release is left as it is."""
+LAG = 0.05
+"""A hand holds the deck back by more than this many periods."""
+AT_NOISE = 1.15
 """Residuals up to this multiple of the noise floor are noise."""
 WORST = 1.15
 """Residuals of the beginning are noise up to this multiple of what the worst later stretch as long has."""
@@ -59,15 +66,16 @@ def without_push(releases: Sequence[Release], pace: float) -> list[Release]:
     """
     held = [release for release in releases if release.hold > 0]
     poles = _late_poles(held, pace)
-    if poles is None:
+    if poles is None or poles.decay > MOST_DAMPED * poles.omega:
         return list(releases)
+    held = [one for one in held if np.count_nonzero(one.time > one.start + LATEST * poles.period) >= LEAST]
     free = {release.number: _free_from(release, poles) for release in held}
     late = [release for release in held if free[release.number] > 0]
     explained = any(
         all(_worst(release, poles, STEP * poles.period, memory) <= WORST for release in late)
         for memory in MEMORIES * poles.period
     )
-    slowed = all(_energy(release, poles, free[release.number]) < release.amplitude**2 for release in late)
+    slowed = all(_lag(release, poles, free[release.number] + BLOCK * poles.period) > LAG for release in late)
     if explained or not slowed:
         return list(releases)
     return [_cut(release, free[release.number] + BLOCK * poles.period) if release in late else release for release in releases]
@@ -120,7 +128,7 @@ def _worst(release: Release, poles: _Poles, start: float, memory: float | None =
         return np.mean(left[: len(left) // block * block].reshape(-1, block) ** 2, axis=1)
 
     late, early = pooled(LATEST * period, None), pooled(start, memory)[: round(LATEST / BLOCK)]
-    return float(np.sqrt(early.max() / late.max())) if len(late) > 3 else 0.0
+    return float(np.sqrt(early.max() / late.max())) if len(late) > 3 and len(early) else 0.0
 
 
 def _free_from(release: Release, poles: _Poles) -> float:
@@ -131,14 +139,22 @@ def _free_from(release: Release, poles: _Poles) -> float:
     return LATEST * poles.period
 
 
-def _energy(release: Release, poles: _Poles, start: float) -> float:
-    """Return the energy some time after a release's beginning, as the square of the angle of a deck at rest [rad²]."""
+def _lag(release: Release, poles: _Poles, start: float) -> float:
+    """Return how far the decay is behind one from rest that began with the release, in periods from -0.5 to 0.5.
+
+    Args:
+        release: From when the deck left its hold.
+        poles: Of the decay.
+        start: From when on it is followed [s].
+    """
     time, measured = _window(release.time - release.start, _measured(release), start, SWINGS * poles.period)
-    value, slope, level = np.linalg.lstsq(poles.basis(time - start), measured, rcond=None)[0]
-    squared = poles.decay**2 + poles.omega**2
+    value, slope, _ = np.linalg.lstsq(poles.basis(time - start), measured, rcond=None)[0]
     if release.measured == "rate":
-        return ((slope + 2 * poles.decay * value) / squared) ** 2 + value**2 / squared
-    return value**2 + slope**2 / squared
+        value, slope = -(slope + 2 * poles.decay * value) / (poles.decay**2 + poles.omega**2), value
+    side = math.copysign(1.0, float(release.roll[0]) - release.rest)
+    phase = math.atan2(-side * (slope + poles.decay * value), side * value * poles.omega)
+    behind = (poles.omega * start - phase - math.atan2(poles.decay, poles.omega)) / (2 * math.pi)
+    return behind - round(behind)
 
 
 def _residual(poles: _Poles, time: Array, measured: Array, memory: float | None = None) -> Array:
