@@ -68,7 +68,8 @@ def without_push(releases: Sequence[Release], pace: float) -> list[Release]:
     poles = _late_poles(held, pace)
     if poles is None or poles.decay > MOST_DAMPED * poles.omega:
         return list(releases)
-    held = [one for one in held if np.count_nonzero(one.time > one.start + LATEST * poles.period) >= LEAST]
+    span = LATEST * poles.period, SWINGS * poles.period
+    held = [one for one in held if len(_window(one.time - one.start, one.roll, *span)[0]) >= LEAST]
     free = {release.number: _free_from(release, poles) for release in held}
     late = [release for release in held if free[release.number] > 0]
     explained = any(
@@ -78,7 +79,10 @@ def without_push(releases: Sequence[Release], pace: float) -> list[Release]:
     slowed = all(_lag(release, poles, free[release.number] + BLOCK * poles.period) > LAG for release in late)
     if explained or not slowed:
         return list(releases)
-    return [_cut(release, free[release.number] + BLOCK * poles.period) if release in late else release for release in releases]
+    return [
+        _cut(release, free[release.number] + BLOCK * poles.period) if release in late else release
+        for release in releases
+    ]
 
 
 def _cut(release: Release, start: float) -> Release:
@@ -94,7 +98,9 @@ def _late_poles(releases: Sequence[Release], pace: float) -> _Poles | None:
 
     def residual(point: Array, swings: float) -> Array:
         poles = _Poles(*np.exp(point))
-        return np.concatenate([_residual(poles, *_window(t, y, LATEST * period, swings * period)) for t, y in signals])
+        return np.concatenate(
+            [_residual(poles, *_window(t, y, LATEST * period, swings * period)) for t, y in signals]
+        )
 
     omega = math.pi * 0.59 / pace
     period = 2 * math.pi / omega
