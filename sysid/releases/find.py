@@ -14,6 +14,7 @@ import numpy as np
 from sysid.errors import SysidError
 from sysid.releases.chains import Segment, free_segments, given_segment
 from sysid.releases.extrema import HalfCycle, SmoothedSignal, crossing_time, half_cycles_of, smooth_signal
+from sysid.releases.push import without_push
 from sysid.roll import Release, Roll
 
 STILL = 0.03
@@ -70,10 +71,11 @@ def find_releases(
             "was let go (--release), or the stretch to look at (--from, --to)."
         )
     limits = [*(segment.start for segment in segments[1:]), None]
-    return [
+    found = [
         _release(part, signal, segment, number, limit)
         for number, (segment, limit) in enumerate(zip(segments, limits, strict=True), start=1)
     ]
+    return found if releases else without_push(found, float(np.median([one.pace for one in segments])))
 
 
 def _cut(roll: Roll, start: float | None, stop: float | None) -> Roll:

@@ -9,6 +9,7 @@ from decay_truth import DEGREE, Recipe, linear_decay, make_roll
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from sysid.decay.linear_fit import fit_traces
 from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
 from sysid.releases import Phase, find_releases, log_phases, settling_time
@@ -307,3 +308,42 @@ def test_a_first_swing_that_loses_more_than_any_drag_was_helped_by_a_hand(sizes,
     from sysid.releases.chains import _first_swing_is_odd
 
     assert _first_swing_is_odd([SimpleNamespace(size=size) for size in sizes]) is hand  # pyright: ignore
+
+
+def pushed(*, slow=1.0, seed=4):
+    """A linear deck that a hand pushes on its way for 50 ms before it leaves, and when it leaves."""
+    roll = make_roll(recipe := Recipe(zeta=0.05, sampling=500, free=2.0, noise=0.05 * DEGREE, seed=seed))
+    begin, hand = recipe.truth[0], 0.05
+    since = roll.time - begin - hand
+    share = np.clip(1 + since / hand, 0, 1)
+    way = slow * 0.05 * share**3 * (1 - 0.2 * share)
+    angle, rate = 0.2 - slow * 0.05 * 0.8, -slow * 0.05 * (3 - 0.8) / hand
+    free, _ = linear_decay(np.maximum(since, 0), recipe.omega, recipe.zeta, angle, rate)
+    clean = make_roll(replace(recipe, noise=0.0, truth=[], holds=[]))
+    truth = np.where(since >= 0, free, np.where(since >= -hand, 0.2 - way, clean.roll))
+    return replace(roll, roll=truth + roll.roll - clean.roll), begin + hand, recipe
+
+
+def test_a_pushed_release_starts_where_the_hand_has_left_and_fits_to_the_noise():
+    roll, left, recipe = pushed()
+    (release,) = find_releases(roll)
+    assert release.hold == 0
+    assert -0.02 < (release.start - left) * recipe.omega / (2 * np.pi) < 0.2
+    fit = fit_traces([release])
+    assert fit.noise < 1.1 * recipe.noise
+    assert fit.omega_n == pytest.approx(recipe.omega, rel=1e-3)
+
+
+def test_a_release_that_was_not_pushed_keeps_its_beginning():
+    """Nor is a stop cut off that the deck leans on at its release only, or a filter's first exponential."""
+    law = lambda x, v: -(41**2) * (x + 2 * max(x - 0.17, 0.0)) - 0.1 * 41 * v  # noqa: E731
+    plain = Recipe(zeta=0.05, sampling=500, free=2.0, noise=0.05 * DEGREE)
+    stopped = make_roll(replace(plain, law=law))
+    clean = make_roll(replace(plain, noise=0.0, truth=[], holds=[]))
+    lagged = clean.roll.copy()
+    for i in range(1, len(lagged)):
+        lagged[i] += (lagged[i - 1] - lagged[i]) * np.exp(-1 / (500 * 0.008))
+    filtered = replace(stopped, roll=lagged + make_roll(replace(plain, truth=[], holds=[])).roll - clean.roll)
+    for roll in (make_roll(replace(plain, truth=[], holds=[])), stopped, filtered):
+        (release,) = find_releases(roll)
+        assert release.hold > 0.3
