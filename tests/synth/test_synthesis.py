@@ -180,7 +180,7 @@ def test_discretisation_is_what_mujoco_does(pink: Board) -> None:
         ({}, {"seed": -1}, "seed is -1"),
         ({}, {"rate": 1e9}, "number of samples"),
         ({}, {"duration": math.inf}, "duration is inf"),
-        ({"cubic-damping": (-1.0,)}, {}, "grows without bound"),
+        ({"cubic-damping": (-1.0,)}, {}, "expected 0 or more"),
         ({"preload": (100.0,)}, {}, "tips over"),
         ({"discretisation": (0.1,)}, {"rate": 10.0, "duration": 20.0}, "use a shorter one"),
         ({"discretisation": (1e-9,)}, {}, "use a longer one"),
@@ -217,11 +217,8 @@ def test_any_effects_make_a_finite_log_or_one_clear_refusal(data: st.DataObject)
 
 
 def test_motion_that_leaves_the_numbers_is_refused(pink: Board) -> None:
-    effects = {
-        "stribeck": (0.0394, 1.267, 0.00198), "inertia": (0.00236,), "quadratic-damping": (-4.333,), "offset": (0.963,),
-    }  # fmt: skip
     with pytest.raises(SysidError, match="cannot be followed"):
-        synthesise(pink, effects, with_options(rate=100.0, duration=0.3))
+        synthesise(pink, {"asymmetric-stiffness": (1e6,)}, with_options(rate=100.0, duration=0.3))
 
 
 @pytest.mark.parametrize(
