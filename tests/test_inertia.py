@@ -16,8 +16,8 @@ from scipy.integrate import solve_ivp
 from sysid import inertia
 from sysid.board import Board, BoardEffect
 from sysid.errors import SysidError
+from sysid.experiments.static_tilt import TiltTest, Weighing, static_tilt
 from sysid.quantity import Z95, Quantity, error_budget, parse_quantity, propagate
-from sysid.static_tilt import TiltTest, Weighing, static_tilt
 from sysid.workspace import Workspace
 
 G = inertia.GRAVITY.value

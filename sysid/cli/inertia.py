@@ -207,7 +207,7 @@ def static_tilt(
         frequency: Natural frequency of the same deck [rad/s], or the JSON file that `decay --json` wrote.
         outcome: What to do with the result.
     """
-    from sysid import static_tilt as tilt
+    from sysid.experiments import static_tilt as tilt
 
     readings: list[tilt.Weighing] = []
     for text in reading:

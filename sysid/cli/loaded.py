@@ -32,7 +32,7 @@ def loaded(
         rider: Mass under which the spring is asked for [kg].
         common: Options of every command.
     """
-    from sysid.loaded_decays import GRAVITY, LoadedDecay, loaded_stiffness
+    from sysid.experiments.loaded_decays import GRAVITY, LoadedDecay, loaded_stiffness
 
     printer = Printer(common)
     record = common.space.load_board(board)

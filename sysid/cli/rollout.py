@@ -11,8 +11,8 @@ from sysid.cli.console import Common, Printer
 from sysid.errors import SysidError
 
 if TYPE_CHECKING:
+    from sysid.experiments.roll_out import RollOut
     from sysid.roll import Array
-    from sysid.roll_out import RollOut
 
 FILM = ("time_s", "x_m", "y_m", "roll_rad")
 IMU = ("time_s", "forward_m_s2", "yaw_rate_rad_s", "roll_rad")
@@ -43,7 +43,7 @@ def rollout(
         save: Put both into the board's record; scene and training follow.
         common: Options of every command.
     """
-    from sysid.roll_out import roll_out
+    from sysid.experiments.roll_out import roll_out
 
     printer = Printer(common)
     printer.keep(log)
@@ -73,7 +73,7 @@ def rollout(
 
 
 def _read(path: Path, rest: float, free: float) -> "RollOut":
-    from sysid.roll_out import from_imu, from_path
+    from sysid.experiments.roll_out import from_imu, from_path
 
     columns = _columns(path)
     if all(name in columns for name in FILM):

@@ -14,8 +14,8 @@ from sim.board.scene import TILT_JOINT, WHEELS, board_spec
 from sysid.board import board_to_toml, load_board
 from sysid.cli import build_app
 from sysid.errors import SysidError
+from sysid.experiments.roll_out import from_imu, from_path, roll_out
 from sysid.quantity import Quantity
-from sysid.roll_out import from_imu, from_path, roll_out
 
 WHEELBASE = Quantity(0.4, 0.001, "m", "ruler")
 

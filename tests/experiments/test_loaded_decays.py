@@ -9,7 +9,7 @@ import pytest
 
 from sysid.cli import build_app
 from sysid.errors import SysidError
-from sysid.loaded_decays import LoadedDecay, loaded_stiffness
+from sysid.experiments.loaded_decays import LoadedDecay, loaded_stiffness
 from sysid.quantity import Quantity
 
 INERTIA = Quantity(8.7e-3, 1e-5, "kg*m^2", "")

@@ -1,0 +1,1 @@
+"""Measurements of a board beside its free decay: tipped, rolling out, loaded."""
