@@ -72,10 +72,7 @@ def without_push(releases: Sequence[Release], pace: float) -> list[Release]:
     held = [one for one in held if len(_window(one.time - one.start, one.roll, *span)[0]) >= LEAST]
     free = {release.number: _free_from(release, poles) for release in held}
     late = [release for release in held if free[release.number] > 0]
-    explained = any(
-        all(_worst(release, poles, STEP * poles.period, memory) <= WORST for release in late)
-        for memory in MEMORIES * poles.period
-    )
+    explained = _by_an_exponential(late, poles) <= WORST
     slowed = all(_lag(release, poles, free[release.number] + BLOCK * poles.period) > LAG for release in late)
     if explained or not slowed:
         return list(releases)
@@ -83,6 +80,20 @@ def without_push(releases: Sequence[Release], pace: float) -> list[Release]:
         _cut(release, free[release.number] + BLOCK * poles.period) if release in late else release
         for release in releases
     ]
+
+
+def _by_an_exponential(releases: Sequence[Release], poles: _Poles) -> float:
+    """Return what `_worst` leaves of the beginnings beside the exponential of one time that explains them best [1]."""
+    from scipy.optimize import minimize_scalar
+
+    def left(memory: float) -> float:
+        worst = [_worst(one, poles, STEP * poles.period, math.exp(memory) * poles.period) for one in releases]
+        return max(worst, default=0.0)
+
+    times = np.log(MEMORIES)
+    nearest = int(np.argmin([left(time) for time in times]))
+    between = times[max(nearest - 1, 0)], times[min(nearest + 1, len(times) - 1)]
+    return float(minimize_scalar(left, bounds=between, method="bounded", options={"xatol": 1e-3}).fun)
 
 
 def _cut(release: Release, start: float) -> Release:
