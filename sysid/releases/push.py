@@ -9,9 +9,11 @@ them is cut.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
+from sysid.least_squares import Normal, minimise
 from sysid.noise.floor import noise_floor
 from sysid.roll import Array, Release
 
@@ -29,6 +31,8 @@ LEAST = 40
 """Samples after the latest hand without which a release is left as it is."""
 LAG = 0.05
 """A hand holds the deck back by more than this many periods."""
+SLOPE = 1e-6
+"""Relative change of a pole over which the slope of the residuals is taken [1]."""
 AT_NOISE = 1.15
 """Residuals up to this multiple of the noise floor are noise."""
 WORST = 1.15
@@ -72,6 +76,8 @@ def without_push(releases: Sequence[Release], pace: float) -> list[Release]:
     held = [one for one in held if len(_window(one.time - one.start, one.roll, *span)[0]) >= LEAST]
     free = {release.number: _free_from(release, poles) for release in held}
     late = [release for release in held if free[release.number] > 0]
+    if not late:
+        return list(releases)
     explained = _by_an_exponential(late, poles) <= WORST
     slowed = all(_lag(release, poles, free[release.number] + BLOCK * poles.period) > LAG for release in late)
     if explained or not slowed:
@@ -88,7 +94,7 @@ def _by_an_exponential(releases: Sequence[Release], poles: _Poles) -> float:
 
     def left(memory: float) -> float:
         worst = [_worst(one, poles, STEP * poles.period, math.exp(memory) * poles.period) for one in releases]
-        return max(worst, default=0.0)
+        return max(worst)
 
     times = np.log(MEMORIES)
     nearest = int(np.argmin([left(time) for time in times]))
@@ -103,8 +109,6 @@ def _cut(release: Release, start: float) -> Release:
 
 def _late_poles(releases: Sequence[Release], pace: float) -> _Poles | None:
     """Return the poles of the decays after any hand; None where they are not linear to the noise."""
-    from scipy.optimize import least_squares
-
     signals = [(release.time - release.start, _measured(release)) for release in releases]
 
     def residual(point: Array, swings: float) -> Array:
@@ -112,6 +116,13 @@ def _late_poles(releases: Sequence[Release], pace: float) -> _Poles | None:
         return np.concatenate(
             [_residual(poles, *_window(t, y, LATEST * period, swings * period)) for t, y in signals]
         )
+
+    def normal(point: Array, swings: float) -> Normal:
+        here = residual(point, swings)
+        slopes = np.column_stack(
+            [(residual(point + step, swings) - here) / SLOPE for step in SLOPE * np.eye(2)]
+        )
+        return Normal(float(here @ here) / 2, slopes.T @ here, slopes.T @ slopes)
 
     omega = math.pi * 0.59 / pace
     period = 2 * math.pi / omega
@@ -122,7 +133,7 @@ def _late_poles(releases: Sequence[Release], pace: float) -> _Poles | None:
     starts = [np.log((zeta * omega * f, omega * f)) for zeta in (0.02, 0.1, 0.4) for f in (0.85, 1.0, 1.15)]
     point = min(starts, key=lambda start: float(np.sum(residual(start, 3.0) ** 2)))
     for swings in (3.0, SWINGS):
-        point = least_squares(residual, point, args=(swings,), x_scale=0.1, max_nfev=40).x
+        point = minimise(partial(normal, swings=swings), point, point - 2.0, point + 2.0, iterations=40).point
     spread = float(np.sqrt(np.mean(residual(point, SWINGS) ** 2)))
     floor = noise_floor(releases, rate=releases[0].measured == "rate").highest
     return _Poles(*np.exp(point)) if spread <= AT_NOISE * floor else None
