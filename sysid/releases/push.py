@@ -90,16 +90,17 @@ def without_push(releases: Sequence[Release], pace: float) -> list[Release]:
 
 def _by_an_exponential(releases: Sequence[Release], poles: _Poles) -> float:
     """Return what `_worst` leaves of the beginnings beside the exponential of one time that explains them best [1]."""
-    from scipy.optimize import minimize_scalar
 
     def left(memory: float) -> float:
         worst = [_worst(one, poles, STEP * poles.period, math.exp(memory) * poles.period) for one in releases]
         return max(worst)
 
-    times = np.log(MEMORIES)
-    nearest = int(np.argmin([left(time) for time in times]))
-    between = times[max(nearest - 1, 0)], times[min(nearest + 1, len(times) - 1)]
-    return float(minimize_scalar(left, bounds=between, method="bounded", options={"xatol": 1e-3}).fun)
+    times, least = np.log(MEMORIES), math.inf
+    for _ in range(4):  # to half a percent
+        values = [left(time) for time in times]
+        best, least = int(np.argmin(values)), min(values)
+        times = np.linspace(times[max(best - 1, 0)], times[min(best + 1, len(times) - 1)], 9)
+    return least
 
 
 def _cut(release: Release, start: float) -> Release:
