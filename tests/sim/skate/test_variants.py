@@ -61,13 +61,12 @@ def paid(env, term):
 
 
 def test_pushing_by_tracking_follows_the_clip_nearest_in_speed():
-    from policy_runtime.motion.motions import load_motions
     from policy_runtime.train import push_clips
     from sim.skate.mdp.measuring import measure
     from sim.skate.mdp.observations import skate_command
 
-    motions = load_motions()
-    with worlds(clips=push_clips(), pushing="tracking", start=PUSHING, speed=(0.3, 1.5)) as env:
+    clips = push_clips()
+    with worlds(clips=clips, pushing="tracking", start=PUSHING, speed=(0.3, 1.5)) as env:
         command = skate_command(env)
         for _ in range(3):
             began = command.step.numpy().copy()
@@ -75,7 +74,7 @@ def test_pushing_by_tracking_follows_the_clip_nearest_in_speed():
             state, reward = measure(env), paid(env, "push/tracking")
             for world in range(WORLDS):
                 speed = float(state.commanded_speed[world])
-                clip = min(motions, key=lambda motion: abs(motion.speed - speed))
+                clip = min(clips, key=lambda one: abs(one.speed - speed))
                 wanted = clip.joints[began[world] % len(clip.joints)]
                 error = float(((state.joint_position[world].numpy() - wanted) ** 2).mean())
                 # Episodes that begin in the push pose are on their way to the clip, whatever it is.
