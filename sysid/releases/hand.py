@@ -255,7 +255,7 @@ def _edge(
     if not len(gone):
         return None
     edge = int(gone[0])
-    hand = hand[hand >= edge - windows.period / 2]
+    hand = hand[hand >= edge - windows.period]
     share = against[hand] / beside[hand]
     if pushing:  # φ feels it for as long as it acts: a short touch counts for little
         acted = edge - hand
