@@ -151,11 +151,9 @@ def free_spans(signal: SmoothedSignal, spans: Sequence[Span], period: float) -> 
         torque = max(float(np.abs(w.acceleration).max(initial=0.0)) for w in onward)
         if laws and laws[0].noise < CLEAR * torque:
             break
-    lengths = [begin - span.begin for begin, span in zip(begins, spans, strict=True)]
-    pushes = [length for length in lengths if length > 0]
-    if len(pushes) > len(lengths) / 2:  # who pushes most decks has pushed the others too
-        usual = float(np.median(pushes))
-        begins = [max(begin, span.begin + usual) for begin, span in zip(begins, spans, strict=True)]
+    pushes = [begin - span.begin for begin, span in zip(begins, spans, strict=True) if begin > span.begin]
+    usual = float(np.median(pushes)) if pushes else 0.0  # who pushes one deck has pushed the others, seen or not
+    begins = [max(begin, span.begin + usual) for begin, span in zip(begins, spans, strict=True)]
     return [Span(a, max(a, b), s.rest) for s, a, b in zip(spans, begins, ends, strict=True)]
 
 
