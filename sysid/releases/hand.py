@@ -152,7 +152,9 @@ def free_spans(signal: SmoothedSignal, spans: Sequence[Span], period: float) -> 
         if laws and laws[0].noise < CLEAR * torque:
             break
     pushes = [begin - span.begin for begin, span in zip(begins, spans, strict=True) if begin > span.begin]
-    usual = float(np.median(pushes)) if pushes else 0.0  # who pushes one deck has pushed the others, seen or not
+    usual = (
+        float(np.median(pushes)) if pushes else 0.0
+    )  # who pushes one deck has pushed the others, seen or not
     begins = [max(begin, span.begin + usual) for begin, span in zip(begins, spans, strict=True)]
     return [Span(a, max(a, b), s.rest) for s, a, b in zip(spans, begins, ends, strict=True)]
 
