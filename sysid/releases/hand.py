@@ -44,7 +44,7 @@ FLOOR = 0.01
 """Share of the largest swing below which no torque is told from the wandering of a sensor's zero."""
 CATCH = 0.25
 """Share of the joint's torque that a hand has at least which catches the deck, or holds it off its rest."""
-PUSH_SHARE = 0.45, 4.0
+PUSH_SHARE = 0.38, 4.0
 """Shares of one that lets the deck go, at least and at most: it bears the whole joint until it gives way. What a memory or a
 filter holds back is less, or it fades so slowly that the joint could not bear it."""
 NONLINEAR = 0.75
