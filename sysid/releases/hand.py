@@ -49,6 +49,8 @@ PUSH_SHARE = 0.38, 4.0
 filter holds back is less, or it fades so slowly that the joint could not bear it."""
 NONLINEAR = 0.75
 """Share of what a linear law leaves below which a nonlinear one is taken."""
+NO_BETTER = 0.97
+"""The same over which it is not looked at: it would bend where it was not learned."""
 MARGIN, UNSURE = 0.04, 0.1
 """Periods that are left out beside a hand, as its last touch is below the noise; and for which it may have acted longer."""
 
@@ -199,7 +201,9 @@ def _learned(windows: Sequence[_Windows], known: Sequence[tuple[float, float]]) 
     """
     inside = [one.inside(*stretch) for one, stretch in zip(windows, known, strict=True)]
     laws = [law for shapes in (2, 6) if (law := _fit(windows, inside, shapes)) is not None]
-    return laws[1:] if len(laws) == 2 and laws[1].noise < NONLINEAR * laws[0].noise else laws
+    if len(laws) == 2 and laws[1].noise < NONLINEAR * laws[0].noise:
+        return laws[1:]
+    return laws[:1] if len(laws) == 2 and laws[1].noise > NO_BETTER * laws[0].noise else laws
 
 
 def _fit(windows: Sequence[_Windows], inside: Sequence[npt.NDArray[np.bool_]], shapes: int) -> _Law | None:
