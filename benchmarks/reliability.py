@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from hidden_truths import VISIBLE
 
-from sysid.diagnosis.importance import ENERGY, TORQUE
+from sysid.diagnosis.importance import ENERGY, SIGNAL, TORQUE
 
 Row = dict[str, Any]
 OTHERWISE = {"rest", "drift", "lowpass", "clock", "inertia"}
@@ -37,17 +37,18 @@ def right(row: Row) -> bool:
 
 
 def shows(row: Row) -> bool:
-    """Return whether what is hidden matters and the log holds it."""
-    if row["visible"] < VISIBLE:
+    """Return whether what is hidden matters and the log holds all of it."""
+    if row["visible"] < VISIBLE or row.get("missed", np.inf) < VISIBLE:
         return False
     if set(row["families"]) & OTHERWISE:
-        return True
+        return row["signal_share"] >= SIGNAL
     return row["torque_share"] >= TORQUE or row["energy_share"] >= ENERGY
 
 
 def answered(row: Row) -> bool:
-    """Return whether the verdict is right, or silent about what is too weak."""
-    return right(row) or (row["kind"] != "clean" and not shows(row) and row["status"] == "none-missing")
+    """Return whether the verdict is right, or silent about what is too weak, or what is too weak beside what it names."""
+    silent = row["status"] == "none-missing" or row.get("missed", np.inf) < VISIBLE
+    return right(row) or (row["kind"] != "clean" and not shows(row) and silent)
 
 
 def wilson(hits: int, count: int) -> tuple[float, float]:

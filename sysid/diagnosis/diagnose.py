@@ -18,10 +18,10 @@ from sysid.diagnosis.experiment import deciding
 from sysid.diagnosis.importance import Importance, importance
 from sysid.diagnosis.judgement import (
     EXPLAINED,
-    INEXACT,
     MATERIAL,
     PRICE,
     TIE,
+    UNMET,
     Field,
     Scored,
     families_of,
@@ -42,7 +42,7 @@ from sysid.diagnosis.wording import (
     size_in_words,
     titles,
 )
-from sysid.diagnosis.workers import Crew
+from sysid.diagnosis.workers import WorkerPool
 from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.fitting.covariance import parameter_quantities
@@ -243,23 +243,25 @@ def diagnose(
         role = effect(part.name).role
         if role == "learned":
             held.update({f"{part.name}.{name}": quantity.value for name, quantity in part.parameters.items()})
-    with Crew(workers) as crew:
+    with WorkerPool(workers) as pool:
         search = Search(
             records=records, scales=scales, bias=bias, base=tuple(sorted(p.name for p in board.effects)),
-            fixed=held, crew=crew, progress=progress,
+            fixed=held, pool=pool, progress=progress,
         )  # fmt: skip
         search, models, final = _searched(search)
         first = Field(final, search.base, period, noise.std)
         winner, final, idle = _material(search, first, final)
         outside = surrogates(search, winner)
         everything = Field([*final, *outside], search.base, period, noise.std)
-    verdict, best = _judged(search, everything, winner, board, noise.std, idle)
+    verdict, best = _judged(search, everything, winner, board, idle)
     base = search.fine(everything.base.model, average=1)
     verdict = _with_errors(verdict, base, best)
     matters = verdict.status == "unexplained" or verdict.remainder > MATERIAL * everything.motion
     learned = (
         learn(releases, board, fittable(verdict.effects), signal=signal, fixed=fixed) if matters else None
     )
+    if learned is not None and learned.error_after > verdict.error_after:
+        learned = None  # it did not get there
     if progress is not None:
         progress("done", 1.0)
     warnings += _fast_starts(best)
@@ -385,13 +387,13 @@ def _material(search: Search, tried: Field, final: list[Model]) -> tuple[Model, 
 
 
 def _judged(
-    search: Search, tried: Field, winner: Model, board: Board, floor: float, idle: frozenset[str]
+    search: Search, tried: Field, winner: Model, board: Board, idle: frozenset[str]
 ) -> tuple[Verdict, Model]:
     """Return the verdict, and the model that it rests on, fitted to single samples."""
     base = tried.base
     chosen = next(s for s in tried.scored if s.model is winner)
     named = tuple(n for n in winner.effects if n not in search.base)
-    outside = _outside(tried, chosen, floor)
+    outside = _outside(tried, chosen)
     size = importance(winner, named, base.model) if named else None
     explained = tried.explained(chosen)
     hints = _hints(search, tried, chosen, size)
@@ -403,13 +405,19 @@ def _judged(
     return _missing(search, tried, chosen, size, hints, board, idle)
 
 
-def _outside(tried: Field, chosen: Scored, floor: float) -> Scored | None:
-    """Return a law outside the catalogue that reaches the noise and is beyond doubt the better one, if there is one."""
-    shaped = [s for s in tried.scored if s.model.shape and s.model.rmse < INEXACT * floor]
+def _outside(tried: Field, chosen: Scored) -> Scored | None:
+    """Return a law outside the catalogue that reaches the noise and is the better one, if there is one.
+
+    Where something is missing for sure it must beat all that was tried; else, beyond doubt, that nothing is missing.
+    """
+    shaped = [s for s in tried.scored if s.model.shape and s.model.rmse < tried.exact]
     best = max(shaped, key=lambda s: s.score, default=None)
-    if best is None or best.score - chosen.score <= 2 * TIE or tried.gap(best, chosen) <= TIE:
-        return None  # a law that nobody has met must be better by more than one that people have
-    return best
+    if best is None:
+        return None
+    if chosen.extra:
+        others = max(s.score for s in tried.possible if not s.model.shape)
+        return best if best.score > others + UNMET else None
+    return best if best.score - chosen.score > 2 * TIE and tried.gap(best, chosen) > TIE else None
 
 
 def _hints(search: Search, tried: Field, chosen: Scored, size: Importance | None) -> tuple[Hint, ...]:
