@@ -22,6 +22,7 @@ from random_truths import STIFFNESS, Case, Motion, draw, move, read, sizes, visi
 
 from sysid.board import Board, load_board
 from sysid.diagnosis.diagnose import diagnose
+from sysid.diagnosis.judgement import CALIBRATION
 from sysid.diagnosis.search import Search
 from sysid.effects import effect
 from sysid.fitting.records import make_records, signal_of
@@ -126,7 +127,7 @@ def run(seed: int) -> Row:
         row["missed"] = missed(case, motion, releases, part)
     return {
         **row, "status": verdict.status, "effects": list(verdict.effects), "said": sorted(verdict.families),
-        "alike": [families(group) for group in verdict.indistinguishable_from], "confidence": verdict.confidence,
+        "alike": [families(group) for group in verdict.indistinguishable_from], "confidence": verdict.confidence, "calibration": CALIBRATION[verdict.status],
         "explained": verdict.explained, "before": verdict.error_before / floor, "after": verdict.error_after / floor,
         "remainder": verdict.remainder, "found": result.releases, "floor": floor, "seconds": seconds,
         "top": [[list(c.effects), round(c.score, 1), round(c.rmse / floor, 4)] for c in result.candidates[:6]],

@@ -17,6 +17,7 @@ from sysid.diagnosis.against_record import record_deviation
 from sysid.diagnosis.experiment import deciding
 from sysid.diagnosis.importance import Importance, importance
 from sysid.diagnosis.judgement import (
+    CALIBRATION,
     EXPLAINED,
     MATERIAL,
     PRICE,
@@ -24,6 +25,7 @@ from sysid.diagnosis.judgement import (
     UNMET,
     Field,
     Scored,
+    calibrated,
     families_of,
     rest_of,
 )
@@ -223,8 +225,7 @@ def diagnose(
     chosen = signal_of(releases, signal)
     bias, use_rate = chosen["bias"], chosen["use_rate"]
     noise = noise_floor(releases, rate=use_rate)
-    records = make_records(releases, noise.std, rate=use_rate)
-    scales = scales_of(records, board)
+    scales = scales_of(make_records(releases, noise.std, rate=use_rate), board)
     period = 2 * np.pi / scales.frequency
     warnings = check_releases(releases, board, period)
     judged, left_out = judged_stretches(releases, period)
@@ -258,7 +259,7 @@ def diagnose(
     verdict = _with_errors(verdict, base, best)
     matters = verdict.status == "unexplained" or verdict.remainder > MATERIAL * everything.motion
     learned = (
-        learn(releases, board, fittable(verdict.effects), signal=signal, fixed=fixed) if matters else None
+        learn(judged, board, fittable(verdict.effects), signal=signal, fixed=fixed) if matters else None
     )
     if learned is not None and learned.error_after > verdict.error_after:
         learned = None  # it did not get there
@@ -572,7 +573,8 @@ def _verdict(
 ) -> Verdict:  # fmt: skip
     unique = dict.fromkeys(tuple(s) for s in alike if set(s) != set(effects))
     return Verdict(
-        status=status, effects=tuple(effects), families=tuple(families), confidence=min(max(confidence, 0.0), 0.999),
+        status=status, effects=tuple(effects), families=tuple(families),
+        confidence=float(calibrated(np.asarray(confidence), *CALIBRATION[status])),
         indistinguishable_from=tuple(unique), error_before=tried.base.model.rmse, error_after=chosen.model.rmse,
         explained=tried.explained(chosen), matters=size, remainder=remainder, remainder_text=words, hints=hints,
         next_experiment=experiment, explanation=text,

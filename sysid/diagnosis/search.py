@@ -27,8 +27,10 @@ COARSE, FINE = 24, 32
 sharpness of the law."""
 SAMPLES = 40
 """Samples per period that are kept: the fifth harmonic of the swing still has eight."""
-PARENTS = 4
-"""Single effects whose pairs with all others are tried."""
+PARENTS, FEW = 4, 2
+"""Single effects whose pairs with all others are tried; and if the best of them is at the noise already."""
+AT_NOISE = 1.02
+"""Error over the noise floor up to which a model is at the noise: a floor is known to a few percent."""
 STARTS = 3
 """Starts tried of an effect that joins another."""
 EARLY = 4.0
@@ -297,7 +299,8 @@ class Search:
 
     def pairs(self, singles: Sequence[Candidate]) -> list[Candidate]:
         """Fit the pairs of the best single effects with all others."""
-        best = best_of(singles[1:], PARENTS)
+        at_noise = min(m.rmse for m in singles) <= AT_NOISE * self.records[0].std
+        best = best_of(singles[1:], FEW if at_noise else PARENTS)
         wanted = {
             tuple(sorted({*a.effects, *b.effects})): (a, b)
             for a in best for b in singles[1:] if a is not b and _sensible(a, b)
