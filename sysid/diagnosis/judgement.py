@@ -5,7 +5,7 @@ and that no model is exact. Nothing else is asked: whiteness is no criterion, be
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -90,6 +90,7 @@ class Field:
         self.best = max(self.scored, key=lambda s: s.score)
         self.exact = INEXACT * max(floor, self.noise)
         self.inexact = self.best.model.rmse > self.exact
+        self.surely_missing = self.left(self.base) > MATERIAL and self._follows_motion()
         self.possible = self._possible()
 
     def score(self, model: Candidate) -> Scored:
@@ -138,6 +139,13 @@ class Field:
         """Return the candidates that are not told from one."""
         return [s for s in self.scored if self.gap(one, s) <= TIE]
 
+    def _follows_motion(self) -> bool:
+        """Return whether the joint as it is errs as no sensor does: in proportion to the motion, or more than another model."""
+        assert self.base.model.heldout is not None
+        steady = replace(self.blocks, amplitude=np.ones_like(self.blocks.amplitude))
+        alone = fit_errors(steady, self.base.model.heldout).log_likelihood
+        return self.base.errors.log_likelihood - alone > TIE or self.gap(self.best, self.base) > TIE
+
     def _possible(self) -> list[Scored]:
         """Return the candidates that may be true.
 
@@ -148,7 +156,7 @@ class Field:
             s for s in self.scored
             if np.isfinite(s.score) and not (s.model.shape and self.inexact) and not s.model.at_edge
         ]  # fmt: skip
-        if self.left(self.base) <= MATERIAL:
+        if not self.surely_missing:
             return known
         return [s for s in known if self.explained(s) >= EXPLAINED] or known
 
