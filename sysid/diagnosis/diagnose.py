@@ -445,9 +445,12 @@ def _missing(
     final = search.fine(chosen.model, average=1)
     named = tuple(n for n in chosen.model.effects if n not in search.base)
     deviation = record_deviation(final, board, look_at_linear=False)
+    # What is richer is a rival only if it is likelier for sure, were it not that no model is exact.
+    likeliest = max(tried.possible, key=lambda s: s.score)
     rivals = [
         s for s in sorted(tried.near(chosen), key=lambda s: -s.score)
-        if 0 < s.extra <= chosen.extra and not s.model.shape and s is not chosen and tried.explained(s) >= EXPLAINED
+        if s.extra and not s.model.shape and s is not chosen and tried.explained(s) >= EXPLAINED
+        and (s.extra <= chosen.extra or (s is likeliest and s.score > chosen.score + TIE))
     ][:RIVALS]  # fmt: skip
     alike = [tuple(n for n in s.model.effects if n not in search.base) for s in rivals]
     effects = (*named, *deviation.effects)
