@@ -540,7 +540,7 @@ def _experiment(search: Search, tried: Field, chosen: Scored, board: Board) -> s
     own = families_of(chosen.model, search.base)
     others = [
         s for s in tried.scored
-        if not s.model.shape and families_of(s.model, search.base) != own
+        if not (s.model.shape or s.model.at_edge) and families_of(s.model, search.base) != own
         and not set(s.model.effects) > set(chosen.model.effects) and np.isfinite(s.score)
     ]  # fmt: skip
     if not others:
