@@ -184,17 +184,13 @@ class Diagnosis:
         """Return one row a model, best first: effects, rmse, heldout_rmse [rad or rad/s], score."""
         import pandas as pd
 
+        columns = ("effects", "rmse", "heldout_rmse", "score")
         return pd.DataFrame(
-            [
-                {
-                    "effects": c.effects,
-                    "rmse": c.rmse,
-                    "heldout_rmse": c.heldout_rmse,
-                    "score": c.score,
-                    **{name: quantity.value for name, quantity in c.parameters.items()},
-                }
-                for c in self.candidates
-            ]
+            {
+                **{name: getattr(c, name) for name in columns},
+                **{name: q.value for name, q in c.parameters.items()},
+            }
+            for c in self.candidates
         )
 
 
@@ -377,7 +373,7 @@ def _material(search: Search, tried: Field, final: list[Model]) -> tuple[Model, 
             break
         rest = tuple(n for n in winner.effects if n != idle[0])
         known = next((m for m in final if m.effects == rest), None)
-        again = search.finalist(search.without(winner, rest, [{}]), [])
+        again = search.finalist(search.without(winner, rest, [{}]))
         if known is None or again.cost < known.cost:
             known = again
             final = [*(m for m in final if m.effects != rest), known]

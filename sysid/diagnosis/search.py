@@ -393,9 +393,9 @@ class Search:
             done[model.effects] = model
         return list(done.values())
 
-    def finalist(self, model: Candidate, parents: Sequence[Candidate]) -> Candidate:
-        """Return a model fitted on the fine grid, from where it is and from others, and its predictions."""
-        return self.predicted(self.fine(model, parents))
+    def finalist(self, model: Candidate) -> Candidate:
+        """Return a model fitted on the fine grid, and its predictions."""
+        return self.predicted(self.fine(model))
 
     def predicted(self, model: Candidate) -> Candidate:
         """Return a model with what it misses of held-out releases."""

@@ -99,7 +99,7 @@ def surrogates(search: Search, model: Candidate) -> list[Candidate]:
         best.append(min((surrogate(search, model, kept, shape) for shape in shapes), key=lambda m: m.cost))
         if search.progress is not None:
             search.progress("laws outside the catalogue", 0.97)
-    return [search.finalist(m, []) for m in best]
+    return [search.finalist(m) for m in best]
 
 
 def _effect(name: str) -> TorqueEffect:
