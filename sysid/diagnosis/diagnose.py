@@ -51,6 +51,7 @@ from sysid.fitting.records import Signal, make_records, signal_of
 from sysid.fitting.search import scales_of
 from sysid.joint.structure import structure_of
 from sysid.noise.floor import NoiseFloor, noise_floor
+from sysid.noise.whiteness import correlation_length
 from sysid.quantity import Quantity
 from sysid.recording import Data, Recording, reading_warnings, unpack
 from sysid.roll import Release
@@ -260,6 +261,10 @@ def diagnose(
     learned = (
         learn(releases, board, fittable(verdict.effects), signal=signal, fixed=fixed) if matters else None
     )
+    if matters and verdict.status == "missing":
+        alone = learn(releases, board, (), signal=signal, fixed=fixed)
+        if alone is not None and alone.is_unmet(best.rmse, noise.std):
+            verdict, learned = _unmet(verdict, alone, best), alone
     if progress is not None:
         progress("done", 1.0)
     warnings += _fast_starts(best)
@@ -528,6 +533,22 @@ def _unexplained(
 
 def _shaped_keys(search: Search, tried: Field) -> set[frozenset[str]]:
     return {families_of(s.model, search.base) for s in tried.scored if s.model.shape}
+
+
+def _unmet(verdict: Verdict, alone: Learned, named: Model) -> Verdict:
+    """Return the verdict where a learned torque has shown that what was named only mimics it."""
+    memory = max(correlation_length(named.residuals), 1.0)
+    odds = named.samples / memory * float(np.log(named.rmse / alone.error_after))
+    return replace(
+        verdict, status="unexplained", effects=(), families=(), indistinguishable_from=(), matters=None, hints=(),
+        confidence=min(1 / (1 + float(np.exp(-odds))), 0.999),
+        explanation=(
+            "Something is missing that no effect of the catalogue explains. The nearest is "
+            f"{listed(verdict.effects)}, which takes away {percent(verdict.explained)} of the squared error of prediction; one formula "
+            "that the catalogue lacks does it better, to the noise. The map of the missing torque (compare) shows at which angle and rate "
+            "it acts."
+        ),
+    )  # fmt: skip
 
 
 def _remainder(tried: Field, scored: Scored) -> tuple[float, str]:
