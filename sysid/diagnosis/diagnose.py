@@ -258,13 +258,11 @@ def diagnose(
     base = search.fine(everything.base.model, average=1)
     verdict = _with_errors(verdict, base, best)
     matters = verdict.status == "unexplained" or verdict.remainder > MATERIAL * everything.motion
-    learned = (
-        learn(releases, board, fittable(verdict.effects), signal=signal, fixed=fixed) if matters else None
-    )
-    if matters and verdict.status == "missing":
-        alone = learn(releases, board, (), signal=signal, fixed=fixed)
-        if alone is not None and alone.is_unmet(best.rmse, noise.std):
-            verdict, learned = _unmet(verdict, alone, best), alone
+    learned = learn(releases, board, (), signal=signal, fixed=fixed) if matters else None
+    if learned is not None and verdict.status == "missing" and learned.is_unmet(best.rmse, noise.std):
+        verdict = _unmet(verdict, learned, best)
+    elif matters and fittable(verdict.effects):
+        learned = learn(releases, board, fittable(verdict.effects), signal=signal, fixed=fixed)
     if progress is not None:
         progress("done", 1.0)
     warnings += _fast_starts(best)
