@@ -53,6 +53,7 @@ from sysid.fitting.records import Signal, make_records, signal_of
 from sysid.fitting.search import scales_of
 from sysid.joint.structure import structure_of
 from sysid.noise.floor import NoiseFloor, noise_floor
+from sysid.noise.whiteness import correlation_length
 from sysid.quantity import Quantity
 from sysid.recording import Data, Recording, reading_warnings, unpack
 from sysid.roll import Release
@@ -259,6 +260,10 @@ def diagnose(
     )
     if learned is not None and learned.error_after > verdict.error_after:
         learned = None  # it did not get there
+    if left_over and verdict.status == "missing":
+        alone = learn(judged, board, (), signal=signal, fixed=fixed)
+        if alone is not None and alone.is_unmet(best.rmse, noise.std):
+            verdict, learned = _unmet(verdict, alone, best), alone
     if progress is not None:
         progress("done", 1.0)
     warnings += _fast_starts(best)
@@ -520,6 +525,22 @@ def _unexplained(
     text += "The map of the missing torque (compare) shows at which angle and rate it acts."
     experiment = _experiment(search, tried, chosen, board)
     return _verdict(tried, "unexplained", (), confidence, (), chosen, None, hints, experiment, text), final
+
+
+def _unmet(verdict: Verdict, alone: Learned, named: Model) -> Verdict:
+    """Return the verdict where a learned torque has shown that what was named only mimics it."""
+    memory = max(correlation_length(named.residuals), 1.0)
+    odds = named.samples / memory * float(np.log(named.rmse / alone.error_after))
+    return replace(
+        verdict, status="unexplained", effects=(), families=(), indistinguishable_from=(), matters=None, hints=(),
+        confidence=min(1 / (1 + float(np.exp(-odds))), 0.999),
+        explanation=(
+            "Something is missing that no effect of the catalogue explains. The nearest is "
+            f"{listed(verdict.effects)}, which takes away {percent(verdict.explained)} of the squared error of prediction; one formula "
+            "that the catalogue lacks does it better, to the noise. The map of the missing torque (compare) shows at which angle and rate "
+            "it acts."
+        ),
+    )  # fmt: skip
 
 
 def _remainder(tried: Field, scored: Scored) -> tuple[float, str]:
