@@ -16,6 +16,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import cache
+from importlib.util import find_spec
 from pathlib import Path
 
 import mujoco
@@ -71,11 +72,10 @@ def model_of(case: Case) -> Path | None:
     """Return the model's file; None where it is not installed."""
     if case.model != "g1":
         return robots.write(Path(tempfile.mkdtemp()))[case.model]
-    try:
-        import mjlab
-    except ImportError:
+    found = find_spec("mjlab")
+    if found is None or found.origin is None:
         return None
-    return Path(mjlab.__file__).parent / "asset_zoo/robots/unitree_g1/xmls/g1.xml"
+    return Path(found.origin).parent / "asset_zoo/robots/unitree_g1/xmls/g1.xml"
 
 
 @cache
@@ -124,8 +124,8 @@ def _path(case: Case, setup: Setup, board: Board, angle: float) -> tuple[Array, 
     return np.asarray(log.time), np.asarray(log.channels[:, 0])
 
 
-def trial(name: str, seed: int) -> dict[str, tuple[float, bool]] | None:
-    """Return error over standard deviation of each parameter, and whether its interval holds the truth."""
+def releases_of(name: str, seed: int) -> tuple[Board, list[Release]] | None:
+    """Return the stranger's record and its measured releases; None where the model is not installed."""
     case, made = CASES[name], ready(name)
     if made is None:
         return None
@@ -140,6 +140,15 @@ def trial(name: str, seed: int) -> dict[str, tuple[float, bool]] | None:
                 origin="benchmark", number=number, rest=float(np.mean(noisy[-len(noisy) // 5 :])), hold=1.0, end="rest",
             )
         )  # fmt: skip
+    return board, releases
+
+
+def trial(name: str, seed: int) -> dict[str, tuple[float, bool]] | None:
+    """Return error over standard deviation of each parameter, and whether its interval holds the truth."""
+    case, made = CASES[name], releases_of(name, seed)
+    if made is None:
+        return None
+    board, releases = made
     found = fit(releases, board, case.effects).quantities
     result: dict[str, tuple[float, bool]] = {}
     for key, value in case.truth.items():

@@ -19,6 +19,7 @@ MARKS = "<!-- real joints: docs/make_real_joints.py -->\n", "<!-- end of real jo
 PENDULUM = """<mujoco><worldbody><body name="arm"><joint name="servo" axis="0 1 0"/>
   <inertial pos="0 0 -{arm}" mass="{mass}" diaginertia="{own} {own} 1e-9"/></body></worldbody></mujoco>"""
 
+
 def with_weight(mass: float, arm: float, own: float = 1e-9) -> Board:
     """Return the record of a mass [kg] on an arm [m], of some inertia about its own centre [kg*m^2], from a model of it."""
     path = Path(tempfile.mkdtemp()) / "pendulum.xml"

@@ -37,6 +37,8 @@ TIED = 2 * TIE
 """Score below which two models are not told apart: it is twice a log-likelihood [1]."""
 STOOD = "as it stood"
 REFITTED = "k and d refitted"
+MOST_NAMED = 2
+"""Effects that a label names."""
 MOST_RANKED = 6
 """Candidates drawn besides the record's own law."""
 MOST_LAGS = 150
@@ -306,8 +308,8 @@ def story_of_board(evidence: Evidence, diagnosis: LastDiagnosis | None) -> Story
         evidence: The record and its logs.
         diagnosis: Its last one.
     """
-    board, floor = evidence.board, evidence.comparison.noise.std
-    after, effects = evidence.comparison.law, tuple(part.name for part in board.effects)
+    board, floor, after = evidence.board, evidence.comparison.noise.std, evidence.comparison.law
+    effects = tuple(part.name for part in board.effects if not effect(part.name).is_known)
     steps = [
         Step(
             REFITTED if rung.label == PLAIN else rung.label, rung.rmse / floor,
@@ -344,6 +346,8 @@ def chosen_effects(found: "Diagnosis", board: Board) -> tuple[str, ...]:
 
 
 def _added(effects: tuple[str, ...]) -> str:
+    if len(effects) > MOST_NAMED:
+        return f"with all {len(effects)} effects"
     return f"with {' and '.join(effects)}" if effects else REFITTED
 
 

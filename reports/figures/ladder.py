@@ -1,6 +1,7 @@
 """The ladder: how the error falls from the record as it stood, as one effect after another is added."""
 
 from collections.abc import Sequence
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,7 +39,7 @@ def draw_ladder(axes: "Axes", steps: Sequence[Step], noise: tuple[float, float])
     if np.isfinite(held).any():
         axes.plot(held, rows, "o", color=HELD_OUT, mfc="none", mew=1.4, ms=7, label="left-out releases")
     axes.plot(errors, rows, "o", color=SIM, ms=7, label="error")
-    axes.set_yticks(rows, [step.label for step in steps])
+    axes.set_yticks(rows, [fill(step.label, 22) for step in steps])
     axes.set_ylim(len(steps) - 0.5, -0.7)
     largest = float(np.nanmax([*errors, *held]))
     if largest > WIDE:

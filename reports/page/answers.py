@@ -71,16 +71,20 @@ def _sure(board: Board, diagnosis: LastDiagnosis | None) -> str:
     parts = []
     if diagnosis is not None and diagnosis.is_current:
         parts.append(f"confidence {percent(diagnosis.content['verdict']['confidence'])}")
-    shares = [
-        f"{letter} to {_share(board.tilt[name])}" for letter, name in (("k", "stiffness"), ("d", "damping"))
-    ]
-    return "; ".join([*parts, f"{' and '.join(shares)}, 95 %"]) + "."
+    known = {"k": board.tilt["stiffness"], "d": board.tilt["damping"]}
+    known |= {
+        part.name: next(iter(part.parameters.values()))
+        for part in board.effects
+        if not effect(part.name).is_known
+    }
+    shares = [f"{name} to {_share(quantity)}" for name, quantity in known.items() if quantity.value]
+    return "; ".join([*parts, *([f"{', '.join(shares)}, 95 %"] if shares else [])]) + "."
 
 
 def _share(quantity: Quantity) -> str:
     """Return the half width of an interval as a share of its value."""
     low, high = quantity.ci95
-    return f"±{50 * (high - low) / abs(quantity.value):.2g} %" if quantity.value else f"± {quantity.number}"
+    return f"±{50 * (high - low) / abs(quantity.value):.2g} %"
 
 
 def next_step(

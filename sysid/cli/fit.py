@@ -178,7 +178,9 @@ def _draw_learned(common: Common, result: "Fit") -> Path:
     path = common.space.outputs(result.before.name) / "learned.png"
     with atomic_path(path) as temporary:
         title = f"{result.before.name}: {result.formula.text if result.formula else 'nothing was learned'}"
-        learned_figure(result.joint, result.formula, title).savefig(temporary, dpi=140)
+        learned_figure(result.joint, result.formula, title, slides=result.before.slides).savefig(
+            temporary, dpi=140
+        )
     return path
 
 

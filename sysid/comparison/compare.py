@@ -25,7 +25,7 @@ from sysid.progress import stage
 from sysid.quantity import Z95
 from sysid.recording import Data, Recording, reading_warnings, unpack
 from sysid.roll import Array
-from sysid.text import WIDTH
+from sysid.text import WIDTH, Display, display
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -67,6 +67,11 @@ class Comparison:
     """What is wrong with the logs, or odd about them for this board."""
     recordings: tuple[Recording, ...] = ()
     """The logs, where they were given whole."""
+
+    @property
+    def show(self) -> Display:
+        """How what was measured is shown."""
+        return display(is_rate=self.is_rate, slides=self.slides)
 
     @property
     def passed(self) -> bool:
