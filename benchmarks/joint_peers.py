@@ -172,7 +172,7 @@ def ours(name: str, seed: int, *, without: str = "") -> Answer:
     shown = {key: found.quantities[key] for key in case.truth if key != without}
     says = ""
     if without or not case.effects:
-        told = diagnose(releases, found.board if name == "slide" else board).verdict
+        told = diagnose(releases, found.board).verdict
         says = f"{told.status}: {' + '.join(told.effects)}" if told.effects else told.status
     return Answer(
         seconds,
