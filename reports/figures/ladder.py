@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from reports.figures.palette import HELD_OUT, NOISE, SIM
-from reports.story import STOOD, Step
+from reports.story import STOOD, Step, times
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,7 +35,7 @@ def draw_ladder(axes: "Axes", steps: Sequence[Step], noise: tuple[float, float])
     errors = np.array([step.error for step in steps])
     held = np.array([np.nan if step.heldout is None else step.heldout for step in steps], dtype=float)
     for row, step in enumerate(steps):
-        axes.annotate(f"{step.error:.3g}", (step.error, row), (0, 6), textcoords="offset points", ha="center")
+        axes.annotate(times(step.error), (step.error, row), (0, 6), textcoords="offset points", ha="center")
     if np.isfinite(held).any():
         axes.plot(held, rows, "o", color=HELD_OUT, mfc="none", mew=1.4, ms=7, label="left-out releases")
     axes.plot(errors, rows, "o", color=SIM, ms=7, label="error")

@@ -12,7 +12,7 @@ from reports.figures.decay import STYLE
 from reports.figures.ladder import draw_ladder
 from reports.figures.palette import NOISE, REAL, SIM, STOOD
 from reports.figures.svg import thin
-from reports.story import TIED, Missing, Ranked, Story
+from reports.story import TIED, Missing, Ranked, Story, times
 from sysid.effects import effect
 from sysid.quantity import Z95
 from sysid.text import Display, display, effort
@@ -35,7 +35,8 @@ class Panel:
 def panels(story: Story) -> list[Panel]:
     """Return the panels that there is something to draw for, in reading order."""
     former, latter = story.fall
-    fell = f"error {latter:.3g} × noise" if np.isnan(former) else f"error {former:.3g} → {latter:.3g} × noise"
+    begun = "" if np.isnan(former) else f"{times(former)} → "
+    fell = f"error {begun}{times(latter)} × noise"
     named = " and ".join(name for name in story.effects if effect(name).role == "torque")
     drawn = [
         Panel(

@@ -4,6 +4,7 @@ import shlex
 from collections.abc import Sequence
 
 from reports.evidence import Evidence, LastDiagnosis, LogFile
+from reports.story import times
 from sysid.board import Board
 from sysid.effects import effect
 from sysid.quantity import Quantity
@@ -38,7 +39,7 @@ def _match(evidence: Evidence | None) -> tuple[str, str]:
         return "Not known: none of the logs is there any more.", ""
     result = evidence.comparison
     word = "Yes" if result.passed else "No"
-    text = f"{word}: error {result.rmse / result.noise.std:.3g} × the noise; {result.verdict()}."
+    text = f"{word}: error {times(result.rmse / result.noise.std)} × the noise; {result.verdict()}."
     return text, "good" if result.passed else "bad"
 
 
