@@ -35,7 +35,7 @@ BOUNDS = {
     "armature.inertia": (1e-7, 0.1),
 }  # fmt: skip
 LEFT_OUT = {
-    "pendulum": "coulomb.torque",
+    "pendulum": "armature.inertia",
     "loop": "armature.inertia",
     "slide": "",
     "G1 ankle": "coulomb.torque",

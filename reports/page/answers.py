@@ -111,5 +111,9 @@ def next_step(
     if not evidence.comparison.passed:
         return f"Refit stiffness and damping: husky-sysid fit {end}"
     if not board.passed:
-        return f"Check the scene that policies train in: husky-sysid check {end}"
-    return f"It is ready: husky-sysid mjcf --board {board.name}, or husky-sysid train --board {board.name}"
+        where = "the scene that policies train in" if board.geometry else "it in MuJoCo"
+        return f"Check {where}: husky-sysid check {end}"
+    if board.model:
+        return f"It is ready: {board.model['file']}"
+    train = f", or husky-sysid train --board {board.name}" if board.geometry else ""
+    return f"It is ready: husky-sysid mjcf --board {board.name}{train}"

@@ -29,7 +29,7 @@ from reports.page.page import (
     verdict,
     warning_list,
 )
-from reports.page.summary import effect_lines, law_text, parameters, pretty
+from reports.page.summary import effect_lines, law_text, parameters, pretty, title
 from reports.playground import playground
 from reports.story import release_name, story_of_board
 from sysid.board import Board
@@ -83,7 +83,7 @@ def board_report(
         provenance: For the last section.
         diagnosis: The board's last one, where there is one.
     """
-    page = Page(title=f"{'Board' if board.geometry else 'Joint'} {board.name}", subtitle=board.description)
+    page = Page(title=title(board), subtitle=board.description)
     page.lead = "\n".join(_lead(board, evidence, diagnosis, files))
     with page_style():
         if evidence is not None:

@@ -60,6 +60,11 @@ def decay_summary(board: str, decay: FreeDecay) -> str:
     return "\n".join(lines) + "\n"
 
 
+def title(board: Board) -> str:
+    """Return what a board is called, or a joint without a deck."""
+    return f"{'Board' if board.geometry else 'Joint'} {board.name}"
+
+
 def parameters(board: Board) -> dict[str, Quantity]:
     """Return inertia, stiffness, damping, rest angle and all effects' parameters."""
     own = {"roll inertia": board.inertia}
