@@ -567,7 +567,7 @@ def _experiment(search: Search, tried: Field, chosen: Scored, board: Board) -> s
     reach = board.tilt["range"].value if "range" in board.tilt else np.inf
     found = deciding(chosen.model, rival.model, tried.best.errors, reach)
     fallback = "" if found or not names[0] else effect(names[0][0]).experiment
-    return experiment_in_words(found, titles(names[0]), titles(names[1]), fallback)
+    return experiment_in_words(found, titles(names[0]), titles(names[1]), fallback, board)
 
 
 def _verdict(
