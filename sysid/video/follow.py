@@ -25,7 +25,9 @@ def follow(follower: Follower, frame: Frame) -> Points:
     return np.full((follower.points, 2), np.nan, np.float32) if found is None else found.astype(np.float32)
 
 
-def track_of(reel: Reel, frames: Sequence[tuple[int, float]], points: Points, followers: Sequence[Follower]) -> Track:
+def track_of(
+    reel: Reel, frames: Sequence[tuple[int, float]], points: Points, followers: Sequence[Follower]
+) -> Track:
     """Return points with the camera's shake.
 
     Args:

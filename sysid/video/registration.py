@@ -29,7 +29,7 @@ ATTITUDE_STEP = np.radians(1.0)
 """Turns this far apart are different attitudes [rad]: the outermost pixels are a pixel or two apart."""
 AGREEMENT = 0.5
 """Spread of a pixel in pictures turned back, over its spread as filmed, up to which it is the board's."""
-MIN_PIXELS, MAX_PIXELS = 400, 1 << 12
+MIN_PIXELS, MAX_PIXELS = 400, 6000
 """Fewer pixels are no body; of more, those where brightness changes most are used."""
 MIN_SPREAD = 4.0
 """Least standard deviation of the body's pixels about their middle, across its narrow side [px]."""

@@ -122,7 +122,9 @@ class Background:
                     if cell[row, column] > 1e-4:
                         anchors.append((int((columns[0] + column) * scale), int((rows[0] + row) * scale)))
                     apart = 2 * HALF_PATCH // scale
-                    cell[max(row - apart, 0) : row + apart + 1, max(column - apart, 0) : column + apart + 1] = 0
+                    cell[
+                        max(row - apart, 0) : row + apart + 1, max(column - apart, 0) : column + apart + 1
+                    ] = 0
         self._anchors = np.array(anchors, np.float64).reshape(-1, 2)
         self._places = self._anchors
         self._reference = self._mosaic(picture, self._anchors) if anchors else dark

@@ -48,9 +48,7 @@ class Frame:
     def part(self, box: Box) -> tuple[Picture, tuple[int, int]]:
         """Cut a box [px] out, as far as it was kept; return the part and its corner in the film's picture."""
         left, top = self.corner
-        part, (across, down) = crop(
-            self.picture, (box[0] - left, box[1] - top, box[2] - left, box[3] - top)
-        )
+        part, (across, down) = crop(self.picture, (box[0] - left, box[1] - top, box[2] - left, box[3] - top))
         return part, (left + across, top + down)
 
 

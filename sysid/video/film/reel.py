@@ -81,11 +81,14 @@ class Reel:
                 del self._frames[: len(self._frames) // 2]
             size = sum(frame.picture.nbytes for frame in self._frames)
         if not self._frames:
-            raise SysidError(f"{self.clip.path}: no frame can be decoded. Copy the file again from the camera.")
+            raise SysidError(
+                f"{self.clip.path}: no frame can be decoded. Copy the file again from the camera."
+            )
         if (moving := motion.mask(region)).any():
             self.background.leave_out(moving)
         self._frames = [
-            replace(frame, shift=self.background.shift(self.skipped + row)) for row, frame in enumerate(self._frames)
+            replace(frame, shift=self.background.shift(self.skipped + row))
+            for row, frame in enumerate(self._frames)
         ]
         some = np.unique(np.linspace(0, len(self._frames) - 1, SURVEY_FRAMES).astype(int))
         return survey(self.clip, tuple(self._frames[number] for number in some), motion, roi)

@@ -40,6 +40,8 @@ class Motion:
     _low: npt.NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
     _high: npt.NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
     _shape: tuple[int, ...] = ()
+    _furthest: float = 0.0
+    """How far the camera went [px of the small picture]."""
 
     def add(self, frame: Frame) -> None:
         """Take in one more whole frame."""
@@ -53,6 +55,7 @@ class Motion:
         if self._start is None:
             self._start = grey(small)
             self._low = self._high = small.astype(np.float32)
+        self._furthest = max(self._furthest, scale * float(np.abs(frame.shift).max()))
         still = self._held(small, scale * frame.shift)
         self._low, self._high = np.minimum(self._low, still), np.maximum(self._high, still)
 
@@ -73,17 +76,25 @@ class Motion:
         return _moving(self._high - self._low, self._shape, within)
 
     @property
-    def everywhere(self) -> bool:
-        """Whether most of the picture changes."""
-        return float(np.median((self._high - self._low).max(axis=2))) > MIN_CHANGE
+    def pans(self) -> bool:
+        """Whether most of the picture changes, and the camera went far or nothing stands out."""
+        everywhere = float(np.median((self._high - self._low).max(axis=2))) > MIN_CHANGE
+        return everywhere and (self._furthest > MAX_SHAKE * SURVEY_SIDE or not self.mask(None).any())
 
 
-def survey(clip: Clip, frames: tuple[Frame, ...], motion: Motion, roi: tuple[int, int, int, int] | None) -> Survey:
+def survey(
+    clip: Clip, frames: tuple[Frame, ...], motion: Motion, roi: tuple[int, int, int, int] | None
+) -> Survey:
     """Say where it moves.
 
     Raises:
         SysidError: Nothing moves, or the region of interest lies outside the picture.
     """
+    if motion.pans:
+        raise SysidError(
+            f"{clip.path}: the whole picture moves: the camera pans, zooms or is carried. Put it on a tripod, and film from "
+            "before the release until the board rests."
+        )
     given = None if roi is None else box_of(clip, roi)
     moving = motion.mask(given)
     if given is not None and roi is not None:
@@ -93,11 +104,6 @@ def survey(clip: Clip, frames: tuple[Frame, ...], motion: Motion, roi: tuple[int
                 f"board moves (left, top, width and height in px of {clip.width}x{clip.height}), or leave it out."
             )
         return Survey(frames, given, moving)
-    if not moving.any() and motion.everywhere:
-        raise SysidError(
-            f"{clip.path}: the whole picture moves: the camera pans, zooms or is carried. Put it on a tripod, and film from "
-            "before the release until the board rests."
-        )
     if not moving.any():
         raise SysidError(
             f"{clip.path}: nothing moves in it. Is the board in the picture? Film the whole release, or give the "

@@ -32,7 +32,11 @@ class Steps:
             place: Places in the picture [px], shape (m, 2) or with more axes before.
             turn: Slopes of the lines there [rad], a shape that broadcasts with the result's.
         """
-        there = ((place - self.corner + 0.5) * self.scale - 0.5).astype(np.float32).reshape(-1, place.shape[-2], 2)
+        there = (
+            ((place - self.corner + 0.5) * self.scale - 0.5)
+            .astype(np.float32)
+            .reshape(-1, place.shape[-2], 2)
+        )
         right, down = (
             cv2.remap(part, there[..., 0], there[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
             for part in (self.right, self.down)
