@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from sysid.errors import SysidError
 from sysid.roll import Array
@@ -15,8 +14,7 @@ from sysid.video.film.track import Track
 from sysid.video.options import VideoOptions
 from sysid.video.pose.rigid_group import rough_turn
 from sysid.video.trackers._base import Follower
-
-Points = npt.NDArray[np.float32]
+from sysid.video.types import Points
 
 
 def follow(follower: Follower, frame: Frame) -> Points:
@@ -53,7 +51,7 @@ def track_of(
     return Track(time, points, _of_the_camera(shake, points, reel.options), index, reel.repeated)
 
 
-def _of_the_camera(shake: Shake, points: npt.NDArray[np.float32], options: VideoOptions) -> Shake:
+def _of_the_camera(shake: Shake, points: Points, options: VideoOptions) -> Shake:
     """Return the shake unless it is the board's own motion, or there is none."""
     none = still(len(points), shake.focal, shake.centre, found=options.no_shake)
     if options.no_shake:
@@ -63,7 +61,7 @@ def _of_the_camera(shake: Shake, points: npt.NDArray[np.float32], options: Video
     return shake
 
 
-def _turn(points: npt.NDArray[np.float32], focal: float) -> Array:
+def _turn(points: Points, focal: float) -> Array:
     """Return roughly how the points (n, N, 2) turn as filmed, or a single one swings to and fro [rad], shape (n,)."""
     place = points[..., 0].astype(np.float64) + 1j * points[..., 1]
     seen = np.isfinite(place)

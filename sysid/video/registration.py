@@ -17,7 +17,7 @@ import numpy.typing as npt
 from sysid.roll import Array
 from sysid.video.film.frames import Frame, grey
 from sysid.video.film.track import Track
-from sysid.video.types import Box, Rows
+from sysid.video.types import Box, Points, Rows
 
 Image = npt.NDArray[np.float32]
 
@@ -73,7 +73,7 @@ class Cutout:
 class BodyPicture:
     """What the board looks like, at the attitude of a home picture."""
 
-    home: Array
+    home: Points
     """The points that were followed, there [px], shape (N, 2)."""
     cutout: Cutout
     places: Array
@@ -87,7 +87,7 @@ class BodyPicture:
     slopes: Image
     """Change of brightness with each of the six numbers, gain and offset, at these pixels, shape (m, 8)."""
 
-    def find(self, frame: Frame, points: Array) -> Array:
+    def find(self, frame: Frame, points: Points) -> Points:
         """Return the four points of the board in a frame [px], shape (4, 2); NaN where it is not made out.
 
         Args:
@@ -97,8 +97,9 @@ class BodyPicture:
         rough = _inside(self.cutout, pose_between(self.home, points))
         pose = None if rough is None else lay_onto(self, self.cutout.of(frame), rough)
         if pose is None:
-            return np.full((4, 2), np.nan)
-        return _mapped(np.asarray(np.linalg.inv(self.cutout.inward)), _mapped(pose, self.corners))
+            return np.full((4, 2), np.nan, np.float32)
+        outward = np.asarray(np.linalg.inv(self.cutout.inward), np.float64)
+        return _mapped(outward, _mapped(pose, self.corners)).astype(np.float32)
 
 
 def picture_of_body(frames: Sequence[Frame], box: Box, track: Track) -> BodyPicture | None:
@@ -115,7 +116,7 @@ def picture_of_body(frames: Sequence[Frame], box: Box, track: Track) -> BodyPict
     some = _of_each_attitude(turns)
     if len(some) < MIN_PICTURES or np.ptp(turns[some]) < MIN_TURN:
         return None
-    home = track.points[some[len(some) // 2]].astype(np.float64)
+    home = track.points[some[len(some) // 2]]
     cutout = Cutout(box, min(1.0, MAX_SIDE / max(box[2] - box[0], box[3] - box[1])))
     placed = [
         (cutout.of(frames[row]), _inside(cutout, pose_between(home, track.points[row]))) for row in some
@@ -146,7 +147,7 @@ def _inside(cutout: Cutout, pose: Array | None) -> Array | None:
     return None if pose is None else cutout.inward @ pose @ np.linalg.inv(cutout.inward)
 
 
-def pose_between(home: Array, points: Array) -> Array | None:
+def pose_between(home: Points, points: Points) -> Array | None:
     """Return the similarity, shape (3, 3), from points (N, 2) [px] to others; None with fewer than two."""
     one, other = (places.astype(np.float64) @ np.array([1, 1j]) for places in (home, points))
     both = np.isfinite(one) & np.isfinite(other)
@@ -163,7 +164,7 @@ def pose_between(home: Array, points: Array) -> Array | None:
     return np.array([[turn.real, -turn.imag, shift.real], [turn.imag, turn.real, shift.imag], [0, 0, 1.0]])
 
 
-def _mean_of(home: Array, cutout: Cutout, pictures: list[Image], poses: list[Array]) -> BodyPicture | None:
+def _mean_of(home: Points, cutout: Cutout, pictures: list[Image], poses: list[Array]) -> BodyPicture | None:
     """Turn cutouts back by their poses, shape (3, 3) each, and average them where they agree."""
     back = np.stack([_turned_back(picture, pose) for picture, pose in zip(pictures, poses, strict=True)])
     # A film keeps what stands still as it is, its noise as well: many pictures of one attitude count as one.

@@ -21,7 +21,7 @@ from sysid.logs.clock_offset import clock_offset
 from sysid.roll import Roll
 from sysid.video.film.background import Background
 from sysid.video.film.camera import Lens, lens_of, write_calibration
-from sysid.video.film.frames import Frame, ahead, open_clip
+from sysid.video.film.frames import ahead, open_clip
 from sysid.video.film.shake import fit_rotations, seen_places, whole_shake
 from sysid.video.options import VIDEO_SUFFIXES
 from sysid.video_roll import VideoOptions, roll_from_video

@@ -87,8 +87,6 @@ class Target:
     finds_direction: bool = True
     """Whether the points show from where the camera looks."""
     warnings: tuple[str, ...] = ()
-    knows_shape: bool = False
-    """Whether its points' places on the board are known beforehand, so that it shows the camera's direction by itself."""
     shows_body: bool = True
     """Whether two or more of its points stay where they are on the board, so that they tell how all of it moved."""
     settle: Callable[[Track], Track] | None = None

@@ -227,7 +227,6 @@ def _find(scene: Scene) -> Target | None:
         why=f"{marker.kind} marker {marker.number}",
         solve=partial(fit_angle, prior=BodyPrior(square=True)),
         zero=_level_square,
-        knows_shape=True,
         joined=((0, 1), (1, 2), (2, 3), (3, 0)),
         zero_note="where the marker's edges are level in the picture",
     )
