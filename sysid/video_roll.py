@@ -70,6 +70,7 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
     Raises:
         SysidError: There are fewer than 8 frames for each period of the oscillation.
     """
+    from sysid.video.film.pace import speed_ramp
     from sysid.video.notes import faults, inferred, shutter_note
     from sysid.video.pose.gaps import Signal, fill_gaps
     from sysid.video.pose.outliers import outlier_frames
@@ -87,9 +88,14 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
     _refuse_contradiction(clip.path, target, track, angle)
     pace = _refuse_slow(clip.path, signal)
     signal, filled, dropped = fill_gaps(signal, pace)
+    if (ramp := speed_ramp(signal.time, signal.roll, signal.std)) is not None:
+        raise SysidError(
+            f"{clip.path}: at {ramp:.2f} s the swing goes on at another pace at once: parts of the film play faster or slower "
+            "than others (a speed ramp of slow motion). Give the film as the camera took it, not as it was edited."
+        )
     notes = [
         *inferred(clip, lens, target, track, found, options),
-        shutter_note(followed.before, found.camera_state),
+        shutter_note(followed.before, found.camera_state, given=options.readout is not None),
     ]
     warnings = list(faults(clip, target, track, found))
     if np.any(outliers > 0):

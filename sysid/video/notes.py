@@ -61,10 +61,10 @@ def _stands_still(track: Track) -> bool:
     return seen.size > 0 and float(np.std(seen.mean(axis=1), axis=0).max()) < STILL_CAMERA
 
 
-def shutter_note(before: CameraState, after: CameraState) -> str:
+def shutter_note(before: CameraState, after: CameraState, *, given: bool) -> str:
     """Say where the read-out time comes from."""
     if not before.std[3]:
-        return f"read-out: {after.readout * 1e3:.3g} ms, as given"
+        return f"read-out: {after.readout * 1e3:.3g} ms, as {'given' if given else 'the phone notes in the file'}"
     if after.std[3] < SHUTTER_SEEN * before.std[3]:
         return f"read-out: {after.readout * 1e3:.3g} ± {2 * after.std[3] * 1e3:.2g} ms, from how moving points are sheared"
     return (

@@ -70,7 +70,7 @@ def follow_board(reel: Reel) -> Followed:
     """
     scene = Scene(reel)
     failed: list[str] = []
-    for targets in _targets(scene):
+    for targets in find_targets(scene):
         followers = [target.follower for target in targets]
         stamps = [(frame.index, frame.time) for frame in reel.kept]
         seen: list[tuple[Target, Track]] = []
@@ -156,7 +156,8 @@ def _best(reel: Reel, seen: list[tuple[Target, Track]]) -> tuple[Target, Track]:
 def _followed(reel: Reel, target: Target, track: Track) -> Followed | None:
     """Return a target with its angle; None where its points do not tell any."""
     lens, options = reel.lens, reel.options
-    before = before_looking(track, lens, target.direction_std, options.readout, options.camera_angle)
+    readout = reel.clip.readout if options.readout is None else options.readout
+    before = before_looking(track, lens, target.direction_std, readout, options.camera_angle)
     try:
         found = target.solve(View(track, lens.straighten, reel.clip.row_share), lens.matrix, before)
     except np.linalg.LinAlgError:
@@ -223,7 +224,7 @@ def _level_of(level: Array, found: AngleTrack) -> float:
     return float(np.nanmedian(level - found.angle[: len(level)]))
 
 
-def _targets(scene: Scene) -> Iterator[list[Target]]:
+def find_targets(scene: Scene) -> Iterator[list[Target]]:
     """Yield what can be followed: by the tracker that the user names, else by all; what takes long at last.
 
     Raises:

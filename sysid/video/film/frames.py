@@ -70,6 +70,8 @@ class Clip:
     """How many times slower it plays than it was filmed, as the file notes."""
     progress: Callable[[str, float], None] | None = None
     """Told which share of the film was decoded."""
+    readout: float | None = None
+    """Time from the sensor's first to its last row [s], as the phone notes it."""
 
     def frames(self, every: int = 1) -> Generator[Frame]:
         """Decode the clip from its start; only every `every`-th frame is converted to a picture.
@@ -170,6 +172,11 @@ def open_clip(path: Path, progress: Callable[[str, float], None] | None = None) 
                 "less: a higher frame rate tells more than more pixels."
             )
         said = read_container(path)
+        if said.ramped:
+            raise SysidError(
+                f"{path}: parts of it play faster or slower than others (a speed ramp of slow motion): its times are not those "
+                "of the board. Give the film as the camera took it, not as it was edited."
+            )
         announced = max(0, int(said.shown * capture.get(cv2.CAP_PROP_FRAME_COUNT)))
         slowed = (said.capture_rate or 0.0) / max(float(capture.get(cv2.CAP_PROP_FPS)), 1e-9)
         if abs(slowed - round(slowed)) < 0.05 * slowed:  # the mean rate suffers from the last frame's length
@@ -190,6 +197,7 @@ def open_clip(path: Path, progress: Callable[[str, float], None] | None = None) 
         codec,
         slowed if slowed > SLOW_MOTION else 1.0,
         progress,
+        said.readout,
     )
 
 
