@@ -176,20 +176,12 @@ class FeatureFollower:
 
 def _rigid(home: Complex, seen: Complex, good: Mask) -> tuple[Complex, Mask]:
     """Similarity that most patches agree on (random pairs, then least squares), and who they are."""
-    rng = np.random.default_rng(0)
-    index = np.flatnonzero(good)
-    best = np.zeros(len(home), bool)
-    pose = np.array([1 + 0j, 0j])
-    for _ in range(40):
-        one, other = rng.choice(index, 2, replace=False)
-        if abs(home[one] - home[other]) < WINDOW:
-            continue
-        turn = (seen[one] - seen[other]) / (home[one] - home[other])
-        if not 0.8 < abs(turn) < 1.25:
-            continue
-        near = good & (np.abs(seen - turn * home - (seen[one] - turn * home[one])) < 2 * INLIER_DISTANCE)
-        if near.sum() > best.sum():
-            best = near
+    pose, best = np.array([1 + 0j, 0j]), np.zeros(len(home), bool)
+    one, other = (np.stack([place[good].real, place[good].imag], axis=1) for place in (home, seen))
+    found, agree = cv2.estimateAffinePartial2D(one, other, ransacReprojThreshold=2 * INLIER_DISTANCE)
+    if found is None or not 0.8 < float(np.hypot(found[0, 0], found[1, 0])) < 1.25:
+        return pose, best
+    best[np.flatnonzero(good)[agree.ravel() > 0]] = True
     for _ in range(3):
         if best.sum() < 3:
             return pose, best
