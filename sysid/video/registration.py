@@ -17,7 +17,7 @@ import numpy.typing as npt
 from sysid.roll import Array
 from sysid.video.film.frames import Frame, grey
 from sysid.video.film.track import Track
-from sysid.video.types import Box, Points, Rows
+from sysid.video.types import Box, Points
 
 Image = npt.NDArray[np.float32]
 
@@ -35,8 +35,8 @@ MIN_SPREAD = 4.0
 """Least standard deviation of the body's pixels about their middle, across its narrow side [px]."""
 MIN_PICTURES, MIN_TURN = 5, np.radians(1.0)
 """Pictures, and turn among them [rad], that tell the body from the rest."""
-MAX_PICTURES, PER_ATTITUDE = 30, 3
-"""Pictures that are averaged at most, and of one attitude: compression repeats its errors."""
+MAX_PICTURES = 40
+"""Pictures that are averaged at most, evenly spread: most of them at rest, where compression leaves the least out."""
 MAX_ROUNDS, CONVERGED = 5, 0.02
 """Rounds at most, and by how little the points move in the last one [px]: each takes away most of what is left."""
 MAX_CORRECTION = 4.0
@@ -110,11 +110,14 @@ def picture_of_body(frames: Sequence[Frame], box: Box, track: Track) -> BodyPict
         box: Left, top, right and bottom [px] of where it moves.
         track: Points that were followed, two or more.
     """
-    first = track.points[int(np.argmax(np.isfinite(track.points).all(axis=2).sum(axis=1)))]
-    turned = [pose_between(first, points) for points in track.points[: len(frames)]]
-    turns = np.array([np.nan if pose is None else np.arctan2(pose[1, 0], pose[0, 0]) for pose in turned])
-    some = _of_each_attitude(turns)
-    if len(some) < MIN_PICTURES or np.ptp(turns[some]) < MIN_TURN:
+    rows = np.unique(np.linspace(0, len(frames) - 1, MAX_PICTURES).astype(int))
+    rows = rows[np.isfinite(track.points[rows]).all(axis=2).sum(axis=1) >= 2]
+    if len(rows) < MIN_PICTURES:
+        return None
+    seen = [(row, pose_between(track.points[rows[0]], track.points[row])) for row in rows]
+    turns = {row: float(np.arctan2(pose[1, 0], pose[0, 0])) for row, pose in seen if pose is not None}
+    some = sorted(turns, key=turns.__getitem__)
+    if len(some) < MIN_PICTURES or turns[some[-1]] - turns[some[0]] < MIN_TURN:
         return None
     home = track.points[some[len(some) // 2]]
     cutout = Cutout(box, min(1.0, MAX_SIDE / max(box[2] - box[0], box[3] - box[1])))
@@ -131,15 +134,6 @@ def picture_of_body(frames: Sequence[Frame], box: Box, track: Track) -> BodyPict
             return None
         placed = [(picture, lay_onto(body, picture, pose)) for picture, pose in good]
     return body
-
-
-def _of_each_attitude(turns: Array) -> Rows:
-    """Return rows in the order of their turns (n,) [rad], a few of each attitude."""
-    order = np.argsort(turns)[: np.isfinite(turns).sum()]
-    attitude = np.round(turns[order] / ATTITUDE_STEP)
-    rank = np.arange(len(order)) - np.searchsorted(attitude, attitude)
-    some = order[rank < PER_ATTITUDE]
-    return some[np.unique(np.linspace(0, len(some) - 1, min(len(some), MAX_PICTURES)).astype(int))]
 
 
 def _inside(cutout: Cutout, pose: Array | None) -> Array | None:
