@@ -33,6 +33,8 @@ def inferred(
         f"film: {clip.width}x{clip.height}, {len(track.time)} frames, {1 / np.mean(intervals):.4g} frames/s by {stamps}"
         + (f", varying by {100 * spread:.0f} %" if spread > 0.02 else "")
     )
+    if track.index[0] > 0:
+        yield f"film: its first {track.index[0]} frames, in which nothing moves, are left out"
     if clip.slowed > 1 and options.rate is None:
         yield (
             f"film: taken at {clip.slowed:.3g} times the rate at which it plays, as the phone notes in the file: its times are "

@@ -13,6 +13,7 @@ from drawn_films import decay, draw_film, marked, plate
 
 from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
+from sysid.video.film import reel
 from sysid.video.film.container import read_container
 from sysid.video.film.frames import open_clip
 from sysid.video.film.pace import speed_ramp
@@ -102,6 +103,18 @@ def test_the_read_out_that_an_iphone_notes_is_taken(film, tmp_path):
     ffmpeg("-i", film, "-c", "copy", "-movflags", "use_metadata_tags", "-metadata", f"{key}=8300", noted)
     assert read_container(noted).readout == pytest.approx(8.3e-3)
     assert any("8.3 ms, as the phone notes" in note for note in roll_from_video(noted).notes)
+
+
+def test_a_film_larger_than_the_memory_is_read_frame_by_frame(film, monkeypatch):
+    """9 pictures of 60 fit: nothing moves in the first ones, and the part that does is small enough for 20."""
+    whole = roll_from_video(film, VideoOptions(method="marker", readout=0.0))
+    monkeypatch.setattr(reel, "MEMORY", 6_000_000)
+    monkeypatch.setattr(reel, "MIN_FRAMES", 20)
+    roll = roll_from_video(film, VideoOptions(method="marker", readout=0.0))
+    left_out = len(whole.time) - len(roll.time)
+    assert 0 < left_out < 12
+    assert any(f"its first {left_out} frames, in which nothing moves" in note for note in roll.notes)
+    assert error_of(roll, ROLL[left_out:]) < 0.1
 
 
 def test_an_edit_that_plays_faster_is_refused(film, tmp_path):
