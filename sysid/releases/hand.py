@@ -13,7 +13,7 @@ A torque that ends δ after that sample counts with δ², as far as it has moved
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -88,12 +88,16 @@ class _Windows:
         """Return which lie wholly in a stretch [s], shape (m,)."""
         return (self.time >= begin) & (self.time + self.width <= end)
 
-    def breaks(self, torque: Array) -> Array:
-        """Return by how much a torque is off its mean in the period after it, shape (m,): a zero that wanders is no hand."""
+    def breaks(self, torque: Array, end: float) -> Array:
+        """Return by how much a torque is off its mean in the period after it, up to an end [s], shape (m,).
+
+        A zero that wanders is no hand.
+        """
         total = np.concatenate([[0.0], np.cumsum(torque)])
-        end = np.minimum(np.arange(len(torque)) + self.period, len(torque))
-        begin = np.maximum(end - self.period, 0)
-        return torque - (total[end] - total[begin]) / self.period
+        last = max(1, int(np.searchsorted(self.time, end - self.width, "right")))
+        stop = np.minimum(np.arange(len(torque)) + self.period, min(last, len(torque)))
+        begin = np.maximum(stop - self.period, 0)
+        return torque - (total[stop] - total[begin]) / (stop - begin)
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +109,8 @@ class _Law:
     """Square root of their covariance over that of the noise."""
     shapes: int
     """How many columns of the table it has."""
+    ends: Sequence[float]
+    """Until when each decay is known to be free [s]."""
     noise: float = 0.0
     """Standard deviation of what it leaves [rad]."""
 
@@ -112,7 +118,7 @@ class _Law:
         """Return the torque beyond the law of one decay, and its standard deviation [rad], shape (m,) each."""
         table = _table(windows, number, self.shapes, len(self.coefficients))
         std = self.noise * np.sqrt(1 + np.sum((table @ self.spread) ** 2, axis=1))
-        return windows.breaks(windows.acceleration - table @ self.coefficients), std
+        return windows.breaks(windows.acceleration - table @ self.coefficients, self.ends[number]), std
 
 
 def free_spans(signal: SmoothedSignal, spans: Sequence[Span], period: float) -> list[Span]:
@@ -200,13 +206,16 @@ def _learned(windows: Sequence[_Windows], known: Sequence[tuple[float, float]]) 
     The nonlinear one alone where it leaves much less; none where there is too little to learn from.
     """
     inside = [one.inside(*stretch) for one, stretch in zip(windows, known, strict=True)]
-    laws = [law for shapes in (2, 6) if (law := _fit(windows, inside, shapes)) is not None]
+    ends = [end for _, end in known]
+    laws = [law for shapes in (2, 6) if (law := _fit(windows, inside, ends, shapes)) is not None]
     if len(laws) == 2 and laws[1].noise < NONLINEAR * laws[0].noise:
         return laws[1:]
     return laws[:1] if len(laws) == 2 and laws[1].noise > NO_BETTER * laws[0].noise else laws
 
 
-def _fit(windows: Sequence[_Windows], inside: Sequence[npt.NDArray[np.bool_]], shapes: int) -> _Law | None:
+def _fit(
+    windows: Sequence[_Windows], inside: Sequence[npt.NDArray[np.bool_]], ends: Sequence[float], shapes: int
+) -> _Law | None:
     """Fit a law to what lies inside, shape (m,) for each decay; None where that is too little, or says too little."""
     count = shapes + len(windows)
     tables = [_table(one, i, shapes, count) for i, one in enumerate(windows)]
@@ -220,12 +229,12 @@ def _fit(windows: Sequence[_Windows], inside: Sequence[npt.NDArray[np.bool_]], s
     left, values, right = np.linalg.svd(table / scale, full_matrices=False)
     kept = values > 1e-6 * values[0]
     spread = right[kept].T / values[kept] / scale[:, None]
-    law = _Law(spread @ (left[:, kept].T @ target), spread, shapes)
+    law = _Law(spread @ (left[:, kept].T @ target), spread, shapes, ends)
     rest = [law.beyond(one, i)[0][rows] for i, (one, rows) in enumerate(zip(windows, inside, strict=True))]
     noise = float(np.sqrt(np.sum(np.concatenate(rest) ** 2) / (len(target) - used)))
     if noise > KNOWN * np.sqrt(np.mean(target**2)):
         return None
-    return _Law(law.coefficients, spread, shapes, noise)
+    return replace(law, noise=noise)
 
 
 def _table(windows: _Windows, number: int, shapes: int, count: int) -> Array:
