@@ -47,6 +47,11 @@ class Segment:
         return float(np.median([swing.duration for swing in self.swings[:4]]))
 
     @property
+    def half_period(self) -> float:
+        """Half a period, lightly damped [s]."""
+        return self.pace / SHARE_OF_HALF
+
+    @property
     def sizes(self) -> list[float]:
         """Amplitudes about rest at the turning points [rad]."""
         return [
