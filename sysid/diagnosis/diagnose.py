@@ -17,13 +17,15 @@ from sysid.diagnosis.against_record import record_deviation
 from sysid.diagnosis.experiment import deciding
 from sysid.diagnosis.importance import Importance, importance
 from sysid.diagnosis.judgement import (
+    CALIBRATION,
     EXPLAINED,
-    INEXACT,
     MATERIAL,
     PRICE,
     TIE,
+    UNMET,
     Field,
     Scored,
+    calibrated,
     families_of,
     rest_of,
 )
@@ -42,7 +44,7 @@ from sysid.diagnosis.wording import (
     size_in_words,
     titles,
 )
-from sysid.diagnosis.workers import Crew
+from sysid.diagnosis.workers import WorkerPool
 from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.fitting.covariance import parameter_quantities
@@ -223,8 +225,7 @@ def diagnose(
     chosen = signal_of(releases, signal)
     bias, use_rate = chosen["bias"], chosen["use_rate"]
     noise = noise_floor(releases, rate=use_rate)
-    records = make_records(releases, noise.std, rate=use_rate)
-    scales = scales_of(records, board)
+    scales = scales_of(make_records(releases, noise.std, rate=use_rate), board)
     period = 2 * np.pi / scales.frequency
     warnings = check_releases(releases, board, period)
     judged, left_out = judged_stretches(releases, period)
@@ -243,23 +244,23 @@ def diagnose(
         role = effect(part.name).role
         if role == "learned":
             held.update({f"{part.name}.{name}": quantity.value for name, quantity in part.parameters.items()})
-    with Crew(workers) as crew:
+    with WorkerPool(workers) as pool:
         search = Search(
             records=records, scales=scales, bias=bias, base=tuple(sorted(p.name for p in board.effects)),
-            fixed=held, crew=crew, progress=progress,
+            fixed=held, pool=pool, progress=progress,
         )  # fmt: skip
         search, models, final = _searched(search)
         first = Field(final, search.base, period, noise.std)
         winner, final, idle = _material(search, first, final)
         outside = surrogates(search, winner)
         everything = Field([*final, *outside], search.base, period, noise.std)
-    verdict, best = _judged(search, everything, winner, board, noise.std, idle)
+    verdict, best = _judged(search, everything, winner, board, idle)
     base = search.fine(everything.base.model, average=1)
-    verdict = _with_errors(verdict, base, best)
+    verdict = replace(verdict, error_before=base.rmse, error_after=best.rmse)
     matters = verdict.status == "unexplained" or verdict.remainder > MATERIAL * everything.motion
-    learned = (
-        learn(releases, board, fittable(verdict.effects), signal=signal, fixed=fixed) if matters else None
-    )
+    learned = learn(judged, board, fittable(verdict.effects), signal=signal, fixed=fixed) if matters else None
+    if learned is not None and learned.error_after > verdict.error_after:
+        learned = None  # it did not get there
     if progress is not None:
         progress("done", 1.0)
     warnings += _fast_starts(best)
@@ -385,31 +386,37 @@ def _material(search: Search, tried: Field, final: list[Model]) -> tuple[Model, 
 
 
 def _judged(
-    search: Search, tried: Field, winner: Model, board: Board, floor: float, idle: frozenset[str]
+    search: Search, tried: Field, winner: Model, board: Board, idle: frozenset[str]
 ) -> tuple[Verdict, Model]:
     """Return the verdict, and the model that it rests on, fitted to single samples."""
     base = tried.base
     chosen = next(s for s in tried.scored if s.model is winner)
     named = tuple(n for n in winner.effects if n not in search.base)
-    outside = _outside(tried, chosen, floor)
+    outside = _outside(tried, chosen)
     size = importance(winner, named, base.model) if named else None
     explained = tried.explained(chosen)
     hints = _hints(search, tried, chosen, size)
     vague = not named or explained < EXPLAINED or tried.left(chosen) > CLOSE
-    if outside is not None or (tried.left(base) > MATERIAL and vague):
+    if outside is not None or (tried.surely_missing and vague):
         return _unexplained(search, tried, chosen, outside, hints, board)
     if size is None or not size.matters or explained < EXPLAINED:
         return _nothing(search, tried, chosen, hints, board)
     return _missing(search, tried, chosen, size, hints, board, idle)
 
 
-def _outside(tried: Field, chosen: Scored, floor: float) -> Scored | None:
-    """Return a law outside the catalogue that reaches the noise and is beyond doubt the better one, if there is one."""
-    shaped = [s for s in tried.scored if s.model.shape and s.model.rmse < INEXACT * floor]
+def _outside(tried: Field, chosen: Scored) -> Scored | None:
+    """Return a law outside the catalogue that reaches the noise and is the better one, if there is one.
+
+    Where something is missing for sure it must beat all that was tried; else, beyond doubt, that nothing is missing.
+    """
+    shaped = [s for s in tried.scored if s.model.shape and s.model.rmse < tried.exact]
     best = max(shaped, key=lambda s: s.score, default=None)
-    if best is None or best.score - chosen.score <= 2 * TIE or tried.gap(best, chosen) <= TIE:
-        return None  # a law that nobody has met must be better by more than one that people have
-    return best
+    if best is None:
+        return None
+    if chosen.extra:
+        others = max(s.score for s in tried.possible if not s.model.shape)
+        return best if best.score > others + UNMET else None
+    return best if best.score - chosen.score > 2 * TIE and tried.gap(best, chosen) > TIE else None
 
 
 def _hints(search: Search, tried: Field, chosen: Scored, size: Importance | None) -> tuple[Hint, ...]:
@@ -455,15 +462,12 @@ def _missing(
     if tried.base in tried.near(chosen):
         text += " The evidence is thin: the model without it is nearly as likely."
     text += "".join(f" Beside it, {hint.text}" for hint in hints)
-    remainder, words = _remainder(tried, chosen)
-    families = families_of(chosen.model, search.base)
     # Where no model is exact, the rest may be the mark of another law.
-    confidence = tried.confidence(families, idle) * (explained if tried.inexact else 1.0)
-    verdict = _verdict(
-        search, tried, "missing", effects, sorted(families), confidence, sets, chosen, size, remainder,
-        words, hints, _experiment(search, tried, chosen, board), f"{text} {words}".strip(),
-    )  # fmt: skip
-    return verdict, final
+    confidence = tried.confidence(families_of(chosen.model, search.base), idle) * (
+        explained if tried.inexact else 1.0
+    )
+    experiment = _experiment(search, tried, chosen, board)
+    return _verdict(tried, "missing", effects, confidence, sets, chosen, size, hints, experiment, text), final
 
 
 def _nothing(
@@ -474,7 +478,6 @@ def _nothing(
     confidence = tried.confidence(frozenset())
     if chosen.extra:
         confidence += tried.confidence(families_of(chosen.model, search.base))
-    remainder, words = _remainder(tried, tried.base)
     experiment = deviation.experiment
     if deviation.effects:
         status: Status = "missing"
@@ -485,12 +488,8 @@ def _nothing(
         experiment = "" if not hints else _experiment(search, tried, tried.base, board)
     for hint in hints:
         text += f" Hint: {hint.text}"
-    families = sorted({effect(n).family for n in deviation.effects})
-    verdict = _verdict(
-        search, tried, status, deviation.effects, families, confidence, deviation.alike, tried.base, None, remainder, words,
-        hints, experiment, f"{text} {words}".strip(),
-    )  # fmt: skip
-    return verdict, final
+    said = (status, deviation.effects, confidence, deviation.alike)
+    return _verdict(tried, *said, tried.base, None, hints, experiment, text), final
 
 
 def _unexplained(
@@ -512,22 +511,14 @@ def _unexplained(
         also = f", beside {listed(beside)}," if beside else ""
         words = LAWS[outside.model.shape].words
         text += f"{words[:1].upper()}{words[1:]}{also} does it better. "
-        confidence = sum(tried.confidence(frozenset(key)) for key in _shaped_keys(search, tried))
+        confidence = sum(p for families, p in tried.likely().items() if families & LAWS.keys())
     elif named:
         confidence = 1 - tried.chance_explained(chosen, EXPLAINED, CLOSE)
     else:
         confidence = tried.confidence(frozenset())
-    remainder, words = _remainder(tried, chosen)
-    text += f"{words} The map of the missing torque (compare) shows at which angle and rate it acts."
-    verdict = _verdict(
-        search, tried, "unexplained", (), [], confidence, (), chosen, None, remainder, words, hints,
-        _experiment(search, tried, chosen, board), text,
-    )  # fmt: skip
-    return verdict, final
-
-
-def _shaped_keys(search: Search, tried: Field) -> set[frozenset[str]]:
-    return {families_of(s.model, search.base) for s in tried.scored if s.model.shape}
+    text += "The map of the missing torque (compare) shows at which angle and rate it acts."
+    experiment = _experiment(search, tried, chosen, board)
+    return _verdict(tried, "unexplained", (), confidence, (), chosen, None, hints, experiment, text), final
 
 
 def _remainder(tried: Field, scored: Scored) -> tuple[float, str]:
@@ -558,18 +549,15 @@ def _experiment(search: Search, tried: Field, chosen: Scored, board: Board) -> s
 
 
 def _verdict(
-    search: Search, tried: Field, status: Status, effects: Sequence[str], families: Sequence[str], confidence: float,
-    alike: Sequence[tuple[str, ...]], chosen: Scored, size: Importance | None, remainder: float, words: str,
-    hints: tuple[Hint, ...], experiment: str, text: str,
+    tried: Field, status: Status, effects: Sequence[str], confidence: float, alike: Sequence[tuple[str, ...]], chosen: Scored,
+    size: Importance | None, hints: tuple[Hint, ...], experiment: str, text: str,
 ) -> Verdict:  # fmt: skip
+    remainder, words = _remainder(tried, chosen)
     unique = dict.fromkeys(tuple(s) for s in alike if set(s) != set(effects))
     return Verdict(
-        status=status, effects=tuple(effects), families=tuple(families), confidence=min(max(confidence, 0.0), 0.999),
+        status=status, effects=tuple(effects), families=tuple(sorted({effect(n).family for n in effects})),
+        confidence=float(calibrated(np.asarray(confidence), *CALIBRATION[status])),
         indistinguishable_from=tuple(unique), error_before=tried.base.model.rmse, error_after=chosen.model.rmse,
         explained=tried.explained(chosen), matters=size, remainder=remainder, remainder_text=words, hints=hints,
-        next_experiment=experiment, explanation=text,
+        next_experiment=experiment, explanation=f"{text.strip()} {words}",
     )  # fmt: skip
-
-
-def _with_errors(verdict: Verdict, base: Model, best: Model) -> Verdict:
-    return replace(verdict, error_before=base.rmse, error_after=best.rmse)

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 
 from sysid.diagnosis.pendulum import hanging, hanging_start, sprung_start, weight
-from sysid.diagnosis.workers import Crew
-from sysid.effects import catalogue, effect
+from sysid.diagnosis.workers import WorkerPool
+from sysid.effects import catalogue, effect, showing
 from sysid.effects._base import Scales
 from sysid.fitting.cross_validation import rms, surprising_residuals
 from sysid.fitting.problem import Problem
@@ -27,8 +27,10 @@ COARSE, FINE = 24, 32
 sharpness of the law."""
 SAMPLES = 40
 """Samples per period that are kept: the fifth harmonic of the swing still has eight."""
-PARENTS = 4
-"""Single effects whose pairs with all others are tried."""
+PARENTS, FEW = 4, 2
+"""Single effects whose pairs with all others are tried; and if the best of them is at the noise already."""
+AT_NOISE = 1.02
+"""Error over the noise floor up to which a model is at the noise: a floor is known to a few percent."""
 STARTS = 3
 """Starts tried of an effect that joins another."""
 EARLY = 4.0
@@ -43,7 +45,6 @@ ASIDE = (0.7, 1.5)
 """Factors of a nonsmooth effect's parameters from which it is searched again on the fine grid, where it is not at the noise."""
 BEATEN, FAR = 6, 60.0
 """A union is given up when this many others have reached less than it promises, by that much of χ²."""
-
 HOPELESS = 8.0
 """Error beyond the noise, squared, over the best model's, from which a model is not predicted: far beyond what is not told apart."""
 
@@ -98,6 +99,17 @@ class Candidate:
         return len(self.problem.names) + states * len(self.problem.records)
 
     @property
+    def at_edge(self) -> bool:
+        """Whether an effect ended at the bound that keeps it from being any weak bend: another law is asked for."""
+        low = dict(zip(self.problem.names, self.problem.bounds()[0], strict=False))
+        kept = (
+            f"{part.name}.{p.name}" for part in self.problem.structure.parts for p in part.parameters
+            if p.neutral is not None and p.low > p.neutral
+        )  # fmt: skip
+        point = dict(zip(self.problem.names, self.minimum.point, strict=False))
+        return any(point[name] <= 1.001 * low[name] for name in kept if name in point)
+
+    @property
     def parameters(self) -> Mapping[str, float]:
         """Parameters by name."""
         return self.problem.parameters(self.minimum.point)
@@ -121,16 +133,16 @@ class Search:
     """Parameters held in every model."""
     hangs: bool = False
     """Whether gravity takes the spring's place wherever it is."""
-    crew: Crew = field(default_factory=lambda: Crew(1), repr=False)
+    pool: WorkerPool = field(default_factory=lambda: WorkerPool(1), repr=False)
     progress: Progress | None = None
 
     def __getstate__(self) -> dict[str, object]:
-        """Leave crew and progress at home when a job goes to another process."""
-        return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("crew", "progress")}
+        """Leave pool and progress at home when a job goes to another process."""
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("pool", "progress")}
 
     def __setstate__(self, state: dict[str, object]) -> None:
         """Take up the work alone."""
-        for name, value in {**state, "crew": Crew(1), "progress": None}.items():
+        for name, value in {**state, "pool": WorkerPool(1), "progress": None}.items():
             object.__setattr__(self, name, value)
 
     @property
@@ -143,11 +155,14 @@ class Search:
     def names(self) -> list[str]:
         """Return the effects that a free decay can show, which are worth a fit here."""
         known = catalogue()
-        roles = ("torque", "support", "measurement") if self.bias == "shared" else ("torque", "support")
+        # A zero that is free in each release leaves no drift to a rate, and a fused roll nothing to say of its sensor.
+        hidden = set(showing("moving level")) if self.records[0].is_rate else set[str]()
+        sensed = self.bias == "shared" or self.records[0].is_rate
         chosen = {
             n for n, e in known.items()
-            if e.role in roles and e.minimum_amplitude <= self.scales.amplitude
-            and e.identifiable_from_decay and "rest_angle" not in e.same_as
+            if (sensed or e.role != "measurement") and e.role in ("torque", "support", "measurement")
+            and e.minimum_amplitude <= self.scales.amplitude and e.identifiable_from_decay
+            and "rest_angle" not in e.same_as and n not in hidden
         }  # fmt: skip
         beside = {n for n, e in known.items() if set(e.identifiable_with) & set(self.base)}
         return sorted((chosen | beside) - set(self.base))
@@ -230,7 +245,7 @@ class Search:
     ) -> list[Candidate]:  # fmt: skip
         """Run one of the methods for each tuple of arguments, on all workers."""
         results: list[Candidate] = []
-        for count, model in enumerate(self.crew.each(job, [(self, *one) for one in arguments]), start=1):
+        for count, model in enumerate(self.pool.each(job, [(self, *one) for one in arguments]), start=1):
             model.problem.records = self.records  # not the copy that came back from another process
             results.append(model)
             if self.progress is not None:
@@ -284,7 +299,8 @@ class Search:
 
     def pairs(self, singles: Sequence[Candidate]) -> list[Candidate]:
         """Fit the pairs of the best single effects with all others."""
-        best = best_of(singles[1:], PARENTS)
+        at_noise = min(m.rmse for m in singles) <= AT_NOISE * self.records[0].std
+        best = best_of(singles[1:], FEW if at_noise else PARENTS)
         wanted = {
             tuple(sorted({*a.effects, *b.effects})): (a, b)
             for a in best for b in singles[1:] if a is not b and _sensible(a, b)
