@@ -71,3 +71,11 @@ def test_of_a_clean_log_nothing_is_learned(seed):
     assert np.abs(values).max() < 1e-6
     with pytest.raises(SysidError, match="nothing was learned"):
         require_usable(fit)
+
+
+@pytest.mark.slow
+def test_what_changes_with_time_is_said_to(learned):
+    """A spring that loosens during each release is mimicked by a table, but not as well as by what it is."""
+    loosens = fit_joint(releases(lambda t, x, v: 1.5 * x * (1 - np.exp(-t / 0.5))), BOARD, ["learned"])
+    assert any("changes with time" in warning for warning in loosens.warnings)
+    assert not any("changes with time" in warning for warning in learned.warnings)
