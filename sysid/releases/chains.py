@@ -20,8 +20,6 @@ SMALLEST_OF_LOG = 0.12
 """Nor are they where the largest one's first swing is below this share of the log's whole range."""
 WANDER = 0.03
 """Share of the first swing by which the zero of a sensor may move within one swing: a gyro's integral, a warm IMU."""
-STILL_HELD = 1.0
-"""A deck that has not left this many swings' 10 to 90 % times after the given release was not let go then."""
 HAND = 0.025
 """Logarithm of two swings' ratio by which a first one from no rest may lose more than any free one: 2.5 % of its size."""
 SHARE_OF_HALF = 0.59
@@ -203,7 +201,7 @@ def _first_swing_is_odd(swings: list[HalfCycle]) -> bool:
 
 
 def given_segment(signal: SmoothedSignal, swings: list[HalfCycle], time: float, log: str) -> Segment:
-    """Return the segment that begins at a given time; the next one where the deck is still held then."""
+    """Return the segment that begins at a given time; where the deck is still held then, from when it leaves."""
     later = [swing for swing in swings if signal.time[swing.reached] > time]
     if not later or time < signal.time[0]:
         raise SysidError(
@@ -211,13 +209,20 @@ def given_segment(signal: SmoothedSignal, swings: list[HalfCycle], time: float, 
             f"to {signal.time[-1]:.6g} s."
         )
     index = int(np.searchsorted(signal.time, time))
-    if later[0].left - index > STILL_HELD * later[0].duration / float(signal.time[1] - signal.time[0]):
-        # Nobody had let go yet: the release is the one that follows, from when the deck leaves.
-        follows = [
-            found for found in free_segments(signal, swings) if signal.time[found.swings[0].left] >= time
-        ]
-        if follows:
-            return follows[0]
+    found = free_segments(signal, swings)
+    for segment in found:
+        first = segment.swings[0]
+        off = np.abs(signal.roll[: first.left] - first.origin) > max(
+            5.0 * signal.noise, 2 * WANDER * first.size
+        )
+        held = int(np.flatnonzero(off)[-1]) + 1 if off.any() else 0
+        if held <= index < segment.swings[-1].finish:
+            left = tuple(swing for swing in segment.swings if signal.time[swing.reached] > time)
+            return (
+                segment
+                if index < first.left
+                else replace(segment, swings=left or segment.swings[-1:], start=time)
+            )
     if later[0].left < index:
         later[0] = replace(later[0], begin=index, left=index, origin=float(signal.roll[index]))
     finish = 1
@@ -226,4 +231,10 @@ def given_segment(signal: SmoothedSignal, swings: list[HalfCycle], time: float, 
     segment = _segment(signal, later, 0, finish)
     if segment is None:
         segment = Segment((later[0],), later[0].target, False, later[1] if len(later) > 1 else None)
+    if found and not _same_board(segment, found[0], signal):
+        seen = ", ".join(f"{signal.time[one.swings[0].left]:.4g}" for one in found)
+        raise SysidError(
+            f"{log}: nobody let the deck go at {time:.6g} s: it rests then, or a hand moves it. It leaves a hand at about "
+            f"{seen} s; give such a time, or leave --release away."
+        )
     return replace(segment, start=time)

@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
 from sysid.releases.extrema import SmoothedSignal
@@ -35,7 +36,7 @@ LEARNED = (2.0, 5.0, np.inf)
 """Periods from then on from which the law is learned, in turn, each as far as no hand was seen before."""
 BEFORE_NEXT = 0.3
 """Periods after the end of a decay that are looked at too: a hand is seen by what it does next."""
-CERTAIN, GONE = 6.0, 2.5
+CERTAIN, GONE = 6.0, 1.5
 """Standard deviations over which a torque is none of the law's, and under which it is gone."""
 FLOOR = 0.01
 """Share of the largest swing below which no torque is told from the wandering of a sensor's zero."""
@@ -79,7 +80,7 @@ class _Windows:
     acceleration: Array
     """Shape (m,)."""
 
-    def inside(self, begin: float, end: float) -> Array:
+    def inside(self, begin: float, end: float) -> npt.NDArray[np.bool_]:
         """Return which lie wholly in a stretch [s], shape (m,)."""
         return (self.time >= begin) & (self.time + self.width <= end)
 
@@ -150,12 +151,11 @@ def free_spans(signal: SmoothedSignal, spans: Sequence[Span], period: float) -> 
         torque = max(float(np.abs(w.acceleration).max(initial=0.0)) for w in onward)
         if laws and laws[0].noise < CLEAR * torque:
             break
-    lengths = [begin - span.begin for begin, span in zip(begins, spans, strict=True)]
-    if (
-        sum(length > 0 for length in lengths) > len(lengths) / 2
-    ):  # who pushes most decks has pushed the others too
-        usual = float(np.median([length for length in lengths if length > 0]))
-        begins = [max(begin, span.begin + usual) for begin, span in zip(begins, spans, strict=True)]
+    pushes = [begin - span.begin for begin, span in zip(begins, spans, strict=True) if begin > span.begin]
+    usual = (
+        float(np.median(pushes)) if pushes else 0.0
+    )  # who pushes one deck has pushed the others, seen or not
+    begins = [max(begin, span.begin + usual) for begin, span in zip(begins, spans, strict=True)]
     return [Span(a, max(a, b), s.rest) for s, a, b in zip(spans, begins, ends, strict=True)]
 
 
@@ -173,7 +173,7 @@ def _windows(time: Array, roll: Array, period: float, width: float) -> _Windows:
         return _Windows(none, count * step, round(period / step), weight, np.zeros((0, 6)), none)
 
     def under(values: Array, kernel: Array) -> Array:
-        return np.convolve(values, kernel[::-1] / weight.sum(), "valid")
+        return np.asarray(np.convolve(values, kernel[::-1] / weight.sum(), "valid"), dtype=np.float64)
 
     size = float(np.abs(roll).max()) or 1.0
     rate = np.gradient(roll, step) * unit
@@ -200,7 +200,7 @@ def _learned(windows: Sequence[_Windows], known: Sequence[tuple[float, float]]) 
     return laws[1:] if len(laws) == 2 and laws[1].noise < NONLINEAR * laws[0].noise else laws
 
 
-def _fit(windows: Sequence[_Windows], inside: Sequence[Array], shapes: int) -> _Law | None:
+def _fit(windows: Sequence[_Windows], inside: Sequence[npt.NDArray[np.bool_]], shapes: int) -> _Law | None:
     """Fit a law to what lies inside, shape (m,) for each decay; None where that is too little."""
     count = shapes + len(windows)
     tables = [_table(one, i, shapes, count) for i, one in enumerate(windows)]
