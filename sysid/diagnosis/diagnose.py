@@ -240,10 +240,9 @@ def diagnose(
         held = dict(options.fixed)
         if bias == "per-release" or use_rate:
             held.setdefault("rest_angle", board.rest_angle)
-    for part in board.effects:  # a table that was learned stays as it is: no candidate may bend it
-        role = effect(part.name).role
-        if role == "learned":
-            held.update({f"{part.name}.{name}": quantity.value for name, quantity in part.parameters.items()})
+    # A table that was learned stays as it is: no candidate may bend it.
+    learned_parts = (part for part in board.effects if effect(part.name).role == "learned")
+    held |= {f"{part.name}.{name}": q.value for part in learned_parts for name, q in part.parameters.items()}
     with WorkerPool(workers) as pool:
         search = Search(
             records=records, scales=scales, bias=bias, base=tuple(sorted(p.name for p in board.effects)),
@@ -257,8 +256,11 @@ def diagnose(
     verdict, best = _judged(search, everything, winner, board, idle)
     base = search.fine(everything.base.model, average=1)
     verdict = replace(verdict, error_before=base.rmse, error_after=best.rmse)
-    matters = verdict.status == "unexplained" or verdict.remainder > MATERIAL * everything.motion
-    learned = learn(judged, board, fittable(verdict.effects), signal=signal, fixed=fixed) if matters else None
+    left_over = verdict.remainder > MATERIAL * everything.motion and everything.surely_missing
+    left_over |= verdict.status == "unexplained"
+    learned = (
+        learn(judged, board, fittable(verdict.effects), signal=signal, fixed=fixed) if left_over else None
+    )
     if learned is not None and learned.error_after > verdict.error_after:
         learned = None  # it did not get there
     if progress is not None:

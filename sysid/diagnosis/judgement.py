@@ -220,12 +220,8 @@ class Field:
         """Return mean squares less the sensor's noise, of blocks weighted by their lengths."""
         assert scored.model.heldout is not None
         squares = np.array([float(np.sum(scored.model.heldout[i][a:b] ** 2)) for i, a, b in self.blocks.cuts])
-        return (squares / self._lengths - self.noise**2) * self._lengths / self._lengths.mean()
-
-    @property
-    def _lengths(self) -> Array:
-        """Samples of each block, shape (blocks,)."""
-        return np.array([b - a for _, a, b in self.blocks.cuts], dtype=float)
+        lengths = np.array([b - a for _, a, b in self.blocks.cuts])
+        return (squares - self.noise**2 * lengths) / lengths.mean()
 
     @property
     def noise(self) -> float:

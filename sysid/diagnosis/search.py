@@ -43,6 +43,8 @@ VARIANTS = 3
 """Models of one set of families that are predicted."""
 ASIDE = (0.7, 1.5)
 """Factors of a nonsmooth effect's parameters from which it is searched again on the fine grid, where it is not at the noise."""
+NEARLY = 1.3
+"""Ratio of squared errors to the best from which a search that was begun aside is not brought to its end."""
 BEATEN, FAR = 6, 60.0
 """A union is given up when this many others have reached less than it promises, by that much of χ²."""
 HOPELESS = 8.0
@@ -405,7 +407,7 @@ class Search:
         Args:
             model: Where it starts.
             parents: Other models, simpler or richer, whose optima are starts too.
-            average: Samples of which means are fitted; as in the search, if left out.
+            average: Samples of which means are fitted; as in the search, and walked aside of kinks, if left out.
         """
         old = model.problem
         problem = Problem(
@@ -418,7 +420,7 @@ class Search:
             return minimise(problem.normal, start, *problem.bounds(), iterations=30, tolerance=small)
 
         best = fitted(model.minimum.point)
-        if old.structure.nonsmooth and best.normal.cost > 0.55 * problem.samples:
+        if average is None and old.structure.nonsmooth and best.normal.cost > 0.55 * problem.samples:
             best = _walked(problem, best, fitted)
         for known in parents:
             if known.minimum.normal.cost < best.normal.cost:  # else it ends in no better valley
@@ -440,7 +442,9 @@ def _walked(problem: Problem, found: Minimum, fitted: Callable[[Array], Minimum]
         if name in problem.names:
             point = best.point.copy()
             point[problem.names.index(name)] *= factor
-            best = min(best, fitted(point), key=lambda m: m.normal.cost)
+            begun = minimise(problem.normal, point, *problem.bounds(), iterations=6, tolerance=1e-3)
+            if begun.normal.cost < NEARLY * best.normal.cost:
+                best = min(best, fitted(begun.point), key=lambda m: m.normal.cost)
     return best
 
 

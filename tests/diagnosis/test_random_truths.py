@@ -120,13 +120,8 @@ def test_calibration_finds_what_confidence_is_deserved() -> None:
     printed = rng.uniform(0.1, 0.95, 20_000)
     deserved = calibrated(printed, 0.5, np.log(2))
     rows = [  # printed with another calibration, which is taken back
-        {
-            **ROW,
-            "confidence": calibrated(p, 2.0, -0.5),
-            "calibration": (2.0, -0.5),
-            "families": ["drag"] if hit else ["stop"],
-        }
-        for p, hit in zip(printed, rng.random(len(printed)) < deserved, strict=True)
+        {**ROW, "confidence": p, "calibration": (0.8, -0.2), "families": ["drag"] if hit else ["stop"]}
+        for p, hit in zip(calibrated(printed, 0.8, -0.2), rng.random(len(printed)) < deserved, strict=True)
     ]
     assert reliability.calibration(rows) == pytest.approx((0.5, np.log(2)), abs=0.05)
     assert reliability.brier(deserved, np.ones(len(deserved))) < reliability.brier(
