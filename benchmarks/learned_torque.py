@@ -118,12 +118,16 @@ def summary(rows: list[dict]) -> list[str]:
         mine = [r for r in rows if r["truth"] == name and "error" not in r]
         if not mine:
             continue
-        before, after = (np.array([r.get(key, np.nan) for r in mine]) for key in ("before", "unseen"))
+        before, after = (np.array([r[key] for r in mine if key in r]) for key in ("before", "unseen"))
+        errors = (
+            f"{np.median(before):.2f} | {np.median(after):.3f}, {np.quantile(after, 0.9):.3f}"
+            if len(after)
+            else " | "
+        )
         memory = sum(len(r["effects"]) > 1 for r in mine)
         says = sum(_right(name, r) for r in mine)
         lines.append(
-            f"| {name} | {len(mine)} | {np.median(before):.2f} | {np.median(after):.3f}, {np.quantile(after, 0.9):.3f} | "
-            f"{says} | {memory} | {np.median([r['seconds'] for r in mine]):.0f} | {mine[0]['words'] or 'nothing learned'} |"
+            f"| {name} | {len(mine)} | {errors} | {says} | {memory} | {np.median([r['seconds'] for r in mine]):.0f} | {mine[0]['words'] or 'nothing learned'} |"
         )
     return lines
 

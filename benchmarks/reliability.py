@@ -60,7 +60,7 @@ def wilson(hits: int, count: int) -> tuple[float, float]:
         share + z * z / (2 * count),
         z * np.sqrt(share * (1 - share) / count + z * z / (4 * count**2)),
     )
-    return float((middle - half) / (1 + z * z / count)), float((middle + half) / (1 + z * z / count))
+    return float(max(middle - half, 0.0) / (1 + z * z / count)), float((middle + half) / (1 + z * z / count))
 
 
 def rate(rows: Sequence[Row], hit: Any = right) -> str:

@@ -18,6 +18,7 @@ from sysid.joint.structure import structure_of
 from sysid.least_squares import minimise
 from sysid.noise.floor import pooled_step
 from sysid.noise.whiteness import correlation_length
+from sysid.text import display
 
 SURE = 4.0
 """Standard deviations from which a deviation counts."""
@@ -87,12 +88,13 @@ def _shift(
     named = tuple(name for name in named if not _shifts(name))
     if _worse(model, held) < SURE**2 or (named and _worse(model, held, *named) < SURE**2):
         return Deviation()
+    show = display(is_rate=False, slides=board.slides)
     moved_by = [name for name, part in catalogue().items() if "rest_angle" in part.same_as]
     drift = showing("moving level")[0]
     by_drift = _worse(model, held, drift) if drift not in model.effects else float("inf")
     if by_drift < -BETTER:
         text = (
-            f"The middle of the decay is {np.degrees(moved):+.3g}° from the record's rest angle, and a sensor that drifts "
+            f"The middle of the decay is {show.scale * moved:+.3g}{show.unit} from the record's rest angle, and a sensor that drifts "
             "explains that better than a rest angle that moved."
         )
         alike = tuple((name,) for name in moved_by) if by_drift > -TIE else ()
@@ -100,8 +102,8 @@ def _shift(
     others = [*moved_by[1:], *([drift] if by_drift < TIE else [])]
     torque = model.parameters["stiffness"] * moved
     text = (
-        f"The deck rests {np.degrees(moved):+.3g}° from the record's rest angle: its rest angle moved, or a "
-        f"constant torque of {torque:+.3g} N*m acts, or the sensor is off by as much; a free decay cannot tell."
+        f"The deck rests {show.scale * moved:+.3g}{show.unit} from the record's rest angle: its rest angle moved, or a "
+        f"constant {'force' if board.slides else 'torque'} of {torque:+.3g} {'N' if board.slides else 'N*m'} acts, or the sensor is off by as much; a free decay cannot tell."
     )
     return Deviation((moved_by[0],), tuple((name,) for name in others), text, effect(moved_by[0]).experiment)
 

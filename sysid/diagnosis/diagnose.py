@@ -53,6 +53,7 @@ from sysid.fitting.records import Signal, make_records, signal_of
 from sysid.fitting.search import scales_of
 from sysid.joint.structure import structure_of
 from sysid.noise.floor import NoiseFloor, noise_floor
+from sysid.noise.whiteness import correlation_length
 from sysid.quantity import Quantity
 from sysid.recording import Data, Recording, reading_warnings, unpack
 from sysid.roll import Release
@@ -184,17 +185,13 @@ class Diagnosis:
         """Return one row a model, best first: effects, rmse, heldout_rmse [rad or rad/s], score."""
         import pandas as pd
 
+        columns = ("effects", "rmse", "heldout_rmse", "score")
         return pd.DataFrame(
-            [
-                {
-                    "effects": c.effects,
-                    "rmse": c.rmse,
-                    "heldout_rmse": c.heldout_rmse,
-                    "score": c.score,
-                    **{name: quantity.value for name, quantity in c.parameters.items()},
-                }
-                for c in self.candidates
-            ]
+            {
+                **{name: getattr(c, name) for name in columns},
+                **{name: q.value for name, q in c.parameters.items()},
+            }
+            for c in self.candidates
         )
 
 
@@ -263,6 +260,10 @@ def diagnose(
     )
     if learned is not None and learned.error_after > verdict.error_after:
         learned = None  # it did not get there
+    if left_over and verdict.status == "missing":
+        alone = learn(judged, board, (), signal=signal, fixed=fixed)
+        if alone is not None and alone.is_unmet(best.rmse, noise.std):
+            verdict, learned = _unmet(verdict, alone, best), alone
     if progress is not None:
         progress("done", 1.0)
     warnings += _fast_starts(best)
@@ -377,7 +378,7 @@ def _material(search: Search, tried: Field, final: list[Model]) -> tuple[Model, 
             break
         rest = tuple(n for n in winner.effects if n != idle[0])
         known = next((m for m in final if m.effects == rest), None)
-        again = search.finalist(search.without(winner, rest, [{}]), [])
+        again = search.finalist(search.without(winner, rest, [{}]))
         if known is None or again.cost < known.cost:
             known = again
             final = [*(m for m in final if m.effects != rest), known]
@@ -445,9 +446,12 @@ def _missing(
     final = search.fine(chosen.model, average=1)
     named = tuple(n for n in chosen.model.effects if n not in search.base)
     deviation = record_deviation(final, board, look_at_linear=False)
+    # What is richer is a rival only if it is likelier for sure, were it not that no model is exact.
+    likeliest = max(tried.possible, key=lambda s: s.score)
     rivals = [
         s for s in sorted(tried.near(chosen), key=lambda s: -s.score)
-        if 0 < s.extra <= chosen.extra and not s.model.shape and s is not chosen and tried.explained(s) >= EXPLAINED
+        if s.extra and not s.model.shape and s is not chosen and tried.explained(s) >= EXPLAINED
+        and (s.extra <= chosen.extra or (s is likeliest and s.score > chosen.score + TIE))
     ][:RIVALS]  # fmt: skip
     alike = [tuple(n for n in s.model.effects if n not in search.base) for s in rivals]
     effects = (*named, *deviation.effects)
@@ -523,6 +527,22 @@ def _unexplained(
     return _verdict(tried, "unexplained", (), confidence, (), chosen, None, hints, experiment, text), final
 
 
+def _unmet(verdict: Verdict, alone: Learned, named: Model) -> Verdict:
+    """Return the verdict where a learned torque has shown that what was named only mimics it."""
+    memory = max(correlation_length(named.residuals), 1.0)
+    odds = named.samples / memory * float(np.log(named.rmse / alone.error_after))
+    return replace(
+        verdict, status="unexplained", effects=(), families=(), indistinguishable_from=(), matters=None, hints=(),
+        confidence=min(1 / (1 + float(np.exp(-odds))), 0.999),
+        explanation=(
+            "Something is missing that no effect of the catalogue explains. The nearest is "
+            f"{listed(verdict.effects)}, which takes away {percent(verdict.explained)} of the squared error of prediction; one formula "
+            "that the catalogue lacks does it better, to the noise. The map of the missing torque (compare) shows at which angle and rate "
+            "it acts."
+        ),
+    )  # fmt: skip
+
+
 def _remainder(tried: Field, scored: Scored) -> tuple[float, str]:
     """Return the held-out error beyond the noise, and where most of it is."""
     left = float(np.sqrt(max(tried.excess(scored), 0.0)))
@@ -537,7 +557,7 @@ def _experiment(search: Search, tried: Field, chosen: Scored, board: Board) -> s
     own = families_of(chosen.model, search.base)
     others = [
         s for s in tried.scored
-        if not s.model.shape and families_of(s.model, search.base) != own
+        if not (s.model.shape or s.model.at_edge) and families_of(s.model, search.base) != own
         and not set(s.model.effects) > set(chosen.model.effects) and np.isfinite(s.score)
     ]  # fmt: skip
     if not others:
@@ -547,7 +567,7 @@ def _experiment(search: Search, tried: Field, chosen: Scored, board: Board) -> s
     reach = board.tilt["range"].value if "range" in board.tilt else np.inf
     found = deciding(chosen.model, rival.model, tried.best.errors, reach)
     fallback = "" if found or not names[0] else effect(names[0][0]).experiment
-    return experiment_in_words(found, titles(names[0]), titles(names[1]), fallback)
+    return experiment_in_words(found, titles(names[0]), titles(names[1]), fallback, board)
 
 
 def _verdict(

@@ -136,8 +136,8 @@ class Field:
         return min(gap, lawful + self.gain * (other.model.size - one.model.size))
 
     def near(self, one: Scored) -> list[Scored]:
-        """Return the candidates that are not told from one."""
-        return [s for s in self.scored if self.gap(one, s) <= TIE]
+        """Return the candidates that may be true and are not told from one."""
+        return [s for s in self.possible if self.gap(one, s) <= TIE]
 
     def _follows_motion(self) -> bool:
         """Return whether the joint as it is errs as no sensor does: in proportion to the motion, or more than another model."""

@@ -43,6 +43,8 @@ VARIANTS = 3
 """Models of one set of families that are predicted."""
 ASIDE = (0.7, 1.5)
 """Factors of a nonsmooth effect's parameters from which it is searched again on the fine grid, where it is not at the noise."""
+UNSETTLED = 8.0
+"""Fall of χ² for each internal state of each release from which the hold before it has not settled that."""
 NEARLY = 1.3
 """Ratio of squared errors to the best from which a search that was begun aside is not brought to its end."""
 BEATEN, FAR = 6, 60.0
@@ -391,9 +393,9 @@ class Search:
             done[model.effects] = model
         return list(done.values())
 
-    def finalist(self, model: Candidate, parents: Sequence[Candidate]) -> Candidate:
-        """Return a model fitted on the fine grid, from where it is and from others, and its predictions."""
-        return self.predicted(self.fine(model, parents))
+    def finalist(self, model: Candidate) -> Candidate:
+        """Return a model fitted on the fine grid, and its predictions."""
+        return self.predicted(self.fine(model))
 
     def predicted(self, model: Candidate) -> Candidate:
         """Return a model with what it misses of held-out releases."""
@@ -425,7 +427,20 @@ class Search:
         for known in parents:
             if known.minimum.normal.cost < best.normal.cost:  # else it ends in no better valley
                 best = min(best, fitted(inherited(problem, known)), key=lambda m: m.normal.cost)
-        return replace(model, problem=problem, minimum=best, heldout=None)
+        return _freed(replace(model, problem=problem, minimum=best, heldout=None))
+
+
+def _freed(model: Candidate) -> Candidate:
+    """Return a model whose internal states begin anywhere, if that pays: a hand that trembles lets nothing settle."""
+    states = len(model.problem.structure.internal_states) * len(model.problem.records)
+    if not states or model.problem.free_states:
+        return model
+    problem = model.problem.with_(free_states=True)
+    begun = inherited(problem, model)
+    freed = replace(
+        model, problem=problem, minimum=minimise(problem.normal, begun, *problem.bounds(), iterations=20)
+    )
+    return freed if freed.cost < model.cost - UNSETTLED * states else model
 
 
 def _walked(problem: Problem, found: Minimum, fitted: Callable[[Array], Minimum]) -> Minimum:

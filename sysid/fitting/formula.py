@@ -29,6 +29,8 @@ Law = Callable[[Algebra, Value, Value, float], Value]
 """Of the algebra, tilt [rad], rate [rad/s] and the shape's own width or angle."""
 GOOD = 1.02
 """Error of a formula over that of the tables up to which it is as good."""
+HALF = 0.5
+"""Share of what was learned up to which the nearest formula is no word for it."""
 CANDIDATES = 5
 """How many of the nearest shapes are fitted."""
 
@@ -247,8 +249,16 @@ def formula_of(fit: JointFit) -> Formula | None:
         share=share,
         error=rms(problem.residuals(minimum.point)),
         good=_spread(problem, minimum) <= GOOD * _spread(fit.problem, fit.minimum),
-        text=f"{' and '.join(parts)}; this formula carries {100 * share:.0f} % of what was learned",
+        text=in_words(parts, share),
     )
+
+
+def in_words(parts: Sequence[str], share: float) -> str:
+    """Return what goes on after 'it': what the terms of the nearest formula do, and how much of what was learned that is [1]."""
+    carries = f"carries {100 * share:.0f} % of what was learned"
+    if share > HALF:
+        return f"{' and '.join(parts)}; this formula {carries}"
+    return f"is like no formula that is known here: the nearest {carries}"
 
 
 _Column = tuple[Shape, float, Array]

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from sysid.effects._base import Effect, Scales, TorqueEffect
+from sysid.fitting.cross_validation import rms
 from sysid.fitting.problem import Problem
 from sysid.fitting.records import Bias, Record
 from sysid.fitting.search import first_swings, measured_rest, search, starting_points
@@ -36,6 +37,8 @@ _GAIN = 1.0
 """log-likelihood that a weight one step lower must gain [nats]."""
 _ROUNDS = 5
 """In which weights are chosen again, for each stretch of the motion."""
+WORSE = 1.01
+"""Error over that of the joint without tables from which the search for them has lost its way: they can be zero."""
 _COLOURED = 1.5
 """Correlation length of what is left [samples] from which an internal state is tried: noise has one."""
 _COARSE = 40
@@ -74,9 +77,14 @@ def learn(
     problem = before.with_(bounded=dict(bounded), fixed={**before.fixed, **fixed})
     tables = [part for part in structure.torques if part.smoothness]
     remembering = [part.memory for part in tables if part.memory and part.memory not in structure.effects]
-    first = with_structure(problem, structure, edges)
-    problem, found, more = _learned(first, extended(first, known, before, found.point))
-    evaluations += more
+    first, reached = with_structure(problem, structure, edges), rms(before.residuals(found.point))
+    start = extended(first, known, before, found.point)
+    # A search that begins with the first swings may lose its way where the joint without tables was in step already.
+    for horizons in (_PERIODS, _PERIODS[-1:], ()):
+        problem, found, more = _learned(first, start, horizons)
+        evaluations += more
+        if rms(problem.residuals(found.point)) < WORSE * reached:
+            break
     if remembering and correlation_length(problem.residuals(found.point)) > _COLOURED:
         richer, there, more = _remembering(problem, found, (*structure.effects, *remembering))
         evaluations += more

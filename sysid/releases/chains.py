@@ -71,6 +71,25 @@ def free_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segme
     return max(groups, key=lambda group: _segment_score(group, signal))
 
 
+def segments_after_hands(
+    signal: SmoothedSignal, swings: list[HalfCycle], found: list[Segment], ends: list[float]
+) -> list[Segment]:
+    """Return the segments that were found and those that begin within one, after a hand had ended it [s]."""
+    segments: list[Segment] = []
+    for segment, end in zip(found, ends, strict=True):
+        last = segment.swings[-1].finish
+        rest = [s for s in swings if signal.time[s.left] > end and s.finish <= last]
+        later = _shrinking_segments(signal, rest) if signal.time[last] - end > 4 * segment.half_period else []
+        largest = segment.swings[0].size
+        same = [
+            s
+            for s in later
+            if s.swings[0].size > SMALLEST_RELEASE * largest and _same_board(s, segment, signal)
+        ]
+        segments += [segment, *(s for s in same if len(s.swings) > 1)]
+    return segments
+
+
 def _segment_score(group: list[Segment], signal: SmoothedSignal) -> float:
     """How much segments look like free decays: quick swings, many that are not small, an angle often come to."""
     speed = sum(

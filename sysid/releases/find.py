@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.releases.chains import Segment, free_segments, given_segment
+from sysid.releases.chains import Segment, free_segments, given_segment, segments_after_hands
 from sysid.releases.extrema import HalfCycle, SmoothedSignal, crossing_time, half_cycles_of, smooth_signal
 from sysid.releases.hand import Span, free_spans
 from sysid.roll import Release, Roll
@@ -21,10 +21,8 @@ STILL = 0.03
 """A deck within this share of the first amplitude counts as held still."""
 FELT = 0.15
 """Periods for which a hand that catches a deck is felt before it is seen: up to 20 ms of a swing of 0.2 s in random logs."""
-PROMPT = 0.25
-"""Half periods after the deck has left its hold from which on a given release is one in motion."""
-
 _Ending = tuple[float, Literal["rest", "caught", "log"]]
+_Seen = tuple[float, float, float, Literal["rest", "caught", "log"]]
 
 
 def find_releases(
@@ -68,18 +66,27 @@ def find_releases(
             f"{roll.log}: it moves, but no stretch swings freely to rest. Give the times at which the deck "
             "was let go (--release), or the stretch to look at (--from, --to)."
         )
-    limits = [*(segment.start for segment in segments[1:]), None]
-    seen = [_seen(signal, segment, limit) for segment, limit in zip(segments, limits, strict=True)]
+    seen, free = _spans(signal, segments)
+    if not releases:
+        after = segments_after_hands(signal, swings, segments, [span.end for span in free])
+        if len(after) > len(segments):
+            segments, (seen, free) = after, _spans(signal, after)
+    return [
+        _release(part, signal, segment, number, one, span)
+        for number, (segment, one, span) in enumerate(zip(segments, seen, free, strict=True), start=1)
+    ]
+
+
+def _spans(signal: SmoothedSignal, segments: Sequence[Segment]) -> tuple[list[_Seen], list[Span]]:
+    """Return what the turning points say of each segment, and what is left of it without a hand."""
+    limits = [signal.time[one.swings[0].left] if one.start is None else one.start for one in segments[1:]]
+    seen = [_seen(signal, segment, limit) for segment, limit in zip(segments, [*limits, None], strict=True)]
     spans = [
         Span(begin, finish, segment.rest)
         for (begin, _, finish, _), segment in zip(seen, segments, strict=True)
     ]
     period = 2 * float(np.median([segment.half_period for segment in segments]))
-    free = free_spans(signal, spans, period)
-    return [
-        _release(part, signal, segment, number, one, span)
-        for number, (segment, one, span) in enumerate(zip(segments, seen, free, strict=True), start=1)
-    ]
+    return seen, free_spans(signal, spans, period)
 
 
 def _cut(roll: Roll, start: float | None, stop: float | None) -> Roll:
@@ -95,9 +102,7 @@ def _cut(roll: Roll, start: float | None, stop: float | None) -> Roll:
     return roll if inside.all() else roll[inside]
 
 
-def _seen(
-    signal: SmoothedSignal, segment: Segment, limit: float | None
-) -> tuple[float, float, float, Literal["rest", "caught", "log"]]:
+def _seen(signal: SmoothedSignal, segment: Segment, limit: float | None) -> _Seen:
     """Return when the deck left its hold, how long it was held, when the decay ends [s], and why, by its turning points."""
     begin, hold = _let_go(signal, segment)
     finish, end = _ending(signal, segment, begin)
@@ -111,7 +116,7 @@ def _release(
     signal: SmoothedSignal,
     segment: Segment,
     number: int,
-    seen: tuple[float, float, float, Literal["rest", "caught", "log"]],
+    seen: _Seen,
     free: Span,
 ) -> Release:
     """Cut one free decay out of the log."""
@@ -143,14 +148,13 @@ def _let_go(signal: SmoothedSignal, segment: Segment) -> tuple[float, float]:
     last = int(np.flatnonzero(still)[-1]) if still.any() else swing.left
     moving = np.flatnonzero(~still[:last])
     since = int(moving[-1]) + 1 if len(moving) else 0
-    short = signal.time[last] - signal.time[since] < 0.5 * segment.pace
-    if segment.start is not None:
-        late = short or segment.start > signal.time[swing.left] + PROMPT * segment.half_period
-        return segment.start, 0.0 if late else max(0.0, segment.start - float(signal.time[since]))
-    if short:
-        return _onset(signal, swing, swing.origin) if swing.begin else float(signal.time[0]), 0.0
-    begin = _onset(signal, swing, float(np.median(before[since : last + 1])))
-    return begin, begin - float(signal.time[since])
+    if signal.time[last] - signal.time[since] < 0.5 * segment.pace:
+        found = _onset(signal, swing, swing.origin) if swing.begin else float(signal.time[0])
+        return found if segment.start is None else segment.start, 0.0
+    found = _onset(signal, swing, float(np.median(before[since : last + 1])))
+    begin = found if segment.start is None else segment.start
+    moving = begin > found + signal.time[1] - signal.time[0]
+    return begin, 0.0 if moving else begin - float(signal.time[since])
 
 
 def _onset(signal: SmoothedSignal, swing: HalfCycle, level: float) -> float:

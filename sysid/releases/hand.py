@@ -36,17 +36,21 @@ LEARNED = (2.0, 5.0, np.inf)
 """Periods from then on from which the law is learned, in turn, each as far as no hand was seen before."""
 BEFORE_NEXT = 0.3
 """Periods after the end of a decay that are looked at too: a hand is seen by what it does next."""
+KNOWN = 0.2
+"""Share of the torque that a law may leave: what was learned where hardly anything moved says nothing of a wide swing."""
 CERTAIN, GONE = 6.0, 1.5
 """Standard deviations over which a torque is none of the law's, and under which it is gone."""
 FLOOR = 0.01
 """Share of the largest swing below which no torque is told from the wandering of a sensor's zero."""
 CATCH = 0.25
 """Share of the joint's torque that a hand has at least which catches the deck, or holds it off its rest."""
-PUSH_SHARE = 0.45, 4.0
-"""The same of one that lets the deck go, at least and at most: it bears the whole joint until it gives way. What a memory or a
+PUSH_SHARE = 0.38, 4.0
+"""Shares of one that lets the deck go, at least and at most: it bears the whole joint until it gives way. What a memory or a
 filter holds back is less, or it fades so slowly that the joint could not bear it."""
 NONLINEAR = 0.75
 """Share of what a linear law leaves below which a nonlinear one is taken."""
+NO_BETTER = 0.97
+"""The same over which it is not looked at: it would bend where it was not learned."""
 MARGIN, UNSURE = 0.04, 0.1
 """Periods that are left out beside a hand, as its last touch is below the noise; and for which it may have acted longer."""
 
@@ -197,11 +201,13 @@ def _learned(windows: Sequence[_Windows], known: Sequence[tuple[float, float]]) 
     """
     inside = [one.inside(*stretch) for one, stretch in zip(windows, known, strict=True)]
     laws = [law for shapes in (2, 6) if (law := _fit(windows, inside, shapes)) is not None]
-    return laws[1:] if len(laws) == 2 and laws[1].noise < NONLINEAR * laws[0].noise else laws
+    if len(laws) == 2 and laws[1].noise < NONLINEAR * laws[0].noise:
+        return laws[1:]
+    return laws[:1] if len(laws) == 2 and laws[1].noise > NO_BETTER * laws[0].noise else laws
 
 
 def _fit(windows: Sequence[_Windows], inside: Sequence[npt.NDArray[np.bool_]], shapes: int) -> _Law | None:
-    """Fit a law to what lies inside, shape (m,) for each decay; None where that is too little."""
+    """Fit a law to what lies inside, shape (m,) for each decay; None where that is too little, or says too little."""
     count = shapes + len(windows)
     tables = [_table(one, i, shapes, count) for i, one in enumerate(windows)]
     table = np.vstack([part[rows] for part, rows in zip(tables, inside, strict=True)])
@@ -217,6 +223,8 @@ def _fit(windows: Sequence[_Windows], inside: Sequence[npt.NDArray[np.bool_]], s
     law = _Law(spread @ (left[:, kept].T @ target), spread, shapes)
     rest = [law.beyond(one, i)[0][rows] for i, (one, rows) in enumerate(zip(windows, inside, strict=True))]
     noise = float(np.sqrt(np.sum(np.concatenate(rest) ** 2) / (len(target) - used)))
+    if noise > KNOWN * np.sqrt(np.mean(target**2)):
+        return None
     return _Law(law.coefficients, spread, shapes, noise)
 
 

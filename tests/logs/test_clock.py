@@ -130,7 +130,7 @@ def test_overflowing_counters_are_undone(tmp_path, bits):
     stamps = np.mod(np.round(start + TRUE * size), 2**bits)
     roll = read(tmp_path, stamps, noisy(TRUE), header="t_ms" if bits == 16 else "t_us", form="%.0f")
     assert clock_error(roll, TRUE) < 1e-6
-    assert any("overflowed 1 times" in note for note in roll.notes)
+    assert any("overflowed 1 time" in note for note in roll.notes)
 
 
 def test_random_stamps_are_no_clock(tmp_path):

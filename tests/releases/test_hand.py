@@ -142,3 +142,18 @@ def test_a_push_is_cut_though_the_deck_then_swings_to_rest():
     assert (release.hold, release.end) == (0, "rest")
     assert -0.02 < (release.start - begin - hand) / PERIOD < 0.15
     assert fit_traces([release]).noise < 1.1 * recipe.noise
+
+
+def test_what_swings_after_a_hand_is_a_decay_of_its_own():
+    """A hand stops the deck at a turn and lets it go from there: its turning points are those of one decay."""
+    caught, again = 0.6 + 4 * PERIOD, 2.2
+    time = np.arange(0, 3.4, 1 / 500)
+    first = linear_decay(np.maximum(time - 0.6, 0), OMEGA, 0.02, 0.11)[0]
+    stop = linear_decay(np.array([caught - 0.6]), OMEGA, 0.02, 0.11)[0][0]
+    second = linear_decay(np.maximum(time - again, 0), OMEGA, 0.02, stop)[0]
+    clean = np.where(time < caught, first, np.where(time < again, stop, second))
+    roll = clean + 5e-4 * np.random.default_rng(2).standard_normal(len(time))
+    found = find_releases(Roll(log="x", time=time, roll=roll, std=np.full(len(time), 5e-4), origin="angle"))
+    assert [r.start for r in found] == pytest.approx([0.6, again], abs=0.1 * PERIOD)
+    assert found[0].end == "caught"
+    assert -0.6 < (found[0].time[-1] - caught) / PERIOD < 0.05

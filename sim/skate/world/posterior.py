@@ -68,6 +68,16 @@ def draw_boards(board: Board, count: int, spread: Spread, rng: np.random.Generat
         step = np.clip(rng.standard_normal(), -spread.truncate, spread.truncate)
         return replace(quantity, value=quantity.value + std * step)
 
+    def draw_effect(part: BoardEffect) -> BoardEffect:
+        role = effect(part.name).role
+        if role == "learned":  # a table stays as it is: its tendons are the same in all worlds
+            return part
+        drawn = {
+            name: draw(quantity, spread.relative * abs(quantity.value))
+            for name, quantity in part.parameters.items()
+        }
+        return BoardEffect(part.name, drawn)
+
     boards: list[Board] = []
     for _ in range(count):
         tilt = {
@@ -75,18 +85,7 @@ def draw_boards(board: Board, count: int, spread: Spread, rng: np.random.Generat
             for name in ("stiffness", "damping")
         }
         tilt["rest_angle"] = draw(board.tilt["rest_angle"], spread.rest_angle)
-        effects = tuple(
-            part  # a table stays as it is: its tendons are the same in all worlds
-            if effect(part.name).role == "learned"
-            else BoardEffect(
-                part.name,
-                {
-                    name: draw(quantity, spread.relative * abs(quantity.value))
-                    for name, quantity in part.parameters.items()
-                },
-            )
-            for part in board.effects
-        )
+        effects = tuple(map(draw_effect, board.effects))
         inertia = draw(board.inertia, spread.inertia * board.inertia.value)
         geometry = {**board.geometry, "rake": draw(board.geometry["rake"], spread.rake)}
         drawn = replace(board.with_tilt(**tilt), effects=effects, inertia=inertia, geometry=geometry)
