@@ -13,14 +13,11 @@ from sysid.diagnosis.search import Candidate
 from sysid.effects import catalogue, effect, showing
 from sysid.effects._base import TorqueEffect
 from sysid.fitting.covariance import parameter_covariance
-from sysid.fitting.problem import Problem
 from sysid.joint.sampled import sampled_k_d
 from sysid.joint.structure import structure_of
-from sysid.least_squares import Normal, minimise
+from sysid.least_squares import minimise
 from sysid.noise.floor import pooled_step
 from sysid.noise.whiteness import correlation_length
-from sysid.quantity import Quantity
-from sysid.roll import Array
 from sysid.text import display
 
 SURE = 4.0
@@ -171,47 +168,26 @@ def _faithful(model: Candidate, board: Board) -> list[tuple[str, float]]:
     without it finds. The distance is that of inertia or clock: how much worse the fit with the effect is,
     and how far it is from the record, in standard deviations.
     """
-    problem, kinds = model.problem, ("torque", "measurement")
-    found: list[tuple[str, float]] = []
+    problem, found = model.problem, list[tuple[str, float]]()
+    record = {key: (board.tilt[key].value, board.tilt[key].std) for key in ("stiffness", "damping")}
     for name, part in catalogue().items():
-        if (
-            part.role not in kinds
-            or len(part.parameters) != 1
-            or name in model.effects
-            or part.record_direction is not None
-            or _shifts(name)
-        ):
+        tried = (
+            part.role in ("torque", "measurement") and len(part.parameters) == 1 and name not in model.effects
+        )
+        if not tried or part.record_direction is not None or _shifts(name):
             continue
-        richer = problem.with_(structure=structure_of((*model.effects, name)))
-        prior = [(richer.names.index(key), board.tilt[key]) for key in ("stiffness", "damping")]
-        sizes = richer.sizes()
-
-        def evaluate(
-            unknowns: Array,
-            richer: Problem = richer,
-            sizes: Array = sizes,
-            prior: list[tuple[int, Quantity]] = prior,
-        ) -> Normal:
-            normal = richer.normal(unknowns)
-            cost, gradient, hessian = normal.cost, normal.gradient.copy(), normal.hessian.copy()
-            for index, known in prior:
-                off = (unknowns[index] * sizes[index] - known.value) / known.std
-                cost += 0.5 * off**2
-                gradient[index] += off * sizes[index] / known.std
-                hessian[index, index] += (sizes[index] / known.std) ** 2
-            return Normal(cost, gradient, hessian)
-
+        richer = problem.with_(structure=structure_of((*model.effects, name)), priors=record)
         parameter = part.parameters[0]
-        costs = [
-            minimise(
-                evaluate,
-                richer.start({**model.parameters, f"{name}.{parameter.name}": start * parameter.size(problem.scales)}),
-                *richer.bounds(),
-                iterations=25,
-                tolerance=1e-6,
-            ).normal.cost
+        starts = [
+            richer.start(
+                {**model.parameters, f"{name}.{parameter.name}": start * parameter.size(problem.scales)}
+            )
             for start in parameter.starts
-        ]  # fmt: skip
+        ]
+        costs = [
+            minimise(richer.normal, start, *richer.bounds(), iterations=25, tolerance=1e-6).normal.cost
+            for start in starts
+        ]
         found.append((name, float(np.sqrt(max(2 * (min(costs) - model.minimum.normal.cost), 0.0)))))
     return found
 
