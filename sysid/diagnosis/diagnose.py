@@ -533,7 +533,7 @@ def _unmet(verdict: Verdict, alone: Learned, named: Model) -> Verdict:
     odds = named.samples / memory * float(np.log(named.rmse / alone.error_after))
     return replace(
         verdict, status="unexplained", effects=(), families=(), indistinguishable_from=(), matters=None, hints=(),
-        confidence=min(1 / (1 + float(np.exp(-odds))), 0.999),
+        confidence=float(calibrated(1 / (1 + np.exp(-np.asarray(odds))), *CALIBRATION["unexplained"])),
         explanation=(
             "Something is missing that no effect of the catalogue explains. The nearest is "
             f"{listed(verdict.effects)}, which takes away {percent(verdict.explained)} of the squared error of prediction; one formula "
