@@ -2,12 +2,12 @@
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from reports.evidence import Evidence
-from reports.figures.palette import NOISE, REAL, SIM
+from reports.figures.compare import BACKBONE, draw_backbone, draw_release
+from reports.figures.palette import REAL, SIM
 from reports.figures.svg import thin
 from sysid.comparison.compare import Comparison
+from sysid.text import display
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -21,13 +21,10 @@ WIDTH = 4.4
 def release_figure(evidence: Evidence, number: int) -> "Figure":
     """Draw one release: measured, simulated and the simpler models, over the residual with the noise band."""
     result = evidence.comparison
-    release, scale, unit = result.releases[number], _scale(result), "°" if not result.is_rate else "rad/s"
+    release, scale = result.releases[number], result.show.scale
     figure = small_figure(3.8)
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1))
-    time, measured, simulated, residual = thin(
-        release.time, release.measured, release.simulated, release.residual
-    )
-    top.plot(time, scale * measured, color=REAL, lw=2.8, gid="series:real")
+    draw_release((top, bottom), result, number)
     colours = [LADDER[j % len(LADDER)] for j in range(len(evidence.ladder) - 1)]
     for rung, colour in zip(evidence.ladder[:-1], colours, strict=True):
         simpler, error = rung.simulated[number], rung.simulated[number] - release.measured
@@ -35,12 +32,8 @@ def release_figure(evidence: Evidence, number: int) -> "Figure":
         bottom.plot(
             *thin(release.time, scale * error), color=colour, lw=0.7, gid=f"series:{rung.label}@error"
         )
-    top.plot(time, scale * simulated, color=SIM, lw=1.2, gid="series:sim")
-    band = 2 * scale * result.noise.std
-    bottom.axhspan(-band, band, color=NOISE, alpha=0.3, lw=0)
-    bottom.plot(time, scale * residual, color=SIM, lw=0.8, gid="series:sim@error")
-    top.set_ylabel(f"{'rate' if result.is_rate else 'roll'} [{unit}]")
-    bottom.set(xlabel="time since release [s]", ylabel=f"model - real [{unit}]")
+    top.set_ylabel(result.show.axis)
+    bottom.set_ylabel(f"model - real [{result.show.unit.strip()}]")
     top.set_xlim(release.time[0], release.time[-1])
     figure.align_ylabels()
     return figure
@@ -49,27 +42,9 @@ def release_figure(evidence: Evidence, number: int) -> "Figure":
 def backbone_figure(result: Comparison) -> "Figure":
     """Draw period and damping ratio of each half swing against its amplitude."""
     figure = small_figure(4.6)
-    for axes, what, label in zip(
-        figure.subplots(2, 1, sharex=True),
-        ("period", "damping_ratio"),
-        ("period [s]", "damping ratio"),
-        strict=True,
-    ):
-        for backbone, colour, name, size in (
-            (result.measured_backbone, REAL, "real", 7.5),
-            (result.simulated_backbone, SIM, "sim", 3.5),
-        ):
-            axes.plot(
-                np.degrees(backbone.amplitude), getattr(backbone, what), "o",
-                color=colour, ms=size, mew=0, gid=f"series:{name}@{what}",
-            )  # fmt: skip
-        axes.set_ylabel(label)
-        axes.margins(x=0.05, y=0.25)
-        low, high = axes.get_ylim()
-        least = 0.1 * (low + high) / 2
-        if high - low < least:  # a flat backbone must not look wild
-            axes.set_ylim((low + high - least) / 2, (low + high + least) / 2)
-    figure.axes[-1].set_xlabel("amplitude [°]")
+    for axes, what in zip(figure.subplots(2, 1, sharex=True), BACKBONE, strict=True):
+        draw_backbone(axes, result, what)
+    figure.axes[0].set_xlabel("")
     figure.align_ylabels()
     return figure
 
@@ -87,8 +62,9 @@ def log_figure(evidence: Evidence, number: int) -> "Figure":
             label = None if phase.kind in named else phase.kind
             axes.axvspan(phase.start, phase.end, color=colour, alpha=alpha, lw=0, label=label)
             named.add(phase.kind)
-    axes.plot(*thin(roll.time, np.degrees(roll.roll)), color=REAL, lw=0.9, gid="series:roll")
-    axes.set(xlabel="time [s]", ylabel="roll [°]", xlim=(roll.time[0], roll.time[-1]))
+    show = display(is_rate=False, slides=evidence.board.slides)
+    axes.plot(*thin(roll.time, show.scale * roll.roll), color=REAL, lw=0.9, gid="series:roll")
+    axes.set(xlabel="time [s]", ylabel=show.axis, xlim=(roll.time[0], roll.time[-1]))
     axes.margins(y=0.2)
     axes.legend(loc="upper right", ncols=3)
     return figure
@@ -99,7 +75,3 @@ def small_figure(height: float = 3.2) -> "Figure":
     from matplotlib.figure import Figure
 
     return Figure(figsize=(WIDTH, height), layout="constrained")
-
-
-def _scale(result: Comparison) -> float:
-    return 1.0 if result.is_rate else float(np.degrees(1.0))

@@ -73,9 +73,11 @@ def fit(
         arguments: How the logs are read.
         common: Options of every command.
     """
+    from sysid.cli.bars import working
     from sysid.fit_mjcf import fit as fit_recordings
     from sysid.fitting.joint import check_effects
     from sysid.fitting.learned_torque import tables_of
+    from sysid.progress import stage
 
     printer = Printer(common)
     record = subject.load(common, printer)
@@ -88,17 +90,18 @@ def fit(
         require_enough(bootstrap)
     logs, setups = subject.logs(logs)
     record, recordings = subject.posed(record, load_recordings(logs, arguments, printer), setups)
-    result = fit_recordings(
-        recordings,
-        record,
-        effect,
-        plain=plain,
-        robust=robust,
-        fixed=fixed,
-        bounds=bounds,
-        priors=[SHORT.get(name, name) for name in prior],
-        any_period=any_period,
-    )
+    with working(printer), stage(0.0, 1.0, "fitting"):
+        result = fit_recordings(
+            recordings,
+            record,
+            effect,
+            plain=plain,
+            robust=robust,
+            fixed=fixed,
+            bounds=bounds,
+            priors=[SHORT.get(name, name) for name in prior],
+            any_period=any_period,
+        )
     for name, (value, std) in result.joint.problem.priors.items():
         quantity = (
             replace(result.quantities[name], value=value, std=std)
@@ -109,14 +112,19 @@ def fit(
     printer.warnings(result.warnings, recordings)
     if result.joint.nonsmooth and not profile:
         printer.note("With friction or stops the intervals may be lopsided; --profile computes them exactly.")
-    new = result.updated_board({common.space.named(log): log for log in logs})
     scene: Compensation | None = None
-    if in_scene:
-        from sim.compensation.scene import compensate_in_scene
+    with working(printer):
+        with stage(0.0, 0.3, "predicting releases that are left out"):
+            new = result.updated_board({common.space.named(log): log for log in logs})
+        if in_scene:
+            from sim.compensation.scene import compensate_in_scene
 
-        scene = compensate_in_scene(new)
-        new = replace(new, fit={**new.fit, "in_scene": scene.entry()})
-    printer.say(result.report(printer.width))
+            with stage(0.3, 0.6, "in the scene"):
+                scene = compensate_in_scene(new)
+            new = replace(new, fit={**new.fit, "in_scene": scene.entry()})
+        with stage(0.6, 1.0, "simpler models"):
+            text = result.report(printer.width)
+    printer.say(text)
     intervals = show_intervals(result.joint, record, common, printer, profile=profile, draws=bootstrap)
     for line in scene.lines() if scene else ():
         printer.say(line)
@@ -170,7 +178,9 @@ def _draw_learned(common: Common, result: "Fit") -> Path:
     path = common.space.outputs(result.before.name) / "learned.png"
     with atomic_path(path) as temporary:
         title = f"{result.before.name}: {result.formula.text if result.formula else 'nothing was learned'}"
-        learned_figure(result.joint, result.formula, title).savefig(temporary, dpi=140)
+        learned_figure(result.joint, result.formula, title, slides=result.before.slides).savefig(
+            temporary, dpi=140
+        )
     return path
 
 

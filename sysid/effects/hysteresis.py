@@ -66,7 +66,13 @@ EFFECT = TorqueEffect(
             starts=(0.3, 2.0),
         ),
         Parameter(
-            name="torque", unit="N*m", size=lambda s: s.torque, low=0.0, high=1.0, starts=(0.04,), rough=True
+            name="torque",
+            unit="N*m",
+            size=lambda s: s.torque,
+            low=0.0,
+            high=1.0,
+            starts=(0.04, 0.3),
+            rough=True,
         ),
     ),
     law="τ = -k₁ z, z follows x and slips at ±T/k₁",

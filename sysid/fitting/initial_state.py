@@ -11,6 +11,7 @@ from sysid.fitting.problem import Problem
 from sysid.fitting.records import Bias, Record
 from sysid.joint import JointLaw
 from sysid.least_squares import minimise
+from sysid.progress import steps
 from sysid.roll import Array
 
 
@@ -41,7 +42,7 @@ def fit_initial_states(
     """
     residuals: list[Array] = []
     starts: list[tuple[float, float]] = []
-    for problem in problems_of_law(law, records, bias=bias, steps_per_period=steps_per_period):
+    for problem in steps(problems_of_law(law, records, bias=bias, steps_per_period=steps_per_period)):
         found = minimise(problem.normal, problem.start(problem.fixed), *problem.bounds(), iterations=30)
         if not np.isfinite(found.normal.cost):
             raise SysidError(
