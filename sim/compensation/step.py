@@ -22,7 +22,7 @@ from sim.board.bodies import TILT_JOINT, inertia_ratio
 from sim.board.scene import integrator_name
 from sysid.board import Board
 from sysid.effects import effect
-from sysid.effects._algebra import NumpyAlgebra
+from sysid.effects._algebra import NUMPY
 from sysid.effects._base import JointState, SupportEffect, TorqueEffect
 from sysid.errors import SysidError
 from sysid.joint import JointLaw, simulate
@@ -328,7 +328,7 @@ def _static_error(board: Board, build: Callable[[Board], mujoco.MjModel], writte
             values = {name: quantity.value for name, quantity in part.parameters.items()}
             known = effect(part.name)
             if isinstance(known, TorqueEffect):
-                torque += float(known.torque(NumpyAlgebra(), motion, values, ()))
+                torque += float(known.torque(NUMPY, motion, values, ()))
         expected += math.copysign(1.0, x) * torque
     return simulated / expected - 1
 

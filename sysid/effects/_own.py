@@ -10,7 +10,7 @@ from types import TracebackType
 
 import numpy as np
 
-from sysid.effects._algebra import CasadiAlgebra, NumpyAlgebra
+from sysid.effects._algebra import NUMPY, casadi_algebra
 from sysid.effects._base import Effect, JointState, TorqueEffect
 from sysid.errors import SysidError
 
@@ -110,10 +110,8 @@ def _run(part: TorqueEffect, where: str) -> None:
     at = np.linspace(-0.1, 0.1, 3)
     symbol = casadi.SX.sym("x")
     try:
-        torque = np.asarray(
-            part.torque(NumpyAlgebra(), JointState(at, at, at, 10.0), values, ()), dtype=np.float64
-        )
-        part.torque(CasadiAlgebra(), JointState(symbol, symbol, symbol, 10.0), values, ())
+        torque = np.asarray(part.torque(NUMPY, JointState(at, at, at, 10.0), values, ()), dtype=np.float64)
+        part.torque(casadi_algebra(), JointState(symbol, symbol, symbol, 10.0), values, ())
     except Exception as error:
         raise SysidError(
             f"{where}: its torque does not run ({type(error).__name__}: {error}). Use only + - * / ** and m.sin, m.exp, m.abs, "

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sysid.effects._algebra import Algebra, Value
+from sysid.effects._base import Parameter
 from sysid.least_squares import Array
 
 
@@ -68,3 +69,8 @@ def _kernel(m: Algebra, u: Value) -> Value:
     size = m.abs(u)
     near, far = m.maximum(1 - size, 0.0), m.maximum(2 - size, 0.0)
     return 0.5 * far * far * (far - 1) - near * near * (2 * near - 1)
+
+
+def table_value(name: str) -> Parameter:
+    """Return the parameter that is one value of a table; its size is a tenth of the spring's torque."""
+    return Parameter(name, "N*m", lambda s: 0.1 * s.torque, low=-100.0, high=100.0, starts=(0.0,))

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sysid.effects import effect
-from sysid.effects._algebra import NumpyAlgebra
+from sysid.effects._algebra import NUMPY
 from sysid.effects._base import JointState, TorqueEffect
 from sysid.joint.law import JointLaw
 from sysid.joint.trajectory import simulate
@@ -27,7 +27,7 @@ def effect_torque(law: JointLaw, name: str, time: Array, roll: Array, rate: Arra
     """
     part = effect(name)
     parameters = part.named(dict(law.effects)[name])
-    m = NumpyAlgebra()
+    m = NUMPY
     motion = JointState(roll - law.rest_angle, rate, roll, law.stiffness)
     if part.states:
         return law.inertia * np.gradient(rate, time) - memoryless_torque(law, roll, rate)

@@ -5,7 +5,7 @@ import pytest
 from light_board import BOARD, NOISE, magnet, releases
 
 from sysid.effects import effect
-from sysid.effects._algebra import NumpyAlgebra
+from sysid.effects._algebra import NUMPY
 from sysid.effects._base import JointState
 from sysid.effects._table import bending, cardinals, interpolate, knots, position
 from sysid.errors import SysidError
@@ -15,7 +15,7 @@ from sysid.fitting.learned_torque import learned_torque
 from sysid.fitting.record_update import require_usable
 from sysid.fitting.records import make_records
 
-M = NumpyAlgebra()
+M = NUMPY
 
 
 def test_a_table_is_met_at_its_knots_and_smooth_between():
