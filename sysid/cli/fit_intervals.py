@@ -3,8 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 from sysid.board import Board
-from sysid.cli.console import Common, Printer
-from sysid.files import atomic_path
+from sysid.cli.console import Common, Printer, write_figure
 
 if TYPE_CHECKING:
     from sysid.fitting.bootstrap import Bootstrap
@@ -51,9 +50,8 @@ def show_intervals(
             again = bootstrap(fit, board, draws, progress=lambda done: bar.update(task, completed=done))
     verdicts = agreements(fit.quantities, shapes, again)
     printer.say(interval_report(fit, shapes, again, verdicts, printer.width))
-    path = common.space.outputs(board.name) / "intervals.png"
-    with atomic_path(path) as temporary:
-        title = f"{board.name}: how far each parameter can move while the others follow"
-        interval_figure(fit.quantities, shapes, again, title).savefig(temporary, dpi=140)
+    title = f"{board.name}: how far each parameter can move while the others follow"
+    figure = interval_figure(fit.quantities, shapes, again, title)
+    path = write_figure(common.space.outputs(board.name) / "intervals.png", figure)
     printer.say(f"written: {path}")
     return interval_json(shapes, again, verdicts)

@@ -39,7 +39,6 @@ def paper(
         workers: Processes; as many as there are processors if not given.
         force: Ride where policy and board disagree.
         output: Folder for paper.md, paper.json and the pictures; reports/paper of the workspace if not given.
-        common: Options of every command.
     """
     from rich.progress import Progress
 

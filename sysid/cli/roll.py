@@ -14,8 +14,6 @@ from sysid.files import atomic_path
 
 UNSURE = 0.004
 """Uncertainty of an offset from which one doubts it [s]: records of one release agree to 2 ms."""
-_NO_ARGUMENTS = LogArguments()
-_NO_COMMON = Common()
 
 
 def roll(
@@ -23,9 +21,9 @@ def roll(
     /,
     *,
     output: Annotated[Path, Parameter(name=("--output", "-o"), group=OUTPUT)],
-    align: Annotated[Path | None, Parameter(name="--align")] = None,
-    arguments: LogArguments = _NO_ARGUMENTS,
-    common: Common = _NO_COMMON,
+    align: Path | None = None,
+    arguments: LogArguments = LogArguments(),
+    common: Common = Common(),
 ) -> int:
     """Extract the roll angle of any log or video into a CSV file.
 
@@ -33,8 +31,6 @@ def roll(
         log: CSV, Parquet, MCAP, phone export (zip or folder) or video.
         output: CSV file to write: time_s, roll_rad, roll_std_rad.
         align: Another record of the same motion (film or log): times become those of its clock.
-        arguments: How the log is read.
-        common: Options of every command.
     """
     printer = Printer(common)
     overlay = arguments.video.overlay
@@ -48,7 +44,7 @@ def roll(
     if align is not None:
         from sysid.logs.clock_offset import clock_offset
 
-        offset = clock_offset(load_roll(align, _NO_ARGUMENTS, printer), signal)
+        offset = clock_offset(load_roll(align, LogArguments(), printer), signal)
         printer.note(f"{log}: {offset} added to its times, which then count from the first sample of {align}")
         half = (offset.ci95[1] - offset.ci95[0]) / 2
         if half > UNSURE:
