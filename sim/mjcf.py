@@ -59,12 +59,8 @@ def board_mjcf(
     """Write a board as MJCF.
 
     Args:
-        board: The record, in physical parameters.
-        kind: Bench or scene.
         timestep: [s].
-        integrator: MuJoCo's name of the integrator.
         export: Which parameters are written; `default_export` if None.
-        coupling: How tilt steers the trucks of the scene.
         exact_effects: False writes effects that need a MuJoCo newer than 3.11 as their substitutes.
 
     Raises:
@@ -112,12 +108,7 @@ def _commented(spec: mujoco.MjSpec, comments: Sequence[tuple[str, Sequence[str]]
 
 
 def _comments(
-    board: Board,
-    done: Compensation,
-    kind: Kind,
-    export: Export,
-    coupling: Coupling,
-    version: str,
+    board: Board, done: Compensation, kind: Kind, export: Export, coupling: Coupling, version: str
 ) -> list[tuple[str, list[str]]]:
     """Return for each kind of element a pattern of its line, and what to say above it."""
     written = done.board

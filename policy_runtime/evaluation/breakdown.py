@@ -109,7 +109,6 @@ def break_down(rides: Rides, clock: Clock | None = None) -> tuple[Table, ...]:
     """Return every table.
 
     Args:
-        rides: Recorded episodes.
         clock: Lengths of the stretches that the rides were timed by.
     """
     clock = clock or Clock()

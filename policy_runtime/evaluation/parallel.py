@@ -49,7 +49,6 @@ class BatchPolicy:
 
         Args:
             policy: Path of an ONNX file, or 'zero'.
-            board: The record to ride.
             force: See `policy_file.open_policy`.
 
         Raises:
@@ -105,10 +104,8 @@ def evaluate_in_parallel(
 
     Args:
         policy: Path of an ONNX file, or 'zero'.
-        board: The record to ride.
         episodes: Episodes of each seed, side by side.
         seeds: Seeds of commands, starts and shoves.
-        protocol: What the episodes are like.
         device: 'cuda:0' or 'cpu'; the first GPU if there is one.
         force: See `policy_file.open_policy`.
         progress: Called with the number of episodes just done.

@@ -156,7 +156,6 @@ class RunFolder:
         """Write what a run needs before it starts: options, record, and where they came from.
 
         Args:
-            config: All options.
             record: The board's record file; it is copied.
             start_from: A checkpoint of another run to begin with; it is copied.
             gpus: What the run begins on, 0 for the CPU; it goes on there.

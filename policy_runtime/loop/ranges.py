@@ -69,7 +69,6 @@ class RangeCheck:
         """Take what the policy has just seen, and what it answered.
 
         Args:
-            state: The robot's.
             target: Joint targets [rad], shape (23,).
         """
         if not self._rows:

@@ -67,7 +67,6 @@ def scripted_push(clip: Motion | None = None, clock: Clock | None = None) -> Scr
 
     Args:
         clip: What to push like; the shipped clip whose speed is nearest to the command if None.
-        clock: The cycle.
     """
     clock = clock or Clock()
     load = GravityLoad()

@@ -67,10 +67,7 @@ def make_world(
     """Build the world for a board from the installed G1 model.
 
     Args:
-        board: The record.
-        coupling: How tilt steers the trucks.
         steered: Whether it does; else they are held straight.
-        terrain: The ground.
         start: One of `STARTS`.
         gantry: Holds the robot; None lets it fall.
         visuals: Keep the robot's meshes, for pictures.

@@ -68,7 +68,6 @@ def motion_facts(motion: Motion, model: mujoco.MjModel) -> MotionFacts:
     """Measure a clip.
 
     Args:
-        motion: The clip.
         model: The G1 without a board (`sim.skate.robot.g1.g1_spec`).
     """
     soles, com, touching = _forward(model, motion)

@@ -93,9 +93,7 @@ def motion_from_table(table: Array, where: str, name: str) -> Motion:
     """Return a clip from numbers in the stored layout, shape (frames, 36).
 
     Args:
-        table: The numbers.
         where: What to name in an error message.
-        name: Name of the clip.
 
     Raises:
         SysidError: The numbers are not a motion; see `load_motion`.

@@ -52,7 +52,6 @@ def board_spec(
         ground: Whether to add the ground and a light. Without them the spec is an entity for
             attaching to another scene (with a prefix of its own), whose options count.
         timestep: Step of the scene [s]; the coupling is as stiff as this step allows.
-        integrator: MuJoCo's name of the integrator.
         tilt_range: Largest tilt to either side [rad]; the record's if None.
         friction: Sliding [1], torsional [m] and rolling [m] friction of the wheels; the record's if None.
         exact_effects: False writes effects that need a MuJoCo newer than 3.11 as their substitutes.
@@ -93,7 +92,6 @@ def set_trucks(model: mujoco.MjModel, data: mujoco.MjData, rake: float, prefix: 
     To be called after every step (and after every reset) of a scene built with coupling='direct'.
 
     Args:
-        model: Compiled scene.
         data: Its state; changed in place.
         rake: λ of tan σ = tan λ sin roll [rad].
         prefix: The board's name prefix in the scene.
@@ -155,8 +153,6 @@ def add_effects(
 
     Args:
         spec: The spec; changed in place.
-        joint: Its tilt joint.
-        board: The record.
         exact: False writes effects that need a MuJoCo newer than 3.11 as their substitutes.
 
     Returns:
@@ -212,10 +208,8 @@ def roll_inertia(
     """Return the compiled inertia about the tilt axis [kg*m^2], the chassis held.
 
     Args:
-        model: Compiled scene or rig.
         geometry: The board's; with it the steered trucks and the wheels that they turn are included
             as the coupling brings them to the tilt joint: angle × tan λ, wheels rolling without slip.
-        joint: Name of the tilt joint.
     """
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -241,10 +235,7 @@ def _add_ground(spec: mujoco.MjSpec) -> None:
     spec.stat.extent = 0.8  # what a viewer shows at first
     spec.stat.center = [0.0, 0.0, 0.05]
     spec.worldbody.add_geom(
-        name="ground",
-        type=mujoco.mjtGeom.mjGEOM_PLANE,
-        size=[5.0, 5.0, 0.1],
-        rgba=[0.32, 0.36, 0.40, 1.0],
+        name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5.0, 5.0, 0.1], rgba=[0.32, 0.36, 0.40, 1.0]
     )
     spec.worldbody.add_light(
         name="sun",

@@ -74,10 +74,6 @@ class Parasitics:
 def measure_parasitics(board: Board, scene: ClampedScene) -> Parasitics:
     """Measure the scene's tilt joint with everything on, and with one part off at a time.
 
-    Args:
-        board: The record, in physical parameters.
-        scene: The scene, its chassis held.
-
     Raises:
         SysidError: The scene does not move, or blows up.
     """
@@ -105,7 +101,6 @@ def measure(board: Board, scene: ClampedScene) -> TiltJoint:
 
     Args:
         board: The record; its stiffness and range set the size of load and swing.
-        scene: The scene, its chassis held.
 
     Raises:
         SysidError: The scene does not move, or blows up.

@@ -92,7 +92,6 @@ def scene_from_file(path: Path, *, joint: str = TILT_JOINT, timestep: float | No
     """Read any MJCF scene with a board in it and hold its chassis.
 
     Args:
-        path: The file.
         joint: Name of the tilt joint, with prefix; its axis is +x or -x.
         timestep: Step instead of the file's [s].
 
@@ -186,10 +185,7 @@ def compensate_in_scene(
     with the error of the step. The static stiffness stays the record's.
 
     Args:
-        board: The record, in physical parameters.
         timestep: [s].
-        integrator: MuJoCo's name of the integrator.
-        coupling: How tilt steers the trucks.
         exact_effects: False builds effects that need a MuJoCo newer than 3.11 as their substitutes.
 
     Raises:

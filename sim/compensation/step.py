@@ -88,9 +88,7 @@ def compensate_step(
     """Return the board whose bench, stepped by MuJoCo, decays as the record's law does in continuous time.
 
     Args:
-        board: The record, in physical parameters.
         timestep: [s].
-        integrator: MuJoCo's name of the integrator.
         exact_effects: False builds effects that need a MuJoCo newer than 3.11 as their substitutes.
 
     Raises:
@@ -181,11 +179,9 @@ def fit_inertia_and_damping(
     Where the joint stands on a sprung support, the support's inertia and damping are fitted as well.
 
     Args:
-        board: The record, in physical parameters.
         start: The record from which the search starts.
         build: Compiles a candidate.
         amplitudes: Releases, as angles about rest [rad].
-        after_step: Called after each step.
     """
     from scipy.optimize import least_squares
 

@@ -29,7 +29,6 @@ def board_of(setup: Setup, *, mass_error: float = 0.0) -> tuple[Board, list[str]
     """Return the record of a joint of a model, and what was found on the way, in words.
 
     Args:
-        setup: Which joint, and how it was measured.
         mass_error: Half-width of the 95 % interval of the model's masses, as a share: one factor for all.
 
     Raises:
@@ -96,8 +95,6 @@ def pose_releases(
 
     Args:
         board: The record of the joint as it mostly was.
-        recordings: The logs.
-        setups: How each of them was measured.
     """
     records = [board_of(setup)[0] for setup in setups]
     posed = [

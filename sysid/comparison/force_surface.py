@@ -60,8 +60,6 @@ def missing_torque(
     correct model cancels.
 
     Args:
-        compared: Releases.
-        law: The law that was simulated.
         bins: Number of bins in tilt and rate.
 
     Returns:
@@ -121,9 +119,7 @@ def _profile(at: Array, torque: Array, together: float) -> TorqueProfile:
     shared = sum(runs) / max(float(squares.sum()), 1e-300)
     counts = np.array([len(part) for part in parts])
     return TorqueProfile(
-        np.array([float(np.mean(at[part])) for part in parts]),
-        means,
-        np.sqrt(shared * squares) / counts,
+        np.array([float(np.mean(at[part])) for part in parts]), means, np.sqrt(shared * squares) / counts
     )
 
 

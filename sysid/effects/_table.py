@@ -17,7 +17,6 @@ def knots(n: int, grading: float) -> Array:
     """Return where the knots are, as shares of the reach [1], shape (2n,), ascending and without zero.
 
     Args:
-        n: Knots to either side.
         grading: Distance from zero within which half of a side's knots are, over the reach, before they thin out
             (`position` undone): small is dense in the middle.
     """
@@ -35,7 +34,6 @@ def cardinals(m: Algebra, s: Value, n: int) -> list[Value]:
     """Return how much each value of a table counts at a position from -1 to 1 (Keys, IEEE Trans. ASSP 29, 1981).
 
     Args:
-        m: The algebra.
         s: Position on the even scale.
         n: Knots to either side, 2 or more.
     """

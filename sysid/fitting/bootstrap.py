@@ -92,11 +92,7 @@ def bootstrap(
     """Fit `draws` logs that could as well have been measured.
 
     Args:
-        fit: The fit.
         board: Gives the inertia's uncertainty; each draw has an inertia of its own.
-        draws: How many.
-        seed: Of the draws.
-        progress: Called with the number of draws done.
 
     Raises:
         SysidError: Fewer draws than an interval needs, or most of them cannot be fitted.

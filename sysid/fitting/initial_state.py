@@ -21,9 +21,7 @@ def residuals_of_law(
 
     Args:
         board: Its law is taken, unless `law` is given.
-        records: Releases.
         bias: With 'per-release', the sensor zero of each release is fitted too.
-        law: The joint.
 
     Returns:
         Model minus measurement of each record [rad or rad/s], shape (n,) each.

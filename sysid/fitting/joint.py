@@ -46,7 +46,6 @@ def check_effects(names: Sequence[str], known: Sequence[str] = ()) -> None:
     """Accept effects that a free decay can say something about.
 
     Args:
-        names: The effects.
         known: Those that the record has.
 
     Raises:
@@ -153,18 +152,9 @@ def priors_of(board: Board, options: FitOptions) -> dict[str, tuple[float, float
 
 
 def fit_joint(
-    releases: Sequence[Release],
-    board: Board,
-    effects: Sequence[str] = (),
-    options: FitOptions | None = None,
+    releases: Sequence[Release], board: Board, effects: Sequence[str] = (), options: FitOptions | None = None
 ) -> JointFit:
     """Fit stiffness, damping, rest angle and the parameters of some effects to releases.
-
-    Args:
-        releases: Free decays of one board.
-        board: Gives the roll inertia, and a start.
-        effects: Names of the catalogue.
-        options: How.
 
     Raises:
         SysidError: Nothing to fit, an effect that free decays cannot identify, or no convergence.

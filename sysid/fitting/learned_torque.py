@@ -14,7 +14,6 @@ def learned_torque(
     """Return the torque of a fit's tables of tilt and rate, and its standard deviation [N*m], shape (n,) each.
 
     Args:
-        fit: With tables.
         tilt: From the rest angle [rad], shape (n,).
         rate: [rad/s], shape (n,).
         with_joint: Add spring and damper. What is learned has no linear part of its own, so alone it depends on how the

@@ -62,7 +62,6 @@ def profiles(fit: JointFit, board: Board) -> Iterator[Profile]:
     """Profile each free parameter of a fit, one after another.
 
     Args:
-        fit: The fit.
         board: Gives the inertia's uncertainty, which is added to both sides in quadrature.
     """
     problem, minimum = fit.problem, fit.minimum
@@ -104,10 +103,8 @@ def profile(
 
     Args:
         normal: Cost and normal equations at a point.
-        minimum: Where the cost is least.
         low: Lower bounds in units of the unknowns' sizes, shape (p,).
         high: Upper bounds, likewise, shape (p,).
-        index: Which unknown.
         deviation: Its standard deviation in units of its size, correlation of the residuals included.
     """
     plain = _variance(minimum.normal.hessian, ~minimum.at_bound, index)

@@ -83,8 +83,6 @@ def updated_board(
     """Return the board with a fit in it: no check has passed it yet.
 
     Args:
-        board: The record before.
-        fit: The fit.
         logs: The files that were fitted, by the names that the record shall give them.
         heldout: RMSE on releases that were left out [rad].
         today: Date of the fit; today if None.

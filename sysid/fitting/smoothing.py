@@ -252,9 +252,6 @@ def support_of(
     """Return where a structure's tables have data: the parameters that say so, by the structure's names [rad or rad/s].
 
     Args:
-        problem: Of the joint without tables.
-        minimum: Of it.
-        structure: With tables.
         rest_angle: From which tilts count [rad].
     """
     law = JointLaw.from_vector(problem.structure, problem.vector_of(problem.parameters(minimum.point)))
@@ -277,9 +274,7 @@ def extended(problem: Problem, known: Mapping[str, float], before: Problem, poin
     """Return the unknowns of a problem with tables: parameters that are not known zero, starts as another problem had them.
 
     Args:
-        problem: With tables.
         known: Parameters in their units.
-        before: Of the same records.
         point: Of it, in units of its unknowns' sizes, shape (p,).
 
     Returns:

@@ -85,11 +85,9 @@ def step(
     """Advance position [rad] and velocity [rad/s] by one MuJoCo step.
 
     Args:
-        hinge: The joint.
         q: Position, as qpos [rad].
         v: Velocity, as qvel [rad/s].
         timestep: [s].
-        integrator: MuJoCo's integrator.
 
     Raises:
         SysidError: The integrator is unknown.
@@ -113,21 +111,14 @@ def step(
 
 
 def rollout_function(
-    hinge: Hinge,
-    parameters: ca.SX,
-    steps: int,
-    *,
-    timestep: float,
-    integrator: Integrator = "implicitfast",
+    hinge: Hinge, parameters: ca.SX, steps: int, *, timestep: float, integrator: Integrator = "implicitfast"
 ) -> ca.Function:
     """Return `f(start, parameters) -> states` over many steps.
 
     Args:
         hinge: The joint, in terms of `parameters`.
         parameters: Symbols, shape (n,).
-        steps: Number of steps.
         timestep: [s].
-        integrator: MuJoCo's integrator.
 
     Returns:
         A CasADi function of start (position and velocity, shape (2,)) and parameters, whose result has
@@ -167,7 +158,6 @@ def hinge_from_model(model: "mujoco.MjModel", joint: str, *, torque: Torque | No
 
     Args:
         model: Compiled MuJoCo model with one hinge joint.
-        joint: Its name.
         torque: What acts on the joint besides spring, damper, friction and limits.
 
     Raises:

@@ -87,7 +87,6 @@ def stepped(
         time: When to look [s], shape (n,), ascending, from 0 on; straight lines between steps.
         angle: Roll at release [rad].
         rate: Roll rate at release [rad/s].
-        integrator: MuJoCo's.
 
     Raises:
         SysidError: The law has dry friction or memory.

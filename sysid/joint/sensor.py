@@ -45,7 +45,6 @@ def read(law: JointLaw, angle: Array, rate: Array, time: Array) -> Reading:
     """Return what the sensor of a law makes of samples that have left its filters.
 
     Args:
-        law: The joint with its sensor.
         angle: [rad], shape (n,).
         rate: Per second of the log's clock [rad/s], shape (n,).
         time: On the log's clock [s], shape (n,).
@@ -82,7 +81,6 @@ def sense(law: JointLaw, time: Array, roll: Array) -> Array:
     """Return what the sensor of a law reads of a deck that somebody else has moved [rad], shape (n,).
 
     Args:
-        law: The joint with its sensor.
         time: On the log's clock [s], shape (n,).
         roll: The deck's [rad], shape (n,), from when it was let go.
     """

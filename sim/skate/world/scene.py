@@ -56,7 +56,6 @@ def skate_spec(board: Board, options: SceneOptions | None = None, *, visuals: bo
     """Return the whole scene for plain MuJoCo.
 
     Args:
-        board: The board's record.
         options: Coupling, terrain and step.
         visuals: Keep the robot's meshes, for pictures.
 

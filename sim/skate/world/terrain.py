@@ -75,11 +75,7 @@ def _slab(body: mujoco.MjsBody, name: str, start: float, end: float, top: float,
         name=name,
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=[length / 2, _HALF_WIDTH, thickness / 2],
-        pos=[
-            middle_x - math.sin(pitch) * thickness / 2,
-            0.0,
-            middle_z - math.cos(pitch) * thickness / 2,
-        ],
+        pos=[middle_x - math.sin(pitch) * thickness / 2, 0.0, middle_z - math.cos(pitch) * thickness / 2],
         quat=[math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0],
         rgba=list(_COLOUR),
     )

@@ -19,8 +19,6 @@ def tables_of(path: Path, kind: str, messages: Iterable[tuple[str, float, Any]])
     """Return the numbers of decoded messages.
 
     Args:
-        path: The recording.
-        kind: What it is, in words.
         messages: Topic, time of arrival [s] and content of each: dictionaries, or objects with fields.
 
     Raises:

@@ -206,13 +206,7 @@ class _Problem:
 
 
 def _rauch_tung_striebel(
-    measured: Array,
-    variance: Array,
-    drift: Array,
-    attitude: Array,
-    walk: Array,
-    start: Array,
-    std: Array,
+    measured: Array, variance: Array, drift: Array, attitude: Array, walk: Array, start: Array, std: Array
 ) -> tuple[Array, Array]:
     """Follow x = (vertical s in S, gyro offset b and gain error C, accelerometer offset a) through the blocks.
 

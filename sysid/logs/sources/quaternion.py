@@ -72,10 +72,4 @@ def roll_from_quaternion(reading: Reading) -> Roll:
     )
 
 
-SOURCE = Source(
-    name="quaternion",
-    order=3,
-    quantity=None,
-    find=find_quaternion,
-    to_roll=roll_from_quaternion,
-)
+SOURCE = Source(name="quaternion", order=3, quantity=None, find=find_quaternion, to_roll=roll_from_quaternion)

@@ -100,7 +100,6 @@ def repair_clock(
         stamps: Finite stamps in the order of the file, shape (n,).
         signal: The signal that they belong to, shape (n,); tells late stamps from late samples.
         unit: Unit of the stamps, or None.
-        name: The column's name, for messages.
         computed: The signal was computed for just these times, as by `husky-sysid roll`: uneven ones are not late.
 
     Raises:
