@@ -30,18 +30,16 @@ from sysid.logs.formats.dialect import (
     unique_names,
 )
 from sysid.logs.formats.registry import Format
+from sysid.logs.table.file import LogFile
 from sysid.roll import Array
 
 
-@dataclass(frozen=True, slots=True)
-class CsvTable:
-    """A text table whose columns are read when asked for."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dialect:
+    """How the columns of a text table are read."""
 
     path: Path
     names: tuple[str, ...]
-    units: tuple[str | None, ...]
-    """From a row of units below the header; None where there is none."""
-    has_header: bool
     delimiter: str
     decimal: str
     encoding: str
@@ -54,7 +52,6 @@ class CsvTable:
     """Whether blanks follow delimiters."""
     dates: frozenset[str]
     """Columns that hold dates or times of day instead of numbers."""
-    notes: tuple[str, ...]
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
         """Return whole columns, shape (n,) each, in the log's units; missing values as NaN, dates as seconds.
@@ -158,7 +155,7 @@ class CsvTable:
         return f"cannot be read as a table ({str(error).splitlines()[0][:120]})."
 
 
-def open_csv(path: Path) -> CsvTable:
+def open_csv(path: Path) -> LogFile:
     """Find a text table's dialect from its first 256 KiB.
 
     Raises:
@@ -208,14 +205,11 @@ def open_csv(path: Path) -> CsvTable:
     notes = [dialect_note(delimiter, decimal, bool(header))]
     if skipped > (1 if header else 0) + bool(units):
         notes.append(f"table: {skipped} lines before the first row of numbers")
-    return CsvTable(
+    said = zip(names, below, beside, strict=True)
+    units = {name: found for name, unit, other in said if (found := "s" if name in dates else unit or other)}
+    dialect = Dialect(
         path=path,
         names=names,
-        units=tuple(
-            "s" if name in dates else unit or other
-            for name, unit, other in zip(names, below, beside, strict=True)
-        ),
-        has_header=bool(header),
         delimiter=delimiter,
         decimal=decimal,
         encoding=encoding,
@@ -224,8 +218,8 @@ def open_csv(path: Path) -> CsvTable:
         comment=comment[0] if comment else None,
         blanks=delimiter != " " and any(delimiter + " " in line for _, line in rows),
         dates=dates,
-        notes=tuple(notes),
     )
+    return LogFile(path=path, names=names, units=units, dates=dates, notes=tuple(notes), read=dialect.read)
 
 
 def seconds_of(texts: Any) -> Array:
