@@ -12,7 +12,8 @@ Of logs with a known truth, stiffness and damping must lie within three of their
 are accepted, and within one in 93 to 97 %.
 
 One line of JSON a case goes to --out, in which cases that are there already are not run again; the last line printed
-is the summary. Exit code 1 if anything was wrong. Needs Linux (pidfd, fork), no test extras.
+is the summary. Exit code 1 if anything was wrong. Needs Linux (pidfd, fork), no network and no test extras; a case whose
+command misses a package that is not installed is counted as skipped, with the package's name.
 """
 
 import argparse
@@ -21,6 +22,7 @@ import io
 import json
 import math
 import os
+import re
 import resource
 import select
 import shutil
@@ -33,6 +35,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -99,6 +102,8 @@ class Result:
     problems: list[str]
     deviations: dict[str, float] = field(default_factory=dict[str, float])
     """(value - truth) / half its 95 % interval, of logs with a known truth that were accepted."""
+    skipped: str = ""
+    """Why nothing is judged: a package that the command needs is not installed here."""
 
 
 def make_case(number: int, folder: Path) -> Case:
@@ -239,7 +244,9 @@ def run_case(case: Case, limit: float) -> Result:
             result.problems.append("left a process")
     except ProcessLookupError:
         pass
-    if not timed_out:
+    if package := _missing(result.said):
+        result.skipped, result.problems = f"needs the package {package}", []
+    elif not timed_out:
         result.problems += [*_said_wrong(case, result, error), *_left_wrong(case, result, before)]
     if case.truth is not None and result.code == 0:
         result.deviations = _deviations(case, case.truth)
@@ -247,8 +254,15 @@ def run_case(case: Case, limit: float) -> Result:
 
 
 def _starved(process: int) -> float:
-    """Return how long a process waited for a processor that others used [s]."""
-    return 1e-9 * int(Path(f"/proc/{process}/schedstat").read_text().split()[1])
+    """Return how long a process waited for a processor that others used [s]; 0 where the kernel does not count it."""
+    path = Path(f"/proc/{process}/schedstat")
+    return 1e-9 * int(path.read_text().split()[1]) if path.exists() else 0.0
+
+
+def _missing(said: str) -> str:
+    """Return the package that a traceback's last line misses, if this machine has none of that name."""
+    found = re.fullmatch(r"ModuleNotFoundError: No module named '(\w+).*'", said)
+    return found[1] if found and find_spec(found[1]) is None else ""
 
 
 def _be_the_command(case: Case) -> None:
@@ -364,10 +378,10 @@ def _left_wrong(case: Case, result: Result, before: dict[str, str]) -> Iterator[
     killed = result.code == -signal.SIGKILL
     record = "ws/data/boards/mine.toml"
     words = case.arguments
-    asked = {(case.folder / word).resolve() for option, word in pairwise(words) if option in WRITTEN}
-    asked -= {(case.folder / word).resolve() for word in words[1:2]}  # what it reads
+    asked = {Path(os.path.realpath(case.folder / word)) for option, word in pairwise(words) if option in WRITTEN}
+    asked -= {Path(os.path.realpath(case.folder / word)) for word in words[1:2]}  # what it reads
     for name, content in before.items():
-        if name != record and after.get(name) != content and (case.folder / name).resolve() not in asked:
+        if name != record and after.get(name) != content and Path(os.path.realpath(case.folder / name)) not in asked:
             yield f"changed {name}"
     for name in after.keys() - before.keys():
         place = name.startswith(("out/", "ws/reports/", "ws/data/boards/")) or name in ("stdout", "stderr")
@@ -444,6 +458,7 @@ def summary(lines: Sequence[dict[str, Any]]) -> dict[str, Any]:
         "problems": dict(Counter(p.split(":")[0].split(" /")[0][:60] for line in wrong for p in line["problems"]).most_common()),
         "slowest_s": max((line["seconds"] for line in lines), default=0),
         "most_memory_mb": max((line["memory_mb"] for line in lines), default=0),
+        "skipped": dict(Counter(line["skipped"] for line in lines if line["skipped"])),
         "known_truth": len(truths),
         "accepted": sum(bool(line["deviations"]) for line in truths),
         "within_three_intervals": share(3),
