@@ -25,7 +25,7 @@ from sim.skate.cycle.clock import CONTROL_PERIOD
 from sim.skate.mdp.actor_observation import OBSERVATION_SIZE
 from sim.skate.robot.g1 import JOINTS
 from sysid.board import Board
-from sysid.errors import SysidError
+from sysid.errors import SysidError, needs_extra
 from sysid.roll import Array
 
 COLUMNS = {
@@ -66,13 +66,9 @@ class BatchPolicy:
             raise SysidError(
                 f"{policy}: takes {file.size} numbers, the task gives {OBSERVATION_SIZE}. Evaluate it in plain MuJoCo."
             )
-        try:
+        with needs_extra("run", "evaluating in parallel"):
             import onnx
             import onnxruntime
-        except ImportError as error:
-            raise SysidError(
-                f"evaluating in parallel needs {error.name}. Run `pip install onnx onnxruntime`."
-            ) from error
         model = onnx.load(policy)
         for value in (*model.graph.input, *model.graph.output):
             value.type.tensor_type.shape.dim[0].dim_param = "n"
@@ -139,14 +135,9 @@ class _Worlds:
 def _worlds(
     board: Board, count: int, seed: int, protocol: Protocol, device: str | None, *, turn_feedback: bool
 ) -> _Worlds:
-    try:
+    with needs_extra("train", "evaluating in parallel", "Or evaluate in plain MuJoCo."):
         import torch
         from mjlab.envs import ManagerBasedRlEnv
-    except ImportError as error:
-        raise SysidError(
-            f"evaluating in parallel needs mjlab and torch ({error.name} is missing). Run `pip install mjlab`, "
-            "or evaluate in plain MuJoCo."
-        ) from error
     from sim.skate.cycle.start import Start
     from sim.skate.options import SkateOptions, Variation
     from sim.skate.task import skate_env_cfg

@@ -15,7 +15,7 @@ import numpy as np
 from policy_runtime.loop.policy import OnnxPolicy
 from policy_runtime.robots import RobotState
 from sim.skate.robot.g1 import JOINTS
-from sysid.errors import SysidError
+from sysid.errors import SysidError, needs_extra
 from sysid.roll import Array
 
 FAR = 5.0
@@ -121,13 +121,9 @@ def normaliser(policy: OnnxPolicy) -> tuple[Array, Array]:
     Raises:
         SysidError: onnx is not installed, or the file does not begin with subtraction and division.
     """
-    try:
+    with needs_extra("run", "reading what a policy was trained on"):
         import onnx
         from onnx import numpy_helper
-    except ImportError as error:
-        raise SysidError(
-            "reading what a policy was trained on needs onnx, which is not installed. Run `pip install husky-sysid[run]`."
-        ) from error
     graph = onnx.load(str(policy.file.path)).graph
     constants = {value.name: numpy_helper.to_array(value) for value in graph.initializer}
     constants |= {

@@ -243,7 +243,7 @@ def test_missing_onnxruntime_is_said_in_words(tmp_path, monkeypatch):
     import sys
 
     monkeypatch.setitem(sys.modules, "onnxruntime", None)
-    with pytest.raises(SysidError, match=r"needs onnxruntime.*pip install"):
+    with pytest.raises(SysidError, match=r"running a policy needs an extra.*husky-sysid\[run\]"):
         open_policy(tmp_path / "policy.onnx")
 
 

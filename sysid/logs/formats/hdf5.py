@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from sysid.errors import needs_extra
 from sysid.logs.formats.mat import table_of
-from sysid.logs.formats.registry import Format, extra, starts_with, undamaged
+from sysid.logs.formats.registry import Format, starts_with, undamaged
 from sysid.logs.table.file import LogFile
 
 
@@ -16,8 +17,8 @@ def open_hdf5(path: Path) -> LogFile:
     Raises:
         SysidError: The reader is not installed, the file is damaged, or it holds no vectors of numbers.
     """
-    otherwise = " Or write its columns out: h5dump -d DATASET -y -w 0 -o log.csv FILE; in MATLAB: save('log.mat', '-v7')."
-    with extra("formats", path, "HDF5", otherwise):
+    otherwise = "Or write its columns out: h5dump -d DATASET -y -w 0 -o log.csv FILE; in MATLAB: save('log.mat', '-v7')."
+    with needs_extra("formats", f"{path}: reading HDF5", otherwise):
         import h5py
     content: dict[str, Any] = {}
 

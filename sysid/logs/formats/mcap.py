@@ -5,9 +5,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from sysid.errors import SysidError
+from sysid.errors import SysidError, needs_extra
 from sysid.logs.formats.messages import tables_of
-from sysid.logs.formats.registry import Format, extra, undamaged
+from sysid.logs.formats.registry import Format, undamaged
 from sysid.logs.table.file import LogFile
 
 
@@ -20,7 +20,7 @@ def open_mcap(path: Path) -> LogFile:
         SysidError: The reader is not installed, the file is damaged, or no message can be decoded.
     """
     path = _recording(path)
-    with extra("mcap", path, "MCAP"):
+    with needs_extra("mcap", f"{path}: reading MCAP"):
         from mcap.reader import make_reader
         from mcap_ros2.decoder import DecoderFactory
     skipped: set[str] = set()

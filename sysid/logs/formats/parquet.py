@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from sysid.errors import SysidError
-from sysid.logs.formats.registry import Format, extra, starts_with, undamaged
+from sysid.errors import SysidError, needs_extra
+from sysid.logs.formats.registry import Format, starts_with, undamaged
 from sysid.logs.table.file import LogFile
 from sysid.roll import Array
 
@@ -18,7 +18,7 @@ def open_parquet(path: Path) -> LogFile:
     Raises:
         SysidError: The reader is not installed, or the file is damaged.
     """
-    with extra("parquet", path, "Parquet"):
+    with needs_extra("parquet", f"{path}: reading Parquet"):
         import pyarrow.parquet as pq
 
     with undamaged(path, "Parquet file"):

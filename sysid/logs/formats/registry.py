@@ -39,21 +39,6 @@ def starts_with(magic: bytes) -> Callable[[Path, bytes], bool]:
 
 
 @contextmanager
-def extra(name: str, path: Path, kind: str, otherwise: str = "") -> Generator[None]:
-    """Say of which extra a reader is that cannot be imported, and what to do without.
-
-    Raises:
-        SysidError: It cannot be imported.
-    """
-    try:
-        yield
-    except ImportError as error:
-        raise SysidError(
-            f"{path}: reading {kind} needs an extra: pip install 'husky-sysid[{name}]' (missing: {error.name}).{otherwise}"
-        ) from error
-
-
-@contextmanager
 def undamaged(path: Path, kind: str) -> Generator[None]:
     """Say that a file is damaged where its reader fails, which lets through whatever that makes some library raise.
 

@@ -4,8 +4,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from sysid.errors import needs_extra
 from sysid.logs.formats.messages import tables_of
-from sysid.logs.formats.registry import Format, extra, undamaged
+from sysid.logs.formats.registry import Format, undamaged
 from sysid.logs.table.file import LogFile
 
 SQLITE = b"SQLite format 3"
@@ -17,7 +18,8 @@ def open_bag(path: Path) -> LogFile:
     Raises:
         SysidError: The reader is not installed, or the recording is damaged.
     """
-    with extra("formats", path, "ROS bags", f" Or convert it: mcap convert {path.name} {path.stem}.mcap."):
+    otherwise = f"Or convert it: mcap convert {path.name} {path.stem}.mcap."
+    with needs_extra("formats", f"{path}: reading ROS bags", otherwise):
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
 

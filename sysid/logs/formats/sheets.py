@@ -4,9 +4,9 @@ import csv
 import tempfile
 from pathlib import Path
 
-from sysid.errors import SysidError
+from sysid.errors import SysidError, needs_extra
 from sysid.logs.formats.phone_exports import merge
-from sysid.logs.formats.registry import Format, extra, undamaged
+from sysid.logs.formats.registry import Format, undamaged
 from sysid.logs.table.file import LogFile
 
 
@@ -16,8 +16,8 @@ def open_workbook(path: Path) -> LogFile:
     Raises:
         SysidError: The reader is not installed, the file is damaged, or holds no table of a sensor.
     """
-    otherwise = " Or convert it: libreoffice --headless --convert-to csv FILE."
-    with extra("formats", path, "spreadsheets", otherwise):
+    otherwise = "Or convert it: libreoffice --headless --convert-to csv FILE."
+    with needs_extra("formats", f"{path}: reading spreadsheets", otherwise):
         from python_calamine import CalamineWorkbook
     with undamaged(path, "spreadsheet"):
         book = CalamineWorkbook.from_path(str(path))
