@@ -39,6 +39,9 @@ class SimulatedG1:
         """
         self._messages = messages = load_messages()
         command, state = (messages.COMMAND_TOPIC, messages.LowCmd), (messages.STATE_TOPIC, messages.LowState)
+        self._participant: Any
+        self._writer: Any
+        self._reader: Any
         self._participant, self._writer, self._reader = open_topics(interface, domain, state, command)
         self._robot = robot
         self._stop = threading.Event()

@@ -50,6 +50,9 @@ class UnitreeG1:
         """
         self._messages = messages = load_messages()
         command, state = (messages.COMMAND_TOPIC, messages.LowCmd), (messages.STATE_TOPIC, messages.LowState)
+        self._participant: Any
+        self._writer: Any
+        self._reader: Any
         self._participant, self._writer, self._reader = open_topics(interface, domain, command, state)
         self._command: Any = None
         self._state: Any = None
