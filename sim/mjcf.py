@@ -24,7 +24,8 @@ Kind = Literal["bench", "scene"]
 OLDEST = "3.11"
 """The oldest MuJoCo that a file with `exact_effects=False` is written for."""
 FINE_STEP = 0.001
-"""Up to this step a bench is written with its physical parameters [s]."""
+"""Up to this step a bench is written with its physical parameters [s]: its decay is off by 0.7 % (pink) and 1.1 % (black), within
+the gate's 2 %; at twice the step it would be 2.2 %."""
 
 
 @dataclass(frozen=True, slots=True)

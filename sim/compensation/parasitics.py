@@ -22,9 +22,11 @@ from sysid.errors import SysidError
 from sysid.joint.sampled import joint_of_map
 
 LOAD = 0.3
-"""Static load, as a share of the spring's torque at the full tilt."""
+"""Static load, as a share of the spring's torque at the full tilt: half or twice as much moves the stiffness of the shipped
+boards' scenes by 1e-11 of it; the deck must only stay within its range."""
 SMALL = 0.05
-"""Amplitude of the decay from which the poles are taken [rad]."""
+"""Amplitude of the decay from which the poles are taken [rad]: on the shipped boards' scenes 0.025 and 0.1 rad move damping
+and inertia by 0.03 % and 0.16 % at most, against the 3 % that the gate names."""
 DECK = "deck alone"
 
 

@@ -34,7 +34,7 @@ GOOD = 1.02
 CANDIDATES = 5
 """How many of the nearest shapes are fitted."""
 _STEPS = 120
-"""Steps a period of those fits."""
+"""Steps a period of those fits: RK4 then loses 82/n⁴ = 4e-7 rad of phase a period of a linear joint."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -39,7 +39,7 @@ class FitOptions:
     priors: tuple[str, ...] = ()
     """Parameters of which the record's value and standard deviation count as a measurement, by the same names."""
     steps_per_period: int = 60
-    """Of the integrator, in the final fit."""
+    """Of the integrator, in the final fit: RK4 then loses 82/n⁴ = 6e-6 rad of phase a period of a linear joint."""
 
 
 def check_effects(names: Sequence[str], known: Sequence[str] = ()) -> None:

@@ -39,7 +39,7 @@ _ROUNDS = 5
 _COLOURED = 1.5
 """Correlation length of what is left [samples] from which an internal state is tried: noise has one."""
 _COARSE = 40
-"""Steps a period while weights are sought."""
+"""Steps a period while weights are sought: RK4 then loses 82/n⁴ = 3e-5 rad of phase a period of a linear joint."""
 
 
 def learn(

@@ -20,7 +20,7 @@ STEPS = (0.03, 0.04, 0.05, 0.06)
 climb them: the lane goes down."""
 
 _HALF_WIDTH = 60.0
-"""Half the width of the lane [m] (a choice): 40 s at 1.5 m/s straight to the side."""
+"""Half the width of the lane [m]: straight to the side at the largest speed, 1.5 m/s, for twice the paper's episode of 20 s."""
 _COLOUR = (0.32, 0.36, 0.40, 1.0)
 """Red, green, blue and opacity of the ground, as a share of full."""
 
