@@ -6,13 +6,10 @@ The folder is no part of the project; where it is absent nothing is run. What ea
 independent fit. Seconds are of one processor.
 """
 
-import argparse
-import sys
 import time
 from pathlib import Path
 
-import numpy as np
-from foreign_logs import verdicts
+from foreign_logs import options_of, verdicts
 
 from sysid.board import load_board
 from sysid.diagnosis.diagnose import diagnose
@@ -41,18 +38,7 @@ LOGS: dict[str, tuple[set[str], set[str]]] = {
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--board", default="pink")
-    parser.add_argument("--only", default="", help="part of the name")
-    parser.add_argument("--write", type=Path, help="file for the table")
-    options = parser.parse_args()
-    if not options.folder.exists():
-        print(f"{options.folder}: absent, nothing to run")
-        sys.exit(0)
-    np.seterr(all="ignore")
+    options = options_of(__doc__, "--write", type=Path, help="file for the table")
     board = load_board(ROOT / f"data/boards/{options.board}.toml")
     rows = [
         "| log | | named | looks the same | confidence | error / noise | explained | s |",

@@ -164,7 +164,6 @@ def _no_servos(model: mujoco.MjModel, joint: str) -> bool:
 
 def _no_contacts(model: mujoco.MjModel, joint: str) -> bool:
     """Lift the wheels: nothing touches anything."""
-    del joint
     touching = bool(np.any(model.geom_contype | model.geom_conaffinity))
     model.geom_contype[:] = 0
     model.geom_conaffinity[:] = 0
@@ -173,7 +172,6 @@ def _no_contacts(model: mujoco.MjModel, joint: str) -> bool:
 
 def _no_coupling(model: mujoco.MjModel, joint: str) -> bool:
     """Take the trucks off the tilt joint."""
-    del joint
     coupled = model.neq > 0
     model.eq_active0[:] = 0
     return coupled
