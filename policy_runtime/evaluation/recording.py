@@ -72,7 +72,7 @@ class Recording:
             SysidError: The folder cannot be written to.
         """
         with atomic_path(path) as temporary, temporary.open("wb") as file:
-            own = [field.name for field in fields(self) if field.name not in ("truth", "clock")]
+            own = {field.name for field in fields(self)} - {"truth", "clock"}
             columns: dict[str, Any] = {name: getattr(self, name) for name in own}
             columns |= {field.name: self.column(field.name) for field in fields(Truth)}
             np.savez_compressed(file, **columns)
