@@ -9,7 +9,6 @@ import math
 import sys
 from collections.abc import Callable
 from contextlib import redirect_stdout
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -126,15 +125,10 @@ def evaluate_in_parallel(
     return summarise(parts, batch.name, board.name)
 
 
-@dataclass(frozen=True, slots=True)
-class _Worlds:
-    env: Any
-    torch: Any
-
-
 def _worlds(
     board: Board, count: int, seed: int, protocol: Protocol, device: str | None, *, turn_feedback: bool
-) -> _Worlds:
+) -> tuple[Any, Any]:
+    """Return the environments, and torch."""
     with needs_extra("train", "evaluating in parallel", "Or evaluate in plain MuJoCo."):
         import torch
         from mjlab.envs import ManagerBasedRlEnv
@@ -164,19 +158,18 @@ def _worlds(
     cfg = skate_env_cfg(scaled_board(board, protocol.board_scale), options, environments=count, seed=seed)
     if not protocol.randomised:
         cfg.events = {name: event for name, event in cfg.events.items() if event.mode != "startup"}
-    return _Worlds(ManagerBasedRlEnv(cfg, device=device), torch)
+    return ManagerBasedRlEnv(cfg, device=device), torch
 
 
 def _ride(
     policy: BatchPolicy, board: Board, count: int, seed: int, protocol: Protocol, device: str | None
 ) -> tuple[Rides, list[str], list[Array]]:
     """Ride every environment until its first episode is over."""
-    worlds = _worlds(board, count, seed, protocol, device, turn_feedback=policy.turn_feedback)
+    env, torch = _worlds(board, count, seed, protocol, device, turn_feedback=policy.turn_feedback)
     # After it has made sure of torch and mjlab, which these need.
     from sim.skate.mdp.measuring import measure
     from sim.skate.mdp.observations import skate_command
 
-    env, torch = worlds.env, worlds.torch
     rows: dict[str, list[Array]] = {name: [] for name in (*COLUMNS, "speed", "alive")}
     where: list[Array] = []
     running, succeeded = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)

@@ -7,7 +7,7 @@ turned, a joint in another order or unit, a robot in another pose stand out in u
 and last action are no measurements and are left out: what is not obeyed wanders off.
 """
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -101,17 +101,7 @@ class RangeCheck:
         return {
             "steps": len(self._rows),
             "first_move": {"joint": joint, "rad": move},
-            "numbers": [
-                {
-                    "name": n.name,
-                    "live": list(n.live),
-                    "mean": n.mean,
-                    "std": n.std,
-                    "worst_z": n.worst,
-                    "far": n.far,
-                }
-                for n in self.seen()
-            ],
+            "numbers": [{**asdict(n), "live": list(n.live), "worst_z": n.worst} for n in self.seen()],
         }
 
 
