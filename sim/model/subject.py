@@ -62,8 +62,6 @@ def board_of(setup: Setup, *, mass_error: float = 0.0) -> tuple[Board, list[str]
         name=f"{setup.file.stem}_{setup.joint}".replace("/", "_"),
         description=f"joint '{setup.joint}' of {setup.file.name}",
         source=str(setup.file),
-        geometry={},
-        mass={},
         inertia=Quantity(
             inertia,
             inertia * mass_error / Z95,

@@ -98,7 +98,7 @@ def _about_axis(mass: float, arm: float, about_centre: float) -> float:
 def _record(name: str, description: str, inertia: Quantity) -> Board:
     """Return a record of an inertia and nothing else: its stiffness and damping are what a fit starts from."""
     return Board(
-        name=name, description=description, source="husky-sysid new", geometry={}, mass={},
+        name=name, description=description, source="husky-sysid new",
         inertia=inertia if inertia.method else inertia.with_method("as given to `new`"),
         tilt={
             "stiffness": Quantity(0.0, 0.0, "N*m/rad"), "damping": Quantity(0.0, 0.0, "N*m*s/rad"),
