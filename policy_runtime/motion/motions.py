@@ -171,7 +171,7 @@ def load_motions(where: Sequence[Path] = ()) -> list[Motion]:
     return [load_motion(path) for path in motion_paths(where)]
 
 
-def windows(motion: Motion, length: int = WINDOW) -> Array:
-    """Return every run of `length` successive frames, shape (frames - length + 1, length, 23)."""
-    view = np.lib.stride_tricks.sliding_window_view(motion.joints, length, axis=0)
+def windows(motion: Motion) -> Array:
+    """Return every run of `WINDOW` successive frames, shape (frames - WINDOW + 1, WINDOW, 23)."""
+    view = np.lib.stride_tricks.sliding_window_view(motion.joints, WINDOW, axis=0)
     return np.moveaxis(view, -1, 1)

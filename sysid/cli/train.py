@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
-from policy_runtime.learning.run_folder import LearnOptions, RunConfig, RunFolder, newest_run
+from policy_runtime.learning.run_folder import LearnOptions, RunConfig, RunFolder, next_run
 from sim.skate.cycle.start import Start
 from sim.skate.options import SkateOptions
 from sysid.board import Board, load_board
@@ -337,7 +337,7 @@ def _require_readable(checkpoints: list[Path]) -> None:
 
 
 def _new_run(record: Board, output: Path | None, common: Common, printer: Printer) -> RunFolder:
-    path = newest_run(common.space.outputs(record.name), free=True) if output is None else output
+    path = next_run(common.space.outputs(record.name)) if output is None else output
     if (path / "config.toml").exists():
         raise SysidError(f"{path}: holds a run already. Go on with it by --resume {path}, or choose another.")
     printer.note(f"run folder {path}")
