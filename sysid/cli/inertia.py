@@ -12,7 +12,7 @@ from sysid.cli import epilogue
 from sysid.cli.console import Common, Printer
 from sysid.cli.parameter_options import parse_or_read
 from sysid.errors import SysidError
-from sysid.quantity import Quantity, parse_quantity
+from sysid.quantity import Quantity, error_budget, parse_quantity
 
 NOTES = """Quantities are written 2.58, 2.58±0.05 or 2.58+-0.05 in SI units (± is the 95 % interval), or with a unit: 20±0.2cm,
 184ms, 3.1deg, 6.5Hz. Distances are from the tilt axis. Every method takes --json PATH and --workspace DIR, and
@@ -195,7 +195,7 @@ def added_mass(
     ):
         quantities[name] = parse_quantity(text, UNITS.get(name, "m"), f"--{name}", positive=not zero)
     result = methods.added_mass(**quantities)
-    return _finish("added-mass", result, outcome, quantities, _budget(methods.added_mass, quantities))
+    return _finish("added-mass", result, outcome, quantities, error_budget(methods.added_mass, quantities))
 
 
 @inertia.command(name="static-tilt")
@@ -297,13 +297,7 @@ def _report(name: str, method: Callable[..., Quantity], given: Mapping[str, str]
         key: parse_quantity(text, UNITS.get(key, "m"), f"--{key}", positive=key not in MAY_BE_ZERO)
         for key, text in given.items()
     }
-    return _finish(name, method(**inputs), outcome, inputs, _budget(method, inputs))
-
-
-def _budget(method: Callable[..., Quantity], inputs: Mapping[str, Quantity]) -> dict[str, float]:
-    from sysid.quantity import error_budget
-
-    return error_budget(method, inputs)
+    return _finish(name, method(**inputs), outcome, inputs, error_budget(method, inputs))
 
 
 def _finish(
