@@ -5,9 +5,10 @@ from typing import Any
 import casadi as ca
 import mujoco
 import numpy as np
+from mujoco_rollout import rollout_function
 
 from sysid.errors import SysidError
-from sysid.joint.mujoco_step import Hinge, Impedance, Integrator, Torque, rollout_function
+from sysid.joint.mujoco_step import Hinge, Impedance, Integrator, Torque
 
 
 def simulate_steps(
