@@ -378,10 +378,16 @@ def _left_wrong(case: Case, result: Result, before: dict[str, str]) -> Iterator[
     killed = result.code == -signal.SIGKILL
     record = "ws/data/boards/mine.toml"
     words = case.arguments
-    asked = {Path(os.path.realpath(case.folder / word)) for option, word in pairwise(words) if option in WRITTEN}
+    asked = {
+        Path(os.path.realpath(case.folder / word)) for option, word in pairwise(words) if option in WRITTEN
+    }
     asked -= {Path(os.path.realpath(case.folder / word)) for word in words[1:2]}  # what it reads
     for name, content in before.items():
-        if name != record and after.get(name) != content and Path(os.path.realpath(case.folder / name)) not in asked:
+        if (
+            name != record
+            and after.get(name) != content
+            and Path(os.path.realpath(case.folder / name)) not in asked
+        ):
             yield f"changed {name}"
     for name in after.keys() - before.keys():
         place = name.startswith(("out/", "ws/reports/", "ws/data/boards/")) or name in ("stdout", "stderr")

@@ -9,8 +9,6 @@ appended as they come; cases whose row is there are not run again.
 """
 
 import argparse
-import json
-import multiprocessing
 import os
 import time
 from dataclasses import replace
@@ -21,7 +19,9 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # each process is one of many
 
 import numpy as np
 from hidden_truths import TRUTHS, board_of, make
+from pages import write_between
 
+from sysid.batch.runner import read_rows, run_all
 from sysid.errors import SysidError
 from sysid.fitting.formula import formula_of
 from sysid.fitting.initial_state import fit_initial_states
@@ -47,9 +47,8 @@ NEAR = 1.15
 """Noise floors up to which unseen motion is predicted well."""
 
 
-def run(case: tuple[str, int]) -> dict[str, object]:
-    """Learn one log and return one row."""
-    name, seed = case
+def run(name: str, seed: int) -> dict[str, object]:
+    """Learn one log of a truth and return one row."""
     truth, begin = next(t for t in TRUTHS if t.name == name), time.process_time()
     with TemporaryDirectory() as folder:
         releases = make(truth, seed, Path(folder))
@@ -119,12 +118,16 @@ def summary(rows: list[dict]) -> list[str]:
         mine = [r for r in rows if r["truth"] == name and "error" not in r]
         if not mine:
             continue
-        before, after = (np.array([r.get(key, np.nan) for r in mine]) for key in ("before", "unseen"))
+        before, after = (np.array([r[key] for r in mine if key in r]) for key in ("before", "unseen"))
+        errors = (
+            f"{np.median(before):.2f} | {np.median(after):.3f}, {np.quantile(after, 0.9):.3f}"
+            if len(after)
+            else " | "
+        )
         memory = sum(len(r["effects"]) > 1 for r in mine)
         says = sum(_right(name, r) for r in mine)
         lines.append(
-            f"| {name} | {len(mine)} | {np.median(before):.2f} | {np.median(after):.3f}, {np.quantile(after, 0.9):.3f} | "
-            f"{says} | {memory} | {np.median([r['seconds'] for r in mine]):.0f} | {mine[0]['words'] or 'nothing learned'} |"
+            f"| {name} | {len(mine)} | {errors} | {says} | {memory} | {np.median([r['seconds'] for r in mine]):.0f} | {mine[0]['words'] or 'nothing learned'} |"
         )
     return lines
 
@@ -156,29 +159,21 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("learned_torque.jsonl"))
     parser.add_argument("--write", type=Path, help="page with <!-- suite --> marks to write the table into")
     options = parser.parse_args()
-    rows = [json.loads(line) for line in options.out.read_text().splitlines()] if options.out.exists() else []
+    rows = list(read_rows(options.out))
     done = {(r["truth"], r["seed"]) for r in rows}
     last, clean = options.first + options.seeds, options.first + (options.clean or options.seeds)
     cases = [(name, seed) for seed in range(options.first, last) for name in KINDS]
     cases += [(name, seed) for seed in range(options.first, clean) for name in CLEAN]
     cases = [case for case in cases if case not in done]
     end = time.monotonic() + 60 * options.minutes
-    context = multiprocessing.get_context("spawn")
-    with context.Pool(options.processes) as pool, options.out.open("a", encoding="utf-8") as file:
-        for row in pool.imap_unordered(run, cases):
-            rows.append(row)
-            file.write(json.dumps(row, ensure_ascii=False) + "\n")
-            file.flush()
-            if time.monotonic() > end:
-                pool.terminate()
-                break
+    for row in run_all(run, cases, options.out, workers=options.processes):
+        rows.append(row)
+        if time.monotonic() > end:
+            break
     text = "\n".join(summary(rows))
     print(text)
     if options.write:
-        page = options.write.read_text(encoding="utf-8")
-        head, rest = page.split("<!-- suite -->")
-        _, tail = rest.split("<!-- end -->")
-        options.write.write_text(f"{head}<!-- suite -->\n{text}\n<!-- end -->{tail}", encoding="utf-8")
+        write_between(options.write, "suite", text)
 
 
 if __name__ == "__main__":

@@ -595,21 +595,27 @@ def sizes(case: Case, motion: Motion) -> dict[str, float]:
     }
 
 
-def visible(case: Case, motion: Motion) -> float:
-    """Return χ² of the best linear decays against the log without noise: what there is to see it by.
+def weight(recording: Recording) -> float:
+    """Return by how much a squared deviation of one sample from the truth counts as χ² [1/rad² or s²/rad²]."""
+    correlated = (
+        np.exp(-1 / (recording.rate * recording.memory)) if recording.noise_kind == "coloured" else 0.0
+    )
+    return (1 - correlated) / (1 + correlated) / (recording.noise**2 + recording.step**2 / 12)
+
+
+def visible(case: Case, motion: Motion) -> dict[str, float]:
+    """Return how far the best linear decays are from the log without noise: as χ², what there is to see it by, and over the motion.
 
     They have one frequency, one damping and one rest, and any start. What shows against the record only is visible by its strength.
     """
     from scipy.optimize import least_squares
 
     truth, r = case.truth, case.recording
-    noise = float(np.hypot(r.noise, r.step / np.sqrt(12)))
-    correlated = np.exp(-1 / (r.rate * r.memory)) if r.noise_kind == "coloured" else 0.0
     _, _, columns = read(case, motion, quiet=True)
     signal = columns["roll_rad" if r.sensor == "angle" else "gyro_x_rad_s"]
     if set(truth.families) <= {VARIANTS[name][0] for name in AGAINST_RECORD} and truth.families:
-        shift = abs(truth.rest) / noise if truth.rest else truth.strength / 0.003
-        return shift**2 * (len(signal) if truth.rest else 1.0)
+        seen = truth.rest**2 * weight(r) * len(signal) if truth.rest else (truth.strength / 0.003) ** 2
+        return {"visible": seen, "signal_share": truth.strength}
     spans = [(motion.time >= a) & (motion.time <= b) for a, b in motion.free]
     joint = _Joint(truth)
 
@@ -633,4 +639,5 @@ def visible(case: Case, motion: Motion) -> float:
         (float(np.sum(least_squares(misfit, (f, z), bounds=((0.2, 0.0), (4.0, 1.5))).fun ** 2))
          for f in (0.8, 1.0, 1.3) for z in (0.03, 0.15)),
     )  # fmt: skip
-    return best / noise**2 * (1 - correlated) / (1 + correlated)
+    moved = np.concatenate([signal[inside] - np.median(signal) for inside in spans])
+    return {"visible": best * weight(r), "signal_share": float(np.sqrt(best / np.sum(moved**2)))}

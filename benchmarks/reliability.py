@@ -3,28 +3,28 @@
     python benchmarks/random_suite.py --seeds 0:2000 --processes 14 --out rows.jsonl
     python benchmarks/reliability.py rows.jsonl --write docs/diagnosis.md --picture docs/pictures/reliability.png
 
-Every second seed may shape the calibration that it prints; the diagram and the table are of the others only.
+Of every twenty seeds the first ten may shape `CALIBRATION` in `sysid/diagnosis/judgement.py`, whose figures it prints; diagram and
+table of the confidence are of the others only.
 """
 
 import argparse
 import json
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import pairwise, zip_longest
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from hidden_truths import VISIBLE
 
-from sysid.diagnosis.importance import ENERGY, TORQUE
+from sysid.diagnosis.importance import ENERGY, SIGNAL, TORQUE
+from sysid.diagnosis.judgement import CALIBRATION, calibrated, log_odds
 
 Row = dict[str, Any]
 OTHERWISE = {"rest", "drift", "lowpass", "clock", "inertia"}
 """Families that are no torque: their strength is what they change."""
 EDGES = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)
 """Of the diagram's bins of confidence."""
-CLIPPED = 0.02
-"""Confidence beyond which the log of the odds is not believed."""
 MARKS = "<!-- random suite -->", "<!-- end of random suite -->"
 
 
@@ -37,17 +37,18 @@ def right(row: Row) -> bool:
 
 
 def shows(row: Row) -> bool:
-    """Return whether what is hidden matters and the log holds it."""
-    if row["visible"] < VISIBLE:
+    """Return whether what is hidden matters and the log holds all of it."""
+    if row["visible"] < VISIBLE or row.get("missed", np.inf) < VISIBLE:
         return False
     if set(row["families"]) & OTHERWISE:
-        return True
+        return row["signal_share"] >= SIGNAL
     return row["torque_share"] >= TORQUE or row["energy_share"] >= ENERGY
 
 
 def answered(row: Row) -> bool:
-    """Return whether the verdict is right, or silent about what is too weak."""
-    return right(row) or (row["kind"] != "clean" and not shows(row) and row["status"] == "none-missing")
+    """Return whether the verdict is right, or silent about what is too weak, or what is too weak beside what it names."""
+    silent = row["status"] == "none-missing" or row.get("missed", np.inf) < VISIBLE
+    return right(row) or (row["kind"] != "clean" and not shows(row) and silent)
 
 
 def wilson(hits: int, count: int) -> tuple[float, float]:
@@ -59,7 +60,7 @@ def wilson(hits: int, count: int) -> tuple[float, float]:
         share + z * z / (2 * count),
         z * np.sqrt(share * (1 - share) / count + z * z / (4 * count**2)),
     )
-    return float((middle - half) / (1 + z * z / count)), float((middle + half) / (1 + z * z / count))
+    return float(max(middle - half, 0.0) / (1 + z * z / count)), float((middle + half) / (1 + z * z / count))
 
 
 def rate(rows: Sequence[Row], hit: Any = right) -> str:
@@ -69,17 +70,17 @@ def rate(rows: Sequence[Row], hit: Any = right) -> str:
     return f"{hits} of {len(rows)} | {hits / max(len(rows), 1):.1%} | {low:.1%} to {high:.1%}"
 
 
-def logit(share: Any) -> Any:
-    clipped = np.clip(share, CLIPPED, 1 - CLIPPED)
-    return np.log(clipped / (1 - clipped))
+def evidence(rows: Sequence[Row]) -> Any:
+    """Return the confidence of verdicts before the calibration that the rows were made with."""
+    slope, offset = np.array([row["calibration"] for row in rows]).reshape(-1, 2).T
+    return 1 / (1 + np.exp((offset - log_odds(np.array([row["confidence"] for row in rows]))) / slope))
 
 
 def calibration(rows: Sequence[Row]) -> tuple[float, float]:
-    """Return slope and offset by which the log of the odds must be changed to be deserved (Platt 1999)."""
+    """Return slope and offset by which the log odds of the evidence must be changed to be deserved (Platt 1999)."""
     from scipy.optimize import minimize
 
-    odds = logit(np.array([row["confidence"] for row in rows]))
-    hits = np.array([answered(row) for row in rows])
+    odds, hits = log_odds(evidence(rows)), np.array([answered(row) for row in rows])
 
     def cost(point: Any) -> float:
         value = point[0] * odds + point[1]
@@ -87,10 +88,6 @@ def calibration(rows: Sequence[Row]) -> tuple[float, float]:
 
     slope, offset = minimize(cost, (1.0, 0.0)).x
     return float(slope), float(offset)
-
-
-def calibrated(confidence: Any, slope: float, offset: float) -> Any:
-    return 1 / (1 + np.exp(-(slope * logit(np.asarray(confidence)) + offset)))
 
 
 def bins(confidence: Any, hits: Any) -> list[tuple[float, int, int]]:
@@ -138,36 +135,32 @@ def report(rows: Sequence[Row]) -> str:
     return "\n".join(lines)
 
 
+def shaping(row: Row) -> bool:
+    """Return whether a seed is of the half that may shape the calibration."""
+    return row["seed"] // 10 % 2 == 0
+
+
 def reliability(rows: Sequence[Row], name: str) -> list[str]:
     """Return the table of confidence and what it deserves, of the seeds that did not shape the calibration."""
-    confidence, hits, slope, offset = judged(rows)
-    better = calibrated(confidence, slope, offset)
-    before, after = bins(confidence, hits), bins(better, hits)
-    lines = [
-        f"| confidence, {name} | right | as calibrated on the other seeds | right |",
-        "|---|---|---|---|",
+    before, after, hits = judged(rows)
+    lines = [f"| confidence, {name} | right | before calibration | right |", "|---|---|---|---|"]
+    for cells in zip_longest(bins(after, hits), bins(before, hits)):
+        lines.append(
+            "| " + " | ".join(f"{c[0]:.2f} | {c[1]} of {c[2]}" if c else " | " for c in cells) + " |"
+        )
+    return [
+        *lines,
+        "",
+        f"Brier score {brier(after, hits):.3f}, before calibration {brier(before, hits):.3f}.",
     ]
-    for index in range(max(len(before), len(after))):
-        cells = [
-            f"{b[index][0]:.2f} | {b[index][1]} of {b[index][2]}" if index < len(b) else " | "
-            for b in (before, after)
-        ]
-        lines.append(f"| {cells[0]} | {cells[1]} |")
-    text = (
-        f"Log odds of the confidence, calibrated: {slope:.2f} of them {offset:+.2f}. Brier score "
-        f"{brier(confidence, hits):.3f}, calibrated {brier(better, hits):.3f}."
-    )
-    return [*lines, "", text]
 
 
-def judged(rows: Sequence[Row]) -> tuple[Any, Any, float, float]:
-    """Return confidence and hits of one half of the seeds, and the calibration of the other."""
-    shown = [row for row in rows if row["seed"] // 10 % 2]
-    slope, offset = calibration([row for row in rows if not row["seed"] // 10 % 2])
-    confidence, hits = (
-        np.array([f(row) for row in shown]) for f in (lambda row: row["confidence"], answered)
-    )
-    return confidence, hits, slope, offset
+def judged(rows: Sequence[Row]) -> tuple[Any, Any, Any]:
+    """Return confidence before and after the calibration of today, and hits, of the seeds that did not shape it."""
+    shown = [row for row in rows if not shaping(row)]
+    slope, offset = np.array([CALIBRATION[row["status"]] for row in shown]).reshape(-1, 2).T
+    before = evidence(shown)
+    return before, calibrated(before, slope, offset), np.array([answered(row) for row in shown])
 
 
 HANDS = {
@@ -197,7 +190,7 @@ def picture(rows: Sequence[Row], path: Path) -> None:
         axes = figure.add_subplot()
         axes.plot([0, 1], [0, 1], color="0.6", linewidth=1, label="deserved")
         for name, colour in zip(SHOWN, (SIM, REAL), strict=True):
-            confidence, hits, _, _ = judged([row for row in read if HANDS[name](row)])
+            _, confidence, hits = judged([row for row in read if HANDS[name](row)])
             each = bins(confidence, hits)
             x, share = [b[0] for b in each], np.array([b[1] / b[2] for b in each])
             error = np.abs(np.array([wilson(b[1], b[2]) for b in each]).T - share)
@@ -220,6 +213,9 @@ def main() -> None:
     rows = [json.loads(line) for path in options.rows for line in path.read_text().splitlines()]
     text = report(rows)
     print(text)
+    for status in CALIBRATION:
+        kind = [row for row in rows if row["status"] == status and shaping(row)]
+        print(f"deserved by {len(kind)} seeds that may shape it: {status} {calibration(kind)}")
     if options.picture:
         picture(rows, options.picture)
     if options.write:

@@ -1,4 +1,4 @@
-"""Time and memory for following a marker in a film, against merely decoding it.
+"""Time and memory for reading the roll from a film, by a marker and by texture, against merely decoding it.
 
     MUJOCO_GL=egl python benchmarks/video_cost.py [--rounds 5] [--repeats 10]
 
@@ -34,7 +34,7 @@ FOLLOW = """
 import pathlib, sysid.video.select
 from sysid.video_roll import VideoOptions, roll_from_video
 def work(path):
-    roll_from_video(pathlib.Path(path), VideoOptions(method="marker"))
+    roll_from_video(pathlib.Path(path), VideoOptions(method="{method}"))
 """
 WORKER = """
 import json, pathlib, re, sys, time
@@ -57,14 +57,12 @@ def main() -> None:
         camera = Camera(width=1920, height=1080, samples=1)
         film(short, board, rock(board, 4.0, ((0.3, 0.4),)), "marker", camera)
         repeat(short, long, arguments.repeats)
-        lines = [
-            "| film | | decoding | marker followed | ratio |",
-            "|---|---|---|---|---|",
-            *rows("4 s", short, arguments.rounds),
-            *rows(f"{4 * arguments.repeats} s", long, 1),
-        ]
+        lines = ["| film | followed | | decoding | reading | ratio |", "|---|---|---|---|---|---|"]
+        for method in ("marker", "features"):
+            lines += rows("4 s", short, method, arguments.rounds)
+            lines += rows(f"{4 * arguments.repeats} s", long, method, 1)
     head = (
-        "# What following a marker costs\n\n`benchmarks/video_cost.py`: 1920x1080, 60 frames/s, H.264, rendered by "
+        "# What reading a film costs\n\n`benchmarks/video_cost.py`: 1920x1080, 60 frames/s, H.264, rendered by "
         "`tests/support/film.py`; decoding is OpenCV's alone.\nBest of several processes in turn; both may use all cores.\n\n"
     )
     RESULTS.write_text(head + "\n".join(lines) + "\n")
@@ -88,15 +86,16 @@ def repeat(film: Path, path: Path, times: int) -> None:
                     packet.dts = (packet.dts or 0) + span
 
 
-def rows(name: str, film: Path, rounds: int) -> list[str]:
-    """Return the rows of one film: time, processor time and memory, of decoding and of following."""
+def rows(name: str, film: Path, method: str, rounds: int) -> list[str]:
+    """Return the rows of one film: time, processor time and memory, of decoding and of reading."""
+    works = (DECODE, FOLLOW.replace("{method}", method))
     both = zip(
-        *(zip(*(measured(work, film) for work in (DECODE, FOLLOW)), strict=True) for _ in range(rounds)),
+        *(zip(*(measured(work, film) for work in works), strict=True) for _ in range(rounds)),
         strict=True,
     )
     best = [tuple(min(values) for values in zip(*quantity, strict=True)) for quantity in both]
     return [
-        f"| {name} | {what} | {bare:.3g} {unit} | {whole:.3g} {unit} | {whole / bare:.2f} |"
+        f"| {name} | {method} | {what} | {bare:.3g} {unit} | {whole:.3g} {unit} | {whole / bare:.2f} |"
         for (what, unit), (bare, whole) in zip(
             (("time", "s"), ("processor time", "s"), ("peak memory", "MB")), best, strict=True
         )

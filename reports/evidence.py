@@ -1,7 +1,7 @@
 """What is known of a board when it is shown: its record, its logs, the comparison and the ladder of models."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,10 +13,11 @@ from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.files import regular, sha256
 from sysid.fitting.joint import FitOptions
-from sysid.fitting.ladder import PLAIN, Rung, ladder
+from sysid.fitting.ladder import Rung, ladder, rung_name
 from sysid.fitting.records import signal_of
 from sysid.fitting.result import JointFit
 from sysid.joint import JointLaw
+from sysid.progress import stage
 from sysid.recording import Recording
 from sysid.releases import Phase
 from sysid.roll import Release, Roll
@@ -138,7 +139,6 @@ def gather(
     tolerance: float = 0.02,
     heldout: bool = True,
     stood: Board | None = None,
-    progress: Callable[[str, float], None] | None = None,
 ) -> Evidence:
     """Compare a board with recordings, and fit the ladder of models up to its law.
 
@@ -149,7 +149,6 @@ def gather(
         tolerance: For the comparison.
         heldout: False leaves out held-out errors (NaN then) and look-alikes, which a recording does not show.
         stood: The record before it was first changed; `board` if left out.
-        progress: Called with what is being done and the share that is done.
 
     Raises:
         SysidError: The board's law cannot be compared with these releases.
@@ -158,26 +157,23 @@ def gather(
     releases = [release for recording in recordings for release in recording.releases]
     options = FitOptions(**signal_of(releases))
     warnings = [warning for roll in rolls for warning in roll.warnings]
-    report = progress or (lambda what, share: None)  # pyright: ignore[reportUnknownLambdaType]
-    report("comparing", 0.0)
-    compared = compare(recordings, board, tolerance=tolerance)
+    with stage(0.0, 0.2, "comparing"):
+        compared = compare(recordings, board, tolerance=tolerance)
     names = [part.name for part in board.effects]
     added = [name for name in names if not effect(name).is_known]
     rungs: list[Rung] = []
     models = ladder(releases, board, names, options, heldout=heldout)
-    for count, label in enumerate((PLAIN, *(f"+ {name}" for name in added))):
-        report(label, 0.1 + 0.7 * count / (len(added) + 1))
-        try:
-            rungs.append(next(models))
-        except SysidError as error:
-            warnings.append(f"the ladder stops before '{label}': {error}")
-            break
+    try:
+        with stage(0.2, 0.8):
+            for rung in models:
+                rungs.append(rung)
+    except SysidError as error:
+        warnings.append(f"the ladder stops before '{rung_name(added[: len(rungs)])}': {error}")
     fit = rungs[-1].fit if len(rungs) == len(added) + 1 else None
     if fit is not None:
         warnings += fit.warnings
-    report("look-alikes", 0.85)
-    alike = _look_alikes(compared, releases, fit) if heldout else None
-    report("done", 1.0)
+    with stage(0.8, 1.0, "look-alikes"):
+        alike = _look_alikes(compared, releases, fit) if heldout else None
     return Evidence(
         board=board,
         files=tuple(files),

@@ -15,8 +15,7 @@
     const grid = Math.floor(time[time.length - 1] / h) + 2;
     return { ...release, time, signal: numbers(release.signal), grid, own: null };
   });
-  const unscaled = play.isRate ? 1 : 180 / Math.PI;
-  const unit = play.isRate ? "rad/s" : "°";
+  const unscaled = play.scale;
   let preset = play.begin;
   let p = Float64Array.from(play.presets[preset].vector);
   let shown = 0;
@@ -161,7 +160,7 @@
   let waiting = 0, later = 0, cost = 0;
   function update() {
     for (const { value, slider } of inputs) {
-      const number = p[slider.index] * (slider.shown < 0 ? 1 : p[slider.shown]) * (slider.unit === "°" ? 180 / Math.PI : 1);
+      const number = p[slider.index] * (slider.shown < 0 ? 1 : p[slider.shown]) * slider.scale;
       value.textContent = `${Number(number.toPrecision(4))} ${slider.unit}`;
     }
     cancelAnimationFrame(waiting);
@@ -180,7 +179,7 @@
     const squares = releases.reduce((sum, release) => sum + release.squares, 0);
     const error = Math.sqrt(squares / releases.reduce((sum, release) => sum + release.samples, 0));
     box.dataset.error = error;
-    find("error").textContent = isFinite(error) ? error.toPrecision(3) : "∞";
+    find("error").textContent = !isFinite(error) ? "∞" : error < 100 ? error.toPrecision(3) : error.toFixed(0);
     draw();
   }
 
@@ -212,7 +211,10 @@
     for (const mark of ticks(unscaled * (low - pad), unscaled * (high + pad), 5))
       text += `<line class="grid" x1="${left}" x2="${right}" y1="${y(mark / unscaled)}" y2="${y(mark / unscaled)}"/><text x="${left - 6}" y="${y(mark / unscaled) + 4}" text-anchor="end">${mark}</text>`;
     text += `<text x="${(left + right) / 2}" y="${height - 4}" text-anchor="middle">time since release [s]</text>`;
-    text += `<text x="12" y="${(top + bottom) / 2}" text-anchor="middle" transform="rotate(-90 12 ${(top + bottom) / 2})">${play.isRate ? "rate" : "roll"} [${unit}]</text>`;
+    text += `<text x="12" y="${(top + bottom) / 2}" text-anchor="middle" transform="rotate(-90 12 ${(top + bottom) / 2})">${play.axis}</text>`;
+    [["real", "measured"], ["sim", "simulated"]].forEach(([kind, name], row) => {
+      text += `<path class="${kind}" d="M${right - 92} ${top + 10 + 18 * row}h20"/><text x="${right - 66}" y="${top + 14 + 18 * row}">${name}</text>`;
+    });
     text += `<path class="real" d="${path(release.signal)}"/><path class="sim" d="${path(release.seen)}"/>`;
     svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
     svg.innerHTML = text;

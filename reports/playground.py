@@ -15,6 +15,7 @@ import numpy as np
 from reports.evidence import Evidence, LastDiagnosis
 from reports.javascript import javascript
 from reports.story import REFITTED, STOOD, law_of_candidate, release_name
+from sysid.board import Board
 from sysid.effects import effect
 from sysid.effects._algebra import Algebra, Value, Values
 from sysid.effects._base import Effect, JointState, LinearJoint, Parameter, SensorEffect, TorqueEffect
@@ -28,8 +29,9 @@ from sysid.joint.equations import EquationsOfMotion
 from sysid.joint.integrator import build_stepper
 from sysid.joint.sensor import at_samples, clock_ratio, filtered, reader
 from sysid.joint.structure import Structure
-from sysid.quantity import printed
+from sysid.quantity import printed, slide_unit
 from sysid.roll import Array
+from sysid.text import display
 
 STEPS_PER_PERIOD = 60
 """Integration steps a period, times the law's sharpness: RK4 is then off by 1e-6 of the motion."""
@@ -67,6 +69,8 @@ class Slider:
     high: float
     shown: int
     """Index of the number that is shown times this one; -1 to show this one alone."""
+    scale: float = 1.0
+    """From SI to the unit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,12 +113,14 @@ def playground(
     laws, last = _laws(evidence, diagnosis, current)
     if last.timestep:
         return None
-    own = {name for name, _ in last.effects}
+    own = {name for name, _ in evidence.comparison.law.effects}
     extra = {name for _, law in laws for name, _ in law.effects} - own
     # An effect that some laws lack must be able to vanish.
     needed = {name for name in own if not (_slides(effect(name)) or _vanishes(effect(name)))}
     allowed = own | {name for name in extra if _slides(effect(name)) or _vanishes(effect(name))}
     laws = [(label, law) for label, law in laws if needed <= {name for name, _ in law.effects} <= allowed]
+    if all(law != last for _, law in laws):
+        last = evidence.comparison.law
     names = sorted({name for _, law in laws for name, _ in law.effects})
     sliding = [name for name in names if _slides(effect(name))]
     structure = Structure(
@@ -143,7 +149,7 @@ def playground(
     return Playground(
         code=_code(structure, free_states=free_states),
         presets=tuple(presets),
-        sliders=tuple(_sliders(structure, presets, scales.amplitude)),
+        sliders=tuple(_sliders(evidence.board, structure, presets, scales.amplitude)),
         releases=tuple(
             _release(evidence, structure, i, record.time, record.signal, width, ratio)
             for i, record in enumerate(records)
@@ -152,6 +158,8 @@ def playground(
             "begin": [law for _, law in laws].index(last),
             "noise": floor,
             "isRate": evidence.comparison.is_rate,
+            "axis": evidence.comparison.show.axis,
+            "scale": evidence.comparison.show.scale,
             "step": 2 * np.pi / frequency / STEPS_PER_PERIOD / structure.sharpness,
             "sizes": sizes,
             "internal": [2 + i for i, is_own in enumerate(rest) if is_own] if free_states else [],
@@ -256,30 +264,27 @@ def _spreads(problems: Sequence[Problem]) -> tuple[float | None, ...]:
     return tuple(limit if np.isfinite(limit) else None for limit in limits)
 
 
-def _sliders(structure: Structure, presets: Sequence[Preset], amplitude: float) -> list[Slider]:
+def _sliders(board: Board, structure: Structure, presets: Sequence[Preset], amplitude: float) -> list[Slider]:
     """Return sliders for spring, damper, rest angle and the amount of each effect."""
     vectors = np.array([preset.vector for preset in presets])
     sliders: list[Slider] = []
-    for index, (name, unit, least) in enumerate(
-        (
-            ("stiffness k", "N·m/rad", 0.0),
-            ("damping d", "N·m·s/rad", 0.0),
-            ("rest angle", "°", amplitude / 4),
-        ),
-        1,
-    ):
-        low, high = float(vectors[:, index].min()), float(vectors[:, index].max())
-        reach = max(abs(low), abs(high), least)
-        sliders.append(Slider(name, unit, index, -reach if least else min(0.3 * low, 0.0), 2 * reach, -1))
-        if least:
-            sliders[-1] = replace(sliders[-1], low=-2 * reach)
+    for index, name, symbol in ((1, "stiffness", "k"), (2, "damping", "d")):
+        low, reach = float(vectors[:, index].min()), float(np.abs(vectors[:, index]).max())
+        if reach:  # not every joint has a spring
+            unit = printed(board.tilt[name].unit)
+            sliders.append(Slider(f"{name} {symbol}", unit, index, min(0.3 * low, 0.0), 2 * reach, -1))
+    reach, show = (
+        2 * max(float(np.abs(vectors[:, 3]).max()), amplitude / 4),
+        display(is_rate=False, slides=board.slides),
+    )
+    sliders.append(Slider("rest", show.unit.strip(), 3, -reach, reach, -1, show.scale))
     for part, where, _ in structure.layout():
         if _slides(part):
             first = part.parameters[0]
             if first.neutral == 0:  # its strength
                 label, unit, shown = (
                     f"{part.title}: {first.name.replace('_', ' ')}",
-                    printed(first.unit),
+                    printed(slide_unit(first.unit) if board.slides else first.unit),
                     where.start,
                 )
             else:

@@ -37,6 +37,10 @@ TIED = 2 * TIE
 """Score below which two models are not told apart: it is twice a log-likelihood [1]."""
 STOOD = "as it stood"
 REFITTED = "k and d refitted"
+RECORD = "the record"
+"""A law that was fitted to other logs."""
+MOST_NAMED = 2
+"""Effects that a label names."""
 MOST_RANKED = 6
 """Candidates drawn besides the record's own law."""
 MOST_LAGS = 150
@@ -144,6 +148,11 @@ class Story:
         return "the simplest; none is exact"
 
 
+def times(error: float) -> str:
+    """Return an error in multiples of the noise with three digits, never with an exponent."""
+    return f"{error:.3g}" if error < 1000 else f"{error:.0f}"
+
+
 def release_name(result: Comparison, index: int) -> str:
     """Return what a release is called: with its log where there are several logs."""
     release = result.releases[index]
@@ -162,6 +171,7 @@ def tell(
     heldout: float | None = None,
     ranked: Sequence[Ranked] = (),
     is_dated: bool = False,
+    label: str = "",
 ) -> Story:
     """Compare two laws of a board with recordings, and say what lies between them.
 
@@ -175,6 +185,7 @@ def tell(
         heldout: Error of the law after on releases that were left out, in multiples of the noise.
         ranked: The candidates of a diagnosis, best first.
         is_dated: Whether that diagnosis is of an earlier record.
+        label: Of the law after, where its effects do not say it.
 
     Raises:
         SysidError: The law after cannot be compared with these releases.
@@ -187,12 +198,13 @@ def tell(
     floor = latter.noise.std
     worst = latter if former is None else former
     over_rate, over_angle = _missing(data, board, latter, effects)
-    label = _added(tuple(effects))
+    label = label or _added(tuple(effects))
     laws = [(STOOD, former)] if former is not None else []
     laws += [(label, latter)]
     longest = max(2, min(min(len(r.residual) for r in latter.releases) // 2, _period_samples(latter)))
     lags = np.unique(np.linspace(1, longest, min(longest, MOST_LAGS)).astype(int))
     stood = [] if former is None else [Step(STOOD, former.rmse / floor)]
+    own = Step(label, latter.rmse / floor, heldout)  # of logs that it was not fitted to, before the refits
     return Story(
         board=board.name,
         effects=tuple(effects),
@@ -202,7 +214,7 @@ def tell(
         shown=int(np.argmax([release.rmse for release in worst.releases])),
         over_rate=over_rate,
         over_angle=over_angle,
-        steps=(*stood, *steps, Step(label, latter.rmse / floor, heldout)),
+        steps=(*stood, own, *steps) if label in (STOOD, RECORD) else (*stood, *steps, own),
         ranked=tuple(ranked),
         is_dated=is_dated,
         lags=lags * float(np.median(np.diff(latter.releases[0].time))),
@@ -306,8 +318,8 @@ def story_of_board(evidence: Evidence, diagnosis: LastDiagnosis | None) -> Story
         evidence: The record and its logs.
         diagnosis: Its last one.
     """
-    board, floor = evidence.board, evidence.comparison.noise.std
-    after, effects = evidence.comparison.law, tuple(part.name for part in board.effects)
+    board, floor, after = evidence.board, evidence.comparison.noise.std, evidence.comparison.law
+    effects = tuple(part.name for part in board.effects if not effect(part.name).is_known)
     steps = [
         Step(
             REFITTED if rung.label == PLAIN else rung.label, rung.rmse / floor,
@@ -315,7 +327,10 @@ def story_of_board(evidence: Evidence, diagnosis: LastDiagnosis | None) -> Story
         )
         for rung in evidence.ladder
     ]  # fmt: skip
-    heldout = steps.pop().heldout if evidence.fit is not None else None
+    is_fit = bool(board.fit) and all(file.state == "as fitted" for file in evidence.files)
+    last = steps.pop() if evidence.fit is not None and is_fit else None
+    heldout = None if last is None else last.heldout
+    label = "" if is_fit else STOOD if evidence.stood == after else RECORD
     models: tuple[Ranked, ...] = ()
     if diagnosis is not None:
         content = diagnosis.content
@@ -324,16 +339,16 @@ def story_of_board(evidence: Evidence, diagnosis: LastDiagnosis | None) -> Story
         models = ranked([(c["effects"], c["score"], std) for c, std in spreads], chosen)
         law = law_of_candidate(board, content["best"])
         if chosen and diagnosis.is_current and law is not None:
-            if evidence.fit is not None:
-                steps.append(Step(_added(effects), evidence.fit.rmse / floor, heldout))
-            after, effects = law, (*effects, *chosen)
+            if last is not None:
+                steps.append(replace(last, label=_added(effects)))
+            after, effects, label = law, (*effects, *chosen), ""
             held = next(
                 (c["heldout_rmse_rad"] for c in content["candidates"] if tuple(c["effects"]) == chosen), None
             )
             heldout = None if held is None else held / content["noise_floor_rad"]
     return tell(
         evidence.releases, board, before=evidence.stood, after=after, effects=effects, steps=steps, heldout=heldout,
-        ranked=models, is_dated=diagnosis is not None and not diagnosis.is_current,
+        ranked=models, is_dated=diagnosis is not None and not diagnosis.is_current, label=label,
     )  # fmt: skip
 
 
@@ -344,6 +359,8 @@ def chosen_effects(found: "Diagnosis", board: Board) -> tuple[str, ...]:
 
 
 def _added(effects: tuple[str, ...]) -> str:
+    if len(effects) > MOST_NAMED:
+        return f"with all {len(effects)} effects"
     return f"with {' and '.join(effects)}" if effects else REFITTED
 
 

@@ -23,6 +23,7 @@ from sysid.fitting.records import Signal, signal_of
 from sysid.fitting.result import JointFit
 from sysid.joint.law import JointLaw
 from sysid.noise.floor import NoiseFloor
+from sysid.progress import stage
 from sysid.quantity import Quantity
 from sysid.recording import Data, Recording, reading_warnings, unpack
 from sysid.roll import Release
@@ -100,11 +101,14 @@ class Fit:
         names = [part.name for part in parts if part.name not in beside]
         known = [name for name in names if effect(name).is_known]
         added = [name for name in names if name not in known]
-        top = rung_of(added, self.joint, self.heldout_rmse)
-        return (
-            *(ladder(self.releases, self.before, [*known, *added[:-1]], self.options) if added else ()),
-            top,
-        )
+        with stage(0.0, 0.8):
+            simpler = (
+                tuple(ladder(self.releases, self.before, [*known, *added[:-1]], self.options))
+                if added
+                else ()
+            )
+        with stage(0.8, 1.0):
+            return (*simpler, rung_of(added, self.joint, self.heldout_rmse))
 
     @cached_property
     def board(self) -> Board:

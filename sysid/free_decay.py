@@ -28,7 +28,7 @@ from sysid.noise.whiteness import ljung_box
 from sysid.quantity import Quantity
 from sysid.recording import Data, Recording, reading_warnings, unpack
 from sysid.roll import Array, Release, shown
-from sysid.text import WIDTH, quantity_frame
+from sysid.text import WIDTH, Display, display, quantity_frame
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -77,6 +77,21 @@ class FreeDecay:
     """The logs, where they were given whole."""
     board: str | None = None
     """Name of the board, where its record was given."""
+
+    @property
+    def slides(self) -> bool:
+        """Whether the joint is a slide."""
+        return self.numbers.inertia.unit == "kg"
+
+    @property
+    def position(self) -> Display:
+        """How the roll is shown, or the position of a slide."""
+        return display(is_rate=False, slides=self.slides)
+
+    @property
+    def show(self) -> Display:
+        """How what was fitted is shown."""
+        return self.position if self.trace.signal == "roll" else display(is_rate=True, slides=self.slides)
 
     @property
     def has_inertia(self) -> bool:

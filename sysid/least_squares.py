@@ -120,9 +120,10 @@ def _step(here: Normal, point: Array, low: Array, high: Array, factor: float) ->
 
 def _solve(hessian: Array, gradient: Array, factor: float) -> Array:
     diagonal = np.diag(hessian)
-    floor = max(float(diagonal.max()), 1e-300) * 1e-12
+    floor = max(float(diagonal.max()), 1e-279) * 1e-12
     damped = hessian + np.diag(factor * np.maximum(diagonal, floor))
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(damped), 1e-300))
+    # Rounding may leave less than nothing where a variable says nothing.
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(damped), factor * floor))
     scaled = damped * np.outer(scale, scale)
     try:
         return -scale * np.linalg.solve(scaled, scale * gradient)

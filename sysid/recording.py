@@ -1,7 +1,7 @@
 """A recording: one log's roll, the releases that were found in it, and what reading it brought to light."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
@@ -11,11 +11,14 @@ from sysid.logs.read import read_roll
 from sysid.logs.table.options import LogOptions
 from sysid.releases.find import find_releases
 from sysid.releases.phases import Phase, log_phases
-from sysid.roll import Release, Roll
+from sysid.roll import Release, Roll, shown
 from sysid.video.options import VideoOptions
 
 if TYPE_CHECKING:
     import pandas as pd
+
+EARLY = 0.1
+"""Share of the hold by which a release may be given too early without a word."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,9 +92,14 @@ class Recording:
         Raises:
             SysidError: No free decay is in it.
         """
-        return cls(
-            roll=roll, releases=tuple(find_releases(roll, start=start, stop=stop, releases=tuple(release)))
+        found = tuple(find_releases(roll, start=start, stop=stop, releases=tuple(release)))
+        held = tuple(
+            f"{roll.log}: at {given:.6g} s, where the release was said to be, the deck was still held: its decay begins at "
+            f"{shown(one.start)}, when it leaves"
+            for given, one in zip(sorted(release), found, strict=False)
+            if one.start - given > EARLY * one.hold
         )
+        return cls(roll=replace(roll, warnings=(*roll.warnings, *held)), releases=found)
 
     @property
     def path(self) -> Path:

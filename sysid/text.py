@@ -48,22 +48,39 @@ def quantity_frame(quantities: "Mapping[str, Quantity]") -> "pd.DataFrame":
 
 @dataclass(frozen=True, slots=True)
 class Display:
-    """How people are shown a roll or its rate."""
+    """How people are shown a roll or its rate; of a slide, its position or speed."""
 
+    name: str
     unit: str
     scale: float
     """Of one rad, or rad/s, in `unit`."""
+
+    @property
+    def axis(self) -> str:
+        """Label of an axis."""
+        return f"{self.name} [{self.unit.strip()}]"
 
     def __call__(self, value: float, digits: int = 4) -> str:
         """Return a roll [rad] or rate [rad/s] in `unit`."""
         return f"{self.scale * value:.{digits}g}{self.unit}"
 
 
-def display(*, is_rate: bool, slides: bool = False) -> Display:
-    """Return how errors of a roll, or of a measured rate, are shown; of a slide, in mm and m/s."""
+def display(*, is_rate: bool, slides: bool = False, angle: str = "roll") -> Display:
+    """Return how a roll, or its rate, is shown; of a slide, in mm and m/s.
+
+    Args:
+        is_rate: Whether it is a rate.
+        slides: Whether the joint is a slide.
+        angle: What the angle is called.
+    """
     if slides:
-        return Display(" m/s", 1.0) if is_rate else Display(" mm", 1e3)
-    return Display(" rad/s", 1.0) if is_rate else Display("°", DEGREES)
+        return Display("speed", " m/s", 1.0) if is_rate else Display("position", " mm", 1e3)
+    return Display("rate", " rad/s", 1.0) if is_rate else Display(angle, "°", DEGREES)
+
+
+def effort(*, slides: bool) -> str:
+    """Return what moves a joint, as a label of an axis."""
+    return "force [N]" if slides else "torque [N·m]"
 
 
 LEAST_REST = 5e-4
@@ -74,7 +91,8 @@ def linear_law(inertia: float, damping: float, stiffness: float, rest: float) ->
     """Return the left-hand side of a linear joint, e.g. '8.70e-3 φ̈ + 0.402 φ̇ + 14.68 (φ - 0.0100)', all SI."""
     roll = "φ" if abs(rest) < LEAST_REST else f"(φ {'-' if rest > 0 else '+'} {abs(rest):.4f})"
     leading = "φ̈" if inertia == 1 else f"{short(inertia)} φ̈"
-    return f"{leading} + {short(damping)} φ̇ + {stiffness:.4g} {roll}"
+    spring = f" + {stiffness:.4g} {roll}" if stiffness else ""
+    return f"{leading} + {short(damping)} φ̇{spring}"
 
 
 def count(number: int, noun: str) -> str:

@@ -4,6 +4,7 @@ Something on the deck is followed (`sysid.video.trackers`). From then on all is 
 lens, camera shake and rolling shutter, and the angle of a body that turns about an axis seen at a slant.
 """
 
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from sysid.video.film.frames import Clip
     from sysid.video.film.track import Track
     from sysid.video.pose.gaps import Signal
+    from sysid.video.select import Followed
     from sysid.video.trackers._base import Target
     from sysid.video.types import Rows
 
@@ -45,47 +47,40 @@ def roll_from_video(path: Path, options: VideoOptions | None = None) -> Roll:
     """
     from sysid.video.film.camera import lens_of
     from sysid.video.film.frames import open_clip
+    from sysid.video.film.reel import Reel
     from sysid.video.select import follow_board
 
     options = options or VideoOptions()
     clip = open_clip(path, options.progress)
     lens = lens_of(clip, options.calibration)
-    target, track = follow_board(clip, lens, options)
-    roll, rows = roll_from_track(clip, lens, target, track, options)
+    with closing(Reel(clip, lens, options)) as reel:
+        followed = follow_board(reel)
+    roll, rows = roll_of(clip, lens, followed, options)
     if options.overlay is not None:
         from sysid.video.overlay import draw_overlay
 
-        draw_overlay(clip, track, roll, rows, options.overlay, target.joined, options.on_frame)
+        joined = followed.target.joined
+        draw_overlay(clip, followed.track, roll, rows, options.overlay, joined, options.on_frame)
     return roll
 
 
-def roll_from_track(
-    clip: "Clip", lens: "Lens", target: "Target", track: "Track", options: VideoOptions
-) -> "tuple[Roll, Rows]":
-    """Turn what was followed in a film into roll [rad]; return it and the row of `track` of each sample, shape (n,).
+def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOptions) -> "tuple[Roll, Rows]":
+    """Turn what was followed in a film into roll [rad]; return it and the row of its track of each sample, shape (n,).
 
     Raises:
         SysidError: There are fewer than 8 frames for each period of the oscillation.
     """
+    from sysid.video.film.pace import speed_ramp
     from sysid.video.notes import faults, inferred, shutter_note
-    from sysid.video.pose.camera_state import before_looking
     from sysid.video.pose.gaps import Signal, fill_gaps
     from sysid.video.pose.outliers import outlier_frames
     from sysid.video.pose.view import View
 
-    before = before_looking(track, lens, target.direction_std, options.readout, options.camera_angle)
-    view = View(track, lens.straighten, clip.row_share)
-    try:
-        found = target.solve(view, lens.matrix, before)
-    except np.linalg.LinAlgError:
-        raise SysidError(
-            f"{clip.path}: {target.what} shows too few different attitudes for an angle to be told. Film the whole "
-            "swing, larger in the picture, or follow something else (--method)."
-        ) from None
+    target, track, found = followed.target, followed.track, followed.found
+    time = View(track, lens.straighten, clip.row_share).time(found.camera_state.readout)
     shaken = track.shake.std if track.shake.significant else np.zeros(len(found.std))
     std = np.hypot(found.std, shaken)
     own = std if found.own is None else np.hypot(found.own, shaken)
-    time = view.time(found.camera_state.readout)
     sign = -1.0 if options.front else 1.0
     angle = sign * (found.angle + target.zero(found))
     outliers = outlier_frames(time, angle, std)
@@ -93,9 +88,14 @@ def roll_from_track(
     _refuse_contradiction(clip.path, target, track, angle)
     pace = _refuse_slow(clip.path, signal)
     signal, filled, dropped = fill_gaps(signal, pace)
+    if (ramp := speed_ramp(signal.time, signal.roll, signal.std)) is not None:
+        raise SysidError(
+            f"{clip.path}: at {ramp:.2f} s the swing goes on at another pace at once: parts of the film play faster or slower "
+            "than others (a speed ramp of slow motion). Give the film as the camera took it, not as it was edited."
+        )
     notes = [
         *inferred(clip, lens, target, track, found, options),
-        shutter_note(before, found.camera_state),
+        shutter_note(followed.before, found.camera_state, given=options.readout is not None),
     ]
     warnings = list(faults(clip, target, track, found))
     if np.any(outliers > 0):

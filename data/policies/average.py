@@ -55,7 +55,9 @@ def _average_checkpoints(sources: list[Path], target: Path) -> dict[str, Any]:
     for name, content in result.items():
         if isinstance(content, dict) and "optimi" not in name:
             for key, value in content.items():
-                if isinstance(value, torch.Tensor) and value.is_floating_point():  # not the curriculum's state
+                if (
+                    isinstance(value, torch.Tensor) and value.is_floating_point()
+                ):  # not the curriculum's state
                     total = value.double() + sum(other[name][key].double() for other in others)
                     content[key] = (total / len(sources)).to(value.dtype)
     torch.save(result, target)

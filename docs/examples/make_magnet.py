@@ -20,17 +20,17 @@ def torque(tilt: float) -> float:
 
 
 def main() -> None:
-    """Write the log: rest, a slow drag by hand, a hold, the release."""
+    """Write the log: rest, a slow drag by hand, a hold, the release, which decays to a tenth of the noise."""
     step = 1 / RATE
     parts: list[np.ndarray] = []
     for angle in (0.19, -0.16, 0.12):
-        time = np.arange(0.0, 1.4, step)
+        time = np.arange(0.0, 2.4, step)
         path = solve_ivp(
             lambda t, y: [y[1], (-STIFFNESS * y[0] - DAMPING * y[1] + torque(y[0])) / INERTIA],
             (0.0, time[-1]), [angle, 0.0], t_eval=time, method="DOP853", rtol=1e-9, atol=1e-11, max_step=1e-3,
         )  # fmt: skip
         drag = angle * (1 - np.cos(np.linspace(0, np.pi, int(0.5 * RATE)))) / 2
-        parts += [np.zeros(int(0.6 * RATE)), drag, np.full(int(0.8 * RATE), angle), path.y[0]]
+        parts += [np.zeros(int(0.5 * RATE)), drag, np.full(int(0.5 * RATE), angle), path.y[0]]
     roll = np.concatenate(parts)
     roll += NOISE * np.random.default_rng(1).standard_normal(len(roll))
     rows = (f"{i * step:.4f},{angle:.5f}\n" for i, angle in enumerate(roll))

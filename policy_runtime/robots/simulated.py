@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from policy_runtime.robots import PD_PERIOD, JointCommand, RobotState
+from sim.board.learned import apply, left_out
 from sim.board.scene import TILT_JOINT, TRUCK_JOINTS, WHEELS, set_trucks
 from sim.skate.arrays import wrap_angle
 from sim.skate.robot.g1 import FOOT_BODIES, JOINTS
@@ -91,7 +92,7 @@ class SimulatedRobot:
             SysidError: A joint of the robot is missing, or the step does not divide the period.
         """
         self.model, self.data = model, mujoco.MjData(model)
-        self._rake, self._gantry = direct_rake, gantry
+        self._rake, self._gantry, self._left = direct_rake, gantry, left_out(model)
         self._substeps = round(PD_PERIOD / model.opt.timestep)
         if not math.isclose(self._substeps * model.opt.timestep, PD_PERIOD, rel_tol=1e-6):
             raise SysidError(
@@ -164,12 +165,14 @@ class SimulatedRobot:
         self._truth = None
         if self._gantry is not None:
             self._hold(self._gantry)
-        if self._rake is None:
+        if self._rake is None and not self._left:
             mujoco.mj_step(self.model, self.data, self._substeps)
             return
         for _ in range(self._substeps):
+            apply(self._left, self.data)
             mujoco.mj_step(self.model, self.data)
-            set_trucks(self.model, self.data, self._rake, BOARD)
+            if self._rake is not None:
+                set_trucks(self.model, self.data, self._rake, BOARD)
 
     def _in_board_frame(self) -> tuple[Array, float]:
         """Return where the pelvis is over the board, forward and left [m], and how it is turned [rad]."""

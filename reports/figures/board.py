@@ -2,12 +2,11 @@
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from reports.evidence import Evidence
 from reports.figures.palette import NOISE, REAL, SIM
 from reports.figures.svg import thin
 from sysid.comparison.compare import Comparison
+from sysid.text import display
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -21,7 +20,7 @@ WIDTH = 4.4
 def release_figure(evidence: Evidence, number: int) -> "Figure":
     """Draw one release: measured, simulated and the simpler models, over the residual with the noise band."""
     result = evidence.comparison
-    release, scale, unit = result.releases[number], _scale(result), "°" if not result.is_rate else "rad/s"
+    release, scale = result.releases[number], result.show.scale
     figure = small_figure(3.8)
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1))
     time, measured, simulated, residual = thin(
@@ -39,8 +38,8 @@ def release_figure(evidence: Evidence, number: int) -> "Figure":
     band = 2 * scale * result.noise.std
     bottom.axhspan(-band, band, color=NOISE, alpha=0.3, lw=0)
     bottom.plot(time, scale * residual, color=SIM, lw=0.8, gid="series:sim@error")
-    top.set_ylabel(f"{'rate' if result.is_rate else 'roll'} [{unit}]")
-    bottom.set(xlabel="time since release [s]", ylabel=f"model - real [{unit}]")
+    top.set_ylabel(result.show.axis)
+    bottom.set(xlabel="time since release [s]", ylabel=f"model - real [{result.show.unit.strip()}]")
     top.set_xlim(release.time[0], release.time[-1])
     figure.align_ylabels()
     return figure
@@ -48,7 +47,7 @@ def release_figure(evidence: Evidence, number: int) -> "Figure":
 
 def backbone_figure(result: Comparison) -> "Figure":
     """Draw period and damping ratio of each half swing against its amplitude."""
-    figure = small_figure(4.6)
+    figure, show = small_figure(4.6), display(is_rate=False, slides=result.slides)
     for axes, what, label in zip(
         figure.subplots(2, 1, sharex=True),
         ("period", "damping_ratio"),
@@ -60,7 +59,7 @@ def backbone_figure(result: Comparison) -> "Figure":
             (result.simulated_backbone, SIM, "sim", 3.5),
         ):
             axes.plot(
-                np.degrees(backbone.amplitude), getattr(backbone, what), "o",
+                show.scale * backbone.amplitude, getattr(backbone, what), "o",
                 color=colour, ms=size, mew=0, gid=f"series:{name}@{what}",
             )  # fmt: skip
         axes.set_ylabel(label)
@@ -69,7 +68,7 @@ def backbone_figure(result: Comparison) -> "Figure":
         least = 0.1 * (low + high) / 2
         if high - low < least:  # a flat backbone must not look wild
             axes.set_ylim((low + high - least) / 2, (low + high + least) / 2)
-    figure.axes[-1].set_xlabel("amplitude [°]")
+    figure.axes[-1].set_xlabel(f"amplitude [{show.unit.strip()}]")
     figure.align_ylabels()
     return figure
 
@@ -87,8 +86,9 @@ def log_figure(evidence: Evidence, number: int) -> "Figure":
             label = None if phase.kind in named else phase.kind
             axes.axvspan(phase.start, phase.end, color=colour, alpha=alpha, lw=0, label=label)
             named.add(phase.kind)
-    axes.plot(*thin(roll.time, np.degrees(roll.roll)), color=REAL, lw=0.9, gid="series:roll")
-    axes.set(xlabel="time [s]", ylabel="roll [°]", xlim=(roll.time[0], roll.time[-1]))
+    show = display(is_rate=False, slides=evidence.board.slides)
+    axes.plot(*thin(roll.time, show.scale * roll.roll), color=REAL, lw=0.9, gid="series:roll")
+    axes.set(xlabel="time [s]", ylabel=show.axis, xlim=(roll.time[0], roll.time[-1]))
     axes.margins(y=0.2)
     axes.legend(loc="upper right", ncols=3)
     return figure
@@ -99,7 +99,3 @@ def small_figure(height: float = 3.2) -> "Figure":
     from matplotlib.figure import Figure
 
     return Figure(figsize=(WIDTH, height), layout="constrained")
-
-
-def _scale(result: Comparison) -> float:
-    return 1.0 if result.is_rate else float(np.degrees(1.0))

@@ -7,6 +7,7 @@ import numpy as np
 from reports.figures.palette import SIM
 from sysid.board import Board
 from sysid.joint import JointLaw
+from sysid.text import display
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,8 +40,10 @@ def bode_figure(board: Board, width: float) -> "Figure":
     )
     figure = Figure(figsize=(width, 3.6), layout="constrained")
     axes = figure.subplots(2, 1, sharex=True)
-    curves = (np.degrees(np.abs(responses)), np.degrees(np.angle(responses)))
-    for panel, values, label in zip(axes, curves, ("tilt [°/(N·m)]", "phase [°]"), strict=True):
+    show = display(is_rate=False, slides=board.slides, angle="tilt")
+    gain = f"{show.name} [{show.unit.strip()}/{'N' if board.slides else '(N·m)'}]"
+    curves = (show.scale * np.abs(responses), np.degrees(np.angle(responses)))
+    for panel, values, label in zip(axes, curves, (gain, "phase [°]"), strict=True):
         low, high = np.quantile(values[1:], (0.025, 0.975), axis=0)
         panel.fill_between(omega / (2 * np.pi), low, high, color=SIM, alpha=0.25, lw=0)
         panel.plot(omega / (2 * np.pi), values[0], color=SIM, lw=1.2, gid=f"series:{label.split(' ')[0]}")

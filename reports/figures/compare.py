@@ -4,14 +4,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from reports.figures.decay import STYLE
 from reports.figures.palette import NOISE, REAL, SIM
 from reports.figures.svg import thin
 from sysid.comparison.compare import Comparison
-from sysid.comparison.force_surface import TorqueProfile
+from sysid.comparison.force_surface import MissingTorque, TorqueProfile
 from sysid.quantity import Z95
+from sysid.text import Display, display, effort
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,9 +44,9 @@ def compare_figure(result: Comparison, title: str) -> "Figure":
         )
         for column, release in enumerate(shown):
             _release(upper[:, column], result, column)
-            upper[0, column].set_title(f"{_name(result, column)}: error {_size(result, release.rmse)}")
-        upper[0, 0].set_ylabel("rate [rad/s]" if result.is_rate else "roll [°]")
-        upper[1, 0].set_ylabel("sim - real [rad/s]" if result.is_rate else "sim - real [°]")
+            upper[0, column].set_title(f"{_name(result, column)}: error {result.show(release.rmse, 3)}")
+        upper[0, 0].set_ylabel(result.show.axis)
+        upper[1, 0].set_ylabel(f"sim - real [{result.show.unit.strip()}]")
         upper[0, 0].legend(loc="best")
         if lower:
             for draw, axes in zip(lower, halves[1].subplots(1, len(lower), squeeze=False)[0], strict=True):
@@ -55,16 +54,8 @@ def compare_figure(result: Comparison, title: str) -> "Figure":
     return figure
 
 
-def _scale(result: Comparison) -> float:
-    return 1.0 if result.is_rate else float(np.degrees(1.0))
-
-
-def _size(result: Comparison, value: float) -> str:
-    return f"{value:.3g} rad/s" if result.is_rate else f"{np.degrees(value):.3g}°"
-
-
 def _release(axes: "list[Axes]", result: Comparison, index: int) -> None:
-    release, scale = result.releases[index], _scale(result)
+    release, scale = result.releases[index], result.show.scale
     time, measured, simulated, residual = thin(
         release.time, release.measured, release.simulated, release.residual
     )
@@ -89,49 +80,55 @@ def _lower_panels(result: Comparison) -> "list[Callable[[Axes], None]]":
     panels: list[Callable[[Axes], None]] = []
     if result.missing is not None:
         missing, only_noise = result.missing, "" if result.where else ": only noise"
-        panels.append(
-            lambda axes: draw_profile(
-                axes, missing.over_rate, "rate [rad/s]", f"torque that the model lacks{only_noise}"
+        titles = (f"{effort(slides=result.slides).split(' [')[0]} that the model lacks{only_noise}", "")
+        for (profile, show), title in zip(profiles(missing, slides=result.slides), titles, strict=True):
+            panels.append(
+                lambda axes, p=profile, s=show, t=title: draw_profile(axes, p, s, t, slides=result.slides)
             )
-        )
-        panels.append(
-            lambda axes: draw_profile(axes, missing.over_angle, "tilt [°]", scale=float(np.degrees(1.0)))
-        )
     if len(result.measured_backbone.amplitude):
         panels.append(lambda axes: _backbone(axes, result, "period", "period [s]"))
         panels.append(lambda axes: _backbone(axes, result, "damping_ratio", "damping ratio"))
     return panels
 
 
+def profiles(missing: MissingTorque, *, slides: bool) -> list[tuple[TorqueProfile, Display]]:
+    """Return a missing torque over rate and over tilt, and how each of these is shown."""
+    return [
+        (missing.over_rate, display(is_rate=True, slides=slides)),
+        (missing.over_angle, display(is_rate=False, slides=slides, angle="tilt")),
+    ]
+
+
 def draw_profile(
-    axes: "Axes", profile: TorqueProfile, label: str, title: str = "", scale: float = 1.0
+    axes: "Axes", profile: TorqueProfile, show: Display, title: str = "", *, slides: bool = False
 ) -> None:
     """Draw a missing torque with its 95 % band.
 
     Args:
         axes: To draw on.
         profile: The torque [N*m].
-        label: Of the horizontal axis.
+        show: How what it is drawn over is shown.
         title: Heading.
-        scale: From SI to the label's unit.
+        slides: Whether it is the force of a slide [N].
     """
-    band = Z95 * profile.std
+    band, scale = Z95 * profile.std, show.scale
     axes.axhline(0, color=NOISE, lw=0.8)
     axes.fill_between(
         scale * profile.at, profile.torque - band, profile.torque + band, color=REAL, alpha=0.25, linewidth=0
     )
-    axes.plot(scale * profile.at, profile.torque, ".-", color=REAL, lw=1.2)
-    axes.set(xlabel=label, ylabel="missing torque [N·m]", title=title)
+    axes.plot(scale * profile.at, profile.torque, ".-", color=REAL, lw=1.2, gid="series:missing")
+    axes.set(xlabel=show.axis, ylabel=f"missing {effort(slides=slides)}", title=title)
 
 
 def _backbone(axes: "Axes", result: Comparison, what: str, label: str) -> None:
     axes.set_title(f"{label.split(' [')[0]} by amplitude")
-    axes.set_xlabel("amplitude [°]")
+    show = display(is_rate=False, slides=result.slides)
+    axes.set_xlabel(f"amplitude [{show.unit.strip()}]")
     for backbone, colour, name, size in (
         (result.measured_backbone, REAL, "real", 7),
         (result.simulated_backbone, SIM, "sim", 3.5),
     ):
-        amplitude = np.degrees(backbone.amplitude)
+        amplitude = show.scale * backbone.amplitude
         axes.plot(amplitude, getattr(backbone, what), "o", color=colour, label=name, markersize=size)
     axes.set_ylabel(label)
     axes.margins(0.15)

@@ -68,7 +68,7 @@ def decay_figure(rolls: Sequence[Roll], decay: FreeDecay, title: str) -> "Figure
         figure.suptitle(title, x=0.01, y=0.985, ha="left", fontsize=11)
         for column, roll in enumerate(shown):
             axes = draw_log(figure.add_subplot(upper[0, column]), roll, decay)
-            axes.set_ylabel("" if column else "roll [°]")
+            axes.set_ylabel("" if column else decay.position.axis)
         trace = figure.add_subplot(lower[0, 0])
         draw_traces(trace, decay)
         residual = figure.add_subplot(lower[1, 0], sharex=trace)
@@ -80,7 +80,7 @@ def decay_figure(rolls: Sequence[Roll], decay: FreeDecay, title: str) -> "Figure
 
 def draw_log(axes: "Axes", roll: Roll, decay: FreeDecay) -> "Axes":
     """Draw the roll of the whole log, with every free decay shaded and its peaks marked."""
-    time, angle = thin(roll.time, np.rad2deg(roll.roll))
+    time, angle = thin(roll.time, decay.position.scale * roll.roll)
     axes.plot(time, angle, color=REAL, lw=1.0, label="measured")
     mine = [(r, group) for r, group in zip(decay.releases, decay.peaks, strict=True) if r.log == roll.log]
     for release, group in mine:
@@ -97,9 +97,15 @@ def draw_log(axes: "Axes", roll: Roll, decay: FreeDecay) -> "Axes":
             )
         level = np.interp([peak.time for peak in group], roll.time, roll.roll)
         axes.plot(
-            [peak.time for peak in group], np.rad2deg(level), "o", ms=3.8, mfc="white", mec=REAL, mew=0.9
+            [peak.time for peak in group],
+            decay.position.scale * level,
+            "o",
+            ms=3.8,
+            mfc="white",
+            mec=REAL,
+            mew=0.9,
         )
-    axes.set(xlabel="time [s]", ylabel="roll [°]", xlim=(roll.time[0], roll.time[-1]))
+    axes.set(xlabel="time [s]", ylabel=decay.position.axis, xlim=(roll.time[0], roll.time[-1]))
     return axes
 
 
@@ -127,8 +133,8 @@ def draw_traces(axes: "Axes", decay: FreeDecay) -> "Axes":
             middle = scale * (fitted.level - level)
             axes.plot(*thin(since, middle + envelope), color=NOISE, lw=0.8, ls=(0, (4, 3)), label="envelope")
             axes.plot(*thin(since, middle - envelope), color=NOISE, lw=0.8, ls=(0, (4, 3)))
-    name = "roll about rest [°]" if decay.trace.signal == "roll" else f"roll rate [{unit}]"
-    axes.set(ylabel=name, xlim=(0, shown))
+    about = " about rest" if decay.trace.signal == "roll" else ""
+    axes.set(ylabel=f"{decay.show.name}{about} [{unit}]", xlim=(0, shown))
     axes.set_ylim(-1.15 * height, 1.15 * height)
     axes.legend(loc="upper right", ncols=3, handlelength=1.6, columnspacing=1.2)
     numbers = decay.numbers
@@ -171,11 +177,12 @@ def draw_peak_line(axes: "Axes", decay: FreeDecay) -> "Axes":
         )
         axes.set_axis_off()
         return axes
+    scale = decay.position.scale
     slope = None if decay.line is None else -decay.line.log_decrement.value / 2
     for i, group in used:
         number = np.array([peak.number for peak in group])
-        amplitude = np.rad2deg([peak.amplitude for peak in group])
-        std = np.rad2deg([math.hypot(peak.std, decay.rest_angles[i].std) for peak in group])
+        amplitude = scale * np.array([peak.amplitude for peak in group])
+        std = scale * np.array([math.hypot(peak.std, decay.rest_angles[i].std) for peak in group])
         error = np.minimum(2 * std, 0.98 * amplitude)
         axes.errorbar(
             number,
@@ -191,16 +198,18 @@ def draw_peak_line(axes: "Axes", decay: FreeDecay) -> "Axes":
         if decay.line is not None and slope is not None and len(group) > 1:
             axes.plot(
                 number,
-                np.rad2deg(np.exp(decay.line.intercepts[i] + slope * number)),
+                scale * np.exp(decay.line.intercepts[i] + slope * number),
                 color=SIM,
                 lw=1.0,
                 label="line through the peaks" if i == used[0][0] else None,
             )
     axes.set_yscale("log")
     smallest = min(peak.amplitude for _, group in used for peak in group)
-    axes.set_ylim(bottom=max(axes.get_ylim()[0], math.degrees(smallest) / 3))
+    axes.set_ylim(bottom=max(axes.get_ylim()[0], scale * smallest / 3))
     _readable_log_axis(axes)
-    axes.set(xlabel="half-cycles since release", ylabel="amplitude about rest [°]")
+    axes.set(
+        xlabel="half-cycles since release", ylabel=f"amplitude about rest [{decay.position.unit.strip()}]"
+    )
     axes.set_xlim(-0.25, max(1, *(peak.number for _, group in used for peak in group)) + 0.25)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     lines = [f"δ = {decay.numbers.log_decrement}  whole trace"]
@@ -225,7 +234,7 @@ def _readable_log_axis(axes: "Axes") -> None:
 
 
 def _unit(decay: FreeDecay) -> tuple[float, str]:
-    return (180 / math.pi, "°") if decay.trace.signal == "roll" else (1.0, "rad/s")
+    return decay.show.scale, decay.show.unit.strip()
 
 
 def _envelope(fitted: FittedTrace, since: Array, rate: float) -> Array:

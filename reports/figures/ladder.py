@@ -1,12 +1,13 @@
 """The ladder: how the error falls from the record as it stood, as one effect after another is added."""
 
 from collections.abc import Sequence
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from reports.figures.palette import HELD_OUT, NOISE, SIM
-from reports.story import STOOD, Step
+from reports.story import STOOD, Step, times
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,11 +35,11 @@ def draw_ladder(axes: "Axes", steps: Sequence[Step], noise: tuple[float, float])
     errors = np.array([step.error for step in steps])
     held = np.array([np.nan if step.heldout is None else step.heldout for step in steps], dtype=float)
     for row, step in enumerate(steps):
-        axes.annotate(f"{step.error:.3g}", (step.error, row), (0, 6), textcoords="offset points", ha="center")
+        axes.annotate(times(step.error), (step.error, row), (0, 6), textcoords="offset points", ha="center")
     if np.isfinite(held).any():
         axes.plot(held, rows, "o", color=HELD_OUT, mfc="none", mew=1.4, ms=7, label="left-out releases")
     axes.plot(errors, rows, "o", color=SIM, ms=7, label="error")
-    axes.set_yticks(rows, [step.label for step in steps])
+    axes.set_yticks(rows, [fill(step.label, 22) for step in steps])
     axes.set_ylim(len(steps) - 0.5, -0.7)
     largest = float(np.nanmax([*errors, *held]))
     if largest > WIDE:

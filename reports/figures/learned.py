@@ -9,6 +9,7 @@ from reports.figures.palette import NOISE, REAL, SIM
 from sysid.fitting.formula import Formula, motion_of
 from sysid.fitting.learned_torque import learned_torque
 from sysid.quantity import Z95
+from sysid.text import display, effort
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -16,13 +17,14 @@ if TYPE_CHECKING:
     from sysid.fitting.result import JointFit
 
 
-def learned_figure(fit: "JointFit", formula: Formula | None, title: str) -> "Figure":
+def learned_figure(fit: "JointFit", formula: Formula | None, title: str, *, slides: bool = False) -> "Figure":
     """Draw the learned torque at rate zero over the tilt, and at rest over the rate, within what was measured.
 
     Args:
         fit: With tables of tilt and rate.
         formula: The nearest formula, drawn beside them; None for none.
         title: Heading.
+        slides: Whether the joint is a slide.
     """
     import matplotlib as mpl
     from matplotlib.figure import Figure
@@ -31,9 +33,9 @@ def learned_figure(fit: "JointFit", formula: Formula | None, title: str) -> "Fig
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(8.8, 3.9), layout="constrained")
         axes = figure.subplots(2, 2, sharex="col", height_ratios=(4, 1))
-        for column, (values, scale, label) in enumerate(
-            ((tilts, float(np.degrees(1.0)), "tilt [°]"), (rates, 1.0, "rate [rad/s]"))
-        ):
+        for column, values in enumerate((tilts, rates)):
+            show = display(is_rate=column == 1, slides=slides, angle="tilt")
+            scale = show.scale
             at = np.linspace(values.min(), values.max(), 301)
             x, v = (at, 0 * at) if column == 0 else (0 * at, at)
             torque, std = learned_torque(fit, x, v)
@@ -56,12 +58,12 @@ def learned_figure(fit: "JointFit", formula: Formula | None, title: str) -> "Fig
                 )
             above.axhline(0.0, color=NOISE, linewidth=0.8)
             below.hist(scale * values, bins=60, color=NOISE)
-            below.set_xlabel(label)
+            below.set_xlabel(show.axis)
             below.set_yticks([])
-        axes[0, 0].set_ylabel("torque [N·m]")
+        axes[0, 0].set_ylabel(effort(slides=slides))
         axes[1, 0].set_ylabel("data")
-        axes[0, 0].set_title("over the tilt, at rate 0")
-        axes[0, 1].set_title("over the rate, at rest")
+        axes[0, 0].set_title("at rate 0")
+        axes[0, 1].set_title("at rest")
         axes[0, 1].sharey(axes[0, 0])
         axes[0, 0].legend(loc="best")
         figure.suptitle(title, x=0.01, ha="left", fontsize=10)

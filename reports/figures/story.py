@@ -12,14 +12,14 @@ from reports.figures.decay import STYLE
 from reports.figures.ladder import draw_ladder
 from reports.figures.palette import NOISE, REAL, SIM, STOOD
 from reports.figures.svg import thin
-from reports.story import TIED, Missing, Ranked, Story
+from reports.story import TIED, Missing, Ranked, Story, times
+from sysid.effects import effect
 from sysid.quantity import Z95
+from sysid.text import Display, display, effort
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure, FigureBase
-
-DEGREES = float(np.degrees(1.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +35,9 @@ class Panel:
 def panels(story: Story) -> list[Panel]:
     """Return the panels that there is something to draw for, in reading order."""
     former, latter = story.fall
-    fell = f"error {latter:.3g} × noise" if np.isnan(former) else f"error {former:.3g} → {latter:.3g} × noise"
-    named = " and ".join(story.effects)
+    begun = "" if np.isnan(former) else f"{times(former)} → "
+    fell = f"error {begun}{times(latter)} × noise"
+    named = " and ".join(name for name in story.effects if effect(name).role == "torque")
     drawn = [
         Panel(
             "decay", fell, f"{story.release}: the raw measurement" + (", the record as it stood," if story.before else "") + f" and the law, {story.labels[1]}.",
@@ -44,16 +45,18 @@ def panels(story: Story) -> list[Panel]:
         )
     ]  # fmt: skip
     what = f"what {named} must make up for" if named else "what the law lacks"
-    for missing, name, label, scale in (
-        (story.over_rate, "rate", "rate [rad/s]", 1.0),
-        (story.over_angle, "tilt", "tilt [°]", DEGREES),
+    slides = story.after.slides
+    push = effort(slides=slides).split(" [")[0]
+    for missing, show in (
+        (story.over_rate, display(is_rate=True, slides=slides)),
+        (story.over_angle, display(is_rate=False, slides=slides, angle="tilt")),
     ):
         if missing is not None:
             drawn.append(
                 Panel(
-                    f"torque-{name}", f"Missing torque over {name}",
-                    f"Torque beyond spring and damper. Orange: {what}, averaged by {name}, with its 95 % band." + (f" Blue: the law of {named}." if named else ""),
-                    lambda axes, m=missing, x=label, s=scale: draw_missing(axes, m, x, s, named),
+                    f"torque-{show.name}", f"Missing {push} over {show.name}",
+                    f"{push.capitalize()} beyond spring and damper. Orange: {what}, averaged by {show.name}, with its 95 % band." + (f" Blue: the law of {named}." if named else ""),
+                    lambda axes, m=missing, s=show: draw_missing(axes, m, s, named, slides=slides),
                 )
             )  # fmt: skip
     drawn.append(
@@ -116,11 +119,7 @@ def draw_panels(figure: "FigureBase", story: Story, *, columns: int) -> None:
 def draw_decay(axes: "Axes", story: Story) -> None:
     """Draw one release: the raw measurement, the record as it stood, and the law with what was missing."""
     after = story.after
-    release, scale, unit = (
-        after.releases[story.shown],
-        1.0 if after.is_rate else DEGREES,
-        "rad/s" if after.is_rate else "°",
-    )
+    release, scale = after.releases[story.shown], after.show.scale
     axes.plot(
         *thin(release.time, scale * release.measured),
         ".",
@@ -142,17 +141,24 @@ def draw_decay(axes: "Axes", story: Story) -> None:
         label=story.labels[1],
         gid=f"series:{story.labels[1]}",
     )
-    axes.set(xlabel="time since release [s]", ylabel=f"{'rate' if after.is_rate else 'roll'} [{unit}]")
+    axes.set(xlabel="time since release [s]", ylabel=after.show.axis)
     axes.legend(loc="best")
 
 
-def draw_missing(axes: "Axes", missing: Missing, label: str, scale: float, named: str) -> None:
+def draw_missing(axes: "Axes", missing: Missing, show: Display, named: str, *, slides: bool) -> None:
     """Draw the torque beyond spring and damper with its 95 % band, and the named effect's law over it."""
-    draw_profile(axes, missing.seen, label, scale=scale)
+    draw_profile(axes, missing.seen, show, slides=slides)
     if len(missing.at):
-        axes.plot(scale * missing.at, missing.law, color=SIM, lw=1.6, label=f"law of {named}")
+        axes.plot(
+            show.scale * missing.at,
+            missing.law,
+            color=SIM,
+            lw=1.6,
+            label=f"law of {named}",
+            gid=f"series:law of {named}",
+        )
         axes.legend(loc="best")
-    axes.set_ylabel("torque [N·m]")
+    axes.set_ylabel(effort(slides=slides))
 
 
 def draw_candidates(axes: "Axes", ranked: "tuple[Ranked, ...]") -> None:

@@ -84,6 +84,11 @@ def figure_to_svg(figure: "Figure", identifier: str, title: str) -> str:
         identifier: Unique on the page; prefixes all of the figure's own identifiers.
         title: What it shows, for readers who cannot see it.
     """
+    series = {_name(line) for axes in figure.axes for line in axes.get_lines()} - {""}
+    for axes in figure.axes:  # the page names its series beside the boxes that switch them
+        legend = axes.get_legend()
+        if legend is not None and len(series) > 1 and series.issuperset(t.get_text() for t in legend.texts):
+            legend.remove()
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
     text = buffer.getvalue()
@@ -117,7 +122,7 @@ def _hover_data(figure: "Figure") -> list[dict[str, object]]:
     scale = 72 / figure.dpi
     panels: list[dict[str, object]] = []
     for axes in figure.axes:
-        lines = [line for line in axes.get_lines() if (line.get_gid() or "").startswith("series:")]
+        lines = [line for line in axes.get_lines() if _name(line)]
         if not lines:
             continue
         box = axes.get_window_extent()
@@ -137,6 +142,12 @@ def _hover_data(figure: "Figure") -> list[dict[str, object]]:
     return panels
 
 
+def _name(line: "Line2D") -> str:
+    """Return what a line is called that the page can find; '' for others."""
+    group = str(line.get_gid())
+    return group.removeprefix("series:") if group.startswith("series:") else ""
+
+
 def _series(axes: "Axes", line: "Line2D", height: float, scale: float) -> dict[str, object]:
     points = np.column_stack((np.asarray(line.get_xdata(), float), np.asarray(line.get_ydata(), float)))
     points = points[np.isfinite(points).all(axis=1)]
@@ -144,7 +155,7 @@ def _series(axes: "Axes", line: "Line2D", height: float, scale: float) -> dict[s
         points = points[:: -(-len(points) // (MOST_POINTS // 2))]
     pixels = axes.transData.transform(points) * scale
     return {
-        "name": str(line.get_gid()).removeprefix("series:"),
+        "name": _name(line),
         "colour": str(line.get_color()),
         "px": _rounded(pixels[:, 0], 4),
         "py": _rounded(height - pixels[:, 1], 4),

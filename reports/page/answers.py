@@ -4,6 +4,7 @@ import shlex
 from collections.abc import Sequence
 
 from reports.evidence import Evidence, LastDiagnosis, LogFile
+from reports.story import times
 from sysid.board import Board
 from sysid.effects import effect
 from sysid.quantity import Quantity
@@ -38,7 +39,7 @@ def _match(evidence: Evidence | None) -> tuple[str, str]:
         return "Not known: none of the logs is there any more.", ""
     result = evidence.comparison
     word = "Yes" if result.passed else "No"
-    text = f"{word}: error {result.rmse / result.noise.std:.3g} × the noise; {result.verdict()}."
+    text = f"{word}: error {times(result.rmse / result.noise.std)} × the noise; {result.verdict()}."
     return text, "good" if result.passed else "bad"
 
 
@@ -71,16 +72,20 @@ def _sure(board: Board, diagnosis: LastDiagnosis | None) -> str:
     parts = []
     if diagnosis is not None and diagnosis.is_current:
         parts.append(f"confidence {percent(diagnosis.content['verdict']['confidence'])}")
-    shares = [
-        f"{letter} to {_share(board.tilt[name])}" for letter, name in (("k", "stiffness"), ("d", "damping"))
-    ]
-    return "; ".join([*parts, f"{' and '.join(shares)}, 95 %"]) + "."
+    known = {"k": board.tilt["stiffness"], "d": board.tilt["damping"]}
+    known |= {
+        part.name: next(iter(part.parameters.values()))
+        for part in board.effects
+        if not effect(part.name).is_known
+    }
+    shares = [f"{name} to {_share(quantity)}" for name, quantity in known.items() if quantity.value]
+    return "; ".join([*parts, *([f"{', '.join(shares)}, 95 %"] if shares else [])]) + "."
 
 
 def _share(quantity: Quantity) -> str:
     """Return the half width of an interval as a share of its value."""
     low, high = quantity.ci95
-    return f"±{50 * (high - low) / abs(quantity.value):.2g} %" if quantity.value else f"± {quantity.number}"
+    return f"±{50 * (high - low) / abs(quantity.value):.2g} %"
 
 
 def next_step(
@@ -106,5 +111,9 @@ def next_step(
     if not evidence.comparison.passed:
         return f"Refit stiffness and damping: husky-sysid fit {end}"
     if not board.passed:
-        return f"Check the scene that policies train in: husky-sysid check {end}"
-    return f"It is ready: husky-sysid mjcf --board {board.name}, or husky-sysid train --board {board.name}"
+        where = "the scene that policies train in" if board.geometry else "it in MuJoCo"
+        return f"Check {where}: husky-sysid check {end}"
+    if board.model:
+        return f"It is ready: {board.model['file']}"
+    train = f", or husky-sysid train --board {board.name}" if board.geometry else ""
+    return f"It is ready: husky-sysid mjcf --board {board.name}{train}"

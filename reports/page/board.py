@@ -29,14 +29,14 @@ from reports.page.page import (
     verdict,
     warning_list,
 )
-from reports.page.summary import effect_lines, law_text, parameters, pretty, three
+from reports.page.summary import effect_lines, law_text, parameters, pretty, title
 from reports.playground import playground
 from reports.story import release_name, story_of_board
 from sysid.board import Board
 from sysid.diagnosis.signatures import ALIKE, SEEN, LookAlikes
 from sysid.effects import effect
 from sysid.quantity import Quantity
-from sysid.text import count, percent
+from sysid.text import count, display, percent
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -83,7 +83,7 @@ def board_report(
         provenance: For the last section.
         diagnosis: The board's last one, where there is one.
     """
-    page = Page(title=f"Board {board.name}", subtitle=board.description)
+    page = Page(title=title(board), subtitle=board.description)
     page.lead = "\n".join(_lead(board, evidence, diagnosis, files))
     with page_style():
         if evidence is not None:
@@ -201,7 +201,12 @@ def _inertia_share(board: Board) -> list[str]:
 
 
 def _law(board: Board) -> list[str]:
-    parts = [law(law_text(board)), paragraph("SI units, radians; φ is the roll, right edge down positive.")]
+    what = (
+        "the roll, right edge down positive"
+        if board.geometry
+        else "the joint's position, with the sign of the log"
+    )
+    parts = [law(law_text(board)), paragraph(f"SI units{'' if board.slides else ', radians'}; φ is {what}.")]
     lines = effect_lines(board)
     if lines:
         parts.append(table(("effect", "law", "what it does"), lines))
@@ -210,12 +215,12 @@ def _law(board: Board) -> list[str]:
 
 def _releases(evidence: Evidence) -> list[str]:
     result = evidence.comparison
-    scale, unit = (1.0, " rad/s") if result.is_rate else (float(np.degrees(1.0)), "°")
+    show, first = result.show, display(is_rate=False, slides=result.slides)
     drawn: list[tuple[str, str]] = []
     for i, release in enumerate(result.releases[:MOST_RELEASES]):
         name = release_name(result, i)
         caption = (
-            f"{name}: error {three(scale * release.rmse)}{unit}, {release.rmse / result.noise.std:.2f} times the "
+            f"{name}: error {show(release.rmse, 3)}, {release.rmse / result.noise.std:.2f} times the "
             "noise. Below, the residual over ±2σ of the sensor's noise in grey."
         )
         drawn.append((name, _figure(board_figures.release_figure(evidence, i), f"release{i + 1}", caption)))
@@ -223,8 +228,8 @@ def _releases(evidence: Evidence) -> list[str]:
         (
             release_name(result, i),
             release.side,
-            f"{three(np.degrees(release.amplitude))}°",
-            f"{three(scale * part.rmse)}{unit}",
+            first(release.amplitude, 3),
+            show(part.rmse, 3),
             f"{part.rmse / result.noise.std:.2f}",
         )
         for i, (part, release) in enumerate(zip(result.releases, evidence.releases, strict=True))
@@ -233,7 +238,16 @@ def _releases(evidence: Evidence) -> list[str]:
     return [
         choices(drawn),
         paragraph(f"{count(left, 'more release')} in the table only.") if left > 0 else "",
-        table(("release", "edge down", "first amplitude", "RMS error", "error / noise"), rows),
+        table(
+            (
+                "release",
+                "edge down" if evidence.board.geometry else "side",
+                "first amplitude",
+                "RMS error",
+                "error / noise",
+            ),
+            rows,
+        ),
     ]
 
 
@@ -255,13 +269,13 @@ def _where(evidence: Evidence) -> list[str]:
 
 def _history(board: Board) -> str:
     if board.history:
-        rate = board.fit.get("unit") == "rad/s"
+        show = display(is_rate=board.fit.get("unit") in ("rad/s", "m/s"), slides=board.slides)
         rows = [
             (
                 str(line.get("date", "")),
                 ", ".join(line.get("effects", [])) or "spring and damper",
                 *(
-                    _error(line.get(key), rate=rate)
+                    "-" if line.get(key) is None else show(line[key], 3)
                     for key in ("rmse_before", "rmse", "heldout_rmse", "noise_floor")
                 ),
             )
@@ -269,12 +283,6 @@ def _history(board: Board) -> str:
         ]
         return table(("date", "model", "error before", "after", "on left-out releases", "noise floor"), rows)
     return paragraph("The record holds no fit yet: its numbers come from its source.")
-
-
-def _error(value: object, *, rate: bool) -> str:
-    if not isinstance(value, int | float):
-        return "-"
-    return f"{three(value)} rad/s" if rate else f"{three(np.degrees(value))}°"
 
 
 def _look_alikes(board: Board, evidence: Evidence | None) -> list[str]:

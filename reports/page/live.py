@@ -26,7 +26,7 @@ def live_page(session: Session, version: int, log: str) -> str:
         version: Goes up with each page; the page asks for it to know when it is old.
         log: Where the log is kept.
     """
-    page = Page(title=f"Live: board {session.board.name}", subtitle=f"kept in {log}")
+    page = Page(title=f"Live: {session.board.name}", subtitle=f"kept in {log}")
     decay = session.decay
     numbers = "None yet." if decay is None else ", ".join(
         f"{letter} = {getattr(decay.numbers, name)}" for name, letter in NAMES.items()

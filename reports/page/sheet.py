@@ -7,7 +7,7 @@ from reports.evidence import Evidence, LastDiagnosis, LogFile
 from reports.figures.one_page import one_page
 from reports.page.answers import four_answers
 from reports.page.board import Provenance, made_of
-from reports.page.summary import law_text, parameters, pretty
+from reports.page.summary import law_text, parameters, pretty, title
 from reports.story import story_of_board
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def board_sheet(
     table = [(name, pretty(str(quantity))) for name, quantity in parameters(board).items()]
     logs = [("log", f"{file.path} · sha256 {file.digest} · {file.state}") for file in files]
     return one_page(
-        f"Board {board.name}: {board.description}",
+        f"{title(board)}: {board.description}",
         four_answers(board, evidence, diagnosis, files),
         law_text(board),
         table,

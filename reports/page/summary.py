@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
-
 from reports.evidence import Evidence
 from sysid.board import Board
 from sysid.effects import effect
@@ -34,9 +32,8 @@ def board_summary(evidence: Evidence) -> str:
         "|---|---|---|",
     ]
     for release in result.releases:
-        error = f"{three(release.rmse)} rad/s" if result.is_rate else f"{three(np.degrees(release.rmse))}°"
         lines.append(
-            f"| {Path(release.log).name} {release.number} | {error} | {release.rmse / result.noise.std:.2f} |"
+            f"| {Path(release.log).name} {release.number} | {result.show(release.rmse, 3)} | {release.rmse / result.noise.std:.2f} |"
         )
     if len(evidence.ladder) > 1:
         lines += ["", "| model, fitted | error / noise |", "|---|---|"]
@@ -63,12 +60,21 @@ def decay_summary(board: str, decay: FreeDecay) -> str:
     return "\n".join(lines) + "\n"
 
 
+def title(board: Board) -> str:
+    """Return what a board is called, or a joint without a deck."""
+    return f"{'Board' if board.geometry else 'Joint'} {board.name}"
+
+
 def parameters(board: Board) -> dict[str, Quantity]:
     """Return inertia, stiffness, damping, rest angle and all effects' parameters."""
     own = {"roll inertia": board.inertia}
     own |= {name.replace("_", " "): board.tilt[name] for name in ("stiffness", "damping", "rest_angle")}
     for part in board.effects:
-        own |= {f"{part.name}: {name.replace('_', ' ')}": value for name, value in part.parameters.items()}
+        own |= {
+            f"{part.name}: {name.replace('_', ' ')}": value
+            for name, value in part.parameters.items()
+            if value.value or not effect(part.name).is_known
+        }
     return own
 
 

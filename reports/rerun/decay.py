@@ -314,12 +314,12 @@ def _log_missing(stream: "rr.RecordingStream", result: Comparison) -> None:
         return
     from matplotlib.figure import Figure
 
-    from reports.figures.compare import draw_profile
+    from reports.figures.compare import draw_profile, profiles
 
     figure = Figure(figsize=(6.4, 6.4), layout="constrained")
-    upper, lower = figure.subplots(2, 1)
-    draw_profile(upper, result.missing.over_rate, "rate [rad/s]", "torque that the model lacks")
-    draw_profile(lower, result.missing.over_angle, "tilt [°]", scale=float(np.degrees(1.0)))
+    drawn = profiles(result.missing, slides=result.slides)
+    for axes, (profile, show) in zip(figure.subplots(2, 1), drawn, strict=True):
+        draw_profile(axes, profile, show, slides=result.slides)
     picture = io.BytesIO()
     figure.savefig(picture, format="png", dpi=130, facecolor="white")
     stream.log(

@@ -9,30 +9,32 @@ A model that holds one (`husky-sysid mjcf`) carries its tables as custom numbers
 adds the rest to the passive torques of every such model; without it the tables of the tilt still act, as tendons.
 """
 
-from collections.abc import Callable
-
 import mujoco
 
-from sysid.effects.learned import NUMERIC, remainder
+from sysid.effects.learned import NUMERIC, Remainder
 
-Left = list[tuple[int, int, Callable[[float, float], float]]]
+Left = list[tuple[int, int, Remainder]]
 
 
 def left_out(model: mujoco.MjModel) -> Left:
-    """Return (address in qpos, in qvel, torque [N*m] of position [rad] and rate [rad/s]) of each learned torque of a model."""
+    """Return (address in qpos, in qvel, what is left out) of each learned torque of a model."""
     found: Left = []
     for index in range(model.nnumeric):
         name = model.numeric(index).name
         if NUMERIC in name:
             joint = model.joint(name.split(NUMERIC)[0])
-            found.append((int(joint.qposadr[0]), int(joint.dofadr[0]), remainder(model.numeric(index).data)))
+            found.append(
+                (int(joint.qposadr[0]), int(joint.dofadr[0]), Remainder.of(model.numeric(index).data))
+            )
     return found
 
 
 def apply(left: Left, data: mujoco.MjData) -> None:
     """Set what is left out as applied torque, for the step that comes."""
+    for _, v, _ in left:
+        data.qfrc_applied[v] = 0.0
     for q, v, torque in left:
-        data.qfrc_applied[v] = torque(float(data.qpos[q]), float(data.qvel[v]))
+        data.qfrc_applied[v] += torque(float(data.qpos[q]), float(data.qvel[v]))
 
 
 _KNOWN: dict[bytes, Left] = {}

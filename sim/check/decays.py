@@ -12,6 +12,7 @@ from sysid.board import Board
 from sysid.errors import SysidError
 from sysid.joint import JointLaw
 from sysid.joint.sensor import clock_ratio, sense
+from sysid.progress import steps
 from sysid.quantity import Z95
 from sysid.roll import Array, Release
 
@@ -125,7 +126,7 @@ def check_scene(
     Raises:
         SysidError: No decay stays within the scene's tilt range for long enough.
     """
-    return SceneCheck(tuple(_compare(board, scene, release) for release in releases), tolerance)
+    return SceneCheck(tuple(_compare(board, scene, release) for release in steps(releases)), tolerance)
 
 
 def _compare(board: Board, scene: ClampedScene, release: Release) -> ReleaseCheck:

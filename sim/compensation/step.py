@@ -27,7 +27,11 @@ from sysid.effects._base import JointState, SupportEffect, TorqueEffect
 from sysid.errors import SysidError
 from sysid.joint import JointLaw, simulate
 from sysid.joint.sampled import continuous_map, joint_of_map
+from sysid.progress import steps
 from sysid.roll import Array
+
+USUAL_STEPS = 8
+"""Steps that a search of this kind mostly takes: what the bar expects."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -189,6 +193,7 @@ def fit_inertia_and_damping(
     turned = 2 + 2 * sum(isinstance(effect(part.name), SupportEffect) for part in start.effects)
 
     def misfit(knobs: Array) -> Array:
+        next(tries, None)
         model = build(_knobs(start, knobs))
         return np.concatenate(
             [
@@ -205,6 +210,7 @@ def fit_inertia_and_damping(
     # A stop pushes harder than the spring, and half a step of its push can be more than the board's own speed.
     reach = [*(1.5 for _ in range(turned)), *(max(1.0, 2 * abs(rate)) for rate in guess[turned:])]
     bounds = (-np.array(reach), reach)
+    tries = iter(steps(range(USUAL_STEPS * (len(guess) + 1))))
     found = least_squares(misfit, guess, bounds=bounds, diff_step=1e-4, xtol=1e-7, ftol=1e-9, max_nfev=25)
     return _knobs(start, found.x)
 

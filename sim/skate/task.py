@@ -16,7 +16,7 @@ from sim.skate.mdp.rewards import Task, rewards
 from sim.skate.options import NOMINAL, SkateOptions
 from sim.skate.robot.g1 import JOINTS, default_pose, motor_of
 from sim.skate.robot.poses import load_poses
-from sim.skate.world.posterior import draw_boards, tilt_draws
+from sim.skate.world.posterior import TiltDraws, draw_boards, tilt_draws
 from sim.skate.world.scene import (
     DECIMATION,
     SceneOptions,
@@ -59,17 +59,26 @@ def skate_env_cfg(
     from mjlab.envs.mdp.actions import JointPositionActionCfg
 
     from sim.skate.mdp.delay import DelayedJointPositionCfg
+    from sim.skate.mdp.learned_torque import LearnedTorqueCfg
     from sim.skate.mdp.trucks import TruckSetterCfg
 
     scene = SceneOptions(coupling=options.coupling, steered=options.steered, terrain=options.terrain)
     command = skate_command_cfg(board, options)
-    rake = board.geometry["rake"].value
+    draws = _draws(board, options, scene, seed)
     delayed = options.variation != NOMINAL
-    action = (DelayedJointPositionCfg if delayed else JointPositionActionCfg)(
-        entity_name="robot",
-        actuator_names=(".*",),
-        scale={joint: motor_of(joint).action_scale for joint in JOINTS},
-        use_default_offset=True,
+    actions: dict[str, Any] = {
+        "joint_pos": (DelayedJointPositionCfg if delayed else JointPositionActionCfg)(
+            entity_name="robot",
+            actuator_names=(".*",),
+            scale={joint: motor_of(joint).action_scale for joint in JOINTS},
+            use_default_offset=True,
+        )
+    }
+    if options.coupling == "direct":
+        rake = board.geometry["rake"].value
+        actions["trucks"] = TruckSetterCfg(entity_name="board", rake=rake if options.steered else 0.0)
+    actions["learned"] = LearnedTorqueCfg(
+        entity_name="board", dampers=None if draws is None else draws.learned_dampers
     )
     return ManagerBasedRlEnvCfg(
         scene=mjlab_scene(board, scene, environments),
@@ -78,16 +87,11 @@ def skate_env_cfg(
         episode_length_s=options.episode,
         seed=seed,
         observations=_observations(options),
-        actions={"joint_pos": action}
-        if options.coupling == "equality"
-        else {
-            "joint_pos": action,
-            "trucks": TruckSetterCfg(entity_name="board", rake=rake if options.steered else 0.0),
-        },
+        actions=actions,
         commands={"skate": command},
         rewards=reward_terms(options, command, clips),
         terminations=_terminations(options),
-        events=_events(board, options, scene, seed),
+        events=_events(options, draws),
     )
 
 
@@ -199,7 +203,17 @@ def _terminations(options: SkateOptions) -> "dict[str, TerminationTermCfg]":
     return ends
 
 
-def _events(board: Board, options: SkateOptions, scene: SceneOptions, seed: int) -> "dict[str, EventTermCfg]":
+def _draws(board: Board, options: SkateOptions, scene: SceneOptions, seed: int) -> TiltDraws | None:
+    """Return the boards that worlds have in turn; None where all have the record's."""
+    if options.boards == 0:
+        return None
+    boards = draw_boards(
+        as_written(board, scene), options.boards, options.spread, np.random.default_rng(seed)
+    )
+    return tilt_draws(boards, scene.timestep)
+
+
+def _events(options: SkateOptions, draws: TiltDraws | None) -> "dict[str, EventTermCfg]":
     from mjlab.envs.mdp import dr
     from mjlab.managers.event_manager import EventTermCfg
     from mjlab.managers.scene_entity_config import SceneEntityCfg
@@ -251,10 +265,7 @@ def _events(board: Board, options: SkateOptions, scene: SceneOptions, seed: int)
     if options.variation != NOMINAL:
         events["worlds"] = startup(Worlds, variation=options.variation)
         events["slope"] = EventTermCfg(func=draw_slope, mode="reset")
-    if options.boards > 0:
-        rng = np.random.default_rng(seed)
-        written = as_written(board, scene)
-        draws = tilt_draws(draw_boards(written, options.boards, options.spread, rng), scene.timestep)
+    if draws is not None:
         steers = options.steered and options.coupling == "equality"
         couplings = tuple(f"board/{name.replace('joint', 'coupling')}" for name in TRUCK_JOINTS)
         events["board"] = startup(

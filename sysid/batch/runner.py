@@ -85,11 +85,11 @@ def _backend(cluster: str | None) -> Generator[str]:
             with Client(cluster, timeout="20s"):
                 yield kind
         else:
-            import_module("ray").init(address=cluster)
-            import_module("ray.util.joblib").register_ray()
-            yield kind
+            with import_module("ray").init(address=cluster):
+                import_module("ray.util.joblib").register_ray()
+                yield kind
     except ImportError as error:
-        package = "husky-sysid[cluster]" if kind == "dask" else "ray"
+        package = "husky-sysid[cluster]" if kind == "dask" else "ray[client]"
         raise SysidError(
             f"--cluster {cluster}: {kind} is not installed. Run `pip install '{package}'`."
         ) from error

@@ -34,12 +34,11 @@ def batch(
         cluster: Address of a Dask scheduler (tcp://HOST:8786) or a Ray cluster (ray://HOST:10001) that runs the jobs
             instead; it must see the logs under the same paths.
     """
-    from rich.progress import Progress
-
     from reports.page.batch import batch_page
     from sysid.batch.jobs import COLUMNS, run_job, table_row, unfinished
     from sysid.batch.manifest import read_manifest
     from sysid.batch.runner import read_rows, run_all
+    from sysid.cli.bars import bar
 
     printer = Printer(common)
     printer.keep([manifest])
@@ -50,7 +49,7 @@ def batch(
     with locked(file):
         waiting, rows = unfinished(jobs, root, read_rows(file))
         printer.note(f"{count(len(jobs), 'job')}, {len(rows)} of them done before")
-        with Progress(console=printer.stderr, transient=True) as progress:
+        with bar(printer) as progress:
             task = progress.add_task("jobs", total=len(waiting))
             for row in run_all(run_job, waiting, file, workers=workers or -1, cluster=cluster):
                 rows.append(dict(row))

@@ -50,6 +50,8 @@ def check(
     from sim.board.bodies import TILT_JOINT
     from sim.check.verdict import judge
     from sim.compensation.scene import bench_scene, compensate, scene_from_file, training_scene
+    from sysid.cli.bars import working
+    from sysid.progress import stage
 
     require_share("--tolerance", tolerance)
     if timestep is not None and not 0 < timestep <= 0.05:
@@ -73,20 +75,22 @@ def check(
     else:
         step = timestep or 0.005
         alone = not record.geometry
-        written = compensate(
-            record,
-            "step-compensated" if alone and export == "in-scene" else export,
-            timestep=step,
-            integrator=integrator,
-            coupling=coupling,
-        )
+        with working(printer), stage(0.0, 1.0, "compensating the step"):
+            written = compensate(
+                record,
+                "step-compensated" if alone and export == "in-scene" else export,
+                timestep=step,
+                integrator=integrator,
+                coupling=coupling,
+            )
         printer.note("; ".join(written.lines()))
         scene = (
             bench_scene(written.board, timestep=step, integrator=integrator)
             if alone
             else training_scene(written.board, timestep=step, integrator=integrator, coupling=coupling)
         )
-    verdict = judge(record, scene, releases, tolerance=tolerance)
+    with working(printer), stage(0.0, 1.0, "letting go in the scene"):
+        verdict = judge(record, scene, releases, tolerance=tolerance)
     for note in verdict.notes:
         printer.note(note)
     printer.say(verdict.report(printer.width))

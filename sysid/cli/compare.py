@@ -37,7 +37,9 @@ def compare(
         rerun: Write a Rerun recording (.rrd) here.
     """
     from reports.evidence import find_logs
+    from sysid.cli.bars import working
     from sysid.comparison.compare import compare as compare_recordings
+    from sysid.progress import stage
 
     require_share("--tolerance", tolerance)
     printer = Printer(common)
@@ -48,7 +50,8 @@ def compare(
     material = read_logs(files, arguments, printer, films=rerun is not None)
     record, recordings = subject.posed(record, list(material.recordings), setups)
     material = replace(material, recordings=tuple(recordings))
-    result = compare_recordings(material.recordings, record, tolerance=tolerance)
+    with working(printer), stage(0.0, 1.0, "comparing"):
+        result = compare_recordings(material.recordings, record, tolerance=tolerance)
     printer.warnings(result.warnings, material.recordings)
     content = result.to_json()
     folder = common.space.outputs(record.name)

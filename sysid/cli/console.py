@@ -2,8 +2,7 @@
 
 import json
 import sys
-from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -28,9 +27,6 @@ LOG, FILM, FIT, OUTPUT = (
     Group(name, sort_key=place) for place, name in enumerate(("Log", "Film", "Fit", "Output"), 1)
 )
 """What options belong to, in the order of a command's help."""
-
-Progress = Callable[[str, float], None]
-"""Told what is being done, and which share of it is."""
 
 
 @Parameter(name="*", group=OUTPUT)
@@ -171,20 +167,3 @@ def require_share(option: str, value: float) -> None:
     """
     if not 0 < value < 1:
         raise SysidError(f"{option} {value:g}: expected a share between 0 and 1, such as 0.02.")
-
-
-@contextmanager
-def progress_bar(printer: Printer) -> Generator[Progress | None]:
-    """Show a bar on stderr, on a terminal only."""
-    if not printer.stderr.is_terminal:
-        yield None
-        return
-    from rich.progress import Progress as Bar
-
-    with Bar(console=printer.stderr, transient=True) as bar:
-        task = bar.add_task("", total=1.0)
-
-        def update(what: str, share: float) -> None:
-            bar.update(task, description=what, completed=share)
-
-        yield update

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter, validators
 
-from sysid.cli.console import FIT, Common, Printer, progress_bar, write_figure
+from sysid.cli.console import FIT, Common, Printer, write_figure
 from sysid.cli.log_options import LogArguments, load_recordings
 from sysid.cli.parameter_options import parse_fixed
 from sysid.cli.subject import Subject
@@ -34,6 +34,7 @@ def diagnose(
     """
     from reports.figures.story import story_figure
     from reports.story import for_report, story_of_diagnosis
+    from sysid.cli.bars import told_bar
     from sysid.diagnosis.diagnose import diagnose as search
     from sysid.diagnosis.report import headline
 
@@ -41,7 +42,7 @@ def diagnose(
     record = subject.load(common, printer)
     logs, setups = subject.logs(logs)
     record, recordings = subject.posed(record, load_recordings(logs, arguments, printer), setups)
-    with progress_bar(printer) as progress:
+    with told_bar(printer) as progress:
         result = search(recordings, record, fixed=parse_fixed(fix), workers=workers, progress=progress)
     printer.warnings(result.warnings, recordings)
     printer.say(result.report(printer.width))

@@ -119,11 +119,10 @@ def evaluate(
         output: Folder for the picture; reports/BOARD of the workspace if not given.
         force: Run where policy and board disagree, or the board has not passed `check`.
     """
-    from rich.progress import Progress
-
     from policy_runtime.evaluation.parallel import evaluate_in_parallel
     from policy_runtime.evaluation.plain import Protocol, evaluate_policy
     from policy_runtime.evaluation.suite import SUITE
+    from sysid.cli.bars import bar
 
     if episodes < 1 or seeds < 1:
         raise SysidError(f"--episodes {episodes} --seeds {seeds}: both must be at least 1.")
@@ -137,7 +136,7 @@ def evaluate(
     processes = workers or len(os.sched_getaffinity(0))
     measure = evaluate_in_parallel if simulator == "mjlab" else partial(evaluate_policy, workers=processes)
     rides: list[tuple[str, Evaluation]] = []
-    with Progress(console=printer.stderr, transient=True) as progress:
+    with bar(printer) as progress:
         for name, protocol in SUITE if suite else (("as asked for", given),):
             for one in policies:
                 task = progress.add_task(f"{Path(one).stem}, {name}", total=episodes * seeds)

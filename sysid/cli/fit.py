@@ -60,9 +60,11 @@ def fit(
         output: The patched copy of a model; MODEL_JOINT.xml beside it if left out. A board has none.
         any_period: Save a natural period above 100 s or below 1 ms too, which else is taken for a wrong unit of time.
     """
+    from sysid.cli.bars import working
     from sysid.fit_mjcf import fit as fit_recordings
     from sysid.fitting.joint import check_effects
     from sysid.fitting.learned_torque import tables_of
+    from sysid.progress import stage
 
     printer = Printer(common)
     record = subject.load(common, printer)
@@ -75,17 +77,18 @@ def fit(
         require_enough(bootstrap)
     logs, setups = subject.logs(logs)
     record, recordings = subject.posed(record, load_recordings(logs, arguments, printer), setups)
-    result = fit_recordings(
-        recordings,
-        record,
-        effect,
-        plain=plain,
-        robust=robust,
-        fixed=fixed,
-        bounds=bounds,
-        priors=[SHORT.get(name, name) for name in prior],
-        any_period=any_period,
-    )
+    with working(printer), stage(0.0, 1.0, "fitting"):
+        result = fit_recordings(
+            recordings,
+            record,
+            effect,
+            plain=plain,
+            robust=robust,
+            fixed=fixed,
+            bounds=bounds,
+            priors=[SHORT.get(name, name) for name in prior],
+            any_period=any_period,
+        )
     for name, (value, std) in result.joint.problem.priors.items():
         quantity = (
             replace(result.quantities[name], value=value, std=std)
@@ -96,14 +99,19 @@ def fit(
     printer.warnings(result.warnings, recordings)
     if result.joint.nonsmooth and not profile:
         printer.note("With friction or stops the intervals may be lopsided; --profile computes them exactly.")
-    new = result.updated_board({common.space.named(log): log for log in logs})
     scene: Compensation | None = None
-    if in_scene:
-        from sim.compensation.scene import compensate_in_scene
+    with working(printer):
+        with stage(0.0, 0.3, "predicting releases that are left out"):
+            new = result.updated_board({common.space.named(log): log for log in logs})
+        if in_scene:
+            from sim.compensation.scene import compensate_in_scene
 
-        scene = compensate_in_scene(new)
-        new = replace(new, fit={**new.fit, "in_scene": scene.entry()})
-    printer.say(result.report(printer.width))
+            with stage(0.3, 0.6, "in the scene"):
+                scene = compensate_in_scene(new)
+            new = replace(new, fit={**new.fit, "in_scene": scene.entry()})
+        with stage(0.6, 1.0, "simpler models"):
+            text = result.report(printer.width)
+    printer.say(text)
     intervals = show_intervals(result.joint, record, common, printer, profile=profile, draws=bootstrap)
     for line in scene.lines() if scene else ():
         printer.say(line)
@@ -155,7 +163,7 @@ def _draw_learned(common: Common, result: "Fit") -> Path:
     from reports.figures.learned import learned_figure
 
     title = f"{result.before.name}: {result.formula.text if result.formula else 'nothing was learned'}"
-    figure = learned_figure(result.joint, result.formula, title)
+    figure = learned_figure(result.joint, result.formula, title, slides=result.before.slides)
     return write_figure(common.space.outputs(result.before.name) / "learned.png", figure)
 
 

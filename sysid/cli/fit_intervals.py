@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 from sysid.board import Board
 from sysid.cli.console import Common, Printer, write_figure
+from sysid.progress import stage
 
 if TYPE_CHECKING:
     from sysid.fitting.bootstrap import Bootstrap
@@ -29,9 +30,8 @@ def show_intervals(
     """
     if not profile and not draws:
         return {}
-    from rich.progress import Progress
-
     from reports.figures.intervals import interval_figure
+    from sysid.cli.bars import working
     from sysid.fitting.bootstrap import bootstrap
     from sysid.fitting.intervals import agreements
     from sysid.fitting.profile import profiles
@@ -39,15 +39,13 @@ def show_intervals(
 
     shapes: list[Profile] = []
     again: Bootstrap | None = None
-    with Progress(console=printer.stderr, transient=True, disable=not printer.stderr.is_terminal) as bar:
+    with working(printer):
         if profile:
-            task = bar.add_task("profiles", total=len(fit.quantities))
-            for shape in profiles(fit, board):
-                shapes.append(shape)
-                bar.advance(task)
+            with stage(0.0, 1.0 if not draws else 0.5, "profiles"):
+                shapes = list(profiles(fit, board))
         if draws:
-            task = bar.add_task("bootstrap", total=draws)
-            again = bootstrap(fit, board, draws, progress=lambda done: bar.update(task, completed=done))
+            with stage(0.5 if profile else 0.0, 1.0, "bootstrap"):
+                again = bootstrap(fit, board, draws)
     verdicts = agreements(fit.quantities, shapes, again)
     printer.say(interval_report(fit, shapes, again, verdicts, printer.width))
     title = f"{board.name}: how far each parameter can move while the others follow"

@@ -24,6 +24,7 @@ from sysid.live.session import Session
 from sysid.logs import read_roll
 from sysid.recording import Recording
 from sysid.roll import Array
+from sysid.text import display
 from sysid.workspace import shipped_data
 
 EVERY = 0.2
@@ -102,7 +103,8 @@ def _warm_up(board: Board) -> None:
 
 def _say(session: Session, printer: Printer) -> None:
     last = session.releases[-1]
-    where = f"release {len(session.releases)}: {np.degrees(last.amplitude):.2g}° from the {last.side}"
+    first = display(is_rate=False, slides=session.board.slides)(last.amplitude, 2)
+    where = f"release {len(session.releases)}: {first} from the {last.side}"
     if session.trouble or not session.history:
         printer.warn(f"{where}: {session.trouble}")
     else:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from sysid.cli.console import FILM, LOG, Printer, progress_bar
+from sysid.cli.console import FILM, LOG, Printer
 from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
 from sysid.logs.sources.registry import sources
@@ -159,7 +159,9 @@ def reading(arguments: LogArguments, printer: Printer, *, shown: bool) -> Genera
     if not shown:
         yield options
         return
-    with progress_bar(printer) as progress:
+    from sysid.cli.bars import told_bar
+
+    with told_bar(printer) as progress:
         yield replace(options, video=replace(options.video or VideoOptions(), progress=progress))
 
 

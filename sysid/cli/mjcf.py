@@ -44,6 +44,8 @@ def mjcf(
     """
     from sim.board.bodies import substituted
     from sim.mjcf import board_mjcf
+    from sysid.cli.bars import working
+    from sysid.progress import stage
 
     if bench and scene:
         raise SysidError("--bench and --scene exclude each other.")
@@ -52,15 +54,16 @@ def mjcf(
     printer = Printer(common)
     record = common.space.load_board(board)
     kind = "bench" if bench else "scene"
-    made = board_mjcf(
-        record,
-        kind,
-        timestep=timestep,
-        integrator=integrator,
-        export=export,
-        coupling=coupling,
-        exact_effects=not substitutes,
-    )
+    with working(printer), stage(0.0, 1.0, "compensating the step"):
+        made = board_mjcf(
+            record,
+            kind,
+            timestep=timestep,
+            integrator=integrator,
+            export=export,
+            coupling=coupling,
+            exact_effects=not substitutes,
+        )
     done = made.compensation
     error = f"the unloaded decay of this {kind} is {100 * done.decay_error:.1f} % off the board's"
     why = _why(kind, coupling, made.export)

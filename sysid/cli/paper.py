@@ -40,11 +40,10 @@ def paper(
         force: Ride where policy and board disagree.
         output: Folder for paper.md, paper.json and the pictures; reports/paper of the workspace if not given.
     """
-    from rich.progress import Progress
-
     from policy_runtime.evaluation.plain import evaluate_policy
     from reports.paper.parts import PARTS
     from reports.paper.runs import load_runs
+    from sysid.cli.bars import bar
     from sysid.files import write_atomically, write_json
 
     if episodes < 1 or seeds < 1:
@@ -53,7 +52,7 @@ def paper(
     manifest = load_runs(runs)
     folder = output or common.space.outputs("paper")
     processes = workers or len(os.sched_getaffinity(0))
-    with Progress(console=printer.stderr, transient=True) as progress:
+    with bar(printer) as progress:
         measured: dict[str, Evaluation] = {}
 
         def measure(run: "Run", protocol: "Protocol") -> "Evaluation":

@@ -8,7 +8,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sysid.cli.console import OUTPUT, Common, Printer, progress_bar, write_figure
+from sysid.cli.console import OUTPUT, Common, Printer, write_figure
 from sysid.cli.log_options import LogArguments
 from sysid.cli.subject import Subject
 from sysid.cli.view import logs_of, no_logs, read_logs
@@ -38,26 +38,33 @@ def report(
     """
     from reports.evidence import gather, last_diagnosis
     from reports.page.board import Provenance, board_report
+    from sysid.cli.bars import working
+    from sysid.progress import stage
 
     printer = Printer(common)
     space = common.space
     record = subject.load(common, printer)
     files = logs_of(record, logs, arguments, printer, output)
     material = read_logs(files, arguments, printer)
-    evidence = None
-    if material.recordings:
-        with progress_bar(printer) as progress:
-            evidence = gather(
-                record, material.recordings, files=files, tolerance=tolerance, progress=progress,
-                stood=space.first(record.name),
-            )  # fmt: skip
     provenance = Provenance(
         command=shlex.join(["husky-sysid", *sys.argv[1:]]),
         made=date.today().isoformat(),
         record=str(subject.model) if subject.model else _shown(space.board_path(record.name), space.root),
     )
     diagnosis = last_diagnosis(record, space)
-    page = board_report(record, evidence, files, provenance, diagnosis)
+    evidence = None
+    with working(printer):
+        if material.recordings:
+            with stage(0.0, 0.6):
+                evidence = gather(
+                    record,
+                    material.recordings,
+                    files=files,
+                    tolerance=tolerance,
+                    stood=space.first(record.name),
+                )
+        with stage(0.6, 1.0, "drawing"):
+            page = board_report(record, evidence, files, provenance, diagnosis)
     path = output or space.outputs(record.name) / "report.html"
     write_atomically(path, page)
     printer.say(f"written: {path} ({len(page.encode()) / 1e6:.2f} MB)")

@@ -1,5 +1,6 @@
 """`husky-sysid roll`: the roll angle of any log or film, as a plain table."""
 
+import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -11,6 +12,7 @@ from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.cli.log_options import LogArguments, load_roll, refuse_overwriting_logs
 from sysid.errors import SysidError
 from sysid.files import atomic_path
+from sysid.video.options import is_film
 
 UNSURE = 0.004
 """Uncertainty of an offset from which one doubts it [s]: records of one release agree to 2 ms."""
@@ -22,6 +24,7 @@ def roll(
     *,
     output: Annotated[Path, Parameter(name=("--output", "-o"), group=OUTPUT)],
     align: Path | None = None,
+    preview: Annotated[bool, Parameter(negative="")] = False,
     arguments: LogArguments = LogArguments(),
     common: Common = Common(),
 ) -> int:
@@ -31,6 +34,7 @@ def roll(
         log: CSV, Parquet, MCAP, phone export (zip or folder) or video.
         output: CSV file to write: time_s, roll_rad, roll_std_rad.
         align: Another record of the same motion (film or log): times become those of its clock.
+        preview: Of a film, only show what will be followed, and let the region of the board be drawn.
     """
     printer = Printer(common)
     overlay = arguments.video.overlay
@@ -39,6 +43,8 @@ def roll(
     refuse_overwriting_logs(
         [log, *([] if align is None else [align])], arguments, printer, {"--output": output}
     )
+    if preview:
+        return _preview(log, output, arguments, printer)
     signal = load_roll(log, arguments, printer)
     offset = None
     if align is not None:
@@ -86,5 +92,30 @@ def roll(
             "notes": list(signal.notes),
             "warnings": list(signal.warnings),
         }
+    )
+    return 0
+
+
+def _preview(log: Path, output: Path, arguments: LogArguments, printer: Printer) -> int:
+    """Write the page beside the output, and open it where there is a display."""
+    if not is_film(log):
+        raise SysidError(f"--preview: {log} is no film. Leave it out.")
+    import webbrowser
+    from contextlib import closing
+
+    from sysid.video.film.camera import lens_of
+    from sysid.video.film.frames import open_clip
+    from sysid.video.film.reel import Reel
+    from sysid.video.preview import write_preview
+
+    options = replace(arguments.video.options, rate=arguments.rate)
+    clip, page = open_clip(log), output.with_suffix(".html")
+    command = shlex.join(["husky-sysid", "roll", str(log), "-o", str(output)])
+    with closing(Reel(clip, lens_of(clip, options.calibration), options)) as reel:
+        what = write_preview(reel, command, page)
+    shown = printer.common.json is None and webbrowser.open(page.absolute().as_uri())
+    printer.say(f"{page if shown else page.with_suffix('.png')}: {what}")
+    printer.result(
+        {"log": str(log), "page": str(page), "picture": str(page.with_suffix(".png")), "what": what}
     )
     return 0

@@ -127,4 +127,6 @@ class Subject:
 
     def save(self, record: Board, since: Board, common: Common) -> Path:
         """Write a record into the workspace; that of a model replaces what was there, which `undo` brings back."""
+        if self.model and record.name not in common.space.board_names():
+            common.space.save_board(since)  # what the model said: the report begins there
         return common.space.save_board(record, since=None if self.model else since)

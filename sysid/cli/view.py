@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from sysid.board import Board
-from sysid.cli.console import OUTPUT, Common, Printer, progress_bar
+from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.cli.log_options import (
     LogArguments,
     load_roll,
@@ -167,12 +167,11 @@ def write_recording(
     from reports.page.summary import board_summary
     from reports.rerun.decay import comparison_recording
     from reports.rerun.stream import need_rerun
+    from sysid.cli.bars import working
 
     need_rerun()
-    with progress_bar(printer) as progress:
-        evidence = gather(
-            board, material.recordings, files=files, tolerance=tolerance, heldout=False, progress=progress
-        )  # fmt: skip
+    with working(printer):
+        evidence = gather(board, material.recordings, files=files, tolerance=tolerance, heldout=False)
     films = [
         material.films[roll.log].aligned(recording.releases[0].start)
         for recording in material.recordings

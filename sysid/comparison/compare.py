@@ -21,10 +21,11 @@ from sysid.fitting.joint import FitOptions, held_parameters
 from sysid.fitting.records import Record, Signal, make_records, signal_of
 from sysid.joint import JointLaw, simulate
 from sysid.noise.floor import NoiseFloor, noise_floor
+from sysid.progress import stage
 from sysid.quantity import Z95
 from sysid.recording import Data, Recording, reading_warnings, unpack
 from sysid.roll import Array
-from sysid.text import WIDTH
+from sysid.text import WIDTH, Display, display
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -66,6 +67,11 @@ class Comparison:
     """What is wrong with the logs, or odd about them for this board."""
     recordings: tuple[Recording, ...] = ()
     """The logs, where they were given whole."""
+
+    @property
+    def show(self) -> Display:
+        """How what was measured is shown."""
+        return display(is_rate=self.is_rate, slides=self.slides)
 
     @property
     def passed(self) -> bool:
@@ -141,7 +147,8 @@ def compare(
     records = make_records(releases, noise.std, rate=use_rate)
     law = law or JointLaw.from_board(board)
     _, bias = held_parameters(law.structure, board, FitOptions(**chosen))
-    residuals, starts = fit_initial_states(law, records, bias=bias)
+    with stage(0.0, 0.4):
+        residuals, starts = fit_initial_states(law, records, bias=bias)
     compared = tuple(
         _compared(law, record, residual, start)
         for record, residual, start in zip(records, residuals, starts, strict=True)
@@ -156,6 +163,8 @@ def compare(
         float(np.sqrt(max(rmse**2 - std**2, 0.0))) / size for std in (noise.highest, noise.std, noise.lowest)
     )
     where = locate_error(compared, law, noise, board)
+    with stage(0.4, 1.0):
+        missing = None if use_rate else missing_torque(compared, law)
     return Comparison(
         board=board.name,
         law=law,
@@ -167,7 +176,7 @@ def compare(
         noise=noise,
         where=where,
         summary=describe_error(where, rmse, noise.std),
-        missing=None if use_rate else missing_torque(compared, law),
+        missing=missing,
         measured_backbone=backbone_of(compared, law, [c.measured for c in compared], noise.std),
         simulated_backbone=backbone_of(compared, law, [c.simulated for c in compared], 0.0),
         tolerance=tolerance,

@@ -20,7 +20,7 @@ SIDES = (
     ("with the right edge down", "with the left edge down"),
     ("at positions beyond the rest", "at positions below the rest"),
 )
-"""Where a board is, and where the joint of a model is."""
+"""Where a board is, and where a joint without a deck is."""
 AT_THE_FLOOR = 1.05
 """Error over noise floor up to which there is nothing to locate."""
 
@@ -58,7 +58,7 @@ def locate_error(
             inside = (values >= low * top) & (values < high * top if high < 1 else values <= top)
             text = _range_text(axis, low * top, high * top, last=high == 1.0, slides=board.slides)
             places.append(Place(axis, (low * top, high * top), float(error[inside].sum()) / total, text))
-    right, left = SIDES[bool(board.model)]
+    right, left = SIDES[not board.geometry]
     for sign, text in ((1.0, right), (-1.0, left)):
         places.append(Place("side", (sign, sign), float(error[tilt * sign > 0].sum()) / total, text))
     for sign, text in ((1.0, "while slowing down"), (-1.0, "while speeding up")):

@@ -8,6 +8,7 @@ import numpy as np
 from sysid.comparison.release import ComparedRelease
 from sysid.joint.law import JointLaw
 from sysid.joint.torques import memoryless_torque
+from sysid.progress import steps
 from sysid.roll import Array
 
 SHARE_OF_PERIOD = 1 / 6
@@ -66,7 +67,7 @@ def missing_torque(compared: Sequence[ComparedRelease], law: JointLaw) -> Missin
     rates: list[Array] = []
     torques: list[Array] = []
     windows: list[int] = []
-    for release in compared:
+    for release in steps(compared):
         window = filter_length(release.time, release.measured, law)
         if window is None:
             continue

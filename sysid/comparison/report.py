@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sysid.comparison.backbone import Backbone
-from sysid.text import WIDTH, display, table
+from sysid.text import WIDTH, table
 
 if TYPE_CHECKING:
     from sysid.comparison.compare import Comparison
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 def report(result: "Comparison", width: int = WIDTH) -> str:
     """Return each release's error, the whole, where it sits, and the verdict."""
-    show = display(is_rate=result.is_rate, slides=result.slides)
+    show = result.show
     releases = table(
         ("release", "error", "error / noise"),
         [

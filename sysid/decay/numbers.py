@@ -14,7 +14,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.quantity import Quantity, t95
+from sysid.quantity import Quantity, slide_unit, t95
 from sysid.roll import Array
 
 UNITS = {
@@ -27,6 +27,8 @@ UNITS = {
     "stiffness": "N*m/rad",
     "damping": "N*m*s/rad",
 }
+OF_JOINT = ("inertia", "stiffness", "damping")
+"""Those that have another unit where the joint is a slide, whose inertia is in kg."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,6 +88,7 @@ def decay_numbers(
     std = np.sqrt(variance + from_inertia)
     # The decay's own share is known from few samples only, the share of I is taken as normal.
     half = np.sqrt(t95(degrees_of_freedom) ** 2 * variance + t95(math.inf) ** 2 * from_inertia)
+    units = UNITS if inertia.unit != "kg" else UNITS | {n: slide_unit(UNITS[n]) for n in OF_JOINT}
     quantities = {
         name: Quantity(
             float(values[i]),
@@ -94,7 +97,7 @@ def decay_numbers(
             method if name != "inertia" else inertia.method,
             (float(values[i] - half[i]), float(values[i] + half[i])),
         )
-        for i, (name, unit) in enumerate(UNITS.items())
+        for i, (name, unit) in enumerate(units.items())
     }
     return DecayNumbers(**quantities)
 

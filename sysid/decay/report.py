@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from sysid.quantity import Quantity
 from sysid.releases.phases import log_phases
-from sysid.text import DEGREES, WIDTH, linear_law, table
+from sysid.text import WIDTH, linear_law, table
 
 if TYPE_CHECKING:
     from sysid.free_decay import FreeDecay
@@ -39,7 +39,7 @@ def report(decay: "FreeDecay", width: int = WIDTH) -> str:
                 f"{Path(release.log).name} {release.number}" if several else str(release.number),
                 f"{release.start:.3f}",
                 release.side,
-                f"{release.amplitude:.4f} rad ({DEGREES * release.amplitude:.2f}°)",
+                f"{release.amplitude:.4f} {'m' if decay.slides else 'rad'} ({decay.position.scale * release.amplitude:.2f}{decay.position.unit})",
                 f"{release.hold:.2f} s" if release.hold else "moving",
                 f"{release.time[-1]:.3f}",
                 {"rest": "at rest", "caught": "caught", "log": "log ends"}[release.end],
@@ -99,7 +99,9 @@ def verdict(decay: "FreeDecay") -> str:
     if not decay.known:
         return "✗ this log does not tell k and d: their intervals are wider than themselves; see the warnings"
     if any(found.hidden_by_linear_fit for found in decay.nonlinearities):
-        levels = ", ".join(f"{DEGREES * rest.value:+.2f}°" for rest in decay.rest_angles[:6])
+        levels = ", ".join(
+            f"{decay.position.scale * rest.value:+.2f}{decay.position.unit}" for rest in decay.rest_angles[:6]
+        )
         return (
             f"✗ not a linear decay: it rests at {levels}, where a spring and a damper come back to one angle; k and d "
             "do not hold, run `husky-sysid diagnose`"

@@ -13,14 +13,12 @@ from sysid.diagnosis.search import Candidate
 from sysid.effects import catalogue, effect, showing
 from sysid.effects._base import TorqueEffect
 from sysid.fitting.covariance import parameter_covariance
-from sysid.fitting.problem import Problem
 from sysid.joint.sampled import sampled_k_d
 from sysid.joint.structure import structure_of
-from sysid.least_squares import Normal, minimise
+from sysid.least_squares import minimise
 from sysid.noise.floor import pooled_step
 from sysid.noise.whiteness import correlation_length
-from sysid.quantity import Quantity
-from sysid.roll import Array
+from sysid.text import display
 
 SURE = 4.0
 """Standard deviations from which a deviation counts."""
@@ -90,12 +88,13 @@ def _shift(
     named = tuple(name for name in named if not _shifts(name))
     if _worse(model, held) < SURE**2 or (named and _worse(model, held, *named) < SURE**2):
         return Deviation()
+    show = display(is_rate=False, slides=board.slides)
     moved_by = [name for name, part in catalogue().items() if "rest_angle" in part.same_as]
     drift = showing("moving level")[0]
     by_drift = _worse(model, held, drift) if drift not in model.effects else float("inf")
     if by_drift < -BETTER:
         text = (
-            f"The middle of the decay is {np.degrees(moved):+.3g}° from the record's rest angle, and a sensor that drifts "
+            f"The middle of the decay is {show.scale * moved:+.3g}{show.unit} from the record's rest angle, and a sensor that drifts "
             "explains that better than a rest angle that moved."
         )
         alike = tuple((name,) for name in moved_by) if by_drift > -TIE else ()
@@ -103,8 +102,8 @@ def _shift(
     others = [*moved_by[1:], *([drift] if by_drift < TIE else [])]
     torque = model.parameters["stiffness"] * moved
     text = (
-        f"The deck rests {np.degrees(moved):+.3g}° from the record's rest angle: its rest angle moved, or a "
-        f"constant torque of {torque:+.3g} N*m acts, or the sensor is off by as much; a free decay cannot tell."
+        f"The deck rests {show.scale * moved:+.3g}{show.unit} from the record's rest angle: its rest angle moved, or a "
+        f"constant {'force' if board.slides else 'torque'} of {torque:+.3g} {'N' if board.slides else 'N*m'} acts, or the sensor is off by as much; a free decay cannot tell."
     )
     return Deviation((moved_by[0],), tuple((name,) for name in others), text, effect(moved_by[0]).experiment)
 
@@ -169,47 +168,26 @@ def _faithful(model: Candidate, board: Board) -> list[tuple[str, float]]:
     without it finds. The distance is that of inertia or clock: how much worse the fit with the effect is,
     and how far it is from the record, in standard deviations.
     """
-    problem, kinds = model.problem, ("torque", "measurement")
-    found: list[tuple[str, float]] = []
+    problem, found = model.problem, list[tuple[str, float]]()
+    record = {key: (board.tilt[key].value, board.tilt[key].std) for key in ("stiffness", "damping")}
     for name, part in catalogue().items():
-        if (
-            part.role not in kinds
-            or len(part.parameters) != 1
-            or name in model.effects
-            or part.record_direction is not None
-            or _shifts(name)
-        ):
+        tried = (
+            part.role in ("torque", "measurement") and len(part.parameters) == 1 and name not in model.effects
+        )
+        if not tried or part.record_direction is not None or _shifts(name):
             continue
-        richer = problem.with_(structure=structure_of((*model.effects, name)))
-        prior = [(richer.names.index(key), board.tilt[key]) for key in ("stiffness", "damping")]
-        sizes = richer.sizes()
-
-        def evaluate(
-            unknowns: Array,
-            richer: Problem = richer,
-            sizes: Array = sizes,
-            prior: list[tuple[int, Quantity]] = prior,
-        ) -> Normal:
-            normal = richer.normal(unknowns)
-            cost, gradient, hessian = normal.cost, normal.gradient.copy(), normal.hessian.copy()
-            for index, known in prior:
-                off = (unknowns[index] * sizes[index] - known.value) / known.std
-                cost += 0.5 * off**2
-                gradient[index] += off * sizes[index] / known.std
-                hessian[index, index] += (sizes[index] / known.std) ** 2
-            return Normal(cost, gradient, hessian)
-
+        richer = problem.with_(structure=structure_of((*model.effects, name)), priors=record)
         parameter = part.parameters[0]
-        costs = [
-            minimise(
-                evaluate,
-                richer.start({**model.parameters, f"{name}.{parameter.name}": start * parameter.size(problem.scales)}),
-                *richer.bounds(),
-                iterations=25,
-                tolerance=1e-6,
-            ).normal.cost
+        starts = [
+            richer.start(
+                {**model.parameters, f"{name}.{parameter.name}": start * parameter.size(problem.scales)}
+            )
             for start in parameter.starts
-        ]  # fmt: skip
+        ]
+        costs = [
+            minimise(richer.normal, start, *richer.bounds(), iterations=25, tolerance=1e-6).normal.cost
+            for start in starts
+        ]
         found.append((name, float(np.sqrt(max(2 * (min(costs) - model.minimum.normal.cost), 0.0)))))
     return found
 

@@ -17,13 +17,15 @@ from sysid.diagnosis.against_record import record_deviation
 from sysid.diagnosis.experiment import deciding
 from sysid.diagnosis.importance import Importance, importance
 from sysid.diagnosis.judgement import (
+    CALIBRATION,
     EXPLAINED,
-    INEXACT,
     MATERIAL,
     PRICE,
     TIE,
+    UNMET,
     Field,
     Scored,
+    calibrated,
     families_of,
     rest_of,
 )
@@ -42,7 +44,7 @@ from sysid.diagnosis.wording import (
     size_in_words,
     titles,
 )
-from sysid.diagnosis.workers import Crew
+from sysid.diagnosis.workers import WorkerPool
 from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.fitting.covariance import parameter_quantities
@@ -51,6 +53,7 @@ from sysid.fitting.records import Signal, make_records, signal_of
 from sysid.fitting.search import scales_of
 from sysid.joint.structure import structure_of
 from sysid.noise.floor import NoiseFloor, noise_floor
+from sysid.noise.whiteness import correlation_length
 from sysid.quantity import Quantity
 from sysid.recording import Data, Recording, reading_warnings, unpack
 from sysid.roll import Release
@@ -182,17 +185,13 @@ class Diagnosis:
         """Return one row a model, best first: effects, rmse, heldout_rmse [rad or rad/s], score."""
         import pandas as pd
 
+        columns = ("effects", "rmse", "heldout_rmse", "score")
         return pd.DataFrame(
-            [
-                {
-                    "effects": c.effects,
-                    "rmse": c.rmse,
-                    "heldout_rmse": c.heldout_rmse,
-                    "score": c.score,
-                    **{name: quantity.value for name, quantity in c.parameters.items()},
-                }
-                for c in self.candidates
-            ]
+            {
+                **{name: getattr(c, name) for name in columns},
+                **{name: q.value for name, q in c.parameters.items()},
+            }
+            for c in self.candidates
         )
 
 
@@ -223,8 +222,7 @@ def diagnose(
     chosen = signal_of(releases, signal)
     bias, use_rate = chosen["bias"], chosen["use_rate"]
     noise = noise_floor(releases, rate=use_rate)
-    records = make_records(releases, noise.std, rate=use_rate)
-    scales = scales_of(records, board)
+    scales = scales_of(make_records(releases, noise.std, rate=use_rate), board)
     period = 2 * np.pi / scales.frequency
     warnings = check_releases(releases, board, period)
     judged, left_out = judged_stretches(releases, period)
@@ -239,27 +237,33 @@ def diagnose(
         held = dict(options.fixed)
         if bias == "per-release" or use_rate:
             held.setdefault("rest_angle", board.rest_angle)
-    for part in board.effects:  # a table that was learned stays as it is: no candidate may bend it
-        role = effect(part.name).role
-        if role == "learned":
-            held.update({f"{part.name}.{name}": quantity.value for name, quantity in part.parameters.items()})
-    with Crew(workers) as crew:
+    # A table that was learned stays as it is: no candidate may bend it.
+    learned_parts = (part for part in board.effects if effect(part.name).role == "learned")
+    held |= {f"{part.name}.{name}": q.value for part in learned_parts for name, q in part.parameters.items()}
+    with WorkerPool(workers) as pool:
         search = Search(
             records=records, scales=scales, bias=bias, base=tuple(sorted(p.name for p in board.effects)),
-            fixed=held, crew=crew, progress=progress,
+            fixed=held, pool=pool, progress=progress,
         )  # fmt: skip
         search, models, final = _searched(search)
         first = Field(final, search.base, period, noise.std)
         winner, final, idle = _material(search, first, final)
         outside = surrogates(search, winner)
         everything = Field([*final, *outside], search.base, period, noise.std)
-    verdict, best = _judged(search, everything, winner, board, noise.std, idle)
+    verdict, best = _judged(search, everything, winner, board, idle)
     base = search.fine(everything.base.model, average=1)
-    verdict = _with_errors(verdict, base, best)
-    matters = verdict.status == "unexplained" or verdict.remainder > MATERIAL * everything.motion
+    verdict = replace(verdict, error_before=base.rmse, error_after=best.rmse)
+    left_over = verdict.remainder > MATERIAL * everything.motion and everything.surely_missing
+    left_over |= verdict.status == "unexplained"
     learned = (
-        learn(releases, board, fittable(verdict.effects), signal=signal, fixed=fixed) if matters else None
+        learn(judged, board, fittable(verdict.effects), signal=signal, fixed=fixed) if left_over else None
     )
+    if learned is not None and learned.error_after > verdict.error_after:
+        learned = None  # it did not get there
+    if left_over and verdict.status == "missing":
+        alone = learn(judged, board, (), signal=signal, fixed=fixed)
+        if alone is not None and alone.is_unmet(best.rmse, noise.std):
+            verdict, learned = _unmet(verdict, alone, best), alone
     if progress is not None:
         progress("done", 1.0)
     warnings += _fast_starts(best)
@@ -374,7 +378,7 @@ def _material(search: Search, tried: Field, final: list[Model]) -> tuple[Model, 
             break
         rest = tuple(n for n in winner.effects if n != idle[0])
         known = next((m for m in final if m.effects == rest), None)
-        again = search.finalist(search.without(winner, rest, [{}]), [])
+        again = search.finalist(search.without(winner, rest, [{}]))
         if known is None or again.cost < known.cost:
             known = again
             final = [*(m for m in final if m.effects != rest), known]
@@ -385,31 +389,37 @@ def _material(search: Search, tried: Field, final: list[Model]) -> tuple[Model, 
 
 
 def _judged(
-    search: Search, tried: Field, winner: Model, board: Board, floor: float, idle: frozenset[str]
+    search: Search, tried: Field, winner: Model, board: Board, idle: frozenset[str]
 ) -> tuple[Verdict, Model]:
     """Return the verdict, and the model that it rests on, fitted to single samples."""
     base = tried.base
     chosen = next(s for s in tried.scored if s.model is winner)
     named = tuple(n for n in winner.effects if n not in search.base)
-    outside = _outside(tried, chosen, floor)
+    outside = _outside(tried, chosen)
     size = importance(winner, named, base.model) if named else None
     explained = tried.explained(chosen)
     hints = _hints(search, tried, chosen, size)
     vague = not named or explained < EXPLAINED or tried.left(chosen) > CLOSE
-    if outside is not None or (tried.left(base) > MATERIAL and vague):
+    if outside is not None or (tried.surely_missing and vague):
         return _unexplained(search, tried, chosen, outside, hints, board)
     if size is None or not size.matters or explained < EXPLAINED:
         return _nothing(search, tried, chosen, hints, board)
     return _missing(search, tried, chosen, size, hints, board, idle)
 
 
-def _outside(tried: Field, chosen: Scored, floor: float) -> Scored | None:
-    """Return a law outside the catalogue that reaches the noise and is beyond doubt the better one, if there is one."""
-    shaped = [s for s in tried.scored if s.model.shape and s.model.rmse < INEXACT * floor]
+def _outside(tried: Field, chosen: Scored) -> Scored | None:
+    """Return a law outside the catalogue that reaches the noise and is the better one, if there is one.
+
+    Where something is missing for sure it must beat all that was tried; else, beyond doubt, that nothing is missing.
+    """
+    shaped = [s for s in tried.scored if s.model.shape and s.model.rmse < tried.exact]
     best = max(shaped, key=lambda s: s.score, default=None)
-    if best is None or best.score - chosen.score <= 2 * TIE or tried.gap(best, chosen) <= TIE:
-        return None  # a law that nobody has met must be better by more than one that people have
-    return best
+    if best is None:
+        return None
+    if chosen.extra:
+        others = max(s.score for s in tried.possible if not s.model.shape)
+        return best if best.score > others + UNMET else None
+    return best if best.score - chosen.score > 2 * TIE and tried.gap(best, chosen) > TIE else None
 
 
 def _hints(search: Search, tried: Field, chosen: Scored, size: Importance | None) -> tuple[Hint, ...]:
@@ -436,9 +446,12 @@ def _missing(
     final = search.fine(chosen.model, average=1)
     named = tuple(n for n in chosen.model.effects if n not in search.base)
     deviation = record_deviation(final, board, look_at_linear=False)
+    # What is richer is a rival only if it is likelier for sure, were it not that no model is exact.
+    likeliest = max(tried.possible, key=lambda s: s.score)
     rivals = [
         s for s in sorted(tried.near(chosen), key=lambda s: -s.score)
-        if 0 < s.extra <= chosen.extra and not s.model.shape and s is not chosen and tried.explained(s) >= EXPLAINED
+        if s.extra and not s.model.shape and s is not chosen and tried.explained(s) >= EXPLAINED
+        and (s.extra <= chosen.extra or (s is likeliest and s.score > chosen.score + TIE))
     ][:RIVALS]  # fmt: skip
     alike = [tuple(n for n in s.model.effects if n not in search.base) for s in rivals]
     effects = (*named, *deviation.effects)
@@ -455,15 +468,12 @@ def _missing(
     if tried.base in tried.near(chosen):
         text += " The evidence is thin: the model without it is nearly as likely."
     text += "".join(f" Beside it, {hint.text}" for hint in hints)
-    remainder, words = _remainder(tried, chosen)
-    families = families_of(chosen.model, search.base)
     # Where no model is exact, the rest may be the mark of another law.
-    confidence = tried.confidence(families, idle) * (explained if tried.inexact else 1.0)
-    verdict = _verdict(
-        search, tried, "missing", effects, sorted(families), confidence, sets, chosen, size, remainder,
-        words, hints, _experiment(search, tried, chosen, board), f"{text} {words}".strip(),
-    )  # fmt: skip
-    return verdict, final
+    confidence = tried.confidence(families_of(chosen.model, search.base), idle) * (
+        explained if tried.inexact else 1.0
+    )
+    experiment = _experiment(search, tried, chosen, board)
+    return _verdict(tried, "missing", effects, confidence, sets, chosen, size, hints, experiment, text), final
 
 
 def _nothing(
@@ -474,7 +484,6 @@ def _nothing(
     confidence = tried.confidence(frozenset())
     if chosen.extra:
         confidence += tried.confidence(families_of(chosen.model, search.base))
-    remainder, words = _remainder(tried, tried.base)
     experiment = deviation.experiment
     if deviation.effects:
         status: Status = "missing"
@@ -485,12 +494,8 @@ def _nothing(
         experiment = "" if not hints else _experiment(search, tried, tried.base, board)
     for hint in hints:
         text += f" Hint: {hint.text}"
-    families = sorted({effect(n).family for n in deviation.effects})
-    verdict = _verdict(
-        search, tried, status, deviation.effects, families, confidence, deviation.alike, tried.base, None, remainder, words,
-        hints, experiment, f"{text} {words}".strip(),
-    )  # fmt: skip
-    return verdict, final
+    said = (status, deviation.effects, confidence, deviation.alike)
+    return _verdict(tried, *said, tried.base, None, hints, experiment, text), final
 
 
 def _unexplained(
@@ -512,22 +517,30 @@ def _unexplained(
         also = f", beside {listed(beside)}," if beside else ""
         words = LAWS[outside.model.shape].words
         text += f"{words[:1].upper()}{words[1:]}{also} does it better. "
-        confidence = sum(tried.confidence(frozenset(key)) for key in _shaped_keys(search, tried))
+        confidence = sum(p for families, p in tried.likely().items() if families & LAWS.keys())
     elif named:
         confidence = 1 - tried.chance_explained(chosen, EXPLAINED, CLOSE)
     else:
         confidence = tried.confidence(frozenset())
-    remainder, words = _remainder(tried, chosen)
-    text += f"{words} The map of the missing torque (compare) shows at which angle and rate it acts."
-    verdict = _verdict(
-        search, tried, "unexplained", (), [], confidence, (), chosen, None, remainder, words, hints,
-        _experiment(search, tried, chosen, board), text,
+    text += "The map of the missing torque (compare) shows at which angle and rate it acts."
+    experiment = _experiment(search, tried, chosen, board)
+    return _verdict(tried, "unexplained", (), confidence, (), chosen, None, hints, experiment, text), final
+
+
+def _unmet(verdict: Verdict, alone: Learned, named: Model) -> Verdict:
+    """Return the verdict where a learned torque has shown that what was named only mimics it."""
+    memory = max(correlation_length(named.residuals), 1.0)
+    odds = named.samples / memory * float(np.log(named.rmse / alone.error_after))
+    return replace(
+        verdict, status="unexplained", effects=(), families=(), indistinguishable_from=(), matters=None, hints=(),
+        confidence=min(1 / (1 + float(np.exp(-odds))), 0.999),
+        explanation=(
+            "Something is missing that no effect of the catalogue explains. The nearest is "
+            f"{listed(verdict.effects)}, which takes away {percent(verdict.explained)} of the squared error of prediction; one formula "
+            "that the catalogue lacks does it better, to the noise. The map of the missing torque (compare) shows at which angle and rate "
+            "it acts."
+        ),
     )  # fmt: skip
-    return verdict, final
-
-
-def _shaped_keys(search: Search, tried: Field) -> set[frozenset[str]]:
-    return {families_of(s.model, search.base) for s in tried.scored if s.model.shape}
 
 
 def _remainder(tried: Field, scored: Scored) -> tuple[float, str]:
@@ -544,7 +557,7 @@ def _experiment(search: Search, tried: Field, chosen: Scored, board: Board) -> s
     own = families_of(chosen.model, search.base)
     others = [
         s for s in tried.scored
-        if not s.model.shape and families_of(s.model, search.base) != own
+        if not (s.model.shape or s.model.at_edge) and families_of(s.model, search.base) != own
         and not set(s.model.effects) > set(chosen.model.effects) and np.isfinite(s.score)
     ]  # fmt: skip
     if not others:
@@ -554,22 +567,19 @@ def _experiment(search: Search, tried: Field, chosen: Scored, board: Board) -> s
     reach = board.tilt["range"].value if "range" in board.tilt else np.inf
     found = deciding(chosen.model, rival.model, tried.best.errors, reach)
     fallback = "" if found or not names[0] else effect(names[0][0]).experiment
-    return experiment_in_words(found, titles(names[0]), titles(names[1]), fallback)
+    return experiment_in_words(found, titles(names[0]), titles(names[1]), fallback, board)
 
 
 def _verdict(
-    search: Search, tried: Field, status: Status, effects: Sequence[str], families: Sequence[str], confidence: float,
-    alike: Sequence[tuple[str, ...]], chosen: Scored, size: Importance | None, remainder: float, words: str,
-    hints: tuple[Hint, ...], experiment: str, text: str,
+    tried: Field, status: Status, effects: Sequence[str], confidence: float, alike: Sequence[tuple[str, ...]], chosen: Scored,
+    size: Importance | None, hints: tuple[Hint, ...], experiment: str, text: str,
 ) -> Verdict:  # fmt: skip
+    remainder, words = _remainder(tried, chosen)
     unique = dict.fromkeys(tuple(s) for s in alike if set(s) != set(effects))
     return Verdict(
-        status=status, effects=tuple(effects), families=tuple(families), confidence=min(max(confidence, 0.0), 0.999),
+        status=status, effects=tuple(effects), families=tuple(sorted({effect(n).family for n in effects})),
+        confidence=float(calibrated(np.asarray(confidence), *CALIBRATION[status])),
         indistinguishable_from=tuple(unique), error_before=tried.base.model.rmse, error_after=chosen.model.rmse,
         explained=tried.explained(chosen), matters=size, remainder=remainder, remainder_text=words, hints=hints,
-        next_experiment=experiment, explanation=text,
+        next_experiment=experiment, explanation=f"{text.strip()} {words}",
     )  # fmt: skip
-
-
-def _with_errors(verdict: Verdict, base: Model, best: Model) -> Verdict:
-    return replace(verdict, error_before=base.rmse, error_after=best.rmse)

@@ -5,7 +5,7 @@ and that no model is exact. Nothing else is asked: whiteness is no criterion, be
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,12 +22,15 @@ MATERIAL = 0.02
 TIE = 6.0
 """Fall of the log-likelihood of held-out motion below which two models are not told apart. An effect that is not there
 gains 1 to 3 by chance as the best of some fifteen."""
+UNMET = 3.0
+"""By which a law that nobody has met must be better than all that people have, where something is missing for sure: one in
+twenty is such a law [nats]."""
 LAWFUL = 12
 """Independent values in what a model that is not exact leaves of a log."""
 NEGLIGIBLE = 0.01
 """Error over the motion that does not matter where no model is exact."""
 INEXACT = 1.5
-"""Error over the noise floor from which even the best model is not exact."""
+"""Error over the noise from which even the best model is not exact: over the floor, and over what does not fade with the motion."""
 GAIN = 1.0
 """Of a parameter that may move towards what it predicts, as of one that is fitted to it (Akaike 1974) [nats]; from eight
 periods on it pays half the log of their number (Schwarz 1978)."""
@@ -38,6 +41,11 @@ FEWEST_BLOCKS = 8
 PRICE = 1.5
 """Of one effect more, and of each parameter of its law, in the log of the prior odds: of a law with one, one in twenty is
 there."""
+CALIBRATION = {"none-missing": (1.0, 0.0), "missing": (1.0, 0.0), "unexplained": (1.0, 0.0)}
+"""By which the log odds of each kind of verdict are multiplied, and what is added [nats]: fitted by `benchmarks/reliability.py` on one
+half of the random suite, and shown on the other."""
+CLIPPED = 0.02
+"""Confidence this near to 0 or 1 is not believed: what nobody thought of is more likely."""
 DRAWS = 400
 """Bootstrap draws of the share that is explained."""
 
@@ -80,7 +88,10 @@ class Field:
         self.scored = [self.score(model) for model in models]
         self.base = next(s for s in self.scored if s.model.effects == base and not s.model.shape)
         self.best = max(self.scored, key=lambda s: s.score)
-        self.inexact = self.best.model.rmse > INEXACT * floor
+        self.exact = INEXACT * max(floor, self.noise)
+        self.inexact = self.best.model.rmse > self.exact
+        self.surely_missing = self.left(self.base) > MATERIAL and self._follows_motion()
+        self.possible = self._possible()
 
     def score(self, model: Candidate) -> Scored:
         """Score one candidate."""
@@ -125,28 +136,38 @@ class Field:
         return min(gap, lawful + self.gain * (other.model.size - one.model.size))
 
     def near(self, one: Scored) -> list[Scored]:
-        """Return the candidates that are not told from one."""
-        return [s for s in self.scored if self.gap(one, s) <= TIE]
+        """Return the candidates that may be true and are not told from one."""
+        return [s for s in self.possible if self.gap(one, s) <= TIE]
+
+    def _follows_motion(self) -> bool:
+        """Return whether the joint as it is errs as no sensor does: in proportion to the motion, or more than another model."""
+        assert self.base.model.heldout is not None
+        steady = replace(self.blocks, amplitude=np.ones_like(self.blocks.amplitude))
+        alone = fit_errors(steady, self.base.model.heldout).log_likelihood
+        return self.base.errors.log_likelihood - alone > TIE or self.gap(self.best, self.base) > TIE
 
     def _possible(self) -> list[Scored]:
         """Return the candidates that may be true.
 
         Where something is missing for sure, what does not explain it is out, if anything does. What nobody has met, a law
-        outside the catalogue, counts only where it leaves nothing.
+        outside the catalogue, counts only where it leaves nothing; an effect at the edge of what it is, never.
         """
-        known = [s for s in self.scored if np.isfinite(s.score) and not (s.model.shape and self.inexact)]
-        if self.left(self.base) <= MATERIAL:
+        known = [
+            s for s in self.scored
+            if np.isfinite(s.score) and not (s.model.shape and self.inexact) and not s.model.at_edge
+        ]  # fmt: skip
+        if not self.surely_missing:
             return known
         return [s for s in known if self.explained(s) >= EXPLAINED] or known
 
     def behind(self, scored: Scored) -> float:
         """Return by how much the candidate that beats one most does so, in nats."""
-        return max(self.gap(other, scored) for other in self._possible())
+        return max(self.gap(other, scored) for other in self.possible)
 
     def likely(self) -> dict[frozenset[str], float]:
         """Return the probability of each set of families that was tried, by its likeliest candidate."""
         weights: dict[frozenset[str], float] = {}
-        for s in self._possible():
+        for s in self.possible:
             key = families_of(s.model, self.base_effects)
             weight = float(np.exp(-self.behind(s) / TEMPERATURE - PRICE * s.choices))
             weights[key] = max(weights.get(key, 0.0), weight)
@@ -164,8 +185,7 @@ class Field:
 
     def winner(self) -> Scored:
         """Return the simplest of the candidates that may be true and that none beats: by effects and parameters, then by score."""
-        possible = self._possible()
-        near = [s for s in possible if self.behind(s) <= TIE] or possible
+        near = [s for s in self.possible if self.behind(s) <= TIE] or self.possible
         return min(near, key=lambda s: (s.choices, -s.score))
 
     def left(self, scored: Scored) -> float:
@@ -200,12 +220,8 @@ class Field:
         """Return mean squares less the sensor's noise, of blocks weighted by their lengths."""
         assert scored.model.heldout is not None
         squares = np.array([float(np.sum(scored.model.heldout[i][a:b] ** 2)) for i, a, b in self.blocks.cuts])
-        return (squares / self._lengths - self.noise**2) * self._lengths / self._lengths.mean()
-
-    @property
-    def _lengths(self) -> Array:
-        """Samples of each block, shape (blocks,)."""
-        return np.array([b - a for _, a, b in self.blocks.cuts], dtype=float)
+        lengths = np.array([b - a for _, a, b in self.blocks.cuts])
+        return (squares - self.noise**2 * lengths) / lengths.mean()
 
     @property
     def noise(self) -> float:
@@ -217,6 +233,17 @@ class Field:
     def motion(self) -> float:
         """RMS of the held-out motion about rest [rad]."""
         return float(np.sqrt(np.mean(self.blocks.signal_square)))
+
+
+def log_odds(share: Array) -> Array:
+    """Return the log odds of shares that are not believed to be nearer to 0 or 1 than `CLIPPED` [nats]."""
+    clipped = np.clip(share, CLIPPED, 1 - CLIPPED)
+    return np.log(clipped / (1 - clipped))
+
+
+def calibrated(confidence: Array, slope: Array | float, offset: Array | float) -> Array:
+    """Return the confidence that is deserved (Platt 1999), from what the likelihoods say and what `CALIBRATION` knows of that."""
+    return 1 / (1 + np.exp(-(slope * log_odds(confidence) + offset)))
 
 
 def families_of(model: Candidate, base: Sequence[str]) -> frozenset[str]:

@@ -10,6 +10,9 @@ from sysid.fit_mjcf import fit
 from sysid.fitting.records import Signal
 from sysid.roll import Release
 
+REACHED = 1.15
+"""Error over the noise floor up to which nothing is left to explain."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Learned:
@@ -21,7 +24,19 @@ class Learned:
     """On releases that were left out [rad or rad/s]."""
     formula: tuple[str, ...]
     """Names of the shapes that come nearest; empty where none does."""
+    known: bool
+    """Whether the catalogue has these shapes."""
     text: str
+
+    def is_unmet(self, named: float, floor: float) -> bool:
+        """Return whether one formula that the catalogue lacks reaches the noise, where what is named does not.
+
+        Args:
+            named: Error of what is named [rad or rad/s].
+            floor: Noise [rad or rad/s].
+        """
+        reaches = max(self.error_after, self.heldout_rmse) < REACHED * floor
+        return bool(self.formula) and not self.known and reaches and named > REACHED * floor
 
     def to_json(self, per: float = 1.0) -> dict[str, Any]:
         """Return it for JSON; `per` turns its errors into angles."""
@@ -58,4 +73,5 @@ def learn(
     return Learned(
         error_after=found.rmse, heldout_rmse=found.heldout_rmse, text=text,
         formula=tuple(shape.name for shape in found.formula.shapes) if found.formula.good else (),
+        known=bool(found.formula.effects),
     )  # fmt: skip

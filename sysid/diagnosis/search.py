@@ -11,8 +11,8 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 
 from sysid.diagnosis.pendulum import hanging, hanging_start, sprung_start, weight
-from sysid.diagnosis.workers import Crew
-from sysid.effects import catalogue, effect
+from sysid.diagnosis.workers import WorkerPool
+from sysid.effects import catalogue, effect, showing
 from sysid.effects._base import Scales
 from sysid.fitting.cross_validation import rms, surprising_residuals
 from sysid.fitting.problem import Problem
@@ -27,8 +27,10 @@ COARSE, FINE = 24, 32
 sharpness of the law."""
 SAMPLES = 40
 """Samples per period that are kept: the fifth harmonic of the swing still has eight."""
-PARENTS = 4
-"""Single effects whose pairs with all others are tried."""
+PARENTS, FEW = 4, 2
+"""Single effects whose pairs with all others are tried; and if the best of them is at the noise already."""
+AT_NOISE = 1.02
+"""Error over the noise floor up to which a model is at the noise: a floor is known to a few percent."""
 STARTS = 3
 """Starts tried of an effect that joins another."""
 EARLY = 4.0
@@ -41,9 +43,12 @@ VARIANTS = 3
 """Models of one set of families that are predicted."""
 ASIDE = (0.7, 1.5)
 """Factors of a nonsmooth effect's parameters from which it is searched again on the fine grid, where it is not at the noise."""
+UNSETTLED = 8.0
+"""Fall of χ² for each internal state of each release from which the hold before it has not settled that."""
+NEARLY = 1.3
+"""Ratio of squared errors to the best from which a search that was begun aside is not brought to its end."""
 BEATEN, FAR = 6, 60.0
 """A union is given up when this many others have reached less than it promises, by that much of χ²."""
-
 HOPELESS = 8.0
 """Error beyond the noise, squared, over the best model's, from which a model is not predicted: far beyond what is not told apart."""
 
@@ -98,6 +103,17 @@ class Candidate:
         return len(self.problem.names) + states * len(self.problem.records)
 
     @property
+    def at_edge(self) -> bool:
+        """Whether an effect ended at the bound that keeps it from being any weak bend: another law is asked for."""
+        low = dict(zip(self.problem.names, self.problem.bounds()[0], strict=False))
+        kept = (
+            f"{part.name}.{p.name}" for part in self.problem.structure.parts for p in part.parameters
+            if p.neutral is not None and p.low > p.neutral
+        )  # fmt: skip
+        point = dict(zip(self.problem.names, self.minimum.point, strict=False))
+        return any(point[name] <= 1.001 * low[name] for name in kept if name in point)
+
+    @property
     def parameters(self) -> Mapping[str, float]:
         """Parameters by name."""
         return self.problem.parameters(self.minimum.point)
@@ -121,16 +137,16 @@ class Search:
     """Parameters held in every model."""
     hangs: bool = False
     """Whether gravity takes the spring's place wherever it is."""
-    crew: Crew = field(default_factory=lambda: Crew(1), repr=False)
+    pool: WorkerPool = field(default_factory=lambda: WorkerPool(1), repr=False)
     progress: Progress | None = None
 
     def __getstate__(self) -> dict[str, object]:
-        """Leave crew and progress at home when a job goes to another process."""
-        return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("crew", "progress")}
+        """Leave pool and progress at home when a job goes to another process."""
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("pool", "progress")}
 
     def __setstate__(self, state: dict[str, object]) -> None:
         """Take up the work alone."""
-        for name, value in {**state, "crew": Crew(1), "progress": None}.items():
+        for name, value in {**state, "pool": WorkerPool(1), "progress": None}.items():
             object.__setattr__(self, name, value)
 
     @property
@@ -143,11 +159,14 @@ class Search:
     def names(self) -> list[str]:
         """Return the effects that a free decay can show, which are worth a fit here."""
         known = catalogue()
-        roles = ("torque", "support", "measurement") if self.bias == "shared" else ("torque", "support")
+        # A zero that is free in each release leaves no drift to a rate, and a fused roll nothing to say of its sensor.
+        hidden = set(showing("moving level")) if self.records[0].is_rate else set[str]()
+        sensed = self.bias == "shared" or self.records[0].is_rate
         chosen = {
             n for n, e in known.items()
-            if e.role in roles and e.minimum_amplitude <= self.scales.amplitude
-            and e.identifiable_from_decay and "rest_angle" not in e.same_as
+            if (sensed or e.role != "measurement") and e.role in ("torque", "support", "measurement")
+            and e.minimum_amplitude <= self.scales.amplitude and e.identifiable_from_decay
+            and "rest_angle" not in e.same_as and n not in hidden
         }  # fmt: skip
         beside = {n for n, e in known.items() if set(e.identifiable_with) & set(self.base)}
         return sorted((chosen | beside) - set(self.base))
@@ -230,7 +249,7 @@ class Search:
     ) -> list[Candidate]:  # fmt: skip
         """Run one of the methods for each tuple of arguments, on all workers."""
         results: list[Candidate] = []
-        for count, model in enumerate(self.crew.each(job, [(self, *one) for one in arguments]), start=1):
+        for count, model in enumerate(self.pool.each(job, [(self, *one) for one in arguments]), start=1):
             model.problem.records = self.records  # not the copy that came back from another process
             results.append(model)
             if self.progress is not None:
@@ -284,7 +303,8 @@ class Search:
 
     def pairs(self, singles: Sequence[Candidate]) -> list[Candidate]:
         """Fit the pairs of the best single effects with all others."""
-        best = best_of(singles[1:], PARENTS)
+        at_noise = min(m.rmse for m in singles) <= AT_NOISE * self.records[0].std
+        best = best_of(singles[1:], FEW if at_noise else PARENTS)
         wanted = {
             tuple(sorted({*a.effects, *b.effects})): (a, b)
             for a in best for b in singles[1:] if a is not b and _sensible(a, b)
@@ -373,9 +393,9 @@ class Search:
             done[model.effects] = model
         return list(done.values())
 
-    def finalist(self, model: Candidate, parents: Sequence[Candidate]) -> Candidate:
-        """Return a model fitted on the fine grid, from where it is and from others, and its predictions."""
-        return self.predicted(self.fine(model, parents))
+    def finalist(self, model: Candidate) -> Candidate:
+        """Return a model fitted on the fine grid, and its predictions."""
+        return self.predicted(self.fine(model))
 
     def predicted(self, model: Candidate) -> Candidate:
         """Return a model with what it misses of held-out releases."""
@@ -389,7 +409,7 @@ class Search:
         Args:
             model: Where it starts.
             parents: Other models, simpler or richer, whose optima are starts too.
-            average: Samples of which means are fitted; as in the search, if left out.
+            average: Samples of which means are fitted; as in the search, and walked aside of kinks, if left out.
         """
         old = model.problem
         problem = Problem(
@@ -402,12 +422,25 @@ class Search:
             return minimise(problem.normal, start, *problem.bounds(), iterations=30, tolerance=small)
 
         best = fitted(model.minimum.point)
-        if old.structure.nonsmooth and best.normal.cost > 0.55 * problem.samples:
+        if average is None and old.structure.nonsmooth and best.normal.cost > 0.55 * problem.samples:
             best = _walked(problem, best, fitted)
         for known in parents:
             if known.minimum.normal.cost < best.normal.cost:  # else it ends in no better valley
                 best = min(best, fitted(inherited(problem, known)), key=lambda m: m.normal.cost)
-        return replace(model, problem=problem, minimum=best, heldout=None)
+        return _freed(replace(model, problem=problem, minimum=best, heldout=None))
+
+
+def _freed(model: Candidate) -> Candidate:
+    """Return a model whose internal states begin anywhere, if that pays: a hand that trembles lets nothing settle."""
+    states = len(model.problem.structure.internal_states) * len(model.problem.records)
+    if not states or model.problem.free_states:
+        return model
+    problem = model.problem.with_(free_states=True)
+    begun = inherited(problem, model)
+    freed = replace(
+        model, problem=problem, minimum=minimise(problem.normal, begun, *problem.bounds(), iterations=20)
+    )
+    return freed if freed.cost < model.cost - UNSETTLED * states else model
 
 
 def _walked(problem: Problem, found: Minimum, fitted: Callable[[Array], Minimum]) -> Minimum:
@@ -424,7 +457,9 @@ def _walked(problem: Problem, found: Minimum, fitted: Callable[[Array], Minimum]
         if name in problem.names:
             point = best.point.copy()
             point[problem.names.index(name)] *= factor
-            best = min(best, fitted(point), key=lambda m: m.normal.cost)
+            begun = minimise(problem.normal, point, *problem.bounds(), iterations=6, tolerance=1e-3)
+            if begun.normal.cost < NEARLY * best.normal.cost:
+                best = min(best, fitted(begun.point), key=lambda m: m.normal.cost)
     return best
 
 

@@ -12,9 +12,6 @@ MOST = 75.0
 PIECES = 3
 """Stretches of one release that lasts longer: where it is wide, in the middle, and where it is small."""
 
-FELT = 0.15
-"""Periods for which a hand that catches a deck is felt before it is seen: up to 20 ms of a swing of 0.2 s in random logs."""
-
 
 def judged_stretches(releases: Sequence[Release], period: float) -> tuple[list[Release], str]:
     """Return releases that last `MOST` periods together at most, and a sentence where something was left out; '' where not.
@@ -24,7 +21,6 @@ def judged_stretches(releases: Sequence[Release], period: float) -> tuple[list[R
         period: Of the joint [s].
     """
     room = MOST * period
-    releases = [_before_the_hand(r, FELT * period) for r in releases]
     lengths = [float(r.time[-1] - r.time[0]) for r in releases]
     if sum(lengths) <= room:
         return list(releases), ""
@@ -42,13 +38,6 @@ def judged_stretches(releases: Sequence[Release], period: float) -> tuple[list[R
     whole = [r for i in picked for r in _pieces(releases[i], room / len(picked))]
     text = f"{len(picked)} of {len(releases)} releases were judged, evenly over their amplitudes"
     return [replace(r, number=number) for number, r in enumerate(whole, start=1)], text
-
-
-def _before_the_hand(release: Release, felt: float) -> Release:
-    """Return a release without its last moments [s], if a hand ended it and it lasts four times as long."""
-    if release.end != "caught" or release.time[-1] - release.time[0] < 4 * felt:
-        return release
-    return release[release.time <= release.time[-1] - felt]
 
 
 def _pieces(release: Release, room: float) -> list[Release]:

@@ -31,9 +31,12 @@ class Law:
         return len(self.terms) > 1
 
 
+CREEP = 1e-3
+"""Share of the largest rate below which a root of the rate is a damper: its slope has no end there."""
 LAWS: dict[str, Law] = {
     "x⁵": Law("a spring that hardens at wide tilts only, like x⁵", (lambda m, x, v, t: x**5,)),
     "x|x|": Law("a spring that hardens in proportion to the tilt, like x|x|", (lambda m, x, v, t: x * m.abs(x),)),
+    "√v": Law("friction that grows like the root of the rate", (lambda m, x, v, t: v * (m.abs(v) + CREEP) ** -0.5,)),
     "v²": Law("a drag that pushes to one side, like v²", (lambda m, x, v, t: v * v,)),
     "|v|": Law("a damper that is stronger in one direction, like |v|", (lambda m, x, v, t: m.abs(v),)),
     "x v": Law("a damper that is stronger on one side, like x v", (lambda m, x, v, t: x * v,)),
@@ -99,7 +102,7 @@ def surrogates(search: Search, model: Candidate) -> list[Candidate]:
         best.append(min((surrogate(search, model, kept, shape) for shape in shapes), key=lambda m: m.cost))
         if search.progress is not None:
             search.progress("laws outside the catalogue", 0.97)
-    return [search.finalist(m, []) for m in best]
+    return [search.finalist(m) for m in best]
 
 
 def _effect(name: str) -> TorqueEffect:

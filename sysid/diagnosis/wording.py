@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-
+from sysid.board import Board
 from sysid.diagnosis.experiment import Experiment
 from sysid.diagnosis.importance import Importance
 from sysid.effects import effect
+from sysid.text import display
 
 
 def listed(names: Sequence[str]) -> str:
@@ -44,19 +44,22 @@ def percent(share: float) -> str:
     return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.2g} %"
 
 
-def experiment_in_words(found: Experiment | None, one: str, other: str, fallback: str) -> str:
-    """Return the experiment that decides between two models, as a sentence with numbers."""
+def experiment_in_words(found: Experiment | None, one: str, other: str, fallback: str, board: Board) -> str:
+    """Return the experiment that decides between two models of a board, as a sentence with numbers."""
     if found is None:
         return (
             f"No release up to one and a half times the angles of these logs, made up to five times, tells {one} from {other} at 95 %. "
             f"{fallback}"
         ).strip()
-    side = "right" if found.angle > 0 else "left"
+    right, left = (
+        ("right edge down", "left edge down") if board.geometry else ("beyond the rest", "below the rest")
+    )
+    show = display(is_rate=False, slides=board.slides)
     each = "" if found.number == 1 else " each"
     times = "once" if found.number == 1 else f"{found.number} times"
     return (
-        f"Release {times} from {abs(np.degrees(found.angle)):.3g}° ({side} edge down) and record {rounded(found.duration)} s{each}: "
-        f"{one} and {other} then differ by up to {np.degrees(found.difference):.2g}°, which decides at 95 %. {fallback}"
+        f"Release {times} from {show.scale * abs(found.angle):.3g}{show.unit} ({right if found.angle > 0 else left}) and record {rounded(found.duration)} s{each}: "
+        f"{one} and {other} then differ by up to {show(found.difference, 2)}, which decides at 95 %. {fallback}"
     ).strip()
 
 

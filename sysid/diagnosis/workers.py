@@ -15,7 +15,7 @@ from sysid.errors import SysidError
 T = TypeVar("T")
 
 
-class Crew:
+class WorkerPool:
     """Runs jobs in processes of their own, or here where there is one worker only.
 
     A job is a function and its arguments; with more than one worker both must be such that pickle takes

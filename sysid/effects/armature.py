@@ -24,6 +24,7 @@ EFFECT = TorqueEffect(
     role="record",
     parameters=(Parameter("inertia", "kg*m^2", lambda s: s.inertia, low=-0.95, high=20.0, starts=(0.3,)),),
     law="I → I + A; A = N² J of a rotor of inertia J behind a gear of ratio N",
+    formula="{inertia} φ̈",
     source="only k/I, d/I and τ/I show in a free decay; a known weight gives them a scale",
     does="The joint swings slower and loses less for each swing, as if all its torques were smaller.",
     look_alikes=("inertia", "clock", "weight"),

@@ -47,7 +47,7 @@ EFFECT = TorqueEffect(
     family="hysteresis",
     parameters=(
         Parameter("stiffness", "N*m/rad", lambda s: s.stiffness, low=0.0, high=30.0, starts=(0.3, 2.0)),
-        Parameter("torque", "N*m", lambda s: s.torque, low=0.0, high=1.0, starts=(0.04,), rough=True),
+        Parameter("torque", "N*m", lambda s: s.torque, low=0.0, high=1.0, starts=(0.04, 0.3), rough=True),
     ),
     law="τ = -k₁ z, z follows x and slips at ±T/k₁",
     source="Jenkin 1922; Iwan, J. Applied Mechanics 33 (1966)",

@@ -8,6 +8,7 @@ stays what it is at its edge.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 from operator import attrgetter
@@ -95,7 +96,7 @@ NUMERIC = "_learned_torque"
 
 
 def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
-    """Write f as slack tendons, the nearest that a damper's polynomial comes to g, and the tables for `remainder`."""
+    """Write f as slack tendons, the nearest that a damper's polynomial comes to g, and the tables for `Remainder`."""
     rest = rest_of(spec, joint)
     at, torques = _bends(parameters)
     slopes = np.concatenate([[0.0], np.diff(torques) / np.diff(at), [0.0]])
@@ -126,22 +127,46 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool =
     )
 
 
-def remainder(numbers: Array) -> Callable[[float, float], float]:
-    """Return the torque [N*m] of (tilt joint's position [rad], rate [rad/s]) that a written model lacks.
+GRID = (257, 1025)
+"""Points over the tilt and over the rate at which what a written model lacks is tabulated."""
 
-    Args:
-        numbers: The model's custom numbers, shape (n,): [rad], the damper's in N*m and rad/s, the parameters in their units.
-    """
-    rest, damper = float(numbers[0]), numbers[1:4]
-    parameters = EFFECT.named([float(number) for number in numbers[4:]])
-    at, torques = _bends(parameters)
 
-    def torque_left(roll: float, rate: float) -> float:
-        whole = torque(NUMPY, JointState(roll - rest, rate, roll, 0.0), parameters, ())
-        written = np.interp(roll - rest, at, torques) - _polynomial(rate) @ damper
-        return float(whole - written)
+@dataclass(frozen=True, slots=True)
+class Remainder:
+    """The torque that a written model lacks: a grid over position and rate, straight between its points, and a polynomial."""
 
-    return torque_left
+    low: tuple[float, float]
+    """Position of the joint [rad] and rate [rad/s] where the grid begins,"""
+    high: tuple[float, float]
+    """and where it ends; beyond, it stays as it is there."""
+    torque: Array
+    """[N*m], shape `GRID`."""
+    damper: Array
+    """Coefficients of v, v|v| and v³ that the model damps with in the place of g [N*m and rad/s], shape (3,)."""
+
+    @classmethod
+    def of(cls, numbers: Array) -> "Remainder":
+        """Return that of a model's custom numbers [rad, N*m and rad/s, the parameters' units], shape (n,)."""
+        rest, parameters = float(numbers[0]), EFFECT.named([float(n) for n in numbers[4:]])
+        ends = [(parameters[f"{n}_low"], parameters[f"{n}_high"]) for n in ("tilt", "rate")]
+        tilt, rate = (np.linspace(*end, n) for end, n in zip(ends, GRID, strict=True))
+        motion = JointState(tilt[:, None], rate, tilt[:, None] + rest, 0.0)
+        whole = torque(NUMPY, motion, parameters, ())
+        left = np.asarray(whole - np.interp(tilt, *_bends(parameters))[:, None])
+        return cls((rest + tilt[0], rate[0]), (rest + tilt[-1], rate[-1]), left, numbers[1:4].copy())
+
+    def __call__(self, position: float, rate: float) -> float:
+        """Return the torque [N*m] at a position of the joint [rad] and a rate [rad/s]."""
+        cells: list[tuple[int, float]] = []
+        for value, low, high, n in zip((position, rate), self.low, self.high, GRID, strict=True):
+            at = (n - 1) * min(max((value - low) / (high - low), 0.0), 1.0)
+            cell = min(int(at), n - 2)
+            cells.append((cell, at - cell))
+        (i, s), (j, t) = cells
+        (a, b), (c, d) = self.torque[i : i + 2, j : j + 2].tolist()
+        one, two, three = self.damper.tolist()
+        left = (1 - s) * ((1 - t) * a + t * b) + s * ((1 - t) * c + t * d)
+        return left + rate * (one + two * abs(rate) + three * rate * rate)
 
 
 def tabulated(law: Callable[[Value, Value], Value], support: Mapping[str, float]) -> Array:

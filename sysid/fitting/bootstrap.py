@@ -8,7 +8,7 @@ Sources: Künsch (Annals of Statistics 1989) for moving blocks; Politis and Whit
 for their length; Efron and Tibshirani (1993), chapter 14, for the bias-corrected percentiles.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -21,6 +21,7 @@ from sysid.fitting.problem import Problem
 from sysid.fitting.result import JointFit
 from sysid.least_squares import minimise
 from sysid.noise.autoregression import ResidualNoise
+from sysid.progress import steps
 from sysid.quantity import Z95
 from sysid.roll import Array
 
@@ -87,7 +88,6 @@ def bootstrap(
     draws: int,
     *,
     seed: int = 0,
-    progress: Callable[[int], None] = lambda done: None,
 ) -> Bootstrap:
     """Fit `draws` logs that could as well have been measured.
 
@@ -105,7 +105,7 @@ def bootstrap(
     low, high = fit.problem.bounds()
     count = len(fit.problem.names)
     found: list[Array] = []
-    for number in range(draws):
+    for _ in steps(range(draws)):
         if whole:
             again, start, bounds = _of_releases(fit, rng)
         else:
@@ -113,7 +113,6 @@ def bootstrap(
         minimum = minimise(again.normal, start, *bounds, iterations=40, tolerance=1e-6)
         if np.isfinite(minimum.normal.cost):
             found.append(minimum.point[:count] * again.sizes()[:count])
-        progress(number + 1)
     if len(found) < max(FEWEST_DRAWS, draws // 2):
         raise SysidError(
             f"only {len(found)} of {draws} drawn logs could be fitted: the model is at the edge of what these "

@@ -14,6 +14,7 @@ import numpy as np
 
 from sysid.fitting.problem import Problem
 from sysid.least_squares import Minimum, Normal, minimise
+from sysid.progress import steps
 from sysid.roll import Array
 
 PIECES = 3
@@ -34,7 +35,7 @@ def heldout_residuals(problem: Problem, minimum: Minimum) -> tuple[Array, ...]:
     """
     if len(problem.records) == 1:
         return (_forecast(problem, minimum),)
-    return tuple(_left_out(problem, minimum, index) for index in range(len(problem.records)))
+    return tuple(_left_out(problem, minimum, index) for index in steps(range(len(problem.records))))
 
 
 def surprising_residuals(problem: Problem, minimum: Minimum) -> tuple[Array, ...]:

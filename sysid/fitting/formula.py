@@ -20,21 +20,19 @@ from sysid.fitting.cross_validation import rms
 from sysid.fitting.learned_torque import learned_torque, tables_of
 from sysid.fitting.problem import Problem
 from sysid.fitting.result import JointFit
-from sysid.fitting.search import first_swings
-from sysid.fitting.smoothing import is_table
-from sysid.joint.structure import LINEAR, Structure
+from sysid.fitting.smoothing import directions, fit_instead
 from sysid.joint.trajectory import simulate
-from sysid.least_squares import Minimum, minimise
+from sysid.least_squares import Minimum
 from sysid.roll import Array
 
 Law = Callable[[Algebra, Value, Value, float], Value]
 """Of the algebra, tilt [rad], rate [rad/s] and the shape's own width or angle."""
 GOOD = 1.02
 """Error of a formula over that of the tables up to which it is as good."""
+HALF = 0.5
+"""Share of what was learned up to which the nearest formula is no word for it."""
 CANDIDATES = 5
 """How many of the nearest shapes are fitted."""
-_STEPS = 120
-"""Steps a period of those fits: RK4 then loses 82/n⁴ = 4e-7 rad of phase a period of a linear joint."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -251,8 +249,16 @@ def formula_of(fit: JointFit) -> Formula | None:
         share=share,
         error=rms(problem.residuals(minimum.point)),
         good=_spread(problem, minimum) <= GOOD * _spread(fit.problem, fit.minimum),
-        text=f"{' and '.join(parts)}; this formula carries {100 * share:.0f} % of what was learned",
+        text=in_words(parts, share),
     )
+
+
+def in_words(parts: Sequence[str], share: float) -> str:
+    """Return what goes on after 'it': what the terms of the nearest formula do, and how much of what was learned that is [1]."""
+    carries = f"carries {100 * share:.0f} % of what was learned"
+    if share > HALF:
+        return f"{' and '.join(parts)}; this formula {carries}"
+    return f"is like no formula that is known here: the nearest {carries}"
 
 
 _Column = tuple[Shape, float, Array]
@@ -261,16 +267,8 @@ _NAME = "formula"
 
 
 def _spread(problem: Problem, minimum: Minimum) -> float:
-    """Return the noise that a fit's residuals speak of, for the directions that it took out of them [rad or rad/s].
-
-    A table takes as many as its smoothness leaves it: tr H⁻¹(H - prior).
-    """
-    hessian, shared = minimum.normal.hessian, len(problem.names)
-    data = hessian.copy()
-    data[:shared, :shared] -= problem.prior
-    scale = 1 / np.sqrt(np.maximum(np.diag(hessian), 1e-300))
-    whole = np.outer(scale, scale)
-    taken = float(np.trace(np.linalg.pinv(hessian * whole, hermitian=True) @ (data * whole)))
+    """Return the noise that a fit's residuals speak of, for the directions that it took out of them [rad or rad/s]."""
+    taken = directions(problem, minimum)
     return rms(problem.residuals(minimum.point)) / float(np.sqrt(max(1 - taken / problem.samples, 0.1)))
 
 
@@ -328,16 +326,9 @@ def _fitted(
     fit: JointFit, chosen: tuple[_Column, ...], along: tuple[Array, Array, Array]
 ) -> tuple[tuple[_Column, ...], Minimum, Problem]:
     """Fit the formula to the releases in the place of the tables."""
-    old = fit.problem
-    kept = tuple(part.name for part in old.structure.parts if not is_table(part))
-    structure = Structure(kept, (effect_of([shape for shape, _, _ in chosen]),))
     held = {
         f"{_NAME}.width_{i}": width or 1.0 for i, (shape, width, _) in enumerate(chosen) if not shape.widths
     }
-    known = {name: value for name, value in old.fixed.items() if name.split(".")[0] in (*kept, *LINEAR)}
-    problem = old.with_(
-        structure=structure, smoothing=(), bounded={}, fixed={**known, **held}, steps_per_period=_STEPS
-    )
     x, v, torque = along
     laws = [np.asarray(shape.law(NUMPY, x, v, width or 1.0)) for shape, width, _ in chosen]
     stiffer, damped, *guess = np.linalg.lstsq(np.column_stack([-x, -v, *laws]), torque, rcond=None)[0]
@@ -346,13 +337,9 @@ def _fitted(
     start["damping"] += damped
     for i, ((_, width, _), coefficient) in enumerate(zip(chosen, guess, strict=True)):
         start |= {f"{_NAME}.coefficient_{i}": float(coefficient), f"{_NAME}.width_{i}": width or 1.0}
-    point = problem.start(start)
-    own = point[len(problem.names) :].reshape(len(fit.records), -1)
-    own[:, :2] = np.array(fit.starts) / problem.sizes()[len(problem.names) :].reshape(own.shape)[:, :2]
-    for periods in (2.5, 6.0):
-        short = problem.with_(records=[first_swings(r, problem.scales, periods) for r in problem.records])
-        point = minimise(short.normal, point, *short.bounds(), iterations=20, tolerance=1e-5).point
-    return chosen, minimise(problem.normal, point, *problem.bounds(), iterations=20), problem
+    part = effect_of([shape for shape, _, _ in chosen])
+    problem, minimum = fit_instead(fit.problem, fit.minimum.point, part, start, held)
+    return chosen, minimum, problem
 
 
 def effect_of(shapes: Sequence[Shape]) -> TorqueEffect:

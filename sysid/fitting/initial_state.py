@@ -11,6 +11,7 @@ from sysid.fitting.problem import Problem
 from sysid.fitting.records import Bias, Record
 from sysid.joint import JointLaw
 from sysid.least_squares import minimise
+from sysid.progress import steps
 from sysid.roll import Array
 
 
@@ -36,7 +37,7 @@ def fit_initial_states(
     """
     residuals: list[Array] = []
     starts: list[tuple[float, float]] = []
-    for problem in problems_of_law(law, records, bias=bias):
+    for problem in steps(problems_of_law(law, records, bias=bias)):
         found = minimise(problem.normal, problem.start(problem.fixed), *problem.bounds(), iterations=30)
         if not np.isfinite(found.normal.cost):
             raise SysidError(

@@ -9,6 +9,7 @@ from sysid.effects import effect
 from sysid.fitting.joint import FitOptions, fit_joint, pulls_back
 from sysid.fitting.result import JointFit
 from sysid.joint.structure import structure_of
+from sysid.progress import stage, steps
 from sysid.roll import Array, Release
 
 PLAIN = "spring and damper"
@@ -56,10 +57,13 @@ def ladder(
     """
     known = [name for name in effects if effect(name).is_known]
     added = [name for name in effects if name not in known]
-    for count in range(len(added) + 1):
+    for count in steps(range(len(added) + 1), lambda n: rung_name(added[:n])):
         names = [*known, *added[:count]]
-        fitted = fit_joint(releases, board, names, _without_missing(options, names, board))
-        yield rung_of(added[:count], fitted, fitted.heldout_rmse() if heldout else math.nan)
+        with stage(0.0, 0.6):
+            fitted = fit_joint(releases, board, names, _without_missing(options, names, board))
+        with stage(0.6, 1.0):
+            error = fitted.heldout_rmse() if heldout else math.nan
+        yield rung_of(added[:count], fitted, error)
 
 
 def _without_missing(options: FitOptions, effects: Sequence[str], board: Board) -> FitOptions:
@@ -78,4 +82,9 @@ def _without_missing(options: FitOptions, effects: Sequence[str], board: Board) 
 
 def rung_of(effects: Sequence[str], fitted: JointFit, heldout: float) -> Rung:
     """Return the rung of a fit with some effects."""
-    return Rung(f"+ {effects[-1]}" if effects else PLAIN, fitted, heldout)
+    return Rung(rung_name(effects), fitted, heldout)
+
+
+def rung_name(effects: Sequence[str]) -> str:
+    """Return what a rung with some effects is called."""
+    return f"+ {effects[-1]}" if effects else PLAIN

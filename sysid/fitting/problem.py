@@ -181,7 +181,7 @@ class Problem:
         own = [s.amplitude, s.rate]
         if self.free_states:
             own += [state.size(s) for state in self.structure.internal_states]
-        own += [s.amplitude] if self.bias == "per-release" else []
+        own += [s.rate if self.records[0].is_rate else s.amplitude] if self.bias == "per-release" else []
         return np.array([known[name] for name in self.names] + own * len(self.records))
 
     def bounds(self) -> tuple[Array, Array]:

@@ -18,6 +18,7 @@ from sysid.board import Board
 from sysid.fitting.covariance import parameter_covariance, torque_like
 from sysid.fitting.result import JointFit
 from sysid.least_squares import Minimum, Normal, minimise
+from sysid.progress import steps
 from sysid.quantity import Z95
 from sysid.roll import Array
 
@@ -74,7 +75,7 @@ def profiles(fit: JointFit, board: Board) -> Iterator[Profile]:
     low, high = problem.bounds()
     own = parameter_covariance(problem, minimum, fit.residuals)
     sizes = problem.sizes()
-    for index, name in enumerate(problem.names):
+    for index, name in steps(list(enumerate(problem.names))):
         if minimum.at_bound[index]:
             continue
         size = float(sizes[index])

@@ -25,17 +25,18 @@ class SignalOptions(TypedDict):
 def signal_of(releases: Sequence[Release], signal: Signal = "auto") -> SignalOptions:
     """Return which signal of some releases to fit.
 
-    A rate gyro's roll is only its integral, which drifts: there the rate itself. A roll that was fused from
-    accelerometer and gyro has a zero that wanders from release to release.
+    Where a gyro measured, its rate: a roll that was integrated from it drifts, and one that was fused from gyro and
+    accelerometer has errors that last, which pass for motion. A gyro's zero wanders from release to release, as that of
+    any other roll that drifts.
 
     Args:
         signal: 'auto', or what the caller wants.
     """
     if signal == "auto":
         drifting = any(release.zero == "drifting" for release in releases)
-        integrals = all(release.measured == "rate" for release in releases)
-        signal = "rate" if integrals else "per-release" if drifting else "roll"
-    return {"use_rate": signal == "rate", "bias": "per-release" if signal == "per-release" else "shared"}
+        gyro = all(release.rate is not None for release in releases)
+        signal = "roll" if not drifting else "rate" if gyro else "per-release"
+    return {"use_rate": signal == "rate", "bias": "shared" if signal == "roll" else "per-release"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sysid.board import Board
+from sysid.fitting.changing import changes_with_time
 from sysid.fitting.covariance import identifiability_warnings, parameter_quantities, total_covariance
 from sysid.fitting.cross_validation import heldout_residuals, rms
 from sysid.fitting.problem import Problem
@@ -104,16 +105,23 @@ def summarise(
         starts=tuple((float(begins[i * own]), float(begins[i * own + 1])) for i in range(len(problem.records))),
         residuals=tuple(residuals),
         evaluations=evaluations,
-        warnings=(*identifiability_warnings(problem, minimum, quantities, covariance), *_unlearned(problem, residuals)),
+        warnings=(*identifiability_warnings(problem, minimum, quantities, covariance), *_unlearned(problem, minimum, residuals)),
         problem=problem,
         minimum=minimum,
     )  # fmt: skip
 
 
-def _unlearned(problem: Problem, residuals: Sequence[Array]) -> list[str]:
-    """Say so where tables are fitted, and something is left that no function of tilt, rate and one memory is."""
+def _unlearned(problem: Problem, minimum: Minimum, residuals: Sequence[Array]) -> list[str]:
+    """Say so where tables are fitted to what no function of tilt, rate and one memory is."""
     left = rms(residuals) / problem.records[0].std
-    if not problem.smoothing or left < 1.15 or correlation_length(residuals) < 1.5:
+    if not problem.smoothing:
+        return []
+    if changes_with_time(problem, minimum):
+        return [
+            "what is missing changes with time rather than with tilt and rate (warming, loosening): a spring and a damper that change during each "
+            "release explain the releases better. Compare early releases with late ones"
+        ]
+    if left < 1.15 or correlation_length(residuals) < 1.5:
         return []
     return [
         f"a torque of tilt, rate and one memory leaves {left:.2f} times the noise: what is left changes with time (warming, "

@@ -13,6 +13,7 @@ from sysid.fitting.problem import Problem
 from sysid.fitting.records import Bias, Record
 from sysid.joint.structure import Structure
 from sysid.least_squares import Minimum, minimise
+from sysid.progress import stage, steps
 from sysid.roll import Array
 
 _LONG = (1.25, 4.0)
@@ -192,28 +193,31 @@ def search(
     ]
     evaluations = 0
     found: list[tuple[float, Array]] = []
-    for start in starts:
-        point = coarse.start({**start, "rest_angle": start.get("rest_angle") or rest})
-        for problem in early:
-            first = minimise(problem.normal, point, *problem.bounds(), iterations=12, tolerance=1e-4)
-            evaluations += first.evaluations
-            point = first.point
-        second = minimise(coarse.normal, point, *coarse.bounds(), iterations=15, tolerance=1e-5)
-        evaluations += second.evaluations
-        found.append((second.normal.cost, second.point))
+    with stage(0.0, 0.5):
+        for start in steps(starts):
+            point = coarse.start({**start, "rest_angle": start.get("rest_angle") or rest})
+            for problem in early:
+                first = minimise(problem.normal, point, *problem.bounds(), iterations=12, tolerance=1e-4)
+                evaluations += first.evaluations
+                point = first.point
+            second = minimise(coarse.normal, point, *coarse.bounds(), iterations=15, tolerance=1e-5)
+            evaluations += second.evaluations
+            found.append((second.normal.cost, second.point))
     found.sort(key=lambda item: item[0])
-    found[0] = scan_rough_parameters(coarse, _restarted(coarse, found[0]))
+    with stage(0.5, 0.7):
+        found[0] = scan_rough_parameters(coarse, _restarted(coarse, found[0]))
     fine = coarse.with_(steps_per_period=steps_per_period, average=1)
     best: Minimum | None = None
     # On the coarse grid a kink falls between two points, so its costs rank neighbours only roughly.
     tried, near = (4, 3.0) if nonsmooth else (2, 1.2)
-    for cost, point in found[:tried]:
-        if best is not None and cost > near * found[0][0]:
-            break
-        minimum = minimise(fine.normal, point, *fine.bounds(), iterations=60)
-        evaluations += minimum.evaluations
-        if best is None or minimum.normal.cost < best.normal.cost:
-            best = minimum
+    with stage(0.7, 1.0):
+        for cost, point in steps(found[:tried]):
+            if best is not None and cost > near * found[0][0]:
+                break
+            minimum = minimise(fine.normal, point, *fine.bounds(), iterations=60)
+            evaluations += minimum.evaluations
+            if best is None or minimum.normal.cost < best.normal.cost:
+                best = minimum
     assert best is not None
     return fine, best, evaluations
 

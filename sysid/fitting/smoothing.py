@@ -10,11 +10,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from sysid.effects._base import Effect, Scales, TorqueEffect
+from sysid.fitting.cross_validation import rms
 from sysid.fitting.problem import Problem
 from sysid.fitting.records import Bias, Record
 from sysid.fitting.search import first_swings, measured_rest, search, starting_points
 from sysid.joint.law import JointLaw
-from sysid.joint.structure import Structure, structure_of
+from sysid.joint.structure import LINEAR, Structure, structure_of
 from sysid.joint.trajectory import simulate
 from sysid.least_squares import Minimum, minimise
 from sysid.noise.whiteness import correlation_length
@@ -36,10 +37,14 @@ _GAIN = 1.0
 """log-likelihood that a weight one step lower must gain [nats]."""
 _ROUNDS = 5
 """In which weights are chosen again, for each stretch of the motion."""
+WORSE = 1.01
+"""Error over that of the joint without tables from which the search for them has lost its way: they can be zero."""
 _COLOURED = 1.5
 """Correlation length of what is left [samples] from which an internal state is tried: noise has one."""
 _COARSE = 40
-"""Steps a period while weights are sought: RK4 then loses 82/n⁴ = 3e-5 rad of phase a period of a linear joint."""
+"""Steps a period while weights are sought: RK4 then loses 82/n⁴ = 3e-5 rad of phase a period of a linear joint,"""
+_STEPS = 120
+"""and where a formula is fitted in the tables' place: 4e-7 rad."""
 
 
 def learn(
@@ -72,9 +77,14 @@ def learn(
     problem = before.with_(bounded=dict(bounded), fixed={**before.fixed, **fixed})
     tables = [part for part in structure.torques if part.smoothness]
     remembering = [part.memory for part in tables if part.memory and part.memory not in structure.effects]
-    first = with_structure(problem, structure, edges)
-    problem, found, more = _learned(first, extended(first, known, before, found.point))
-    evaluations += more
+    first, reached = with_structure(problem, structure, edges), rms(before.residuals(found.point))
+    start = extended(first, known, before, found.point)
+    # A search that begins with the first swings may lose its way where the joint without tables was in step already.
+    for horizons in (_PERIODS, _PERIODS[-1:], ()):
+        problem, found, more = _learned(first, start, horizons)
+        evaluations += more
+        if rms(problem.residuals(found.point)) < WORSE * reached:
+            break
     if remembering and correlation_length(problem.residuals(found.point)) > _COLOURED:
         richer, there, more = _remembering(problem, found, (*structure.effects, *remembering))
         evaluations += more
@@ -121,6 +131,42 @@ def _learned(
             here = here.with_(smoothing=weights)
         problem = problem.with_(smoothing=here.smoothing)
     return problem, minimise(problem.normal, point, *problem.bounds(), iterations=10), evaluations
+
+
+def fit_instead(
+    problem: Problem, point: Array, part: TorqueEffect, start: Mapping[str, float], held: Mapping[str, float]
+) -> tuple[Problem, Minimum]:
+    """Fit an effect in the place of a problem's tables, first swings first.
+
+    Args:
+        problem: With tables.
+        point: Its minimum, in units of the unknowns' sizes, shape (p,).
+        part: No effect of the catalogue.
+        start: Parameters to begin with, in their units.
+        held: Parameters of the effect that are held.
+    """
+    kept = tuple(p.name for p in problem.structure.parts if not is_table(p))
+    known = {n: value for n, value in problem.fixed.items() if n.split(".")[0] in (*kept, *LINEAR)}
+    structure = Structure(kept, (part,))
+    simpler = problem.with_(
+        structure=structure, smoothing=(), bounded={}, fixed={**known, **held}, steps_per_period=_STEPS,
+        free_states=problem.free_states and bool(structure_of(kept).internal_states),
+    )  # fmt: skip
+    point = extended(simpler, start, problem, point)
+    for periods in (2.5, 6.0):
+        short = simpler.with_(records=[first_swings(r, problem.scales, periods) for r in problem.records])
+        point = minimise(short.normal, point, *short.bounds(), iterations=20, tolerance=1e-5).point
+    return simpler, minimise(simpler.normal, point, *simpler.bounds(), iterations=20)
+
+
+def directions(problem: Problem, minimum: Minimum) -> float:
+    """Return how many directions a fit takes out of the data: a table as many as its smoothness leaves it, tr H⁻¹(H - prior)."""
+    hessian, shared = minimum.normal.hessian, len(problem.names)
+    data = hessian.copy()
+    data[:shared, :shared] -= problem.prior
+    scale = 1 / np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    whole = np.outer(scale, scale)
+    return float(np.trace(np.linalg.pinv(hessian * whole, hermitian=True) @ (data * whole)))
 
 
 def _remembering(problem: Problem, found: Minimum, effects: Sequence[str]) -> tuple[Problem, Minimum, int]:

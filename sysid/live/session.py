@@ -11,6 +11,7 @@ from sysid.free_decay import FreeDecay, fit_decay
 from sysid.quantity import Quantity
 from sysid.recording import Recording
 from sysid.roll import Release
+from sysid.text import DEGREES, display
 
 EACH_SIDE = 3
 """Releases from each side that a diagnosis is well served with: one of them can be left out and two remain."""
@@ -75,7 +76,7 @@ class Session:
     @property
     def next_step(self) -> str:
         """Which release would help most, in words; or that there are enough."""
-        return next_release(self.releases)
+        return next_release(self.releases, self.board)
 
 
 def _ended(recording: Recording) -> list[Release]:
@@ -90,23 +91,33 @@ def _ended(recording: Recording) -> list[Release]:
     return [r for r in recording.releases if abs(r.rest - level) < SAME_REST * r.amplitude]
 
 
-def next_release(releases: Sequence[Release]) -> str:
+def next_release(releases: Sequence[Release], board: Board) -> str:
     """Return which release would help most: from which side, and from how far.
 
     Args:
         releases: So far.
+        board: Whose.
     """
-    counts = {side: sum(r.side == side for r in releases) for side in ("right", "left")}
+    show = display(is_rate=False, slides=board.slides)
+    names = (
+        {"right": "right", "left": "left"}
+        if board.geometry
+        else {"right": "positive side", "left": "negative side"}
+    )
+    counts = {side: sum(r.side == side for r in releases) for side in names}
     side = min(counts, key=lambda name: counts[name])
     needed = EACH_SIDE - counts[side]
     sizes = [r.amplitude for r in releases]
     if not sizes:
-        return f"Hold the deck still at {np.degrees(WIDE):.0f}°, {side} edge down, let go, and leave it until it rests."
+        wide = f"{0.5 * board.tilt['range'].value * show.scale if board.slides else DEGREES * WIDE:.2g}{show.unit}"
+        if board.geometry:
+            return f"Hold the deck still at {wide}, {side} edge down, let go, and leave it until it rests."
+        return f"Hold the joint still {wide} from its rest, let go, and leave it until it rests."
     widest, smallest = max(sizes), min(sizes)
-    small = f"{np.degrees(widest) / SPREAD:.1g}"
+    small = f"{float(f'{show.scale * widest / SPREAD:.1g}'):g}{show.unit}"
     if needed > 0:
-        angle = small if widest < SPREAD * smallest else f"{np.degrees(widest):.2g}"
-        return f"{_NUMBERS[needed].capitalize()} more from the {side}, from {angle}°."
+        angle = small if widest < SPREAD * smallest else show(widest, 2)
+        return f"{_NUMBERS[needed].capitalize()} more from the {names[side]}, from {angle}."
     if widest < SPREAD * smallest:
-        return f"One more from {small}°: all so far were about as wide, and what grows with amplitude does not show."
+        return f"One more from {small}: all so far were about as wide, and what grows with amplitude does not show."
     return "Enough for a diagnosis; more releases make it surer."

@@ -20,8 +20,6 @@ SMALLEST_OF_LOG = 0.12
 """Nor are they where the largest one's first swing is below this share of the log's whole range."""
 WANDER = 0.03
 """Share of the first swing by which the zero of a sensor may move within one swing: a gyro's integral, a warm IMU."""
-STILL_HELD = 1.0
-"""A deck that has not left this many swings' 10 to 90 % times after the given release was not let go then."""
 HAND = 0.025
 """Logarithm of two swings' ratio by which a first one from no rest may lose more than any free one: 2.5 % of its size."""
 SHARE_OF_HALF = 0.59
@@ -47,6 +45,11 @@ class Segment:
         return float(np.median([swing.duration for swing in self.swings[:4]]))
 
     @property
+    def half_period(self) -> float:
+        """Half a period, lightly damped [s]."""
+        return self.pace / SHARE_OF_HALF
+
+    @property
     def sizes(self) -> list[float]:
         """Amplitudes about rest at the turning points [rad]."""
         return [
@@ -66,6 +69,25 @@ def free_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segme
     segments = [segment for segment in segments if segment.swings[0].size > SMALLEST_RELEASE * largest]
     groups = [[other for other in segments if _same_board(segment, other, signal)] for segment in segments]
     return max(groups, key=lambda group: _segment_score(group, signal))
+
+
+def segments_after_hands(
+    signal: SmoothedSignal, swings: list[HalfCycle], found: list[Segment], ends: list[float]
+) -> list[Segment]:
+    """Return the segments that were found and those that begin within one, after a hand had ended it [s]."""
+    segments: list[Segment] = []
+    for segment, end in zip(found, ends, strict=True):
+        last = segment.swings[-1].finish
+        rest = [s for s in swings if signal.time[s.left] > end and s.finish <= last]
+        later = _shrinking_segments(signal, rest) if signal.time[last] - end > 4 * segment.half_period else []
+        largest = segment.swings[0].size
+        same = [
+            s
+            for s in later
+            if s.swings[0].size > SMALLEST_RELEASE * largest and _same_board(s, segment, signal)
+        ]
+        segments += [segment, *(s for s in same if len(s.swings) > 1)]
+    return segments
 
 
 def _segment_score(group: list[Segment], signal: SmoothedSignal) -> float:
@@ -198,7 +220,7 @@ def _first_swing_is_odd(swings: list[HalfCycle]) -> bool:
 
 
 def given_segment(signal: SmoothedSignal, swings: list[HalfCycle], time: float, log: str) -> Segment:
-    """Return the segment that begins at a given time; the next one where the deck is still held then."""
+    """Return the segment that begins at a given time; where the deck is still held then, from when it leaves."""
     later = [swing for swing in swings if signal.time[swing.reached] > time]
     if not later or time < signal.time[0]:
         raise SysidError(
@@ -206,13 +228,20 @@ def given_segment(signal: SmoothedSignal, swings: list[HalfCycle], time: float, 
             f"to {signal.time[-1]:.6g} s."
         )
     index = int(np.searchsorted(signal.time, time))
-    if later[0].left - index > STILL_HELD * later[0].duration / float(signal.time[1] - signal.time[0]):
-        # Nobody had let go yet: the release is the one that follows, from when the deck leaves.
-        follows = [
-            found for found in free_segments(signal, swings) if signal.time[found.swings[0].left] >= time
-        ]
-        if follows:
-            return follows[0]
+    found = free_segments(signal, swings)
+    for segment in found:
+        first = segment.swings[0]
+        off = np.abs(signal.roll[: first.left] - first.origin) > max(
+            5.0 * signal.noise, 2 * WANDER * first.size
+        )
+        held = int(np.flatnonzero(off)[-1]) + 1 if off.any() else 0
+        if held <= index < segment.swings[-1].finish:
+            left = tuple(swing for swing in segment.swings if signal.time[swing.reached] > time)
+            return (
+                segment
+                if index < first.left
+                else replace(segment, swings=left or segment.swings[-1:], start=time)
+            )
     if later[0].left < index:
         later[0] = replace(later[0], begin=index, left=index, origin=float(signal.roll[index]))
     finish = 1
@@ -221,4 +250,10 @@ def given_segment(signal: SmoothedSignal, swings: list[HalfCycle], time: float, 
     segment = _segment(signal, later, 0, finish)
     if segment is None:
         segment = Segment((later[0],), later[0].target, False, later[1] if len(later) > 1 else None)
+    if found and not _same_board(segment, found[0], signal):
+        seen = ", ".join(f"{signal.time[one.swings[0].left]:.4g}" for one in found)
+        raise SysidError(
+            f"{log}: nobody let the deck go at {time:.6g} s: it rests then, or a hand moves it. It leaves a hand at about "
+            f"{seen} s; give such a time, or leave --release away."
+        )
     return replace(segment, start=time)

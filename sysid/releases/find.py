@@ -12,21 +12,17 @@ from typing import Literal
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.releases.chains import Segment, free_segments, given_segment
+from sysid.releases.chains import Segment, free_segments, given_segment, segments_after_hands
 from sysid.releases.extrema import HalfCycle, SmoothedSignal, crossing_time, half_cycles_of, smooth_signal
-from sysid.releases.push import without_push
+from sysid.releases.hand import Span, free_spans
 from sysid.roll import Release, Roll
 
 STILL = 0.03
 """A deck within this share of the first amplitude counts as held still."""
-HALF_SWING = 1 / 0.59
-"""Half a period in units of the 10 to 90 % time of one swing, lightly damped."""
-
-CAUGHT, CAUGHT_LOSS = 0.4, 1.5
-"""Share of the swing that is expected below which the deck was caught, and how many times the last largest loss of a half
-period may be lost freely."""
-
+FELT = 0.15
+"""Periods for which a hand that catches a deck is felt before it is seen: up to 20 ms of a swing of 0.2 s in random logs."""
 _Ending = tuple[float, Literal["rest", "caught", "log"]]
+_Seen = tuple[float, float, float, Literal["rest", "caught", "log"]]
 
 
 def find_releases(
@@ -70,12 +66,27 @@ def find_releases(
             f"{roll.log}: it moves, but no stretch swings freely to rest. Give the times at which the deck "
             "was let go (--release), or the stretch to look at (--from, --to)."
         )
-    limits = [*(segment.start for segment in segments[1:]), None]
-    found = [
-        _release(part, signal, segment, number, limit)
-        for number, (segment, limit) in enumerate(zip(segments, limits, strict=True), start=1)
+    seen, free = _spans(signal, segments)
+    if not releases:
+        after = segments_after_hands(signal, swings, segments, [span.end for span in free])
+        if len(after) > len(segments):
+            segments, (seen, free) = after, _spans(signal, after)
+    return [
+        _release(part, signal, segment, number, one, span)
+        for number, (segment, one, span) in enumerate(zip(segments, seen, free, strict=True), start=1)
     ]
-    return found if releases else without_push(found, float(np.median([one.pace for one in segments])))
+
+
+def _spans(signal: SmoothedSignal, segments: Sequence[Segment]) -> tuple[list[_Seen], list[Span]]:
+    """Return what the turning points say of each segment, and what is left of it without a hand."""
+    limits = [signal.time[one.swings[0].left] if one.start is None else one.start for one in segments[1:]]
+    seen = [_seen(signal, segment, limit) for segment, limit in zip(segments, [*limits, None], strict=True)]
+    spans = [
+        Span(begin, finish, segment.rest)
+        for (begin, _, finish, _), segment in zip(seen, segments, strict=True)
+    ]
+    period = 2 * float(np.median([segment.half_period for segment in segments]))
+    return seen, free_spans(signal, spans, period)
 
 
 def _cut(roll: Roll, start: float | None, stop: float | None) -> Roll:
@@ -91,16 +102,32 @@ def _cut(roll: Roll, start: float | None, stop: float | None) -> Roll:
     return roll if inside.all() else roll[inside]
 
 
-def _release(
-    roll: Roll, signal: SmoothedSignal, segment: Segment, number: int, limit: float | None
-) -> Release:
-    """Cut one free decay out of the log."""
+def _seen(signal: SmoothedSignal, segment: Segment, limit: float | None) -> _Seen:
+    """Return when the deck left its hold, how long it was held, when the decay ends [s], and why, by its turning points."""
     begin, hold = _let_go(signal, segment)
     finish, end = _ending(signal, segment, begin)
     if limit is not None and limit <= finish:
         finish, end = float(np.nextafter(limit, -math.inf)), "caught"
-    if end != "caught" and (hand := _caught_in_motion(signal, segment, begin, finish)) is not None:
-        finish, end = hand, "caught"
+    return begin, hold, finish, end
+
+
+def _release(
+    roll: Roll,
+    signal: SmoothedSignal,
+    segment: Segment,
+    number: int,
+    seen: _Seen,
+    free: Span,
+) -> Release:
+    """Cut one free decay out of the log."""
+    begin, hold, finish, end = seen
+    if segment.start is None and free.begin > begin:
+        begin, hold = free.begin, 0.0  # a hand pushed it on its way: it starts from no hold
+    if free.end < finish:
+        before = signal.roll[(signal.time >= free.end - segment.half_period) & (signal.time <= free.end)]
+        finish, end = free.end, "rest" if np.ptp(before) < STILL * segment.sizes[0] else "caught"
+    if end == "caught":
+        finish -= FELT * min(2 * segment.half_period, finish - begin)
     inside = (roll.time >= begin - 1e-9) & (roll.time <= finish + 1e-9)
     rest = segment.rest
     if end == "rest":
@@ -121,12 +148,13 @@ def _let_go(signal: SmoothedSignal, segment: Segment) -> tuple[float, float]:
     last = int(np.flatnonzero(still)[-1]) if still.any() else swing.left
     moving = np.flatnonzero(~still[:last])
     since = int(moving[-1]) + 1 if len(moving) else 0
-    if segment.start is not None:
-        return segment.start, max(0.0, segment.start - float(signal.time[since]))
     if signal.time[last] - signal.time[since] < 0.5 * segment.pace:
-        return _onset(signal, swing, swing.origin) if swing.begin else float(signal.time[0]), 0.0
-    begin = _onset(signal, swing, float(np.median(before[since : last + 1])))
-    return begin, begin - float(signal.time[since])
+        found = _onset(signal, swing, swing.origin) if swing.begin else float(signal.time[0])
+        return found if segment.start is None else segment.start, 0.0
+    found = _onset(signal, swing, float(np.median(before[since : last + 1])))
+    begin = found if segment.start is None else segment.start
+    moving = begin > found + signal.time[1] - signal.time[0]
+    return begin, 0.0 if moving else begin - float(signal.time[since])
 
 
 def _onset(signal: SmoothedSignal, swing: HalfCycle, level: float) -> float:
@@ -166,33 +194,6 @@ def _ending(signal: SmoothedSignal, segment: Segment, begin: float) -> _Ending:
     return _followed(signal, segment, last.finish), "caught"
 
 
-def _caught_in_motion(signal: SmoothedSignal, segment: Segment, begin: float, finish: float) -> float | None:
-    """Return when a hand stopped a deck that still swung [s], or None if none did.
-
-    A free deck loses no more of its swing in a half period than in those before it: in proportion with viscous
-    damping, the same amount with dry friction. A hand stops it at once, and it stays.
-    """
-    half = HALF_SWING * segment.pace
-    rest = float(np.median(signal.roll[(signal.time >= finish - half) & (signal.time <= finish)]))
-    power = np.concatenate([[0.0], np.cumsum((signal.roll - rest) ** 2)])
-    width = max(2, round(half / float(signal.time[1] - signal.time[0])))
-    first, last = np.searchsorted(signal.time, (begin, finish))
-    starts = np.arange(first, last - width, max(1, width // 4))
-    if len(starts) < 24:
-        return None
-    amplitude = np.sqrt(
-        np.maximum(2 * (power[starts + width] - power[starts]) / width - 2 * signal.noise**2, 0.0)
-    )
-    for index in range(16, len(starts)):
-        before = amplitude[index - 16 : index - 3 : 4]  # the four half periods before this one
-        lost = float(np.max(-np.diff(before)))
-        expected = before[-1] - CAUGHT_LOSS * max(lost, 0.0)
-        gone = amplitude[index:] < CAUGHT * expected
-        if expected > 4 * signal.noise and before[-1] > 0.005 * amplitude[0] and gone.all():
-            return float(signal.time[starts[index]])
-    return None
-
-
 def _last_swing_is_cut(signal: SmoothedSignal, segment: Segment) -> bool:
     """Whether the last swing ends where no free deck would: held away from rest, or braked far too much."""
     sizes = segment.sizes
@@ -209,7 +210,7 @@ def _last_swing_is_cut(signal: SmoothedSignal, segment: Segment) -> bool:
 
 def _followed(signal: SmoothedSignal, segment: Segment, turn: int) -> float:
     """Return how long the deck goes on as predicted after its last good turning point [s]."""
-    half = HALF_SWING * segment.pace
+    half = segment.half_period
     sizes = [size for size in segment.sizes if size > 3.0 * signal.noise]
     ratio = (sizes[-1] / sizes[0]) ** (1 / max(1, len(sizes) - 1)) if len(sizes) > 1 else 0.1
     decay, omega = -math.log(min(ratio, 0.99)) / half, math.pi / half

@@ -33,6 +33,8 @@ def inferred(
         f"film: {clip.width}x{clip.height}, {len(track.time)} frames, {1 / np.mean(intervals):.4g} frames/s by {stamps}"
         + (f", varying by {100 * spread:.0f} %" if spread > 0.02 else "")
     )
+    if track.index[0] > 0:
+        yield f"film: its first {track.index[0]} frames, in which nothing moves, are left out"
     if clip.slowed > 1 and options.rate is None:
         yield (
             f"film: taken at {clip.slowed:.3g} times the rate at which it plays, as the phone notes in the file: its times are "
@@ -61,10 +63,10 @@ def _stands_still(track: Track) -> bool:
     return seen.size > 0 and float(np.std(seen.mean(axis=1), axis=0).max()) < STILL_CAMERA
 
 
-def shutter_note(before: CameraState, after: CameraState) -> str:
+def shutter_note(before: CameraState, after: CameraState, *, given: bool) -> str:
     """Say where the read-out time comes from."""
     if not before.std[3]:
-        return f"read-out: {after.readout * 1e3:.3g} ms, as given"
+        return f"read-out: {after.readout * 1e3:.3g} ms, as {'given' if given else 'the phone notes in the file'}"
     if after.std[3] < SHUTTER_SEEN * before.std[3]:
         return f"read-out: {after.readout * 1e3:.3g} ± {2 * after.std[3] * 1e3:.2g} ms, from how moving points are sheared"
     return (

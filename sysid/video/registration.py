@@ -7,17 +7,17 @@ numbers of an affine motion (Lucas and Kanade, 1981; the gradients are the mean'
 weights that ignore hands and shine. Four points of the board at these places stand for it from then on.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from sysid.roll import Array
-from sysid.video.film.frames import Clip, crop, grey
-from sysid.video.film.survey import Survey
+from sysid.video.film.frames import Frame, grey
 from sysid.video.film.track import Track
-from sysid.video.types import Box, Picture
+from sysid.video.types import Box, Points
 
 Image = npt.NDArray[np.float32]
 
@@ -29,14 +29,16 @@ ATTITUDE_STEP = np.radians(1.0)
 """Turns this far apart are different attitudes [rad]: the outermost pixels are a pixel or two apart."""
 AGREEMENT = 0.5
 """Spread of a pixel in pictures turned back, over its spread as filmed, up to which it is the board's."""
-MIN_PIXELS, MAX_PIXELS = 400, 1 << 13
+MIN_PIXELS, MAX_PIXELS = 400, 6000
 """Fewer pixels are no body; of more, those where brightness changes most are used."""
 MIN_SPREAD = 4.0
 """Least standard deviation of the body's pixels about their middle, across its narrow side [px]."""
 MIN_PICTURES, MIN_TURN = 5, np.radians(1.0)
 """Pictures, and turn among them [rad], that tell the body from the rest."""
-MAX_ROUNDS, CONVERGED = 5, 4e-3
-"""Rounds at most, and by how little the points move in the last one [px]."""
+MAX_PICTURES = 40
+"""Pictures that are averaged at most, evenly spread: most of them at rest, where compression leaves the least out."""
+MAX_ROUNDS, CONVERGED = 5, 0.02
+"""Rounds at most, and by how little the points move in the last one [px]: each takes away most of what is left."""
 MAX_CORRECTION = 4.0
 """A picture in which the points end further from where they were followed is not believed [px]."""
 MIN_TRUST = 0.35
@@ -51,9 +53,9 @@ class Cutout:
     scale: float
     """Its pixels in one of the film."""
 
-    def of(self, picture: Picture) -> Image:
-        """Return the part of a picture (height, width, 3) or (height, width), smoothed [grey levels], shape (h, w)."""
-        part, _ = crop(grey(picture), self.box)
+    def of(self, frame: Frame) -> Image:
+        """Return the part of a frame, smoothed [grey levels], shape (h, w)."""
+        part = grey(frame.part(self.box)[0])
         size = (round(self.scale * part.shape[1]), round(self.scale * part.shape[0]))
         small = part if self.scale == 1 else cv2.resize(part, size, interpolation=cv2.INTER_AREA)
         return np.asarray(cv2.GaussianBlur(small.astype(np.float32), (0, 0), BLUR), np.float32)
@@ -71,8 +73,8 @@ class Cutout:
 class BodyPicture:
     """What the board looks like, at the attitude of a home picture."""
 
-    home: int
-    """Row of the track that is home."""
+    home: Points
+    """The points that were followed, there [px], shape (N, 2)."""
     cutout: Cutout
     places: Array
     """The board's pixels that tell most, in the cutout [px], shape (m, 2)."""
@@ -85,30 +87,42 @@ class BodyPicture:
     slopes: Image
     """Change of brightness with each of the six numbers, gain and offset, at these pixels, shape (m, 8)."""
 
+    def find(self, frame: Frame, points: Points) -> Points:
+        """Return the four points of the board in a frame [px], shape (4, 2); NaN where it is not made out.
 
-def picture_of_body(look: Survey, track: Track) -> BodyPicture | None:
+        Args:
+            frame: The frame.
+            points: Where what was followed is in it [px], shape (N, 2).
+        """
+        rough = _inside(self.cutout, pose_between(self.home, points))
+        pose = None if rough is None else lay_onto(self, self.cutout.of(frame), rough)
+        if pose is None:
+            return np.full((4, 2), np.nan, np.float32)
+        outward = np.asarray(np.linalg.inv(self.cutout.inward), np.float64)
+        return _mapped(outward, _mapped(pose, self.corners)).astype(np.float32)
+
+
+def picture_of_body(frames: Sequence[Frame], box: Box, track: Track) -> BodyPicture | None:
     """Return what turns with the points of a track, or None where that is too little.
 
     Args:
-        look: Pictures from all over the film.
+        frames: The first frames of the track.
+        box: Left, top, right and bottom [px] of where it moves.
         track: Points that were followed, two or more.
     """
-    rows = {int(index): row for row, index in enumerate(track.index)}
-    known = [
-        (picture, rows[index])
-        for picture, index in zip(look.pictures, look.indices, strict=True)
-        if index in rows
-    ]
-    turned = [(picture, row, pose_between(track, known[0][1], row)) for picture, row in known]
-    seen = [(picture, row, _turn(pose)) for picture, row, pose in turned if pose is not None]
-    turns = np.array([turn for _, _, turn in seen])
-    if len(seen) < MIN_PICTURES or np.ptp(turns) < MIN_TURN:
+    rows = np.unique(np.linspace(0, len(frames) - 1, MAX_PICTURES).astype(int))
+    rows = rows[np.isfinite(track.points[rows]).all(axis=2).sum(axis=1) >= 2]
+    if len(rows) < MIN_PICTURES:
         return None
-    home = seen[int(np.argsort(turns)[len(turns) // 2])][1]
-    left, top, right, bottom = look.box
-    cutout = Cutout(look.box, min(1.0, MAX_SIDE / max(right - left, bottom - top)))
+    seen = [(row, pose_between(track.points[rows[0]], track.points[row])) for row in rows]
+    turns = {row: float(np.arctan2(pose[1, 0], pose[0, 0])) for row, pose in seen if pose is not None}
+    some = sorted(turns, key=turns.__getitem__)
+    if len(some) < MIN_PICTURES or turns[some[-1]] - turns[some[0]] < MIN_TURN:
+        return None
+    home = track.points[some[len(some) // 2]]
+    cutout = Cutout(box, min(1.0, MAX_SIDE / max(box[2] - box[0], box[3] - box[1])))
     placed = [
-        (cutout.of(picture), _inside(cutout, pose_between(track, home, row))) for picture, row, _ in seen
+        (cutout.of(frames[row]), _inside(cutout, pose_between(home, track.points[row]))) for row in some
     ]
     body = None
     for _ in range(2):  # by the points' poses, and by its own
@@ -122,18 +136,14 @@ def picture_of_body(look: Survey, track: Track) -> BodyPicture | None:
     return body
 
 
-def _turn(pose: Array) -> float:
-    return float(np.arctan2(pose[1, 0], pose[0, 0]))
-
-
 def _inside(cutout: Cutout, pose: Array | None) -> Array | None:
     """Return a pose of the film's pixels as one of the cutout's."""
     return None if pose is None else cutout.inward @ pose @ np.linalg.inv(cutout.inward)
 
 
-def pose_between(track: Track, home: int, row: int) -> Array | None:
-    """Return the similarity of places [px], shape (3, 3), from one frame's points to another's; None with fewer than two."""
-    one, other = (track.points[number].astype(np.float64) @ np.array([1, 1j]) for number in (home, row))
+def pose_between(home: Points, points: Points) -> Array | None:
+    """Return the similarity, shape (3, 3), from points (N, 2) [px] to others; None with fewer than two."""
+    one, other = (places.astype(np.float64) @ np.array([1, 1j]) for places in (home, points))
     both = np.isfinite(one) & np.isfinite(other)
     if both.sum() < 2:
         return None
@@ -148,7 +158,7 @@ def pose_between(track: Track, home: int, row: int) -> Array | None:
     return np.array([[turn.real, -turn.imag, shift.real], [turn.imag, turn.real, shift.imag], [0, 0, 1.0]])
 
 
-def _mean_of(row: int, cutout: Cutout, pictures: list[Image], poses: list[Array]) -> BodyPicture | None:
+def _mean_of(home: Points, cutout: Cutout, pictures: list[Image], poses: list[Array]) -> BodyPicture | None:
     """Turn cutouts back by their poses, shape (3, 3) each, and average them where they agree."""
     back = np.stack([_turned_back(picture, pose) for picture, pose in zip(pictures, poses, strict=True)])
     # A film keeps what stands still as it is, its noise as well: many pictures of one attitude count as one.
@@ -191,7 +201,7 @@ def _mean_of(row: int, cutout: Cutout, pictures: list[Image], poses: list[Array]
         np.ones_like(bright),
     ]
     slopes = np.asarray(np.stack(columns, axis=1), np.float32)
-    return BodyPicture(row, cutout, places, bright, corners, unit, slopes)
+    return BodyPicture(home, cutout, places, bright, corners, unit, slopes)
 
 
 def _turned_back(picture: Image, pose: Array) -> Image:
@@ -219,7 +229,7 @@ def lay_onto(body: BodyPicture, picture: Image, rough: Array) -> Array | None:
     for _ in range(MAX_ROUNDS):
         there = _mapped(pose, body.places).astype(np.float32)
         seen = cv2.remap(
-            picture, there[:, :1], there[:, 1:], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
+            picture, there[None, :, 0], there[None, :, 1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
         )
         rest = np.asarray(seen, np.float32).ravel() - body.bright
         rest -= np.median(rest[::4])
@@ -238,28 +248,3 @@ def lay_onto(body: BodyPicture, picture: Image, rough: Array) -> Array | None:
         if float(np.abs(_mapped(pose - before, body.corners)).max()) < CONVERGED:
             break
     return pose if float(np.mean(np.abs(rest) < 5 * max(scale, 2.0))) > MIN_TRUST else None
-
-
-def register(clip: Clip, look: Survey, track: Track) -> Track | None:
-    """Return four points of the whole body, found in every frame in which a track knows roughly where it is.
-
-    Args:
-        clip: The film.
-        look: Pictures from all over it.
-        track: Points that were followed in it.
-    """
-    body = picture_of_body(look, track)
-    if body is None:
-        return None
-    outward = np.asarray(np.linalg.inv(body.cutout.inward), np.float64)
-    rows = {int(index): row for row, index in enumerate(track.index)}
-    points = np.full((len(track.time), 4, 2), np.nan, np.float32)
-    for frame in clip.ahead():
-        row = rows.get(frame.index)
-        rough = None if row is None else _inside(body.cutout, pose_between(track, body.home, row))
-        if row is None or rough is None:
-            continue
-        pose = lay_onto(body, body.cutout.of(frame.picture), rough)
-        if pose is not None:
-            points[row] = _mapped(outward, _mapped(pose, body.corners))
-    return replace(track, points=points)

@@ -74,6 +74,7 @@ def test_every_command_file_is_listed():
     shared = {
         "__init__",
         "__main__",
+        "bars",
         "console",
         "fit_intervals",
         "log_options",

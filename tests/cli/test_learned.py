@@ -1,5 +1,6 @@
 """The tutorial of the learned torque: from a log with a magnet to an MJCF that swings as it does."""
 
+import re
 from pathlib import Path
 
 import mujoco
@@ -14,8 +15,15 @@ LOG = ROOT / "docs/examples/magnet.csv"
 
 
 @pytest.mark.slow
-def test_a_magnet_is_learned_checked_and_written(tmp_path):
+def test_a_magnet_is_found_learned_checked_and_written(tmp_path):
+    """The five commands of docs/learned_torque.md, in their order."""
     common = ("--board", "pink", "--workspace", tmp_path)
+    told = husky("diagnose", LOG, *common, "--workers", "1")
+    assert told.returncode == 0, told.stderr
+    assert "unexplained" in told.stdout
+    assert "to learn it: husky-sysid fit LOG... --board pink --effect learned" in " ".join(
+        told.stdout.split()
+    )
     fitted = husky("fit", LOG, *common, "--effect", "learned")
     assert fitted.returncode == 0, fitted.stderr
     assert "pulls to the middle within 1." in fitted.stdout
@@ -29,6 +37,9 @@ def test_a_magnet_is_learned_checked_and_written(tmp_path):
     file = tmp_path / "pink.xml"
     assert husky("mjcf", *common, "--bench", "-o", file).returncode == 0
     assert _nrmse(file) < 0.01
+    compared = husky("compare", LOG, *common)
+    assert compared.returncode == 0, compared.stderr
+    assert float(re.search(r"within tolerance: ([\d.]+) %", compared.stdout)[1]) < 1.0
 
 
 def _nrmse(file):
@@ -36,7 +47,7 @@ def _nrmse(file):
     from scipy.optimize import least_squares
 
     table = np.loadtxt(LOG, delimiter=",", skiprows=1)
-    begin = int(1.9 * 400)  # rest, drag and hold come before
+    begin = int(1.5 * 400)  # rest, drag and hold come before
     time, roll = table[begin : begin + 400, 0] - table[begin, 0], table[begin : begin + 400, 1]
     model = mujoco.MjModel.from_xml_path(str(file))
 

@@ -5,7 +5,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import threading
 import time
 from pathlib import Path
 from urllib.request import ProxyHandler, build_opener
@@ -65,8 +64,7 @@ def test_a_replayed_phone_gives_numbers_and_a_kept_log(export, tmp_path):
 
 
 def test_a_phone_that_falls_silent_leaves_its_log(export, tmp_path):
-    with recorded_phone(export, pace=5.0) as (phone, address):
-        threading.Timer(3.0, lambda: setattr(phone, "broken", True)).start()
+    with recorded_phone(export, pace=5.0, silent_after=3.0) as (_, address):
         done = husky("live", "-b", "pink", "--phone", address, "--port", "0", "--workspace", tmp_path)
     assert done.returncode == 1
     assert "kept in" in done.stderr

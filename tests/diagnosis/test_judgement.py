@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from sysid.board import load_board
 from sysid.diagnosis.error_model import Fitted
 from sysid.diagnosis.experiment import DECIDED, deciding
 from sysid.diagnosis.importance import importance
-from sysid.diagnosis.judgement import Field, families_of
+from sysid.diagnosis.judgement import INEXACT, Field, families_of
 from sysid.diagnosis.search import Search
 from sysid.fitting.records import make_records
 from sysid.fitting.search import scales_of
@@ -21,21 +22,30 @@ NOISE = 1e-3
 LAW = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.05)
 
 
-def releases_of(law, seed=0):
-    rng, time = np.random.default_rng(seed), np.arange(0.0, 1.6, 4e-3)
+def releases_of(law, noise):
+    rng, time = np.random.default_rng(0), np.arange(0.0, 1.6, 4e-3)
     return [
         Release(
-            log="x", number=n, time=time, roll=simulate(law, time, angle).roll + NOISE * rng.standard_normal(len(time)),
+            log="x", number=n, time=time, roll=simulate(law, time, angle).roll + noise(rng, len(time)),
             std=np.full(len(time), NOISE), origin="angle", rest=0.0, hold=1.0, end="log",
         )
         for n, angle in enumerate((0.17, -0.14, 0.1), start=1)
     ]  # fmt: skip
 
 
-def tried(law, names):
+def white(rng, count):
+    return NOISE * rng.standard_normal(count)
+
+
+def lasting(rng, count):
+    """Noise of 20 ms, three times as large as what it jumps from sample to sample."""
+    return lfilter([3 * NOISE * np.sqrt(1 - 0.82**2)], [1, -0.82], rng.standard_normal(count + 100))[100:]
+
+
+def tried(law, names, noise=white):
     """Fitted and predicted: the linear joint and some effects alone."""
     board = load_board(shipped_data() / "boards" / "pink.toml")
-    records = make_records(releases_of(law), NOISE, rate=False)
+    records = make_records(releases_of(law, noise), NOISE, rate=False)
     search = Search(records=records, scales=scales_of(records, board), bias="shared")
     linear = search.single(())
     models = [linear, *(search.single((name,), linear) for name in names)]
@@ -68,12 +78,10 @@ def test_of_those_not_told_apart_a_law_of_three_parameters_is_no_simpler_than_tw
     rich = by_name["stribeck",]
     pair = replace(by_name["quadratic-damping",], extra=2, choices=4, score=rich.score + 1.0)
     monkeypatch.setattr(Field, "behind", lambda self, scored: 0.0)
-    monkeypatch.setattr(Field, "_possible", lambda self: [rich, pair])
-    assert field.winner() is pair
-    pair = replace(pair, score=rich.score - 1.0)
-    assert field.winner() is rich
-    pair = replace(pair, choices=3)
-    assert field.winner() is pair
+    for changes, winner in (({}, 1), ({"score": rich.score - 1.0}, 0), ({"choices": 3}, 1)):
+        pair = replace(pair, **changes)
+        monkeypatch.setattr(field, "possible", [rich, pair])
+        assert field.winner() is (rich, pair)[winner]
 
 
 def test_a_parameter_pays_more_on_a_long_log(friction):
@@ -91,6 +99,34 @@ def test_what_explains_nothing_cannot_win_where_something_is_missing(friction, m
     _, field = friction
     monkeypatch.setattr(Field, "behind", lambda self, scored: 0.0)
     assert field.winner().model.effects == ("coulomb",)
+
+
+def test_noise_that_lasts_is_neither_a_law_nor_a_model_that_is_not_exact(friction):
+    """It does not fade with the motion, and no model predicts it."""
+    _, field = tried(LAW, ("coulomb", "quadratic-damping"), lasting)
+    assert field.base.model.rmse > INEXACT * NOISE
+    assert not field.inexact
+    assert not field.surely_missing
+    assert field.winner() is field.base
+    assert friction[1].surely_missing
+
+
+def test_a_stop_as_soft_as_a_stop_may_be_is_no_candidate(friction):
+    """Its bound keeps it from being any bend of the spring: the data ask for that bend."""
+    search, field = friction
+    stop = search.single(("end-stop",))
+    assert not stop.at_edge
+    low = stop.problem.bounds()[0]
+    point = np.where(
+        [name == "end-stop.stiffness" for name in stop.problem.names], low[: len(stop.problem.names)], 0.5
+    )
+    full = np.r_[point, stop.minimum.point[len(point) :]]
+    soft = search.predicted(replace(stop, minimum=replace(stop.minimum, point=full)))
+    assert soft.at_edge
+    models = [*(s.model for s in field.scored), soft]
+    assert all(
+        s.model is not soft for s in Field(models, (), 2 * np.pi / search.scales.frequency, NOISE).possible
+    )
 
 
 def test_the_likeliest_families_are_those_that_are_there(friction):

@@ -9,6 +9,8 @@ import reliability
 from random_suite import board_of, run
 from random_truths import INERTIA, OUTSIDE, STIFFNESS, VARIANTS, Case, Truth, draw, move, read, sizes, visible
 
+from sysid.diagnosis.judgement import calibrated
+
 
 def held_and_let_go(truth: Truth, seed: int = 0) -> Case:
     """Return a case of one release from 0.1 rad, neither pushed nor caught, with that truth."""
@@ -46,7 +48,7 @@ def test_a_linear_joint_decays_as_the_formula_says() -> None:
     basis = np.exp(-fall * t)[:, None] * np.column_stack((np.cos(swing * t), np.sin(swing * t)))
     left = roll - basis @ np.linalg.lstsq(basis, roll, rcond=None)[0]
     assert np.abs(left).max() < 1e-6
-    assert visible(case, motion) < 1e-3
+    assert visible(case, motion)["visible"] < 1e-3
 
 
 def test_dry_friction_takes_four_times_its_torque_over_the_stiffness_a_period() -> None:
@@ -80,6 +82,7 @@ def test_a_record_that_knows_the_joint_is_off_by_its_deviation_only() -> None:
 ROW = {
     "kind": "inside", "status": "missing", "said": ["friction"], "alike": [["drag"]], "families": ["drag"],
     "visible": 1e4, "torque_share": 0.1, "energy_share": 0.0, "confidence": 0.9,
+    "calibration": (1.0, 0.0),
 }  # fmt: skip
 
 
@@ -92,6 +95,7 @@ ROW = {
         ({"status": "none-missing"}, False, False),
         ({"status": "none-missing", "visible": 10.0}, False, True),
         ({"status": "none-missing", "torque_share": 0.001}, False, True),
+        ({"families": ["drag", "friction"], "said": ["drag"], "missed": 10.0}, False, True),
         ({"status": "none-missing", "kind": "clean", "families": []}, True, True),
         ({"status": "unexplained"}, False, False),
         ({"status": "unexplained", "kind": "outside"}, True, True),
@@ -114,10 +118,10 @@ def test_calibration_finds_what_confidence_is_deserved() -> None:
     """Verdicts whose true odds are the root of the printed ones, times two."""
     rng = np.random.default_rng(0)
     printed = rng.uniform(0.1, 0.95, 20_000)
-    deserved = reliability.calibrated(printed, 0.5, np.log(2))
-    rows = [
-        {**ROW, "confidence": p, "families": ["drag"] if hit else ["stop"]}
-        for p, hit in zip(printed, rng.random(len(printed)) < deserved, strict=True)
+    deserved = calibrated(printed, 0.5, np.log(2))
+    rows = [  # printed with another calibration, which is taken back
+        {**ROW, "confidence": p, "calibration": (0.8, -0.2), "families": ["drag"] if hit else ["stop"]}
+        for p, hit in zip(calibrated(printed, 0.8, -0.2), rng.random(len(printed)) < deserved, strict=True)
     ]
     assert reliability.calibration(rows) == pytest.approx((0.5, np.log(2)), abs=0.05)
     assert reliability.brier(deserved, np.ones(len(deserved))) < reliability.brier(

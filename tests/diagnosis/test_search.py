@@ -20,9 +20,11 @@ LAW = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.15).with_effect("coul
 NOISE = 5e-4
 
 
-def record_of(angle, seed):
+def record_of(angle, seed, law=LAW, hold=1e3):
     time = np.arange(0.0, 0.35, 4e-3)
-    roll = simulate(LAW, time, angle).roll + NOISE * np.random.default_rng(seed).standard_normal(len(time))
+    roll = simulate(law, time, angle, hold=hold).roll + NOISE * np.random.default_rng(seed).standard_normal(
+        len(time)
+    )
     release = Release(
         log="x", number=1, time=time, roll=roll, std=np.full(len(time), NOISE), origin="angle", rest=0.0, hold=1.0, end="log",
     )  # fmt: skip
@@ -33,6 +35,17 @@ def record_of(angle, seed):
 def search():
     scales = Scales(inertia=8.7e-3, stiffness=14.684, damping=0.2, amplitude=0.16, duration=0.35)
     return Search(records=(record_of(0.15, 1), record_of(-0.13, 2)), scales=scales, bias="shared")
+
+
+@pytest.mark.parametrize(("hold", "freed"), [(1e3, False), (0.01, True)])
+def test_what_a_hand_moved_last_begins_anywhere(search, hold, freed):
+    """The log says that the deck was held for a second before both releases."""
+    law = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.15).with_effect("viscoelastic", 8.0, 0.3)
+    records = (record_of(0.15, 1, law), record_of(-0.13, 2, law, hold))
+    rubber = replace(search, records=records)
+    model = rubber.fine(rubber.single(("viscoelastic",)))
+    assert model.problem.free_states is freed
+    assert model.rmse < 1.1 * NOISE
 
 
 @pytest.mark.slow

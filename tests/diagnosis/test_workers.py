@@ -4,21 +4,21 @@ import os
 
 import pytest
 
-from sysid.diagnosis.workers import Crew
+from sysid.diagnosis.workers import WorkerPool
 from sysid.errors import SysidError
 
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_results_come_in_the_order_of_the_jobs(workers):
-    with Crew(workers) as crew:
-        assert list(crew.each(pow, [(2, n) for n in range(6)])) == [1, 2, 4, 8, 16, 32]
+    with WorkerPool(workers) as pool:
+        assert list(pool.each(pow, [(2, n) for n in range(6)])) == [1, 2, 4, 8, 16, 32]
 
 
 def test_a_process_that_dies_is_said():
-    with pytest.raises(SysidError, match="--workers 1"), Crew(2) as crew:
-        list(crew.each(os._exit, [(1,)]))
+    with pytest.raises(SysidError, match="--workers 1"), WorkerPool(2) as pool:
+        list(pool.each(os._exit, [(1,)]))
 
 
-def test_an_error_of_a_job_is_the_error_of_the_crew():
-    with pytest.raises(ZeroDivisionError), Crew(2) as crew:
-        list(crew.each(divmod, [(1, 0)]))
+def test_an_error_of_a_job_is_the_error_of_the_pool():
+    with pytest.raises(ZeroDivisionError), WorkerPool(2) as pool:
+        list(pool.each(divmod, [(1, 0)]))

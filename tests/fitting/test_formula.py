@@ -5,7 +5,7 @@ import pytest
 from light_board import BOARD, magnet, releases
 
 from sysid.effects._algebra import NUMPY
-from sysid.fitting.formula import SHAPES, Formula, formula_of
+from sysid.fitting.formula import SHAPES, Formula, formula_of, in_words
 from sysid.fitting.joint import fit_joint
 
 
@@ -47,3 +47,12 @@ def test_the_right_shape_is_named(torque, name, said):
 
 def test_of_nothing_no_formula_is_made():
     assert formula_of(fit_joint(releases(lambda t, x, v: 0.0), BOARD, ["learned"])) is None
+
+
+def test_a_formula_that_carries_little_is_no_word_for_it():
+    assert (
+        in_words(["hardens", "brakes"], 0.9)
+        == "hardens and brakes; this formula carries 90 % of what was learned"
+    )
+    assert "hardens" not in in_words(["hardens"], 0.3)
+    assert "30 %" in in_words(["hardens"], 0.3)

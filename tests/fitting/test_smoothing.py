@@ -14,6 +14,8 @@ from sysid.fitting.joint import fit_joint
 from sysid.fitting.learned_torque import learned_torque
 from sysid.fitting.record_update import require_usable
 from sysid.fitting.records import make_records
+from sysid.logs import read_roll
+from sysid.releases import find_releases
 
 M = NUMPY
 
@@ -71,3 +73,19 @@ def test_of_a_clean_log_nothing_is_learned(seed):
     assert np.abs(values).max() < 1e-6
     with pytest.raises(SysidError, match="nothing was learned"):
         require_usable(fit)
+
+
+@pytest.mark.slow
+def test_what_changes_with_time_is_said_to(learned):
+    """A spring that loosens during each release is mimicked by a table, but not as well as by what it is."""
+    loosens = fit_joint(releases(lambda t, x, v: 1.5 * x * (1 - np.exp(-t / 0.5))), BOARD, ["learned"])
+    assert any("changes with time" in warning for warning in loosens.warnings)
+    assert not any("changes with time" in warning for warning in learned.warnings)
+
+
+@pytest.mark.slow
+def test_tables_leave_no_more_than_the_joint_without_them(real_logs):
+    """In step over the whole release already, this pendulum was lost by a search that began with its first swings."""
+    found = find_releases(read_roll(real_logs / "rotary_pendulum_freeswing/swing_01.csv"))
+    plain, learned = (fit_joint(found, BOARD, ["coulomb", "gravity", *more]) for more in ((), ("learned",)))
+    assert learned.rmse < plain.rmse

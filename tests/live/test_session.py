@@ -76,11 +76,19 @@ def release(roll, degrees):
         ((), "Hold the deck still at 10°"),
         ((10,), "Three more from the left, from 3°."),
         ((10, -9, 9), "Two more from the left, from 3°."),
+        ((53,), "Three more from the left, from 20°."),
         ((10, -9, 9, -9, -3), "One more from the right, from 10°."),
         ((10, -9, 9, -9, 8, -8), "One more from 3°"),
         ((10, -9, 9, -9, 8, -2), "Enough"),
     ],
 )
-def test_the_next_release_is_the_one_that_helps_most(roll, angles, words):
-    assert words in next_release([release(roll, angle) for angle in angles])
+def test_the_next_release_is_the_one_that_helps_most(pink, roll, angles, words):
+    assert words in next_release([release(roll, angle) for angle in angles], pink)
     assert EACH_SIDE == 3
+
+
+def test_a_joint_without_a_deck_has_sides_of_its_own(pink, roll):
+    joint = replace(pink, geometry={})
+    assert "Hold the joint still 10° from its rest" in next_release([], joint)
+    assert "from the negative side, from 3°" in next_release([release(roll, 10)], joint)
+    assert " mm from its rest" in next_release([], joint.of_slide())

@@ -1,5 +1,7 @@
 """A log format and a kind of sensor are one file each, found by being there."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -100,6 +102,8 @@ def test_a_kind_of_sensor_is_one_file(extended, decay, tmp_path):
     roll = read_roll(log, LogOptions(source="toy"))
     np.testing.assert_allclose(roll.roll, decay[1], atol=1e-12)
     assert signal_of(find_releases(roll)) == {"use_rate": False, "bias": "per-release"}
+    rated = [replace(r, rate=np.gradient(r.roll, r.time)) for r in find_releases(roll)]
+    assert signal_of(rated) == {"use_rate": True, "bias": "per-release"}
     with pytest.raises(SysidError, match="angle, imu, gyro, quaternion, toy"):
         read_roll(log, LogOptions(source="pot"))
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from sysid.decay.linear_fit import fit_traces
 from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
+from sysid.recording import Recording
 from sysid.releases import Phase, find_releases, log_phases, settling_time
 from sysid.releases.extrema import crossing_time, half_cycles_of, noise_level, smooth_signal
 from sysid.roll import Roll
@@ -286,6 +287,29 @@ def test_a_release_given_in_the_hold_is_the_one_that_follows():
     assert given[0].hold > 0.9
 
 
+@pytest.mark.parametrize("late", [0.012, 0.02, 0.05])
+def test_a_release_given_late_keeps_its_decay(late):
+    """The swing that it cuts is shorter than the next one, which no hand has made."""
+    recipe = Recipe(zeta=0.05, sampling=500, free=2.0, noise=0.05 * DEGREE)
+    (release,) = find_releases(make_roll(recipe), releases=[recipe.truth[0] + late])
+    assert release.start == pytest.approx(recipe.truth[0] + late, abs=2e-3)
+    assert (release.end, release.hold) == ("rest", 0)
+    fit = fit_traces([release])
+    assert fit.omega_n == pytest.approx(recipe.omega, rel=2e-3)
+
+
+def test_a_release_given_while_a_hand_is_on_the_deck_is_refused_or_said():
+    recipe = Recipe(zeta=0.05, sampling=500, free=2.0, noise=0.05 * DEGREE)
+    roll = make_roll(recipe)
+    held = Recording.of(roll, release=[recipe.truth[0] - 0.3])
+    assert held.releases[0].start == pytest.approx(recipe.truth[0], abs=0.01)
+    assert "the deck was still held: its decay begins at 2.27 s" in held.warnings[-1]
+    assert not Recording.of(roll, release=[recipe.truth[0] - 0.01]).warnings
+    for lifted in (1.0, 1.4):
+        with pytest.raises(SysidError, match=rf"nobody let the deck go at {lifted:g} s.*about 2\.2"):
+            find_releases(roll, releases=[lifted])
+
+
 def test_a_hand_that_stops_a_deck_in_its_swing_ends_the_release():
     time = np.arange(0.0, 8.0, 0.005)
     swing = 0.2 * np.exp(-0.4 * (time - 0.5)) * np.cos(9 * (time - 0.5))
@@ -308,42 +332,3 @@ def test_a_first_swing_that_loses_more_than_any_drag_was_helped_by_a_hand(sizes,
     from sysid.releases.chains import _first_swing_is_odd
 
     assert _first_swing_is_odd([SimpleNamespace(size=size) for size in sizes]) is hand  # pyright: ignore
-
-
-def pushed(*, slow=1.0, seed=4):
-    """A linear deck that a hand pushes on its way for 50 ms before it leaves, and when it leaves."""
-    roll = make_roll(recipe := Recipe(zeta=0.05, sampling=500, free=2.0, noise=0.05 * DEGREE, seed=seed))
-    begin, hand = recipe.truth[0], 0.05
-    since = roll.time - begin - hand
-    share = np.clip(1 + since / hand, 0, 1)
-    way = slow * 0.05 * share**3 * (1 - 0.2 * share)
-    angle, rate = 0.2 - slow * 0.05 * 0.8, -slow * 0.05 * (3 - 0.8) / hand
-    free, _ = linear_decay(np.maximum(since, 0), recipe.omega, recipe.zeta, angle, rate)
-    clean = make_roll(replace(recipe, noise=0.0, truth=[], holds=[]))
-    truth = np.where(since >= 0, free, np.where(since >= -hand, 0.2 - way, clean.roll))
-    return replace(roll, roll=truth + roll.roll - clean.roll), begin + hand, recipe
-
-
-def test_a_pushed_release_starts_where_the_hand_has_left_and_fits_to_the_noise():
-    roll, left, recipe = pushed()
-    (release,) = find_releases(roll)
-    assert release.hold == 0
-    assert -0.02 < (release.start - left) * recipe.omega / (2 * np.pi) < 0.2
-    fit = fit_traces([release])
-    assert fit.noise < 1.1 * recipe.noise
-    assert fit.omega_n == pytest.approx(recipe.omega, rel=1e-3)
-
-
-def test_a_release_that_was_not_pushed_keeps_its_beginning():
-    """Nor is a stop cut off that the deck leans on at its release only, or a filter's first exponential."""
-    law = lambda x, v: -(41**2) * (x + 2 * max(x - 0.17, 0.0)) - 0.1 * 41 * v  # noqa: E731
-    plain = Recipe(zeta=0.05, sampling=500, free=2.0, noise=0.05 * DEGREE)
-    stopped = make_roll(replace(plain, law=law))
-    clean = make_roll(replace(plain, noise=0.0, truth=[], holds=[]))
-    lagged = clean.roll.copy()
-    for i in range(1, len(lagged)):
-        lagged[i] += (lagged[i - 1] - lagged[i]) * np.exp(-1 / (500 * 0.008))
-    filtered = replace(stopped, roll=lagged + make_roll(replace(plain, truth=[], holds=[])).roll - clean.roll)
-    for roll in (make_roll(replace(plain, truth=[], holds=[])), stopped, filtered):
-        (release,) = find_releases(roll)
-        assert release.hold > 0.3

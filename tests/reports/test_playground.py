@@ -132,7 +132,7 @@ def test_a_slider_moves_the_law(pink, opened):
     play = playground(evidence_of(board, recorded), None)
     tab = opened(play)
     names = tab.run("[...document.querySelectorAll('.sliders label span')].map(e => e.textContent)")
-    assert names == ["stiffness k", "damping d", "rest angle", "dry friction: torque"]
+    assert names == ["stiffness k", "damping d", "rest", "dry friction: torque"]
     for place, value in ((0, 1.1 * STIFF), (3, 0.5)):
         tab.run(
             f"(e => {{ e.value = {value}; e.dispatchEvent(new Event('input')); }})"

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from decay_truth import Recipe, make_roll
 
-from reports.evidence import PLAIN, gather
+from reports.evidence import gather
 from reports.page.summary import board_summary, decay_summary
 from reports.rerun.decay import MILLI, _log_views, _shown, comparison_recording, decay_recording
 from reports.rerun.film_frames import FilmFrames
@@ -21,6 +21,7 @@ from sysid.cli import build_app
 from sysid.comparison.release import ComparedRelease
 from sysid.effects import catalogue
 from sysid.errors import SysidError
+from sysid.fitting.ladder import PLAIN
 from sysid.free_decay import fit_decay
 from sysid.quantity import Quantity
 from sysid.recording import Recording

@@ -2,6 +2,7 @@
 
 import io
 import json
+import math
 import threading
 import time
 import zipfile
@@ -20,8 +21,8 @@ BUFFERS = {
 class RecordedPhone:
     """What the phone holds, and what it was asked."""
 
-    def __init__(self, export, pace=1.0, without=()):
-        self.pace, self.started, self.asked, self.broken = pace, None, [], False
+    def __init__(self, export, pace=1.0, without=(), silent_after=math.inf):
+        self.pace, self.started, self.asked, self.silent_after = pace, None, [], silent_after
         self.buffers = {}
         with zipfile.ZipFile(export) as archive:
             for table, names in BUFFERS.items():
@@ -57,13 +58,13 @@ class RecordedPhone:
 
 
 @contextmanager
-def recorded_phone(export, pace=1.0, without=()):
+def recorded_phone(export, pace=1.0, without=(), silent_after=math.inf):
     """Serve an export on this machine; yields the phone and its address."""
-    phone = RecordedPhone(export, pace, without)
+    phone = RecordedPhone(export, pace, without, silent_after)
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self):
-            if phone.broken:
+            if phone.now > phone.silent_after:
                 self.connection.close()
                 return
             body = json.dumps(phone.answer(self.path)).encode()

@@ -100,9 +100,9 @@ def picture(roll):
 def swing():
     rolls = ROLL[10:70:3]
     pictures = tuple(picture(roll) for roll in rolls)
-    first = Frame(0, 0.0, cv2.cvtColor(pictures[0], cv2.COLOR_GRAY2BGR))
     moving = np.ones((HEIGHT, WIDTH), bool)
-    look = Survey(first, pictures, (210, 120, 430, 290), moving, tuple(range(len(pictures))))
+    frames = tuple(Frame(number, number / 60, one) for number, one in enumerate(pictures))
+    look = Survey(frames, (210, 120, 430, 290), moving)
     slopes = rolls + np.radians(1.0) * np.random.default_rng(1).normal(size=len(rolls))
     slopes[3] = -0.1  # a long side was the longest line there
     return rolls, look, slopes
@@ -125,7 +125,7 @@ def test_its_edges_are_followed_into_attitudes_that_were_not_looked_at(swing):
     _, look, slopes = swing
     end = find_deck_end(look, slopes)
     assert end is not None
-    tracker = EdgeFollower(end, look.pictures[0], look.box)
+    tracker = EdgeFollower(end, look.frames[0].box, look.box)
     rolls = np.linspace(-0.45, 0.42, 14)
     points = [
         tracker.update(Frame(n, n / 60, cv2.cvtColor(picture(roll), cv2.COLOR_GRAY2BGR)))
@@ -141,6 +141,6 @@ def test_a_picture_without_the_deck_shows_no_edge(swing):
     _, look, slopes = swing
     end = find_deck_end(look, slopes)
     assert end is not None
-    tracker = EdgeFollower(end, look.pictures[0], look.box)
+    tracker = EdgeFollower(end, look.frames[0].box, look.box)
     wall = np.random.default_rng(2).normal(120, 4, (HEIGHT, WIDTH, 3)).clip(0, 255).astype(np.uint8)
     assert tracker.update(Frame(0, 0.0, wall)) is None

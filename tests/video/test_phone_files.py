@@ -3,16 +3,22 @@
 import shutil
 import struct
 import subprocess
+import webbrowser
 
+import cv2
 import numpy as np
 import pytest
+from command_line import husky
 from drawn_films import decay, draw_film, marked, plate
 
 from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
+from sysid.video.film import reel
 from sysid.video.film.container import read_container
 from sysid.video.film.frames import open_clip
+from sysid.video.film.pace import speed_ramp
 from sysid.video.options import is_film
+from sysid.video.overlay import SEEN_COLOUR
 from sysid.video_roll import VideoOptions, roll_from_video
 
 TIME = np.arange(60) / 60
@@ -89,6 +95,60 @@ def test_a_swing_that_plays_slowly_is_doubted(film, tmp_path):
     assert any("slow motion" in warning and "--rate" in warning for warning in warnings)
     usual = roll_from_video(film, VideoOptions(method="marker", readout=0.0)).warnings
     assert not any("slow motion" in warning for warning in usual)
+
+
+def test_the_read_out_that_an_iphone_notes_is_taken(film, tmp_path):
+    noted = tmp_path / "noted.mp4"
+    key = "com.apple.quicktime.camera.framereadouttimeinmicroseconds"
+    ffmpeg("-i", film, "-c", "copy", "-movflags", "use_metadata_tags", "-metadata", f"{key}=8300", noted)
+    assert read_container(noted).readout == pytest.approx(8.3e-3)
+    assert any("8.3 ms, as the phone notes" in note for note in roll_from_video(noted).notes)
+
+
+def test_a_film_larger_than_the_memory_is_read_frame_by_frame(film, monkeypatch):
+    """9 pictures of 60 fit: nothing moves in the first ones, and the part that does is small enough for 20."""
+    whole = roll_from_video(film, VideoOptions(method="marker", readout=0.0))
+    monkeypatch.setattr(reel, "MEMORY", 6_000_000)
+    monkeypatch.setattr(reel, "MIN_FRAMES", 20)
+    roll = roll_from_video(film, VideoOptions(method="marker", readout=0.0))
+    left_out = len(whole.time) - len(roll.time)
+    assert 0 < left_out < 12
+    assert any(f"its first {left_out} frames, in which nothing moves" in note for note in roll.notes)
+    assert error_of(roll, ROLL[left_out:]) < 0.1
+
+
+def test_an_edit_that_plays_faster_is_refused(film, tmp_path):
+    data = bytearray(film.read_bytes())
+    struct.pack_into(">I", data, data.index(b"elst") + 20, 0x40000)  # four times as fast
+    (tmp_path / "ramp.mp4").write_bytes(data)
+    with pytest.raises(SysidError, match="speed ramp"):
+        roll_from_video(tmp_path / "ramp.mp4")
+
+
+def test_a_change_of_pace_is_seen_in_the_swing():
+    true = np.arange(300) / 240
+    roll = 0.3 * np.exp(-2 * true) * np.cos(40 * true)
+    noise = 1e-3 * np.random.default_rng(0).normal(size=300)
+    std = np.full(300, 1e-3)
+    played = true + 3 * np.maximum(true - 0.45, 0)  # slowed to a quarter from then on
+    assert speed_ramp(true, roll + noise, std) is None
+    assert speed_ramp(played, roll + noise, std) == pytest.approx(0.45, abs=0.1)
+    # A joint with play swings more and more slowly, but never at once.
+    phase = np.cumsum(25 + 30 * np.exp(-3 * true)) / 240
+    assert speed_ramp(true, 0.3 * np.exp(-2 * true) * np.cos(phase) + noise, std) is None
+
+
+def test_a_preview_shows_what_will_be_followed(film, tmp_path, monkeypatch):
+    monkeypatch.setattr(webbrowser, "open", lambda _: False)
+    run = husky("roll", str(film), "-o", str(tmp_path / "roll.csv"), "--preview")
+    assert run.returncode == 0, run.stderr
+    assert "roll.png: follows ArUco 4x4 marker 7" in run.stdout
+    page = (tmp_path / "roll.html").read_text()
+    assert "--roi" in page
+    assert not (tmp_path / "roll.csv").exists()
+    picture = cv2.imread(str(tmp_path / "roll.png"))
+    orange = np.abs(picture.astype(int) - SEEN_COLOUR).max(axis=2) < 30
+    assert orange.sum() > 100
 
 
 @pytest.mark.parametrize("name", ["clip.ts", "clip.gif", "clip"])

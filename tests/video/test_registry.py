@@ -77,9 +77,10 @@ def test_an_unknown_tracker_is_told_the_known_ones():
     film = Path("clip.mp4")
     with pytest.raises(SysidError, match=r"--method lamps: known are auto, marker, dots, features, edge"):
         from sysid.video.film.frames import Clip
+        from sysid.video.film.reel import Reel
         from sysid.video.select import follow_board
 
-        follow_board(Clip(film, 320, 240, 0, 0), None, VideoOptions(method="lamps"))
+        follow_board(Reel(Clip(film, 320, 240, 0, 0), None, VideoOptions(method="lamps")))
 
 
 def test_nothing_outside_their_folder_names_a_tracker():

@@ -21,7 +21,7 @@ from sysid.logs.clock_offset import clock_offset
 from sysid.roll import Roll
 from sysid.video.film.background import Background
 from sysid.video.film.camera import Lens, lens_of, write_calibration
-from sysid.video.film.frames import Frame, open_clip
+from sysid.video.film.frames import ahead, open_clip
 from sysid.video.film.shake import fit_rotations, seen_places, whole_shake
 from sysid.video.options import VIDEO_SUFFIXES
 from sysid.video_roll import VideoOptions, roll_from_video
@@ -384,11 +384,11 @@ def test_every_kind_of_film_is_read(suffix, tmp_path):
 def test_frames_decoded_ahead_are_the_same(marker_film):
     clip = open_clip(marker_film.path)
     plain = [(frame.index, frame.time, int(frame.picture.sum())) for frame in clip.frames()]
-    assert [(frame.index, frame.time, int(frame.picture.sum())) for frame in clip.ahead()] == plain
+    assert [(frame.index, frame.time, int(frame.picture.sum())) for frame in ahead(clip.frames())] == plain
     before = threading.active_count()
-    ahead = clip.ahead()
-    next(ahead)
-    ahead.close()  # whoever stops early leaves no thread behind
+    some = ahead(clip.frames())
+    next(some)
+    some.close()  # whoever stops early leaves no thread behind
     assert threading.active_count() <= before
 
 
@@ -419,17 +419,15 @@ def test_shake_is_a_rotation_and_tells_the_lens():
 
 def test_memory_grows_by_little_more_than_the_points(marker_film, tmp_path):
     """What is kept for each frame: points, roll, and a few numbers of shake, never pictures."""
-    picture = open_clip(marker_film.path).first().picture
-    spare = np.zeros(picture.shape[:2], bool)
-    spare[100:260, 200:440] = True
+    frame = next(open_clip(marker_film.path).frames())
     peaks = []
     for count in (100, 1100):
-        background = Background(spare, lens_of(open_clip(marker_film.path), None))
-        frame = Frame(0, 0.0, picture)
+        background = Background(lens_of(open_clip(marker_film.path), None))
         tracemalloc.start()
         for _ in range(count):
             background.update(frame)
-        background.result()
+        background.leave_out(np.zeros(frame.picture.shape[:2], bool))
+        background.shake(0, count)
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert (peaks[1] - peaks[0]) / 1000 < 1000  # bytes a frame; a picture has 691200

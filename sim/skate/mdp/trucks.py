@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import torch
-from mjlab.managers.action_manager import ActionTerm, ActionTermCfg
+from mjlab.managers.action_manager import ActionTermCfg
 
 from sim.board.scene import TILT_JOINT, TRUCK_JOINTS
+from sim.skate.mdp.step_term import StepTerm
 
 if TYPE_CHECKING:
     from mjlab.envs import ManagerBasedRlEnv
@@ -26,7 +27,7 @@ class TruckSetterCfg(ActionTermCfg):
         return TruckSetter(self, env)
 
 
-class TruckSetter(ActionTerm):
+class TruckSetter(StepTerm):
     """An action of size zero that is applied before every simulation step, as `sim.board.scene.set_trucks` is after."""
 
     cfg: TruckSetterCfg
@@ -39,20 +40,6 @@ class TruckSetter(ActionTerm):
         trucks = [model.joint(f"board/{name}") for name in TRUCK_JOINTS]
         self._tilt = (joint.qposadr[0], joint.dofadr[0])
         self._trucks = ([t.qposadr[0] for t in trucks], [t.dofadr[0] for t in trucks])
-        self._nothing = torch.zeros(self.num_envs, 0, device=self.device)
-
-    @property
-    def action_dim(self) -> int:
-        """Nothing is taken from the policy."""
-        return 0
-
-    @property
-    def raw_action(self) -> torch.Tensor:
-        """Nothing, (n, 0)."""
-        return self._nothing
-
-    def process_actions(self, actions: torch.Tensor) -> None:
-        """Take nothing."""
 
     def apply_actions(self) -> None:
         """Set truck angles and their rates from the tilt's."""

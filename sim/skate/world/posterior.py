@@ -11,8 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sim.board.learned import left_out
 from sim.board.scene import TILT_JOINT, board_spec
 from sysid.board import Board, BoardEffect
+from sysid.effects import effect
 from sysid.quantity import Quantity
 from sysid.roll import Array
 
@@ -54,6 +56,8 @@ class TiltDraws:
     """(m, 3) [kg*m^2], principal."""
     coupling: Array
     """(m, 5), polynomial of the trucks' angle in the roll."""
+    learned_dampers: Array
+    """(m, torques, 3), polynomials of the rate that stand for learned torques [N*m and rad/s]."""
 
 
 def draw_boards(board: Board, count: int, spread: Spread, rng: np.random.Generator) -> list[Board]:
@@ -64,6 +68,16 @@ def draw_boards(board: Board, count: int, spread: Spread, rng: np.random.Generat
         step = np.clip(rng.standard_normal(), -spread.truncate, spread.truncate)
         return replace(quantity, value=quantity.value + std * step)
 
+    def draw_effect(part: BoardEffect) -> BoardEffect:
+        role = effect(part.name).role
+        if role == "learned":  # a table stays as it is: its tendons are the same in all worlds
+            return part
+        drawn = {
+            name: draw(quantity, spread.relative * abs(quantity.value))
+            for name, quantity in part.parameters.items()
+        }
+        return BoardEffect(part.name, drawn)
+
     boards: list[Board] = []
     for _ in range(count):
         tilt = {
@@ -71,16 +85,7 @@ def draw_boards(board: Board, count: int, spread: Spread, rng: np.random.Generat
             for name in ("stiffness", "damping")
         }
         tilt["rest_angle"] = draw(board.tilt["rest_angle"], spread.rest_angle)
-        effects = tuple(
-            BoardEffect(
-                effect.name,
-                {
-                    name: draw(quantity, spread.relative * abs(quantity.value))
-                    for name, quantity in effect.parameters.items()
-                },
-            )
-            for effect in board.effects
-        )
+        effects = tuple(map(draw_effect, board.effects))
         inertia = draw(board.inertia, spread.inertia * board.inertia.value)
         geometry = {**board.geometry, "rake": draw(board.geometry["rake"], spread.rake)}
         drawn = replace(board.with_tilt(**tilt), effects=effects, inertia=inertia, geometry=geometry)
@@ -107,4 +112,5 @@ def tilt_draws(boards: list[Board], timestep: float) -> TiltDraws:
         columns["rest_angle"].append(model.qpos_spring[joint.qposadr[0]])
         columns["deck_inertia"].append(model.body_inertia[deck].copy())
         columns["coupling"].append(model.eq_data[0, :5].copy())
+        columns["learned_dampers"].append(np.array([left.damper for *_, left in left_out(model)]))
     return TiltDraws(**{name: np.asarray(values, dtype=np.float64) for name, values in columns.items()})

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from sysid.errors import SysidError
 from sysid.logs.table.names import TIME_UNITS
 from sysid.roll import Array, shown
+from sysid.text import count
 
 MIN_SAMPLES = 8
 """Fewer tell nothing: a decaying sine about a rest angle has five unknowns, and its noise is one more."""
@@ -201,7 +202,7 @@ def _undo_going_back(clock: Clock, scale: float, name: str) -> None:
         lost = (steps < 0) & (np.abs(steps + length) < 1000 * usual)
         if lost.any() and length > 20 * usual:
             time[1:] += np.cumsum(lost) * length
-            clock.notes.append(f"time: {what} {np.count_nonzero(lost)} times, undone")
+            clock.notes.append(f"time: {what} {count(int(np.count_nonzero(lost)), 'time')}, undone")
             steps = np.diff(time)
     back = np.flatnonzero(steps < 0)
     if back.size == 0:
@@ -212,7 +213,7 @@ def _undo_going_back(clock: Clock, scale: float, name: str) -> None:
         shift[back + 1] = 1.0 - steps[back]
         time += np.cumsum(shift)
         clock.warnings.append(
-            f"time restarts {back.size} times, first at row {row + 1}: taken as recordings one after the other, "
+            f"time restarts {count(back.size, 'time')}, first at row {row + 1}: taken as recordings one after the other, "
             "1 s apart"
         )
         return
@@ -345,6 +346,6 @@ def _report_gaps(clock: Clock, steps: Array) -> None:
     gaps = np.flatnonzero(steps > limit)
     worst = int(gaps[np.argmax(steps[gaps])])
     clock.warnings.append(
-        f"{gaps.size} gaps in the record, the longest of {steps[worst]:.3g} s at {shown(float(clock.time[worst]))}: "
+        f"{count(gaps.size, 'gap')} in the record, the longest of {steps[worst]:.3g} s at {shown(float(clock.time[worst]))}: "
         "nothing was filled in"
     )

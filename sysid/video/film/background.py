@@ -1,4 +1,4 @@
-"""Patches of what stands still behind the board: they show how the camera shakes; and cuts."""
+"""Patches all over the picture, followed from frame to frame: those that stand still show how the camera shakes; and cuts."""
 
 from dataclasses import dataclass, field
 
@@ -10,17 +10,17 @@ from sysid.errors import SysidError
 from sysid.roll import Array
 from sysid.video.film.camera import Lens
 from sysid.video.film.frames import Frame, crop, grey
-from sysid.video.film.shake import MIN_PATCHES, Shake, Sights, fit_rotations, still, whole_shake
+from sysid.video.film.shake import MIN_PATCHES, Shake, fit_rotations, still, whole_shake
 from sysid.video.types import Complex, Mask, Picture
 
-PATCH_GRID = (5, 4)
-"""At most one patch of background in each cell of a grid this wide and high."""
+PATCH_GRID, CELL_PATCHES = (5, 4), 2
+"""At most so many patches in each cell of a grid this wide and high: one may lie on the board."""
 HALF_PATCH = 16
 """Half a patch [px]."""
 MAX_STEP = 24
 """How far a patch may move between two frames, against what the last frame suggests [px]."""
 BATCH_FRAMES = 256
-"""Frames that are worked out at once."""
+"""Frames that are worked out at once: that takes little longer than one."""
 CUT_CHANGE = 12.0
 """Mean change of brightness from frame to frame above which a cut is suspected [grey levels]."""
 CUT_LIKENESS = 0.5
@@ -30,23 +30,21 @@ FLOW_CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 15, 0.01)
 
 @dataclass(slots=True)
 class Background:
-    """Follows patches of what stands still, always against the first frame, so that nothing drifts."""
+    """Follows patches, always against the first frame, so that nothing drifts."""
 
-    spare: Mask
-    """Pixels where the board may come, as large as the picture: no patch reaches into them."""
     lens: Lens
     _anchors: Array = field(default_factory=lambda: np.zeros((0, 2)))
     _reference: Picture | None = None
     _places: Array = field(default_factory=lambda: np.zeros((0, 2)))
     """Where the patches were seen last [px]."""
-    _waiting: list[Array] = field(default_factory=list)
-    """Places in frames whose rotation is not worked out yet [px], each (m, 2)."""
-    _sights: list[Sights] = field(default_factory=list)
-    _count: int = 0
+    _seen: list[npt.NDArray[np.float32]] = field(default_factory=list)
+    """Places in each frame [px], each (m, 2)."""
+    _still: Mask | None = None
+    """Which patches lie where nothing moves, as far as that is known."""
     _thumb: npt.NDArray[np.float32] | None = None
 
-    def update(self, frame: Frame) -> None:
-        """Take in one more frame.
+    def update(self, frame: Frame) -> Array:
+        """Take in one more frame; return how far most patches have moved since the first one [px], shape (2,).
 
         Raises:
             SysidError: The picture changes all at once.
@@ -54,27 +52,35 @@ class Background:
         self._refuse_cut(frame)
         if self._reference is None:
             self._choose(frame.picture)
-        self._count += 1
-        if len(self._anchors) < MIN_PATCHES:
-            return
-        self._waiting.append(self._follow(frame.picture))
-        if len(self._waiting) == BATCH_FRAMES:
-            self._work_out()
+        self._seen.append(self._follow(frame.picture).astype(np.float32))
+        return self.shift(len(self._seen) - 1)
 
-    def result(self) -> Shake:
-        """Return the motion over all frames so far."""
-        if self._waiting:
-            self._work_out()
-        if len(self._anchors) < MIN_PATCHES:
-            return still(self._count, self._focal, self._centre)
-        return whole_shake(self._sights, self._focal, self._centre, known=self.lens.known)
+    def shift(self, number: int) -> Array:
+        """Return how far most patches have moved from the first frame to another one [px], shape (2,)."""
+        moved = (self._seen[number] - self._anchors)[self._still if self._still is not None else slice(None)]
+        moved = moved[np.isfinite(moved).all(axis=1)]
+        return np.median(moved, axis=0) if len(moved) >= MIN_PATCHES else np.zeros(2)
 
-    def _work_out(self) -> None:
-        """Turn places into rotations; many frames at once take little longer than one."""
-        seen = self.lens.straighten(np.array(self._waiting))
-        home = self.lens.straighten(self._anchors)
-        self._sights.append(fit_rotations(self._about_middle(home), self._about_middle(seen), self._focal))
-        self._waiting.clear()
+    def leave_out(self, spare: Mask) -> None:
+        """Let no patch count from now on that reaches into some pixels of the picture, shape (height, width)."""
+        reach = 2 * (HALF_PATCH + MAX_STEP) + 1
+        near = cv2.boxFilter(spare.astype(np.uint8), -1, (reach, reach), normalize=False) > 0
+        x, y = self._anchors.T.astype(int)
+        self._still = ~near[y, x]
+
+    def shake(self, first: int, stop: int) -> Shake:
+        """Return the motion of the frames from number `first` up to `stop`, against the first of the film."""
+        if self._still is None or self._still.sum() < MIN_PATCHES:
+            return still(stop - first, self._focal, self._centre)
+        still_ones = self._still
+        home = self._about_middle(self.lens.straighten(self._anchors[still_ones]))
+        sights = [
+            fit_rotations(
+                home, self._about_middle(self.lens.straighten(np.array(some)[:, still_ones].astype(float))), self._focal
+            )
+            for some in (self._seen[at : min(at + BATCH_FRAMES, stop)] for at in range(first, stop, BATCH_FRAMES))
+        ]  # fmt: skip
+        return whole_shake(sights, self._focal, self._centre, known=self.lens.known)
 
     def _about_middle(self, places: Array) -> Complex:
         return places[..., 0] + 1j * places[..., 1] - self._centre
@@ -106,22 +112,27 @@ class Background:
         small = cv2.resize(dark, (width // scale, height // scale), interpolation=cv2.INTER_AREA)
         quality = cv2.cornerMinEigenVal(cv2.GaussianBlur(small, (0, 0), 1.0), 7)
         margin = (HALF_PATCH + MAX_STEP) // scale + 2
-        board = cv2.resize(self.spare.astype(np.uint8), small.shape[::-1], interpolation=cv2.INTER_AREA)
-        quality[cv2.dilate(board, np.ones((2 * margin + 1, 2 * margin + 1), np.uint8)) > 0] = 0
         quality[:margin], quality[-margin:], quality[:, :margin], quality[:, -margin:] = 0, 0, 0, 0
         anchors: list[tuple[int, int]] = []
         for rows in np.array_split(np.arange(quality.shape[0]), PATCH_GRID[1]):
             for columns in np.array_split(np.arange(quality.shape[1]), PATCH_GRID[0]):
                 cell = quality[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-                row, column = np.unravel_index(np.argmax(cell), cell.shape)
-                if cell[row, column] > 1e-4:
-                    anchors.append((int((columns[0] + column) * scale), int((rows[0] + row) * scale)))
+                for _ in range(CELL_PATCHES):
+                    row, column = np.unravel_index(np.argmax(cell), cell.shape)
+                    if cell[row, column] > 1e-4:
+                        anchors.append((int((columns[0] + column) * scale), int((rows[0] + row) * scale)))
+                    apart = 2 * HALF_PATCH // scale
+                    cell[
+                        max(row - apart, 0) : row + apart + 1, max(column - apart, 0) : column + apart + 1
+                    ] = 0
         self._anchors = np.array(anchors, np.float64).reshape(-1, 2)
         self._places = self._anchors
         self._reference = self._mosaic(picture, self._anchors) if anchors else dark
 
     def _follow(self, picture: Picture) -> Array:
         """Find every patch near where it was last, shape (m, 2) [px]; NaN where it is not found."""
+        if not len(self._anchors):
+            return self._anchors.copy()
         centre = np.round(self._places)
         inside = np.all((centre >= 0) & (centre < np.array(picture.shape[1::-1])), axis=1)
         size = 2 * (HALF_PATCH + MAX_STEP) + 1

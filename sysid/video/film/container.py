@@ -13,6 +13,11 @@ CONTAINERS = frozenset({b"moov", b"trak", b"mdia", b"edts", b"meta", b"udta", b"
 MAX_INDEX = 1 << 28
 """Largest index that is looked through [bytes]; an hour at 240 frames/s has 20 MB."""
 CAPTURE_RATE = b"com.android.capture.fps"
+READOUT = b"com.apple.quicktime.camera.framereadouttimeinmicroseconds"
+MAX_RATE, MAX_READOUT = 1e5, 0.1
+"""What no camera reaches: frames a second [Hz], and time for reading a frame [s]."""
+NORMAL_RATE = 0x10000
+"""The rate of an edit that plays its part as it was taken."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,13 +28,25 @@ class Container:
     """Share of the frames that are shown: phones trim by an edit list, and leave the others in the file."""
     capture_rate: float | None = None
     """Frames a second when it was filmed [Hz], where the phone notes it."""
+    readout: float | None = None
+    """Time from the sensor's first to its last row [s], where the phone notes it."""
+    ramped: bool = False
+    """Whether an edit list plays parts of it faster or slower than others."""
 
 
 def read_container(path: Path) -> Container:
     """Return what the index of a film says."""
     try:
         found = list(_boxes(_index(path)))
-        return Container(_shown(found), _capture_rate(found))
+        shown, ramped = _shown(found)
+        noted = _noted(found)
+        rate, readout = noted.get(CAPTURE_RATE, 0.0), noted.get(READOUT, 0.0)
+        return Container(
+            shown,
+            rate if 0 < rate < MAX_RATE else None,
+            1e-6 * readout if 0 < readout < 1e6 * MAX_READOUT else None,
+            ramped,
+        )
     except (OSError, struct.error, ValueError, IndexError):
         return Container()
 
@@ -80,8 +97,8 @@ def _plain(data: bytes) -> Iterator[tuple[bytes, bytes]]:
         at += size
 
 
-def _shown(found: list[tuple[bytes, bytes]]) -> float:
-    """Length of the video track's edits over that of its media."""
+def _shown(found: list[tuple[bytes, bytes]]) -> tuple[float, bool]:
+    """Length of the video track's edits over that of its media, and whether some play at another speed."""
     scale = 0
     track: dict[bytes, bytes] = {}
     for kind, content in [*found, (b"trak", b"")]:
@@ -89,18 +106,20 @@ def _shown(found: list[tuple[bytes, bytes]]) -> float:
             scale = struct.unpack_from(">I", content, 20 if content[0] else 12)[0]
         if kind == b"trak":
             if track.get(b"hdlr", b"")[8:12] == b"vide" and b"elst" in track and b"mdhd" in track:
-                return min(1.0, _edited(track[b"elst"], scale) / _media(track[b"mdhd"]))
+                seconds, ramped = _edited(track[b"elst"], scale)
+                return min(1.0, seconds / _media(track[b"mdhd"])), ramped
             track = {}
         elif kind in (b"hdlr", b"elst", b"mdhd"):
             track.setdefault(kind, content)
-    return 1.0
+    return 1.0, False
 
 
-def _edited(content: bytes, scale: int) -> float:
-    """Seconds of media that an edit list shows."""
+def _edited(content: bytes, scale: int) -> tuple[float, bool]:
+    """Seconds of media that an edit list shows, and whether at another speed."""
     long, count = content[0], struct.unpack_from(">I", content, 4)[0]
     entries = struct.iter_unpack(">QqI" if long else ">IiI", content[8 : 8 + count * (20 if long else 12)])
-    return sum(duration for duration, start, _ in entries if start >= 0) / scale
+    shown = [(duration, rate) for duration, start, rate in entries if start >= 0]
+    return sum(duration for duration, _ in shown) / scale, any(rate != NORMAL_RATE for _, rate in shown)
 
 
 def _media(content: bytes) -> float:
@@ -109,18 +128,26 @@ def _media(content: bytes) -> float:
     return duration / scale
 
 
-def _capture_rate(found: list[tuple[bytes, bytes]]) -> float | None:
+def _noted(found: list[tuple[bytes, bytes]]) -> dict[bytes, float]:
+    """Numbers that the phone notes, by name."""
     keys = next((content for kind, content in found if kind == b"keys"), b"")
     names = [name[4:] if name[:4] == b"mdta" else name for name in _names(keys)]
-    if CAPTURE_RATE not in names:
-        return None
-    item = b"item" + struct.pack(">I", 1 + names.index(CAPTURE_RATE))
+    noted: dict[bytes, float] = {}
     for kind, content in found:
-        if kind == item and content[4:8] == b"data":
-            value = content[16:]
-            number = struct.unpack(">f", value)[0] if content[8:12] == b"\0\0\0\x17" else float(value)
-            return float(number) if 0 < number < 1e5 else None
-    return None
+        if kind[:4] == b"item" and len(kind) == 8 and content[4:8] == b"data":
+            number = struct.unpack(">I", kind[4:])[0]
+            if 0 < number <= len(names) and names[number - 1] in (CAPTURE_RATE, READOUT):
+                noted[names[number - 1]] = _number(content[8:12], content[16:])
+    return noted
+
+
+def _number(kind: bytes, value: bytes) -> float:
+    """Apple's well-known types: text, whole numbers with and without sign, and two lengths of decimal ones."""
+    if kind in (b"\0\0\0\x17", b"\0\0\0\x18"):
+        return float(struct.unpack(">f" if kind[3] == 0x17 else ">d", value)[0])
+    if kind in (b"\0\0\0\x15", b"\0\0\0\x16"):
+        return float(int.from_bytes(value, "big", signed=kind[3] == 0x15))
+    return float(value)
 
 
 def _names(keys: bytes) -> Iterator[bytes]:

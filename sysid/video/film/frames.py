@@ -1,9 +1,9 @@
 """Frames of a clip with the container's own time stamps, one at a time."""
 
 import os
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from queue import Full, Queue
 from threading import Event, Thread
@@ -14,7 +14,7 @@ import numpy as np
 from sysid.errors import SysidError
 from sysid.roll import Array
 from sysid.video.film.container import read_container
-from sysid.video.types import Picture
+from sysid.video.types import Box, Picture
 
 MAX_SIZE = (4096, 2304)
 """Largest picture that is read [px]: 4K; 8K would take seconds a frame and tell no more."""
@@ -28,12 +28,28 @@ MAX_MISSING_SHARE = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One frame, upright."""
+    """One frame, upright; or the part of it that was kept."""
 
     index: int
     time: float
     """The container's stamp [s], of a film that plays slowly as it was filmed."""
     picture: Picture
+    corner: tuple[int, int] = (0, 0)
+    """Left and top of the picture in the film's [px]."""
+    shift: Array = field(default_factory=lambda: np.zeros(2))
+    """How far a camera that shakes has shifted what stands still since the first frame [px], shape (2,)."""
+
+    @property
+    def box(self) -> Box:
+        """Left, top, right and bottom of the picture in the film's [px]."""
+        left, top = self.corner
+        return left, top, left + self.picture.shape[1], top + self.picture.shape[0]
+
+    def part(self, box: Box) -> tuple[Picture, tuple[int, int]]:
+        """Cut a box [px] out, as far as it was kept; return the part and its corner in the film's picture."""
+        left, top = self.corner
+        part, (across, down) = crop(self.picture, (box[0] - left, box[1] - top, box[2] - left, box[3] - top))
+        return part, (left + across, top + down)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +70,8 @@ class Clip:
     """How many times slower it plays than it was filmed, as the file notes."""
     progress: Callable[[str, float], None] | None = None
     """Told which share of the film was decoded."""
+    readout: float | None = None
+    """Time from the sensor's first to its last row [s], as the phone notes it."""
 
     def frames(self, every: int = 1) -> Generator[Frame]:
         """Decode the clip from its start; only every `every`-th frame is converted to a picture.
@@ -87,52 +105,45 @@ class Clip:
                 "Copy it again from the camera."
             )
 
-    def ahead(self) -> Generator[Frame]:
-        """Like `frames`, decoding the next ones in a thread while one is worked on.
-
-        Raises:
-            SysidError: As `frames` does.
-        """
-        ready: Queue[Frame | BaseException | None] = Queue(maxsize=FRAMES_AHEAD)
-        stop = Event()
-
-        def put(item: Frame | BaseException | None) -> bool:
-            while not stop.is_set():
-                try:
-                    ready.put(item, timeout=0.1)
-                except Full:
-                    continue
-                return True
-            return False
-
-        def decode() -> None:
-            try:
-                for frame in self.frames():
-                    if not put(frame):
-                        return
-                put(None)
-            except BaseException as error:  # noqa: BLE001  raised again by whoever waits for frames
-                put(error)
-
-        worker = Thread(target=decode, daemon=True)
-        worker.start()
-        try:
-            while (item := ready.get()) is not None:
-                if isinstance(item, BaseException):
-                    raise item
-                yield item
-        finally:
-            stop.set()
-            worker.join()
-
-    def first(self) -> Frame:
-        """Return the first frame."""
-        return next(iter(self.frames()))
-
     def row_share(self, points: Array) -> Array:
         """Return when, from 0 to 1 of the read-out, the sensor reads points (n, N, 2) [px]; shape (n, N)."""
         across, down = points[..., 0] / self.width, points[..., 1] / self.height
         return {0: down, 90: 1 - across, 180: 1 - down, 270: across}[self.rotation]
+
+
+def ahead(frames: Iterator[Frame]) -> Generator[Frame]:
+    """Yield frames; the next ones are made in a thread while one is worked on."""
+    ready: Queue[Frame | BaseException | None] = Queue(maxsize=FRAMES_AHEAD)
+    stop = Event()
+
+    def put(item: Frame | BaseException | None) -> bool:
+        while not stop.is_set():
+            try:
+                ready.put(item, timeout=0.1)
+            except Full:
+                continue
+            return True
+        return False
+
+    def make() -> None:
+        try:
+            for frame in frames:
+                if not put(frame):
+                    return
+            put(None)
+        except BaseException as error:  # noqa: BLE001  raised again by whoever waits for frames
+            put(error)
+
+    worker = Thread(target=make, daemon=True)
+    worker.start()
+    try:
+        while (item := ready.get()) is not None:
+            if isinstance(item, BaseException):
+                raise item
+            yield item
+    finally:
+        stop.set()
+        worker.join()
 
 
 def open_clip(path: Path, progress: Callable[[str, float], None] | None = None) -> Clip:
@@ -161,6 +172,11 @@ def open_clip(path: Path, progress: Callable[[str, float], None] | None = None) 
                 "less: a higher frame rate tells more than more pixels."
             )
         said = read_container(path)
+        if said.ramped:
+            raise SysidError(
+                f"{path}: parts of it play faster or slower than others (a speed ramp of slow motion): its times are not those "
+                "of the board. Give the film as the camera took it, not as it was edited."
+            )
         announced = max(0, int(said.shown * capture.get(cv2.CAP_PROP_FRAME_COUNT)))
         slowed = (said.capture_rate or 0.0) / max(float(capture.get(cv2.CAP_PROP_FPS)), 1e-9)
         if abs(slowed - round(slowed)) < 0.05 * slowed:  # the mean rate suffers from the last frame's length
@@ -181,10 +197,11 @@ def open_clip(path: Path, progress: Callable[[str, float], None] | None = None) 
         codec,
         slowed if slowed > SLOW_MOTION else 1.0,
         progress,
+        said.readout,
     )
 
 
-def crop(picture: Picture, box: tuple[int, int, int, int]) -> tuple[Picture, tuple[int, int]]:
+def crop(picture: Picture, box: Box) -> tuple[Picture, tuple[int, int]]:
     """Cut left, top, right, bottom [px] out of a picture, as far as it reaches; return part and corner.
 
     The picture is of shape (height, width) or (height, width, 3), and so is the part.
@@ -196,7 +213,9 @@ def crop(picture: Picture, box: tuple[int, int, int, int]) -> tuple[Picture, tup
 
 def grey(picture: Picture) -> Picture:
     """Return a picture (height, width, 3) or (height, width) in grey [grey levels], shape (height, width)."""
-    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8) if picture.ndim == 3 else picture
+    if picture.ndim == 2 or not picture.size:
+        return picture.reshape(picture.shape[:2])
+    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8)
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""How many frames there are for each period of the fastest swing."""
+"""How fast a swing is for a film, and whether the film keeps its pace."""
 
 import numpy as np
 
@@ -6,6 +6,11 @@ from sysid.roll import Array
 
 WINDOW_FRAMES = 40
 """Frames after the fastest one that are looked at: the deck is free there, a hand is slower."""
+RAMP, STEADY = 1.9, 1.25
+"""Ratio of half periods before and after, from which on no joint but a change of the film's speed explains it at once,
+and within each of both that a joint may show (stiffness and play change a period little by little)."""
+RAMP_STDS, RAMP_SWING = 8.0, 0.02
+"""Least half swing that is looked at: in standard deviations, and as a share of the whole."""
 DAMPING_RATIOS = np.array([0.003, 0.05, 0.15, 0.3, 0.45, 0.6, 0.75])
 """Damping ratios that are tried."""
 
@@ -48,3 +53,33 @@ def frames_per_period(time: Array, roll: Array, std: Array) -> float | None:
     error = np.mean((swing - explained) ** 2, axis=1)
     tolerance = 1.5 * error.min() + noise**2 + (0.02 * np.std(swing)) ** 2
     return float(period[error <= tolerance].max())
+
+
+def speed_ramp(time: Array, roll: Array, std: Array) -> float | None:
+    """Return when a film changes its speed [s]: where a free decay swings of a sudden at another pace; None if it never does.
+
+    Two half periods or more before and after are compared, in swings that die away: a hand moves otherwise.
+
+    Args:
+        time: Times of the frames [s], shape (n,).
+        roll: Roll [rad], shape (n,).
+        std: Its standard deviation [rad], shape (n,).
+    """
+    least = max(RAMP_STDS * float(np.median(std)), RAMP_SWING * float(np.ptp(roll)))
+    turns = [0]
+    for row in range(1, len(roll)):
+        up = 1.0 if len(turns) < 2 else np.sign(roll[turns[-1]] - roll[turns[-2]])
+        if len(turns) < 2 and abs(roll[row] - roll[0]) > least:
+            turns.append(row)
+        elif len(turns) > 1 and up * (roll[row] - roll[turns[-1]]) > 0:
+            turns[-1] = row
+        elif len(turns) > 1 and up * (roll[turns[-1]] - roll[row]) > least:
+            turns.append(row)
+    half, size = np.diff(time[turns]), np.abs(np.diff(roll[turns]))
+    for at in range(2, len(half) - 2):  # the one in which it changes is of both
+        before, after = half[at - 2 : at], half[at + 1 : at + 3]
+        dies = bool(np.all(np.diff(size[at - 2 : at + 3]) < 0))
+        steady = max(np.ptp(np.log(before)), np.ptp(np.log(after))) < np.log(STEADY)
+        if dies and steady and abs(np.log(after.mean() / before.mean())) > np.log(RAMP):
+            return float(time[turns[at]])
+    return None

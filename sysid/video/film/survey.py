@@ -1,6 +1,6 @@
-"""A first look through a clip: what moves in it, from a few dozen frames."""
+"""What moves in a film, from small pictures of it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -8,88 +8,122 @@ import numpy.typing as npt
 
 from sysid.errors import SysidError
 from sysid.video.film.frames import Clip, Frame, grey
-from sysid.video.types import Picture
+from sysid.video.types import Box, Mask, Picture
 
-SURVEY_FRAMES = 40
-"""Frames that are looked at, spread over the clip."""
-SURVEY_BYTES = 60_000_000
-"""Bytes of full pictures that are kept at most, in grey."""
 SURVEY_SIDE = 480
 """Long side of the pictures in which motion is looked for [px]."""
+MAX_SHAKE = 0.05
+"""Share of the picture's long side by which a camera may shake; one that moves further pans."""
 MIN_CHANGE = 18.0
 """Change of brightness that counts as motion [grey levels]."""
+BOX_MARGIN = 10
+"""What is added to what moves, on each side [px]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Survey:
     """What a first look shows."""
 
-    first: Frame
-    pictures: tuple[Picture, ...]
-    """Grey pictures spread over the clip."""
-    box: tuple[int, int, int, int]
+    frames: tuple[Frame, ...]
+    """Some, spread over what was looked at, the first one first."""
+    box: Box
     """Left, top, right and bottom [px] of where something moves, or what the user gave."""
-    moving: npt.NDArray[np.bool_]
+    moving: Mask
     """Pixels in which something changes, as large as the picture."""
-    indices: tuple[int, ...] = ()
-    """Number of the frame of each of the pictures."""
 
 
-def survey(clip: Clip, roi: tuple[int, int, int, int] | None) -> Survey:
-    """Look through a clip and find where it moves.
+@dataclass(slots=True)
+class Motion:
+    """How far each pixel of small pictures changes; shake of the camera is no motion."""
+
+    _start: Picture | None = None
+    _low: npt.NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
+    _high: npt.NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
+    _shape: tuple[int, ...] = ()
+    _furthest: float = 0.0
+    """How far the camera went [px of the small picture]."""
+
+    def add(self, frame: Frame) -> None:
+        """Take in one more whole frame."""
+        self._shape = frame.picture.shape[:2]
+        scale = min(1.0, SURVEY_SIDE / max(self._shape))
+        size = (round(scale * self._shape[1]), round(scale * self._shape[0]))
+        step = max(1, int(0.5 / scale))  # of a large picture each second pixel will do
+        small = np.asarray(
+            cv2.resize(frame.picture[::step, ::step], size, interpolation=cv2.INTER_AREA), np.uint8
+        )
+        if self._start is None:
+            self._start = grey(small)
+            self._low = self._high = small.astype(np.float32)
+        self._furthest = max(self._furthest, scale * float(np.abs(frame.shift).max()))
+        still = self._held(small, scale * frame.shift)
+        self._low, self._high = np.minimum(self._low, still), np.maximum(self._high, still)
+
+    def _held(self, small: Picture, shift: npt.NDArray[np.float64]) -> npt.NDArray[np.float32]:
+        """Shift a small picture onto the first one; a shift that makes the whole less alike is none of the camera's."""
+        if not 0.05 < np.abs(shift).max() < MAX_SHAKE * SURVEY_SIDE:
+            return small.astype(np.float32)
+        move = np.array([[1, 0, -shift[0]], [0, 1, -shift[1]]])
+        size = (small.shape[1], small.shape[0])
+        held = cv2.warpAffine(small, move, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        assert self._start is not None
+        unlike = [cv2.absdiff(grey(np.asarray(one, np.uint8)), self._start) for one in (small, held)]
+        plain, shifted = (float(np.minimum(one, MIN_CHANGE).mean()) for one in unlike)
+        return np.asarray(held if shifted < plain else small, np.float32)
+
+    def mask(self, within: Box | None) -> Mask:
+        """Return which pixels of the whole picture change, shape (height, width), inside a box [px] if there is one."""
+        return _moving(self._high - self._low, self._shape, within)
+
+    @property
+    def pans(self) -> bool:
+        """Whether most of the picture changes, and the camera went far or nothing stands out."""
+        everywhere = float(np.median((self._high - self._low).max(axis=2))) > MIN_CHANGE
+        return everywhere and (self._furthest > MAX_SHAKE * SURVEY_SIDE or not self.mask(None).any())
+
+
+def survey(
+    clip: Clip, frames: tuple[Frame, ...], motion: Motion, roi: tuple[int, int, int, int] | None
+) -> Survey:
+    """Say where it moves.
 
     Raises:
         SysidError: Nothing moves, or the region of interest lies outside the picture.
     """
-    given = None if roi is None else box_of(clip, roi)
-    every = max(1, clip.announced // SURVEY_FRAMES) if clip.announced else 5
-    scale = min(1.0, SURVEY_SIDE / max(clip.width, clip.height))
-    keep = max(6, min(SURVEY_FRAMES, SURVEY_BYTES // (clip.width * clip.height)))
-    first: Frame | None = None
-    start: Picture | None = None
-    low = high = np.zeros(0, np.float32)
-    pictures: list[Picture] = []
-    indices: list[int] = []
-    for number, frame in enumerate(clip.frames(every)):
-        dark = grey(frame.picture)
-        if number % max(1, SURVEY_FRAMES // keep) == 0 and len(pictures) < keep:
-            pictures.append(dark)
-            indices.append(frame.index)
-        small = np.asarray(
-            cv2.resize(frame.picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8
-        )
-        if first is None or start is None:
-            first, start = frame, np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), np.uint8)
-            low = high = small.astype(np.float32)
-        still = _held(small, start)
-        low, high = np.minimum(low, still), np.maximum(high, still)
-    if first is None:
-        raise SysidError(f"{clip.path}: no frame can be decoded. Copy the file again from the camera.")
-    moving = _moving(high - low, first.picture.shape[:2], given)
-    if given is not None and roi is not None:
-        if not moving.any() and _moving(high - low, first.picture.shape[:2], None).any():
-            raise SysidError(
-                f"{clip.path}: what moves is all outside --roi {' '.join(map(str, roi))}. Give the region in which the "
-                f"board moves (left, top, width and height in px of {clip.width}x{clip.height}), or leave it out."
-            )
-        return Survey(first, tuple(pictures), given, moving, tuple(indices))
-    rows, columns = np.flatnonzero(moving.any(axis=1)), np.flatnonzero(moving.any(axis=0))
-    if not len(rows) and float(np.median((high - low).max(axis=2))) > MIN_CHANGE:
+    if motion.pans:
         raise SysidError(
             f"{clip.path}: the whole picture moves: the camera pans, zooms or is carried. Put it on a tripod, and film from "
             "before the release until the board rests."
         )
-    if not len(rows):
+    given = None if roi is None else box_of(clip, roi)
+    moving = motion.mask(given)
+    if given is not None and roi is not None:
+        if not moving.any() and motion.mask(None).any():
+            raise SysidError(
+                f"{clip.path}: what moves is all outside --roi {' '.join(map(str, roi))}. Give the region in which the "
+                f"board moves (left, top, width and height in px of {clip.width}x{clip.height}), or leave it out."
+            )
+        return Survey(frames, given, moving)
+    if not moving.any():
         raise SysidError(
             f"{clip.path}: nothing moves in it. Is the board in the picture? Film the whole release, or give the "
             "region of the board with --roi LEFT TOP WIDTH HEIGHT."
         )
-    margin = 10
-    box = (int(columns[0]) - margin, int(rows[0]) - margin, int(columns[-1]) + margin, int(rows[-1]) + margin)
-    return Survey(first, tuple(pictures), _inside(box, clip), moving, tuple(indices))
+    return Survey(frames, box_around(moving, BOX_MARGIN), moving)
 
 
-def box_of(clip: Clip, roi: tuple[int, int, int, int]) -> tuple[int, int, int, int]:
+def box_around(mask: Mask, margin: int) -> Box:
+    """Return left, top, right and bottom of what is set, and a margin as far as the picture reaches [px]."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    return (
+        max(int(columns[0]) - margin, 0),
+        max(int(rows[0]) - margin, 0),
+        min(int(columns[-1]) + margin, mask.shape[1]),
+        min(int(rows[-1]) + margin, mask.shape[0]),
+    )
+
+
+def box_of(clip: Clip, roi: tuple[int, int, int, int]) -> Box:
     """Turn left, top, width, height into left, top, right, bottom.
 
     Raises:
@@ -109,29 +143,6 @@ def box_of(clip: Clip, roi: tuple[int, int, int, int]) -> tuple[int, int, int, i
             f"picture of {clip.width}x{clip.height}."
         )
     return left, top, left + width, top + height
-
-
-def _inside(box: tuple[int, int, int, int], clip: Clip) -> tuple[int, int, int, int]:
-    return max(box[0], 0), max(box[1], 0), min(box[2], clip.width), min(box[3], clip.height)
-
-
-def _held(small: Picture, start: Picture) -> npt.NDArray[np.float32]:
-    """Shift a small picture onto the first one, so that a shaking camera does not count as motion.
-
-    Before a plain wall, what moves in the picture looks like a shift: one that makes the whole less alike is none.
-    """
-    dark = cv2.cvtColor(small, cv2.COLOR_BGR2GRAY).astype(np.float32)
-    window = cv2.createHanningWindow((small.shape[1], small.shape[0]), cv2.CV_32F)
-    shift, _ = cv2.phaseCorrelate(start.astype(np.float32), dark, window)
-    if max(abs(shift[0]), abs(shift[1])) > 0.05 * SURVEY_SIDE:
-        return small.astype(np.float32)
-    move = np.array([[1, 0, -shift[0]], [0, 1, -shift[1]]])
-    held = cv2.warpAffine(
-        small, move, (small.shape[1], small.shape[0]), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-    )
-    unlike = [cv2.absdiff(grey(np.asarray(one, np.uint8)), start) for one in (small, held)]
-    plain, shifted = (float(np.minimum(one, MIN_CHANGE).mean()) for one in unlike)
-    return np.asarray(held if shifted < plain else small, np.float32)
 
 
 def _moving(

@@ -2,14 +2,14 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.film.frames import Clip, Frame
-from sysid.video.film.survey import Survey, box_of, survey
+from sysid.video.film.frames import Frame
+from sysid.video.film.reel import Reel
+from sysid.video.film.survey import Survey, box_of
 from sysid.video.film.track import Track
 from sysid.video.options import VideoOptions
 from sysid.video.pose.angle import AngleTrack
@@ -47,22 +47,26 @@ class Follower(Protocol):
         ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Scene:
     """A film in which something is to be found."""
 
-    clip: Clip
-    options: VideoOptions
+    reel: Reel
 
-    @cached_property
+    @property
+    def options(self) -> VideoOptions:
+        """What the user says."""
+        return self.reel.options
+
+    @property
     def region(self) -> Box | None:
         """Left, top, right and bottom [px] of where the user says the board moves."""
-        return None if self.options.roi is None else box_of(self.clip, self.options.roi)
+        return None if self.options.roi is None else box_of(self.reel.clip, self.options.roi)
 
-    @cached_property
+    @property
     def look(self) -> Survey:
-        """What moves in it; found when it is asked for, as that takes a pass through the film."""
-        return survey(self.clip, self.options.roi)
+        """What moves in it."""
+        return self.reel.look
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,8 +87,6 @@ class Target:
     finds_direction: bool = True
     """Whether the points show from where the camera looks."""
     warnings: tuple[str, ...] = ()
-    knows_shape: bool = False
-    """Whether its points' places on the board are known beforehand, so that it shows the camera's direction by itself."""
     shows_body: bool = True
     """Whether two or more of its points stay where they are on the board, so that they tell how all of it moved."""
     settle: Callable[[Track], Track] | None = None

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from sysid.roll import Array
+from sysid.video.film.frames import Frame
 from sysid.video.types import Picture
 
 PIECES = 16
@@ -48,11 +49,11 @@ def find_edges(picture: Picture, ends: Array, reach: float, *, count: int = 24) 
     return _lines(ends, normal, share, position, contrast)
 
 
-def find_pieces(picture: Picture, ends: Array, reach: float, faintest: float) -> Array:
+def find_pieces(frame: Frame, ends: Array, reach: float, faintest: float) -> Array:
     """Move points evenly along edges onto the brightness steps nearby, up or down, each as it finds it.
 
     Args:
-        picture: Grey picture.
+        frame: A frame in grey.
         ends: Where the edges roughly are [px], shape (m, 2, 2).
         reach: How far they may be off, to either side [px].
         faintest: Step of brightness that a point takes [grey levels].
@@ -61,7 +62,7 @@ def find_pieces(picture: Picture, ends: Array, reach: float, faintest: float) ->
         Shape (m, PIECES, 2) [px]; NaN where there is no such step.
     """
     share = (np.arange(PIECES * PROFILES) + 0.5) / (PIECES * PROFILES)
-    normal, profile, offset = _profiles(picture, ends, share, reach)
+    normal, profile, offset = _profiles(frame.picture, ends - frame.corner, share, reach)
     step = np.diff(profile.reshape(len(ends), PIECES, PROFILES, -1).mean(axis=2), axis=2)
     (up, rise), (down, fall) = _centroid(step, offset), _centroid(-step, offset)
     place = np.where(np.maximum(rise, fall) < faintest, np.nan, np.where(rise > fall, up, down))

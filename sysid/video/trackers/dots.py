@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from sysid.errors import SysidError
 from sysid.roll import Array
-from sysid.video.film.frames import Frame, crop
+from sysid.video.film.frames import Frame
 from sysid.video.film.survey import Survey
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.camera_state import CameraState, spread_by
@@ -17,7 +17,7 @@ from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.rectify import longer, rectify, smear, unwrap
 from sysid.video.pose.view import View
 from sysid.video.trackers._base import DEAD_ZONE, Scene, Target, Tracker, level_angle
-from sysid.video.types import Complex, Picture
+from sysid.video.types import Box, Complex, Picture
 
 Chroma = npt.NDArray[np.float32]
 
@@ -49,8 +49,7 @@ class Dot:
 
 def find_dots(look: Survey) -> tuple[Dot, ...]:
     """Return the two dots, or the one, that move; nothing where no colour stands out."""
-    part, corner = crop(look.first.picture, look.box)
-    dots = _patches(part, corner, look)
+    dots = _patches(*look.frames[0].part(look.box), look)
     pairs = [
         (_worth(a) + _worth(b) + (BEST if np.linalg.norm(a.chroma - b.chroma) < SAME_CHROMA else 0), a, b)
         for number, a in enumerate(dots)
@@ -107,7 +106,7 @@ class DotFollower:
             )
             if len(self.dots) == 2:
                 reach = min(reach, 0.6 * float(np.linalg.norm(self._places[1] - self._places[0])))
-            found = self._near(frame.picture, predicted[number], reach, dot)
+            found = self._near(frame, predicted[number], reach, dot)
             if found is not None and self.confined and not self._inside(found[0]):
                 continue
             # A hand in front of a part of a dot moves the middle of what is left; blur only spreads it.
@@ -134,10 +133,10 @@ class DotFollower:
         length = np.linalg.norm(self.dots[1].place - self.dots[0].place)
         return bool(0.75 < np.linalg.norm(places[1] - places[0]) / length < 1.35)
 
-    def _near(self, picture: Picture, place: Array, reach: float, dot: Dot) -> tuple[Array, float] | None:
+    def _near(self, frame: Frame, place: Array, reach: float, dot: Dot) -> tuple[Array, float] | None:
         """Find a dot; return its centre [px] and how much of it there is [px]."""
         low, high = np.floor(place - reach), np.ceil(place + reach) + 1
-        part, corner = crop(picture, (int(low[0]), int(low[1]), int(high[0]), int(high[1])))
+        part, corner = frame.part((int(low[0]), int(low[1]), int(high[0]), int(high[1])))
         if min(part.shape[:2]) < 4:
             return None
         weight = _dot_share(part, dot)
@@ -153,7 +152,7 @@ class DotFollower:
             return None
         core = (labels == best + 1).astype(np.uint8)
         region = np.asarray(cv2.dilate(core, np.ones((7, 7), np.uint8)), np.uint8)
-        if self._touches_border(region, part.shape, corner, picture.shape):
+        if self._touches_border(region, corner, frame.box):
             return None
         soft = np.clip(weight, 0, 1) * region
         rows, columns = np.mgrid[0 : part.shape[0], 0 : part.shape[1]]
@@ -162,15 +161,13 @@ class DotFollower:
         return np.array(centre), float(total)
 
     @staticmethod
-    def _touches_border(
-        region: npt.NDArray[np.uint8], size: tuple[int, ...], corner: tuple[int, int], whole: tuple[int, ...]
-    ) -> bool:
+    def _touches_border(region: npt.NDArray[np.uint8], corner: tuple[int, int], whole: Box) -> bool:
         """Whether the dot is cut by the picture's border."""
         return bool(
-            (corner[0] == 0 and region[:, 0].any())
-            or (corner[1] == 0 and region[0].any())
-            or (corner[0] + size[1] == whole[1] and region[:, -1].any())
-            or (corner[1] + size[0] == whole[0] and region[-1].any())
+            (corner[0] == whole[0] and region[:, 0].any())
+            or (corner[1] == whole[1] and region[0].any())
+            or (corner[0] + region.shape[1] == whole[2] and region[:, -1].any())
+            or (corner[1] + region.shape[0] == whole[3] and region[-1].any())
         )
 
 
@@ -278,11 +275,10 @@ def _patches(part: Picture, corner: tuple[int, int], look: Survey) -> list[Dot]:
     level = max(MIN_CHROMA, 0.6 * float(np.sort(strong)[-MIN_AREA]))
     mask = cv2.morphologyEx((strength > level).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     count, labels, stats, centres = cv2.connectedComponentsWithStats(mask)
-    whole = look.first.picture.shape[0] * look.first.picture.shape[1]
     dots: list[Dot] = []
     for label in range(1, count):
         _, _, width, height, area = stats[label]
-        if not MIN_AREA <= area <= MAX_AREA_SHARE * whole or not 0.5 < width / height < 2:
+        if not MIN_AREA <= area <= MAX_AREA_SHARE * look.moving.size or not 0.5 < width / height < 2:
             continue
         if area < 0.55 * width * height:  # a disc fills 0.79 of its box
             continue

@@ -12,8 +12,7 @@ import cv2
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.film.frames import Frame, crop, grey
-from sysid.video.film.still_picture import camera_shift
+from sysid.video.film.frames import Frame, grey
 from sysid.video.film.survey import Survey
 from sysid.video.film.track import Track
 from sysid.video.pose.angle import AngleTrack, fit_angle
@@ -47,11 +46,10 @@ INLIER_DISTANCE = 1.2
 
 def find_features(look: Survey) -> Array:
     """Return corners in the first frame that belong to what moves [px], shape (m, 2)."""
-    dark = grey(look.first.picture)
+    part, corner = look.frames[0].part(look.box)
+    dark = grey(part)
     left, top, right, bottom = look.box
-    mask = np.zeros(dark.shape, np.uint8)
-    mask[top:bottom, left:right] = 255
-    mask[~look.moving] = 0
+    mask = 255 * look.moving[top:bottom, left:right].astype(np.uint8)
     edge = WINDOW // 2 + 3
     mask[:edge], mask[-edge:], mask[:, :edge], mask[:, -edge:] = 0, 0, 0, 0
     spacing = max(6.0, 0.5 * np.sqrt(max(int((mask > 0).sum()), 1) / MAX_FEATURES))
@@ -60,9 +58,8 @@ def find_features(look: Survey) -> Array:
     )
     if corners is None:
         return np.zeros((0, 2))
-    places = np.asarray(corners, np.float64).reshape(-1, 2)
-    shifts = [camera_shift(dark, other) for other in look.pictures]
-    moved = np.array([_moves(dark, look.pictures, shifts, place) for place in places])
+    places = np.asarray(corners, np.float64).reshape(-1, 2) + corner
+    moved = np.array([_moves(look.frames, place) for place in places])
     return places[moved][:MAX_FEATURES] if moved.any() else np.zeros((0, 2))
 
 
@@ -70,8 +67,8 @@ def find_features(look: Survey) -> Array:
 class FeatureFollower:
     """Follows patches of texture that move as one rigid body."""
 
-    reference: Picture
-    """The first frame, in grey."""
+    reference: Frame
+    """The first frame."""
     places: Array
     """Centres of the patches in it [px], shape (N, 2)."""
     box: tuple[int, int, int, int]
@@ -90,14 +87,19 @@ class FeatureFollower:
         """Cut the board out of the reference."""
         margin = 3 * WINDOW
         low, high = self.places.min(axis=0) - margin, self.places.max(axis=0) + margin
-        self._patch, self._corner = crop(
-            self.reference, (int(low[0]), int(low[1]), int(high[0]), int(high[1]))
-        )
+        patch, self._corner = self.reference.part((int(low[0]), int(low[1]), int(high[0]), int(high[1])))
+        self._patch = grey(patch)
 
     @property
     def points(self) -> int:
         """Number of patches."""
         return len(self.places)
+
+    def settle(self, track: Track) -> Track:
+        """Leave out the patches that do not belong to what turns; return the track of the others."""
+        belongs = rigid_group(track.points.astype(np.float64), MIN_FEATURES)
+        self.places = self.places[belongs]
+        return replace(track, points=track.points[:, belongs])
 
     def update(self, frame: Frame) -> Array | None:
         """Return the patches' centres [px], shape (N, 2), NaN where one is not found; None if most are not."""
@@ -108,7 +110,7 @@ class FeatureFollower:
         for guess in TURN_GUESSES:
             turn = self._pose[0] * np.exp(1j * (self._rate[0] * interval + guess))
             pose = np.array([turn, now + self._velocity * interval - turn * middle])
-            found = self._measure(frame.picture, pose)
+            found = self._measure(frame, pose)
             if found is not None and (best is None or found[0] > best[0]):
                 best = found
             if best is not None and (best[0] > 0.6 * len(self.places) or best[0] >= 0.8 * self._usual > 0):
@@ -123,12 +125,12 @@ class FeatureFollower:
         self._pose, self._time = pose, frame.time
         return points
 
-    def _measure(self, picture: Picture, pose: Complex) -> tuple[int, Complex, Array] | None:
+    def _measure(self, frame: Frame, pose: Complex) -> tuple[int, Complex, Array] | None:
         """Find the patches near an expected pose, twice; return their number, the pose and the places."""
         good, seen = np.zeros(len(self.places), bool), np.zeros(len(self.places), complex)
         near = good
         for _ in range(2):
-            matches = self._match(picture, pose)
+            matches = self._match(frame, pose)
             if matches is None or matches[0].sum() < MIN_FEATURES // 2:
                 return None
             good, seen = matches
@@ -140,7 +142,7 @@ class FeatureFollower:
         points = np.where(near[:, None], places, np.nan)
         return int(near.sum()), pose, points
 
-    def _match(self, picture: Picture, pose: Complex) -> tuple[Mask, Complex] | None:
+    def _match(self, frame: Frame, pose: Complex) -> tuple[Mask, Complex] | None:
         """Turn the picture back by `pose` and measure where each patch is; in picture coordinates."""
         height, width = self._patch.shape
         a, b = pose
@@ -153,7 +155,7 @@ class FeatureFollower:
             int(ends.real.max()) + 5,
             int(ends.imag.max()) + 5,
         )
-        part, shift = crop(picture, box)
+        part, shift = frame.part(box)
         if min(part.shape[:2]) < WINDOW:
             return None
         offset = a * corner + b - complex(*shift)
@@ -174,20 +176,12 @@ class FeatureFollower:
 
 def _rigid(home: Complex, seen: Complex, good: Mask) -> tuple[Complex, Mask]:
     """Similarity that most patches agree on (random pairs, then least squares), and who they are."""
-    rng = np.random.default_rng(0)
-    index = np.flatnonzero(good)
-    best = np.zeros(len(home), bool)
-    pose = np.array([1 + 0j, 0j])
-    for _ in range(40):
-        one, other = rng.choice(index, 2, replace=False)
-        if abs(home[one] - home[other]) < WINDOW:
-            continue
-        turn = (seen[one] - seen[other]) / (home[one] - home[other])
-        if not 0.8 < abs(turn) < 1.25:
-            continue
-        near = good & (np.abs(seen - turn * home - (seen[one] - turn * home[one])) < 2 * INLIER_DISTANCE)
-        if near.sum() > best.sum():
-            best = near
+    pose, best = np.array([1 + 0j, 0j]), np.zeros(len(home), bool)
+    one, other = (np.stack([place[good].real, place[good].imag], axis=1) for place in (home, seen))
+    found, agree = cv2.estimateAffinePartial2D(one, other, ransacReprojThreshold=2 * INLIER_DISTANCE)
+    if found is None or not 0.8 < float(np.hypot(found[0, 0], found[1, 0])) < 1.25:
+        return pose, best
+    best[np.flatnonzero(good)[agree.ravel() > 0]] = True
     for _ in range(3):
         if best.sum() < 3:
             return pose, best
@@ -216,21 +210,20 @@ def count_alike(places: Array) -> float:
     return float(np.einsum("ia,ij,ja->", arm, common, arm) / np.sum(arm**2))
 
 
-def _moves(dark: Picture, others: tuple[Picture, ...], shifts: list[Array], place: Array) -> bool:
-    """Whether a patch is not where it was in a tenth of the other frames, or more."""
+def _moves(frames: tuple[Frame, ...], place: Array) -> bool:
+    """Whether a patch of the first frame is not where it was in a tenth of the others, or more."""
     half = WINDOW // 2
     x, y = np.round(place).astype(int)
-    patch = dark[y - half : y + half + 1, x - half : x + half + 1]
+    patch = grey(frames[0].part((x - half, y - half, x + half + 1, y + half + 1))[0])
     likeness: list[float] = []
-    for other, shift in zip(others, shifts, strict=True):
-        u, v = np.round(place + shift).astype(int)
-        around, _ = crop(other, (u - half - 3, v - half - 3, u + half + 4, v + half + 4))
+    for other in frames[1:]:
+        u, v = np.round(place + other.shift - frames[0].shift).astype(int)
+        around = grey(other.part((u - half - 3, v - half - 3, u + half + 4, v + half + 4))[0])
         if min(around.shape) >= WINDOW:
             likeness.append(float(cv2.matchTemplate(around, patch, cv2.TM_CCOEFF_NORMED).max()))
-    if len(likeness) < 2:
+    if not likeness:
         return False
-    # The first of them is the frame itself.
-    low, high = np.quantile(sorted(likeness)[:-1], [0.1, 0.9])
+    low, high = np.quantile(likeness, [0.1, 0.9])
     return bool(low < STATIC_LIKENESS * min(float(high), 1.0))
 
 
@@ -239,20 +232,17 @@ def _find(scene: Scene) -> Target | None:
     places = find_features(look)
     if len(places) < MIN_FEATURES:
         return None
+    follower = FeatureFollower(look.frames[0], places, look.box)
     return Target(
-        follower=FeatureFollower(grey(look.first.picture), places, look.box),
+        follower=follower,
         what="the deck's texture",
         why=f"{len(places)} patches of texture that move",
-        settle=_those_of_the_board,
+        settle=follower.settle,
         solve=_fit,
         zero=_rest_at_the_end,
         shows_level=False,
         zero_note="where the deck is at the end of the film (its last tenth): texture shows no horizontal",
     )
-
-
-def _those_of_the_board(track: Track) -> Track:
-    return replace(track, points=track.points[:, rigid_group(track.points.astype(np.float64), MIN_FEATURES)])
 
 
 def _fit(view: View, matrix: Array, before: CameraState) -> AngleTrack:

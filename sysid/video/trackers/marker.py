@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sysid.roll import Array
-from sysid.video.film.frames import Frame, crop, grey
+from sysid.video.film.frames import Frame, grey
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.trackers._base import Scene, Target, Tracker, level_angle
@@ -46,14 +46,14 @@ class Marker:
     """Upper left, upper right, lower right, lower left of the marker [px], shape (4, 2)."""
 
 
-def find_marker(picture: Picture, region: Box | None = None) -> Marker | None:
-    """Return the largest marker of any known dictionary in a picture, or None.
+def find_marker(frame: Frame, region: Box) -> Marker | None:
+    """Return the largest marker of any known dictionary in a frame, or None.
 
     Args:
-        picture: The picture, shape (height, width, 3) or (height, width).
-        region: Left, top, right and bottom [px] of where to look; everywhere if None.
+        frame: The frame.
+        region: Left, top, right and bottom [px] of where to look.
     """
-    part, corner = crop(picture, region or (0, 0, picture.shape[1], picture.shape[0]))
+    part, corner = frame.part(region)
     dark = grey(part)
     found: list[Marker] = []
     for kind, dictionary in DICTIONARIES.items():
@@ -69,8 +69,8 @@ class MarkerFollower:
     """Follows one marker: its four edges from frame to frame, found anew where that fails."""
 
     marker: Marker
-    region: Box | None = None
-    """Left, top, right and bottom [px]: it is followed inside only. Everywhere if None."""
+    region: Box
+    """Left, top, right and bottom [px]: it is followed inside only."""
     cells: Array = field(init=False)
     """Brightness of the marker's cells, border included, less its mean, in standard deviations."""
     _middles: npt.NDArray[np.float32] = field(init=False)
@@ -92,7 +92,7 @@ class MarkerFollower:
         self.cells = (cells - cells.mean()) / cells.std()
         rows, columns = np.mgrid[0:size, 0:size] + 0.5
         self._middles = np.stack([columns, rows], axis=-1).astype(np.float32).reshape(-1, 1, 2)
-        self._corners = self.marker.corners - ((0, 0) if self.region is None else self.region[:2])
+        self._corners = self.marker.corners
 
     @property
     def points(self) -> int:
@@ -109,23 +109,16 @@ class MarkerFollower:
 
     def update(self, frame: Frame) -> Array | None:
         """Return the corners in this frame [px], shape (4, 2), or None where the marker is not seen."""
-        if self.region is None:
-            return self._follow(frame)
-        part, corner = crop(frame.picture, self.region)
-        found = self._follow(replace(frame, picture=part))
-        return None if found is None else found + corner
-
-    def _follow(self, frame: Frame) -> Array | None:
         interval = frame.time - self._time
         found = predicted = None
         if self._corners is not None:
             predicted = self._corners + self._velocity * interval
-            found = self._refine(frame.picture, predicted)
+            found = self._refine(frame, predicted)
             if found is None:
-                found = self._search_near(frame.picture, predicted)
+                found = self._search_near(frame, predicted)
         if found is None and self._lost % FULL_SEARCH_EVERY == 0:
             self.searches += 1
-            found = self._detect_in(frame.picture, (0, 0))
+            found = self._detect_in(frame, self.region)
         if found is None:
             self._lost += 1
             return None
@@ -137,24 +130,24 @@ class MarkerFollower:
         self._corners, self._time, self._lost = found, frame.time, 0
         return found
 
-    def _search_near(self, picture: Picture, predicted: Array) -> Array | None:
+    def _search_near(self, frame: Frame, predicted: Array) -> Array | None:
         assert self._corners is not None
         both = np.concatenate([predicted, self._corners])
         margin = 0.8 * np.ptp(self._corners, axis=0).max() * (1 + self._lost)
         low, high = both.min(axis=0) - margin, both.max(axis=0) + margin
-        part, corner = crop(picture, (int(low[0]), int(low[1]), int(high[0]), int(high[1])))
-        if part.size == 0 or min(part.shape[:2]) < MIN_SIDE:
-            return None
-        return self._detect_in(part, corner)
+        return self._detect_in(frame, (int(low[0]), int(low[1]), int(high[0]), int(high[1])))
 
-    def _detect_in(self, part: Picture, corner: tuple[int, int]) -> Array | None:
+    def _detect_in(self, frame: Frame, box: Box) -> Array | None:
         kind = self.marker.kind
+        part, corner = frame.part(box)
+        if min(part.shape[:2]) < MIN_SIDE:
+            return None
         for marker in _detect(grey(part), kind, DICTIONARIES[kind]):
             if marker.number == self.marker.number:
-                return self._refine(part, marker.corners, corner)
+                return self._refine(frame, marker.corners + corner)
         return None
 
-    def _refine(self, picture: Picture, rough: Array, corner: tuple[int, int] = (0, 0)) -> Array | None:
+    def _refine(self, frame: Frame, rough: Array) -> Array | None:
         """Fit the four edges near `rough`; None where the picture does not show this marker there."""
         side = np.linalg.norm(np.roll(rough, -1, axis=0) - rough, axis=1)
         if side.min() < MIN_SIDE / 2 or side.max() > 3 * side.min():
@@ -162,8 +155,10 @@ class MarkerFollower:
         cell = side.mean() / len(self.cells)
         margin = int(cell) + 6
         low, high = rough.min(axis=0) - margin, rough.max(axis=0) + margin
-        part, shift = crop(picture, (int(low[0]), int(low[1]), int(high[0]) + 1, int(high[1]) + 1))
-        if part.size == 0 or np.any(rough < 2) or np.any(rough > np.array(picture.shape[1::-1]) - 3):
+        part, shift = frame.part((int(low[0]), int(low[1]), int(high[0]) + 1, int(high[1]) + 1))
+        inner = [max(one, other) for one, other in zip(frame.box[:2], self.region[:2], strict=True)]
+        outer = [min(one, other) for one, other in zip(frame.box[2:], self.region[2:], strict=True)]
+        if part.size == 0 or np.any(rough < np.array(inner) + 2) or np.any(rough > np.array(outer) - 3):
             return None
         dark = grey(part)
         place = rough - shift
@@ -179,7 +174,7 @@ class MarkerFollower:
             moved, reach = float(np.abs(place - before).max()), min(0.6 * cell, 5.0)
         if self._likeness(dark, place) < MIN_LIKENESS:
             return None
-        return place + shift + corner
+        return place + shift
 
     def _likeness(self, dark: Picture, place: Array) -> float:
         """Correlation of the cells seen with the cells that the marker should have."""
@@ -219,10 +214,9 @@ def marker_cells(number: int) -> npt.NDArray[np.uint8]:
 
 
 def _find(scene: Scene) -> Target | None:
-    clip = scene.clip
-    region = scene.region or (0, 0, clip.width, clip.height)
-    for frame in clip.frames(max(1, clip.announced // SEARCH_FRAMES)):
-        marker = find_marker(frame.picture, region)
+    region = scene.region or (0, 0, scene.reel.clip.width, scene.reel.clip.height)
+    for frame in scene.look.frames[:: max(1, len(scene.look.frames) // SEARCH_FRAMES)]:
+        marker = find_marker(frame, region)
         if marker is not None:
             break
     else:
@@ -233,7 +227,6 @@ def _find(scene: Scene) -> Target | None:
         why=f"{marker.kind} marker {marker.number}",
         solve=partial(fit_angle, prior=BodyPrior(square=True)),
         zero=_level_square,
-        knows_shape=True,
         joined=((0, 1), (1, 2), (2, 3), (3, 0)),
         zero_note="where the marker's edges are level in the picture",
     )

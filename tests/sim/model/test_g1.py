@@ -45,9 +45,10 @@ def test_the_ankle_of_the_g1_is_fitted_and_its_file_mended(tmp_path):
     changed = [new for old, new in zip(before, after, strict=True) if old != new]
     assert len(changed) == 1
     assert JOINT in changed[0]
-    checked = husky(
-        "check", log, "--board", f"g1_{JOINT}", "--workspace", tmp_path, "--timestep", "0.001",
-        "--json", tmp_path / "check.json",
-    )  # fmt: skip
-    assert checked.returncode == 0, checked.stderr
-    assert json.loads((tmp_path / "check.json").read_text())["nrmse"] < 0.01
+    # By its own 2 ms within 1 %; Euler at the 5 ms of mjlab's scenes is what adds to it there.
+    for step, most in (((), 0.01), (("--timestep", "0.005"), 0.015)):
+        checked = husky(
+            "check", log, "--board", f"g1_{JOINT}", "--workspace", tmp_path, *step, "--json", tmp_path / "check.json",
+        )  # fmt: skip
+        assert checked.returncode == 0, checked.stderr
+        assert json.loads((tmp_path / "check.json").read_text())["nrmse"] < most

@@ -12,7 +12,7 @@ from sysid.video.trackers.edge.turn import fit_direction
 
 def _find(scene: Scene) -> Target | None:
     look = scene.look
-    end = find_deck_end(look, deck_slopes(scene.clip, look))
+    end = find_deck_end(look, deck_slopes(scene.reel.kept, look))
     if end is None:
         return None
     count = len(end.ends)
@@ -24,7 +24,7 @@ def _find(scene: Scene) -> Target | None:
             "to within 5 degrees (say otherwise with --camera-angle)",
         )
     return Target(
-        follower=EdgeFollower(end, look.pictures[0], look.box),
+        follower=EdgeFollower(end, look.frames[0].box, look.box),
         what="the deck's edge",
         why=f"{count} straight edge{'s' if count > 1 else ''} ({lengths} px long)",
         solve=partial(fit_direction, pivot=end.pivot),

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.types import Picture
+from sysid.video.film.frames import Frame, grey
 
 STEPS_WIDTH = 640
 """Width of the pictures in which edges are looked for [px]."""
@@ -21,7 +21,9 @@ class Steps:
     right: Array
     down: Array
     scale: float
-    """Its pixels in one of the picture."""
+    """Its pixels in one of the film."""
+    corner: tuple[int, int] = (0, 0)
+    """Left and top of the picture in the film's [px]."""
 
     def across(self, place: Array, turn: Array) -> Array:
         """Slope of brightness across lines [grey levels/px], of the shape of `place` without its last axis.
@@ -30,7 +32,11 @@ class Steps:
             place: Places in the picture [px], shape (m, 2) or with more axes before.
             turn: Slopes of the lines there [rad], a shape that broadcasts with the result's.
         """
-        there = ((place + 0.5) * self.scale - 0.5).astype(np.float32).reshape(-1, place.shape[-2], 2)
+        there = (
+            ((place - self.corner + 0.5) * self.scale - 0.5)
+            .astype(np.float32)
+            .reshape(-1, place.shape[-2], 2)
+        )
         right, down = (
             cv2.remap(part, there[..., 0], there[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
             for part in (self.right, self.down)
@@ -41,12 +47,14 @@ class Steps:
         )
 
 
-def steps_of(dark: Picture) -> Steps:
-    """Return the slopes of brightness [grey levels/px] in a grey picture (height, width), made small."""
+def steps_of(frame: Frame) -> Steps:
+    """Return the slopes of brightness [grey levels/px] in a frame, made small."""
+    dark = grey(frame.picture)
     scale = min(1.0, STEPS_WIDTH / max(dark.shape))
     small = cv2.resize(dark, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1 else dark
     smooth = cv2.GaussianBlur(small.astype(np.float32), (0, 0), 1.0)
-    return Steps(cv2.Scharr(smooth, cv2.CV_32F, 1, 0) / 32, cv2.Scharr(smooth, cv2.CV_32F, 0, 1) / 32, scale)
+    right, down = (cv2.Scharr(smooth, cv2.CV_32F, *axis) / 32 for axis in ((1, 0), (0, 1)))
+    return Steps(right, down, scale, frame.corner)
 
 
 def without_still(every: list[Steps], shifts: Array) -> list[Steps]:
@@ -73,5 +81,5 @@ def without_still(every: list[Steps], shifts: Array) -> list[Steps]:
         there = cv2.warpAffine(least, move, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         amount = np.hypot(one.right, one.down)
         moving = np.clip(amount / np.maximum(MOVING_RATIO * there, 1e-3) - 1, 0, 1)
-        cleared.append(Steps(one.right * moving, one.down * moving, one.scale))
+        cleared.append(Steps(one.right * moving, one.down * moving, one.scale, one.corner))
     return cleared

@@ -11,7 +11,6 @@ import cv2
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.film.still_picture import camera_shift
 from sysid.video.film.survey import Survey
 from sysid.video.trackers.edge.brightness_steps import Steps, steps_of, without_still
 
@@ -63,18 +62,17 @@ def find_deck_end(look: Survey, slopes: Array) -> DeckEnd | None:
 
     Args:
         look: Pictures of the film.
-        slopes: Rough slope of the lines across the deck in each frame [rad], shape (n,).
+        slopes: Rough slope of the lines across the deck in each of them [rad], shape (n,).
     """
-    every = [steps_of(picture) for picture in look.pictures]
-    shifts = np.array([camera_shift(look.pictures[0], picture) for picture in look.pictures])
-    every = without_still(every, shifts)
-    turns = slopes[list(look.indices)]
+    shifts = np.array([frame.shift - look.frames[0].shift for frame in look.frames])
+    every = without_still([steps_of(frame) for frame in look.frames], shifts)
+    width, turns = look.moving.shape[1], slopes
     box = _usual_box(every, turns, look.box)
     if box is None:
         return None
     left, top, right, bottom = box
     size = right - left
-    if size < MIN_LENGTH * look.pictures[0].shape[1]:
+    if size < MIN_LENGTH * width:
         return None
     unit = 1 / every[0].scale
     x = np.arange(-0.55 * size, 0.55 * size, GRID_ACROSS * unit)
@@ -105,7 +103,7 @@ def find_deck_end(look: Survey, slopes: Array) -> DeckEnd | None:
             for one, shift, turn in zip(every, shifts, turns, strict=True)
         ])  # fmt: skip
     always = _in_most_attitudes(every, shifts, turns, pivot, grid)
-    ends = _lines(always, x, y, MIN_LENGTH * look.pictures[0].shape[1])
+    ends = _lines(always, x, y, MIN_LENGTH * width)
     return DeckEnd(pivot, ends, turns) if len(ends) else None
 
 
@@ -122,7 +120,7 @@ def _usual_box(
         if tilted.sum() > 1 and not tilted[len(sides)]:
             sides.append(np.full(4, np.nan))
             continue
-        left, top, right, bottom = np.round(np.array(box) * one.scale).astype(int)
+        left, top, right, bottom = np.round((np.array(box) - one.corner * 2) * one.scale).astype(int)
         across = np.abs(np.cos(turn) * one.down - np.sin(turn) * one.right)
         along = np.abs(np.cos(turn) * one.right + np.sin(turn) * one.down)
         amount = ((across > MAX_SLOPE / 2) & (along < ATTITUDE_STEP * across))[top:bottom, left:right]
@@ -133,7 +131,7 @@ def _usual_box(
         for axis, begin in ((0, left), (1, top)):
             share = np.cumsum(amount.sum(axis=axis))
             low, high = np.searchsorted(share, share[-1] * np.array([TRIMMED_SHARE, 1 - TRIMMED_SHARE]))
-            ends += [(begin + low) / one.scale, (begin + high) / one.scale]
+            ends += [one.corner[axis] + (begin + edge) / one.scale for edge in (low, high)]
         sides.append(np.array(ends))
     if not np.isfinite(sides).all(axis=1).any():
         return None

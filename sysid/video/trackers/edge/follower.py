@@ -1,17 +1,16 @@
 """Follows the edges of the deck's end, where there is neither mark nor texture."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from sysid.roll import Array
 from sysid.video.film.frames import Frame, grey
-from sysid.video.film.still_picture import camera_shift
 from sysid.video.trackers._edge_profile import PIECES, find_pieces
 from sysid.video.trackers.edge.brightness_steps import Steps, steps_of
 from sysid.video.trackers.edge.find import MAX_SLOPE, DeckEnd, turned
-from sysid.video.types import Picture
+from sysid.video.types import Box
 
 EDGE_SAMPLES = 24
 """Points of an edge whose steps of brightness tell the rough turn."""
@@ -40,9 +39,9 @@ class EdgeFollower:
     """Follows edges that turn as one about one point: the turn that puts most of them on steps of brightness."""
 
     end: DeckEnd
-    first: Picture
-    """The picture in which the deck's end is where `end` says, whatever the camera does later."""
-    box: tuple[int, int, int, int]
+    view: Box
+    """Part of the pictures that is looked at [px]."""
+    box: Box
     _turn: float = field(init=False, default=0.0)
     _lost: bool = field(init=False, default=True)
 
@@ -53,14 +52,15 @@ class EdgeFollower:
 
     def update(self, frame: Frame) -> Array | None:
         """Return the points of the edges [px], shape (N, 2), NaN where one is not seen; None where few are."""
-        dark = grey(frame.picture)
-        centre = self.end.pivot + camera_shift(self.first, dark)
-        turn, shift = self._search(steps_of(dark), centre)
+        part, corner = frame.part(self.view)
+        frame = replace(frame, picture=grey(part), corner=corner)
+        centre = self.end.pivot + frame.shift
+        turn, shift = self._search(steps_of(frame), centre)
         points = np.full((self.points, 2), np.nan)
         fits = np.zeros(self.points, bool)
         for reach in (2 * EDGE_REACH, EDGE_REACH, EDGE_REACH):
             place = centre + turned(self.end.ends + np.array([0.0, shift]), turn)
-            points = find_pieces(dark, place, reach, MIN_CONTRAST).reshape(-1, 2)
+            points = find_pieces(frame, place, reach, MIN_CONTRAST).reshape(-1, 2)
             back = turned(points - centre, -turn)
             off = back[:, 1] - np.repeat(self.end.ends[:, 0, 1], PIECES) - shift
             more, further, fits = _line(back[:, 0], off)

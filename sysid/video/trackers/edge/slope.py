@@ -5,6 +5,7 @@ frame or two, the film before and after says which slope is the deck's.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -12,10 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from sysid.roll import Array
-from sysid.video.film.frames import Clip, crop, grey
-from sysid.video.film.still_picture import camera_shift
+from sysid.video.film.frames import Frame, grey
 from sysid.video.film.survey import Survey
-from sysid.video.types import Picture
+from sysid.video.types import Box
 
 MIN_LENGTH = 0.03
 """Shortest line that counts, as a share of the picture's width."""
@@ -46,21 +46,25 @@ UNSEEN_GAIN = 0.3
 """Share of what the best slope in a frame gains, that the frame gains whose lines are left aside."""
 
 
-def deck_slopes(clip: Clip, look: Survey) -> Array:
-    """Return the slope of the lines across the deck in each frame [rad], shape (n,).
+def deck_slopes(frames: Sequence[Frame], look: Survey) -> Array:
+    """Return the slope of the lines across the deck in each frame of a survey [rad], shape (n,).
 
     The path through all frames with the most and longest parallel lines and the least jumps
     (Viterbi's algorithm).
     """
     slopes: list[Array] = []
     scores: list[Array] = []
-    others = look.pictures[:: max(1, len(look.pictures) // COMPARED_PICTURES)]
-    shifts = [camera_shift(look.pictures[0], other) for other in others]
-    for frame in clip.ahead():
-        slope, score = _candidates(grey(frame.picture), look, others, shifts)
+    others = [_dark(frame) for frame in look.frames[:: max(1, len(look.frames) // COMPARED_PICTURES)]]
+    for frame in frames:
+        slope, score = _candidates(_dark(frame), look, others)
         slopes.append(slope)
         scores.append(score)
-    return best_path(np.array(slopes), np.array(scores))
+    rows = {frame.index: row for row, frame in enumerate(frames)}
+    return best_path(np.array(slopes), np.array(scores))[[rows[frame.index] for frame in look.frames]]
+
+
+def _dark(frame: Frame) -> Frame:
+    return replace(frame, picture=grey(frame.picture))
 
 
 def best_path(slope: Array, score: Array) -> Array:
@@ -98,9 +102,9 @@ def best_path(slope: Array, score: Array) -> Array:
     return state[np.arange(n), path]
 
 
-def segments(dark: Picture, box: tuple[int, int, int, int], shortest: float) -> Array:
+def segments(frame: Frame, box: Box, shortest: float) -> Array:
     """Return straight lines within a box that are not too steep, shape (m, 2, 2) [px]."""
-    part, corner = crop(dark, box)
+    part, corner = frame.part(box)
     found: Any = cv2.createLineSegmentDetector().detect(cv2.GaussianBlur(part, (0, 0), 1.0))[0]
     if found is None:
         return np.zeros((0, 2, 2))
@@ -130,22 +134,21 @@ def parallel_to(slope: Array, score: Array) -> tuple[npt.NDArray[np.bool_], Arra
     return parallel, parallel @ score - UNPAIRED_SHARE * np.max(parallel * score, axis=1, initial=0.0)
 
 
-def still_there(contrast: Array, ends: Array, others: Sequence[Picture], shifts: Sequence[Array]) -> Array:
+def still_there(contrast: Array, ends: Array, others: Sequence[Frame]) -> Array:
     """Tell whether lines of one picture are where they were in others, shape (k, m).
 
     Args:
         contrast: Difference of brightness across each [grey levels], shape (m,).
         ends: Their ends, freed of the camera's shake [px], shape (m, 2, 2).
-        others: Grey pictures.
-        shifts: How far a shaking camera has shifted those [px], each (2,).
+        others: Frames in grey.
     """
     normal = normals(ends)
     reach = np.arange(-MAX_SHAKE, MAX_SHAKE + 0.5)
     moved = (ends[:, None] + reach[None, :, None, None] * normal[:, None, None]).reshape(-1, 2, 2)
     there: list[Array] = []
-    for other, shift in zip(others, shifts, strict=True):
+    for other in others:
         # Here the mean: a median jumps where the line crosses another edge in its middle.
-        sides = sides_of(other, moved + shift, middle=np.mean)
+        sides = sides_of(other, moved + other.shift, middle=np.mean)
         step = np.abs(sides[:, 0] - sides[:, 1]).reshape(len(ends), -1).max(axis=1)
         there.append(step > 0.6 * np.abs(contrast))
     return np.array(there).reshape(len(others), len(ends))
@@ -157,29 +160,29 @@ def normals(ends: Array) -> Array:
     return np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
 
 
-def sides_of(picture: Picture, ends: Array, middle: Callable[..., Array] = np.median) -> Array:
+def sides_of(frame: Frame, ends: Array, middle: Callable[..., Array] = np.median) -> Array:
     """Brightness on both sides of each line of `ends` (m, 2, 2) [grey levels], shape (m, 2)."""
     share = np.linspace(0.08, 0.92, 36)[None, :, None]
-    line = ends[:, None, 0] + share * (ends[:, None, 1] - ends[:, None, 0])
+    line = ends[:, None, 0] + share * (ends[:, None, 1] - ends[:, None, 0]) - frame.corner
     normal = normals(ends)
     places = [(line + side * SIDE_DISTANCE * normal[:, None]).astype(np.float32) for side in (1, -1)]
     seen = [
-        cv2.remap(picture, place[..., 0], place[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        cv2.remap(
+            frame.picture, place[..., 0], place[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        )
         for place in places
     ]
     # The median along the line, so that something in front of a part of it does no harm.
     return np.stack([middle(side.astype(np.float64), axis=1) for side in seen], axis=1)
 
 
-def _candidates(
-    dark: Picture, look: Survey, others: Sequence[Picture], shifts: Sequence[Array]
-) -> tuple[Array, Array]:
+def _candidates(frame: Frame, look: Survey, others: Sequence[Frame]) -> tuple[Array, Array]:
     slopes, scores = np.full(CANDIDATES, np.nan), np.zeros(CANDIDATES)
-    ends = segments(dark, look.box, MIN_LENGTH * dark.shape[1])
+    ends = segments(frame, look.box, MIN_LENGTH * look.moving.shape[1])
     if not len(ends):
         return slopes, scores
-    step = np.abs(np.subtract(*sides_of(dark, ends).T))
-    still = still_there(step, ends - camera_shift(look.pictures[0], dark), others, shifts).mean(axis=0)
+    step = np.abs(np.subtract(*sides_of(frame, ends).T))
+    still = still_there(step, ends - frame.shift, others).mean(axis=0)
     score = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) * np.minimum(step, MAX_CONTRAST)
     share = np.where(
         still > STATIC_SHARE, STATIC_WEIGHT, np.clip((1 - still) / FULLY_MOVED_SHARE, MIN_MOVED_WEIGHT, 1.0)

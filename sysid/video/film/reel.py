@@ -1,0 +1,123 @@
+"""A film that is decoded once: kept in memory until it shows what moves, from then on frame by frame."""
+
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from sysid.errors import SysidError
+from sysid.video.film.background import Background
+from sysid.video.film.camera import Lens
+from sysid.video.film.frames import Clip, Frame, ahead
+from sysid.video.film.survey import Motion, Survey, box_around, box_of, survey
+from sysid.video.options import VideoOptions
+from sysid.video.types import Box
+
+MEMORY = 192_000_000
+"""Bytes of pictures that are kept at most ..."""
+MIN_FRAMES = 60
+"""... or so many frames of the part in which something moves, if that is more."""
+MARGIN = 0.35
+"""What is kept beside what has moved so far, in widths of it: a board that was tilted will swing to the other side."""
+LOOKED_AT = 2
+"""Each so many frames are looked at for motion."""
+SURVEY_FRAMES = 40
+"""Frames, spread over those kept, in which something is looked for."""
+
+
+@dataclass
+class Reel:
+    """The frames of a clip, with the camera's shake."""
+
+    clip: Clip
+    lens: Lens
+    options: VideoOptions
+    skipped: int = 0
+    """Frames at the beginning that are not kept as nothing moves in them."""
+    repeated: int = 0
+    """Frames left out because their stamp was not later than the one before."""
+    background: Background = field(init=False)
+    _frames: list[Frame] = field(default_factory=list)
+    _source: Generator[Frame] = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Start to decode."""
+        self.background = Background(self.lens)
+        self._source = ahead(self._decoded())
+
+    @property
+    def kept(self) -> list[Frame]:
+        """The frames in memory: of the whole film, or until what moves was seen."""
+        self.look  # noqa: B018  fills the memory
+        return self._frames
+
+    @cached_property
+    def look(self) -> Survey:
+        """What moves.
+
+        Raises:
+            SysidError: Nothing does, or the film is damaged or cut.
+        """
+        roi = self.options.roi
+        region = None if roi is None else box_of(self.clip, roi)
+        motion, part, size = Motion(), None, 0
+        for number, frame in enumerate(self._source):
+            if number % LOOKED_AT == 0:
+                motion.add(frame)
+            self._frames.append(_cut(frame, part))
+            size += self._frames[-1].picture.nbytes
+            if size < MEMORY or (part is not None and len(self._frames) < MIN_FRAMES):
+                continue
+            if part is not None:
+                break
+            moving = motion.mask(region)
+            if moving.any():
+                margin = round(MARGIN * np.ptp(np.flatnonzero(moving.any(axis=0))))
+                part = box_around(moving, margin)
+                self._frames = [_cut(frame, part) for frame in self._frames]
+            else:
+                self.skipped += len(self._frames) // 2
+                del self._frames[: len(self._frames) // 2]
+            size = sum(frame.picture.nbytes for frame in self._frames)
+        if not self._frames:
+            raise SysidError(
+                f"{self.clip.path}: no frame can be decoded. Copy the file again from the camera."
+            )
+        if (moving := motion.mask(region)).any():
+            self.background.leave_out(moving)
+        self._frames = [
+            replace(frame, shift=self.background.shift(self.skipped + row))
+            for row, frame in enumerate(self._frames)
+        ]
+        some = np.unique(np.linspace(0, len(self._frames) - 1, SURVEY_FRAMES).astype(int))
+        return survey(self.clip, tuple(self._frames[number] for number in some), motion, roi)
+
+    def others(self) -> Iterator[Frame]:
+        """Yield the frames after those in memory, as they are decoded."""
+        return self._source
+
+    def close(self) -> None:
+        """Stop decoding."""
+        self._source.close()
+
+    def _decoded(self) -> Generator[Frame]:
+        last = -np.inf
+        for frame in self.clip.frames():
+            if self.options.rate is not None:
+                frame = replace(frame, time=frame.index / self.options.rate)
+            if frame.time <= last:
+                self.repeated += 1
+                continue
+            last = frame.time
+            try:
+                yield replace(frame, shift=self.background.update(frame))
+            except SysidError as error:
+                raise SysidError(f"{self.clip.path}: {error}") from None
+
+
+def _cut(frame: Frame, box: Box | None) -> Frame:
+    if box is None:
+        return frame
+    part, corner = frame.part(box)
+    return replace(frame, picture=part.copy(), corner=corner)

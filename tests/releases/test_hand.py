@@ -1,0 +1,159 @@
+"""A hand is cut off both ends of a decay, whatever the joint's law, and nothing that is no hand is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from decay_truth import DEGREE, Recipe, integrated_decay, lift, linear_decay, make_roll
+from scipy.integrate import solve_ivp
+
+from sysid.decay.linear_fit import fit_traces
+from sysid.releases import find_releases
+from sysid.roll import Roll
+
+OMEGA = 41.0
+PERIOD = 2 * np.pi / OMEGA
+LAWS = {
+    "linear": lambda x, v: -(OMEGA**2) * x - 2 * 0.04 * OMEGA * v,
+    "softening": lambda x, v: -(OMEGA**2) * x * (1 - 8 * x * x) - 2 * 0.04 * OMEGA * v,
+    "drag": lambda x, v: -(OMEGA**2) * x - 0.5 * v * abs(v) - 0.02 * OMEGA * v,
+    "friction": lambda x, v: -(OMEGA**2) * x - OMEGA**2 * 0.0025 * np.tanh(v / 0.02) - 0.04 * OMEGA * v,
+}
+
+
+def handled(law, *, push, swings, seed=1, noise=0.03 * DEGREE, rate=500.0):
+    """Three decays of a deck that a hand pushes on its way for `push` seconds and catches after `swings` periods.
+
+    Returns the log and from when until when nobody touched the deck.
+    """
+    now, free, pieces = 0.5, [], [np.zeros(int(0.5 * rate))]
+    angle = 0.0
+    for start in (0.18, -0.16, 0.14):
+
+        def add(values):
+            nonlocal now, angle
+            pieces.append(values)
+            now, angle = now + len(values) / rate, float(values[-1])
+
+        since = np.arange(0, 1.2, 1 / rate)
+        add(angle + (start - angle) * lift(since, 0.5))
+        share = np.arange(0, 1, 1 / (push * rate)) if push else np.zeros(0)
+        speed = -0.3 * OMEGA * start
+        if push:  # from rest to a third of the free deck's top speed, as u³
+            add(start + speed * push * share**3 / 3)
+        begin = now
+        since = np.arange(0, swings * PERIOD, 1 / rate)
+        roll, rates = integrated_decay(since, law, angle, speed if push else 0.0)
+        add(roll)
+        free.append((begin, now))
+        since = np.arange(1 / rate, 0.4, 1 / rate)
+        add(roll[-1] + rates[-1] * 0.03 * (1 - np.exp(-since / 0.03)))
+    pieces.append(angle * (1 - lift(np.arange(0, 1, 1 / rate), 0.3)))
+    roll = np.concatenate(pieces)
+    time = np.arange(len(roll)) / rate
+    noisy = roll + noise * np.random.default_rng(seed).standard_normal(len(roll))
+    return Roll(log="made.csv", time=time, roll=noisy, std=np.full(len(roll), noise), origin="angle"), free
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("push", [0.0, 0.06])
+def test_a_decay_is_what_lies_between_the_hand_that_lets_go_and_the_one_that_catches(law, push):
+    roll, free = handled(LAWS[law], push=push, swings=4.6)
+    found = find_releases(roll)
+    assert len(found) == len(free)
+    for release, (begin, end) in zip(found, free, strict=True):
+        assert -0.05 < (release.start - begin) / PERIOD < 0.15
+        assert -0.6 < (release.time[-1] - end) / PERIOD < 0.05
+        assert release.end == "caught"
+        assert (release.hold > 0) == (push == 0)
+
+
+@pytest.mark.parametrize("push", [0.0, 0.06])
+def test_between_two_hands_a_linear_decay_is_linear_to_the_noise(push):
+    roll, _ = handled(LAWS["linear"], push=push, swings=6.3)
+    fit = fit_traces(find_releases(roll))
+    assert fit.noise < 1.05 * 0.03 * DEGREE
+    assert fit.omega_n == pytest.approx(OMEGA, rel=5e-4)
+    assert fit.damping_ratio == pytest.approx(0.04, rel=0.02)
+
+
+def arm(time, stiffness, memory):
+    """Roll of a joint with a Maxwell arm, let go where the arm had come to rest."""
+
+    def law(_, state):
+        x, v, pull = state
+        return v, -(OMEGA**2) * (x + pull) - 2 * 0.03 * OMEGA * v, stiffness * v - pull / memory
+
+    return solve_ivp(law, (0, time[-1]), (0.18, 0.0, 0.0), "DOP853", time, rtol=1e-9, atol=1e-11).y[0]
+
+
+def filtered(time, lag):
+    """Roll of a linear joint behind a first-order low-pass, by exact steps of a signal that is linear between samples."""
+    roll, _ = linear_decay(time, OMEGA, 0.05, 0.18)
+    out, keep = np.empty_like(roll), np.exp(-(time[1] - time[0]) / lag)
+    out[0] = roll[0]
+    for i in range(1, len(roll)):
+        out[i] = keep * out[i - 1] + (1 - keep) * (roll[i] + roll[i - 1]) / 2
+    return out
+
+
+STOP = lambda x, v: -(OMEGA**2) * (x + 2 * max(x - 0.17, 0.0)) - 0.1 * OMEGA * v  # noqa: E731
+NO_HAND = {
+    "linear": lambda time: linear_decay(time, OMEGA, 0.05, 0.2)[0],
+    "a stop that it leaned on": lambda time: integrated_decay(time, STOP, 0.2)[0],
+    "filter": lambda time: filtered(time, 0.008),
+    "quick arm": lambda time: arm(time, 0.3, 0.02),
+    "slow arm": lambda time: arm(time, 0.3, 0.2),
+}
+
+
+@pytest.mark.parametrize("joint", NO_HAND)
+def test_what_is_no_hand_keeps_its_beginning(joint):
+    time = np.arange(0, 4.0, 1 / 500)
+    decay = NO_HAND[joint](time[time >= 1.0] - 1.0)
+    clean = np.concatenate([np.full(np.count_nonzero(time < 1.0), decay[0]), decay])
+    noise = 0.05 * DEGREE
+    for seed in range(3):
+        roll = clean + noise * np.random.default_rng(seed).standard_normal(len(time))
+        (release,) = find_releases(
+            Roll(log="x", time=time, roll=roll, std=np.full(len(time), noise), origin="angle")
+        )
+        assert release.hold > 0.9
+        assert release.start == pytest.approx(1.0, abs=0.1 * PERIOD)
+
+
+def test_a_decay_and_its_mirror_are_cut_alike():
+    roll, _ = handled(LAWS["drag"], push=0.06, swings=5.2)
+    one, other = find_releases(roll), find_releases(replace(roll, roll=-roll.roll))
+    assert [(r.start, r.time[-1], r.end) for r in one] == [(r.start, r.time[-1], r.end) for r in other]
+
+
+def test_a_push_is_cut_though_the_deck_then_swings_to_rest():
+    recipe = Recipe(zeta=0.05, sampling=500, free=2.0, noise=0.05 * DEGREE, seed=4)
+    roll = make_roll(recipe)
+    begin, hand = recipe.truth[0], 0.05
+    since = roll.time - begin - hand
+    share = np.clip(1 + since / hand, 0, 1)
+    way = 0.05 * share**3 * (1 - 0.2 * share)
+    free, _ = linear_decay(np.maximum(since, 0), recipe.omega, recipe.zeta, 0.16, -0.05 * 2.2 / hand)
+    clean = make_roll(replace(recipe, noise=0.0, truth=[], holds=[]))
+    truth = np.where(since >= 0, free, np.where(since >= -hand, 0.2 - way, clean.roll))
+    (release,) = find_releases(replace(roll, roll=truth + roll.roll - clean.roll))
+    assert (release.hold, release.end) == (0, "rest")
+    assert -0.02 < (release.start - begin - hand) / PERIOD < 0.15
+    assert fit_traces([release]).noise < 1.1 * recipe.noise
+
+
+def test_what_swings_after_a_hand_is_a_decay_of_its_own():
+    """A hand stops the deck at a turn and lets it go from there: its turning points are those of one decay."""
+    caught, again = 0.6 + 4 * PERIOD, 2.2
+    time = np.arange(0, 3.4, 1 / 500)
+    first = linear_decay(np.maximum(time - 0.6, 0), OMEGA, 0.02, 0.11)[0]
+    stop = linear_decay(np.array([caught - 0.6]), OMEGA, 0.02, 0.11)[0][0]
+    second = linear_decay(np.maximum(time - again, 0), OMEGA, 0.02, stop)[0]
+    clean = np.where(time < caught, first, np.where(time < again, stop, second))
+    roll = clean + 5e-4 * np.random.default_rng(2).standard_normal(len(time))
+    found = find_releases(Roll(log="x", time=time, roll=roll, std=np.full(len(time), 5e-4), origin="angle"))
+    assert [r.start for r in found] == pytest.approx([0.6, again], abs=0.1 * PERIOD)
+    assert found[0].end == "caught"
+    assert -0.6 < (found[0].time[-1] - caught) / PERIOD < 0.05
