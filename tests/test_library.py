@@ -80,6 +80,7 @@ def test_page_prints_what_it_says():
     assert make.page(text) == text, "run docs/make_library.py and read what changed"
 
 
+@pytest.mark.slow
 def test_from_a_log_to_a_board_in_fifteen_lines(tip):
     out = ran("tip_to_board.py", tip)
     assert "log decrement δ" in out
@@ -103,6 +104,7 @@ def test_where_it_differs(tip):
     assert (tip / "where.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_learn_and_add(tip):
     out = ran("learn_and_add.py", tip)
     assert "missing: coulomb" in out
