@@ -7,13 +7,11 @@ independent fit. A torque is learned beside what is named wherever that leaves m
 offer it or not. Seconds are of one processor.
 """
 
-import argparse
-import sys
 import time
 from pathlib import Path
 
 import numpy as np
-from foreign_logs import verdicts
+from foreign_logs import options_of, verdicts
 from pages import write_between
 
 from sysid.board import load_board
@@ -47,24 +45,14 @@ LOGS: dict[str, tuple[set[str], set[str]]] = {
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    options = options_of(
+        __doc__, "--write", type=Path, help="page with <!-- real logs --> marks to write the table into"
     )
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--board", default="pink")
-    parser.add_argument("--only", default="", help="part of the name")
-    parser.add_argument(
-        "--write", type=Path, help="page with <!-- real logs --> marks to write the table into"
-    )
-    options = parser.parse_args()
-    if not options.folder.exists():
-        print(f"{options.folder}: absent, nothing to run")
-        sys.exit(0)
     np.seterr(all="ignore")
     board = load_board(ROOT / f"data/boards/{options.board}.toml")
     rows = [
-        "| log | | named | looks the same | error / noise: as linear | named | learned | held out | learned, in words | s |",
-        "|---|---|---|---|---|---|---|---|---|---|",
+        "| log | named | error / noise: linear | named | learned | held out | learned from tilt and rate, it |",
+        "|---|---|---|---|---|---|---|",
     ]
     for name, (needed, known) in LOGS.items():
         if options.only not in name:
@@ -74,7 +62,7 @@ def main() -> None:
         try:
             result = diagnose(releases, board)
         except SysidError as error:
-            rows.append(f"| {name} | BAD | {error} | | | | | | | |")
+            print(f"BAD {name}: {error}", flush=True)
             continue
         v, noise = result.verdict, result.noise.std
         right = any(needed <= said <= known for said in map(set, verdicts(result)))
@@ -85,13 +73,21 @@ def main() -> None:
         told = (
             ("", "", "nothing")
             if learned is None
-            else (f"{learned.error_after / noise:.2f}", f"{learned.heldout_rmse / noise:.2f}", learned.text)
+            else (
+                f"{learned.error_after / noise:.2f}",
+                f"{learned.heldout_rmse / noise:.2f}",
+                learned.text.partition(", it ")[2].replace("|", "\\|"),
+            )
         )
         rows.append(
-            f"| {name} | {'ok' if right else 'BAD'} | {', '.join(v.effects) or v.status} | {alike} | {v.error_before / noise:.2f} | "
-            f"{result.best.rmse / noise:.2f} | {' | '.join(told)} | {time.process_time() - begin:.0f} |"
+            f"| {name} | {', '.join(v.effects) or v.status} | {v.error_before / noise:.2f} | {result.best.rmse / noise:.2f} | "
+            f"{' | '.join(told)} |"
         )
-        print(rows[-1], flush=True)
+        said = "ok " if right else "BAD"
+        print(
+            f"{said} {rows[-1]} {alike} | {v.confidence:.2f} | {time.process_time() - begin:.0f} s",
+            flush=True,
+        )
     if options.write:
         write_between(options.write, "real logs", "\n".join(rows))
 
