@@ -236,13 +236,13 @@ class Field:
 
 
 def log_odds(share: Array) -> Array:
-    """Return the log odds of shares that are not believed to be nearer to 0 or 1 than `CLIPPED` [nats]."""
+    """Return the log odds of shares that are not believed to be nearer to 0 or 1 than `CLIPPED` [nats], shape (n,)."""
     clipped = np.clip(share, CLIPPED, 1 - CLIPPED)
     return np.log(clipped / (1 - clipped))
 
 
 def calibrated(confidence: Array, slope: Array | float, offset: Array | float) -> Array:
-    """Return the confidence that is deserved (Platt 1999), from what the likelihoods say and what `CALIBRATION` knows of that."""
+    """Return the confidence that is deserved (Platt 1999), from what the likelihoods say and `CALIBRATION` knows: [1], shape (n,)."""
     return 1 / (1 + np.exp(-(slope * log_odds(confidence) + offset)))
 
 
