@@ -45,7 +45,7 @@ CALIBRATION = {"none-missing": (0.76, 1.44), "missing": (0.23, 1.36), "unexplain
 """By which the log odds of each kind of verdict are multiplied, and what is added [nats]: fitted by `benchmarks/reliability.py` on one
 half of the random suite, and shown on the other."""
 CLIPPED = 0.02
-"""Confidence this near to 0 or 1 is not believed: what nobody thought of is more likely."""
+"""Confidence [1] this near to 0 or 1 is not believed: what nobody thought of is more likely."""
 DRAWS = 400
 """Bootstrap draws of the share that is explained."""
 
