@@ -45,7 +45,7 @@ CALIBRATION = {"none-missing": (0.76, 1.44), "missing": (0.23, 1.36), "unexplain
 """By which the log odds of each kind of verdict are multiplied, and what is added [nats]: fitted by `benchmarks/reliability.py` on one
 half of the random suite, and shown on the other."""
 CLIPPED = 0.02
-"""Confidence this near to 0 or 1 is not believed: what nobody thought of is more likely."""
+"""Confidence [1] this near to 0 or 1 is not believed: what nobody thought of is more likely."""
 DRAWS = 400
 """Bootstrap draws of the share that is explained."""
 
@@ -236,13 +236,13 @@ class Field:
 
 
 def log_odds(share: Array) -> Array:
-    """Return the log odds of shares that are not believed to be nearer to 0 or 1 than `CLIPPED` [nats]."""
+    """Return the log odds of shares that are not believed to be nearer to 0 or 1 than `CLIPPED` [nats], shape (n,)."""
     clipped = np.clip(share, CLIPPED, 1 - CLIPPED)
     return np.log(clipped / (1 - clipped))
 
 
 def calibrated(confidence: Array, slope: Array | float, offset: Array | float) -> Array:
-    """Return the confidence that is deserved (Platt 1999), from what the likelihoods say and what `CALIBRATION` knows of that."""
+    """Return the confidence that is deserved (Platt 1999), from what the likelihoods say and `CALIBRATION` knows: [1], shape (n,)."""
     return 1 / (1 + np.exp(-(slope * log_odds(confidence) + offset)))
 
 

@@ -62,7 +62,7 @@ class Background:
         return np.median(moved, axis=0) if len(moved) >= MIN_PATCHES else np.zeros(2)
 
     def leave_out(self, spare: Mask) -> None:
-        """Let no patch count from now on that reaches into some pixels of the picture, shape (height, width)."""
+        """Let no patch count from now on that reaches into some pixels of the picture, shape (height, width) [1]."""
         reach = 2 * (HALF_PATCH + MAX_STEP) + 1
         near = cv2.boxFilter(spare.astype(np.uint8), -1, (reach, reach), normalize=False) > 0
         x, y = self._anchors.T.astype(int)

@@ -46,7 +46,7 @@ class Frame:
         return left, top, left + self.picture.shape[1], top + self.picture.shape[0]
 
     def part(self, box: Box) -> tuple[Picture, tuple[int, int]]:
-        """Cut a box [px] out, as far as it was kept; return the part and its corner in the film's picture."""
+        """Cut a box [px] out, as far as it was kept; return the part and its corner in the film's picture; shape (height, width, 3)."""
         left, top = self.corner
         part, (across, down) = crop(self.picture, (box[0] - left, box[1] - top, box[2] - left, box[3] - top))
         return part, (left + across, top + down)

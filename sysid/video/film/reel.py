@@ -19,7 +19,7 @@ MEMORY = 192_000_000
 MIN_FRAMES = 60
 """... or so many frames of the part in which something moves, if that is more."""
 MARGIN = 0.35
-"""What is kept beside what has moved so far, in widths of it: a board that was tilted will swing to the other side."""
+"""What is kept beside what has moved so far, in widths of it [1]: a board that was tilted will swing to the other side."""
 LOOKED_AT = 2
 """Each so many frames are looked at for motion."""
 SURVEY_FRAMES = 40

@@ -113,7 +113,7 @@ def survey(
 
 
 def box_around(mask: Mask, margin: int) -> Box:
-    """Return left, top, right and bottom of what is set, and a margin as far as the picture reaches [px]."""
+    """Return left, top, right and bottom [px] of what is set, shape (height, width), and a margin as far as the picture reaches."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     return (
         max(int(columns[0]) - margin, 0),
