@@ -48,6 +48,8 @@ OPTIONAL = {
     "published": PUBLISHED_UNITS,
 }  # fmt: skip
 """Sections that a record may do without."""
+TOLD_NUMBERS = {"rmse_before", "rmse", "heldout_rmse", "noise_floor", "nrmse", "tolerance"}
+"""What commands read of a fit, of a check and of the history."""
 LARGEST = 1e300
 """Above, a number counts as infinite [1]."""
 PHYSICAL = {
@@ -354,10 +356,42 @@ class _Reader:
                 self._effect(f"effect[{i}]", raw_effect, kind)
                 for i, raw_effect in enumerate(self._tables(raw, "effect"))
             ),
-            history=tuple(self._tables(raw, "history")),
+            history=tuple(
+                self._told(f"history[{i}]", line) for i, line in enumerate(self._tables(raw, "history"))
+            ),
             **{name: self._quantities(raw, name, units) for name, units in OPTIONAL.items() if name in raw},
-            **{name: self._table(raw, name) for name in ("fit", "check", "model") if name in raw},
+            **{
+                name: self._told(name, self._table(raw, name))
+                for name in ("fit", "check", "model")
+                if name in raw
+            },
         )
+
+    def _told(self, where: str, raw: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return a table that tells what was done; it may hold anything, but what commands read is of its kind.
+
+        Args:
+            where: Its place in the file.
+            raw: What the file says.
+        """
+        for key in TOLD_NUMBERS & raw.keys():
+            number = raw[key]
+            whole = isinstance(number, int) and not isinstance(number, bool) and abs(number) < LARGEST
+            if not whole and not isinstance(number, float):
+                raise SysidError(f"{self.path}: field '{where}.{key}' is {number!r}; expected a number.")
+        for key, of in (("effects", str), ("logs", Mapping)):
+            items: Any = raw.get(key, [])
+            if not isinstance(items, list) or not all(isinstance(item, of) for item in items):
+                kind = "names of effects" if of is str else "tables with path and sha256"
+                raise SysidError(
+                    f"{self.path}: field '{where}.{key}' is {items!r}; expected an array of {kind}."
+                )
+        for i, log in enumerate(raw.get("logs", ())):
+            self._text(log, "path", f"{where}.logs[{i}].path")
+        if where == "model":
+            for key in ("file", "joint"):
+                self._text(raw, key, f"model.{key}")
+        return raw
 
     def _effect(self, where: str, raw: Mapping[str, Any], unit_of: Callable[[str], str]) -> BoardEffect:
         """Read one effect, its parameters in the catalogue's order; one that is not in the catalogue as it is.

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -442,8 +442,16 @@ def made_of(board: Board, provenance: Provenance) -> list[tuple[str, str]]:
         ("source", board.source),
         ("fitted", _fitted(board)),
         ("page made", provenance.made),
-        *((name, version(name)) for name in ("husky-sysid", "mujoco", "casadi", "numpy", "scipy")),
+        *((name, _version(name)) for name in ("husky-sysid", "mujoco", "casadi", "numpy", "scipy")),
     ]
+
+
+def _version(package: str) -> str:
+    """Return a package's version; a build from source need not leave one."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "unknown"
 
 
 def _fitted(board: Board) -> str:

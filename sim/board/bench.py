@@ -1,7 +1,8 @@
 """The clamped bench: the deck on its tilt joint and nothing else, released and left to swing."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import mujoco
@@ -154,17 +155,38 @@ def swing(
     steps = math.ceil(duration / model.opt.timestep) + 2
     roll = np.empty(steps + 1)
     roll[0] = angle
-    for i in range(steps):
-        apply(left, data)
-        mujoco.mj_step(model, data)
-        if after_step is not None:
-            after_step(model, data)
-        roll[i + 1] = sign * data.qpos[q]
-    if data.warning[int(mujoco.mjtWarning.mjWARN_BADQACC)].number or not np.all(np.isfinite(roll)):
-        raise SysidError(
-            f"the simulation is unstable at a step of {model.opt.timestep:g} s. Choose a smaller --timestep."
-        )
+    with stable(model, data):
+        for i in range(steps):
+            apply(left, data)
+            mujoco.mj_step(model, data)
+            if after_step is not None:
+                after_step(model, data)
+            roll[i + 1] = sign * data.qpos[q]
     return Swing(model.opt.timestep * np.arange(steps + 1), roll)
+
+
+@contextmanager
+def stable(model: mujoco.MjModel, data: mujoco.MjData) -> Generator[None]:
+    """Refuse what is stepped in this block if it becomes unstable; MuJoCo would note it in a file of the folder it runs in.
+
+    Raises:
+        SysidError: A position, rate or acceleration is not finite, or huge.
+    """
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda _: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
+    kinds = mujoco.mjtWarning
+    if any(
+        data.warning[int(k)].number
+        for k in (kinds.mjWARN_BADQPOS, kinds.mjWARN_BADQVEL, kinds.mjWARN_BADQACC)
+    ):
+        raise SysidError(
+            f"the simulation is unstable at a step of {model.opt.timestep:g} s. Choose a smaller --timestep, or check the "
+            "signs and sizes of the record's effects."
+        )
 
 
 def steer_to_tilt(model: mujoco.MjModel, data: mujoco.MjData, q: int, v: int) -> None:

@@ -13,7 +13,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from sim.board.bench import AfterStep, Begin, rig_spec
+from sim.board.bench import AfterStep, Begin, rig_spec, stable
 from sim.board.bodies import FREE_JOINT, TILT_JOINT, Coupling
 from sim.board.scene import board_spec, integrator_name, set_trucks
 from sim.compensation.step import (
@@ -148,7 +148,8 @@ def hold(spec: mujoco.MjSpec, joint: str) -> None:
 def _settled_pose(spec: mujoco.MjSpec, free: mujoco.MjsJoint) -> Array:
     model = spec.compile()
     data = mujoco.MjData(model)
-    mujoco.mj_step(model, data, nstep=round(SETTLING / model.opt.timestep))
+    with stable(model, data):
+        mujoco.mj_step(model, data, nstep=round(SETTLING / model.opt.timestep))
     address = int(model.jnt_qposadr[free.id])
     return data.qpos[address : address + 7].copy()
 

@@ -7,6 +7,7 @@ Each command is one file beside this one and is imported only when it is called,
 import contextlib
 import os
 import sys
+from math import isfinite
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 from sysid.cli.streams import drop_output, listen, one_line, open_streams, stop_listening
@@ -199,6 +200,7 @@ def build_app() -> "cyclopts.App":
         name="husky-sysid",
         help=f"Find out why a MuJoCo joint does not behave like the real one, and mend it.\n\n{EXIT_CODES}",
         version=lambda: version("husky-sysid"),
+        config=_require_finite,
         suppress_keyboard_interrupt=False,
     )
     app.register_install_completion_command(
@@ -208,6 +210,25 @@ def build_app() -> "cyclopts.App":
         more = {} if command.has_parts else {"help_epilogue": epilogue(name)}
         app.command(f"sysid.cli.{name}:{name}", name=name, help=command.help, **more)
     return app
+
+
+def _require_finite(_app: object, _commands: object, arguments: "cyclopts.ArgumentCollection") -> None:
+    """Accept the numbers of a command line: none of them is nan or infinite.
+
+    Raises:
+        cyclopts.ValidationError: One is; it names the option.
+    """
+    from cyclopts import ValidationError
+
+    for argument in arguments:
+        if "float" not in str(argument.hint):  # alone, in a tuple, or where it may be left out
+            continue
+        for token in argument.tokens:
+            with contextlib.suppress(ValueError):  # what is no number is told later, as of any kind
+                if not isfinite(float(token.value)):
+                    raise ValidationError(
+                        exception_message="Must be a finite number.", argument=argument, value=token.value
+                    )
 
 
 def main() -> None:

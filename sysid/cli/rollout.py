@@ -9,6 +9,7 @@ from cyclopts import Parameter
 
 from sysid.cli.console import Common, Printer
 from sysid.errors import SysidError
+from sysid.files import regular
 
 if TYPE_CHECKING:
     from sysid.experiments.roll_out import RollOut
@@ -87,7 +88,7 @@ def _read(path: Path, rest: float, free: float) -> "RollOut":
 
 def _columns(path: Path) -> "dict[str, Array]":
     try:
-        head, *lines = path.read_text(encoding="utf-8").splitlines()
+        head, *lines = regular(path).read_text(encoding="utf-8").splitlines()
         numbers = np.array([[float(cell) for cell in line.split(",")] for line in lines if line.strip()])
     except (OSError, UnicodeDecodeError, ValueError) as error:
         raise SysidError(f"{path}: cannot be read as numbers under a line of names ({error}).") from error

@@ -111,6 +111,13 @@ def test_shipped_deck_is_a_cuboid_of_the_stated_inertia() -> None:
         ("[tilt]", '[[effect]]\nname = "coulomb"\n[tilt]', "section '[effect[0].parameters]' is missing"),
         ("[tilt]", "[[effect]]\n[tilt]", "field 'effect[0].name' is missing"),
         ("[tilt]", "effect = 3\n[tilt]", "unknown field"),
+        ("[tilt]", "[fit]\nlogs = 'x'\n[tilt]", "'fit.logs' is 'x'; expected an array of tables"),
+        ("[tilt]", "[fit]\nlogs = [1]\n[tilt]", "'fit.logs' is [1]; expected an array of tables"),
+        ("[tilt]", "[fit]\nlogs = [{}]\n[tilt]", "'fit.logs[0].path' is missing"),
+        ("[tilt]", "[[history]]\neffects = 3\n[tilt]", "'history[0].effects' is 3; expected an array of names"),
+        ("[tilt]", "[[history]]\nrmse = 'x'\n[tilt]", "'history[0].rmse' is 'x'; expected a number"),
+        ("[tilt]", "[check]\nnrmse = true\n[tilt]", "'check.nrmse' is True; expected a number"),
+        ("[tilt]", "[model]\nfile = 'a.xml'\n[tilt]", "'model.joint' is missing"),
     ],
 )  # fmt: skip
 def test_faulty_record_names_file_field_and_expectation(
@@ -329,7 +336,7 @@ def test_boards_shows_a_fitted_board_whole(tmp_path: Path, pink: Board) -> None:
         published={},
         effects=(BoardEffect("coulomb", {"torque": Quantity(0.11, 0.01, "N*m")}),),
         fit={"timestep": 0.002, "logs": [{"path": "a.csv", "sha256": "00"}], "rmse": 0.0021},
-        history=({"effects": "none", "rmse_before": 0.01}, {"effects": "coulomb", "rmse_after": 0.002}),
+        history=({"effects": [], "rmse_before": 0.01}, {"effects": ["coulomb"], "rmse_after": 0.002}),
     )
     Workspace(tmp_path).save_board(fitted.checked({"passed": True, "nrmse": 0.012}))
     result = husky("boards", "pink", "--json", "out.json", cwd=tmp_path)

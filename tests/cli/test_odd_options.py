@@ -26,6 +26,23 @@ def test_a_step_that_cannot_be_is_refused(tmp_path, step):
         husky("check", str(PINK), "--board", "pink", f"--timestep={step}", "--workspace", str(tmp_path))
 
 
+@pytest.mark.parametrize("value", ["nan", "-inf", "1e999"])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("play", "zero", "--board", "pink", "--start-speed"),
+        ("play", "zero", "--board", "pink", "--joint-margin"),
+        ("train", "--board", "pink", "--pushes"),  # has a smallest value, which inf is not below
+        ("roll", str(PINK), "-o", "x.csv", "--rate"),  # may be left out
+    ],
+    ids=lambda arguments: arguments[-1],
+)
+def test_a_number_that_is_not_finite_is_refused_in_words(tmp_path, arguments, value):
+    done = in_process(*arguments[:-1], f"{arguments[-1]}={value}", cwd=tmp_path)
+    assert done.returncode == 2
+    assert f'Invalid value "{value}" for {arguments[-1]}' in " ".join(done.stderr.split())
+
+
 @pytest.mark.parametrize("command", ["compare", "check"])
 def test_a_tolerance_that_cannot_be_is_refused(tmp_path, command):
     with pytest.raises(SysidError, match="--tolerance -1: expected a share"):
@@ -93,10 +110,11 @@ def test_the_film_that_is_drawn_and_the_table_are_two_files(tmp_path):
     "arguments",
     [
         ["motions", "PIPE"],
+        ["rollout", "PIPE", "--board", "pink"],
         ["inertia", "static-tilt", "--weights", "1", "--omega-n", "PIPE"],
         ["roll", str(PINK), "-o", "x.csv", "--calibration", "PIPE"],
     ],
-    ids=["motions", "inertia", "calibration"],
+    ids=["motions", "rollout", "inertia", "calibration"],
 )
 def test_a_pipe_in_place_of_a_file_is_not_waited_for(tmp_path, arguments):
     pipe = tmp_path / "pipe.json"

@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from sysid.board import load_board
+from sysid.diagnosis.diagnose import _outside
 from sysid.diagnosis.error_model import Fitted
 from sysid.diagnosis.experiment import DECIDED, deciding
 from sysid.diagnosis.importance import importance
@@ -182,3 +183,14 @@ def test_the_experiment_is_the_smallest_that_decides(friction):
     assert 0.25 * 0.17 < abs(quiet.angle) < 0.2
     assert loud is None or abs(loud.angle) > abs(quiet.angle) or loud.number > quiet.number
     assert pytest.approx(np.log(19.0)) == DECIDED
+
+
+def test_a_law_outside_wins_where_no_effect_of_the_catalogue_may_be_true(friction, monkeypatch):
+    _, field = friction
+    coulomb = next(s for s in field.scored if s.model.effects == ("coulomb",))
+    outside = replace(coulomb, model=replace(coulomb.model, shape="magnet"))
+    monkeypatch.setattr(field, "scored", [coulomb, outside])
+    monkeypatch.setattr(field, "possible", [outside])
+    assert _outside(field, coulomb) is outside
+    monkeypatch.setattr(field, "possible", [coulomb, outside])
+    assert _outside(field, coulomb) is None

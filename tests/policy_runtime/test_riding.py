@@ -485,7 +485,7 @@ def test_motions_lists_plots_and_plays(capsys, tmp_path):
         (("run", "zero", "-b", "pink", "--dry-run", "--robot", "rehearsal"), "was not trained on anything"),
         (("run", "zero", "-b", "pink", "--joint-margin", "-1"), "--joint-margin -1: must not be negative"),
         (("play", "zero", "-b", "pink", "--speed", "9"), "--speed 9: policies are trained for 0 to 1.5"),
-        (("play", "zero", "-b", "pink", "--turn-deg", "nan"), "--turn-deg nan"),
+        (("play", "zero", "-b", "pink", "--turn-deg", "60"), "--turn-deg 60"),
         (("play", "zero", "-b", "pink", "--duration", "0"), "longer than 0"),
         (("play", "zero", "-b", "pink", "--commands", "none.csv"), "none.csv: cannot be read"),
         (("evaluate", "zero", "-b", "pink", "--episodes", "0"), "at least 1"),

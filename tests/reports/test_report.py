@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from decay_truth import Recipe, make_roll
 
 from reports.figures.svg import MOST_POINTS, figure_to_svg, page_style, thin
+from reports.page import board as board_page
 from reports.page.page import Page, choices, figure, table
 from sysid.board import Board
 from sysid.cli import build_app
@@ -463,3 +465,11 @@ def test_a_pendulum_without_a_spring_has_a_page(tmp_path):
     text = (tmp_path / "reports" / "arm" / "report.html").read_text()
     assert "has no spring" in text
     assert re.search(r"<dd>d to ±[\d.]+ %, gravity to ±", text)
+
+
+def test_a_package_that_tells_no_version_is_named_all_the_same(monkeypatch):
+    """As of CasADi built from source."""
+    monkeypatch.setattr(board_page, "version", lambda name: version({"casadi": "nowhere"}.get(name, name)))
+    rows = dict(board_page.made_of(Board.load("pink"), board_page.Provenance("x", "today", "pink.toml")))
+    assert rows["casadi"] == "unknown"
+    assert rows["mujoco"] == version("mujoco")

@@ -177,6 +177,29 @@ def test_the_command_writes_file_and_json(tmp_path: Path):
         mjcf(board="black", output=path, timestep=5.0, common=common)
 
 
+def test_a_scene_that_is_unstable_is_refused_and_leaves_no_log_of_mujoco(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """A body a thousand times as heavy as the deck hangs on it by next to no spring."""
+    heavy = BoardEffect(
+        "hanging-body",
+        {
+            "inertia": Quantity(27.7, 0.0, "kg*m^2"),
+            "frequency": Quantity(26.1, 0.0, "rad/s"),
+            "damping_ratio": Quantity(0.02, 0.0, "1"),
+        },
+    )
+    pink = load_board(shipped_data() / "boards" / "pink.toml")
+    soft = pink.with_tilt(
+        stiffness=Quantity(0.22, 0.0, "N*m/rad"), damping=Quantity(0.0067, 0.0, "N*m*s/rad")
+    )
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SysidError, match=r"unstable at a step of 0\.005 s"):
+        board_mjcf(replace(soft, effects=(heavy,)), "scene")
+    assert not list(tmp_path.iterdir())
+    assert mujoco.get_mju_user_warning() is None
+
+
 def light(tmp_path: Path, damping: float) -> Common:
     pink = load_board(shipped_data() / "boards" / "pink.toml")
     board = pink.with_tilt(damping=Quantity(damping, 0.0, "N*m*s/rad"))
