@@ -21,13 +21,14 @@ from sysid.board import (
     PHYSICAL,
     PUBLISHED_UNITS,
     TILT_UNITS,
+    TOLD_NUMBERS,
     Board,
     BoardEffect,
     board_to_toml,
     load_board,
     save_board,
 )
-from sysid.effects import effect
+from sysid.effects import catalogue, effect
 from sysid.errors import SysidError
 from sysid.free_decay import decay_from_peaks
 from sysid.quantity import Quantity
@@ -183,7 +184,9 @@ plain = st.recursive(
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(texts.filter(bool), inner, max_size=3),
     max_leaves=8,
 )
-sections = st.dictionaries(texts.filter(bool), plain, max_size=4)
+sections = st.dictionaries(
+    texts.filter(lambda name: name and name not in {*TOLD_NUMBERS, "effects", "logs"}), plain, max_size=4
+)
 boards = st.builds(
     Board,
     name=texts,
@@ -198,7 +201,7 @@ boards = st.builds(
     effects=st.lists(
         st.builds(
             BoardEffect,
-            texts,
+            texts.filter(lambda name: name not in catalogue()),  # whose parameters are checked
             st.dictionaries(
                 texts.filter(bool),
                 st.builds(Quantity, st.floats(-1e9, 1e9), st.floats(0, 1e6), st.sampled_from(["N*m", "1"])),
