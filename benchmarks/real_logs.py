@@ -63,8 +63,8 @@ def main() -> None:
     np.seterr(all="ignore")
     board = load_board(ROOT / f"data/boards/{options.board}.toml")
     rows = [
-        "| log | | named | looks the same | error / noise: as linear | named | learned | held out | learned, in words | s |",
-        "|---|---|---|---|---|---|---|---|---|---|",
+        "| log | named | error / noise: linear | named | learned | held out | learned from tilt and rate, it |",
+        "|---|---|---|---|---|---|---|",
     ]
     for name, (needed, known) in LOGS.items():
         if options.only not in name:
@@ -74,7 +74,7 @@ def main() -> None:
         try:
             result = diagnose(releases, board)
         except SysidError as error:
-            rows.append(f"| {name} | BAD | {error} | | | | | | | |")
+            print(f"BAD {name}: {error}", flush=True)
             continue
         v, noise = result.verdict, result.noise.std
         right = any(needed <= said <= known for said in map(set, verdicts(result)))
@@ -85,13 +85,21 @@ def main() -> None:
         told = (
             ("", "", "nothing")
             if learned is None
-            else (f"{learned.error_after / noise:.2f}", f"{learned.heldout_rmse / noise:.2f}", learned.text)
+            else (
+                f"{learned.error_after / noise:.2f}",
+                f"{learned.heldout_rmse / noise:.2f}",
+                learned.text.partition(", it ")[2].replace("|", "\\|"),
+            )
         )
         rows.append(
-            f"| {name} | {'ok' if right else 'BAD'} | {', '.join(v.effects) or v.status} | {alike} | {v.error_before / noise:.2f} | "
-            f"{result.best.rmse / noise:.2f} | {' | '.join(told)} | {time.process_time() - begin:.0f} |"
+            f"| {name} | {', '.join(v.effects) or v.status} | {v.error_before / noise:.2f} | {result.best.rmse / noise:.2f} | "
+            f"{' | '.join(told)} |"
         )
-        print(rows[-1], flush=True)
+        said = "ok " if right else "BAD"
+        print(
+            f"{said} {rows[-1]} {alike} | {v.confidence:.2f} | {time.process_time() - begin:.0f} s",
+            flush=True,
+        )
     if options.write:
         write_between(options.write, "real logs", "\n".join(rows))
 

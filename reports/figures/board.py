@@ -3,7 +3,8 @@
 from typing import TYPE_CHECKING
 
 from reports.evidence import Evidence
-from reports.figures.palette import NOISE, REAL, SIM
+from reports.figures.compare import BACKBONE, draw_backbone, draw_release
+from reports.figures.palette import REAL, SIM
 from reports.figures.svg import thin
 from sysid.comparison.compare import Comparison
 from sysid.text import display
@@ -23,10 +24,7 @@ def release_figure(evidence: Evidence, number: int) -> "Figure":
     release, scale = result.releases[number], result.show.scale
     figure = small_figure(3.8)
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1))
-    time, measured, simulated, residual = thin(
-        release.time, release.measured, release.simulated, release.residual
-    )
-    top.plot(time, scale * measured, color=REAL, lw=2.8, gid="series:real")
+    draw_release((top, bottom), result, number)
     colours = [LADDER[j % len(LADDER)] for j in range(len(evidence.ladder) - 1)]
     for rung, colour in zip(evidence.ladder[:-1], colours, strict=True):
         simpler, error = rung.simulated[number], rung.simulated[number] - release.measured
@@ -34,12 +32,8 @@ def release_figure(evidence: Evidence, number: int) -> "Figure":
         bottom.plot(
             *thin(release.time, scale * error), color=colour, lw=0.7, gid=f"series:{rung.label}@error"
         )
-    top.plot(time, scale * simulated, color=SIM, lw=1.2, gid="series:sim")
-    band = 2 * scale * result.noise.std
-    bottom.axhspan(-band, band, color=NOISE, alpha=0.3, lw=0)
-    bottom.plot(time, scale * residual, color=SIM, lw=0.8, gid="series:sim@error")
     top.set_ylabel(result.show.axis)
-    bottom.set(xlabel="time since release [s]", ylabel=f"model - real [{result.show.unit.strip()}]")
+    bottom.set_ylabel(f"model - real [{result.show.unit.strip()}]")
     top.set_xlim(release.time[0], release.time[-1])
     figure.align_ylabels()
     return figure
@@ -47,28 +41,10 @@ def release_figure(evidence: Evidence, number: int) -> "Figure":
 
 def backbone_figure(result: Comparison) -> "Figure":
     """Draw period and damping ratio of each half swing against its amplitude."""
-    figure, show = small_figure(4.6), display(is_rate=False, slides=result.slides)
-    for axes, what, label in zip(
-        figure.subplots(2, 1, sharex=True),
-        ("period", "damping_ratio"),
-        ("period [s]", "damping ratio"),
-        strict=True,
-    ):
-        for backbone, colour, name, size in (
-            (result.measured_backbone, REAL, "real", 7.5),
-            (result.simulated_backbone, SIM, "sim", 3.5),
-        ):
-            axes.plot(
-                show.scale * backbone.amplitude, getattr(backbone, what), "o",
-                color=colour, ms=size, mew=0, gid=f"series:{name}@{what}",
-            )  # fmt: skip
-        axes.set_ylabel(label)
-        axes.margins(x=0.05, y=0.25)
-        low, high = axes.get_ylim()
-        least = 0.1 * (low + high) / 2
-        if high - low < least:  # a flat backbone must not look wild
-            axes.set_ylim((low + high - least) / 2, (low + high + least) / 2)
-    figure.axes[-1].set_xlabel(f"amplitude [{show.unit.strip()}]")
+    figure = small_figure(4.6)
+    for axes, what in zip(figure.subplots(2, 1, sharex=True), BACKBONE, strict=True):
+        draw_backbone(axes, result, what)
+    figure.axes[0].set_xlabel("")
     figure.align_ylabels()
     return figure
 

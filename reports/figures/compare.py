@@ -1,12 +1,12 @@
 """The picture of a comparison: decays, residuals, the missing torque against rate and tilt, and the backbone."""
 
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from reports.figures.decay import STYLE
 from reports.figures.palette import NOISE, REAL, SIM
 from reports.figures.svg import thin
+from reports.story import release_name
 from sysid.comparison.compare import Comparison
 from sysid.comparison.force_surface import MissingTorque, TorqueProfile
 from sysid.quantity import Z95
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+BACKBONE = {"period": "period [s]", "damping_ratio": "damping ratio"}
+"""What a backbone shows, and how an axis names it."""
 MOST = 4
 """Releases drawn; more would be too small to read."""
 
@@ -43,8 +45,11 @@ def compare_figure(result: Comparison, title: str) -> "Figure":
             2, len(shown), sharex="col", sharey="row", squeeze=False, height_ratios=(2, 1)
         )
         for column, release in enumerate(shown):
-            _release(upper[:, column], result, column)
-            upper[0, column].set_title(f"{_name(result, column)}: error {result.show(release.rmse, 3)}")
+            draw_release(upper[:, column], result, column)
+            upper[1, column].locator_params(axis="x", nbins=4)
+            upper[0, column].set_title(
+                f"{release_name(result, column)}: error {result.show(release.rmse, 3)}"
+            )
         upper[0, 0].set_ylabel(result.show.axis)
         upper[1, 0].set_ylabel(f"sim - real [{result.show.unit.strip()}]")
         upper[0, 0].legend(loc="best")
@@ -54,25 +59,18 @@ def compare_figure(result: Comparison, title: str) -> "Figure":
     return figure
 
 
-def _release(axes: "list[Axes]", result: Comparison, index: int) -> None:
+def draw_release(axes: "Sequence[Axes]", result: Comparison, index: int) -> None:
+    """Draw one release, measured and simulated, on the first axes; on the second the residual over the noise's ±2σ."""
     release, scale = result.releases[index], result.show.scale
     time, measured, simulated, residual = thin(
         release.time, release.measured, release.simulated, release.residual
     )
-    axes[0].plot(time, scale * measured, color=REAL, linewidth=2.6, label="real")
-    axes[0].plot(time, scale * simulated, color=SIM, linewidth=1.1, label="sim")
+    axes[0].plot(time, scale * measured, color=REAL, linewidth=2.7, label="real", gid="series:real")
+    axes[0].plot(time, scale * simulated, color=SIM, linewidth=1.1, label="sim", gid="series:sim", zorder=3)
     band = 2 * scale * result.noise.std
     axes[1].axhspan(-band, band, color=NOISE, alpha=0.3, linewidth=0)
-    axes[1].plot(time, scale * residual, color=SIM, linewidth=0.7)
+    axes[1].plot(time, scale * residual, color=SIM, linewidth=0.7, gid="series:sim@error", zorder=3)
     axes[1].set_xlabel("time since release [s]")
-    axes[1].locator_params(axis="x", nbins=4)
-
-
-def _name(result: Comparison, index: int) -> str:
-    """Return what a release is called where there may be several logs."""
-    release = result.releases[index]
-    several = len({other.log for other in result.releases}) > 1
-    return f"{Path(release.log).name}, release {release.number}" if several else f"release {release.number}"
 
 
 def _lower_panels(result: Comparison) -> "list[Callable[[Axes], None]]":
@@ -86,8 +84,7 @@ def _lower_panels(result: Comparison) -> "list[Callable[[Axes], None]]":
                 lambda axes, p=profile, s=show, t=title: draw_profile(axes, p, s, t, slides=result.slides)
             )
     if len(result.measured_backbone.amplitude):
-        panels.append(lambda axes: _backbone(axes, result, "period", "period [s]"))
-        panels.append(lambda axes: _backbone(axes, result, "damping_ratio", "damping ratio"))
+        panels += [lambda axes, w=what: draw_backbone(axes, result, w) for what in BACKBONE]
     return panels
 
 
@@ -120,16 +117,20 @@ def draw_profile(
     axes.set(xlabel=show.axis, ylabel=f"missing {effort(slides=slides)}", title=title)
 
 
-def _backbone(axes: "Axes", result: Comparison, what: str, label: str) -> None:
-    axes.set_title(f"{label.split(' [')[0]} by amplitude")
+def draw_backbone(axes: "Axes", result: Comparison, what: str) -> None:
+    """Draw 'period' or 'damping_ratio' of each half swing against its amplitude."""
     show = display(is_rate=False, slides=result.slides)
-    axes.set_xlabel(f"amplitude [{show.unit.strip()}]")
     for backbone, colour, name, size in (
         (result.measured_backbone, REAL, "real", 7),
         (result.simulated_backbone, SIM, "sim", 3.5),
     ):
-        amplitude = show.scale * backbone.amplitude
-        axes.plot(amplitude, getattr(backbone, what), "o", color=colour, label=name, markersize=size)
-    axes.set_ylabel(label)
-    axes.margins(0.15)
-    axes.legend()
+        axes.plot(
+            show.scale * backbone.amplitude, getattr(backbone, what), "o",
+            color=colour, label=name, ms=size, mew=0, gid=f"series:{name}@{what}",
+        )  # fmt: skip
+    axes.set(xlabel=f"amplitude [{show.unit.strip()}]", ylabel=BACKBONE[what])
+    axes.margins(x=0.1, y=0.25)
+    low, high = axes.get_ylim()
+    least = 0.1 * (low + high) / 2
+    if high - low < least:  # a flat backbone must not look wild
+        axes.set_ylim((low + high - least) / 2, (low + high + least) / 2)

@@ -3,7 +3,7 @@
 import os
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -11,9 +11,12 @@ from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.errors import SysidError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from policy_runtime.evaluation.plain import Protocol
     from policy_runtime.evaluation.result import Evaluation
     from reports.paper.runs import Run
+    from sysid.board import Board
 
 Part = Literal["main", "trajectories", "curves", "map", "terrain", "sensitivity"]
 
@@ -38,14 +41,16 @@ def paper(
         seeds: Number of seeds: 0, 1, 2, …
         workers: Processes; as many as there are processors if not given.
         force: Ride where policy and board disagree.
-        output: Folder for paper.md, paper.json and the pictures; reports/paper of the workspace if not given.
+        output: Folder for paper.md, paper.json and the pictures; reports/paper of the workspace if not given. What has
+            been ridden is kept in its rides/, so that a run that was stopped goes on.
         common: Options of every command.
     """
-    from policy_runtime.evaluation.plain import evaluate_policy
+    from joblib import Memory
+
     from reports.paper.parts import PARTS
     from reports.paper.runs import load_runs
     from sysid.cli.bars import bar
-    from sysid.files import write_atomically, write_json
+    from sysid.files import sha256, write_atomically, write_json
 
     if episodes < 1 or seeds < 1:
         raise SysidError(f"--episodes {episodes} --seeds {seeds}: both must be at least 1.")
@@ -53,25 +58,19 @@ def paper(
     manifest = load_runs(runs)
     folder = output or common.space.outputs("paper")
     processes = workers or len(os.sched_getaffinity(0))
+    kept: Any = Memory(folder / "rides", verbose=0)
+    ride = kept.cache(_ride, ignore=["policy", "workers", "progress"])
     with bar(printer) as progress:
-        measured: dict[str, Evaluation] = {}
 
         def measure(run: "Run", protocol: "Protocol") -> "Evaluation":
-            key = f"{run.name} {protocol}"  # the trajectories ride what the table has ridden
-            if key not in measured:
-                task = progress.add_task(run.name, total=episodes * seeds)
-                measured[key] = evaluate_policy(
-                    str(run.policy),
-                    common.space.load_board(run.board),
-                    episodes=episodes,
-                    seeds=tuple(range(seeds)),
-                    protocol=protocol,
-                    workers=processes,
-                    force=force,
-                    progress=partial(progress.advance, task),
-                )
-                progress.remove_task(task)
-            return measured[key]
+            assert run.policy is not None  # `parts` asks for runs that have one
+            task = progress.add_task(run.name, total=episodes * seeds)
+            found = ride(
+                sha256(run.policy), str(run.policy), common.space.load_board(run.board), episodes, seeds, protocol,
+                force, processes, partial(progress.advance, task),
+            )  # fmt: skip
+            progress.remove_task(task)
+            return found
 
         sections = [PARTS[name](manifest, measure, folder) for name in part or PARTS]
     text = [
@@ -96,3 +95,16 @@ def paper(
     printer.say(f"written: {folder / 'paper.md'}")
     printer.result(content)
     return 0
+
+
+def _ride(
+    digest: str, policy: str, board: "Board", episodes: int, seeds: int, protocol: "Protocol", force: bool,
+    workers: int, progress: "Callable[[int], None]",
+) -> "Evaluation":  # fmt: skip
+    """Measure a policy; its file's digest stands for it where it is asked whether that has been done before."""
+    from policy_runtime.evaluation.plain import evaluate_policy
+
+    return evaluate_policy(
+        policy, board, episodes=episodes, seeds=tuple(range(seeds)), protocol=protocol, workers=workers,
+        force=force, progress=progress,
+    )  # fmt: skip

@@ -238,7 +238,8 @@ def diagnose(
         if bias == "per-release" or use_rate:
             held.setdefault("rest_angle", board.rest_angle)
     # A table that was learned stays as it is: no candidate may bend it.
-    learned_parts = (part for part in board.effects if effect(part.name).role == "learned")
+    roles = [effect(part.name).role for part in board.effects]
+    learned_parts = (part for part, role in zip(board.effects, roles, strict=True) if role == "learned")
     held |= {f"{part.name}.{name}": q.value for part in learned_parts for name, q in part.parameters.items()}
     with WorkerPool(workers) as pool:
         search = Search(
@@ -255,15 +256,13 @@ def diagnose(
     verdict = replace(verdict, error_before=base.rmse, error_after=best.rmse)
     left_over = verdict.remainder > MATERIAL * everything.motion and everything.surely_missing
     left_over |= verdict.status == "unexplained"
-    learned = (
-        learn(judged, board, fittable(verdict.effects), signal=signal, fixed=fixed) if left_over else None
-    )
+    learned = learn(judged, board, (), signal=signal, fixed=fixed) if left_over else None
+    if learned is not None and verdict.status == "missing" and learned.is_unmet(best.rmse, noise.std):
+        verdict = _unmet(verdict, learned, best)
+    elif left_over and fittable(verdict.effects):
+        learned = learn(judged, board, fittable(verdict.effects), signal=signal, fixed=fixed)
     if learned is not None and learned.error_after > verdict.error_after:
         learned = None  # it did not get there
-    if left_over and verdict.status == "missing":
-        alone = learn(judged, board, (), signal=signal, fixed=fixed)
-        if alone is not None and alone.is_unmet(best.rmse, noise.std):
-            verdict, learned = _unmet(verdict, alone, best), alone
     if progress is not None:
         progress("done", 1.0)
     warnings += _fast_starts(best)

@@ -318,8 +318,9 @@ def _candidates(columns: Sequence[_Column], left: Array) -> list[tuple[_Column, 
     singles = [(column,) for _, column in nearest[:CANDIDATES]]
     stops = [column for column in columns if column[0].name.endswith("bumper")]
     pairs = [pair for pair in itertools.combinations(stops[::2], 2) if pair[0][0] is not pair[1][0]]
-    two = min(pairs, key=lambda pair: _rest(pair, left))
-    return [*singles, two] if _rest(two, left) < 0.5 * nearest[0][0] else singles
+    # There is none where the joint swung to one side only.
+    near = sorted(pairs, key=lambda pair: _rest(pair, left))[:1]
+    return [*singles, *(two for two in near if _rest(two, left) < 0.5 * nearest[0][0])]
 
 
 def _fitted(

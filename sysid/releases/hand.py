@@ -260,7 +260,7 @@ def _edge(
     hand = np.flatnonzero((against > CERTAIN * std) & (against > FLOOR * swing[:last].max()))
     gone = np.flatnonzero(np.abs(torque) < GONE * std)
     gone = gone[gone > hand[-1]] if len(hand) else hand
-    if not len(gone):
+    if not len(gone) or (pushing and hand[0] > 0):  # who holds a deck back has had it in hand from the first
         return None
     edge = int(gone[0])
     hand = hand[hand >= edge - windows.period]

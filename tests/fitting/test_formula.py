@@ -5,7 +5,7 @@ import pytest
 from light_board import BOARD, magnet, releases
 
 from sysid.effects._algebra import NumpyAlgebra
-from sysid.fitting.formula import SHAPES, Formula, formula_of, in_words
+from sysid.fitting.formula import SHAPES, Formula, _candidates, formula_of, in_words
 from sysid.fitting.joint import fit_joint
 
 
@@ -56,3 +56,9 @@ def test_a_formula_that_carries_little_is_no_word_for_it():
     )
     assert "hardens" not in in_words(["hardens"], 0.3)
     assert "30 %" in in_words(["hardens"], 0.3)
+
+
+def test_a_joint_that_swung_to_one_side_only_has_no_pair_of_bumpers():
+    right = next(shape for shape in SHAPES if shape.name == "right bumper")
+    column = (right, 0.1, np.array([1.0, 0.0]))
+    assert _candidates([column], np.array([1.0, 0.1])) == [(column,)]

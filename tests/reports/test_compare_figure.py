@@ -3,9 +3,12 @@
 from dataclasses import replace
 
 from reports.figures.compare import compare_figure
+from reports.figures.decay import decay_figure
 from sysid.board import load_board
 from sysid.comparison.compare import compare
+from sysid.free_decay import fit_decay
 from sysid.logs import LogOptions, read_roll
+from sysid.recording import Recording
 from sysid.releases import find_releases
 from sysid.workspace import shipped_data
 
@@ -36,3 +39,30 @@ def test_several_logs_and_releases_left_out_are_named():
     assert "4 of 6 releases drawn" in figure.get_suptitle()
     titles = [axes.get_title(loc="left") for axes in figure.axes]
     assert any(title.startswith("other.csv, release 1") for title in titles)
+
+
+def labels(figure):
+    texts = {
+        text
+        for axes in figure.axes
+        for text in (axes.get_xlabel(), axes.get_ylabel(), axes.get_title(loc="left"))
+    }
+    return texts | {figure.get_suptitle()}
+
+
+def test_a_slide_is_drawn_in_lengths_and_forces():
+    slide = load_board(shipped_data() / "boards" / "pink.toml").of_slide()
+    recorded = Recording.read(shipped_data() / "decays" / "pink_hidden.csv")
+    result, decay = compare(recorded, slide), fit_decay(recorded, board=slide)
+    drawn = labels(compare_figure(result, "")) | labels(decay_figure([recorded.roll], decay, ""))
+    assert {
+        "position [mm]",
+        "speed [m/s]",
+        "missing force [N]",
+        "sim - real [mm]",
+        "position about rest [mm]",
+    } <= drawn
+    assert not [text for text in drawn if "°" in text or "[rad" in text or "N·m" in text]
+    assert decay.numbers.stiffness.unit == "N/m"
+    assert decay.numbers.omega_n.unit == "rad/s"
+    assert "°" not in decay.report()

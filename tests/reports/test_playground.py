@@ -183,6 +183,23 @@ def test_effects_that_were_tried_get_sliders_and_buttons(pink):
     assert play.left_out == ("lowpass",)
 
 
+def test_an_effect_without_a_slider_takes_no_law_away(pink):
+    """A compliant support has no amount: chosen by a diagnosis, it is named, and the other laws stay."""
+    board = with_effects(pink, coulomb=(0.12,))
+    parameters = {
+        "stiffness": STIFF, "damping": DAMP, "rest_angle": 0.01, "coulomb.torque": 0.12,
+        "second-mode.inertia": 0.004, "second-mode.stiffness": 60.0, "second-mode.damping": 0.1,
+    }  # fmt: skip
+    best = {"effects": ["second-mode"], "parameters": {n: {"value": v} for n, v in parameters.items()}}
+    content = {"verdict": {}, "score_std": [], "best": best, "candidates": []}
+    play = playground(
+        evidence_of(board, recording(pink), with_effects(pink)), LastDiagnosis(content, is_current=True)
+    )
+    assert [preset.label for preset in play.presets] == ["as it stood", "the record"]
+    assert play.presets[play.settings["begin"]].label == "the record"
+    assert play.left_out == ("second-mode",)
+
+
 def test_a_long_log_is_carried_as_means(pink, opened, monkeypatch):
     monkeypatch.setattr("reports.playground.MOST_SAMPLES", 500)
     board = with_effects(pink, coulomb=(0.1,))

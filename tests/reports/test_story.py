@@ -8,14 +8,14 @@ import pytest
 from decay_truth import Recipe, make_roll
 
 from reports.figures.story import panels, story_figure
-from reports.story import STOOD, Ranked, Step, law_of_candidate, ranked, tell
+from reports.story import RECORD, STOOD, Ranked, Step, law_of_candidate, ranked, tell, times
 from sysid.board import load_board
 from sysid.joint import JointLaw
 from sysid.releases import find_releases
 from sysid.workspace import shipped_data
 
-FRICTION = 0.15
-"""Of the truth [N*m]."""
+STIFF, DAMP, FRICTION = 14.68, 0.06, 0.15
+"""Of the truth [N*m/rad, N*m*s/rad, N*m]."""
 
 
 @pytest.fixture(scope="module")
@@ -24,19 +24,23 @@ def pink():
 
 
 @pytest.fixture(scope="module")
-def story(pink):
-    """Dry friction hidden in a light decay whose spring and damper are known."""
-    inertia, stiffness, damping = pink.inertia.value, 14.68, 0.06
+def data(pink):
+    """Dry friction hidden in a light decay."""
 
     def law(angle, rate):
-        return (-stiffness * angle - damping * rate - FRICTION * np.tanh(rate / 1e-3)) / inertia
+        return (-STIFF * angle - DAMP * rate - FRICTION * np.tanh(rate / 1e-3)) / pink.inertia.value
 
-    roll = make_roll(Recipe(law=law, sampling=500, amplitudes=(0.2, -0.15, 0.18), noise=2e-4))
-    before = JointLaw(inertia=inertia, stiffness=stiffness, damping=damping)
+    return find_releases(make_roll(Recipe(law=law, sampling=500, amplitudes=(0.2, -0.15, 0.18), noise=2e-4)))
+
+
+@pytest.fixture(scope="module")
+def story(pink, data):
+    """Its spring and damper are known."""
+    before = JointLaw(inertia=pink.inertia.value, stiffness=STIFF, damping=DAMP)
     after = before.with_effect("coulomb", FRICTION)
     models = ranked([(("coulomb",), 0.0, 0.0), ((), 400.0, 30.0), (("x",), 500.0, None)], ("coulomb",))
     return tell(
-        find_releases(roll), pink, before=before, after=after, effects=("coulomb",),
+        data, pink, before=before, after=after, effects=("coulomb",),
         steps=(Step("k and d refitted", 2.0, 2.1),), heldout=1.1, ranked=models,
     )  # fmt: skip
 
@@ -108,6 +112,28 @@ def test_a_panel_without_data_is_not_drawn(story):
     bare = replace(story, over_rate=None, over_angle=None, ranked=(), before=None)
     assert [panel.name for panel in panels(bare)] == ["decay", "ladder", "whiteness"]
     assert story_figure(bare, "a title").axes
+
+
+def test_a_label_names_few_effects_and_an_error_has_no_exponent(pink, data):
+    law = JointLaw.from_board(pink)
+    rich = law.with_effect("coulomb", 0.1).with_effect("cubic-stiffness", 1.0).with_effect("gravity", 0.1)
+    told = tell(data, pink, before=law, after=rich, effects=("coulomb", "cubic-stiffness", "gravity"))
+    assert told.labels == (STOOD, "with all 3 effects")
+    assert [times(error) for error in (0.5, 12.34, 3456.7)] == ["0.5", "12.3", "3457"]
+
+
+def test_a_record_of_other_logs_is_called_so(pink, data):
+    law = JointLaw.from_board(pink)
+    told = tell(
+        data,
+        pink,
+        before=law,
+        after=replace(law, damping=0.5),
+        effects=(),
+        steps=[Step("k and d refitted", 1.0)],
+        label=RECORD,
+    )
+    assert [step.label for step in told.steps] == [STOOD, RECORD, "k and d refitted"]
 
 
 def test_a_law_comes_back_from_the_file_of_a_diagnosis(pink):

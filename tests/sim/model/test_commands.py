@@ -15,6 +15,7 @@ from sim.model.setup import Setup
 from sim.model.subject import board_of
 from sysid.synth import SynthOptions, synthesise
 from sysid.synth.sensors import Sensor
+from sysid.workspace import Workspace
 
 KNEE = {"damping": 0.035, "coulomb.torque": 0.02, "armature.inertia": 0.002}
 LIFT = {"stiffness": 212.0, "damping": 1.1, "rest_angle": 0.028}
@@ -64,6 +65,13 @@ def test_fit_finds_the_truth_and_shows_the_change(mended):
     assert "+++ " in done.stdout
     assert 'range="-150 150" damping="0.03' in done.stdout
     assert "known from the model, not fitted" in done.stderr
+
+
+def test_the_record_begins_with_what_the_model_said(mended):
+    folder, _ = mended
+    stood = Workspace(folder).first("arm_knee")
+    assert stood.damping == 0.02
+    assert not stood.fit
 
 
 def test_the_gate_lets_only_the_mended_model_pass(mended):
