@@ -23,11 +23,12 @@ import casadi as ca
 import mujoco
 import numpy as np
 from mujoco import rollout
+from mujoco_rollout import rollout_function
 from scipy.optimize import least_squares
 
 from sysid.board import load_board
 from sysid.fitting.joint import fit_joint
-from sysid.joint.mujoco_step import Hinge, rollout_function
+from sysid.joint.mujoco_step import Hinge
 from sysid.quantity import Quantity
 from sysid.roll import Release
 from sysid.workspace import shipped_data

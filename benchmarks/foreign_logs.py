@@ -10,6 +10,7 @@ import json
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -71,19 +72,25 @@ def foreign(folder: Path, board_name: str, only: str, part: slice) -> None:
     print(f"{hits} of {count} right")
 
 
-def main() -> None:
+def options_of(description: str | None, option: str, **more: Any) -> argparse.Namespace:
+    """Read the command line of a benchmark on a folder of logs, with one option more; end where there is no such folder."""
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        description=description, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("folder", type=Path)
     parser.add_argument("--board", default="pink")
     parser.add_argument("--only", default="", help="part of the name")
-    parser.add_argument("--part", default="0/1", help="i/n: every n-th log from the i-th on")
+    parser.add_argument(option, **more)
     options = parser.parse_args()
     if not options.folder.exists():
         print(f"{options.folder}: absent, nothing to run")
         sys.exit(0)
     np.seterr(all="ignore")
+    return options
+
+
+def main() -> None:
+    options = options_of(__doc__, "--part", default="0/1", help="i/n: every n-th log from the i-th on")
     first, step = map(int, options.part.split("/"))
     foreign(options.folder, options.board, options.only, slice(first, None, step))
 

@@ -30,6 +30,8 @@ from sysid.fit_mjcf import fit
 from sysid.roll import Array
 
 RESULT = Path(__file__).parent / "results" / "joint_peers.md"
+USUAL = 0.02
+"""Inertia of a joint for which the bounds below are wide [kg*m^2]; those of a smaller one shrink with it."""
 BOUNDS = {
     "stiffness": (50.0, 1000.0), "damping": (1e-6, 5.0), "rest_angle": (-0.1, 0.1), "coulomb.torque": (1e-6, 0.5),
     "armature.inertia": (1e-7, 0.1),
@@ -63,6 +65,7 @@ def identify(
     logs: list[tuple[Array, Array]],
     starts: list[Array],
     names: list[str],
+    bounds: dict[str, tuple[float, float]],
 ) -> tuple[Array, Array, str]:
     """Return values, half-widths of their 95 % intervals and insights of mujoco.sysid: what a user of it writes."""
     from mujoco import sysid
@@ -104,7 +107,7 @@ def identify(
     )
     parameters = sysid.ParameterDict()
     for name in names:
-        low, high = BOUNDS[name]
+        low, high = bounds[name]
         begin = min(max(begins[name], low + 0.01 * (high - low)), high)
         parameters.add(sysid.Parameter(name, begin, low, high, modifier=setters[name]))
     channel = (f"{joint}_qpos", sysid.SignalType.MjStateQPos)
@@ -146,9 +149,11 @@ def theirs(name: str, seed: int, *, without: str = "") -> Answer:
         logs.append((release.time, release.roll + hangs))
         starts.append(data.qpos[where].copy())
     names = [key for key in case.truth if key != without]
+    size = min(1.0, made[0].inertia.value / USUAL)
+    bounds = {key: (size * low, size * high) for key, (low, high) in BOUNDS.items()}
     begin = time.perf_counter()
     with contextlib.redirect_stdout(io.StringIO()):
-        values, half, says = identify(file, case.joint, keep, logs, starts, names)
+        values, half, says = identify(file, case.joint, keep, logs, starts, names, bounds)
     seconds = time.perf_counter() - begin
     # The truth's armature is what the model lacks; its own is fitted here.
     own = mujoco.MjSpec.from_file(str(file)).joint(case.joint).armature

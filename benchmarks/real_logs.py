@@ -7,13 +7,11 @@ independent fit. A torque is learned beside what is named wherever that leaves m
 offer it or not. Seconds are of one processor.
 """
 
-import argparse
-import sys
 import time
 from pathlib import Path
 
 import numpy as np
-from foreign_logs import verdicts
+from foreign_logs import options_of, verdicts
 from pages import write_between
 
 from sysid.board import load_board
@@ -47,19 +45,9 @@ LOGS: dict[str, tuple[set[str], set[str]]] = {
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    options = options_of(
+        __doc__, "--write", type=Path, help="page with <!-- real logs --> marks to write the table into"
     )
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--board", default="pink")
-    parser.add_argument("--only", default="", help="part of the name")
-    parser.add_argument(
-        "--write", type=Path, help="page with <!-- real logs --> marks to write the table into"
-    )
-    options = parser.parse_args()
-    if not options.folder.exists():
-        print(f"{options.folder}: absent, nothing to run")
-        sys.exit(0)
     np.seterr(all="ignore")
     board = load_board(ROOT / f"data/boards/{options.board}.toml")
     rows = [

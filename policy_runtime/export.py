@@ -72,11 +72,8 @@ def export_folder(
     """Write the folder and return its files.
 
     Args:
-        board: The record.
         folder: Where to write; made if need be, and replaced only where it is an exported folder.
         policy: ONNX policy to put in; checked against robot and board.
-        coupling: How tilt steers the trucks.
-        terrain: The ground.
         force: See `policy_file.open_policy`.
 
     Raises:

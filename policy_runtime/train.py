@@ -289,9 +289,6 @@ def save(
     """Write a checkpoint in one step.
 
     Args:
-        folder: The run's folder.
-        env: The worlds.
-        algorithm: The learner.
         curriculum: How hard the task is, if that is led.
         done: What has been done.
         states: What `random_states` returns.

@@ -24,7 +24,8 @@ Kind = Literal["bench", "scene"]
 OLDEST = "3.11"
 """The oldest MuJoCo that a file with `exact_effects=False` is written for."""
 FINE_STEP = 0.001
-"""Up to this step a bench is written with its physical parameters [s]."""
+"""Up to this step a bench is written with its physical parameters [s]: its decay is off by 0.7 % (pink) and 1.1 % (black), within
+the gate's 2 %; at twice the step it would be 2.2 %."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,12 +60,8 @@ def board_mjcf(
     """Write a board as MJCF.
 
     Args:
-        board: The record, in physical parameters.
-        kind: Bench or scene.
         timestep: [s].
-        integrator: MuJoCo's name of the integrator.
         export: Which parameters are written; `default_export` if None.
-        coupling: How tilt steers the trucks of the scene.
         exact_effects: False writes effects that need a MuJoCo newer than 3.11 as their substitutes.
 
     Raises:
@@ -112,12 +109,7 @@ def _commented(spec: mujoco.MjSpec, comments: Sequence[tuple[str, Sequence[str]]
 
 
 def _comments(
-    board: Board,
-    done: Compensation,
-    kind: Kind,
-    export: Export,
-    coupling: Coupling,
-    version: str,
+    board: Board, done: Compensation, kind: Kind, export: Export, coupling: Coupling, version: str
 ) -> list[tuple[str, list[str]]]:
     """Return for each kind of element a pattern of its line, and what to say above it."""
     written = done.board

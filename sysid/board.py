@@ -43,6 +43,11 @@ ROLLING_UNITS = {"deceleration": "m/s^2"}
 """Loss of speed at 1 m/s on level ground, whoever rides."""
 PUBLISHED_UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad"}
 
+OPTIONAL = {
+    "geometry": GEOMETRY_UNITS, "mass": MASS_UNITS, "decay": DECAY_UNITS, "rolling": ROLLING_UNITS,
+    "published": PUBLISHED_UNITS,
+}  # fmt: skip
+"""Sections that a record may do without."""
 LARGEST = 1e300
 """Above, a number counts as infinite [1]."""
 PHYSICAL = {
@@ -77,8 +82,8 @@ class Board:
     name: str
     description: str
     source: str
-    geometry: Mapping[str, Quantity]
-    mass: Mapping[str, Quantity]
+    geometry: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
+    mass: Mapping[str, Quantity] = field(default_factory=dict[str, Quantity])
     inertia: Quantity
     """Roll inertia of what turns with the deck, about the tilt axis [kg*m^2]."""
     tilt: Mapping[str, Quantity]
@@ -275,17 +280,12 @@ def board_to_toml(board: Board) -> str:
     document["name"] = board.name
     document["description"] = board.description
     document["source"] = board.source
-    for section, quantities in (("geometry", board.geometry), ("mass", board.mass)):
-        if quantities:
-            document[section] = _quantities(quantities)
-    document["inertia"] = {**_fields(board.inertia), "method": board.inertia.method}
-    if board.decay:
-        document["decay"] = _quantities(board.decay)
-    if board.published:
-        document["published"] = _quantities(board.published)
-    document["tilt"] = _quantities(board.tilt)
-    if board.rolling:
-        document["rolling"] = _quantities(board.rolling)
+    for section in ("geometry", "mass", "inertia", "decay", "published", "tilt", "rolling"):
+        content = getattr(board, section)
+        if section == "inertia":
+            document[section] = {**_fields(board.inertia), "method": board.inertia.method}
+        elif content:
+            document[section] = _quantities(content)
     if board.effects:
         effects = tomlkit.aot()
         for effect in board.effects:
@@ -344,25 +344,19 @@ class _Reader:
             name=self._text(raw, "name"),
             description=self._text(raw, "description"),
             source=self._text(raw, "source"),
-            geometry=self._quantities(raw, "geometry", GEOMETRY_UNITS) if "geometry" in raw else {},
-            mass=self._quantities(raw, "mass", MASS_UNITS) if "mass" in raw else {},
             inertia=self._quantity(inertia, "inertia", kind("kg*m^2"), positive=True).with_method(
                 self._text(inertia, "method", "inertia.method")
             ),
             tilt=self._quantities(
                 raw, "tilt", {n: kind(u) for n, u in TILT_UNITS.items()}, may_be_negative=("rest_angle",)
             ),
-            decay=self._quantities(raw, "decay", DECAY_UNITS) if "decay" in raw else {},
-            rolling=self._quantities(raw, "rolling", ROLLING_UNITS) if "rolling" in raw else {},
-            published=self._quantities(raw, "published", PUBLISHED_UNITS) if "published" in raw else {},
             effects=tuple(
                 self._effect(f"effect[{i}]", raw_effect, kind)
                 for i, raw_effect in enumerate(self._tables(raw, "effect"))
             ),
-            fit=self._table(raw, "fit") if "fit" in raw else {},
-            check=self._table(raw, "check") if "check" in raw else {},
-            model=self._table(raw, "model") if "model" in raw else {},
             history=tuple(self._tables(raw, "history")),
+            **{name: self._quantities(raw, name, units) for name, units in OPTIONAL.items() if name in raw},
+            **{name: self._table(raw, name) for name in ("fit", "check", "model") if name in raw},
         )
 
     def _effect(self, where: str, raw: Mapping[str, Any], unit_of: Callable[[str], str]) -> BoardEffect:

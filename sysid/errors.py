@@ -1,7 +1,8 @@
 """The one exception that a user may see."""
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Generator, Iterable
+from contextlib import contextmanager
 
 
 class SysidError(Exception):
@@ -28,6 +29,26 @@ class QualityGateError(SysidError):
     """The computation went well and its answer is no (see `check`)."""
 
     exit_code = 3
+
+
+@contextmanager
+def needs_extra(extra: str, what: str, otherwise: str = "") -> Generator[None]:
+    """Say of which extra a package is that cannot be imported, and what to do without it.
+
+    Args:
+        extra: Of pyproject.toml.
+        what: Cannot be done, such as 'log.h5: reading HDF5'.
+        otherwise: A sentence, or nothing.
+
+    Raises:
+        SysidError: It cannot be imported.
+    """
+    try:
+        yield
+    except ImportError as error:
+        raise SysidError(
+            f"{what} needs an extra: pip install 'husky-sysid[{extra}]' (missing: {error.name}). {otherwise}".rstrip()
+        ) from error
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

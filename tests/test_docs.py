@@ -216,6 +216,7 @@ def test_which_lines_are_commands() -> None:
         blocks("<!-- not run:  -->\n```console\n$ husky-sysid boards\n```\n")
 
 
+@pytest.mark.slow
 def test_the_runner_can_fail(tmp_path: Path) -> None:
     (tmp_path / "runs").mkdir()
     assert faults(SAMPLE, tmp_path) == []

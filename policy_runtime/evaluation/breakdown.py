@@ -4,7 +4,7 @@ Each `Table` asks one question of recorded rides. Its cells are sums and numbers
 tables of many rides add up to the table of all.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -28,6 +28,8 @@ CLOSE = 0.1
 
 Cell = tuple[float, int]
 """Sum over steps, and how many steps."""
+Labelled = tuple[str, Flags]
+"""What some steps are called, and which they are, (t, n)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,22 +111,34 @@ def break_down(rides: Rides, clock: Clock | None = None) -> tuple[Table, ...]:
     """Return every table.
 
     Args:
-        rides: Recorded episodes.
         clock: Lengths of the stretches that the rides were timed by.
     """
     clock = clock or Clock()
     push = _Stretches(rides.pushing & rides.alive, clock.push)
     steer = _Stretches(rides.steering & rides.alive, clock.steer)
+    speeds = _classes(rides.commanded_speed, SPEED_EDGES, "m/s")
+    speed = _means(_speeds(rides))
+    heading = _means(_headings(rides, steer))
+    pushing, steering = (
+        _means(_feet(rides, wrong(rides))) for wrong in (wrong_in_pushing, wrong_in_steering)
+    )
+    which = (("first", push.number == 0), ("later", push.number > 0))
+    by_speed = [(f"{label}, {name}", chosen & one) for label, one in speeds for name, chosen in which]
+    at_the_end = steer.inside & (steer.place == steer.length - 1)
+    turn = _turn(rides, steer)
+    turns = [*_classes(np.abs(turn), TURN_EDGES, "rad"), ("left", turn > 0), ("right", turn < 0)]
+    ends = (("", steer.inside), (", at the end", at_the_end))
+    by_turn = [(f"{label}{name}", chosen & one) for label, one in turns for name, chosen in ends]
+    by_stretch = "heading by steering stretch and by commanded speed, rad, m/s"
     return (
-        _speed_by_stretch(rides, push),
-        _speed_by_command(rides, push),
-        _speed_by_time(rides, push, "first", push.number == 0),
-        _speed_by_time(rides, push, "later", push.number > 0),
-        _feet_by_stretch(rides, push),
-        _feet_by_time(rides, push, "pushing", wrong_in_pushing(rides)),
-        _feet_by_time(rides, steer, "steering", wrong_in_steering(rides)),
-        _heading_by_stretch(rides, steer),
-        _heading_by_command(rides, steer),
+        speed("speed by pushing stretch, m/s", push.and_all()),
+        speed("speed by command, in the first and in later pushing stretches, m/s", by_speed),
+        *(_speed_by_time(rides, push, speeds, name, chosen) for name, chosen in which),
+        pushing("feet in pushing, shares of steps, by stretch and by command", push.and_all(speeds)),
+        pushing("feet by time in pushing, shares of steps", push.parts()),
+        steering("feet by time in steering, shares of steps", steer.parts()),
+        heading(by_stretch, steer.and_all(speeds)),
+        heading("heading by turn asked for, rad, m/s", by_turn),
         _heading_by_time(rides, steer),
     )
 
@@ -142,20 +156,26 @@ class _Stretches:
         """First step of the stretch that a step is in, (t, n)."""
         self.place = np.where(inside, steps - self.begin, -1)
 
-    def parts(self) -> Iterator[tuple[str, Flags]]:
+    def parts(self) -> Iterator[Labelled]:
         """Yield equal parts of the stretch in time, labelled in seconds since its begin."""
         edges = np.linspace(0, self.length, PARTS + 1)
         for low, high in pairwise(edges):
             where = self.inside & (self.place >= low) & (self.place < high)
             yield f"{low * CONTROL_PERIOD:.2f}-{high * CONTROL_PERIOD:.2f} s", where
 
-    def stretches(self) -> Iterator[tuple[str, Flags]]:
+    def stretches(self) -> Iterator[Labelled]:
         """Yield the first, second, ... stretch of the episodes."""
         for number in range(int(self.number.max(initial=-1)) + 1):
             yield f"stretch {number + 1}", self.number == number
 
+    def and_all(self, classes: Sequence[Labelled] = ()) -> Iterator[Labelled]:
+        """Yield all steps, then those of each stretch, then those of some classes."""
+        yield "all", self.inside
+        yield from self.stretches()
+        yield from ((label, self.inside & of_class) for label, of_class in classes)
 
-def _classes(values: Array, edges: tuple[float, ...], unit: str) -> list[tuple[str, Flags]]:
+
+def _classes(values: Array, edges: tuple[float, ...], unit: str) -> list[Labelled]:
     return [
         (f"{low:g}-{high:g} {unit}", (values >= low) & ((values < high) | (high == edges[-1])))
         for low, high in pairwise(edges)
@@ -166,74 +186,51 @@ def _cell(values: Any, where: Flags) -> Cell:
     return float(values[where].sum()), int(where.sum())
 
 
-_SPEED = ("|v-v_cmd|", "v-v_cmd", "v", "v_cmd")
+def _means(columns: Mapping[str, Any]) -> Callable[[str, Iterable[Labelled]], Table]:
+    """Return what makes the table of some columns, (t, n) each, with a row for each label's steps."""
+
+    def table(title: str, rows: Iterable[Labelled]) -> Table:
+        cells = {label: tuple(_cell(values, where) for values in columns.values()) for label, where in rows}
+        return Table(title, tuple(columns), cells)
+
+    return table
 
 
-def _speed_row(rides: Rides, where: Flags) -> tuple[Cell, ...]:
+def _speeds(rides: Rides) -> dict[str, Any]:
     error = rides.speed - rides.commanded_speed
-    values = (np.abs(error), error, rides.speed, rides.commanded_speed)
-    return tuple(_cell(value, where) for value in values)
+    return {"|v-v_cmd|": np.abs(error), "v-v_cmd": error, "v": rides.speed, "v_cmd": rides.commanded_speed}
 
 
-def _speed_by_stretch(rides: Rides, push: _Stretches) -> Table:
-    rows = {label: _speed_row(rides, where) for label, where in push.stretches()}
-    return Table("speed by pushing stretch, m/s", _SPEED, {"all": _speed_row(rides, push.inside), **rows})
-
-
-def _speed_by_command(rides: Rides, push: _Stretches) -> Table:
-    rows: dict[str, tuple[Cell, ...]] = {}
-    for label, of_class in _classes(rides.commanded_speed, SPEED_EDGES, "m/s"):
-        rows[f"{label}, first"] = _speed_row(rides, (push.number == 0) & of_class)
-        rows[f"{label}, later"] = _speed_row(rides, (push.number > 0) & of_class)
-    return Table("speed by command, in the first and in later pushing stretches, m/s", _SPEED, rows)
-
-
-def _speed_by_time(rides: Rides, push: _Stretches, which: str, chosen: Flags) -> Table:
+def _speed_by_time(
+    rides: Rides, push: _Stretches, speeds: Sequence[Labelled], which: str, chosen: Flags
+) -> Table:
     error = rides.speed - rides.commanded_speed
-    classes = [
-        ("all", push.inside),
-        *((f"v_cmd {label}", flags) for label, flags in _classes(rides.commanded_speed, SPEED_EDGES, "m/s")),
-    ]
+    classes = {"all": push.inside} | {f"v_cmd {label}": flags for label, flags in speeds}
     rows = {
-        part: tuple(_cell(error, where & chosen & of_class) for _, of_class in classes)
+        part: tuple(_cell(error, where & chosen & of_class) for of_class in classes.values())
         for part, where in push.parts()
     }
-    title = f"v-v_cmd by time in the {which} pushing stretch, m/s"
-    return Table(title, tuple(label for label, _ in classes), rows)
+    return Table(f"v-v_cmd by time in the {which} pushing stretch, m/s", tuple(classes), rows)
 
 
-_FEET = ("wrong", "right off deck", "left on deck", "right on ground", "left off deck", "left on ground")
-
-
-def _feet_row(rides: Rides, where: Flags, wrong: Flags) -> tuple[Cell, ...]:
+def _feet(rides: Rides, wrong: Flags) -> dict[str, Any]:
     ground, deck = rides.foot_on_ground, rides.foot_on_deck
-    flags = (wrong, ~deck[..., 1], deck[..., 0], ground[..., 1], ~deck[..., 0], ground[..., 0])
-    return tuple(_cell(flag, where) for flag in flags)
+    return {
+        "wrong": wrong, "right off deck": ~deck[..., 1], "left on deck": deck[..., 0],
+        "right on ground": ground[..., 1], "left off deck": ~deck[..., 0], "left on ground": ground[..., 0],
+    }  # fmt: skip
 
 
-def _feet_by_stretch(rides: Rides, push: _Stretches) -> Table:
-    wrong = wrong_in_pushing(rides)
-    rows = {"all": _feet_row(rides, push.inside, wrong)}
-    for label, where in push.stretches():
-        rows[label] = _feet_row(rides, where, wrong)
-    for label, of_class in _classes(rides.commanded_speed, SPEED_EDGES, "m/s"):
-        rows[label] = _feet_row(rides, push.inside & of_class, wrong)
-    return Table("feet in pushing, shares of steps, by stretch and by command", _FEET, rows)
-
-
-def _feet_by_time(rides: Rides, stretches: _Stretches, name: str, wrong: Flags) -> Table:
-    rows = {part: _feet_row(rides, where, wrong) for part, where in stretches.parts()}
-    return Table(f"feet by time in {name}, shares of steps", _FEET, rows)
-
-
-_HEADING = ("|error|", "error along the turn", f"beyond {CLOSE:g} rad", "v")
-"""An error along the turn is positive where the board has turned too far."""
-
-
-def _heading_row(rides: Rides, where: Flags, turn: Array) -> tuple[Cell, ...]:
+def _headings(rides: Rides, steer: _Stretches) -> dict[str, Any]:
+    """Return the columns of a heading; an error along the turn is positive where the board has turned too far."""
     error = wrap_angle(rides.heading - rides.target_heading)
-    values = (np.abs(error), error * np.sign(turn), np.abs(error) > CLOSE, rides.speed)
-    return tuple(_cell(value, where) for value in values)
+    size, along = np.abs(error), error * np.sign(_turn(rides, steer))
+    return {
+        "|error|": size,
+        "error along the turn": along,
+        f"beyond {CLOSE:g} rad": size > CLOSE,
+        "v": rides.speed,
+    }
 
 
 def _turn(rides: Rides, steer: _Stretches) -> Array:
@@ -242,43 +239,13 @@ def _turn(rides: Rides, steer: _Stretches) -> Array:
     return np.where(steer.inside, wrap_angle(rides.target_heading - start), 0.0)
 
 
-def _heading_by_stretch(rides: Rides, steer: _Stretches) -> Table:
-    turn = _turn(rides, steer)
-    rows = {"all": _heading_row(rides, steer.inside, turn)}
-    for label, where in steer.stretches():
-        rows[label] = _heading_row(rides, where, turn)
-    for label, of_class in _classes(rides.commanded_speed, SPEED_EDGES, "m/s"):
-        rows[label] = _heading_row(rides, steer.inside & of_class, turn)
-    return Table("heading by steering stretch and by commanded speed, rad, m/s", _HEADING, rows)
-
-
-def _heading_by_command(rides: Rides, steer: _Stretches) -> Table:
-    turn = _turn(rides, steer)
-    last = steer.inside & (steer.place == steer.length - 1)
-    rows: dict[str, tuple[Cell, ...]] = {}
-    sides = [("left", turn > 0), ("right", turn < 0)]
-    for label, of_class in [*_classes(np.abs(turn), TURN_EDGES, "rad"), *sides]:
-        rows[label] = _heading_row(rides, steer.inside & of_class, turn)
-        rows[f"{label}, at the end"] = _heading_row(rides, last & of_class, turn)
-    return Table("heading by turn asked for, rad, m/s", _HEADING, rows)
-
-
 def _heading_by_time(rides: Rides, steer: _Stretches) -> Table:
-    turn = _turn(rides, steer)
-    error = wrap_angle(rides.heading - rides.target_heading)
-    along, large = error * np.sign(turn), np.abs(turn) >= 0.4
+    size, along, *_ = _headings(rides, steer).values()
+    large = np.abs(_turn(rides, steer)) >= 0.4
+    classes = {"": steer.inside, ", turn > 0.4": large, ", turn < 0.4": ~large}
     rows = {
-        part: (
-            _cell(np.abs(error), where),
-            _cell(along, where),
-            _cell(np.abs(error), where & large),
-            _cell(along, where & large),
-            _cell(np.abs(error), where & ~large),
-            _cell(along, where & ~large),
-        )
+        part: tuple(_cell(v, where & of_class) for of_class in classes.values() for v in (size, along))
         for part, where in steer.parts()
     }
-    columns = tuple(
-        f"{kind}{which}" for which in ("", ", turn > 0.4", ", turn < 0.4") for kind in ("|error|", "along")
-    )
+    columns = tuple(f"{kind}{which}" for which in classes for kind in ("|error|", "along"))
     return Table("heading error by time in steering, rad", columns, rows)

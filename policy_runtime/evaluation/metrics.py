@@ -183,9 +183,6 @@ def asked_course(steering: Flags, target_heading: Array, heading: Array) -> Arra
 def reachable_headings(rides: Rides) -> Array:
     """Return every steering stretch as (turn asked for, turn achieved, speed at its start), shape (m, 3).
 
-    Args:
-        rides: Recorded episodes.
-
     Returns:
         [rad], [rad], [m/s], one row for each stretch that came to its end.
     """

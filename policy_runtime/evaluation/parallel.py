@@ -9,7 +9,6 @@ import math
 import sys
 from collections.abc import Callable
 from contextlib import redirect_stdout
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +24,7 @@ from sim.skate.cycle.clock import CONTROL_PERIOD
 from sim.skate.mdp.actor_observation import OBSERVATION_SIZE
 from sim.skate.robot.g1 import JOINTS
 from sysid.board import Board
-from sysid.errors import SysidError
+from sysid.errors import SysidError, needs_extra
 from sysid.roll import Array
 
 COLUMNS = {
@@ -49,7 +48,6 @@ class BatchPolicy:
 
         Args:
             policy: Path of an ONNX file, or 'zero'.
-            board: The record to ride.
             force: See `policy_file.open_policy`.
 
         Raises:
@@ -67,13 +65,9 @@ class BatchPolicy:
             raise SysidError(
                 f"{policy}: takes {file.size} numbers, the task gives {OBSERVATION_SIZE}. Evaluate it in plain MuJoCo."
             )
-        try:
+        with needs_extra("run", "evaluating in parallel"):
             import onnx
             import onnxruntime
-        except ImportError as error:
-            raise SysidError(
-                f"evaluating in parallel needs {error.name}. Run `pip install onnx onnxruntime`."
-            ) from error
         model = onnx.load(policy)
         for value in (*model.graph.input, *model.graph.output):
             value.type.tensor_type.shape.dim[0].dim_param = "n"
@@ -105,10 +99,8 @@ def evaluate_in_parallel(
 
     Args:
         policy: Path of an ONNX file, or 'zero'.
-        board: The record to ride.
         episodes: Episodes of each seed, side by side.
         seeds: Seeds of commands, starts and shoves.
-        protocol: What the episodes are like.
         device: 'cuda:0' or 'cpu'; the first GPU if there is one.
         force: See `policy_file.open_policy`.
         progress: Called with the number of episodes just done.
@@ -133,23 +125,13 @@ def evaluate_in_parallel(
     return summarise(parts, batch.name, board.name)
 
 
-@dataclass(frozen=True, slots=True)
-class _Worlds:
-    env: Any
-    torch: Any
-
-
 def _worlds(
     board: Board, count: int, seed: int, protocol: Protocol, device: str | None, *, turn_feedback: bool
-) -> _Worlds:
-    try:
+) -> tuple[Any, Any]:
+    """Return the environments, and torch."""
+    with needs_extra("train", "evaluating in parallel", "Or evaluate in plain MuJoCo."):
         import torch
         from mjlab.envs import ManagerBasedRlEnv
-    except ImportError as error:
-        raise SysidError(
-            f"evaluating in parallel needs mjlab and torch ({error.name} is missing). Run `pip install mjlab`, "
-            "or evaluate in plain MuJoCo."
-        ) from error
     from sim.skate.cycle.start import Start
     from sim.skate.options import SkateOptions, Variation
     from sim.skate.task import skate_env_cfg
@@ -176,19 +158,18 @@ def _worlds(
     cfg = skate_env_cfg(scaled_board(board, protocol.board_scale), options, environments=count, seed=seed)
     if not protocol.randomised:
         cfg.events = {name: event for name, event in cfg.events.items() if event.mode != "startup"}
-    return _Worlds(ManagerBasedRlEnv(cfg, device=device), torch)
+    return ManagerBasedRlEnv(cfg, device=device), torch
 
 
 def _ride(
     policy: BatchPolicy, board: Board, count: int, seed: int, protocol: Protocol, device: str | None
 ) -> tuple[Rides, list[str], list[Array]]:
     """Ride every environment until its first episode is over."""
-    worlds = _worlds(board, count, seed, protocol, device, turn_feedback=policy.turn_feedback)
+    env, torch = _worlds(board, count, seed, protocol, device, turn_feedback=policy.turn_feedback)
     # After it has made sure of torch and mjlab, which these need.
     from sim.skate.mdp.measuring import measure
     from sim.skate.mdp.observations import skate_command
 
-    env, torch = worlds.env, worlds.torch
     rows: dict[str, list[Array]] = {name: [] for name in (*COLUMNS, "speed", "alive")}
     where: list[Array] = []
     running, succeeded = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)

@@ -131,8 +131,6 @@ def run_episode(
 
     Args:
         world: The world; left where the episode ended.
-        policy: What to ride with.
-        protocol: What the episode is like.
         rng: Draws commands, joint deviations and shoves.
     """
     world.reset(rng=rng)
@@ -225,11 +223,7 @@ def evaluate_policy(
 
     Args:
         policy: Name of a scripted policy or path of an ONNX file.
-        board: The record to ride.
-        episodes: Episodes of each seed.
         seeds: Seeds; an episode is drawn from its seed and its number, whatever the workers.
-        protocol: What the episodes are like.
-        workers: Processes to share the work.
         force: See `policy_file.open_policy`.
         progress: Called with the number of episodes just done.
 

@@ -1,6 +1,6 @@
 """What a simulated ride looked like: one row a policy step, for metrics, pictures and Rerun."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -71,31 +71,10 @@ class Recording:
         Raises:
             SysidError: The folder cannot be written to.
         """
-        names = (
-            "time",
-            "step",
-            "command",
-            "qpos",
-            "target",
-            "action",
-            "target_heading",
-            "course",
-            "torque",
-            "joints",
-        )
-        truths = (
-            "board_position",
-            "board_heading",
-            "board_speed",
-            "roll",
-            "trucks",
-            "pelvis_position",
-            "upright",
-        )
-        contacts = ("foot_on_ground", "foot_on_deck", "wheel_on_ground", "other_contacts", "energy")
         with atomic_path(path) as temporary, temporary.open("wb") as file:
-            columns: dict[str, Any] = {name: getattr(self, name) for name in names}
-            columns |= {name: self.column(name) for name in (*truths, *contacts)}
+            own = {field.name for field in fields(self)} - {"truth", "clock"}
+            columns: dict[str, Any] = {name: getattr(self, name) for name in own}
+            columns |= {field.name: self.column(field.name) for field in fields(Truth)}
             np.savez_compressed(file, **columns)
 
 

@@ -44,9 +44,6 @@ def part_of(seed: int, rides: Rides, endings: list[str], paths: list[Array]) -> 
     """Return what recorded episodes of one seed say.
 
     Args:
-        seed: The seed.
-        rides: The episodes.
-        endings: How each ended.
         paths: See `Part`.
     """
     return Part(
@@ -111,13 +108,7 @@ class Evaluation:
 
 
 def summarise(parts: list[Part], policy: str, board: str) -> Evaluation:
-    """Put what all parts say together; at least one part.
-
-    Args:
-        parts: In any order.
-        policy: Name of the policy.
-        board: Name of the board.
-    """
+    """Put what all parts say together; at least one part."""
     seeds = tuple(sorted({part.seed for part in parts}))
 
     def by_seed(values: dict[int, list[Array]]) -> list[Array]:

@@ -88,7 +88,6 @@ class StressedRobot(SimulatedRobot):
         """Take over a scene that `Stress.change` has changed.
 
         Args:
-            model: The scene.
             stress: What it was changed by.
             direct_rake: See `SimulatedRobot`.
         """

@@ -116,12 +116,10 @@ class AmpPPO(PPO):
         """Build PPO and the discriminator.
 
         Args:
-            args: For PPO.
             reference: Windows of the reference motions, (m, 5 · 23 + stretches) [rad], oldest frame first,
                 grouped by stretch.
             amp: Numbers of the style reward.
             graphs: Whether to learn by CUDA graphs; in one process on a GPU only.
-            kwargs: For PPO.
         """
         super().__init__(*args, **kwargs)
         self.amp = amp

@@ -27,7 +27,6 @@ def draw_curves(rows: Sequence[dict[str, float]], path: Path, title: str) -> Pat
     Args:
         rows: What `RunFolder.read_curves` returns, at least one.
         path: Where to write; the suffix chooses the format.
-        title: Heading of the picture.
 
     Raises:
         SysidError: The folder cannot be written to.

@@ -163,7 +163,6 @@ class SkateEnv(ManagerBasedRlEnv):
         """Build the worlds.
 
         Args:
-            cfg: The task.
             device: 'cpu' or 'cuda:N'.
             graphs: Whether to record CUDA graphs where there is a GPU.
         """

@@ -28,7 +28,6 @@ class Graphed:
         """Keep the function.
 
         Args:
-            function: What to do.
             device: Where; on 'cpu' it is never recorded.
             enabled: Whether to record at all.
             side_stream: Whether the calls before are made beside the main stream, as automatic differentiation

@@ -42,7 +42,6 @@ def export_policy(actor: Any, path: Path, metadata: dict[str, str]) -> None:
 
     Args:
         actor: The model; left as it is.
-        path: Where to write.
         metadata: See `policy_metadata`.
 
     Raises:

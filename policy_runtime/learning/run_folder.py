@@ -156,7 +156,6 @@ class RunFolder:
         """Write what a run needs before it starts: options, record, and where they came from.
 
         Args:
-            config: All options.
             record: The board's record file; it is copied.
             start_from: A checkpoint of another run to begin with; it is copied.
             gpus: What the run begins on, 0 for the CPU; it goes on there.
@@ -259,18 +258,10 @@ class RunFolder:
         return rows
 
 
-def newest_run(outputs: Path, *, free: bool = False) -> Path:
-    """Return the newest run's folder below a board's outputs, or the `free` one after it.
-
-    Raises:
-        SysidError: There is no run yet.
-    """
+def next_run(outputs: Path) -> Path:
+    """Return the folder of a new run below a board's outputs, numbered after the newest."""
     numbers = [int(path.name.removeprefix("train-")) for path in outputs.glob("train-*") if path.is_dir()]
-    if free:
-        return outputs / f"train-{max(numbers, default=0) + 1}"
-    if not numbers:
-        raise SysidError(f"{outputs}: no training run there. Make one with `husky-sysid train`.")
-    return outputs / f"train-{max(numbers)}"
+    return outputs / f"train-{max(numbers, default=0) + 1}"
 
 
 def _versions() -> dict[str, str]:

@@ -133,7 +133,6 @@ class Keyboard:
         """Take over the terminal until `close`.
 
         Args:
-            start: First command.
             descriptor: File descriptor of the terminal; standard input if None.
 
         Raises:

@@ -21,7 +21,6 @@ class Course:
         """Start straight on.
 
         Args:
-            clock: The cycle.
             hold: Make up for what earlier turns missed.
         """
         self._clock, self._hold = clock, hold
@@ -35,8 +34,6 @@ class Course:
         """Take one policy step; return the turn to tell the policy [rad] where steering begins, else None.
 
         Args:
-            state: The robot's.
-            step: Policy steps since the cycle began.
             turn: The turn asked for [rad].
         """
         clock, position = self._clock, step % self._clock.period

@@ -34,7 +34,6 @@ class Policy(Protocol):
         Args:
             state: What the robot knows of itself.
             command: What the rider shall do.
-            step: Policy steps since the cycle began.
         """
         ...
 

@@ -41,7 +41,6 @@ def open_policy(path: Path, board: Board | None = None, *, force: bool = False) 
     """Open an ONNX policy and check it against robot and board.
 
     Args:
-        path: The file.
         board: The record of the board to ride; None leaves the board unchecked.
         force: Run even where board and policy disagree or the board has not passed `check`.
 

@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from sysid.errors import SysidError
+from sysid.errors import SysidError, needs_extra
 
 PATIENCE = 10.0
 """Longest time to load a policy and to answer once [s]; shipped ones take 0.3 s with Python's start."""
@@ -57,12 +57,8 @@ def session_options() -> Any:
     os.environ.setdefault(
         "ORT_DISABLE_TELEMETRY", "1"
     )  # else importing it writes into the home folder and calls home
-    try:
+    with needs_extra("run", "running a policy"):
         import onnxruntime
-    except ImportError as error:
-        raise SysidError(
-            "running a policy needs onnxruntime, which is not installed. Run `pip install husky-sysid[run]`."
-        ) from error
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 4

@@ -83,8 +83,6 @@ def prepare(options: Preparation, loop: Ticks, log: Callable[[str, str], None]) 
     """Bring the robot to the start pose and return its delay.
 
     Args:
-        options: How.
-        loop: Lets time pass.
         log: Takes kind and text of what happens.
 
     Raises:
@@ -136,7 +134,6 @@ def measure_delay(pose: Array, loop: Ticks) -> Delay:
 
     Args:
         pose: Joint angles around which to step [rad], shape (23,).
-        loop: Lets time pass.
 
     Raises:
         StoppedError: The motor does not answer.

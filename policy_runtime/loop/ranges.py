@@ -7,7 +7,7 @@ turned, a joint in another order or unit, a robot in another pose stand out in u
 and last action are no measurements and are left out: what is not obeyed wanders off.
 """
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from policy_runtime.loop.policy import OnnxPolicy
 from policy_runtime.robots import RobotState
 from sim.skate.robot.g1 import JOINTS
-from sysid.errors import SysidError
+from sysid.errors import SysidError, needs_extra
 from sysid.roll import Array
 
 FAR = 5.0
@@ -69,7 +69,6 @@ class RangeCheck:
         """Take what the policy has just seen, and what it answered.
 
         Args:
-            state: The robot's.
             target: Joint targets [rad], shape (23,).
         """
         if not self._rows:
@@ -102,17 +101,7 @@ class RangeCheck:
         return {
             "steps": len(self._rows),
             "first_move": {"joint": joint, "rad": move},
-            "numbers": [
-                {
-                    "name": n.name,
-                    "live": list(n.live),
-                    "mean": n.mean,
-                    "std": n.std,
-                    "worst_z": n.worst,
-                    "far": n.far,
-                }
-                for n in self.seen()
-            ],
+            "numbers": [{**asdict(n), "live": list(n.live), "worst_z": n.worst} for n in self.seen()],
         }
 
 
@@ -122,13 +111,9 @@ def normaliser(policy: OnnxPolicy) -> tuple[Array, Array]:
     Raises:
         SysidError: onnx is not installed, or the file does not begin with subtraction and division.
     """
-    try:
+    with needs_extra("run", "reading what a policy was trained on"):
         import onnx
         from onnx import numpy_helper
-    except ImportError as error:
-        raise SysidError(
-            "reading what a policy was trained on needs onnx, which is not installed. Run `pip install husky-sysid[run]`."
-        ) from error
     graph = onnx.load(str(policy.file.path)).graph
     constants = {value.name: numpy_helper.to_array(value) for value in graph.initializer}
     constants |= {

@@ -60,18 +60,13 @@ def standing() -> Scripted:
     return Scripted("stand", lambda command, step: target)
 
 
-def scripted_push(clip: Motion | None = None, clock: Clock | None = None) -> Scripted:
+def scripted_push() -> Scripted:
     """Replay a pushing clip while the cycle pushes, and glide on the right foot for the rest of it.
 
-    It never steps on the board with both feet: without feedback it would only fall.
-
-    Args:
-        clip: What to push like; the shipped clip whose speed is nearest to the command if None.
-        clock: The cycle.
+    It pushes like the shipped clip whose speed is nearest to the command. It never steps on the board with both feet:
+    without feedback it would only fall.
     """
-    clock = clock or Clock()
-    load = GravityLoad()
-    clips = [clip] if clip is not None else load_motions()
+    clock, load, clips = Clock(), GravityLoad(), load_motions()
     speeds = np.array([_speed(motion) for motion in clips])
     replays = [_replay(motion, load) for motion in clips]
     pose = load_poses()["push"]

@@ -19,6 +19,8 @@ from sysid.board import Board
 from sysid.errors import SysidError
 from sysid.roll import Array
 
+DEVIATION = 0.01
+"""Half-width of the joints' deviations from the start [rad], as `sim.skate.cycle.start.Start` has them in training."""
 STARTS = ("stand", "push", "steer")
 """Where a ride may begin: one foot on the ground, or in a canonical pose on the rolling board."""
 
@@ -37,20 +39,17 @@ class World:
         joints = self.robot.base_q + 7
         return self.start[joints : joints + len(JOINTS)]
 
-    def reset(
-        self, *, speed: float = 0.0, rng: np.random.Generator | None = None, noise: float = 0.01
-    ) -> None:
+    def reset(self, *, speed: float = 0.0, rng: np.random.Generator | None = None) -> None:
         """Put robot and board back to the start.
 
         Args:
             speed: Speed that everything rolls at [m/s].
             rng: Draws the joints' deviations; none without.
-            noise: Half-width of the joints' deviations [rad].
         """
         qpos = self.start.copy()
         if rng is not None:
             joints = slice(self.robot.base_q + 7, self.robot.base_q + 7 + len(JOINTS))
-            qpos[joints] += rng.uniform(-noise, noise, len(JOINTS))
+            qpos[joints] += rng.uniform(-DEVIATION, DEVIATION, len(JOINTS))
         self.robot.reset(qpos, speed)
 
 
@@ -67,10 +66,7 @@ def make_world(
     """Build the world for a board from the installed G1 model.
 
     Args:
-        board: The record.
-        coupling: How tilt steers the trucks.
         steered: Whether it does; else they are held straight.
-        terrain: The ground.
         start: One of `STARTS`.
         gantry: Holds the robot; None lets it fall.
         visuals: Keep the robot's meshes, for pictures.

@@ -68,7 +68,6 @@ def motion_facts(motion: Motion, model: mujoco.MjModel) -> MotionFacts:
     """Measure a clip.
 
     Args:
-        motion: The clip.
         model: The G1 without a board (`sim.skate.robot.g1.g1_spec`).
     """
     soles, com, touching = _forward(model, motion)
@@ -117,9 +116,9 @@ def _forward(model: mujoco.MjModel, motion: Motion) -> tuple[Array, Array, Array
     return np.array(soles), np.array(com), np.array(touching)
 
 
-def sole_points(model: mujoco.MjModel, data: mujoco.MjData, side: str, prefix: str = "") -> Array:
+def sole_points(model: mujoco.MjModel, data: mujoco.MjData, side: str) -> Array:
     """Return the lowest point of either end of each capsule of a sole in the world [m], shape (14, 3)."""
-    foot = model.body(prefix + FOOT_BODIES[side == "right"]).id
+    foot = model.body(FOOT_BODIES[side == "right"]).id
     points: list[Array] = []
     for geom in range(model.ngeom):
         if model.geom_bodyid[geom] == foot and model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_CAPSULE:

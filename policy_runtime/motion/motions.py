@@ -93,9 +93,7 @@ def motion_from_table(table: Array, where: str, name: str) -> Motion:
     """Return a clip from numbers in the stored layout, shape (frames, 36).
 
     Args:
-        table: The numbers.
         where: What to name in an error message.
-        name: Name of the clip.
 
     Raises:
         SysidError: The numbers are not a motion; see `load_motion`.
@@ -173,7 +171,7 @@ def load_motions(where: Sequence[Path] = ()) -> list[Motion]:
     return [load_motion(path) for path in motion_paths(where)]
 
 
-def windows(motion: Motion, length: int = WINDOW) -> Array:
-    """Return every run of `length` successive frames, shape (frames - length + 1, length, 23)."""
-    view = np.lib.stride_tricks.sliding_window_view(motion.joints, length, axis=0)
+def windows(motion: Motion) -> Array:
+    """Return every run of `WINDOW` successive frames, shape (frames - WINDOW + 1, WINDOW, 23)."""
+    view = np.lib.stride_tricks.sliding_window_view(motion.joints, WINDOW, axis=0)
     return np.moveaxis(view, -1, 1)

@@ -10,7 +10,7 @@ import numpy as np
 
 from policy_runtime.robots import ARM, BEGIN, PD_PERIOD, JointCommand
 from policy_runtime.robots.simulated import SimulatedRobot
-from policy_runtime.robots.unitree import POLICY_MOTORS, WRIST_MOTORS, join_domain, load_messages
+from policy_runtime.robots.unitree import POLICY_MOTORS, WRIST_MOTORS, load_messages, open_topics
 
 LOOPBACK = "lo"
 """The network interface on which a computer talks to itself."""
@@ -37,20 +37,12 @@ class SimulatedG1:
         Raises:
             SysidError: cyclonedds is not installed or cannot use the interface.
         """
-        self._messages = load_messages()
-        participant = join_domain(interface, domain)
-        from cyclonedds.pub import DataWriter
-        from cyclonedds.sub import DataReader
-        from cyclonedds.topic import Topic
-
-        messages = self._messages
-        self._participant: Any = participant
-        self._writer: Any = DataWriter(
-            participant, Topic(participant, messages.STATE_TOPIC, messages.LowState)
-        )
-        self._reader: Any = DataReader(
-            participant, Topic(participant, messages.COMMAND_TOPIC, messages.LowCmd)
-        )
+        self._messages = messages = load_messages()
+        command, state = (messages.COMMAND_TOPIC, messages.LowCmd), (messages.STATE_TOPIC, messages.LowState)
+        self._participant: Any
+        self._writer: Any
+        self._reader: Any
+        self._participant, self._writer, self._reader = open_topics(interface, domain, state, command)
         self._robot = robot
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)

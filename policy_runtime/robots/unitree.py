@@ -16,7 +16,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 
 from policy_runtime.robots import PD_PERIOD, JointCommand, RobotState
-from sysid.errors import SysidError
+from sysid.errors import SysidError, needs_extra
 from sysid.roll import Array
 
 POLICY_MOTORS = (*range(19), *range(22, 26))
@@ -48,20 +48,12 @@ class UnitreeG1:
         Raises:
             SysidError: cyclonedds is not installed, the interface does not exist, or no robot answers.
         """
-        messages = load_messages()
-        self._messages = messages
-        participant = join_domain(interface, domain)
-        from cyclonedds.pub import DataWriter
-        from cyclonedds.sub import DataReader
-        from cyclonedds.topic import Topic
-
-        self._participant: Any = participant
-        self._writer: Any = DataWriter(
-            participant, Topic(participant, messages.COMMAND_TOPIC, messages.LowCmd)
-        )
-        self._reader: Any = DataReader(
-            participant, Topic(participant, messages.STATE_TOPIC, messages.LowState)
-        )
+        self._messages = messages = load_messages()
+        command, state = (messages.COMMAND_TOPIC, messages.LowCmd), (messages.STATE_TOPIC, messages.LowState)
+        self._participant: Any
+        self._writer: Any
+        self._reader: Any
+        self._participant, self._writer, self._reader = open_topics(interface, domain, command, state)
         self._command: Any = None
         self._state: Any = None
         self._received = -np.inf
@@ -157,13 +149,26 @@ def load_messages() -> Any:
     Raises:
         SysidError: cyclonedds is not installed.
     """
-    try:
+    with needs_extra("robot", "talking to a G1"):
         from policy_runtime.robots import unitree_messages
-    except ImportError as error:
-        raise SysidError(
-            "talking to a G1 needs cyclonedds, which is not installed. Run `pip install husky-sysid[robot]`."
-        ) from error
     return unitree_messages
+
+
+def open_topics(
+    interface: str | None, domain: int, written: tuple[str, Any], read: tuple[str, Any]
+) -> tuple[Any, Any, Any]:
+    """Return a DDS participant on one network interface, and what writes one topic (name, type) and reads another.
+
+    Raises:
+        SysidError: CycloneDDS cannot use the interface.
+    """
+    participant = join_domain(interface, domain)
+    from cyclonedds.pub import DataWriter
+    from cyclonedds.sub import DataReader
+    from cyclonedds.topic import Topic
+
+    writer = DataWriter(participant, Topic(participant, *written))
+    return participant, writer, DataReader(participant, Topic(participant, *read))
 
 
 def join_domain(interface: str | None, domain: int) -> Any:

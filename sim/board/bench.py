@@ -23,18 +23,13 @@ Begin = Callable[[mujoco.MjModel, mujoco.MjData, float, float], None]
 
 
 def rig_spec(
-    board: Board,
-    *,
-    timestep: float = 0.001,
-    integrator: str = "implicitfast",
-    exact_effects: bool = True,
+    board: Board, *, timestep: float = 0.001, integrator: str = "implicitfast", exact_effects: bool = True
 ) -> mujoco.MjSpec:
     """Build the bench from a board record: base clamped, deck free to tilt without a limit.
 
     Args:
         board: The record; what is built has its deck mass, roll inertia, stiffness, damping, effects.
         timestep: [s].
-        integrator: MuJoCo's name of the integrator.
         exact_effects: False writes effects that need a MuJoCo newer than 3.11 as their substitutes.
 
     Raises:
@@ -138,7 +133,6 @@ def swing(
         rate: Roll rate at release [rad/s].
         duration: At least this long is simulated [s].
         joint: Name of the tilt joint; its axis may be +x or -x.
-        after_step: Called after each step.
         begin: Brings the model to its start; `angle` is then the joint's own position, whatever its axis.
 
     Raises:
@@ -179,7 +173,6 @@ def steer_to_tilt(model: mujoco.MjModel, data: mujoco.MjData, q: int, v: int) ->
     Without it a release would start with a violated constraint, and the kick that mends it.
 
     Args:
-        model: Compiled scene.
         data: Its state; changed in place.
         q: Index of the tilt joint in qpos.
         v: Index of the tilt joint in qvel.

@@ -264,7 +264,6 @@ def deck_inertia(board: Board, roll: float) -> Array:
     As of a cuboid of the record's length, thickness and mass, and of the width that has the roll inertia.
 
     Args:
-        board: The record.
         roll: Inertia about the tilt axis [kg*m^2].
 
     Raises:

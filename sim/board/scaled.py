@@ -18,7 +18,6 @@ def scaled_board(board: Board, factors: Mapping[str, float]) -> Board:
     """Return a board with some numbers multiplied; its check and its effects' parameters stay the record's.
 
     Args:
-        board: The record.
         factors: By the names of `FACTORS`.
 
     Raises:

@@ -39,7 +39,6 @@ def board_spec(
     ground: bool = True,
     timestep: float = 0.005,
     integrator: str = "implicitfast",
-    tilt_range: float | None = None,
     friction: Sequence[float] | None = None,
     exact_effects: bool = True,
 ) -> mujoco.MjSpec:
@@ -52,8 +51,6 @@ def board_spec(
         ground: Whether to add the ground and a light. Without them the spec is an entity for
             attaching to another scene (with a prefix of its own), whose options count.
         timestep: Step of the scene [s]; the coupling is as stiff as this step allows.
-        integrator: MuJoCo's name of the integrator.
-        tilt_range: Largest tilt to either side [rad]; the record's if None.
         friction: Sliding [1], torsional [m] and rolling [m] friction of the wheels; the record's if None.
         exact_effects: False writes effects that need a MuJoCo newer than 3.11 as their substitutes.
 
@@ -69,7 +66,7 @@ def board_spec(
         spec.option.timestep = timestep
         spec.option.integrator = integrator_value(integrator)
         _add_ground(spec)
-    limit = board.tilt["range"].value if tilt_range is None else tilt_range
+    limit = board.tilt["range"].value
     root = add_chassis(spec, board)
     reflected = reflected_inertia(board) if coupling == "equality" else 0.0
     # What steers is taken off the deck, so that nothing is counted twice; an effect that scales the inertia
@@ -93,7 +90,6 @@ def set_trucks(model: mujoco.MjModel, data: mujoco.MjData, rake: float, prefix: 
     To be called after every step (and after every reset) of a scene built with coupling='direct'.
 
     Args:
-        model: Compiled scene.
         data: Its state; changed in place.
         rake: λ of tan σ = tan λ sin roll [rad].
         prefix: The board's name prefix in the scene.
@@ -155,8 +151,6 @@ def add_effects(
 
     Args:
         spec: The spec; changed in place.
-        joint: Its tilt joint.
-        board: The record.
         exact: False writes effects that need a MuJoCo newer than 3.11 as their substitutes.
 
     Returns:
@@ -206,24 +200,20 @@ def assert_matches_record(spec: mujoco.MjSpec, board: Board, coupling: Coupling)
         )
 
 
-def roll_inertia(
-    model: mujoco.MjModel, geometry: Mapping[str, Quantity] | None = None, joint: str = TILT_JOINT
-) -> float:
+def roll_inertia(model: mujoco.MjModel, geometry: Mapping[str, Quantity] | None = None) -> float:
     """Return the compiled inertia about the tilt axis [kg*m^2], the chassis held.
 
     Args:
-        model: Compiled scene or rig.
         geometry: The board's; with it the steered trucks and the wheels that they turn are included
             as the coupling brings them to the tilt joint: angle × tan λ, wheels rolling without slip.
-        joint: Name of the tilt joint.
     """
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     inertia = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, inertia)
     motion = np.zeros(model.nv)  # of all joints, for a roll rate of 1 rad/s
-    motion[model.joint(joint).dofadr[0]] = 1.0
-    hinge = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{joint}_hanging_joint")
+    motion[model.joint(TILT_JOINT).dofadr[0]] = 1.0
+    hinge = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{TILT_JOINT}_hanging_joint")
     if hinge >= 0:  # what hangs on the deck does not turn with it
         motion[model.jnt_dofadr[hinge]] = -1.0
     if geometry is not None:
@@ -241,10 +231,7 @@ def _add_ground(spec: mujoco.MjSpec) -> None:
     spec.stat.extent = 0.8  # what a viewer shows at first
     spec.stat.center = [0.0, 0.0, 0.05]
     spec.worldbody.add_geom(
-        name="ground",
-        type=mujoco.mjtGeom.mjGEOM_PLANE,
-        size=[5.0, 5.0, 0.1],
-        rgba=[0.32, 0.36, 0.40, 1.0],
+        name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5.0, 5.0, 0.1], rgba=[0.32, 0.36, 0.40, 1.0]
     )
     spec.worldbody.add_light(
         name="sun",

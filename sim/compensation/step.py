@@ -22,7 +22,7 @@ from sim.board.bodies import TILT_JOINT, inertia_ratio
 from sim.board.scene import integrator_name
 from sysid.board import Board
 from sysid.effects import effect
-from sysid.effects._algebra import NumpyAlgebra
+from sysid.effects._algebra import NUMPY
 from sysid.effects._base import JointState, SupportEffect, TorqueEffect
 from sysid.errors import SysidError
 from sysid.joint import JointLaw, simulate
@@ -92,9 +92,7 @@ def compensate_step(
     """Return the board whose bench, stepped by MuJoCo, decays as the record's law does in continuous time.
 
     Args:
-        board: The record, in physical parameters.
         timestep: [s].
-        integrator: MuJoCo's name of the integrator.
         exact_effects: False builds effects that need a MuJoCo newer than 3.11 as their substitutes.
 
     Raises:
@@ -185,11 +183,9 @@ def fit_inertia_and_damping(
     Where the joint stands on a sprung support, the support's inertia and damping are fitted as well.
 
     Args:
-        board: The record, in physical parameters.
         start: The record from which the search starts.
         build: Compiles a candidate.
         amplitudes: Releases, as angles about rest [rad].
-        after_step: Called after each step.
     """
     from scipy.optimize import least_squares
 
@@ -334,7 +330,7 @@ def _static_error(board: Board, build: Callable[[Board], mujoco.MjModel], writte
             values = {name: quantity.value for name, quantity in part.parameters.items()}
             known = effect(part.name)
             if isinstance(known, TorqueEffect):
-                torque += float(known.torque(NumpyAlgebra(), motion, values, ()))
+                torque += float(known.torque(NUMPY, motion, values, ()))
         expected += math.copysign(1.0, x) * torque
     return simulated / expected - 1
 

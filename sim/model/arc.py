@@ -53,10 +53,6 @@ def walk(setup: Setup, spec: mujoco.MjSpec) -> Arc:
     joints are held, T solves the loops (equality constraints) and makes vᵀ M v least where they leave a choice, which for
     joints that are free is the Schur complement. The pull is Tᵀ (passive forces - bias forces) at rest.
 
-    Args:
-        setup: How it was measured.
-        spec: The model.
-
     Raises:
         SysidError: The pose violates a loop, or a joint that was named is not there.
     """

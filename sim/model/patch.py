@@ -100,10 +100,6 @@ class Patch:
 def patch(setup: Setup, board: Board) -> Patch:
     """Write a record's joint into the text of its model.
 
-    Args:
-        setup: The model and its joint.
-        board: The fitted record.
-
     Raises:
         SysidError: The joint is not in the text, or MuJoCo cannot hold an effect there.
     """

@@ -19,7 +19,6 @@ def scene_of(setup: Setup, *, timestep: float | None = None) -> ClampedScene:
     Actuators and contacts are off: a decay is measured without power, in the air. Step and integrator are the model's own.
 
     Args:
-        setup: Which joint, and how it was measured.
         timestep: Step instead of the model's [s].
 
     Raises:

@@ -29,7 +29,6 @@ def board_of(setup: Setup, *, mass_error: float = 0.0) -> tuple[Board, list[str]
     """Return the record of a joint of a model, and what was found on the way, in words.
 
     Args:
-        setup: Which joint, and how it was measured.
         mass_error: Half-width of the 95 % interval of the model's masses, as a share: one factor for all.
 
     Raises:
@@ -63,8 +62,6 @@ def board_of(setup: Setup, *, mass_error: float = 0.0) -> tuple[Board, list[str]
         name=f"{setup.file.stem}_{setup.joint}".replace("/", "_"),
         description=f"joint '{setup.joint}' of {setup.file.name}",
         source=str(setup.file),
-        geometry={},
-        mass={},
         inertia=Quantity(
             inertia,
             inertia * mass_error / Z95,
@@ -96,8 +93,6 @@ def pose_releases(
 
     Args:
         board: The record of the joint as it mostly was.
-        recordings: The logs.
-        setups: How each of them was measured.
     """
     records = [board_of(setup)[0] for setup in setups]
     posed = [

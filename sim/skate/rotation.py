@@ -44,13 +44,6 @@ def yaw(quaternion: Any) -> Any:
     return namespace(quaternion).arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
-def from_yaw(angle: Any) -> Any:
-    """Return the rotation by `angle` [rad] about the vertical, shape (..., 4)."""
-    xp = namespace(angle)
-    zero = xp.zeros_like(angle)
-    return xp.stack((xp.cos(angle / 2), zero, zero, xp.sin(angle / 2)), axis=-1)
-
-
 def angle_between(first: Any, second: Any) -> Any:
     """Return the angle of the rotation from one orientation to another [rad] in [0, π], shape (...,)."""
     xp = namespace(first)

@@ -43,19 +43,11 @@ RUNAWAY_SPEED = 4.0
 
 
 def skate_env_cfg(
-    board: Board,
-    options: SkateOptions,
-    *,
-    environments: int,
-    seed: int,
-    clips: Sequence[PushClip] = (),
+    board: Board, options: SkateOptions, *, environments: int, seed: int, clips: Sequence[PushClip] = ()
 ) -> "ManagerBasedRlEnvCfg":
     """Return the environment's configuration.
 
     Args:
-        board: The record of the board to ride.
-        options: The variant of the task.
-        environments: Number of parallel worlds.
         seed: Seed of everything random, the drawn boards included.
         clips: What pushing by tracking follows.
 

@@ -62,8 +62,6 @@ def run_job(job: Job, workspace: Path, key: str) -> dict[str, Any]:
     """Return the row of a job, which says what went wrong where it failed.
 
     Args:
-        job: What to find out.
-        workspace: Folder with the user's boards.
         key: Kept in the row.
     """
     begin = time.monotonic()

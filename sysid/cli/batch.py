@@ -12,17 +12,15 @@ from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.files import locked, write_atomically, write_json
 from sysid.text import count
 
-_NO_COMMON = Common()
-
 
 def batch(
     manifest: Path,
     /,
     *,
     output: Annotated[Path | None, Parameter(name=("--output", "-o"), group=OUTPUT)] = None,
-    workers: Annotated[int | None, Parameter(name="--workers", validator=validators.Number(gte=1))] = None,
-    cluster: Annotated[str | None, Parameter(name="--cluster")] = None,
-    common: Common = _NO_COMMON,
+    workers: Annotated[int | None, Parameter(validator=validators.Number(gte=1))] = None,
+    cluster: str | None = None,
+    common: Common = Common(),
 ) -> int:
     """Run many jobs side by side, and put their results into one table and one page.
 
@@ -35,7 +33,6 @@ def batch(
         workers: Processes; one a core if left out.
         cluster: Address of a Dask scheduler (tcp://HOST:8786) or a Ray cluster (ray://HOST:10001) that runs the jobs
             instead; it must see the logs under the same paths.
-        common: Options of every command.
     """
     from reports.page.batch import batch_page
     from sysid.batch.jobs import COLUMNS, run_job, table_row, unfinished

@@ -4,9 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, Any, Literal
 
 from sysid.cli.console import Common, Printer, require_share
 from sysid.cli.log_options import LogArguments, load_recordings, refuse_overwriting_logs
@@ -16,26 +14,20 @@ from sysid.errors import QualityGateError, SysidError
 if TYPE_CHECKING:
     from sim.check.verdict import Verdict
 
-_NO_ARGUMENTS = LogArguments()
-_NO_COMMON = Common()
-_NO_SUBJECT = Subject()
-
 
 def check(
     logs: list[Path],
     /,
     *,
-    subject: Subject = _NO_SUBJECT,
-    tolerance: Annotated[float, Parameter(name="--tolerance")] = 0.02,
-    scene_file: Annotated[Path | None, Parameter(name="--scene-file")] = None,
-    timestep: Annotated[float | None, Parameter(name="--timestep")] = None,
-    integrator: Annotated[str, Parameter(name="--integrator")] = "implicitfast",
-    coupling: Annotated[Literal["equality", "direct"], Parameter(name="--coupling")] = "equality",
-    export: Annotated[
-        Literal["in-scene", "step-compensated", "physical"], Parameter(name="--export")
-    ] = "in-scene",
-    arguments: LogArguments = _NO_ARGUMENTS,
-    common: Common = _NO_COMMON,
+    subject: Subject = Subject(),
+    tolerance: float = 0.02,
+    scene_file: Path | None = None,
+    timestep: float | None = None,
+    integrator: str = "implicitfast",
+    coupling: Literal["equality", "direct"] = "equality",
+    export: Literal["in-scene", "step-compensated", "physical"] = "in-scene",
+    arguments: LogArguments = LogArguments(),
+    common: Common = Common(),
 ) -> int:
     """Release the deck in the training scene as it was released in the logs, and compare.
 
@@ -51,8 +43,6 @@ def check(
         coupling: How tilt steers the trucks in it: a joint equality, or trucks set directly after each step.
         export: Which parameters are written into it: compensated so that the scene as a whole decays like
             the board, for the step alone, or not at all.
-        arguments: How logs are read.
-        common: Options of every command.
 
     Raises:
         QualityGateError: The scene does not decay as measured.

@@ -6,27 +6,23 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sysid.cli.console import OUTPUT, Common, Printer, require_share
+from sysid.cli.console import OUTPUT, Common, Printer, require_share, write_figure
 from sysid.cli.log_options import LogArguments, refuse_overwriting_logs
 from sysid.cli.subject import Subject
 from sysid.cli.view import read_logs, write_recording
-from sysid.files import atomic_path, write_json
-
-_NO_ARGUMENTS = LogArguments()
-_NO_COMMON = Common()
-_NO_SUBJECT = Subject()
+from sysid.files import write_json
 
 
 def compare(
     logs: list[Path],
     /,
     *,
-    subject: Subject = _NO_SUBJECT,
+    subject: Subject = Subject(),
     tolerance: float = 0.02,
     picture: Annotated[bool, Parameter(group=OUTPUT)] = True,
-    rerun: Annotated[Path | None, Parameter(name="--rerun", group=OUTPUT)] = None,
-    arguments: LogArguments = _NO_ARGUMENTS,
-    common: Common = _NO_COMMON,
+    rerun: Annotated[Path | None, Parameter(group=OUTPUT)] = None,
+    arguments: LogArguments = LogArguments(),
+    common: Common = Common(),
 ) -> int:
     """Compare the board's simulated decay with measured ones: how far off, and where.
 
@@ -36,12 +32,9 @@ def compare(
 
     Args:
         logs: Logs of one board.
-        subject: Whose joint it is.
         tolerance: Error beyond the noise, over the RMS motion, at which the comparison passes.
         picture: Draw compare.png.
         rerun: Write a Rerun recording (.rrd) here.
-        arguments: How the logs are read.
-        common: Options of every command.
     """
     from reports.evidence import find_logs
     from sysid.cli.bars import working
@@ -68,9 +61,8 @@ def compare(
         from reports.figures.compare import compare_figure
 
         names = ", ".join(log.name for log in logs)
-        with atomic_path(folder / "compare.png") as temporary:
-            compare_figure(result, f"{record.name}: simulated against {names}").savefig(temporary, dpi=140)
-        written.append(folder / "compare.png")
+        figure = compare_figure(result, f"{record.name}: simulated against {names}")
+        written.append(write_figure(folder / "compare.png", figure))
     if rerun is not None:
         write_recording(rerun, record, files, material, printer, tolerance=tolerance)
         written.append(rerun)

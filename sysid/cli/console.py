@@ -12,12 +12,14 @@ from rich.console import Console
 
 from sysid.cli.streams import one_line
 from sysid.errors import SysidError
-from sysid.files import refuse_overwriting, write_json
+from sysid.files import atomic_path, refuse_overwriting, write_json
 from sysid.quantity import Quantity
 from sysid.text import table
 from sysid.workspace import Workspace
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from sysid.recording import Recording
 
 
@@ -32,14 +34,12 @@ LOG, FILM, FIT, OUTPUT = (
 class Common:
     """Options of every command."""
 
-    json: Annotated[str | None, Parameter(name="--json", allow_leading_hyphen=True)] = None
+    json: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None
     """Write the result as JSON to this file; '-' for stdout, and then nothing else is on stdout."""
-    workspace: Annotated[Path, Parameter(name="--workspace")] = Path()
+    workspace: Path = Path()
     """Folder with the user's boards (data/boards) and outputs (reports/BOARD)."""
 
-    effect_file: Annotated[
-        tuple[Path, ...], Parameter(name="--effect-file", negative="", group=FIT, show_default=False)
-    ] = ()
+    effect_file: Annotated[tuple[Path, ...], Parameter(negative="", group=FIT, show_default=False)] = ()
     """File with an effect of your own (see husky-sysid effects new), known to this command; repeat it for several."""
 
     def own_effects(self) -> tuple[str, ...]:
@@ -150,6 +150,13 @@ class Printer:
         else:
             write_json(Path(self.common.json), content)
             self.note(f"written: {self.common.json}")
+
+
+def write_figure(path: Path, figure: "Figure", *, dpi: int = 140) -> Path:
+    """Write a figure in one step and return its path."""
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=dpi)
+    return path
 
 
 def require_share(option: str, value: float) -> None:

@@ -5,29 +5,27 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from sysid.cli.console import OUTPUT, Common, Printer
+from sysid.cli.console import OUTPUT, Common, Printer, write_figure
 from sysid.cli.log_options import LogArguments, load_recordings, refuse_overwriting_logs
 from sysid.cli.subject import Subject
 from sysid.errors import SysidError
-from sysid.files import atomic_path, write_json
+from sysid.files import write_json
 
 if TYPE_CHECKING:
-    from sysid.free_decay import FreeDecay
+    from matplotlib.figure import Figure
 
-_NO_ARGUMENTS = LogArguments()
-_NO_COMMON = Common()
-_NO_SUBJECT = Subject()
+    from sysid.free_decay import FreeDecay
 
 
 def decay(
     logs: list[Path],
     /,
     *,
-    subject: Subject = _NO_SUBJECT,
+    subject: Subject = Subject(),
     picture: Annotated[bool, Parameter(group=OUTPUT)] = True,
-    rerun: Annotated[Path | None, Parameter(name="--rerun", group=OUTPUT)] = None,
-    arguments: LogArguments = _NO_ARGUMENTS,
-    common: Common = _NO_COMMON,
+    rerun: Annotated[Path | None, Parameter(group=OUTPUT)] = None,
+    arguments: LogArguments = LogArguments(),
+    common: Common = Common(),
 ) -> int:
     """Identify the board's tilt joint from its free decays.
 
@@ -41,8 +39,6 @@ def decay(
             nothing is written but what --json and --rerun name.
         picture: Draw decay.png.
         rerun: Write a Rerun recording (.rrd) here.
-        arguments: How the logs are read.
-        common: Options of every command.
     """
     from sysid.free_decay import fit_decay
 
@@ -64,8 +60,7 @@ def decay(
         written.append(folder / "decay.json")
         write_json(written[-1], content)
         if picture:
-            written.append(folder / "decay.png")
-            _draw(written[-1], result)
+            written.append(write_figure(folder / "decay.png", _figure(result)))
     if rerun is not None:
         from reports.page.summary import decay_summary
         from reports.rerun.decay import decay_recording
@@ -83,10 +78,9 @@ def decay(
     return 0
 
 
-def _draw(path: Path, result: "FreeDecay") -> None:
+def _figure(result: "FreeDecay") -> "Figure":
     from reports.figures.decay import decay_figure
 
     names = ", ".join(recording.path.name for recording in result.recordings)
     rolls = [recording.roll for recording in result.recordings]
-    with atomic_path(path) as temporary:
-        decay_figure(rolls, result, f"{result.board}: free decay in {names}").savefig(temporary, dpi=140)
+    return decay_figure(rolls, result, f"{result.board}: free decay in {names}")

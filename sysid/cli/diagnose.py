@@ -5,26 +5,22 @@ from typing import Annotated
 
 from cyclopts import Parameter, validators
 
-from sysid.cli.console import FIT, Common, Printer
+from sysid.cli.console import FIT, Common, Printer, write_figure
 from sysid.cli.log_options import LogArguments, load_recordings
 from sysid.cli.parameter_options import parse_fixed
 from sysid.cli.subject import Subject
-from sysid.files import atomic_path, write_json
-
-_NO_ARGUMENTS = LogArguments()
-_NO_COMMON = Common()
-_NO_SUBJECT = Subject()
+from sysid.files import write_json
 
 
 def diagnose(
     logs: list[Path],
     /,
     *,
-    subject: Subject = _NO_SUBJECT,
-    fix: Annotated[tuple[str, ...], Parameter(name="--fix", negative="", group=FIT, show_default=False)] = (),
-    workers: Annotated[int, Parameter(name="--workers", group=FIT, validator=validators.Number(gte=1))] = 2,
-    arguments: LogArguments = _NO_ARGUMENTS,
-    common: Common = _NO_COMMON,
+    subject: Subject = Subject(),
+    fix: Annotated[tuple[str, ...], Parameter(negative="", group=FIT, show_default=False)] = (),
+    workers: Annotated[int, Parameter(group=FIT, validator=validators.Number(gte=1))] = 2,
+    arguments: LogArguments = LogArguments(),
+    common: Common = Common(),
 ) -> int:
     """Rank the physical effects that the model is missing, or say that nothing is.
 
@@ -32,12 +28,9 @@ def diagnose(
 
     Args:
         logs: Logs of one board, with several releases in all.
-        subject: Whose joint it is.
         fix: Hold a parameter in every model, as NAME=VALUE in SI units; stiffness=0 for a pendulum whose record has
             gravity. Repeat it for several.
         workers: Processes that search.
-        arguments: How the logs are read.
-        common: Options of every command.
     """
     from reports.figures.story import story_figure
     from reports.story import for_report, story_of_diagnosis
@@ -56,9 +49,8 @@ def diagnose(
     content = result.to_json()
     folder = common.space.outputs(record.name)
     write_json(folder / "diagnose.json", {**content, **for_report(result, record)})
-    with atomic_path(folder / "diagnose.png") as temporary:
-        picture = story_figure(story_of_diagnosis(result, record), f"{record.name}: {headline(result)}")
-        picture.savefig(temporary, dpi=110)
+    picture = story_figure(story_of_diagnosis(result, record), f"{record.name}: {headline(result)}")
+    write_figure(folder / "diagnose.png", picture, dpi=110)
     printer.say(f"written: {folder / 'diagnose.json'}, {folder / 'diagnose.png'}")
     printer.result(content)
     return 0

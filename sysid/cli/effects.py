@@ -5,9 +5,9 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import Common, Printer, write_figure
 from sysid.errors import SysidError
-from sysid.files import atomic_path, write_atomically
+from sysid.files import write_atomically
 
 
 def effects(
@@ -69,9 +69,7 @@ def _show(name: str, common: Common, printer: Printer) -> int:
         ("tell it apart", part.experiment), ("from", origin(name) or "catalogue"),
     ]  # fmt: skip
     printer.table((name, ""), rows)
-    path = common.space.outputs("effects") / f"{name}.png"
-    with atomic_path(path) as temporary:
-        effect_figure(part).savefig(temporary, dpi=120)
+    path = write_figure(common.space.outputs("effects") / f"{name}.png", effect_figure(part), dpi=120)
     printer.say(f"written: {path}")
     printer.result({"name": name, **dict(rows), "picture": str(path)})
     return 0

@@ -2,7 +2,7 @@
 
 import math
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -70,15 +70,8 @@ class Condition:
             raise SysidError(f"--duration {self.duration:g}: must be longer than 0 s.")
         if not 0 <= self.turn_deg <= 45:
             raise SysidError(f"--turn-deg {self.turn_deg:g}: policies are trained for 0 to 45°.")
-        stress = Stress(
-            delay=self.delay,
-            noise=self.noise,
-            mass=self.mass,
-            friction=self.friction,
-            rolling=self.rolling,
-            slope=math.radians(self.slope),
-            push=self.push,
-        )
+        harder: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(Stress)}
+        stress = Stress(**(harder | {"slope": math.radians(self.slope)}))
         return Protocol(
             duration=self.duration,
             pushes=self.pushes,
@@ -125,7 +118,6 @@ def evaluate(
             JSON has it in any case.
         output: Folder for the picture; reports/BOARD of the workspace if not given.
         force: Run where policy and board disagree, or the board has not passed `check`.
-        common: Options of every command.
     """
     from policy_runtime.evaluation.parallel import evaluate_in_parallel
     from policy_runtime.evaluation.plain import Protocol, evaluate_policy

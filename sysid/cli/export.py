@@ -30,7 +30,6 @@ def export(
         coupling: How the deck's tilt steers the trucks.
         terrain: The ground.
         force: Export where policy and board disagree, or the board has not passed `check`.
-        common: Options of every command.
     """
     from policy_runtime.export import export_folder
 

@@ -7,47 +7,37 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from sysid.board import Board
-from sysid.cli.console import FIT, OUTPUT, Common, Printer
+from sysid.cli.console import FIT, OUTPUT, Common, Printer, write_figure
 from sysid.cli.fit_intervals import show_intervals
 from sysid.cli.log_options import LogArguments, load_recordings
 from sysid.cli.parameter_options import SHORT, parse_bounds, parse_fixed
 from sysid.cli.subject import Subject
-from sysid.files import atomic_path, refuse_overwriting, write_atomically
+from sysid.files import refuse_overwriting, write_atomically
 from sysid.quantity import Z95
 
 if TYPE_CHECKING:
     from sim.compensation.step import Compensation
     from sysid.fit_mjcf import Fit
 
-_NO_ARGUMENTS = LogArguments()
-_NO_COMMON = Common()
-_NO_SUBJECT = Subject()
-
 
 def fit(
     logs: list[Path],
     /,
     *,
-    subject: Subject = _NO_SUBJECT,
-    effect: Annotated[
-        tuple[str, ...], Parameter(name="--effect", negative="", group=FIT, show_default=False)
-    ] = (),
-    fix: Annotated[tuple[str, ...], Parameter(name="--fix", negative="", group=FIT, show_default=False)] = (),
-    bound: Annotated[
-        tuple[str, ...], Parameter(name="--bound", negative="", group=FIT, show_default=False)
-    ] = (),
-    prior: Annotated[
-        tuple[str, ...], Parameter(name="--prior", negative="", group=FIT, show_default=False)
-    ] = (),
+    subject: Subject = Subject(),
+    effect: Annotated[tuple[str, ...], Parameter(negative="", group=FIT, show_default=False)] = (),
+    fix: Annotated[tuple[str, ...], Parameter(negative="", group=FIT, show_default=False)] = (),
+    bound: Annotated[tuple[str, ...], Parameter(negative="", group=FIT, show_default=False)] = (),
+    prior: Annotated[tuple[str, ...], Parameter(negative="", group=FIT, show_default=False)] = (),
     plain: Annotated[bool, Parameter(negative="", group=FIT)] = False,
     robust: Annotated[bool, Parameter(negative="", group=FIT)] = False,
-    in_scene: Annotated[bool, Parameter(name="--in-scene", negative="", group=FIT)] = False,
-    profile: Annotated[bool, Parameter(name="--profile", negative="", group=FIT)] = False,
+    in_scene: Annotated[bool, Parameter(negative="", group=FIT)] = False,
+    profile: Annotated[bool, Parameter(negative="", group=FIT)] = False,
     bootstrap: Annotated[int, Parameter(group=FIT)] = 0,
-    any_period: Annotated[bool, Parameter(name="--any-period", negative="", group=FIT)] = False,
+    any_period: Annotated[bool, Parameter(negative="", group=FIT)] = False,
     output: Annotated[Path | None, Parameter(name=("--output", "-o"), group=OUTPUT)] = None,
-    arguments: LogArguments = _NO_ARGUMENTS,
-    common: Common = _NO_COMMON,
+    arguments: LogArguments = LogArguments(),
+    common: Common = Common(),
 ) -> int:
     """Fit stiffness, damping and effects to logs, and save the board.
 
@@ -55,7 +45,6 @@ def fit(
 
     Args:
         logs: Logs of one board.
-        subject: Whose joint it is.
         effect: Effect to add to those of the record; repeat it for several.
         fix: Hold a parameter, as NAME=VALUE in SI units: stiffness, damping, rest, or EFFECT.PARAMETER; repeat it for
             several.
@@ -70,8 +59,6 @@ def fit(
             intervals; 400 is a good number.
         output: The patched copy of a model; MODEL_JOINT.xml beside it if left out. A board has none.
         any_period: Save a natural period above 100 s or below 1 ms too, which else is taken for a wrong unit of time.
-        arguments: How the logs are read.
-        common: Options of every command.
     """
     from sysid.cli.bars import working
     from sysid.fit_mjcf import fit as fit_recordings
@@ -175,23 +162,15 @@ def _patched(record: Board, output: Path | None, printer: Printer) -> tuple[Boar
 def _draw_learned(common: Common, result: "Fit") -> Path:
     from reports.figures.learned import learned_figure
 
-    path = common.space.outputs(result.before.name) / "learned.png"
-    with atomic_path(path) as temporary:
-        title = f"{result.before.name}: {result.formula.text if result.formula else 'nothing was learned'}"
-        learned_figure(result.joint, result.formula, title, slides=result.before.slides).savefig(
-            temporary, dpi=140
-        )
-    return path
+    title = f"{result.before.name}: {result.formula.text if result.formula else 'nothing was learned'}"
+    figure = learned_figure(result.joint, result.formula, title, slides=result.before.slides)
+    return write_figure(common.space.outputs(result.before.name) / "learned.png", figure)
 
 
 def _draw(common: Common, result: "Fit") -> Path:
     from reports.figures.ladder import fit_steps, ladder_figure
 
     name = result.before.name
-    path = common.space.outputs(name) / "ladder.png"
     noise = (result.noise.lowest / result.noise.std, result.noise.highest / result.noise.std)
-    with atomic_path(path) as temporary:
-        ladder_figure(fit_steps(result), noise, f"{name}: what each effect takes away").savefig(
-            temporary, dpi=140
-        )
-    return path
+    figure = ladder_figure(fit_steps(result), noise, f"{name}: what each effect takes away")
+    return write_figure(common.space.outputs(name) / "ladder.png", figure)

@@ -3,8 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 from sysid.board import Board
-from sysid.cli.console import Common, Printer
-from sysid.files import atomic_path
+from sysid.cli.console import Common, Printer, write_figure
 from sysid.progress import stage
 
 if TYPE_CHECKING:
@@ -49,9 +48,8 @@ def show_intervals(
                 again = bootstrap(fit, board, draws)
     verdicts = agreements(fit.quantities, shapes, again)
     printer.say(interval_report(fit, shapes, again, verdicts, printer.width))
-    path = common.space.outputs(board.name) / "intervals.png"
-    with atomic_path(path) as temporary:
-        title = f"{board.name}: how far each parameter can move while the others follow"
-        interval_figure(fit.quantities, shapes, again, title).savefig(temporary, dpi=140)
+    title = f"{board.name}: how far each parameter can move while the others follow"
+    figure = interval_figure(fit.quantities, shapes, again, title)
+    path = write_figure(common.space.outputs(board.name) / "intervals.png", figure)
     printer.say(f"written: {path}")
     return interval_json(shapes, again, verdicts)

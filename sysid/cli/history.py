@@ -8,19 +8,12 @@ from sysid.cli.boards import plain
 from sysid.cli.console import Common, Printer
 from sysid.text import count
 
-_NO_COMMON = Common()
 
-
-def history(
-    *,
-    board: Annotated[str, Parameter(name=("--board", "-b"))],
-    common: Common = _NO_COMMON,
-) -> int:
+def history(*, board: Annotated[str, Parameter(name=("--board", "-b"))], common: Common = Common()) -> int:
     """Show how a board's record came about: one line a fit, and how far `undo` can go back.
 
     Args:
         board: Name of the board.
-        common: Options of every command.
     """
     printer = Printer(common)
     record, earlier = common.space.load_board(board), common.space.earlier(board)

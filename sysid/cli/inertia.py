@@ -1,6 +1,5 @@
 """`husky-sysid inertia METHOD`: roll inertia from dimensions, parts, swings, weights or two decays."""
 
-import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -11,9 +10,9 @@ from cyclopts import App, Parameter
 
 from sysid.cli import epilogue
 from sysid.cli.console import Common, Printer
+from sysid.cli.parameter_options import parse_or_read
 from sysid.errors import SysidError
-from sysid.files import regular
-from sysid.quantity import Quantity, parse_quantity
+from sysid.quantity import Quantity, error_budget, parse_quantity
 
 NOTES = """Quantities are written 2.58, 2.58±0.05 or 2.58+-0.05 in SI units (± is the 95 % interval), or with a unit: 20±0.2cm,
 184ms, 3.1deg, 6.5Hz. Distances are from the tilt axis. Every method takes --json PATH and --workspace DIR, and
@@ -40,6 +39,8 @@ UNITS = {
 """Of the options; what is not named is a length in m."""
 LARGEST = 0.5
 """Roll inertia that no board's deck has [kg m^2]: a plank of 10 kg and 0.7 m width."""
+OMEGA = ("omega_n", "rad/s")
+"""Key and unit of a natural frequency in the JSON of `decay`."""
 MAY_BE_ZERO = ("distance", "amplitude")
 
 
@@ -182,7 +183,10 @@ def added_mass(
     """
     from sysid import inertia as methods
 
-    quantities = {"bare": _frequency("bare", bare), "loaded": _frequency("loaded", loaded)}
+    quantities = {
+        "bare": parse_or_read(bare, *OMEGA, "--bare"),
+        "loaded": parse_or_read(loaded, *OMEGA, "--loaded"),
+    }
     for name, text, zero in (
         ("mass", mass, False),
         ("offset", offset, False),
@@ -191,7 +195,7 @@ def added_mass(
     ):
         quantities[name] = parse_quantity(text, UNITS.get(name, "m"), f"--{name}", positive=not zero)
     result = methods.added_mass(**quantities)
-    return _finish("added-mass", result, outcome, quantities, _budget(methods.added_mass, quantities))
+    return _finish("added-mass", result, outcome, quantities, error_budget(methods.added_mass, quantities))
 
 
 @inertia.command(name="static-tilt")
@@ -236,7 +240,10 @@ def static_tilt(
         printer.note("for the inertia, add --frequency with ω_n of a decay of the same deck")
         printer.result({"method": "static-tilt", "inertia": None, **content})
         return 0
-    inputs = {"stiffness": test.stiffness, "natural frequency": _frequency("frequency", frequency)}
+    inputs = {
+        "stiffness": test.stiffness,
+        "natural frequency": parse_or_read(frequency, *OMEGA, "--frequency"),
+    }
     result = test.inertia(inputs["natural frequency"])
     shares = {"stiffness": 1.0, "natural frequency": 2.0}
     parts = {name: (shares[name] * q.std / q.value) ** 2 for name, q in inputs.items()}
@@ -260,10 +267,7 @@ def combine(*estimates: Text, outcome: Outcome = Outcome()) -> int:
         name, equals, value = text.partition("=")
         if not equals or name in named:
             raise SysidError(f"'{text}': expected NAME=INERTIA, each name once.")
-        if value.endswith(".json"):
-            named[name] = _from_json(Path(value), "inertia", "kg*m^2")
-        else:
-            named[name] = parse_quantity(value, "kg*m^2", name)
+        named[name] = parse_or_read(value, "inertia", "kg*m^2", name)
     result = methods.combine(named)
     printer = Printer(outcome)
     rows = [(name, str(q), f"{result.pulls[name]:+.1f} σ from the others") for name, q in named.items()]
@@ -293,13 +297,7 @@ def _report(name: str, method: Callable[..., Quantity], given: Mapping[str, str]
         key: parse_quantity(text, UNITS.get(key, "m"), f"--{key}", positive=key not in MAY_BE_ZERO)
         for key, text in given.items()
     }
-    return _finish(name, method(**inputs), outcome, inputs, _budget(method, inputs))
-
-
-def _budget(method: Callable[..., Quantity], inputs: Mapping[str, Quantity]) -> dict[str, float]:
-    from sysid.quantity import error_budget
-
-    return error_budget(method, inputs)
+    return _finish(name, method(**inputs), outcome, inputs, error_budget(method, inputs))
 
 
 def _finish(
@@ -373,25 +371,3 @@ def _fields(
         )
         for number, (field, unit) in enumerate(zip(fields, units, strict=False), start=1)
     ]
-
-
-def _frequency(name: str, text: str) -> Quantity:
-    if text.endswith(".json"):
-        return _from_json(Path(text), "omega_n", "rad/s")
-    return parse_quantity(text, "rad/s", f"--{name}")
-
-
-def _from_json(path: Path, key: str, unit: str) -> Quantity:
-    """Read one quantity of a result file."""
-    try:
-        content = json.loads(regular(path).read_text(encoding="utf-8"))[key]
-        value, std, found = float(content["value"]), float(content["std"]), content["unit"]
-    except OSError as error:
-        raise SysidError(f"{path}: cannot read it ({error.strerror}).") from error
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise SysidError(
-            f"{path}: holds no quantity '{key}' with a value and a std; give a result file."
-        ) from error
-    if found != unit:
-        raise SysidError(f"{path}: '{key}' is in {found!r}; expected {unit!r}.")
-    return Quantity(value, std, unit, f"{path}")

@@ -27,9 +27,6 @@ from sysid.roll import Array
 from sysid.text import display
 from sysid.workspace import shipped_data
 
-_NO_ARGUMENTS = LogArguments()
-_NO_COMMON = Common()
-_NO_SUBJECT = Subject()
 EVERY = 0.2
 """Between two questions to the phone, or two looks into the folder [s]."""
 STILL = (0.25, 0.4, 0.7)
@@ -42,13 +39,13 @@ LOSSES = 5
 
 def live(
     *,
-    subject: Subject = _NO_SUBJECT,
-    phone: Annotated[str | None, Parameter(name="--phone")] = None,
-    watch: Annotated[Path | None, Parameter(name="--watch")] = None,
+    subject: Subject = Subject(),
+    phone: str | None = None,
+    watch: Path | None = None,
     releases: Annotated[int | None, Parameter(validator=validators.Number(gte=1))] = None,
     port: Annotated[int, Parameter(group=OUTPUT, validator=validators.Number(gte=0, lte=65535))] = 8123,
-    arguments: LogArguments = _NO_ARGUMENTS,
-    common: Common = _NO_COMMON,
+    arguments: LogArguments = LogArguments(),
+    common: Common = Common(),
 ) -> int:
     """Read a phone while the board rocks, and show stiffness and damping after each release.
 
@@ -56,13 +53,10 @@ def live(
     and sliders is served on this machine only. The log is kept in logs/ of the workspace whatever happens; end with Ctrl-C.
 
     Args:
-        subject: Whose joint it is.
         phone: Address that phyphox shows, such as 192.168.0.42:8080.
         watch: Instead of a phone: a folder in which logs appear.
         releases: End by itself after so many.
         port: Of the page; 0 takes a free one.
-        arguments: How the logs are read.
-        common: Options of every command.
     """
     printer = Printer(common)
     record = subject.load(common, printer)

@@ -1,15 +1,13 @@
 """`husky-sysid loaded`: whether the spring is another one under load, from decays with weights on the deck."""
 
-import json
-from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 
 from sysid.cli.console import Common, Printer
+from sysid.cli.parameter_options import parse_or_read
 from sysid.errors import SysidError
-from sysid.files import regular
-from sysid.quantity import Quantity, parse_quantity
+from sysid.quantity import parse_quantity
 
 
 def loaded(
@@ -30,7 +28,6 @@ def loaded(
             above the tilt axis [m], ω_n [rad/s] or the JSON of `decay`, and the weight's own roll inertia [kg*m^2],
             0 if not given. Quantities as 2.5±0.01, or with a unit as 10cm; '0,0,bare.json' is the bare deck.
         rider: Mass under which the spring is asked for [kg].
-        common: Options of every command.
     """
     from sysid.experiments.loaded_decays import GRAVITY, LoadedDecay, loaded_stiffness
 
@@ -49,7 +46,7 @@ def loaded(
         )
         if min(mass.value, height.value, own.value) < 0:
             raise SysidError(f"--reading {text}: mass, height and inertia must not be negative.")
-        omega = _frequency(fields[2], f"--reading {text}")
+        omega = parse_or_read(fields[2], "omega_n", "rad/s", f"--reading {text}")
         readings.append(LoadedDecay(mass=mass, height=height, own=own, natural_frequency=omega))
     found = loaded_stiffness(readings, record.inertia)
     ridden = found.under(rider * GRAVITY.value)
@@ -76,15 +73,3 @@ def loaded(
     }
     printer.result(content)
     return 0
-
-
-def _frequency(text: str, where: str) -> Quantity:
-    if not text.endswith(".json"):
-        return parse_quantity(text, "rad/s", where, positive=True)
-    try:
-        content = json.loads(regular(Path(text)).read_text(encoding="utf-8"))["omega_n"]
-        return Quantity(float(content["value"]), float(content["std"]), "rad/s", f"decay, {text}")
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise SysidError(
-            f"{where}: {text} holds no 'omega_n'; give the JSON of `husky-sysid decay`."
-        ) from error

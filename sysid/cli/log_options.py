@@ -5,7 +5,7 @@ from collections.abc import Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -19,33 +19,31 @@ from sysid.roll import Roll
 from sysid.video.options import VideoOptions, is_film
 from sysid.video.trackers import Method
 
+_Pair = Annotated[tuple[float, float] | None, Parameter(negative="", allow_leading_hyphen=True)]
+
 
 @Parameter(name="*", group=FILM)
 @dataclass(frozen=True, kw_only=True)
 class VideoArguments:
     """How a film is read, where the inference needs help."""
 
-    method: Annotated[Method, Parameter(name="--method")] = "auto"
+    method: Method = "auto"
     """What to follow."""
-    roi: Annotated[tuple[int, int, int, int] | None, Parameter(name="--roi", negative="")] = None
+    roi: Annotated[tuple[int, int, int, int] | None, Parameter(negative="")] = None
     """Left, top, width and height in px of where the board moves."""
-    calibration: Annotated[Path | None, Parameter(name="--calibration")] = None
+    calibration: Path | None = None
     """Camera calibration, a file or a film of a chessboard."""
-    readout: Annotated[float | None, Parameter(name="--readout")] = None
+    readout: float | None = None
     """Time from the sensor's first to its last row in s; 0 for a global shutter."""
-    camera_angle: Annotated[
-        tuple[float, float] | None, Parameter(name="--camera-angle", negative="", allow_leading_hyphen=True)
-    ] = None
+    camera_angle: _Pair = None
     """Where the deck's axis points, to the right and down from the line of sight, in degrees."""
-    pivot: Annotated[
-        tuple[float, float] | None, Parameter(name="--pivot", negative="", allow_leading_hyphen=True)
-    ] = None
+    pivot: _Pair = None
     """Point in px that a single dot turns about."""
-    no_shake: Annotated[bool, Parameter(name="--no-shake", negative="")] = False
+    no_shake: Annotated[bool, Parameter(negative="")] = False
     """The camera stands still; take no shake out."""
-    front: Annotated[bool, Parameter(name="--front", negative="")] = False
+    front: Annotated[bool, Parameter(negative="")] = False
     """Taken from the front of the board, not from behind."""
-    overlay: Annotated[Path | None, Parameter(name="--overlay")] = None
+    overlay: Path | None = None
     """Write a film in which what was followed is drawn."""
 
     @property
@@ -57,17 +55,8 @@ class VideoArguments:
                 f"--camera-angle {angle[0]:g} {angle[1]:g}: expected degrees of at most {STEEPEST:g} to either side; "
                 "from farther aside a deck shows its roll too little to be measured."
             )
-        return VideoOptions(
-            method=self.method,
-            roi=self.roi,
-            calibration=self.calibration,
-            readout=self.readout,
-            camera_angle=None if angle is None else (math.radians(angle[0]), math.radians(angle[1])),
-            pivot=self.pivot,
-            no_shake=self.no_shake,
-            front=self.front,
-            overlay=self.overlay,
-        )
+        radians: Any = None if angle is None else tuple(map(math.radians, angle))
+        return VideoOptions(**(vars(self) | {"camera_angle": radians}))
 
 
 STEEPEST = 45.0
@@ -84,46 +73,36 @@ else:
 class LogArguments:
     """How a log is read, where the inference needs help; and which part of it counts."""
 
-    column: Annotated[str | None, Parameter(name="--column")] = None
+    column: str | None = None
     """Column with the roll angle or rate: its name, or its number counted from 1."""
-    unit: Annotated[str | None, Parameter(name="--unit")] = None
+    unit: str | None = None
     """Its unit (rad, deg, rad/s, deg/s, ...), or the size of one count in rad or rad/s."""
-    axis: Annotated[str | None, Parameter(name="--axis", allow_leading_hyphen=True)] = None
+    axis: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None
     """Sensor axis that points forward (x, -y, ...), or the angle to take (roll, -pitch, ...)."""
-    rate: Annotated[float | None, Parameter(name="--rate")] = None
+    rate: float | None = None
     """Sampling or film frame rate in Hz, where the file's own is missing or wrong (slow motion)."""
-    time_column: Annotated[str | None, Parameter(name="--time-column")] = None
+    time_column: str | None = None
     """Column with the time: its name, or its number counted from 1."""
-    source: Annotated[_Source, Parameter(name="--source")] = "auto"
+    source: _Source = "auto"
     """What to make roll from, where a log holds several."""
     lever_arm: Annotated[
-        tuple[float, float, float] | None,
-        Parameter(name="--lever-arm", negative="", allow_leading_hyphen=True),
+        tuple[float, float, float] | None, Parameter(negative="", allow_leading_hyphen=True)
     ] = None
     """From the tilt axis to the accelerometer, along the sensor's x y z, in m; estimated if left out."""
     start: Annotated[float | None, Parameter(name="--from")] = None
     """Ignore the log before this time in s."""
     stop: Annotated[float | None, Parameter(name="--to")] = None
     """Ignore the log after this time in s."""
-    release: Annotated[tuple[float, ...], Parameter(name="--release", negative="", show_default=False)] = ()
+    release: Annotated[tuple[float, ...], Parameter(negative="", show_default=False)] = ()
     """Time of a release in s, instead of finding it; repeat it for several."""
     video: VideoArguments = _NO_VIDEO
 
     @property
     def options(self) -> LogOptions:
         """The part that reading needs."""
-        return LogOptions(
-            column=self.column,
-            unit=self.unit,
-            axis=self.axis,
-            rate=self.rate,
-            time_column=self.time_column,
-            source=self.source,
-            lever_arm=self.lever_arm,
-            start=self.start,
-            stop=self.stop,
-            video=self.video.options,
-        )
+        given: dict[str, Any] = vars(self) | {"video": self.video.options}
+        del given["release"]
+        return LogOptions(**given)
 
 
 def refuse_overwriting_logs(

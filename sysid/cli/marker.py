@@ -8,21 +8,18 @@ from cyclopts import Parameter
 from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.errors import SysidError
 
-_NO_COMMON = Common()
-
 
 def marker(
     *,
     output: Annotated[Path, Parameter(name=("--output", "-o"), group=OUTPUT)] = Path("marker.pdf"),
-    number: Annotated[int, Parameter(name="--number")] = 0,
-    common: Common = _NO_COMMON,
+    number: int = 0,
+    common: Common = Common(),
 ) -> int:
     """Write an A4 page with an ArUco marker in two sizes, how to fix it and how to film it.
 
     Args:
         output: PDF, SVG or PNG file to write.
         number: Number of the large marker, 0 to 48; the small one has the next.
-        common: Options of every command.
     """
     from sysid.video.trackers._marker_page import write_marker_page
 

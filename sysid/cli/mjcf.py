@@ -9,7 +9,6 @@ from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.errors import SysidError
 from sysid.files import write_atomically
 
-_NO_COMMON = Common()
 DOUBTFUL, UNUSABLE = 0.02, 0.1
 """NRMSE of the unloaded decay beyond which a file is warned of, as the gate would fail it, and beyond which none is
 written [1]."""
@@ -19,16 +18,14 @@ def mjcf(
     *,
     board: Annotated[str, Parameter(name=("--board", "-b"))],
     output: Annotated[Path, Parameter(name=("--output", "-o"), group=OUTPUT)],
-    bench: Annotated[bool, Parameter(name="--bench", negative="")] = False,
-    scene: Annotated[bool, Parameter(name="--scene", negative="")] = False,
-    timestep: Annotated[float, Parameter(name="--timestep")] = 0.005,
-    integrator: Annotated[str, Parameter(name="--integrator")] = "implicitfast",
-    export: Annotated[
-        Literal["physical", "step-compensated", "in-scene"] | None, Parameter(name="--export")
-    ] = None,
-    coupling: Annotated[Literal["equality", "direct"], Parameter(name="--coupling")] = "equality",
-    substitutes: Annotated[bool, Parameter(name="--substitutes", negative="")] = False,
-    common: Common = _NO_COMMON,
+    bench: Annotated[bool, Parameter(negative="")] = False,
+    scene: Annotated[bool, Parameter(negative="")] = False,
+    timestep: float = 0.005,
+    integrator: str = "implicitfast",
+    export: Literal["physical", "step-compensated", "in-scene"] | None = None,
+    coupling: Literal["equality", "direct"] = "equality",
+    substitutes: Annotated[bool, Parameter(negative="")] = False,
+    common: Common = Common(),
 ) -> int:
     """Write a board as MJCF.
 
@@ -44,7 +41,6 @@ def mjcf(
             for a scene, and for a bench physical up to 1 ms and step-compensated above.
         coupling: How tilt steers the trucks: a joint equality, or trucks set from outside after each step.
         substitutes: Write effects that need a newer MuJoCo than 3.11 as the nearest that 3.11 has.
-        common: Options of every command.
     """
     from sim.board.bodies import substituted
     from sim.mjcf import board_mjcf

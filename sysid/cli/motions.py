@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 def motions(
     *motion: Path,
-    plot: Annotated[Path | None, Parameter(name="--plot", group=OUTPUT)] = None,
-    rerun: Annotated[Path | None, Parameter(name="--rerun", group=OUTPUT)] = None,
+    plot: Annotated[Path | None, Parameter(group=OUTPUT)] = None,
+    rerun: Annotated[Path | None, Parameter(group=OUTPUT)] = None,
     common: Common = Common(),
 ) -> int:
     """List reference motions and what they do; draw them, or play them in Rerun.
@@ -26,7 +26,6 @@ def motions(
             given.
         plot: Draw the joints over time into this PNG file.
         rerun: Write a Rerun recording of the moving robot to this file; open it with `rerun FILE`.
-        common: Options of every command.
     """
     from policy_runtime.learning.style_reference import transition_folder
     from policy_runtime.motion.motion_check import motion_facts

@@ -13,8 +13,6 @@ from sysid.errors import SysidError, UsageError
 from sysid.inertia import GRAVITY
 from sysid.quantity import Quantity, parse_quantity, propagate
 
-_NO_COMMON = Common()
-_NO_SUBJECT = Subject()
 Kind = Literal["board", "pendulum", "rig", "joint"]
 QUESTIONS = {
     "kind": "What is it: a board, a pendulum, a rig (a torsion spring or servo without weight), or the joint of a model?",
@@ -36,8 +34,8 @@ def new(
     inertia: str | None = None,
     mass: str | None = None,
     arm: str | None = None,
-    subject: Subject = _NO_SUBJECT,
-    common: Common = _NO_COMMON,
+    subject: Subject = Subject(),
+    common: Common = Common(),
 ) -> int:
     """Write the smallest record of a joint; what the options leave open is asked, at a terminal.
 
@@ -51,7 +49,6 @@ def new(
         mass: Mass of a pendulum [kg].
         arm: From its axis to its centre of mass [m].
         subject: The joint of a model.
-        common: Options of every command.
     """
     printer = Printer(common)
     if not name or Path(name).name != name:
@@ -101,7 +98,7 @@ def _about_axis(mass: float, arm: float, about_centre: float) -> float:
 def _record(name: str, description: str, inertia: Quantity) -> Board:
     """Return a record of an inertia and nothing else: its stiffness and damping are what a fit starts from."""
     return Board(
-        name=name, description=description, source="husky-sysid new", geometry={}, mass={},
+        name=name, description=description, source="husky-sysid new",
         inertia=inertia if inertia.method else inertia.with_method("as given to `new`"),
         tilt={
             "stiffness": Quantity(0.0, 0.0, "N*m/rad"), "damping": Quantity(0.0, 0.0, "N*m*s/rad"),

@@ -43,7 +43,6 @@ def paper(
         force: Ride where policy and board disagree.
         output: Folder for paper.md, paper.json and the pictures; reports/paper of the workspace if not given. What has
             been ridden is kept in its rides/, so that a run that was stopped goes on.
-        common: Options of every command.
     """
     from joblib import Memory
 

@@ -1,8 +1,12 @@
-"""Parameters on the command line: NAME=VALUE and NAME=LOW:HIGH."""
+"""Parameters and quantities on the command line: NAME=VALUE, NAME=LOW:HIGH, or a result file that holds one."""
 
+import json
 from collections.abc import Sequence
+from pathlib import Path
 
 from sysid.errors import SysidError
+from sysid.files import regular
+from sysid.quantity import Quantity, parse_quantity
 
 SHORT = {"rest": "rest_angle"}
 """Names that a user may write shorter."""
@@ -30,6 +34,28 @@ def parse_bounds(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
             raise SysidError(f"--bound {name}={value} has no ':'; expected --bound {name}=LOW:HIGH.")
         found[name] = (_number(low, f"--bound {name}"), _number(high, f"--bound {name}"))
     return found
+
+
+def parse_or_read(text: str, key: str, unit: str, where: str) -> Quantity:
+    """Return a positive quantity as it was typed, or the one under a key of a result file (.json) that is named instead.
+
+    Raises:
+        SysidError: It is none, or the file holds none in this unit.
+    """
+    if not text.endswith(".json"):
+        return parse_quantity(text, unit, where)
+    try:
+        content = json.loads(regular(Path(text)).read_text(encoding="utf-8"))[key]
+        value, std, found = float(content["value"]), float(content["std"]), content["unit"]
+    except OSError as error:
+        raise SysidError(f"{text}: cannot read it ({error.strerror}).") from error
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise SysidError(
+            f"{text}: holds no quantity '{key}' with a value and a std; give a result file."
+        ) from error
+    if found != unit:
+        raise SysidError(f"{text}: '{key}' is in {found!r}; expected {unit!r}.")
+    return Quantity(value, std, unit, text)
 
 
 def _pairs(texts: Sequence[str], option: str, value_shape: str) -> list[tuple[str, str]]:

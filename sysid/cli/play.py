@@ -28,7 +28,6 @@ def play(
         output: Folder for picture, film strip, numbers and Rerun recording; reports/BOARD of the workspace
             if not given.
         viewer: Open the MuJoCo viewer and ride in real time instead.
-        common: Options of every command.
     """
     choose_renderer()
     from policy_runtime.evaluation.metrics import episode_errors

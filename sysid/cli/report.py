@@ -8,26 +8,22 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sysid.cli.console import OUTPUT, Common, Printer
-from sysid.cli.log_options import LogArguments, refuse_overwriting_logs
+from sysid.cli.console import OUTPUT, Common, Printer, write_figure
+from sysid.cli.log_options import LogArguments
 from sysid.cli.subject import Subject
-from sysid.cli.view import no_logs, read_logs
+from sysid.cli.view import logs_of, no_logs, read_logs
 from sysid.errors import SysidError
-from sysid.files import atomic_path, write_atomically
-
-_NO_ARGUMENTS = LogArguments()
-_NO_COMMON = Common()
-_NO_SUBJECT = Subject()
+from sysid.files import write_atomically
 
 
 def report(
     *logs: Path,
-    subject: Subject = _NO_SUBJECT,
+    subject: Subject = Subject(),
     output: Annotated[Path | None, Parameter(name=("--output", "-o"), group=OUTPUT)] = None,
-    one_page: Annotated[bool, Parameter(name="--one-page", negative="", group=OUTPUT)] = False,
+    one_page: Annotated[bool, Parameter(negative="", group=OUTPUT)] = False,
     tolerance: float = 0.02,
-    arguments: LogArguments = _NO_ARGUMENTS,
-    common: Common = _NO_COMMON,
+    arguments: LogArguments = LogArguments(),
+    common: Common = Common(),
 ) -> int:
     """Write one HTML file with everything known of a board.
 
@@ -36,14 +32,11 @@ def report(
 
     Args:
         logs: Logs of the board; those that its record was fitted to, if left out.
-        subject: Whose joint it is.
         output: File to write; reports/BOARD/report.html of the workspace if left out.
         one_page: Also write it on one page, as PDF and PNG beside the file.
         tolerance: Error beyond the noise, over the RMS motion, at which the comparison passes.
-        arguments: How the logs are read.
-        common: Options of every command.
     """
-    from reports.evidence import find_logs, gather, last_diagnosis
+    from reports.evidence import gather, last_diagnosis
     from reports.page.board import Provenance, board_report
     from sysid.cli.bars import working
     from sysid.progress import stage
@@ -51,15 +44,7 @@ def report(
     printer = Printer(common)
     space = common.space
     record = subject.load(common, printer)
-    files = find_logs(record, logs, space)
-    if not files:
-        raise SysidError(no_logs(record))
-    refuse_overwriting_logs(
-        [file.found for file in files if file.found], arguments, printer, {"--output": output}
-    )
-    for file in files:
-        if file.found is None:
-            printer.warn(f"{file.path}: {file.state}")
+    files = logs_of(record, logs, arguments, printer, output)
     material = read_logs(files, arguments, printer)
     provenance = Provenance(
         command=shlex.join(["husky-sysid", *sys.argv[1:]]),
@@ -90,9 +75,7 @@ def report(
 
         sheet = board_sheet(evidence, files, provenance, diagnosis)
         for target in (path.with_suffix(".pdf"), path.with_suffix(".png")):
-            with atomic_path(target) as temporary:
-                sheet.savefig(temporary, dpi=150)
-            printer.say(f"written: {target}")
+            printer.say(f"written: {write_figure(target, sheet, dpi=150)}")
     printer.result(
         {"board": record.name, "report": str(path), "logs": [file.path for file in files if file.found]}
     )

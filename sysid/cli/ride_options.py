@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Group, Parameter
 
 from sysid.board import Board
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import Printer
 from sysid.errors import SysidError
 
 if TYPE_CHECKING:
@@ -117,12 +117,9 @@ def prepare(policy: str, options: RideOptions, printer: Printer, *, visuals: boo
     Raises:
         SysidError: Something is missing or does not fit.
     """
-    if not os.environ.get("DISPLAY"):
-        os.environ.setdefault(
-            "MUJOCO_GL", "egl"
-        )  # MuJoCo asks once, when it is imported; GLFW needs a display
     from policy_runtime.evaluation.plain import policy_named
     from policy_runtime.export import MANIFEST, load_folder
+    from policy_runtime.loop.policy import OnnxPolicy
     from policy_runtime.loop.world import make_world
     from policy_runtime.robots.simulated import Gantry
 
@@ -142,7 +139,7 @@ def prepare(policy: str, options: RideOptions, printer: Printer, *, visuals: boo
     else:
         if options.board is None:
             raise SysidError("which board? Name it with --board, or give an exported folder.")
-        board, name = _board(printer.common, options.board), policy
+        board, name = printer.common.space.load_board(options.board), policy
         world = make_world(
             board,
             coupling=options.coupling,
@@ -152,21 +149,15 @@ def prepare(policy: str, options: RideOptions, printer: Printer, *, visuals: boo
             visuals=visuals,
         )
     rider = policy_named(name, board, force=options.force)
-    for note in policy_notes(rider):
-        printer.note(note)
+    if isinstance(rider, OnnxPolicy):
+        for note in rider.file.notes:
+            printer.note(note)
     if not board.passed:
         printer.warn(
             f"board '{board.name}' has not passed `check` as it is recorded now: its tilt joint may not move like the real one."
         )
     world.reset(speed=options.start_speed)
     return Ride(board, rider, world, commands)
-
-
-def policy_notes(policy: "Policy") -> tuple[str, ...]:
-    """Return what could not be checked about a policy."""
-    from policy_runtime.loop.policy import OnnxPolicy
-
-    return policy.file.notes if isinstance(policy, OnnxPolicy) else ()
 
 
 def command_source(options: RideOptions) -> "CommandSource":
@@ -189,10 +180,6 @@ def command_source(options: RideOptions) -> "CommandSource":
     if not abs(options.turn_deg) <= limit:
         raise SysidError(f"--turn-deg {options.turn_deg:g}: policies are trained for ±{limit:g}°.")
     return Constant(Command(options.speed, math.radians(options.turn_deg)))
-
-
-def _board(common: Common, name: str) -> Board:
-    return common.space.load_board(name)
 
 
 def write_ride(ride: Ride, recording: "Recording", folder: Path, printer: Printer) -> dict[str, str]:

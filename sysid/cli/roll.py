@@ -16,8 +16,6 @@ from sysid.video.options import is_film
 
 UNSURE = 0.004
 """Uncertainty of an offset from which one doubts it [s]: records of one release agree to 2 ms."""
-_NO_ARGUMENTS = LogArguments()
-_NO_COMMON = Common()
 
 
 def roll(
@@ -25,10 +23,10 @@ def roll(
     /,
     *,
     output: Annotated[Path, Parameter(name=("--output", "-o"), group=OUTPUT)],
-    align: Annotated[Path | None, Parameter(name="--align")] = None,
-    preview: Annotated[bool, Parameter(name="--preview", negative="")] = False,
-    arguments: LogArguments = _NO_ARGUMENTS,
-    common: Common = _NO_COMMON,
+    align: Path | None = None,
+    preview: Annotated[bool, Parameter(negative="")] = False,
+    arguments: LogArguments = LogArguments(),
+    common: Common = Common(),
 ) -> int:
     """Extract the roll angle of any log or video into a CSV file.
 
@@ -37,8 +35,6 @@ def roll(
         output: CSV file to write: time_s, roll_rad, roll_std_rad.
         align: Another record of the same motion (film or log): times become those of its clock.
         preview: Of a film, only show what will be followed, and let the region of the board be drawn.
-        arguments: How the log is read.
-        common: Options of every command.
     """
     printer = Printer(common)
     overlay = arguments.video.overlay
@@ -54,7 +50,7 @@ def roll(
     if align is not None:
         from sysid.logs.clock_offset import clock_offset
 
-        offset = clock_offset(load_roll(align, _NO_ARGUMENTS, printer), signal)
+        offset = clock_offset(load_roll(align, LogArguments(), printer), signal)
         printer.note(f"{log}: {offset} added to its times, which then count from the first sample of {align}")
         half = (offset.ci95[1] - offset.ci95[0]) / 2
         if half > UNSURE:

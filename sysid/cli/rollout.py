@@ -41,7 +41,6 @@ def rollout(
         rest: IMU: for how long the board stands still at the beginning [s].
         free: IMU: after how long it rolls freely [s].
         save: Put both into the board's record; scene and training follow.
-        common: Options of every command.
     """
     from sysid.experiments.roll_out import roll_out
 

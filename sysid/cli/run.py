@@ -72,7 +72,6 @@ def run(
         viewer: Show the simulated robot in the MuJoCo viewer.
         record: Write recording and pictures of the simulated ride at the end.
         output: Folder for them and for the log; reports/BOARD of the workspace if not given.
-        common: Options of every command.
     """
     choose_renderer()
     printer = Printer(common)

@@ -26,19 +26,19 @@ class Subject:
 
     board: Annotated[str | None, Parameter(name=("--board", "-b"))] = None
     """Name of the board."""
-    model: Annotated[Path | None, Parameter(name="--model")] = None
+    model: Path | None = None
     """MuJoCo model, instead of a board."""
-    joint: Annotated[str | None, Parameter(name="--joint")] = None
+    joint: str | None = None
     """Hinge or slide of the model that was let go; all others were held."""
-    keyframe: Annotated[str | None, Parameter(name="--keyframe")] = None
+    keyframe: str | None = None
     """Keyframe of the model with the pose in which it was measured."""
-    pose: Annotated[tuple[str, ...], Parameter(name="--pose", negative="", show_default=False)] = ()
+    pose: Annotated[tuple[str, ...], Parameter(negative="", show_default=False)] = ()
     """Position of another joint there, as NAME=VALUE in rad or m; repeat it for several."""
-    free: Annotated[tuple[str, ...], Parameter(name="--free", negative="", show_default=False)] = ()
+    free: Annotated[tuple[str, ...], Parameter(negative="", show_default=False)] = ()
     """Joint that was free to follow, not held; repeat it for several."""
-    payload: Annotated[tuple[str, ...], Parameter(name="--payload", negative="", show_default=False)] = ()
+    payload: Annotated[tuple[str, ...], Parameter(negative="", show_default=False)] = ()
     """Known mass that was added, as MASS@X,Y,Z [kg, m] in the frame of the joint's body, or MASS@SITE."""
-    mass_error: Annotated[float, Parameter(name="--mass-error")] = 0.0
+    mass_error: float = 0.0
     """Half-width of the 95 % interval of the model's masses, as a share, e.g. 0.02; every torque shares it."""
 
     @property

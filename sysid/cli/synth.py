@@ -27,8 +27,7 @@ def synth(
         tuple[str, ...], Parameter(name=["--effect", "-e"], negative="", show_default=False)
     ] = (),
     release_angle: Annotated[
-        tuple[str, ...],
-        Parameter(name="--release-angle", negative="", allow_leading_hyphen=True, show_default=False),
+        tuple[str, ...], Parameter(negative="", allow_leading_hyphen=True, show_default=False)
     ] = (),
     releases: int | None = None,
     rate: float | None = None,
@@ -40,10 +39,11 @@ def synth(
     dropout: float = 0.0,
     seed: int = 0,
     dialect: Dialect = "angle",
-    lever_arm: Annotated[
-        tuple[float, float, float],
-        Parameter(name="--lever-arm", negative="", allow_leading_hyphen=True),
-    ] = (0.1, 0.03, 0.05),
+    lever_arm: Annotated[tuple[float, float, float], Parameter(negative="", allow_leading_hyphen=True)] = (
+        0.1,
+        0.03,
+        0.05,
+    ),
     gyro_bias: float = 0.01,
     gyro_noise: float = 0.003,
     accelerometer_noise: float = 0.03,
@@ -76,7 +76,6 @@ def synth(
         gyro_noise: White noise of a gyro sample [rad/s].
         accelerometer_noise: White noise of an accelerometer sample [m/s^2].
         hand: Keep rest and hand in the log; without, it starts at the only release.
-        common: Shared options.
     """
     for option, value in (("--noise-deg", noise_deg), ("--quantisation-deg", quantisation_deg)):
         if not 0 <= value < math.inf:

@@ -6,12 +6,12 @@ import sys
 from dataclasses import dataclass, fields, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 from cyclopts.validators import Number
 
-from policy_runtime.learning.run_folder import LearnOptions, RunConfig, RunFolder, newest_run
+from policy_runtime.learning.run_folder import LearnOptions, RunConfig, RunFolder, next_run
 from sim.skate.cycle.start import Start
 from sim.skate.options import SkateOptions
 from sysid.board import Board, load_board
@@ -63,26 +63,12 @@ class Variant:
 
     def options(self) -> SkateOptions:
         """Return the task's options."""
-        return SkateOptions(
-            pushing=self.pushing,
-            transition=self.transition,
-            tilt_guidance=self.tilt_guidance,
-            turn_feedback=self.turn_feedback,
-            kinematics=self.kinematics,
-            coupling="equality" if self.coupling == "none" else self.coupling,
-            steered=self.coupling != "none",
-            start=Start() if self.start == "mixed" else Start(standing=1.0, pushing=0.0, steering=0.0),
-            terrain=self.terrain,
-            pushes=self.pushes,
-            pose_offset=self.pose_offset,
-            mount_steps=self.mount_steps,
-            bezier_order=self.bezier_order,
-            lift=self.lift,
-            stance_patience=self.stance_patience,
-            idle_patience=self.idle_patience,
-            smoothness=self.smoothness,
-            speed_tolerance=self.speed_tolerance,
-        )
+        ours: dict[str, Any] = {
+            "coupling": "equality" if self.coupling == "none" else self.coupling,
+            "steered": self.coupling != "none",
+            "start": Start() if self.start == "mixed" else Start(standing=1.0, pushing=0.0, steering=0.0),
+        }
+        return SkateOptions(**(vars(self) | ours))
 
 
 @Parameter(name="*")
@@ -116,20 +102,9 @@ class Learner:
 
     def options(self) -> LearnOptions:
         """Return the learner's options."""
-        return replace(
-            LearnOptions(),
-            environments=self.environments,
-            iterations=LearnOptions().iterations if self.iterations is None else self.iterations,
-            seed=self.seed,
-            learning_rate=self.learning_rate,
-            entropy=self.entropy,
-            last_entropy=self.last_entropy,
-            desired_kl=self.desired_kl,
-            save_every=self.save_every,
-            style_weight=self.style_weight,
-            curriculum=self.curriculum == "on",
-            graphs=self.graphs,
-        )
+        iterations = LearnOptions().iterations if self.iterations is None else self.iterations
+        ours: dict[str, Any] = {"iterations": iterations, "curriculum": self.curriculum == "on"}
+        return LearnOptions(**(vars(self) | ours))
 
 
 @Parameter(name="*")
@@ -203,7 +178,6 @@ def train(
             the run keeps a copy.
         minutes: Stop, with a checkpoint, after so much time.
         force: Train even though the board has not passed `check`.
-        common: Options of every command.
     """
     printer = Printer(common)
     if resume is not None and start_from is not None:
@@ -363,7 +337,7 @@ def _require_readable(checkpoints: list[Path]) -> None:
 
 
 def _new_run(record: Board, output: Path | None, common: Common, printer: Printer) -> RunFolder:
-    path = newest_run(common.space.outputs(record.name), free=True) if output is None else output
+    path = next_run(common.space.outputs(record.name)) if output is None else output
     if (path / "config.toml").exists():
         raise SysidError(f"{path}: holds a run already. Go on with it by --resume {path}, or choose another.")
     printer.note(f"run folder {path}")

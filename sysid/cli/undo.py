@@ -7,19 +7,12 @@ from cyclopts import Parameter
 from sysid.cli.console import Common, Printer
 from sysid.text import count
 
-_NO_COMMON = Common()
 
-
-def undo(
-    *,
-    board: Annotated[str, Parameter(name=("--board", "-b"))],
-    common: Common = _NO_COMMON,
-) -> int:
+def undo(*, board: Annotated[str, Parameter(name=("--board", "-b"))], common: Common = Common()) -> int:
     """Put a board's record back to what it was before the last change of it: a fit, an inertia, a check.
 
     Args:
         board: Name of the board.
-        common: Options of every command.
     """
     printer = Printer(common)
     changed = common.space.load_board(board)

@@ -28,17 +28,13 @@ if TYPE_CHECKING:
     from reports.evidence import Evidence, LogFile
     from reports.rerun.film_frames import FilmFrames
 
-_NO_ARGUMENTS = LogArguments()
-_NO_COMMON = Common()
-_NO_SUBJECT = Subject()
-
 
 def view(
     *logs: Path,
-    subject: Subject = _NO_SUBJECT,
+    subject: Subject = Subject(),
     output: Annotated[Path | None, Parameter(name=("--output", "-o"), group=OUTPUT)] = None,
-    arguments: LogArguments = _NO_ARGUMENTS,
-    common: Common = _NO_COMMON,
+    arguments: LogArguments = LogArguments(),
+    common: Common = Common(),
 ) -> int:
     """Show logs and model of a board in Rerun.
 
@@ -46,22 +42,11 @@ def view(
 
     Args:
         logs: Logs of the board; those that its record was fitted to, if left out.
-        subject: Whose joint it is.
         output: Write the recording here, and open nothing.
-        arguments: How the logs are read.
-        common: Options of every command.
     """
-    from reports.evidence import find_logs
-
     printer = Printer(common)
     record = subject.load(common, printer)
-    files = find_logs(record, logs, common.space)
-    refuse_overwriting_logs(
-        [file.found for file in files if file.found], arguments, printer, {"--output": output}
-    )
-    for file in files:
-        if file.found is None:
-            printer.warn(f"{file.path}: {file.state}")
+    files = logs_of(record, logs, arguments, printer, output)
     if not any(file.found for file in files):
         raise SysidError(no_logs(record))
     path = output or common.space.outputs(record.name) / "view.rrd"
@@ -78,6 +63,27 @@ def view(
             start_new_session=True,
         )
     return 0
+
+
+def logs_of(
+    board: Board, logs: Sequence[Path], arguments: LogArguments, printer: Printer, output: Path | None
+) -> "list[LogFile]":
+    """Return the logs given, else those that a board was fitted to; say which of these are not there any more.
+
+    Raises:
+        SysidError: There is none, or the output would overwrite one.
+    """
+    from reports.evidence import find_logs
+
+    files = find_logs(board, logs, printer.common.space)
+    if not files:
+        raise SysidError(no_logs(board))
+    found = [file.found for file in files if file.found]
+    refuse_overwriting_logs(found, arguments, printer, {"--output": output})
+    for file in files:
+        if file.found is None:
+            printer.warn(f"{file.path}: {file.state}")
+    return files
 
 
 def no_logs(board: Board) -> str:

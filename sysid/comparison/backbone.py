@@ -29,7 +29,6 @@ def backbone_of(
     """Return the backbone of all releases together.
 
     Args:
-        compared: Releases.
         law: Gives the rest angle and the frequency.
         signals: Measured or simulated roll of each release [rad], shapes (n,).
         noise: Standard deviation of the signals [rad].

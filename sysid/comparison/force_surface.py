@@ -15,6 +15,8 @@ SHARE_OF_PERIOD = 1 / 6
 """Length of the filter that differentiates, over the period: a local quartic follows a swing over it to 0.1 %."""
 FEW_A_BIN, MOST_BINS = 1.5, 15
 """Independent samples [1] that a bin of a profile holds at least, and bins beyond which a curve shows no more."""
+BINS = 15
+"""Cells of a surface, in tilt and in rate: an odd number, so that one is about rest; each is then some 7 % of the swing."""
 CLEAR = 0.1
 """Share of the largest tilt within which a sign is the noise's."""
 LARGEST_SHARE = 1 / 3
@@ -51,19 +53,12 @@ class MissingTorque:
     over_rate: TorqueProfile
 
 
-def missing_torque(
-    compared: Sequence[ComparedRelease], law: JointLaw, *, bins: tuple[int, int] = (15, 15)
-) -> MissingTorque | None:
+def missing_torque(compared: Sequence[ComparedRelease], law: JointLaw) -> MissingTorque | None:
     """Return the torque that measured and simulated motion differ by, averaged over tilt and rate.
 
     The measured roll is differentiated by a local quartic over a sixth of its own period, by a local parabola where
     that holds too few samples. Both motions go through the same filter and law, so that what the filter does to a
     correct model cancels.
-
-    Args:
-        compared: Releases.
-        law: The law that was simulated.
-        bins: Number of bins in tilt and rate.
 
     Returns:
         The surface, or None where the sampling is too slow to differentiate.
@@ -87,8 +82,7 @@ def missing_torque(
     if not tilts:
         return None
     tilt, rate, torque = (np.concatenate(part) for part in (tilts, rates, torques))
-    a = np.linspace(-1, 1, bins[0] + 1) * float(np.abs(tilt).max()) * 1.001
-    b = np.linspace(-1, 1, bins[1] + 1) * float(np.abs(rate).max()) * 1.001
+    a, b = (np.linspace(-1, 1, BINS + 1) * float(np.abs(axis).max()) * 1.001 for axis in (tilt, rate))
     count, _, _ = np.histogram2d(tilt, rate, bins=(a, b))
     total, _, _ = np.histogram2d(tilt, rate, bins=(a, b), weights=torque)
     with np.errstate(invalid="ignore"):
@@ -122,9 +116,7 @@ def _profile(at: Array, torque: Array, together: float) -> TorqueProfile:
     shared = sum(runs) / max(float(squares.sum()), 1e-300)
     counts = np.array([len(part) for part in parts])
     return TorqueProfile(
-        np.array([float(np.mean(at[part])) for part in parts]),
-        means,
-        np.sqrt(shared * squares) / counts,
+        np.array([float(np.mean(at[part])) for part in parts]), means, np.sqrt(shared * squares) / counts
     )
 
 

@@ -18,11 +18,7 @@ def report(result: "Comparison", width: int = WIDTH) -> str:
     releases = table(
         ("release", "error", "error / noise"),
         [
-            (
-                f"{Path(r.log).name} {r.number}",
-                show(r.rmse),
-                f"{r.rmse / result.noise.std:.2f}",
-            )
+            (f"{Path(r.log).name} {r.number}", show(r.rmse), f"{r.rmse / result.noise.std:.2f}")
             for r in result.releases
         ],
         width=width,

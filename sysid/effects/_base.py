@@ -10,16 +10,18 @@ The law of the tilt joint, with roll φ, tilt x = φ - rest angle and rate v:
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, Protocol
+from dataclasses import KW_ONLY, dataclass
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
-from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._algebra import Algebra, Numbers, Value, Values
 from sysid.roll import Array
 
-if TYPE_CHECKING:
-    import mujoco
+MjSpec = Any
+"""A `mujoco.MjSpec`, and"""
+MjsJoint = Any
+"""a `mujoco.MjsJoint`: effects are known without MuJoCo, which has no types."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +95,7 @@ class Scales:
         return self.stiffness * self.amplitude
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Parameter:
     """One number of an effect: its unit, its size for a given problem, and where to look for it."""
 
@@ -101,6 +103,7 @@ class Parameter:
     unit: str
     size: Callable[[Scales], float]
     """A strength that clearly shows in the decay; the unit in which the fit works."""
+    _: KW_ONLY
     low: float
     """Lower bound in units of `size`."""
     high: float
@@ -137,7 +140,7 @@ class State:
     late_release: Callable[[Algebra, Value, Value, Value, Values], Value] | None = None
     """For a sensor's: `late_release(m, roll, rate, acceleration, parameters)`, its value at a release noticed late, when the deck
     has that rate already."""
-    detection_delay: Callable[[float, float, Mapping[str, float]], float] | None = None
+    detection_delay: Callable[[float, float, Numbers], float] | None = None
     """For a sensor's: `detection_delay(acceleration, noise, parameters)`, for how long a release does not show in its reading [s]."""
     return_map: Callable[[Algebra, Value, Value, Values], Value] | None = None
     """For rate-independent states: `return_map(m, z, moved, parameters)`, what a tilt one way by `moved` makes of z."""
@@ -173,12 +176,7 @@ class ToMjcf(Protocol):
     """Writes an effect into a spec."""
 
     def __call__(
-        self,
-        spec: "mujoco.MjSpec",
-        joint: "mujoco.MjsJoint",
-        parameters: Mapping[str, float],
-        *,
-        exact: bool = True,
+        self, spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True
     ) -> tuple[str, ...]:
         """Add the effect to `joint` of `spec`, in place.
 
@@ -195,45 +193,24 @@ class ToMjcf(Protocol):
         ...
 
 
-FromMjcf = Callable[["mujoco.MjsJoint"], Sequence[float]]
+FromMjcf = Callable[[MjsJoint], Sequence[float]]
 """Reads its parameters from the attributes of a model's joint, the opposite of `ToMjcf`; none where it is not there."""
 
 
-def in_no_attribute(joint: "mujoco.MjsJoint") -> Sequence[float]:
+def in_no_attribute(joint: MjsJoint) -> Sequence[float]:
     """Return nothing: the effect is in no attribute of a joint."""
-    del joint
     return ()
-
-
-FAR = 10.0
-"""Tilt that no joint reaches [rad]: a tendon that is slack up to there never pulls on that side."""
-
-
-def spec_angle(spec: "mujoco.MjSpec", angle: float) -> float:
-    """Return an angle [rad] in the unit that the spec's compiler reads: degrees, unless told otherwise."""
-    return float(np.degrees(angle)) if spec.compiler.degree else angle
-
-
-def rest_of(spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint") -> float:
-    """Return the joint's springref [rad], whichever unit the spec's compiler reads."""
-    return float(np.radians(joint.springref) if spec.compiler.degree else joint.springref)
 
 
 def unchanged(m: Algebra, reading: Reading, parameters: Values, states: Sequence[Value]) -> Reading:
     """Return the reading itself."""
-    del m, parameters, states
     return reading
 
 
 def belongs_to_log(
-    spec: "mujoco.MjSpec",
-    joint: "mujoco.MjsJoint",
-    parameters: Mapping[str, float],
-    *,
-    exact: bool = True,
+    spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True
 ) -> tuple[str, ...]:
     """Write nothing: the effect is in the measurement and must not go into the model."""
-    del spec, joint, parameters, exact
     return ()
 
 
@@ -351,7 +328,6 @@ class Smoothness:
 
 def no_torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return zero torque."""
-    del m, motion, parameters, states
     return 0.0
 
 
@@ -368,14 +344,14 @@ class TorqueEffect(Effect):
     """`modifies(joint, parameters)`: the linear law with another number."""
     changing: Callable[[Algebra, Value, Values], tuple[Value, Value]] | None = None
     """`changing(m, roll, parameters)`: what it adds to the inertia there [kg*m^2], and the derivative of that by roll."""
-    restarts: Callable[[Mapping[str, float]], Sequence[dict[str, float]]] | None = None
+    restarts: Callable[[Numbers], Sequence[dict[str, float]]] | None = None
     """Where to search again from if a search ended at an edge beyond which the law does not change, so that no descent
     comes back: takes and returns the effect's parameters in units of their sizes; none elsewhere."""
     grounded: bool = False
     """Whether it acts between deck and ground, past what the joint stands on."""
     adds_stiffness: str = ""
     """The parameter that adds to the joint's stiffness at small tilts; '' where none does."""
-    slope: Callable[[Mapping[str, float], float], float] | None = None
+    slope: Callable[[Numbers, float], float] | None = None
     """`slope(parameters, roll)`: the stiffness that it is for small motions about a roll [N*m/rad], where no parameter of its
     own is that."""
     adds_inertia: str = ""
@@ -391,7 +367,7 @@ class TorqueEffect(Effect):
     timestep: str = ""
     """The parameter that is a simulator's time step, where the effect is that simulator; else ''."""
 
-    def stiffness_at(self, roll: float, parameters: Mapping[str, float]) -> float:
+    def stiffness_at(self, roll: float, parameters: Numbers) -> float:
         """Return what it adds to the joint's stiffness for small motions about a roll [N*m/rad]."""
         return (
             parameters.get(self.adds_stiffness, 0.0) if self.slope is None else self.slope(parameters, roll)

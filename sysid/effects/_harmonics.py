@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from sysid.effects._algebra import Algebra, NumpyAlgebra, Value, Values
+from sysid.effects._algebra import NUMPY, Algebra, Value, Values
 from sysid.effects._base import Parameter, Scales
 from sysid.roll import Array
 
@@ -42,7 +42,7 @@ def of_table(roll: Array, values: Array) -> tuple[dict[str, float], float]:
         roll: Where it was looked up [rad], shape (n,).
         values: What is there, shape (n,).
     """
-    columns = np.column_stack(_terms(NumpyAlgebra(), roll))
+    columns = np.column_stack(_terms(NUMPY, roll))
     found, missed = np.zeros(len(HARMONICS)), 0.0
     for count in (1, 3, 5, 7):  # the fewest that hold it: on a short arc all look alike
         found[:count] = np.linalg.lstsq(columns[:, :count], values, rcond=1e-12)[0]
@@ -60,6 +60,5 @@ def held(unit: str) -> tuple[Parameter, ...]:
         return scales.inertia if unit.startswith("kg") else scales.torque / scales.amplitude
 
     return tuple(
-        Parameter(name=name, unit=unit, size=size, low=-1e3, high=1e3, starts=(0.0,), held=True)
-        for name in HARMONICS
+        Parameter(name, unit, size, low=-1e3, high=1e3, starts=(0.0,), held=True) for name in HARMONICS
     )

@@ -6,11 +6,11 @@ import re
 from collections.abc import Mapping
 from importlib.metadata import entry_points
 from pathlib import Path
-from types import TracebackType
+from traceback import extract_tb
 
 import numpy as np
 
-from sysid.effects._algebra import CasadiAlgebra, NumpyAlgebra
+from sysid.effects._algebra import NUMPY, casadi_algebra
 from sysid.effects._base import Effect, JointState, TorqueEffect
 from sysid.errors import SysidError
 
@@ -71,10 +71,8 @@ def read(path: Path) -> Effect:
     try:
         spec.loader.exec_module(module)
     except Exception as error:
-        line = next(
-            (f"line {t.tb_lineno}, " for t in _frames(error) if t.tb_frame.f_code.co_filename == str(path)),
-            "",
-        )
+        lines = [frame.lineno for frame in extract_tb(error.__traceback__) if frame.filename == str(path)]
+        line = f"line {lines[-1]}, " if lines else ""
         raise SysidError(f"{path}: {line}{type(error).__name__}: {error}") from error
     return checked(getattr(module, "EFFECT", None), str(path))
 
@@ -110,10 +108,8 @@ def _run(part: TorqueEffect, where: str) -> None:
     at = np.linspace(-0.1, 0.1, 3)
     symbol = casadi.SX.sym("x")
     try:
-        torque = np.asarray(
-            part.torque(NumpyAlgebra(), JointState(at, at, at, 10.0), values, ()), dtype=np.float64
-        )
-        part.torque(CasadiAlgebra(), JointState(symbol, symbol, symbol, 10.0), values, ())
+        torque = np.asarray(part.torque(NUMPY, JointState(at, at, at, 10.0), values, ()), dtype=np.float64)
+        part.torque(casadi_algebra(), JointState(symbol, symbol, symbol, 10.0), values, ())
     except Exception as error:
         raise SysidError(
             f"{where}: its torque does not run ({type(error).__name__}: {error}). Use only + - * / ** and m.sin, m.exp, m.abs, "
@@ -123,12 +119,3 @@ def _run(part: TorqueEffect, where: str) -> None:
         raise SysidError(
             f"{where}: its torque is {torque} at tilts of -0.1, 0 and 0.1 rad; expected finite numbers."
         )
-
-
-def _frames(error: BaseException) -> list[TracebackType]:
-    found: list[TracebackType] = []
-    frame = error.__traceback__
-    while frame is not None:
-        found.insert(0, frame)
-        frame = frame.tb_next
-    return found

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sysid.effects._algebra import Algebra, Value
+from sysid.effects._base import Parameter
 from sysid.least_squares import Array
 
 
@@ -16,7 +17,6 @@ def knots(n: int, grading: float) -> Array:
     """Return where the knots are, as shares of the reach [1], shape (2n,), ascending and without zero.
 
     Args:
-        n: Knots to either side.
         grading: Distance from zero within which half of a side's knots are, over the reach, before they thin out
             (`position` undone): small is dense in the middle.
     """
@@ -34,7 +34,6 @@ def cardinals(m: Algebra, s: Value, n: int) -> list[Value]:
     """Return how much each value of a table counts at a position from -1 to 1 (Keys, IEEE Trans. ASSP 29, 1981).
 
     Args:
-        m: The algebra.
         s: Position on the even scale.
         n: Knots to either side, 2 or more.
     """
@@ -68,3 +67,8 @@ def _kernel(m: Algebra, u: Value) -> Value:
     size = m.abs(u)
     near, far = m.maximum(1 - size, 0.0), m.maximum(2 - size, 0.0)
     return 0.5 * far * far * (far - 1) - near * near * (2 * near - 1)
+
+
+def table_value(name: str) -> Parameter:
+    """Return the parameter that is one value of a table; its size is a tenth of the spring's torque."""
+    return Parameter(name, "N*m", lambda s: 0.1 * s.torque, low=-100.0, high=100.0, starts=(0.0,))

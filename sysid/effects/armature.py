@@ -1,14 +1,9 @@
 """What a motor's rotor adds to the inertia that a joint sees, beyond what its model states."""
 
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
-from sysid.effects._algebra import Values
-from sysid.effects._base import LinearJoint, MujocoSupport, Parameter, TorqueEffect
-
-if TYPE_CHECKING:
-    import mujoco
+from sysid.effects._algebra import Numbers, Values
+from sysid.effects._base import LinearJoint, MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
 
 
 def added(joint: LinearJoint, parameters: Values) -> LinearJoint:
@@ -16,11 +11,8 @@ def added(joint: LinearJoint, parameters: Values) -> LinearJoint:
     return replace(joint, inertia=joint.inertia + parameters["inertia"])
 
 
-def to_mjcf(
-    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
-) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
     """Add to the joint's armature."""
-    del spec, exact
     joint.armature += parameters["inertia"]
     return (f"armature: {parameters['inertia']:+.6g} kg*m^2",)
 
@@ -30,11 +22,7 @@ EFFECT = TorqueEffect(
     title="inertia of rotor and gear",
     family="inertia",
     role="record",
-    parameters=(
-        Parameter(
-            name="inertia", unit="kg*m^2", size=lambda s: s.inertia, low=-0.95, high=20.0, starts=(0.3,)
-        ),
-    ),
+    parameters=(Parameter("inertia", "kg*m^2", lambda s: s.inertia, low=-0.95, high=20.0, starts=(0.3,)),),
     law="I → I + A; A = N² J of a rotor of inertia J behind a gear of ratio N",
     formula="{inertia} φ̈",
     source="only k/I, d/I and τ/I show in a free decay; a known weight gives them a scale",

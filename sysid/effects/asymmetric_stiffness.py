@@ -1,44 +1,27 @@
 """Left and right springs that differ."""
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 from sysid.effects._algebra import Algebra, Value, Values
 from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect
-
-if TYPE_CHECKING:
-    import mujoco
+from sysid.effects._mjcf import polynomial
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return -b x² [N*m]: the same sign on both sides."""
-    del m, states
     return -parameters["coefficient"] * motion.tilt**2
 
 
-def to_mjcf(
-    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
-) -> tuple[str, ...]:
-    """Write the second coefficient of the joint's spring polynomial, which MuJoCo keeps even."""
-    del spec, exact
-    joint.stiffness[1] += parameters["coefficient"]
-    return (f"asymmetric-stiffness: second stiffness coefficient {parameters['coefficient']:.6g} N*m/rad^2",)
-
-
-def from_mjcf(joint: "mujoco.MjsJoint") -> Sequence[float]:
-    """Return what the joint's attribute says."""
-    return (float(joint.stiffness[1]),) if joint.stiffness[1] else ()
-
-
+_WRITE, _READ = polynomial("asymmetric-stiffness", "stiffness", 2, "N*m/rad^2")
 EFFECT = TorqueEffect(
     name="asymmetric-stiffness",
     title="left and right springs differ",
     family="asymmetry",
     parameters=(
         Parameter(
-            name="coefficient",
-            unit="N*m/rad^2",
-            size=lambda s: s.stiffness / s.amplitude,
+            "coefficient",
+            "N*m/rad^2",
+            lambda s: s.stiffness / s.amplitude,
             low=-0.9,
             high=0.9,
             starts=(0.05, -0.05),
@@ -51,8 +34,8 @@ EFFECT = TorqueEffect(
     look_alikes=("offset", "preload", "sensor-bias"),
     experiment="Release once from each side, and from 3° and 12°: only unequal springs treat them unequally.",
     mujoco=MujocoSupport(means="joint stiffness polynomial, second coefficient", since="3.7", warp=True),
-    to_mjcf=to_mjcf,
-    from_mjcf=from_mjcf,
+    to_mjcf=_WRITE,
+    from_mjcf=_READ,
     example=(25.0,),
     torque=torque,
 )

@@ -1,32 +1,23 @@
 """A spring that is stiffer on one side."""
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
-from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import FAR, JointState, MujocoSupport, Parameter, TorqueEffect, rest_of
-
-if TYPE_CHECKING:
-    import mujoco
+from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
+from sysid.effects._mjcf import FAR, add_tendon, rest_of
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return -b |x| [N*m]: the stiffness is k + b with the right edge down, k - b with the left."""
-    del states
     return -parameters["difference"] * m.abs(motion.tilt)
 
 
-def to_mjcf(
-    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
-) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
     """Leave the softer spring in the joint and write the rest as a tendon that pulls on the stiffer side only."""
-    del exact
     difference, rest = parameters["difference"], rest_of(spec, joint)
     joint.stiffness[0] -= abs(difference)
-    tendon = spec.add_tendon(name=f"{joint.name}_bilinear")
-    tendon.wrap_joint(joint.name, 1.0)
-    tendon.stiffness[0] = 2 * abs(difference)
-    tendon.springlength = [rest - FAR, rest] if difference > 0 else [rest, rest + FAR]
+    slack = (rest - FAR, rest) if difference > 0 else (rest, rest + FAR)
+    add_tendon(spec, joint, "bilinear", 2 * abs(difference), slack)
     side = "right" if difference > 0 else "left"
     return (
         f"bilinear-stiffness: {2 * abs(difference):.6g} N*m/rad more with the {side} edge down, as a tendon",
@@ -38,14 +29,7 @@ EFFECT = TorqueEffect(
     title="one side stiffer than the other",
     family="asymmetry",
     parameters=(
-        Parameter(
-            name="difference",
-            unit="N*m/rad",
-            size=lambda s: s.stiffness,
-            low=-0.95,
-            high=0.95,
-            starts=(0.1, -0.1),
-        ),
+        Parameter("difference", "N*m/rad", lambda s: s.stiffness, low=-0.95, high=0.95, starts=(0.1, -0.1)),
     ),
     law="τ = -b |x|; the stiffness is k + b with the right edge down and k - b with the left",
     formula="{difference} |φ|",

@@ -1,19 +1,14 @@
 """Hysteresis with round corners: loss that depends on the path and sets in gradually."""
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 from sysid.effects import hysteresis
-from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import JointState, MujocoSupport, Parameter, State, TorqueEffect
-
-if TYPE_CHECKING:
-    import mujoco
+from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, State, TorqueEffect
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return -T z, with z between -1 and 1 the share of the yield torque that is reached [N*m]."""
-    del m, motion
     return -parameters["torque"] * states[0]
 
 
@@ -25,14 +20,11 @@ def share_rate(m: Algebra, motion: JointState, states: Sequence[Value], paramete
 
 def held(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
     """Return the share at which a slow drag from rest to the release angle ends."""
-    del hold, stiffness
     side = m.where(tilt > 0, 1.0, -1.0)
     return side * (1 - m.exp(-m.abs(tilt) / parameters["reach"]))
 
 
-def to_mjcf(
-    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
-) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
     """Write the slider that starts as steeply and yields at the same torque: its corners are sharp."""
     slider = {"torque": parameters["torque"], "stiffness": parameters["torque"] / parameters["reach"]}
     return (
@@ -46,21 +38,9 @@ EFFECT = TorqueEffect(
     title="hysteresis with round corners (Bouc–Wen)",
     family="hysteresis",
     parameters=(
-        Parameter(
-            name="torque", unit="N*m", size=lambda s: s.torque, low=0.0, high=2.0, starts=(0.05, 0.2)
-        ),
-        Parameter(
-            name="reach",
-            unit="rad",
-            size=lambda s: s.amplitude,
-            low=0.01,
-            high=5.0,
-            starts=(0.1, 0.5),
-            neutral=None,
-        ),
-        Parameter(
-            name="unloading", unit="", size=lambda s: 1.0, low=0.0, high=1.0, starts=(0.6,), neutral=None, default=0.5
-        ),
+        Parameter("torque", "N*m", lambda s: s.torque, low=0.0, high=2.0, starts=(0.05, 0.2)),
+        Parameter("reach", "rad", lambda s: s.amplitude, low=0.01, high=5.0, starts=(0.1, 0.5), neutral=None),
+        Parameter("unloading", "", lambda s: 1.0, low=0.0, high=1.0, starts=(0.6,), neutral=None, default=0.5),
     ),
     law="τ = -T z, ż = (v - u |v| z - (1 - u) v |z|) / a",
     source="Bouc 1967; Wen, J. Engineering Mechanics 102 (1976), with exponent 1",

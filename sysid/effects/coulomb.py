@@ -1,31 +1,23 @@
 """Dry friction that does not depend on speed."""
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
-from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import MujocoSupport, Parameter, TorqueEffect
-
-if TYPE_CHECKING:
-    import mujoco
+from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._base import MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
 
 
 def friction(m: Algebra, speed: Value, parameters: Values) -> Value:
     """Return F, whatever the speed [N*m]."""
-    del m
     return parameters["torque"] + 0 * speed
 
 
-def to_mjcf(
-    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
-) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
     """Write frictionloss with a hardened constraint.
 
     MuJoCo's default friction constraint yields like a damper near the turning points: it takes out
     85 to 93 % of the true loss at these frequencies, and creeps instead of sticking. A time constant
     of 2 ms and an impedance of 0.9999 make both right to 0.1 %.
     """
-    del spec, exact
     joint.frictionloss = parameters["torque"]
     joint.solref_friction = [0.002, 1.0]
     joint.solimp_friction = [0.9999, 0.9999, 0.001, 0.5, 2.0]
@@ -35,7 +27,7 @@ def to_mjcf(
     )
 
 
-def from_mjcf(joint: "mujoco.MjsJoint") -> Sequence[float]:
+def from_mjcf(joint: MjsJoint) -> Sequence[float]:
     """Return what the joint's attribute says."""
     return (float(joint.frictionloss),) if joint.frictionloss else ()
 
@@ -45,15 +37,7 @@ EFFECT = TorqueEffect(
     title="dry friction",
     family="friction",
     parameters=(
-        Parameter(
-            name="torque",
-            unit="N*m",
-            size=lambda s: s.torque,
-            low=0.0,
-            high=1.0,
-            starts=(0.01, 0.06),
-            rough=True,
-        ),
+        Parameter("torque", "N*m", lambda s: s.torque, low=0.0, high=1.0, starts=(0.01, 0.06), rough=True),
     ),
     law="τ = -F sgn v; sticks while the other torques stay within ±F",
     formula="{torque} sgn φ̇",

@@ -1,44 +1,27 @@
 """A spring that hardens or softens with tilt."""
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 from sysid.effects._algebra import Algebra, Value, Values
 from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect
-
-if TYPE_CHECKING:
-    import mujoco
+from sysid.effects._mjcf import polynomial
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return -c x³ [N*m]."""
-    del m, states
     return -parameters["coefficient"] * motion.tilt**3
 
 
-def to_mjcf(
-    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
-) -> tuple[str, ...]:
-    """Write the third coefficient of the joint's spring polynomial."""
-    del spec, exact
-    joint.stiffness[2] += parameters["coefficient"]
-    return (f"cubic-stiffness: third stiffness coefficient {parameters['coefficient']:.6g} N*m/rad^3",)
-
-
-def from_mjcf(joint: "mujoco.MjsJoint") -> Sequence[float]:
-    """Return what the joint's attribute says."""
-    return (float(joint.stiffness[2]),) if joint.stiffness[2] else ()
-
-
+_WRITE, _READ = polynomial("cubic-stiffness", "stiffness", 3, "N*m/rad^3")
 EFFECT = TorqueEffect(
     name="cubic-stiffness",
     title="hardening or softening spring",
     family="hardening",
     parameters=(
         Parameter(
-            name="coefficient",
-            unit="N*m/rad^3",
-            size=lambda s: s.stiffness / s.amplitude**2,
+            "coefficient",
+            "N*m/rad^3",
+            lambda s: s.stiffness / s.amplitude**2,
             low=-0.95,
             high=20.0,
             starts=(0.05, -0.2, 0.5),
@@ -51,8 +34,8 @@ EFFECT = TorqueEffect(
     look_alikes=("gravity", "end-stop", "freeplay"),
     experiment="Release from 3°, 7° and 12°: a cubic changes the period with the square of the amplitude.",
     mujoco=MujocoSupport(means="joint stiffness polynomial, third coefficient", since="3.7", warp=True),
-    to_mjcf=to_mjcf,
-    from_mjcf=from_mjcf,
+    to_mjcf=_WRITE,
+    from_mjcf=_READ,
     example=(200.0,),
     torque=torque,
     decay_signs=(("longer period", 2), ("shorter period", 1)),

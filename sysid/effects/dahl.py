@@ -4,15 +4,13 @@ Of the friction models with a bristle this is the one that a free decay can iden
 other three numbers show where the rate stays small, and a swing passes zero rate within a few samples.
 """
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
-from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import JointState, MujocoSupport, Parameter, State, TorqueEffect
+from sysid.effects import coulomb
+from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, State, TorqueEffect
+from sysid.effects._mjcf import add_passive_motor, has_passive_motor
 from sysid.effects.stribeck import bristle_stiffness
-
-if TYPE_CHECKING:
-    import mujoco
 
 _SPEED = 1.0
 """Stribeck speed of MuJoCo's element [rad/s]: without effect where standing and sliding friction are the same."""
@@ -20,7 +18,6 @@ _SPEED = 1.0
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return -F z, with z between -1 and 1 the share of the sliding torque that is reached [N*m]."""
-    del m, motion
     return -parameters["torque"] * states[0]
 
 
@@ -32,30 +29,18 @@ def dragged(m: Algebra, share: Value, moved: Value, parameters: Values) -> Value
 
 def held(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
     """Return the share at which a slow drag from rest to the release angle ends."""
-    del hold, stiffness
     return dragged(m, 0.0, tilt, parameters)
 
 
-def to_mjcf(
-    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
-) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
     """Write a LuGre element of equal friction at all speeds, or plain dry friction where MuJoCo is older than 3.12."""
-    import mujoco
-
     torque, wanted = parameters["torque"], parameters["torque"] / parameters["reach"]
-    if torque <= 0 or not exact or not hasattr(getattr(mujoco, "mjtCtrlInput", None), "mjINPUT_NONE"):
-        from sysid.effects import coulomb
-
+    if torque <= 0 or not exact or not has_passive_motor():
         coulomb.to_mjcf(spec, joint, {"torque": torque})
         return (f"dahl: frictionloss {torque:.6g} N*m only (this MuJoCo has no passive LuGre element)",)
     stiffness = min(wanted, bristle_stiffness(spec, joint))
-    motor = spec.add_actuator(name=f"{joint.name}_dahl", target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-    motor.set_to_dcmotor(
-        motorconst=[0.0, 0.0],
-        resistance=1.0,
-        lugre=[stiffness, 0.0, torque, torque, _SPEED],
-        ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_NONE),
-    )
+    bristles = [stiffness, 0.0, torque, torque, _SPEED]
+    add_passive_motor(spec, joint, "dahl", motorconst=[0.0, 0.0], resistance=1.0, lugre=bristles)
     softer = f", softer than its {wanted:.6g}: the step bears no more" if stiffness < wanted else ""
     return (f"dahl: LuGre element {torque:.6g} N*m on bristles of {stiffness:.6g} N*m/rad{softer}",)
 
@@ -70,16 +55,8 @@ EFFECT = TorqueEffect(
     title="dry friction that gives way first (Dahl)",
     family="friction",
     parameters=(
-        Parameter(name="torque", unit="N*m", size=lambda s: s.torque, low=0.0, high=1.0, starts=(0.01, 0.06)),
-        Parameter(
-            name="reach",
-            unit="rad",
-            size=lambda s: s.amplitude,
-            low=0.002,
-            high=0.1,
-            starts=(0.03,),
-            neutral=None,
-        ),
+        Parameter("torque", "N*m", lambda s: s.torque, low=0.0, high=1.0, starts=(0.01, 0.06)),
+        Parameter("reach", "rad", lambda s: s.amplitude, low=0.002, high=0.1, starts=(0.03,), neutral=None),
     ),
     law="τ = -F z, ż = (v - |v| z) / a",
     source="Dahl, A Solid Friction Model (1968), with exponent 1",

@@ -1,21 +1,13 @@
 """The time step of a simulator, where the log comes from one."""
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
-
-from sysid.effects._base import MujocoSupport, Parameter, TorqueEffect
-
-if TYPE_CHECKING:
-    import mujoco
+from sysid.effects._algebra import Numbers
+from sysid.effects._base import MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
 
 
-def to_mjcf(
-    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
-) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
     """Set that step and implicitfast, the integrator of most training scenes."""
     import mujoco
 
-    del joint, exact
     spec.option.timestep = parameters["timestep"]
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     return (f"discretisation: implicitfast at {parameters['timestep']:.6g} s",)
@@ -26,9 +18,7 @@ EFFECT = TorqueEffect(
     title="the simulator's time step",
     family="clock",
     role="record",
-    parameters=(
-        Parameter(name="timestep", unit="s", size=lambda s: 0.1 / s.frequency, low=0.001, high=10.0),
-    ),
+    parameters=(Parameter("timestep", "s", lambda s: 0.1 / s.frequency, low=0.001, high=10.0),),
     law="v⁺ = (v - h k x/I) / (1 + h d/I), x⁺ = x + h v⁺",
     source="MuJoCo documentation, Computation: implicitfast",
     does="A heavily damped decay loses damping (8 % of ζ at 5 ms on a stiff board); a light one hardly any.",

@@ -1,13 +1,10 @@
 """A bumper that the deck meets at a certain tilt."""
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
-from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect, rest_of
-
-if TYPE_CHECKING:
-    import mujoco
+from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
+from sysid.effects._mjcf import add_tendon, rest_of
 
 RAMP = 0.1
 """Width of the range of tilt in which the damper sets in, over the angle of the stop: two steps of the integration, at 1/128 of
@@ -20,23 +17,17 @@ def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[
     A damper that sets in at once makes a jump, which no integrator's step and no derivative with respect to `a` sees: it sets
     in over `RAMP` about ±a instead, which takes the same impulse.
     """
-    del states
     angle = parameters["angle"]
     beyond = motion.tilt - m.maximum(-angle, m.minimum(angle, motion.tilt))
     touching = m.minimum(m.maximum((m.abs(motion.tilt) / angle - 1) / RAMP + 0.5, 0.0), 1.0)
     return -parameters["stiffness"] * beyond - parameters["damping"] * motion.rate * touching
 
 
-def to_mjcf(
-    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
-) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
     """Write a spring tendon with a dead band of ±a; MuJoCo has no damper that acts on one side only."""
-    del exact
     rest = rest_of(spec, joint)
-    tendon = spec.add_tendon(name=f"{joint.name}_end_stop")
-    tendon.wrap_joint(joint.name, 1.0)
-    tendon.stiffness[0] = parameters["stiffness"]
-    tendon.springlength = [rest - parameters["angle"], rest + parameters["angle"]]
+    slack = (rest - parameters["angle"], rest + parameters["angle"])
+    add_tendon(spec, joint, "end_stop", parameters["stiffness"], slack)
     lines = [
         f"end-stop: tendon of {parameters['stiffness']:.6g} N*m/rad beyond ±{parameters['angle']:.6g} rad"
     ]
@@ -65,29 +56,17 @@ EFFECT = TorqueEffect(
     family="stop",
     parameters=(
         Parameter(
-            name="angle",
-            unit="rad",
-            size=lambda s: s.amplitude,
+            "angle",
+            "rad",
+            lambda s: s.amplitude,
             low=0.1,
             high=1.0,
             starts=(0.3, 0.5, 0.7, 0.85),
             neutral=1.0,
         ),
+        Parameter("stiffness", "N*m/rad", lambda s: s.stiffness, low=SOFTEST, high=60.0, starts=(2.0, 8.0)),
         Parameter(
-            name="stiffness",
-            unit="N*m/rad",
-            size=lambda s: s.stiffness,
-            low=SOFTEST,
-            high=60.0,
-            starts=(2.0, 8.0),
-        ),
-        Parameter(
-            name="damping",
-            unit="N*m*s/rad",
-            size=lambda s: s.stiffness / s.frequency,
-            low=0.0,
-            high=5.0,
-            default=0.0,
+            "damping", "N*m*s/rad", lambda s: s.stiffness / s.frequency, low=0.0, high=5.0, default=0.0
         ),
     ),
     law="τ = -k_s (|x| - a) sgn x - d_s v beyond ±a",

@@ -1,33 +1,23 @@
 """A joint that is loose about its middle."""
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
-from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect, rest_of
-
-if TYPE_CHECKING:
-    import mujoco
+from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
+from sysid.effects._mjcf import add_tendon, rest_of
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return +k x within the gap and ±k w beyond it: what the linear spring has too much [N*m]."""
-    del states
     gap = parameters["half_width"]
     return motion.stiffness * m.maximum(-gap, m.minimum(gap, motion.tilt))
 
 
-def to_mjcf(
-    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
-) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
     """Replace the joint's linear spring by a tendon with a dead band."""
-    del exact
     rest = rest_of(spec, joint)
     gap = parameters["half_width"]
-    tendon = spec.add_tendon(name=f"{joint.name}_freeplay")
-    tendon.wrap_joint(joint.name, 1.0)
-    tendon.stiffness[0] = joint.stiffness[0]
-    tendon.springlength = [rest - gap, rest + gap]
+    add_tendon(spec, joint, "freeplay", joint.stiffness[0], (rest - gap, rest + gap))
     joint.stiffness[0] = 0.0
     return (f"freeplay: the linear spring is a tendon that is slack within ±{gap:.6g} rad",)
 
@@ -37,14 +27,7 @@ EFFECT = TorqueEffect(
     title="freeplay, a dead band",
     family="freeplay",
     parameters=(
-        Parameter(
-            name="half_width",
-            unit="rad",
-            size=lambda s: s.amplitude,
-            low=0.0,
-            high=0.8,
-            starts=(0.02, 0.08, 0.2),
-        ),
+        Parameter("half_width", "rad", lambda s: s.amplitude, low=0.0, high=0.8, starts=(0.02, 0.08, 0.2)),
     ),
     law="τ = -k (x - clip(x, ±w)): the linear spring acts beyond ±w only",
     source="Nordin and Gutman, Automatica 38 (2002): backlash",

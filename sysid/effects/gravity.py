@@ -1,33 +1,24 @@
 """The weight of a deck whose centre of mass is not on the tilt axis."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from math import isnan
-from typing import TYPE_CHECKING
 
-from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect
-
-if TYPE_CHECKING:
-    import mujoco
-
+from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
 from sysid.errors import SysidError
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return -M sin φ [N*m]."""
-    del states
     return -parameters["moment"] * m.sin(motion.roll)
 
 
-def to_mjcf(
-    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
-) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
     """Lower the centre of mass of the joint's body, keeping its inertia about the axis.
 
     Raises:
         SysidError: The shift alone would make a larger inertia about the axis than the body has.
     """
-    del exact
     body = joint.parent
     gravity = float(-spec.option.gravity[2])
     if gravity <= 0:
@@ -51,11 +42,7 @@ EFFECT = TorqueEffect(
     name="gravity",
     title="centre of mass off the axis",
     family="hardening",
-    parameters=(
-        Parameter(
-            name="moment", unit="N*m", size=lambda s: s.stiffness, low=-1.0, high=3.0, starts=(0.3, 0.98)
-        ),
-    ),
+    parameters=(Parameter("moment", "N*m", lambda s: s.stiffness, low=-1.0, high=3.0, starts=(0.3, 0.98)),),
     law="τ = -M sin φ; M = m g h with the centre of mass h below the axis",
     formula="{moment} sin φ",
     source="physical pendulum; Huygens 1673",

@@ -1,13 +1,9 @@
 """A body that hangs on the deck, or stands on it on a spring: it swings with the deck, late."""
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
-from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import JointState, MujocoSupport, Parameter, State, TorqueEffect
-
-if TYPE_CHECKING:
-    import mujoco
+from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, State, TorqueEffect
 
 
 def coupling(motion: JointState, states: Sequence[Value], parameters: Values) -> Value:
@@ -19,41 +15,33 @@ def coupling(motion: JointState, states: Sequence[Value], parameters: Values) ->
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return what holds the body back, on the deck [N*m]."""
-    del m
     return -parameters["inertia"] * coupling(motion, states, parameters)
 
 
 def own_rate(m: Algebra, motion: JointState, states: Sequence[Value], parameters: Values) -> Value:
     """Return ψ̇ [rad/s]."""
-    del m, motion, parameters
     return states[1]
 
 
 def own_acceleration(m: Algebra, motion: JointState, states: Sequence[Value], parameters: Values) -> Value:
     """Return ψ̈ [rad/s^2]."""
-    del m
     return coupling(motion, states, parameters)
 
 
 def held(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
     """Return the body's roll after a hold: the deck's [rad]."""
-    del m, hold, stiffness, parameters
     return tilt
 
 
 def still(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
     """Return the body's rate at release: none [rad/s]."""
-    del m, hold, stiffness, parameters
     return 0 * tilt
 
 
-def to_mjcf(
-    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
-) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
     """Add the body to the deck, on a hinge of the same axis with its spring and damper."""
     import mujoco
 
-    del spec, exact
     inertia, frequency = parameters["inertia"], parameters["frequency"]
     body = joint.parent.add_body(name=f"{joint.name}_hanging_body", pos=list(joint.pos))
     body.explicitinertial = True
@@ -75,27 +63,17 @@ EFFECT = TorqueEffect(
     title="hanging body",
     family="relaxation",
     parameters=(
+        Parameter("inertia", "kg*m^2", lambda s: s.inertia, low=0.0, high=5.0, starts=(0.05, 0.3)),
         Parameter(
-            name="inertia", unit="kg*m^2", size=lambda s: s.inertia, low=0.0, high=5.0, starts=(0.05, 0.3)
-        ),
-        Parameter(
-            name="frequency",
-            unit="rad/s",
-            size=lambda s: s.frequency,
+            "frequency",
+            "rad/s",
+            lambda s: s.frequency,
             low=0.2,
             high=5.0,
             starts=(0.6, 1.0, 1.8),
             neutral=None,
         ),
-        Parameter(
-            name="damping_ratio",
-            unit="1",
-            size=lambda s: 1.0,
-            low=0.0,
-            high=1.0,
-            starts=(0.05,),
-            neutral=None,
-        ),
+        Parameter("damping_ratio", "1", lambda s: 1.0, low=0.0, high=1.0, starts=(0.05,), neutral=None),
     ),
     law="τ = -J ψ̈, ψ̈ = ω² (x - ψ) + 2 ζ ω (v - ψ̇)",
     source="tuned mass damper, den Hartog, Mechanical Vibrations (1934); a mass m hung a beside the axis has J = m a²",

@@ -1,18 +1,15 @@
 """Dry friction behind a spring: loss that depends on the path, not on the rate."""
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
-from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import JointState, MujocoSupport, Parameter, State, TorqueEffect, rest_of
-
-if TYPE_CHECKING:
-    import mujoco
+from sysid.effects import coulomb
+from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, State, TorqueEffect
+from sysid.effects._mjcf import add_tendon, rest_of
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return -k₁ z, with z the stretch of the slider's spring [N*m]."""
-    del m, motion
     return -parameters["stiffness"] * states[0]
 
 
@@ -24,25 +21,17 @@ def slip(m: Algebra, stretch: Value, moved: Value, parameters: Values) -> Value:
 
 def held(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
     """Return the stretch of a slider that was dragged from rest to the release angle [rad]."""
-    del hold, stiffness
     return slip(m, 0.0, tilt, parameters)
 
 
-def to_mjcf(
-    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
-) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
     """Write a tendon that yields, or dry friction where MuJoCo is older than 4.0."""
     stiffness, limit = parameters["stiffness"], parameters["torque"]
     if not exact or not hasattr(joint, "springyield"):
-        from sysid.effects import coulomb
-
         coulomb.to_mjcf(spec, joint, {"torque": limit})
         return (f"hysteresis: frictionloss {limit:.6g} N*m only (springyield needs MuJoCo 4.0)",)
     rest = rest_of(spec, joint)
-    tendon = spec.add_tendon(name=f"{joint.name}_hysteresis")
-    tendon.wrap_joint(joint.name, 1.0)
-    tendon.stiffness[0] = stiffness
-    tendon.springlength = [rest, rest]
+    tendon = add_tendon(spec, joint, "hysteresis", stiffness, (rest, rest))
     tendon.springyield = limit / stiffness
     return (f"hysteresis: tendon of {stiffness:.6g} N*m/rad that yields at {limit:.6g} N*m",)
 
@@ -57,23 +46,8 @@ EFFECT = TorqueEffect(
     title="rate-independent hysteresis (Jenkins slider)",
     family="hysteresis",
     parameters=(
-        Parameter(
-            name="stiffness",
-            unit="N*m/rad",
-            size=lambda s: s.stiffness,
-            low=0.0,
-            high=30.0,
-            starts=(0.3, 2.0),
-        ),
-        Parameter(
-            name="torque",
-            unit="N*m",
-            size=lambda s: s.torque,
-            low=0.0,
-            high=1.0,
-            starts=(0.04, 0.3),
-            rough=True,
-        ),
+        Parameter("stiffness", "N*m/rad", lambda s: s.stiffness, low=0.0, high=30.0, starts=(0.3, 2.0)),
+        Parameter("torque", "N*m", lambda s: s.torque, low=0.0, high=1.0, starts=(0.04, 0.3), rough=True),
     ),
     law="τ = -k₁ z, z follows x and slips at ±T/k₁",
     source="Jenkin 1922; Iwan, J. Applied Mechanics 33 (1966)",

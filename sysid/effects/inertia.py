@@ -1,14 +1,9 @@
 """A roll inertia that differs from the record."""
 
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
-from sysid.effects._algebra import Values
-from sysid.effects._base import LinearJoint, MujocoSupport, Parameter, TorqueEffect
-
-if TYPE_CHECKING:
-    import mujoco
+from sysid.effects._algebra import Numbers, Values
+from sysid.effects._base import LinearJoint, MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
 
 
 def scaled(joint: LinearJoint, parameters: Values) -> LinearJoint:
@@ -16,11 +11,8 @@ def scaled(joint: LinearJoint, parameters: Values) -> LinearJoint:
     return replace(joint, inertia=joint.inertia * parameters["ratio"])
 
 
-def to_mjcf(
-    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
-) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
     """Scale the roll inertia of the joint's body."""
-    del spec, exact
     body = joint.parent
     body.inertia[0] *= parameters["ratio"]
     return (f"inertia: roll inertia times {parameters['ratio']:.6g}",)
@@ -31,9 +23,7 @@ EFFECT = TorqueEffect(
     title="the record's roll inertia is wrong",
     family="inertia",
     role="record",
-    parameters=(
-        Parameter(name="ratio", unit="1", size=lambda s: 1.0, low=0.1, high=10.0, starts=(1.0,), neutral=1.0),
-    ),
+    parameters=(Parameter("ratio", "1", lambda s: 1.0, low=0.1, high=10.0, starts=(1.0,), neutral=1.0),),
     law="I → r I",
     source="only k/I, d/I and τ/I show in a free decay",
     does="Period and damping both change as if stiffness and damping were divided by the same number.",

@@ -11,26 +11,25 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from operator import attrgetter
 
 import numpy as np
 
-from sysid.effects._algebra import Algebra, NumpyAlgebra, Value, Values
+from sysid.effects._algebra import NUMPY, Algebra, Numbers, Value, Values
 from sysid.effects._base import (
     JointState,
+    MjsJoint,
+    MjSpec,
     MujocoSupport,
     Parameter,
     Smoothness,
     ToMjcf,
     TorqueEffect,
-    rest_of,
 )
-from sysid.effects._table import bending, cardinals, interpolate, knots, position
+from sysid.effects._mjcf import FAR, add_tendon, rest_of
+from sysid.effects._table import bending, cardinals, interpolate, knots, position, table_value
 from sysid.errors import SysidError
 from sysid.roll import Array
-
-if TYPE_CHECKING:
-    import mujoco
 
 TILT_KNOTS, TILT_GRADING = 20, 1.0
 """Number and grading [1] to either side: a magnet a fifth as wide as the swing, or four waves of a cogging torque, to a hundredth of its size."""
@@ -40,8 +39,6 @@ BOTH_KNOTS = 3
 """Of tilt and rate together: every product of powers up to the second."""
 _WIDE = 0.6
 """Tilt up to which a law is written as a table where the joint has no range [rad]."""
-_FAR = 10.0
-"""Tilt that no joint reaches [rad]."""
 SUPPORT = ("tilt_low", "tilt_high", "rate_low", "rate_high")
 
 
@@ -56,7 +53,6 @@ BOTH = tuple(f"both_{i}_{j}" for i in _numbers(BOTH_KNOTS) for j in _numbers(BOT
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return f(x) + g(v) + h(x, v) [N*m]."""
-    del states
     x, v = _shares(m, motion.tilt, motion.rate, parameters)
     total = interpolate(m, position(m, x, TILT_GRADING), [parameters[n] for n in TILT])
     total = total + interpolate(m, position(m, v, RATE_GRADING), [parameters[n] for n in RATE])
@@ -83,15 +79,10 @@ def smoothness() -> Smoothness:
     places = [slice(int(a), int(b)) for a, b in pairwise(ends)]
     plain = bending(BOTH_KNOTS)
     each = np.eye(2 * BOTH_KNOTS)
-    forms: list[Array] = []
-    for place, form in zip(
-        places,
-        (bending(TILT_KNOTS), bending(RATE_KNOTS), np.kron(plain, each) + np.kron(each, plain)),
-        strict=True,
-    ):
-        whole = np.zeros((ends[-1], ends[-1]))
+    own = (bending(TILT_KNOTS), bending(RATE_KNOTS), np.kron(plain, each) + np.kron(each, plain))
+    forms = [np.zeros((ends[-1], ends[-1])) for _ in sizes]
+    for whole, place, form in zip(forms, places, own, strict=True):
         whole[place, place] = form
-        forms.append(whole)
     linear = {"stiffness": np.zeros(ends[-1]), "damping": np.zeros(ends[-1])}
     linear["stiffness"][places[0]] = knots(TILT_KNOTS, TILT_GRADING)
     linear["damping"][places[1]] = knots(RATE_KNOTS, RATE_GRADING)
@@ -104,11 +95,8 @@ NUMERIC = "_learned_torque"
 """Of a model's custom numbers, after the joint's name: rest angle, the damper's polynomial that stands for g, support and tables."""
 
 
-def to_mjcf(
-    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
-) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
     """Write f as slack tendons, the nearest that a damper's polynomial comes to g, and the tables for `Remainder`."""
-    del exact
     rest = rest_of(spec, joint)
     at, torques = _bends(parameters)
     slopes = np.concatenate([[0.0], np.diff(torques) / np.diff(at), [0.0]])
@@ -123,12 +111,9 @@ def to_mjcf(
         ):
             if abs(change) < 1e-9:
                 continue
-            tendon = spec.add_tendon(name=f"{joint.name}_learned{earlier}_{count}")
-            tendon.wrap_joint(joint.name, 1.0)
-            tendon.stiffness[0] = -change if side > 0 else change
-            tendon.springlength = (
-                [rest - _FAR, rest + at[index]] if side > 0 else [rest + at[index], rest + _FAR]
-            )
+            bent = rest + at[index]
+            slack = (rest - FAR, bent) if side > 0 else (bent, rest + FAR)
+            add_tendon(spec, joint, f"learned{earlier}_{count}", -side * change, slack)
             count += 1
     damper = _damper(parameters, float(joint.damping[0]))
     for power, coefficient in enumerate(damper):
@@ -166,7 +151,7 @@ class Remainder:
         ends = [(parameters[f"{n}_low"], parameters[f"{n}_high"]) for n in ("tilt", "rate")]
         tilt, rate = (np.linspace(*end, n) for end, n in zip(ends, GRID, strict=True))
         motion = JointState(tilt[:, None], rate, tilt[:, None] + rest, 0.0)
-        whole = torque(NumpyAlgebra(), motion, parameters, ())
+        whole = torque(NUMPY, motion, parameters, ())
         left = np.asarray(whole - np.interp(tilt, *_bends(parameters))[:, None])
         return cls((rest + tilt[0], rate[0]), (rest + tilt[-1], rate[-1]), left, numbers[1:4].copy())
 
@@ -200,22 +185,14 @@ def tabulated(law: Callable[[Value, Value], Value], support: Mapping[str, float]
     return np.concatenate([law(x, 0.0 * x), law(0.0 * v, v), both.ravel()])
 
 
-def as_table(
-    law: Callable[[Algebra, JointState, Values, Sequence[Value]], Value],
-) -> ToMjcf:
+def as_table(law: Callable[[Algebra, JointState, Values, Sequence[Value]], Value]) -> ToMjcf:
     """Return what writes any torque without memory into MuJoCo: as the tables of a learned one.
 
     Args:
         law: An effect's torque; zero at rest.
     """
 
-    def write(
-        spec: "mujoco.MjSpec",
-        joint: "mujoco.MjsJoint",
-        parameters: Mapping[str, float],
-        *,
-        exact: bool = True,
-    ) -> tuple[str, ...]:
+    def write(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
         """Write the law as tables over the joint's range."""
         limited = float(np.abs(joint.range).max()) if any(joint.range) else 0.0
         reach = np.radians(limited) if spec.compiler.degree else limited
@@ -226,7 +203,7 @@ def as_table(
             x, v = np.broadcast_arrays(x, v)
             rest = rest_of(spec, joint)
             return np.asarray(
-                law(NumpyAlgebra(), JointState(x, v, x + rest, joint.stiffness[0]), parameters, ()) + 0.0 * x
+                law(NUMPY, JointState(x, v, x + rest, joint.stiffness[0]), parameters, ()) + 0.0 * x
             )
 
         if abs(float(at(0.0, 0.0))) > 1e-9:
@@ -240,26 +217,26 @@ def as_table(
     return write
 
 
-def _bends(parameters: Mapping[str, float]) -> tuple[Array, Array]:
+def _bends(parameters: Numbers) -> tuple[Array, Array]:
     """Return the tilts [rad] and torques [N*m] between which the table over the tilt is written straight, shape (n,) each."""
     low, high = parameters["tilt_low"], parameters["tilt_high"]
     at = knots(2 * TILT_KNOTS, TILT_GRADING) * max(-low, high)
     at = np.unique(np.concatenate([[low, 0.0, high], at[(at > low) & (at < high)]]))
     alone = {**parameters, **dict.fromkeys((*RATE, *BOTH), 0.0)}
-    return at, np.asarray(torque(NumpyAlgebra(), JointState(at, 0.0 * at, at, 0.0), alone, ()))
+    return at, np.asarray(torque(NUMPY, JointState(at, 0.0 * at, at, 0.0), alone, ()))
 
 
 def _polynomial(rate: Value) -> Array:
     return np.stack([rate, rate * np.abs(rate), rate**3], axis=-1)
 
 
-def _damper(parameters: Mapping[str, float], damping: float) -> Array:
+def _damper(parameters: Numbers, damping: float) -> Array:
     """Return the coefficients of v, v|v| and v³ of a damper that comes nearest to g and leaves no joint that is driven, shape (3,)."""
     from scipy.optimize import lsq_linear
 
     rate = np.linspace(parameters["rate_low"], parameters["rate_high"], 201)
     alone = {**parameters, **dict.fromkeys((*TILT, *BOTH), 0.0)}
-    torques = torque(NumpyAlgebra(), JointState(0.0 * rate, rate, rate, 0.0), alone, ())
+    torques = torque(NUMPY, JointState(0.0 * rate, rate, rate, 0.0), alone, ())
     size = max(float(np.abs(rate).max()), 1e-9) ** np.arange(1, 4)
     found = lsq_linear(-_polynomial(rate) / size, torques, ([-damping * size[0], 0.0, 0.0], np.inf))
     return found.x / size
@@ -276,27 +253,10 @@ AS_TABLE = MujocoSupport(
 """How a table reaches MuJoCo."""
 
 
-def _value(name: str) -> Parameter:
-    return Parameter(
-        name=name, unit="N*m", size=lambda s: 0.1 * s.torque, low=-100.0, high=100.0, starts=(0.0,)
-    )
-
-
 def _edge(name: str) -> Parameter:
+    unit, size = ("rad", "amplitude") if name.startswith("tilt") else ("rad/s", "rate")
     start = -1.0 if name.endswith("low") else 1.0
-    if name.startswith("tilt"):
-        return Parameter(
-            name=name,
-            unit="rad",
-            size=lambda s: s.amplitude,
-            low=-4.0,
-            high=4.0,
-            starts=(start,),
-            neutral=None,
-        )
-    return Parameter(
-        name=name, unit="rad/s", size=lambda s: s.rate, low=-4.0, high=4.0, starts=(start,), neutral=None
-    )
+    return Parameter(name, unit, attrgetter(size), low=-4.0, high=4.0, starts=(start,), neutral=None)
 
 
 _EXAMPLE: dict[str, float] = dict(zip(SUPPORT, (-0.2, 0.2, -8.0, 8.0), strict=True))
@@ -314,7 +274,7 @@ EFFECT = TorqueEffect(
     title="a learned torque",
     family="learned",
     role="learned",
-    parameters=(*map(_edge, SUPPORT), *map(_value, (*TILT, *RATE, *BOTH))),
+    parameters=(*map(_edge, SUPPORT), *map(table_value, (*TILT, *RATE, *BOTH))),
     law="τ = f(x) + g(v) + h(x, v): smooth tables, zero at rest, constant beyond what was measured",
     source="smoothing splines, Wahba (1990); knots joined by Keys' cubic, IEEE Trans. ASSP 29 (1981)",
     does="Whatever the data show that no formula of the catalogue does.",

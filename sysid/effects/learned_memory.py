@@ -8,16 +8,21 @@ Rubber that creeps forgets with time alone (a → ∞), a slider with rounded co
 table.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cache
-from typing import TYPE_CHECKING
 
-from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import JointState, MujocoSupport, Parameter, Smoothness, State, TorqueEffect
-from sysid.effects._table import bending, interpolate, knots, position
-
-if TYPE_CHECKING:
-    import mujoco
+from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._base import (
+    JointState,
+    MjsJoint,
+    MjSpec,
+    MujocoSupport,
+    Parameter,
+    Smoothness,
+    State,
+    TorqueEffect,
+)
+from sysid.effects._table import bending, interpolate, knots, position, table_value
 
 KNOTS, GRADING = 4, 0.5
 STRETCH = tuple(f"stretch_{j}" for j in range(-KNOTS, KNOTS + 1) if j != 0)
@@ -25,7 +30,6 @@ STRETCH = tuple(f"stretch_{j}" for j in range(-KNOTS, KNOTS + 1) if j != 0)
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return q(z) [N*m]."""
-    del motion
     z = m.maximum(-1.0, m.minimum(1.0, states[0]))
     return interpolate(m, position(m, z, GRADING), [parameters[name] for name in STRETCH])
 
@@ -38,7 +42,6 @@ def stretching(m: Algebra, motion: JointState, states: Sequence[Value], paramete
 
 def held(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
     """Return the stretch that is left of a slow drag from rest to the release angle and the hold after it."""
-    del stiffness
     dragged = m.where(tilt > 0, 1.0, -1.0) * (1 - m.exp(-m.abs(tilt) / parameters["reach"]))
     return dragged * m.exp(-parameters["fading"] * hold)
 
@@ -49,11 +52,8 @@ def smoothness() -> Smoothness:
     return Smoothness(names=STRETCH, tables=("stretch",), forms=(bending(KNOTS),), linear={})
 
 
-def to_mjcf(
-    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
-) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
     """Write nothing: MuJoCo has no such arm."""
-    del spec, joint, parameters, exact
     return ("learned-memory: left out, MuJoCo has no joint that forgets",)
 
 
@@ -64,16 +64,13 @@ EFFECT = TorqueEffect(
     role="learned",
     parameters=(
         Parameter(
-            name="reach", unit="rad", size=lambda s: s.amplitude, low=0.01, high=10.0, starts=(0.1, 0.4, 10.0), neutral=None
+            "reach", "rad", lambda s: s.amplitude, low=0.01, high=10.0, starts=(0.1, 0.4, 10.0), neutral=None
         ),
         Parameter(
-            name="fading", unit="1/s", size=lambda s: s.frequency, low=0.0, high=20.0, starts=(0.0, 0.1, 0.5, 2.0),
+            "fading", "1/s", lambda s: s.frequency, low=0.0, high=20.0, starts=(0.0, 0.1, 0.5, 2.0),
             neutral=None,
         ),
-        *(
-            Parameter(name=name, unit="N*m", size=lambda s: 0.1 * s.torque, low=-100.0, high=100.0, starts=(0.0,))
-            for name in STRETCH
-        ),
+        *map(table_value, STRETCH),
     ),
     law="τ = q(z), ż = (v - |v| z) / a - z / T: a smooth table of what the joint remembers",
     source="between Maxwell 1867 (a → ∞) and Bouc 1967 (T → ∞)",

@@ -1,15 +1,9 @@
 """An inertia that changes along the way, as that of a joint in a loop of others does: known from a model."""
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
-
-from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import MujocoSupport, TorqueEffect
+from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._base import MjsJoint, MjSpec, MujocoSupport, TorqueEffect
 from sysid.effects._harmonics import FORMULA, HARMONICS, held, slope_of, value_of
 from sysid.errors import SysidError
-
-if TYPE_CHECKING:
-    import mujoco
 
 
 def changing(m: Algebra, roll: Value, parameters: Values) -> tuple[Value, Value]:
@@ -17,15 +11,12 @@ def changing(m: Algebra, roll: Value, parameters: Values) -> tuple[Value, Value]
     return value_of(m, roll, parameters), slope_of(m, roll, parameters)
 
 
-def to_mjcf(
-    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
-) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
     """Refuse a bench: one body on a hinge has one inertia.
 
     Raises:
         SysidError: Unless nothing changes.
     """
-    del spec, joint, exact
     if any(parameters.values()):
         raise SysidError(
             "a bench of one body has one inertia, and this joint's changes along its way. Release it in its own model "

@@ -1,8 +1,8 @@
 """A first-order low-pass filter between deck and log."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
-from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._algebra import Algebra, Numbers, Value, Values
 from sysid.effects._base import JointState, Parameter, Reading, SensorEffect, State
 
 
@@ -19,7 +19,6 @@ def observe(m: Algebra, reading: Reading, parameters: Values, states: Sequence[V
 
 def settled(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
     """Return the reading while the deck was held: the angle itself [rad]."""
-    del m, hold, stiffness, parameters
     return tilt
 
 
@@ -34,7 +33,7 @@ def late_release(m: Algebra, roll: Value, rate: Value, acceleration: Value, para
     return roll - acceleration * time_constant**2 * (u - 1.0 + m.exp(-u))
 
 
-def detection_delay(acceleration: float, noise: float, parameters: Mapping[str, float]) -> float:
+def detection_delay(acceleration: float, noise: float, parameters: Numbers) -> float:
     """Return when the reading has moved by its noise: after α t³/6T, to first order [s]."""
     return float((6 * max(parameters["time_constant"], 0.0) * noise / max(acceleration, 1e-9)) ** (1 / 3))
 
@@ -44,14 +43,7 @@ EFFECT = SensorEffect(
     title="a filter in the sensor",
     family="lowpass",
     parameters=(
-        Parameter(
-            name="time_constant",
-            unit="s",
-            size=lambda s: 1.0 / s.frequency,
-            low=0.0,
-            high=3.0,
-            starts=(0.1, 0.5),
-        ),
+        Parameter("time_constant", "s", lambda s: 1.0 / s.frequency, low=0.0, high=3.0, starts=(0.1, 0.5)),
     ),
     law="T ṁ = φ - m, and m is measured",
     source="first-order lag",

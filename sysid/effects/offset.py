@@ -1,14 +1,10 @@
 """A rest angle that is not where the record says."""
 
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
-from sysid.effects._algebra import Values
-from sysid.effects._base import LinearJoint, MujocoSupport, Parameter, TorqueEffect, spec_angle
-
-if TYPE_CHECKING:
-    import mujoco
+from sysid.effects._algebra import Numbers, Values
+from sysid.effects._base import LinearJoint, MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
+from sysid.effects._mjcf import spec_angle
 
 
 def moved(joint: LinearJoint, parameters: Values) -> LinearJoint:
@@ -16,11 +12,8 @@ def moved(joint: LinearJoint, parameters: Values) -> LinearJoint:
     return replace(joint, rest_angle=joint.rest_angle + parameters["angle"])
 
 
-def to_mjcf(
-    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
-) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
     """Move the spring's reference."""
-    del exact
     joint.springref += spec_angle(spec, parameters["angle"])
     return (f"offset: springref moved by {parameters['angle']:.6g} rad",)
 
@@ -30,9 +23,7 @@ EFFECT = TorqueEffect(
     title="rest angle moved",
     family="rest",
     role="shift",
-    parameters=(
-        Parameter(name="angle", unit="rad", size=lambda s: s.amplitude, low=-1.0, high=1.0, starts=(0.01,)),
-    ),
+    parameters=(Parameter("angle", "rad", lambda s: s.amplitude, low=-1.0, high=1.0, starts=(0.01,)),),
     law="x = φ - rest angle - δ",
     source="definition of the tilt",
     does="The whole decay moves up or down by a constant; its shape stays.",

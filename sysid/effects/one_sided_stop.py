@@ -1,16 +1,12 @@
 """A bumper that the deck meets on one side only."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from sysid.effects import end_stop
-from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import FAR, JointState, MujocoSupport, Parameter, TorqueEffect, rest_of
-
-if TYPE_CHECKING:
-    import mujoco
-
+from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
+from sysid.effects._mjcf import FAR, add_tendon, rest_of
 
 NEAREST = 1e-6
 """Angle of a stop at rest, instead of zero: the range in which the damper sets in is a share of it [rad]."""
@@ -27,16 +23,11 @@ def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[
     return end_stop.torque(m, here, {**parameters, "angle": m.maximum(side * angle, NEAREST)}, states)
 
 
-def to_mjcf(
-    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
-) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
     """Write a spring tendon that is slack up to the stop; MuJoCo has no damper that acts on one side only."""
-    del exact
     angle, rest = parameters["angle"], rest_of(spec, joint)
-    tendon = spec.add_tendon(name=f"{joint.name}_one_sided_stop")
-    tendon.wrap_joint(joint.name, 1.0)
-    tendon.stiffness[0] = parameters["stiffness"]
-    tendon.springlength = [rest - FAR, rest + angle] if angle > 0 else [rest + angle, rest + FAR]
+    slack = (rest - FAR, rest + angle) if angle > 0 else (rest + angle, rest + FAR)
+    add_tendon(spec, joint, "one_sided_stop", parameters["stiffness"], slack)
     lines = [f"one-sided-stop: tendon of {parameters['stiffness']:.6g} N*m/rad beyond {angle:+.6g} rad"]
     if parameters["damping"]:
         lines.append(f"one-sided-stop: its damping {parameters['damping']:.6g} N*m*s/rad is left out")
@@ -51,13 +42,7 @@ EFFECT = TorqueEffect(
     family="stop",
     parameters=(
         Parameter(
-            name="angle",
-            unit="rad",
-            size=_ANGLE.size,
-            low=-1.0,
-            high=1.0,
-            starts=(-0.8, -0.5, 0.5, 0.8),
-            neutral=1.0,
+            "angle", "rad", _ANGLE.size, low=-1.0, high=1.0, starts=(-0.8, -0.5, 0.5, 0.8), neutral=1.0
         ),
         _STIFFNESS,
         _DAMPING,

@@ -1,37 +1,29 @@
 """The weight of a known mass that was fixed to a joint, beside that of the model, whose own masses may be wrong."""
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
-from sysid.effects._algebra import Algebra, NumpyAlgebra, Value, Values
-from sysid.effects._base import JointState, MujocoSupport, TorqueEffect
+from sysid.effects._algebra import NUMPY, Algebra, Numbers, Value, Values
+from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, TorqueEffect
 from sysid.effects._harmonics import FORMULA, HARMONICS, held, slope_of, value_of
 from sysid.errors import SysidError
-
-if TYPE_CHECKING:
-    import mujoco
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return the sum of harmonics [N*m]."""
-    del states
     return value_of(m, motion.roll, parameters)
 
 
-def slope(parameters: Mapping[str, float], roll: float) -> float:
+def slope(parameters: Numbers, roll: float) -> float:
     """Return the stiffness that it is for small motions about a roll [N*m/rad]."""
-    return -float(slope_of(NumpyAlgebra(), roll, parameters))
+    return -float(slope_of(NUMPY, roll, parameters))
 
 
-def to_mjcf(
-    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
-) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
     """Refuse a bench: the mass was there for a measurement only.
 
     Raises:
         SysidError: Unless nothing pulls.
     """
-    del spec, joint, exact
     if any(parameters.values()):
         raise SysidError(
             "a payload belongs to a measurement, not to a bench. Release the joint in its own model (--model, --joint, --payload)."

@@ -1,13 +1,10 @@
 """A constant torque, e.g. bushings tightened unevenly."""
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
-from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect
-
-if TYPE_CHECKING:
-    import mujoco
+from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
+from sysid.effects._mjcf import add_tendon
 
 SOFT = 1e-6
 """Stiffness of the tendon that pulls [N*m/rad]: the torque changes by this much per radian."""
@@ -15,20 +12,13 @@ SOFT = 1e-6
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return T [N*m]."""
-    del m, states
     return parameters["torque"] + 0 * motion.tilt
 
 
-def to_mjcf(
-    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
-) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
     """Pull with a very long, very soft tendon: a constant torque that adds no actuator."""
-    del exact
-    tendon = spec.add_tendon(name=f"{joint.name}_preload")
-    tendon.wrap_joint(joint.name, 1.0)
-    tendon.stiffness[0] = SOFT
     length = parameters["torque"] / SOFT
-    tendon.springlength = [length, length]
+    add_tendon(spec, joint, "preload", SOFT, (length, length))
     return (f"preload: a tendon that pulls with {parameters['torque']:.6g} N*m whatever the tilt",)
 
 
@@ -37,9 +27,7 @@ EFFECT = TorqueEffect(
     title="constant torque",
     family="rest",
     role="shift",
-    parameters=(
-        Parameter(name="torque", unit="N*m", size=lambda s: s.torque, low=-1.0, high=1.0, starts=(0.01,)),
-    ),
+    parameters=(Parameter("torque", "N*m", lambda s: s.torque, low=-1.0, high=1.0, starts=(0.01,)),),
     law="τ = +T",
     source="statics",
     does="The deck rests at T/k instead of at zero; with a linear spring the decay only moves.",

@@ -1,44 +1,27 @@
 """Drag that grows with the square of the rate."""
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 from sysid.effects._algebra import Algebra, Value, Values
 from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect
-
-if TYPE_CHECKING:
-    import mujoco
+from sysid.effects._mjcf import polynomial
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return -c v|v| [N*m]."""
-    del states
     return -parameters["coefficient"] * motion.rate * m.abs(motion.rate)
 
 
-def to_mjcf(
-    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
-) -> tuple[str, ...]:
-    """Write the second coefficient of the joint's damping polynomial."""
-    del spec, exact
-    joint.damping[1] += parameters["coefficient"]
-    return (f"quadratic-damping: second damping coefficient {parameters['coefficient']:.6g} N*m*s^2/rad^2",)
-
-
-def from_mjcf(joint: "mujoco.MjsJoint") -> Sequence[float]:
-    """Return what the joint's attribute says."""
-    return (float(joint.damping[1]),) if joint.damping[1] else ()
-
-
+_WRITE, _READ = polynomial("quadratic-damping", "damping", 2, "N*m*s^2/rad^2")
 EFFECT = TorqueEffect(
     name="quadratic-damping",
     title="quadratic damping",
     family="drag",
     parameters=(
         Parameter(
-            name="coefficient",
-            unit="N*m*s^2/rad^2",
-            size=lambda s: s.torque / s.rate**2,
+            "coefficient",
+            "N*m*s^2/rad^2",
+            lambda s: s.torque / s.rate**2,
             low=0.0,
             high=5.0,
             starts=(0.05, 0.5),
@@ -51,8 +34,8 @@ EFFECT = TorqueEffect(
     look_alikes=("cubic-damping",),
     experiment="Release from 3°, 7° and 12°: damping rises with amplitude for v|v|, with its square for v³.",
     mujoco=MujocoSupport(means="joint damping polynomial, second coefficient", since="3.7", warp=True),
-    to_mjcf=to_mjcf,
-    from_mjcf=from_mjcf,
+    to_mjcf=_WRITE,
+    from_mjcf=_READ,
     example=(0.06,),
     torque=torque,
     decay_signs=(("growing loss", 1),),

@@ -1,44 +1,33 @@
 """What the joint stands on gives way: wheels, hanger, carpet."""
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
-
-from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import MujocoSupport, Parameter, State, SupportEffect, rest_of
-
-if TYPE_CHECKING:
-    import mujoco
+from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._base import MjsJoint, MjSpec, MujocoSupport, Parameter, State, SupportEffect
+from sysid.effects._mjcf import rest_of
 
 
 def support_at_release(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
     """Return the roll of the support when the deck is held still: both springs carry the same [rad]."""
-    del m, hold
     return tilt * stiffness / (stiffness + parameters["stiffness"])
 
 
 def still(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
     """Return the support's rate at release: none [rad/s]."""
-    del m, hold, stiffness, parameters
     return 0 * tilt
 
 
 def acceleration(m: Algebra, angle: Value, rate: Value, torque: Value, parameters: Values) -> Value:
     """Return (-k_s s - d_s ṡ - τ)/J [rad/s^2]."""
-    del m
     own = -parameters["stiffness"] * angle - parameters["damping"] * rate
     return (own - torque) / parameters["inertia"]
 
 
-def to_mjcf(
-    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
-) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
     """Add the support as a body of its own, tied to the deck by a tendon of their difference.
 
     The joint's own spring, damper and friction move to that tendon, so write this effect last.
     """
     import mujoco
 
-    del exact
     ground = joint.parent.parent
     body = ground.add_body(name=f"{joint.name}_support", pos=list(joint.parent.pos))
     body.explicitinertial = True
@@ -72,27 +61,15 @@ EFFECT = SupportEffect(
     family="relaxation",
     parameters=(
         Parameter(
-            name="inertia",
-            unit="kg*m^2",
-            size=lambda s: s.inertia,
-            low=0.003,
-            high=20.0,
-            starts=(0.1, 1.0),
-            neutral=None,
+            "inertia", "kg*m^2", lambda s: s.inertia, low=0.003, high=20.0, starts=(0.1, 1.0), neutral=None
         ),
         Parameter(
-            name="stiffness",
-            unit="N*m/rad",
-            size=lambda s: s.stiffness,
-            low=0.3,
-            high=60.0,
-            starts=(4.0,),
-            neutral=None,
+            "stiffness", "N*m/rad", lambda s: s.stiffness, low=0.3, high=60.0, starts=(4.0,), neutral=None
         ),
         Parameter(
-            name="damping",
-            unit="N*m*s/rad",
-            size=lambda s: s.stiffness / s.frequency,
+            "damping",
+            "N*m*s/rad",
+            lambda s: s.stiffness / s.frequency,
             low=0.0,
             high=10.0,
             starts=(0.03, 0.3),

@@ -9,7 +9,6 @@ from sysid.effects._base import Parameter, Reading, SensorEffect
 
 def observe(m: Algebra, reading: Reading, parameters: Values, states: Sequence[Value]) -> Reading:
     """Return φ + b."""
-    del m, states
     return replace(reading, angle=reading.angle + parameters["angle"])
 
 
@@ -17,9 +16,7 @@ EFFECT = SensorEffect(
     name="sensor-bias",
     title="angle sensor off by a constant",
     family="rest",
-    parameters=(
-        Parameter(name="angle", unit="rad", size=lambda s: s.amplitude, low=-1.0, high=1.0, starts=(0.01,)),
-    ),
+    parameters=(Parameter("angle", "rad", lambda s: s.amplitude, low=-1.0, high=1.0, starts=(0.01,)),),
     law="measured = φ + b",
     source="definition",
     does="The whole decay moves up or down by a constant; its shape stays.",

@@ -8,7 +8,6 @@ from sysid.effects._base import Parameter, Reading, SensorEffect
 
 def observe(m: Algebra, reading: Reading, parameters: Values, states: Sequence[Value]) -> Reading:
     """Return φ + r t, and v + r."""
-    del m, states
     drift = parameters["rate"]
     return Reading(reading.angle + drift * reading.time, reading.rate + drift, reading.time)
 
@@ -18,14 +17,7 @@ EFFECT = SensorEffect(
     title="angle sensor that drifts",
     family="drift",
     parameters=(
-        Parameter(
-            name="rate",
-            unit="rad/s",
-            size=lambda s: s.amplitude / s.duration,
-            low=-2.0,
-            high=2.0,
-            starts=(0.02,),
-        ),
+        Parameter("rate", "rad/s", lambda s: s.amplitude / s.duration, low=-2.0, high=2.0, starts=(0.02,)),
     ),
     law="measured = φ + r t, t on the log's clock",
     source="integral of a constant gyro bias",

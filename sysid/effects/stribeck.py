@@ -1,13 +1,9 @@
 """Dry friction that is larger at standstill than in motion."""
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
-
-from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import MujocoSupport, Parameter, TorqueEffect
-
-if TYPE_CHECKING:
-    import mujoco
+from sysid.effects import coulomb
+from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._base import MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
+from sysid.effects._mjcf import add_passive_motor, has_passive_motor
 
 BRISTLE_STIFFNESS = 5000.0
 """Of the LuGre model that stands in for a hard stick in MuJoCo, at most [N*m/rad]; its own damping is none."""
@@ -24,40 +20,27 @@ def friction(m: Algebra, speed: Value, parameters: Values) -> Value:
     return parameters["torque"] + extra * m.exp(-((speed / parameters["velocity"]) ** 2))
 
 
-def to_mjcf(
-    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
-) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
     """Write a LuGre element without an input, or plain dry friction where MuJoCo is older than 3.12."""
     import mujoco
 
     sliding, static, velocity = (parameters[name] for name in ("torque", "static_torque", "velocity"))
     static = max(static, sliding)
-    if static <= sliding or not exact or not hasattr(getattr(mujoco, "mjtCtrlInput", None), "mjINPUT_NONE"):
-        from sysid.effects import coulomb
-
+    if static <= sliding or not exact or not has_passive_motor():
         coulomb.to_mjcf(spec, joint, {"torque": sliding})
         return (f"stribeck: frictionloss {sliding:.6g} N*m only (this MuJoCo has no passive LuGre element)",)
     explicit = spec.option.integrator == mujoco.mjtIntegrator.mjINT_RK4
     if not explicit:
         # What the element need not hold, the constraint holds exactly; an explicit step bears only one of them.
-        from sysid.effects import coulomb
-
         coulomb.to_mjcf(spec, joint, {"torque": sliding})
         sliding, static = _VANISHING * (static - sliding), static - sliding
-    motor = spec.add_actuator(
-        name=f"{joint.name}_stribeck", target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT
-    )
-    motor.set_to_dcmotor(
-        motorconst=[0.0, 0.0],
-        resistance=1.0,
-        lugre=[bristle_stiffness(spec, joint), 0.0, sliding, static, velocity],
-        ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_NONE),
-    )
+    bristles = [bristle_stiffness(spec, joint), 0.0, sliding, static, velocity]
+    add_passive_motor(spec, joint, "stribeck", motorconst=[0.0, 0.0], resistance=1.0, lugre=bristles)
     beside = "" if explicit else f" beside frictionloss {parameters['torque']:.6g} N*m"
     return (f"stribeck: LuGre element {sliding:.6g} / {static:.6g} N*m, {velocity:.6g} rad/s{beside}",)
 
 
-def bristle_stiffness(spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint") -> float:
+def bristle_stiffness(spec: MjSpec, joint: MjsJoint) -> float:
     """Return the stiffness of bristles as hard as the step can follow [N*m/rad].
 
     Bristles are a spring on the joint's inertia: harder ones than these make long steps swing or run away.
@@ -80,7 +63,7 @@ _SPEEDS = (0.05, 0.2, 0.5)
 """Sliding and static friction as a share of the common one, and the Stribeck speed as one of its size."""
 
 
-def part_again(parameters: Mapping[str, float]) -> list[dict[str, float]]:
+def part_again(parameters: Numbers) -> list[dict[str, float]]:
     """Return static friction above the sliding one again, where a search let them fall together.
 
     Below the sliding friction the static one has no effect, so a search that steps there never comes back.
@@ -100,26 +83,12 @@ EFFECT = TorqueEffect(
     title="dry friction with stiction",
     family="friction",
     parameters=(
+        Parameter("torque", "N*m", lambda s: s.torque, low=0.0, high=1.0, starts=(0.02,), rough=True),
         Parameter(
-            name="torque", unit="N*m", size=lambda s: s.torque, low=0.0, high=1.0, starts=(0.02,), rough=True
+            "static_torque", "N*m", lambda s: s.torque, low=0.0, high=1.0, starts=(0.06,), neutral=None
         ),
         Parameter(
-            name="static_torque",
-            unit="N*m",
-            size=lambda s: s.torque,
-            low=0.0,
-            high=1.0,
-            starts=(0.06,),
-            neutral=None,
-        ),
-        Parameter(
-            name="velocity",
-            unit="rad/s",
-            size=lambda s: s.rate,
-            low=0.003,
-            high=2.0,
-            starts=(0.1, 0.4),
-            neutral=None,
+            "velocity", "rad/s", lambda s: s.rate, low=0.003, high=2.0, starts=(0.1, 0.4), neutral=None
         ),
     ),
     law="τ = -(Fc + (Fs - Fc) exp(-(v/vs)²)) sgn v; sticks while the other torques stay within ±Fs",

@@ -1,51 +1,36 @@
 """A rubber that creeps: a spring and a damper in series, beside the main spring."""
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
-from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import JointState, MujocoSupport, Parameter, State, TorqueEffect
-
-if TYPE_CHECKING:
-    import mujoco
+from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, State, TorqueEffect
+from sysid.effects._mjcf import add_passive_motor, has_passive_motor
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return -k₁ z, with z the stretch of the arm's spring [N*m]."""
-    del m, motion
     return -parameters["stiffness"] * states[0]
 
 
 def stretch_rate(m: Algebra, motion: JointState, states: Sequence[Value], parameters: Values) -> Value:
     """Return v - z/T: the arm's damper lets its spring relax [rad/s]."""
-    del m
     return motion.rate - states[0] / parameters["time_constant"]
 
 
 def held(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Values) -> Value:
     """Return what a hold of that length has left of the stretch [rad]."""
-    del stiffness
     return tilt * m.exp(-hold / parameters["time_constant"])
 
 
-def to_mjcf(
-    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
-) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
     """Write a passive motor winding: K²/L is the arm's stiffness, L/R its time constant."""
-    import mujoco
-
     stiffness, time_constant = parameters["stiffness"], parameters["time_constant"]
-    if not exact or not hasattr(getattr(mujoco, "mjtCtrlInput", None), "mjINPUT_NONE"):
+    if not exact or not has_passive_motor():
         joint.stiffness[0] += stiffness
         return (f"viscoelastic: stiffness raised by {stiffness:.6g} N*m/rad, without the creep",)
-    motor = spec.add_actuator(
-        name=f"{joint.name}_viscoelastic", target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT
-    )
-    motor.set_to_dcmotor(
-        motorconst=[1.0, 1.0],
-        resistance=1.0 / (stiffness * time_constant),
-        inductance=[1.0 / stiffness, 0.0],
-        ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_NONE),
+    resistance, inductance = 1.0 / (stiffness * time_constant), [1.0 / stiffness, 0.0]
+    add_passive_motor(
+        spec, joint, "viscoelastic", motorconst=[1.0, 1.0], resistance=resistance, inductance=inductance
     )
     return (
         f"viscoelastic: shorted winding as a Maxwell arm, {stiffness:.6g} N*m/rad, {time_constant:.6g} s",
@@ -57,13 +42,11 @@ EFFECT = TorqueEffect(
     title="viscoelastic rubber (Maxwell arm)",
     family="relaxation",
     parameters=(
+        Parameter("stiffness", "N*m/rad", lambda s: s.stiffness, low=0.0, high=5.0, starts=(0.15,)),
         Parameter(
-            name="stiffness", unit="N*m/rad", size=lambda s: s.stiffness, low=0.0, high=5.0, starts=(0.15,)
-        ),
-        Parameter(
-            name="time_constant",
-            unit="s",
-            size=lambda s: 1.0 / s.frequency,
+            "time_constant",
+            "s",
+            lambda s: 1.0 / s.frequency,
             low=0.1,
             high=60.0,
             starts=(0.6, 3.0, 12.0),

@@ -1,38 +1,30 @@
 """The weight of what hangs on a joint, as a model of it states: known along the whole arc, so that it is not fitted."""
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
-from sysid.effects._algebra import Algebra, NumpyAlgebra, Value, Values
-from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect
+from sysid.effects._algebra import NUMPY, Algebra, Numbers, Value, Values
+from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
 from sysid.effects._harmonics import FORMULA, HARMONICS, held, slope_of, value_of
 from sysid.errors import SysidError
-
-if TYPE_CHECKING:
-    import mujoco
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     """Return s times the sum of harmonics [N*m]."""
-    del states
     return parameters["scale"] * value_of(m, motion.roll, parameters)
 
 
-def slope(parameters: Mapping[str, float], roll: float) -> float:
+def slope(parameters: Numbers, roll: float) -> float:
     """Return the stiffness that it is for small motions about a roll [N*m/rad]."""
-    return -parameters["scale"] * float(slope_of(NumpyAlgebra(), roll, parameters))
+    return -parameters["scale"] * float(slope_of(NUMPY, roll, parameters))
 
 
-def to_mjcf(
-    spec: "mujoco.MjSpec", joint: "mujoco.MjsJoint", parameters: Mapping[str, float], *, exact: bool = True
-) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
     """Put the centre of mass of a bench's body where it pulls so; a model of the robot has its masses already.
 
     Raises:
         SysidError: More than one rigid body on a hinge pulls there.
     """
-    del exact
     body, p = joint.parent, parameters
     force = body.mass * float(-spec.option.gravity[2])
     if force <= 0 or any(p[name] for name in HARMONICS if name not in ("sine", "cosine")):
@@ -59,16 +51,7 @@ EFFECT = TorqueEffect(
     family="hardening",
     role="record",
     parameters=(
-        Parameter(
-            name="scale",
-            unit="1",
-            size=lambda s: 1.0,
-            low=0.1,
-            high=10.0,
-            starts=(1.0,),
-            neutral=1.0,
-            held=True,
-        ),
+        Parameter("scale", "1", lambda s: 1.0, low=0.1, high=10.0, starts=(1.0,), neutral=1.0, held=True),
         *held("N*m"),
     ),
     law=f"τ = s ({FORMULA}), all but s from the masses of a model",

@@ -92,10 +92,7 @@ def bootstrap(
     """Fit `draws` logs that could as well have been measured.
 
     Args:
-        fit: The fit.
         board: Gives the inertia's uncertainty; each draw has an inertia of its own.
-        draws: How many.
-        seed: Of the draws.
 
     Raises:
         SysidError: Fewer draws than an interval needs, or most of them cannot be fitted.

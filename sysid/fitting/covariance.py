@@ -39,18 +39,11 @@ def torque_like(problem: Problem, name: str) -> bool:
 
 
 def parameter_quantities(
-    problem: Problem,
-    minimum: Minimum,
-    board: Board,
-    covariance: Array | None = None,
-    *,
-    certain: bool = True,
+    problem: Problem, minimum: Minimum, board: Board, covariance: Array | None = None, *, certain: bool = True
 ) -> dict[str, Quantity]:
     """Return the free parameters as quantities.
 
     Args:
-        problem: The problem.
-        minimum: Where its cost is least.
         board: Gives the inertia's uncertainty.
         covariance: Of the free parameters, shape (free, free), in their units; None to compute it.
         certain: False leaves the deviations unknown, where no covariance is given, and is quick.
@@ -196,8 +189,6 @@ def noise_behind(
     """Return the noise behind the residuals of a minimum.
 
     Args:
-        problem: The problem.
-        minimum: Where its cost is least.
         residuals: Of each record [rad or rad/s], shape (n,) each.
         sensitivity: At the minimum; None to compute it.
     """
@@ -224,9 +215,6 @@ def identifiability_warnings(
     """Say what the data do not fix.
 
     Args:
-        problem: The problem.
-        minimum: Where its cost is least.
-        quantities: The free parameters.
         covariance: Of `quantities`, in their order, shape (free, free), in their units.
     """
     lines: list[str] = []
@@ -262,8 +250,6 @@ def identified_combination(effect: str, quantities: Mapping[str, Quantity], cova
     In logarithms a product of powers is a direction, and the best known one is the covariance's narrowest.
 
     Args:
-        effect: Name of the effect.
-        quantities: The free parameters of the fit.
         covariance: Of `quantities`, in their order, shape (free, free), in their units.
     """
     names = list(quantities)

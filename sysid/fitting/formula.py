@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.effects import catalogue, effect_file
-from sysid.effects._algebra import Algebra, NumpyAlgebra, Value, Values
+from sysid.effects._algebra import NUMPY, Algebra, Value, Values
 from sysid.effects._base import JointState, MujocoSupport, Parameter, Scales, TorqueEffect, belongs_to_log
 from sysid.effects.learned import tabulated
 from sysid.fitting.cross_validation import rms
@@ -174,7 +174,7 @@ class Formula:
 
     def torque(self, tilt: Array, rate: Array) -> Array:
         """Return the torque [N*m] at tilts [rad] and rates [rad/s], shape (n,) each."""
-        m = NumpyAlgebra()
+        m = NUMPY
         terms = zip(self.shapes, self.coefficients, self.widths, strict=True)
         return sum((c * shape.law(m, tilt, rate, width) for shape, c, width in terms), 0.0 * tilt)
 
@@ -234,7 +234,7 @@ def formula_of(fit: JointFit) -> Formula | None:
     coefficients = [values[f"{_NAME}.coefficient_{i}"] for i in range(len(chosen))]
     widths = [values[f"{_NAME}.width_{i}"] for i in range(len(chosen))]
     here = [
-        c * _without(plain, np.asarray(shape.law(NumpyAlgebra(), x, v, width)))
+        c * _without(plain, np.asarray(shape.law(NUMPY, x, v, width)))
         for (shape, _, _), c, width in zip(chosen, coefficients, widths, strict=True)
     ]
     parts = [
@@ -299,7 +299,7 @@ def _by_information(fit: JointFit) -> tuple[list[_Column], Array]:
         for width in shape.widths or (0.0,):
             at = width * reach or 1.0
             table = tabulated(
-                lambda x, v, shape=shape, at=at: shape.law(NumpyAlgebra(), x, v, at) + 0.0 * x, parameters
+                lambda x, v, shape=shape, at=at: shape.law(NUMPY, x, v, at) + 0.0 * x, parameters
             )
             column = root @ table
             if float(column @ column) > 1e-12:
@@ -331,7 +331,7 @@ def _fitted(
         f"{_NAME}.width_{i}": width or 1.0 for i, (shape, width, _) in enumerate(chosen) if not shape.widths
     }
     x, v, torque = along
-    laws = [np.asarray(shape.law(NumpyAlgebra(), x, v, width or 1.0)) for shape, width, _ in chosen]
+    laws = [np.asarray(shape.law(NUMPY, x, v, width or 1.0)) for shape, width, _ in chosen]
     stiffer, damped, *guess = np.linalg.lstsq(np.column_stack([-x, -v, *laws]), torque, rcond=None)[0]
     start = {**fit.law.parameters}
     start["stiffness"] += stiffer
@@ -358,7 +358,7 @@ def effect_of(shapes: Sequence[Shape]) -> TorqueEffect:
             0.1
             * s.torque
             / max(
-                abs(float(shape.law(NumpyAlgebra(), side * s.amplitude, s.rate, 0.3 * s.amplitude)))
+                abs(float(shape.law(NUMPY, side * s.amplitude, s.rate, 0.3 * s.amplitude)))
                 for side in (-1, 1)
             )
         )

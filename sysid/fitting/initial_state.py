@@ -15,25 +15,20 @@ from sysid.progress import steps
 from sysid.roll import Array
 
 
-def residuals_of_law(
-    board: Board, records: Sequence[Record], *, bias: Bias = "shared", law: JointLaw | None = None
-) -> list[Array]:
-    """Return the residuals of a law that is given, with only roll and rate at each release fitted.
+def residuals_of_law(board: Board, records: Sequence[Record], *, bias: Bias = "shared") -> list[Array]:
+    """Return the residuals of a record's law, with only roll and rate at each release fitted.
 
     Args:
-        board: Its law is taken, unless `law` is given.
-        records: Releases.
         bias: With 'per-release', the sensor zero of each release is fitted too.
-        law: The joint.
 
     Returns:
         Model minus measurement of each record [rad or rad/s], shape (n,) each.
     """
-    return fit_initial_states(law or JointLaw.from_board(board), records, bias=bias)[0]
+    return fit_initial_states(JointLaw.from_board(board), records, bias=bias)[0]
 
 
 def fit_initial_states(
-    law: JointLaw, records: Sequence[Record], *, bias: Bias = "shared", steps_per_period: int = 120
+    law: JointLaw, records: Sequence[Record], *, bias: Bias = "shared"
 ) -> tuple[list[Array], list[tuple[float, float]]]:
     """Fit roll and rate at each release to a given law.
 
@@ -42,7 +37,7 @@ def fit_initial_states(
     """
     residuals: list[Array] = []
     starts: list[tuple[float, float]] = []
-    for problem in steps(problems_of_law(law, records, bias=bias, steps_per_period=steps_per_period)):
+    for problem in steps(problems_of_law(law, records, bias=bias)):
         found = minimise(problem.normal, problem.start(problem.fixed), *problem.bounds(), iterations=30)
         if not np.isfinite(found.normal.cost):
             raise SysidError(

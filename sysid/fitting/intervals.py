@@ -11,7 +11,8 @@ from sysid.fitting.profile import Profile
 from sysid.quantity import Quantity
 
 _BENT = 1.2
-"""Ratio of the two sides of a profile from which its cost is no parabola."""
+"""Ratio of the two sides of a profile from which its cost is no parabola: two deviations of what 400 draws of a bootstrap, which
+know a half-width to 7 %, make of the ratio of two, so that what is said can be seen there."""
 _WIDER = 1.25
 """Ratio of two widths from which they disagree, if draws enough were made to see it."""
 

@@ -39,14 +39,13 @@ class FitOptions:
     priors: tuple[str, ...] = ()
     """Parameters of which the record's value and standard deviation count as a measurement, by the same names."""
     steps_per_period: int = 60
-    """Of the integrator, in the final fit."""
+    """Of the integrator, in the final fit: RK4 then loses 82/n⁴ = 6e-6 rad of phase a period of a linear joint."""
 
 
 def check_effects(names: Sequence[str], known: Sequence[str] = ()) -> None:
     """Accept effects that a free decay can say something about.
 
     Args:
-        names: The effects.
         known: Those that the record has.
 
     Raises:
@@ -153,18 +152,9 @@ def priors_of(board: Board, options: FitOptions) -> dict[str, tuple[float, float
 
 
 def fit_joint(
-    releases: Sequence[Release],
-    board: Board,
-    effects: Sequence[str] = (),
-    options: FitOptions | None = None,
+    releases: Sequence[Release], board: Board, effects: Sequence[str] = (), options: FitOptions | None = None
 ) -> JointFit:
     """Fit stiffness, damping, rest angle and the parameters of some effects to releases.
-
-    Args:
-        releases: Free decays of one board.
-        board: Gives the roll inertia, and a start.
-        effects: Names of the catalogue.
-        options: How.
 
     Raises:
         SysidError: Nothing to fit, an effect that free decays cannot identify, or no convergence.

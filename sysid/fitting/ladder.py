@@ -49,10 +49,7 @@ def ladder(
     """Fit the linear joint, then the joint with one effect more each time.
 
     Args:
-        releases: Free decays of one board.
-        board: Gives the roll inertia.
         effects: In the order in which they are added.
-        options: How.
         heldout: Also predict releases that are left out.
 
     Raises:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sysid.effects._algebra import NumpyAlgebra
+from sysid.effects._algebra import NUMPY
 from sysid.effects._base import JointState, TorqueEffect
 from sysid.fitting.result import JointFit
 from sysid.roll import Array
@@ -14,7 +14,6 @@ def learned_torque(
     """Return the torque of a fit's tables of tilt and rate, and its standard deviation [N*m], shape (n,) each.
 
     Args:
-        fit: With tables.
         tilt: From the rest angle [rad], shape (n,).
         rate: [rad/s], shape (n,).
         with_joint: Add spring and damper. What is learned has no linear part of its own, so alone it depends on how the
@@ -30,7 +29,7 @@ def learned_torque(
         zero = {**values, **dict.fromkeys(part.smoothness().names, 0.0)}
         for name in part.smoothness().names:
             if (key := f"{part.name}.{name}") in fit.quantities:
-                rows[names.index(key)] = part.torque(NumpyAlgebra(), motion, {**zero, name: 1.0}, ())
+                rows[names.index(key)] = part.torque(NUMPY, motion, {**zero, name: 1.0}, ())
     if with_joint:
         for name, slope in (("stiffness", -tilt), ("damping", -rate)):
             if name in fit.quantities:

@@ -378,7 +378,6 @@ class Problem:
         """Return the sign of a record's rate towards rest, and by how much it may start so: a deviation [rad/s], inf if pushed.
 
         Args:
-            index: Of the record.
             unknowns: In units of their sizes, shape (p,).
         """
         begin = self._starts[index]

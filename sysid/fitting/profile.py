@@ -33,22 +33,28 @@ _FARTHEST = 40.0
 
 
 @dataclass(frozen=True, slots=True)
-class Profile:
-    """The profile of one parameter."""
+class Shape:
+    """How the cost rises along one unknown."""
 
-    name: str
     best: float
-    """Where the profile is lowest among all points seen, in the parameter's unit."""
+    """Where it is lowest among all points seen."""
     values: Array
     """Where it was looked at, ascending, shape (n,)."""
     rise: Array
     """Rise of the adjusted deviance there; 3.84 ends the 95 % interval; shape (n,)."""
     interval: tuple[float, float]
-    """95 %, with the inertia's uncertainty; ±inf where the data leave it open."""
+    """95 %; ±inf where the data leave it open."""
     at_bound: tuple[bool, bool]
-    """Whether an end is the parameter's own bound (a friction is not negative) and not the data's."""
+    """Whether an end is the unknown's own bound (a friction is not negative) and not the data's."""
     deeper: float
     """By how much the deviance fell below the fit's own minimum; 0 where the fit was right."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Profile(Shape):
+    """The profile of one parameter in its unit, its interval with the inertia's uncertainty."""
+
+    name: str
 
     def to_json(self) -> dict[str, object]:
         """Return the profile for machines."""
@@ -63,7 +69,6 @@ def profiles(fit: JointFit, board: Board) -> Iterator[Profile]:
     """Profile each free parameter of a fit, one after another.
 
     Args:
-        fit: The fit.
         board: Gives the inertia's uncertainty, which is added to both sides in quadrature.
     """
     problem, minimum = fit.problem, fit.minimum
@@ -81,21 +86,9 @@ def profiles(fit: JointFit, board: Board) -> Iterator[Profile]:
         inertia = Z95 * abs(best) * share
         below, above = (float(np.hypot(end - best, inertia)) for end in shape.interval)
         yield Profile(
-            name, size * shape.best, size * shape.values, shape.rise,
-            (size * (best - below), size * (best + above)), shape.at_bound, shape.deeper,
+            size * shape.best, size * shape.values, shape.rise, (size * (best - below), size * (best + above)),
+            shape.at_bound, shape.deeper, name=name,
         )  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True)
-class Shape:
-    """A profile in the units of the unknowns."""
-
-    best: float
-    values: Array
-    rise: Array
-    interval: tuple[float, float]
-    at_bound: tuple[bool, bool]
-    deeper: float
 
 
 def profile(
@@ -105,10 +98,8 @@ def profile(
 
     Args:
         normal: Cost and normal equations at a point.
-        minimum: Where the cost is least.
         low: Lower bounds in units of the unknowns' sizes, shape (p,).
         high: Upper bounds, likewise, shape (p,).
-        index: Which unknown.
         deviation: Its standard deviation in units of its size, correlation of the residuals included.
     """
     plain = _variance(minimum.normal.hessian, ~minimum.at_bound, index)

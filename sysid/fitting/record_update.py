@@ -78,18 +78,14 @@ def updated_board(
     logs: Mapping[str, Path],
     *,
     heldout: float,
-    today: datetime.date | None = None,
 ) -> Board:
     """Return the board with a fit in it: no check has passed it yet.
 
     Args:
-        board: The record before.
-        fit: The fit.
         logs: The files that were fitted, by the names that the record shall give them.
         heldout: RMSE on releases that were left out [rad].
-        today: Date of the fit; today if None.
     """
-    day = (today or datetime.datetime.now(tz=datetime.UTC).date()).isoformat()
+    day = datetime.datetime.now(tz=datetime.UTC).date().isoformat()
     kept = {**board.tilt}
     for name in ("stiffness", "damping", "rest_angle"):
         if name in fit.quantities:

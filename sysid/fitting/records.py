@@ -30,7 +30,6 @@ def signal_of(releases: Sequence[Release], signal: Signal = "auto") -> SignalOpt
     any other roll that drifts.
 
     Args:
-        releases: From one board.
         signal: 'auto', or what the caller wants.
     """
     if signal == "auto":
@@ -58,7 +57,6 @@ def make_records(releases: Sequence[Release], std: float, *, rate: bool) -> tupl
     """Cut the tails at rest that say nothing new and return what is to be fitted.
 
     Args:
-        releases: From one board.
         std: Noise floor of the signal [rad or rad/s].
         rate: Fit the measured rate (the roll is only its integral) instead of the roll.
     """

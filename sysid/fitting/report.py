@@ -47,12 +47,7 @@ def report(fit: "Fit", width: int = WIDTH) -> str:
     rungs = table(
         ("model", "error", "held out", "error / noise"),
         [
-            (
-                rung.label,
-                show(rung.rmse),
-                show(rung.heldout_rmse),
-                f"{rung.rmse / fit.noise.std:.3f}",
-            )
+            (rung.label, show(rung.rmse), show(rung.heldout_rmse), f"{rung.rmse / fit.noise.std:.3f}")
             for rung in fit.ladder
         ],
         width=width,

@@ -42,9 +42,9 @@ WORSE = 1.01
 _COLOURED = 1.5
 """Correlation length of what is left [samples] from which an internal state is tried: noise has one."""
 _COARSE = 40
-"""Steps a period while weights are sought,"""
+"""Steps a period while weights are sought: RK4 then loses 82/n⁴ = 3e-5 rad of phase a period of a linear joint,"""
 _STEPS = 120
-"""and where a formula is fitted in the tables' place."""
+"""and where a formula is fitted in the tables' place: 4e-7 rad."""
 
 
 def learn(
@@ -298,9 +298,6 @@ def support_of(
     """Return where a structure's tables have data: the parameters that say so, by the structure's names [rad or rad/s].
 
     Args:
-        problem: Of the joint without tables.
-        minimum: Of it.
-        structure: With tables.
         rest_angle: From which tilts count [rad].
     """
     law = JointLaw.from_vector(problem.structure, problem.vector_of(problem.parameters(minimum.point)))
@@ -323,9 +320,7 @@ def extended(problem: Problem, known: Mapping[str, float], before: Problem, poin
     """Return the unknowns of a problem with tables: parameters that are not known zero, starts as another problem had them.
 
     Args:
-        problem: With tables.
         known: Parameters in their units.
-        before: Of the same records.
         point: Of it, in units of its unknowns' sizes, shape (p,).
 
     Returns:

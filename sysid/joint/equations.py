@@ -8,7 +8,7 @@ and dissipates exactly.
 
 from typing import Any
 
-from sysid.effects._algebra import CasadiAlgebra
+from sysid.effects._algebra import casadi_algebra
 from sysid.effects._base import JointState, LinearJoint, SupportEffect, TorqueEffect
 from sysid.joint.structure import LINEAR, Structure
 
@@ -24,7 +24,7 @@ class EquationsOfMotion:
         import casadi
 
         self._ca: Any = casadi
-        self.m = CasadiAlgebra()
+        self.m = casadi_algebra()
         joint = LinearJoint(*(parameters[i] for i in range(len(LINEAR))))
         self.layout = [
             (part, part.named(items_of(parameters, where)), states)

@@ -38,7 +38,6 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
     """Build the functions of one structure; kept for the life of the process.
 
     Args:
-        structure: The effects.
         free_states: Internal states at release are unknowns; else they follow from the hold before it.
         sensitivities: Carry derivatives with respect to parameters and unknowns along.
     """

@@ -11,16 +11,11 @@ Source: MuJoCo documentation 4.0, chapters Computation (constraint model, integr
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import casadi as ca
 
 from sysid.errors import SysidError, did_you_mean
-
-if TYPE_CHECKING:
-    import mujoco
-
-    from sysid.roll import Array
 
 Integrator = Literal["Euler", "implicit", "implicitfast", "RK4", "discrete"]
 """MuJoCo's integrators by the name that MJCF gives them."""
@@ -85,11 +80,9 @@ def step(
     """Advance position [rad] and velocity [rad/s] by one MuJoCo step.
 
     Args:
-        hinge: The joint.
         q: Position, as qpos [rad].
         v: Velocity, as qvel [rad/s].
         timestep: [s].
-        integrator: MuJoCo's integrator.
 
     Raises:
         SysidError: The integrator is unknown.
@@ -110,97 +103,6 @@ def step(
         slope = ca.if_else(_damps(hinge), slope, 0.0) if hinge.eulerdamp else 0.0
     velocity = v + timestep * force / (hinge.mass + timestep * slope)
     return q + timestep * velocity, velocity
-
-
-def rollout_function(
-    hinge: Hinge,
-    parameters: ca.SX,
-    steps: int,
-    *,
-    timestep: float,
-    integrator: Integrator = "implicitfast",
-) -> ca.Function:
-    """Return `f(start, parameters) -> states` over many steps.
-
-    Args:
-        hinge: The joint, in terms of `parameters`.
-        parameters: Symbols, shape (n,).
-        steps: Number of steps.
-        timestep: [s].
-        integrator: MuJoCo's integrator.
-
-    Returns:
-        A CasADi function of start (position and velocity, shape (2,)) and parameters, whose result has
-        shape (2, steps): the states after each step.
-    """
-    state = ca.SX.sym("state", 2)
-    after = ca.vertcat(*step(hinge, state[0], state[1], timestep=timestep, integrator=integrator))
-    one = ca.Function("step", [state, parameters], [after])
-    many = one.mapaccum("rollout", steps)
-    start, values = ca.MX.sym("start", 2), ca.MX.sym("parameters", parameters.numel())
-    return ca.Function(
-        "rollout",
-        [start, values],
-        [many(start, ca.repmat(values, 1, steps))],
-        ["start", "parameters"],
-        ["states"],
-    )
-
-
-def simulate_steps(
-    hinge: Hinge,
-    start: tuple[float, float],
-    steps: int,
-    *,
-    timestep: float,
-    integrator: Integrator = "implicitfast",
-) -> "Array":
-    """Return positions [rad] and velocities [rad/s], shape (steps + 1, 2), from numbers alone; the start is row 0."""
-    import numpy as np
-
-    rollout = rollout_function(hinge, ca.SX.sym("none", 0), steps, timestep=timestep, integrator=integrator)
-    return np.vstack([start, np.array(rollout(ca.DM(start), ca.DM.zeros(0, 1))).T])
-
-
-def hinge_from_model(model: "mujoco.MjModel", joint: str, *, torque: Torque | None = None) -> Hinge:
-    """Read the only joint of a compiled model.
-
-    Args:
-        model: Compiled MuJoCo model with one hinge joint.
-        joint: Its name.
-        torque: What acts on the joint besides spring, damper, friction and limits.
-
-    Raises:
-        SysidError: The model has more than one degree of freedom.
-    """
-    import mujoco
-    import numpy as np
-
-    if model.nv != 1:
-        raise SysidError(
-            f"the model has {model.nv} degrees of freedom; its step has a closed form for one only."
-        )
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    mass = np.zeros((1, 1))
-    mujoco.mj_fullM(model, data, mass)
-    index, dof = model.joint(joint).id, int(model.joint(joint).dofadr[0])
-    armature = float(model.dof_armature[dof])
-    return Hinge(
-        inertia=float(mass[0, 0]) - armature,
-        armature=armature,
-        stiffness=(float(model.jnt_stiffness[index]), *_pair(model.jnt_stiffnesspoly[index])),
-        damping=(float(model.dof_damping[dof]), *_pair(model.dof_dampingpoly[dof])),
-        springref=float(model.qpos_spring[model.jnt_qposadr[index]]),
-        frictionloss=float(model.dof_frictionloss[dof]),
-        solref_friction=_pair(model.dof_solref[dof]),
-        solimp_friction=_impedance_parameters(model.dof_solimp[dof]),
-        limits=_pair(model.jnt_range[index]) if model.jnt_limited[index] else None,
-        solref_limit=_pair(model.jnt_solref[index]),
-        solimp_limit=_impedance_parameters(model.jnt_solimp[index]),
-        torque=torque,
-        eulerdamp=not model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP),
-    )
 
 
 def _smooth(hinge: Hinge, q: Expression, v: Expression) -> Expression:
@@ -371,12 +273,3 @@ def _discrete(
 
 def _zero(value: Expression) -> bool:
     return isinstance(value, int | float) and value == 0
-
-
-def _pair(values: Any) -> tuple[float, float]:
-    return float(values[0]), float(values[1])
-
-
-def _impedance_parameters(values: Any) -> Impedance:
-    first, second, third, fourth, fifth = (float(value) for value in values)
-    return first, second, third, fourth, fifth

@@ -13,7 +13,7 @@ import numpy as np
 from sysid.errors import SysidError
 from sysid.joint.equations import EquationsOfMotion
 from sysid.joint.law import JointLaw
-from sysid.joint.mujoco_step import Hinge, Integrator, step
+from sysid.joint.mujoco_step import Hinge, step
 from sysid.roll import Array
 
 
@@ -62,14 +62,12 @@ def joint_of_map(
     return inertia, inertia * (1 / determinant - 1) / h
 
 
-def sampled_k_d(
-    inertia: float, stiffness: float, damping: float, timestep: float, integrator: str = "implicitfast"
-) -> tuple[float, float]:
-    """Return (k, d) of the continuous joint of the same inertia that moves, at the samples, as MuJoCo's step does.
+def sampled_k_d(inertia: float, stiffness: float, damping: float, timestep: float) -> tuple[float, float]:
+    """Return (k, d) of the continuous joint of the same inertia that moves, at the samples, as implicitfast does.
 
     NaN where the step does not swing.
     """
-    trace, determinant = step_map(inertia, stiffness, damping, timestep, integrator)
+    trace, determinant = step_map(inertia, stiffness, damping, timestep)
     cosine = trace / (2.0 * np.sqrt(determinant))
     if abs(cosine) >= 1:
         return float("nan"), float("nan")
@@ -77,17 +75,14 @@ def sampled_k_d(
     return float((decay**2 + frequency**2) * inertia), float(2 * decay * inertia)
 
 
-def stepped(
-    law: JointLaw, time: Array, angle: float, rate: float, *, integrator: Integrator = "implicitfast"
-) -> tuple[Array, Array]:
-    """Return roll [rad] and rate [rad/s] of a law that MuJoCo steps at the law's own time step, shape (n,) each.
+def stepped(law: JointLaw, time: Array, angle: float, rate: float) -> tuple[Array, Array]:
+    """Return roll [rad] and rate [rad/s] of a law that implicitfast steps at the law's own time step, shape (n,) each.
 
     Args:
         law: The joint; its torques may depend on tilt and rate only.
         time: When to look [s], shape (n,), ascending, from 0 on; straight lines between steps.
         angle: Roll at release [rad].
         rate: Roll rate at release [rad/s].
-        integrator: MuJoCo's.
 
     Raises:
         SysidError: The law has dry friction or memory.
@@ -113,7 +108,7 @@ def stepped(
         springref=linear.rest_angle, damper=others,
     )  # fmt: skip
     y = ca.SX.sym("y", 2)
-    move = ca.Function("move", [y], [ca.vertcat(*step(hinge, y[0], y[1], timestep=h, integrator=integrator))])
+    move = ca.Function("move", [y], [ca.vertcat(*step(hinge, y[0], y[1], timestep=h))])
     count = int(float(time[-1]) / h) + 2
     path = np.column_stack([[angle, rate], np.asarray(move.mapaccum("moves", count)([angle, rate]))])
     grid = h * np.arange(count + 1)

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from sysid.effects._algebra import Algebra, NumpyAlgebra, Value
+from sysid.effects._algebra import NUMPY, Algebra, Value
 from sysid.effects._base import JointState, Reading, SensorEffect
-from sysid.joint.equations import CasadiAlgebra, EquationsOfMotion, items_of
+from sysid.joint.equations import EquationsOfMotion, casadi_algebra, items_of
 from sysid.joint.law import JointLaw
 from sysid.joint.structure import Structure
 from sysid.roll import Array
@@ -45,7 +45,6 @@ def read(law: JointLaw, angle: Array, rate: Array, time: Array) -> Reading:
     """Return what the sensor of a law makes of samples that have left its filters.
 
     Args:
-        law: The joint with its sensor.
         angle: [rad], shape (n,).
         rate: Per second of the log's clock [rad/s], shape (n,).
         time: On the log's clock [s], shape (n,).
@@ -53,7 +52,7 @@ def read(law: JointLaw, angle: Array, rate: Array, time: Array) -> Reading:
     values = dict(law.effects)
     reading = Reading(angle, rate, time)
     for part in at_samples(law.structure):
-        reading = part.observe(NumpyAlgebra(), reading, part.named(values[part.name]), ())
+        reading = part.observe(NUMPY, reading, part.named(values[part.name]), ())
     return reading
 
 
@@ -72,7 +71,7 @@ def reader(structure: Structure) -> Any:
     reading = Reading(angle, rate, time)
     for part, where, _ in structure.layout():
         if isinstance(part, SensorEffect) and not part.states:
-            reading = part.observe(CasadiAlgebra(), reading, part.named(items_of(parameters, where)), ())
+            reading = part.observe(casadi_algebra(), reading, part.named(items_of(parameters, where)), ())
     out = ca.vertcat(reading.angle, reading.rate)
     slopes = ca.jacobian(out, ca.vertcat(angle, rate, parameters[1:]))
     return ca.Function("reading", [angle, rate, time, parameters], [out, ca.densify(slopes)])
@@ -82,7 +81,6 @@ def sense(law: JointLaw, time: Array, roll: Array) -> Array:
     """Return what the sensor of a law reads of a deck that somebody else has moved [rad], shape (n,).
 
     Args:
-        law: The joint with its sensor.
         time: On the log's clock [s], shape (n,).
         roll: The deck's [rad], shape (n,), from when it was let go.
     """
@@ -99,7 +97,7 @@ def _filter(part: SensorEffect, law: JointLaw, time: Array, roll: Array, rate: A
     import casadi
 
     ca: Any = casadi
-    m: Algebra = CasadiAlgebra()
+    m: Algebra = casadi_algebra()
     values = part.named(dict(law.effects)[part.name])
     z, h, angle, speed = ca.SX.sym("z", len(part.states)), ca.SX.sym("h"), ca.SX.sym("a"), ca.SX.sym("v")
     motion = JointState(angle - law.rest_angle, speed, angle, law.stiffness)
@@ -107,9 +105,9 @@ def _filter(part: SensorEffect, law: JointLaw, time: Array, roll: Array, rate: A
     rates = ca.vertcat(*(s.rate(m, motion, states, values) if s.rate else 0.0 for s in part.states))
     implicit = ca.SX.eye(len(part.states)) - h / 2 * ca.jacobian(rates, z)
     step = ca.Function("step", [z, ca.vertcat(h, angle, speed)], [z + h * ca.solve(implicit, rates)])
-    first = [s.start(NumpyAlgebra(), roll[0], np.inf, law.stiffness, values) for s in part.states]
+    first = [s.start(NUMPY, roll[0], np.inf, law.stiffness, values) for s in part.states]
     between = np.vstack([np.diff(time), *((x[1:] + x[:-1]) / 2 for x in (roll, rate))])
     path = np.hstack(
         [np.reshape(first, (-1, 1)), step.mapaccum("steps", len(time) - 1)(first, between).full()]
     )
-    return np.asarray(part.observe(NumpyAlgebra(), Reading(roll, rate, time), values, list(path)).angle)
+    return np.asarray(part.observe(NUMPY, Reading(roll, rate, time), values, list(path)).angle)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sysid.effects import effect
-from sysid.effects._algebra import NumpyAlgebra
+from sysid.effects._algebra import NUMPY
 from sysid.effects._base import JointState, TorqueEffect
 from sysid.joint.law import JointLaw
 from sysid.joint.trajectory import simulate
@@ -19,15 +19,13 @@ def effect_torque(law: JointLaw, name: str, time: Array, roll: Array, rate: Arra
     joint's other torques leave of the inertia's.
 
     Args:
-        law: The joint.
-        name: One of its effects.
         time: Of the motion [s], shape (n,); counts where the effect has memory.
         roll: Roll [rad], shape (n,).
         rate: Roll rate [rad/s], shape (n,).
     """
     part = effect(name)
     parameters = part.named(dict(law.effects)[name])
-    m = NumpyAlgebra()
+    m = NUMPY
     motion = JointState(roll - law.rest_angle, rate, roll, law.stiffness)
     if part.states:
         return law.inertia * np.gradient(rate, time) - memoryless_torque(law, roll, rate)
@@ -44,7 +42,6 @@ def memoryless_torque(law: JointLaw, roll: Array, rate: Array) -> Array:
     """Return the torque of spring, damper and all effects without memory [N*m], shape (n,).
 
     Args:
-        law: The joint.
         roll: Roll [rad], shape (n,).
         rate: Roll rate [rad/s], shape (n,).
     """
@@ -61,10 +58,8 @@ def torque_shares(
     """Return the peak torque of each effect over the peak of spring and damper, over some releases [1].
 
     Args:
-        law: The joint.
         times: Of each release, since its start [s], shape (n,); only how long it lasts counts.
         starts: First roll [rad] and rate [rad/s] of each.
-        effects: Names of effects of the law.
     """
     plain = law.of_joint()
     peaks = dict.fromkeys(effects, 0.0)

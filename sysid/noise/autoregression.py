@@ -108,7 +108,6 @@ def autoregression(covariances: Array, count: int) -> ResidualNoise:
 
     Args:
         covariances: In the square of the signal's unit, shape (lags,).
-        count: Number of samples behind them.
     """
     variance = float(covariances[0])
     if not variance > 0:

@@ -50,33 +50,3 @@ def correlation_length(residuals: Sequence[Array]) -> float:
     small = np.flatnonzero(rho < 2.0 / np.sqrt(n))
     end = int(small[0]) if len(small) else len(rho)
     return float(1 + 2 * np.sum(rho[:end]))
-
-
-def band_excess(residuals: Sequence[Array], steps: Sequence[float], frequency: float) -> tuple[float, float]:
-    """Compare the power of residuals in the band of the motion with the power above it.
-
-    A model that lacks something leaves power where the joint moves; white noise has the same everywhere.
-    The test does not depend on the sampling rate, as one on the first lags does.
-
-    Args:
-        residuals: Of each release, shape (n,), evenly sampled, in any unit.
-        steps: Sampling period of each [s].
-        frequency: Upper end of the band [Hz].
-
-    Returns:
-        Ratio of the mean powers (1 for white noise) and the probability of at least this ratio by chance.
-    """
-    from scipy.special import fdtrc
-
-    low = high = 0.0
-    in_low = in_high = 0
-    for residual, step in zip(residuals, steps, strict=True):
-        power = np.abs(np.fft.rfft(residual)) ** 2 / len(residual)
-        band = np.fft.rfftfreq(len(residual), step) <= frequency
-        band[: max(2, min(len(power) // 3, 4))] = True
-        low, high = low + float(power[band].sum()), high + float(power[~band].sum())
-        in_low, in_high = in_low + int(band.sum()), in_high + int((~band).sum())
-    if in_high < 4 or high == 0:
-        return 1.0, 1.0
-    ratio = (low / in_low) / (high / in_high)
-    return ratio, float(fdtrc(2 * in_low, 2 * in_high, ratio))

@@ -23,12 +23,7 @@ _LAW_FIELDS: Mapping[str, tuple[str, ...]] = {
     "hysteresis": ("slider_stiffness", "slider_torque"),
     "second-mode": ("support_inertia", "support_stiffness", "support_damping"),
 }
-SENSOR_FIELDS = {
-    "sensor-bias": "bias",
-    "sensor-drift": "drift",
-    "clock": "clock",
-    "lowpass": "time_constant",
-}
+SENSOR_FIELDS = {"sensor-bias": "bias", "sensor-drift": "drift", "clock": "clock", "lowpass": "time_constant"}
 """Effects that act on the measurement, and the field of `Sensor` that each sets."""
 _ELSEWHERE = {"coulomb", "discretisation", *SENSOR_FIELDS}
 """Effects that are no torque of their own here: they add to another, change the steps, or the sensor."""

@@ -5,11 +5,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from sysid.effects._algebra import NumpyAlgebra
+from sysid.effects._algebra import NUMPY
 from sysid.effects._base import Effect, JointState, TorqueEffect
 from sysid.errors import SysidError
 
-_NUMPY = NumpyAlgebra()
 _UNTOUCHED = 1e6
 """For how long nobody has touched the deck before a log [s]."""
 _MOVE = 1e-8
@@ -28,7 +27,7 @@ class CatalogueLaw:
     def torque(self, x: float, u: float, roll: float, states: Sequence[float]) -> float:
         """Return its torque at tilt x [rad], rate u [rad/s] and roll [rad] [N*m]."""
         motion = JointState(x, u, roll, self.stiffness)
-        return float(self.effect.torque(_NUMPY, motion, self.values, states))
+        return float(self.effect.torque(NUMPY, motion, self.values, states))
 
     def rates(self, x: float, u: float, roll: float, states: Sequence[float]) -> list[float]:
         """Return the time derivatives of its internal states."""
@@ -37,14 +36,14 @@ class CatalogueLaw:
         for state, z in zip(self.effect.states, states, strict=True):
             if state.return_map is not None:
                 moved = math.copysign(_MOVE, u)
-                flows.append(abs(u) / _MOVE * float(state.return_map(_NUMPY, z, moved, self.values) - z))
+                flows.append(abs(u) / _MOVE * float(state.return_map(NUMPY, z, moved, self.values) - z))
             else:
-                flows.append(float(state.rate(_NUMPY, motion, states, self.values)) if state.rate else 0.0)
+                flows.append(float(state.rate(NUMPY, motion, states, self.values)) if state.rate else 0.0)
         return flows
 
     def at_rest(self) -> list[float]:
         """Return its internal states where nobody has touched the deck."""
-        starts = (s.start(_NUMPY, 0.0, _UNTOUCHED, self.stiffness, self.values) for s in self.effect.states)
+        starts = (s.start(NUMPY, 0.0, _UNTOUCHED, self.stiffness, self.values) for s in self.effect.states)
         return [float(start) for start in starts]
 
 
@@ -100,7 +99,7 @@ class TrueLaw:
         inertia, slope = self.inertia, 0.0
         for law in self.laws:
             if law.effect.changing is not None:
-                more, steeper = law.effect.changing(_NUMPY, roll, law.values)
+                more, steeper = law.effect.changing(NUMPY, roll, law.values)
                 inertia, slope = inertia + float(more), slope + float(steeper)
         return inertia, slope
 

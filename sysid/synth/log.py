@@ -12,7 +12,7 @@ import numpy.typing as npt
 from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.files import write_json
-from sysid.roll import Release, Roll
+from sysid.roll import Roll
 from sysid.synth.law import TrueLaw
 from sysid.synth.sensors import Dialect, Sensor, write_log
 
@@ -97,25 +97,6 @@ class SyntheticLog:
         """Standard deviation of one angle sample [rad]: white noise and rounding."""
         sensor = self.options.sensor
         return math.hypot(sensor.noise, sensor.quantisation / math.sqrt(12))
-
-    def to_releases(self, name: str = "synthetic") -> list[Release]:
-        """Return the free decays of an angle log, cut where they truly begin and end.
-
-        Raises:
-            SysidError: The log holds no angle.
-        """
-        roll = self.to_roll(name)
-        rest = self.law.equilibrium() + self.options.sensor.bias
-        found: list[Release] = []
-        for number, true in enumerate(self.releases, start=1):
-            part = slice(*np.searchsorted(roll.time, (true.start - 1e-9, true.end - 1e-9)).tolist())
-            found.append(
-                Release(
-                    log=name, number=number, time=roll.time[part], roll=roll.roll[part], std=roll.std[part],
-                    origin="angle", rest=rest, hold=self.options.hold, end="log",
-                )
-            )  # fmt: skip
-        return found
 
     def truth(self) -> dict[str, Any]:
         """Return everything that is true of the log, as JSON-ready data."""

@@ -219,7 +219,6 @@ def simulate(
     """Integrate from `begin` to `end` [s] and sample at `times` [s], shape (n,), ascending, in between.
 
     Args:
-        law: The true joint.
         start: State and modes at `begin`.
         begin: Start [s].
         end: End [s].

@@ -58,9 +58,6 @@ def measure(time: Array, motion: Array, sensor: Sensor, dialect: Dialect, rng: n
     Args:
         time: True time [s], shape (n,).
         motion: True roll, rate and acceleration, shape (n, 3).
-        sensor: The measuring chain.
-        dialect: Decides the channels.
-        rng: Noise.
 
     Returns:
         Angle [rad], shape (n, 1), for an angle dialect; roll rate [rad/s], shape (n, 1), for 'gyro'; else
@@ -131,10 +128,8 @@ def write_log(path: Path, time: Array, channels: Array, dialect: Dialect) -> Non
     """Write a log as the named logger would.
 
     Args:
-        path: The file.
         time: As stamped by the logger [s], shape (n,).
         channels: What `measure` gives for the dialect [rad, rad/s, m/s^2], shape (n, 1) or (n, 6).
-        dialect: The logger.
 
     Raises:
         SysidError: The file name does not go with the dialect, or cannot be written.

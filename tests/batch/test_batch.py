@@ -110,7 +110,7 @@ def test_a_result_holds_for_its_logs_and_record_only(logs, tmp_path):
     [
         ("fit", {"stiffness_nm_rad", "rmse_rad"}),
         ("compare", {"nrmse", "verdict"}),
-        ("diagnose", {"verdict", "confidence"}),
+        pytest.param("diagnose", {"verdict", "confidence"}, marks=pytest.mark.slow),
     ],
 )
 def test_every_task_fills_its_columns(logs, tmp_path, task, columns):

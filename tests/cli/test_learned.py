@@ -32,7 +32,7 @@ def test_a_magnet_is_found_learned_checked_and_written(tmp_path):
     board = load_board(tmp_path / "data/boards/pink.toml")
     values = board.effects[0].parameters
     assert values["tilt_5"].unit == "N*m"
-    assert 0.18 < values["tilt_high"].value < 0.2
+    assert 0.14 < values["tilt_high"].value < 0.2  # a release is cut where a hand may have been felt
     assert husky("check", LOG, *common).returncode == 0
     file = tmp_path / "pink.xml"
     assert husky("mjcf", *common, "--bench", "-o", file).returncode == 0

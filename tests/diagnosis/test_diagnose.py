@@ -37,6 +37,7 @@ def verdict_of(name, seed, tmp_path):
     return truth, diagnose(truths.make(truth, seed, tmp_path), truths.board_of(truth))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", QUICK)
 def test_hidden_effect_is_named(name, tmp_path):
     truth, result = verdict_of(name, 40, tmp_path)

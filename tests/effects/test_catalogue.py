@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from sysid.effects import catalogue, effect, parameters_from
-from sysid.effects._algebra import NumpyAlgebra
+from sysid.effects._algebra import NUMPY
 from sysid.effects._base import JointState, Scales
 from sysid.errors import SysidError
 from sysid.joint import JointLaw, simulate
@@ -114,13 +114,13 @@ def test_parameters_come_in_order_and_defaults_fill_the_end():
 )
 def test_torque_laws_by_hand(name, values, tilt, rate, torque):
     motion = JointState(tilt, rate, tilt, 14.684)
-    got = effect(name).torque(NumpyAlgebra(), motion, parameters_from(name, values), ())
+    got = effect(name).torque(NUMPY, motion, parameters_from(name, values), ())
     assert got == pytest.approx(torque, abs=1e-12)
 
 
 def test_gravity_pulls_by_absolute_roll():
     motion = JointState(0.0, 0.0, 0.5, 14.684)
-    got = effect("gravity").torque(NumpyAlgebra(), motion, {"moment": 2.0}, ())
+    got = effect("gravity").torque(NUMPY, motion, {"moment": 2.0}, ())
     assert got == pytest.approx(-2.0 * np.sin(0.5))
 
 
@@ -231,7 +231,7 @@ def test_round_hysteresis_starts_steeply_and_yields():
     """Dragged slowly from rest the torque of Bouc and Wen is T (1 - exp(-x/a)); back again its slope is T/a."""
     part = effect("bouc-wen")
     values = parameters_from("bouc-wen", (0.3, 0.02, 0.5))
-    m, share = NumpyAlgebra(), part.states[0]
+    m, share = NUMPY, part.states[0]
     for tilt in (0.005, 0.02, 0.1):
         z = share.start(m, tilt, 1.0, 14.684, values)
         assert z == pytest.approx(1 - np.exp(-tilt / 0.02))
@@ -265,7 +265,7 @@ def test_a_stop_takes_the_impulse_of_a_damper_that_sets_in_at_once(name: str, si
     tilt = side * reach
     parameters = {"angle": side * angle, "stiffness": 0.0, "damping": damping}
     motion = JointState(tilt, np.ones_like(tilt), tilt, 14.7)
-    torque = effect(name).torque(NumpyAlgebra(), motion, parameters, ())
+    torque = effect(name).torque(NUMPY, motion, parameters, ())
     assert np.trapezoid(torque, reach) == pytest.approx(-damping * (0.2 - angle), rel=1e-3)
     assert np.all(torque[reach < angle * (1 - RAMP)] == 0)
     assert np.abs(np.diff(torque)).max() < 1e-3 * damping, "no jump"

@@ -94,9 +94,7 @@ def test_the_command_takes_readings_and_results_of_decays(tmp_path, capsys):
         omega = one.natural_frequency
         text = f"{omega.value}±{2 * omega.std}"
         if mass == 3.0:
-            (tmp_path / "d.json").write_text(
-                json.dumps({"omega_n": {"value": omega.value, "std": omega.std}})
-            )
+            (tmp_path / "d.json").write_text(json.dumps({"omega_n": omega.to_json()}))
             text = str(tmp_path / "d.json")
         words += ["--reading", f"{mass},{one.height.value},{text},{one.own.value}"]
     assert build_app()(words, result_action="return_value") == 0
@@ -106,7 +104,7 @@ def test_the_command_takes_readings_and_results_of_decays(tmp_path, capsys):
     assert json.loads((tmp_path / "r.json").read_text())["bare"]["value"] == pytest.approx(15.0, rel=0.01)
     with pytest.raises(SysidError, match=r"expected MASS,HEIGHT,OMEGA"):
         build_app()(["loaded", "-b", "pink", "--reading", "1,2"], result_action="return_value")
-    with pytest.raises(SysidError, match=r"none.json holds no 'omega_n'"):
+    with pytest.raises(SysidError, match=r"none.json: cannot read it"):
         build_app()(["loaded", "-b", "pink", "--reading", "1,0,none.json"], result_action="return_value")
 
 

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from light_board import BOARD, magnet, releases
 
-from sysid.effects._algebra import NumpyAlgebra
+from sysid.effects._algebra import NUMPY
 from sysid.fitting.formula import SHAPES, Formula, _candidates, formula_of, in_words
 from sysid.fitting.joint import fit_joint
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.name)
 def test_code_and_law_of_a_shape_are_one(shape):
-    m, x, v, a = NumpyAlgebra(), np.linspace(-0.2, 0.2, 11), np.linspace(-5, 7, 11), 0.07
+    m, x, v, a = NUMPY, np.linspace(-0.2, 0.2, 11), np.linspace(-5, 7, 11), 0.07
     assert shape.law(m, x, v, a) == pytest.approx(eval(shape.code, {"m": m, "x": x, "v": v, "a": a}))
 
 

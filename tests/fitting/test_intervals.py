@@ -175,9 +175,8 @@ def test_the_words_say_which_interval_to_trust():
     half = 0.1 * Z95
 
     def shape(low, high, *, at_bound=(False, False), deeper=0.0):
-        return Profile(
-            "x", 1.0, np.array([0.9, 1.0, 1.1]), np.array([1, 0, 1]), (low, high), at_bound, deeper
-        )
+        seen = np.array([0.9, 1.0, 1.1]), np.array([1, 0, 1])
+        return Profile(1.0, *seen, (low, high), at_bound, deeper, name="x")
 
     def said(shape, ends=None):
         drawn = ends and Bootstrap("blocks", 9, np.ones((900, 1)), ("x",), {"x": ends}, 0)

@@ -5,7 +5,7 @@ import pytest
 from light_board import BOARD, NOISE, magnet, releases
 
 from sysid.effects import effect
-from sysid.effects._algebra import NumpyAlgebra
+from sysid.effects._algebra import NUMPY
 from sysid.effects._base import JointState
 from sysid.effects._table import bending, cardinals, interpolate, knots, position
 from sysid.errors import SysidError
@@ -17,7 +17,7 @@ from sysid.fitting.records import make_records
 from sysid.logs import read_roll
 from sysid.releases import find_releases
 
-M = NumpyAlgebra()
+M = NUMPY
 
 
 def test_a_table_is_met_at_its_knots_and_smooth_between():

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mujoco_rollout import rollout_function
+from stepped_joint import hinge_from_model, simulate_steps
 
 from sysid.errors import SysidError
-from sysid.joint.mujoco_step import Hinge, hinge_from_model, rollout_function, simulate_steps, step
+from sysid.joint.mujoco_step import Hinge, step
 
 pytestmark = pytest.mark.train
 

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from stepped_joint import simulate_steps
 
-from sysid.joint.mujoco_step import Hinge, simulate_steps
+from sysid.joint.mujoco_step import Hinge
 from sysid.joint.sampled import continuous_map, joint_of_map, sampled_k_d, step_map
 
 JOINT = (8.7e-3, 14.684, 0.4)

@@ -3,16 +3,12 @@
 import numpy as np
 import pytest
 from rocking import imu, rocking, write_csv
+from scipy.spatial.transform import Rotation
 
 from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
 from sysid.logs.sources.gravity_smoother import smooth_gravity
-from sysid.logs.sources.rotations import (
-    integrate_rate,
-    quaternion_matrices,
-    rotation_angles,
-    rotation_matrices,
-)
+from sysid.logs.sources.rotations import integrate_rate
 from sysid.logs.table.names import RATE_UNITS
 
 TIME = np.arange(0, 8, 1 / 200)
@@ -20,7 +16,7 @@ OFFSET = np.array([0.012, -0.02, 0.005])
 
 
 def turn_about(axis, angle):
-    return rotation_matrices(np.array([axis], dtype=float) * angle)[0]
+    return Rotation.from_rotvec(np.array(axis, dtype=float) * angle).as_matrix()
 
 
 def sensor(
@@ -42,26 +38,13 @@ def worst_deg(roll, **motion):
 # Rotations
 
 
-def test_rotations_go_there_and_back():
-    rng = np.random.default_rng(0)
-    angles = rng.normal(0, 0.7, (200, 3))
-    matrices = rotation_matrices(angles)
-    np.testing.assert_allclose(
-        matrices @ matrices.transpose(0, 2, 1), np.broadcast_to(np.eye(3), (200, 3, 3)), atol=1e-12
-    )
-    np.testing.assert_allclose(rotation_angles(matrices), angles, atol=1e-12)
-    half = np.linalg.norm(angles, axis=1, keepdims=True) / 2
-    quaternion = np.hstack((np.cos(half), np.sin(half) * angles / (2 * half)))
-    np.testing.assert_allclose(quaternion_matrices(-3 * quaternion), matrices, atol=1e-12)
-
-
 @pytest.mark.parametrize("count", [2, 3, 100, 1001])
 def test_the_running_product_is_the_product_one_by_one(count):
     rng = np.random.default_rng(count)
     time, rate = np.cumsum(rng.uniform(0.5, 1.5, count)) * 1e-2, rng.normal(0, 3, (count, 3))
     product = [np.eye(3)]
     for step, first, second in zip(np.diff(time), rate[:-1], rate[1:], strict=True):
-        product.append(product[-1] @ rotation_matrices((0.5 * (first + second) * step)[None])[0])
+        product.append(product[-1] @ Rotation.from_rotvec(0.5 * (first + second) * step).as_matrix())
     np.testing.assert_allclose(integrate_rate(time, rate), product, atol=1e-11)
 
 
@@ -199,7 +182,7 @@ def test_inclination_of_a_hand_moved_sensor_against_optical_tracking(real_logs):
     )
     found = smooth_gravity(time, rate, accel)
     valid = np.isfinite(quaternion).all(axis=1) & (moving == 1)
-    true = quaternion_matrices(quaternion[valid])[:, 2, :]
+    true = Rotation.from_quat(quaternion[valid][:, [1, 2, 3, 0]]).as_matrix()[:, 2, :]
     error = np.rad2deg(np.arccos(np.clip(np.sum(found.up[valid] * true, axis=1), -1, 1)))
     assert np.sqrt(np.mean(error**2)) < 0.45
 

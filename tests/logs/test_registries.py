@@ -17,28 +17,19 @@ from sysid.releases import find_releases
 FORMAT = '''
 """Toy format: the magic TOY, then rows of little-endian doubles, time and angle in rad."""
 
-from dataclasses import dataclass
-from pathlib import Path
-
 import numpy as np
 
 from sysid.logs.formats.registry import Format, starts_with
+from sysid.logs.table.file import LogFile
 
 
-@dataclass(frozen=True)
-class ToyTable:
-    path: Path
-    names: tuple[str, ...] = ("time_s", "roll_rad")
-    units: tuple[str | None, ...] = (None, None)
-    has_header: bool = True
-    notes: tuple[str, ...] = ("toy table",)
-
-    def read(self, names):
-        table = np.frombuffer(self.path.read_bytes()[3:], "<f8").reshape(-1, 2)
-        return {name: table[:, self.names.index(name)] for name in names}
+def open_toy(path):
+    columns = dict(zip(("time_s", "roll_rad"), np.frombuffer(path.read_bytes()[3:], "<f8").reshape(-1, 2).T))
+    read = lambda names: {name: columns[name] for name in names}
+    return LogFile(path=path, names=tuple(columns), notes=("toy table",), read=read)
 
 
-FORMAT = Format(name="toy", order=1, sniff=starts_with(b"TOY"), open=ToyTable)
+FORMAT = Format(name="toy", order=1, sniff=starts_with(b"TOY"), open=open_toy)
 '''
 
 SOURCE = '''

@@ -13,7 +13,6 @@ from policy_runtime.loop.policy import OnnxPolicy, action_for
 from policy_runtime.loop.policy_file import open_policy
 from policy_runtime.robots import RobotState
 from sim.skate.robot.g1 import JOINTS, default_pose, servos
-from sim.skate.rotation import from_yaw
 from sysid.errors import QualityGateError, SysidError
 from sysid.workspace import shipped_data
 
@@ -103,7 +102,10 @@ def test_release_observation_is_term_by_term_oldest_first_with_heading(ride):
 def test_feedback_takes_what_the_pelvis_has_yawed_off_the_turn():
     rng = np.random.default_rng(3)
     state = state_of(rng)
-    yawed = lambda angle: dataclasses.replace(state, quaternion=from_yaw(angle))  # noqa: E731
+
+    def yawed(angle):
+        return dataclasses.replace(state, quaternion=np.array([np.cos(angle / 2), 0, 0, np.sin(angle / 2)]))
+
     builder, action = FeedbackObservation(), np.zeros(23)
     seen = [
         builder.frame(yawed(angle), Command(1.0, turn), action, step)[1]
@@ -241,7 +243,7 @@ def test_missing_onnxruntime_is_said_in_words(tmp_path, monkeypatch):
     import sys
 
     monkeypatch.setitem(sys.modules, "onnxruntime", None)
-    with pytest.raises(SysidError, match=r"needs onnxruntime.*pip install"):
+    with pytest.raises(SysidError, match=r"running a policy needs an extra.*husky-sysid\[run\]"):
         open_policy(tmp_path / "policy.onnx")
 
 

@@ -15,7 +15,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from policy_runtime.learning.run_folder import LearnOptions, RunConfig, RunFolder, newest_run
+from policy_runtime.learning.run_folder import LearnOptions, RunConfig, RunFolder, next_run
 from sim.skate.cycle.start import Start
 from sim.skate.options import SkateOptions
 from sim.skate.world.posterior import Spread, draw_boards, tilt_draws
@@ -221,12 +221,9 @@ def test_a_start_of_which_nothing_came_leaves_no_folder(begun, tmp_path):
 
 
 def test_runs_are_numbered(tmp_path):
-    with pytest.raises(SysidError, match="no training run"):
-        newest_run(tmp_path)
-    assert newest_run(tmp_path, free=True).name == "train-1"
+    assert next_run(tmp_path).name == "train-1"
     (tmp_path / "train-3").mkdir()
-    assert newest_run(tmp_path).name == "train-3"
-    assert newest_run(tmp_path, free=True).name == "train-4"
+    assert next_run(tmp_path).name == "train-4"
 
 
 def test_boards_are_drawn_about_the_record_and_reach_the_simulator():

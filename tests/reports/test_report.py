@@ -134,6 +134,7 @@ def test_an_unwritable_place_is_said(space, tmp_path):
         run("report", "-b", "pink", "--workspace", space, "-o", tmp_path / "file" / "report.html")
 
 
+@pytest.mark.slow
 def test_one_page_is_one_page_as_pdf_and_png(space, tmp_path):
     assert run("report", "-b", "pink", "--workspace", space, "--one-page", "-o", tmp_path / "sheet.html") == 0
     pdf = (tmp_path / "sheet.pdf").read_bytes()

@@ -66,6 +66,7 @@ def test_a_table_over_the_tilt_needs_nothing_from_outside():
     assert error(board(BUMPER), plain) < 3e-3
 
 
+@pytest.mark.slow
 def test_a_table_over_the_rate_is_near_alone_and_exact_with_what_is_left_out():
     alone, helped, swung = (
         error(board(ONE_SIDED), how)

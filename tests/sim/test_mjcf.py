@@ -184,6 +184,7 @@ def light(tmp_path: Path, damping: float) -> Common:
     return Common(workspace=tmp_path)
 
 
+@pytest.mark.slow
 def test_a_scene_that_is_known_to_be_wrong_is_not_written_without_a_word(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

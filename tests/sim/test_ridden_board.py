@@ -5,9 +5,7 @@ import math
 import mujoco
 import numpy as np
 import pytest
-from riding import pink
-
-from sim.board.ridden import (
+from ridden_board import (
     Rider,
     critical_speed,
     equivalent_speed_change,
@@ -15,6 +13,8 @@ from sim.board.ridden import (
     steering_stiffness,
     toppling,
 )
+from riding import pink
+
 from sim.board.scene import TILT_JOINT, WHEELS, board_spec
 
 RIDER = Rider(mass=30.0, height=0.5)

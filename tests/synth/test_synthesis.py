@@ -57,15 +57,6 @@ def test_timeline_is_rest_hand_and_free_decay_in_turn(pink: Board) -> None:
         assert np.abs(np.diff(roll[log.time < release.end])).max() < 0.02  # no jump anywhere
 
 
-def test_releases_are_cut_at_the_truth(pink: Board) -> None:
-    log = synthesise(pink, {}, with_options(angles=(0.17, -0.1)))
-    first, second = log.to_releases()
-    assert first.start == pytest.approx(log.releases[0].start)
-    assert len(first.time) == len(second.time) == 2000
-    assert (first.side, second.side) == ("right", "left")
-    assert second.amplitude == pytest.approx(0.1, abs=1e-6)
-
-
 def test_without_hand_the_log_starts_at_the_release(pink: Board) -> None:
     log = synthesise(pink, {"viscoelastic": (5.0, 0.1)}, with_options(hand=False))
     whole = synthesise(pink, {"viscoelastic": (5.0, 0.1)}, with_options())

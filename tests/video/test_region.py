@@ -42,6 +42,7 @@ def followed(film, **options):
     return " ".join(roll.notes), float(np.corrcoef(roll.roll, ROLL[: len(roll.roll)])[0, 1])
 
 
+@pytest.mark.slow
 def test_auto_follows_what_is_in_the_region(film):
     note, likeness = followed(film)
     assert "marker 7" in note

@@ -30,6 +30,7 @@ def wide(tmp_path_factory):
     return draw_film(tmp_path_factory.mktemp("select") / "wide.mp4", body, ROLL, background=PLAIN)
 
 
+@pytest.mark.slow
 def test_texture_gives_the_angle_and_the_marker_what_is_level(wide):
     best = read(wide)
     assert any("patches of texture" in note and "marker 7" in note for note in best.notes)
@@ -58,9 +59,10 @@ def test_a_speck_does_not_beat_texture(tmp_path):
     assert error_of(read(film, method="dots"))[1] > 2 * error_of(roll)[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("colours", "method"),
-    [pytest.param((PINK, GREEN), "auto", marks=pytest.mark.slow), ((PINK, PINK), "dots")],
+    [((PINK, GREEN), "auto"), ((PINK, PINK), "dots")],
 )
 def test_two_stickers_may_differ_in_colour(colours, method, tmp_path):
     dots = [(-100, -5, 11, colours[0]), (100, -5, 11, colours[1])]

@@ -29,6 +29,7 @@ def wide(tmp_path_factory):
     return draw_film(tmp_path_factory.mktemp("shake") / "wide.mp4", body, ROLL, background=PLAIN)
 
 
+@pytest.mark.slow
 def test_a_wide_deck_is_not_taken_for_background(wide):
     roll = read(wide)
     assert not any("shake" in note for note in roll.notes)

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 from sim.check.rules._base import Case, Rule
 
 APART = 0.05
-"""Share by which masses may differ (a choice): the bolts, bearings and grip tape that a record leaves out."""
+"""Share by which masses may differ (a choice): more than the bolts, bearings and grip tape that a record leaves out, less than
+another pair of trucks. Doubled, a wrong board is named later; no verdict hangs on it, for the rule speaks where the gate has failed."""
 
 
 def _says(case: Case) -> Iterator[str]:

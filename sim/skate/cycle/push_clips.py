@@ -32,9 +32,6 @@ class PushReference:
     def __init__(self, clips: Sequence[PushClip]) -> None:
         """Take the clips over.
 
-        Args:
-            clips: At least one.
-
         Raises:
             ValueError: There is no clip.
         """

@@ -143,7 +143,6 @@ def style_mask(env: "ManagerBasedRlEnv", pushing: bool = True, transitions: bool
     """Return 1 where the last five joint frames are of one episode and of one stretch taught by style, (n, 1).
 
     Args:
-        env: The worlds.
         pushing: Whether pushing is one.
         transitions: Whether mounting and dismounting are.
     """

@@ -153,9 +153,7 @@ def draw_board(
     """Give every world one of the boards drawn from the posterior, in turn.
 
     Args:
-        env: The worlds.
         env_ids: Which of them; all if None.
-        draws: The boards.
         couplings: Equality constraints by which the deck steers; none where it does otherwise.
     """
     ids = torch.arange(env.num_envs, device=env.device) if env_ids is None else env_ids

@@ -16,7 +16,6 @@ def off_board(state: SkateState, unloaded_before: Any) -> Any:
     """Neither foot has loaded the deck, now and in the step before, bool (n,).
 
     Args:
-        state: The present state.
         unloaded_before: Whether neither foot loaded the deck one step earlier, bool (n,).
     """
     return unloaded_before & ~state.foot_on_deck.any(axis=-1)
@@ -48,7 +47,6 @@ def wrong_stance(state: SkateState, steps_before: Any) -> Any:
     Every step in the right stance takes one step off the count, so that hopping does not clear it.
 
     Args:
-        state: The present state.
         steps_before: The count one step earlier, integers (n,).
     """
     left = state.foot_on_deck[..., 0]

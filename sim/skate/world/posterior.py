@@ -97,7 +97,6 @@ def tilt_draws(boards: list[Board], timestep: float) -> TiltDraws:
     """Compile each board and read the numbers of its tilt joint, deck and coupling.
 
     Args:
-        boards: Records.
         timestep: Step of the scene they are for [s].
     """
     columns: dict[str, list[Array]] = {name: [] for name in TiltDraws.__dataclass_fields__}

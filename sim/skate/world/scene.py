@@ -35,6 +35,10 @@ SENSORS = ("imu_ang_vel", "imu_lin_vel")
 EXTENT = 2.0
 """Size of what a camera looks at [m]; from the lane's own, MuJoCo would cut the robot off as too near."""
 
+BESIDE = (-0.03, 0.10)
+"""Where the pelvis of a robot that stands with one foot on the deck is, from the board's middle, forward and left [m]."""
+DECK_TOP = 0.11
+"""Height of the deck's upper face over the ground [m]."""
 ROBOT, BOARD = "robot/", "board/"
 """Name prefixes."""
 
@@ -56,7 +60,6 @@ def skate_spec(board: Board, options: SceneOptions | None = None, *, visuals: bo
     """Return the whole scene for plain MuJoCo.
 
     Args:
-        board: The board's record.
         options: Coupling, terrain and step.
         visuals: Keep the robot's meshes, for pictures.
 
@@ -100,38 +103,31 @@ def as_written(board: Board, options: SceneOptions) -> Board:
     return compensate_in_scene(board, timestep=options.timestep, coupling=options.coupling).board
 
 
-def standing_state(model: mujoco.MjModel, joints: Array | None = None, *, offset: float = 0.10) -> Array:
+def standing_state(model: mujoco.MjModel) -> Array:
     """Return a configuration of the plain scene, shape (nq,): one foot on the deck, one on the ground.
 
-    The robot is lowered until the first foot touches what is under it.
+    The robot, in its default pose, is lowered until the first foot touches what is under it.
 
     Args:
         model: Compiled from `skate_spec`.
-        joints: Joint angles [rad], shape (23,); the default pose if None.
-        offset: Distance of the pelvis to the left of the board's middle [m].
     """
     qpos = model.qpos0.copy()
     robot = model.joint(f"{ROBOT}floating_base_joint").qposadr[0]
-    qpos[robot : robot + 7] = (-0.03, offset, standing_height(joints), 1.0, 0.0, 0.0, 0.0)
-    qpos[robot + 7 : robot + 30] = g1.default_pose() if joints is None else joints
+    qpos[robot : robot + 7] = (*BESIDE, standing_height(), 1.0, 0.0, 0.0, 0.0)
+    qpos[robot + 7 : robot + 30] = g1.default_pose()
     return qpos
 
 
-def standing_height(joints: Array | None = None, deck_top: float = 0.11) -> float:
-    """Return the pelvis height [m] at which the first foot touches: left on the ground, right on the deck.
-
-    Args:
-        joints: Joint angles [rad], shape (23,); the default pose if None.
-        deck_top: Height of the deck's upper face [m].
-    """
+def standing_height() -> float:
+    """Return the pelvis height [m] at which the first foot touches: left on the ground, right on the deck."""
     model = g1.g1_spec(visuals=False).compile()
     data = mujoco.MjData(model)
-    data.qpos[7:] = g1.default_pose() if joints is None else joints
+    data.qpos[7:] = g1.default_pose()
     data.qpos[3] = 1.0
     data.qpos[:3] = 0.0
     mujoco.mj_forward(model, data)
     lowest = {side: _lowest_of_foot(model, data, side) for side in ("left", "right")}
-    return max(-lowest["left"], deck_top - lowest["right"])
+    return max(-lowest["left"], DECK_TOP - lowest["right"])
 
 
 def _lowest_of_foot(model: mujoco.MjModel, data: mujoco.MjData, side: str) -> float:
@@ -167,7 +163,7 @@ def mjlab_scene(board: Board, options: SceneOptions, environments: int) -> "Scen
     robot = EntityCfg(
         spec_fn=_robot_child,
         init_state=EntityCfg.InitialStateCfg(
-            pos=(-0.03, 0.10, standing_height()),
+            pos=(*BESIDE, standing_height()),
             joint_pos=dict(zip(g1.JOINTS, g1.default_pose().tolist(), strict=True)),
         ),
         articulation=EntityArticulationInfoCfg(actuators=actuators, soft_joint_pos_limit_factor=0.9),

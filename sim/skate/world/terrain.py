@@ -20,7 +20,7 @@ STEPS = (0.03, 0.04, 0.05, 0.06)
 climb them: the lane goes down."""
 
 _HALF_WIDTH = 60.0
-"""Half the width of the lane [m] (a choice): 40 s at 1.5 m/s straight to the side."""
+"""Half the width of the lane [m]: straight to the side at the largest speed, 1.5 m/s, for twice the paper's episode of 20 s."""
 _COLOUR = (0.32, 0.36, 0.40, 1.0)
 """Red, green, blue and opacity of the ground, as a share of full."""
 
@@ -75,11 +75,7 @@ def _slab(body: mujoco.MjsBody, name: str, start: float, end: float, top: float,
         name=name,
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=[length / 2, _HALF_WIDTH, thickness / 2],
-        pos=[
-            middle_x - math.sin(pitch) * thickness / 2,
-            0.0,
-            middle_z - math.cos(pitch) * thickness / 2,
-        ],
+        pos=[middle_x - math.sin(pitch) * thickness / 2, 0.0, middle_z - math.cos(pitch) * thickness / 2],
         quat=[math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0],
         rgba=list(_COLOUR),
     )

@@ -7,7 +7,7 @@ import tempfile
 import zlib
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 
 from sysid.errors import SysidError
@@ -25,30 +25,19 @@ MAX_UNPACKED = 1 << 30
 """No log of a rocking board is larger as text."""
 
 
-@dataclass(frozen=True, slots=True)
-class CompressedLog:
-    """A log that is unpacked anew whenever something is read of it."""
-
-    path: Path
-    names: tuple[str, ...]
-    units: tuple[str | None, ...]
-    has_header: bool
-    notes: tuple[str, ...]
-
-    def read(self, names: Sequence[str]) -> dict[str, Array]:
-        """Return whole columns of float64, shape (n,) each, in the log's units; missing values are NaN."""
-        with _unpacked(self.path) as log:
-            return log.read(names)
-
-
-def open_compressed(path: Path) -> CompressedLog:
+def open_compressed(path: Path) -> LogFile:
     """Open the log in a compressed file.
 
     Raises:
         SysidError: It is damaged, or too large.
     """
+
+    def read(names: Sequence[str]) -> dict[str, Array]:
+        with _unpacked(path) as log:  # anew whenever something is read of it
+            return log.read(names)
+
     with _unpacked(path) as log:
-        return CompressedLog(path, log.names, log.units, log.has_header, ("table: unpacked", *log.notes))
+        return replace(log, path=path, notes=("table: unpacked", *log.notes), read=read)
 
 
 @contextmanager

@@ -10,38 +10,18 @@ from typing import Any
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.logs.formats.dialect import (
-    DATE,
-    HEAD_BYTES,
-    HEAD_LINES,
-    MAX_LINE,
-    cell_unit,
-    comment_sign,
-    decode_head,
-    dialect_note,
-    find_dialect,
-    find_header,
-    first_row,
-    is_missing,
-    is_number,
-    read_number,
-    refuse_binary_middle,
-    split_line,
-    unique_names,
-)
+from sysid.logs.formats import dialect
 from sysid.logs.formats.registry import Format
+from sysid.logs.table.file import LogFile
 from sysid.roll import Array
 
 
-@dataclass(frozen=True, slots=True)
-class CsvTable:
-    """A text table whose columns are read when asked for."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TextTable:
+    """How the columns of a text table are read."""
 
     path: Path
     names: tuple[str, ...]
-    units: tuple[str | None, ...]
-    """From a row of units below the header; None where there is none."""
-    has_header: bool
     delimiter: str
     decimal: str
     encoding: str
@@ -54,7 +34,6 @@ class CsvTable:
     """Whether blanks follow delimiters."""
     dates: frozenset[str]
     """Columns that hold dates or times of day instead of numbers."""
-    notes: tuple[str, ...]
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
         """Return whole columns, shape (n,) each, in the log's units; missing values as NaN, dates as seconds.
@@ -85,7 +64,7 @@ class CsvTable:
         return columns
 
     def _number(self, cell: str) -> float:
-        return float("nan") if is_missing(cell) else read_number(cell, self.decimal)
+        return float("nan") if dialect.is_missing(cell) else dialect.read_number(cell, self.decimal)
 
     def _frame(self, wanted: list[int], *, texts: Sequence[int]) -> Any:
         """Return columns by their index: those of `texts` as they are written, the others as numbers."""
@@ -145,10 +124,10 @@ class CsvTable:
                         or line.lstrip().startswith(self.comment or "\0")
                     ):
                         continue
-                    cells = split_line(line.rstrip("\r\n"), self.delimiter)
+                    cells = dialect.split_line(line.rstrip("\r\n"), self.delimiter)
                     for index in wanted:
                         cell = cells[index] if index < len(cells) else ""
-                        if self.names[index] not in self.dates and not is_number(cell, self.decimal):
+                        if self.names[index] not in self.dates and not dialect.is_number(cell, self.decimal):
                             return (
                                 f"line {number}, column '{self.names[index]}': '{cell[:40]}' is not a number. "
                                 "Mend the line, or name another column with --column."
@@ -158,64 +137,64 @@ class CsvTable:
         return f"cannot be read as a table ({str(error).splitlines()[0][:120]})."
 
 
-def open_csv(path: Path) -> CsvTable:
+def open_csv(path: Path) -> LogFile:
     """Find a text table's dialect from its first 256 KiB.
 
     Raises:
         SysidError: The file is empty, binary, or holds no rows of numbers.
     """
     with path.open("rb") as file:
-        head = file.read(HEAD_BYTES)
-        refuse_binary_middle(path, file)
-    text, encoding = decode_head(path, head)
+        head = file.read(dialect.HEAD_BYTES)
+        dialect.refuse_binary_middle(path, file)
+    text, encoding = dialect.decode_head(path, head)
     lines = text.splitlines()
-    if len(head) == HEAD_BYTES and len(lines) > 1:
+    if len(head) == dialect.HEAD_BYTES and len(lines) > 1:
         lines.pop()  # cut in the middle
-    del lines[HEAD_LINES:]
+    del lines[dialect.HEAD_LINES :]
     if not text.strip("\ufeff \r\n\t\0"):
         raise SysidError(f"{path}: the file is empty. Was the recording saved?")
-    if max(map(len, lines)) > MAX_LINE:
+    if max(map(len, lines)) > dialect.MAX_LINE:
         raise SysidError(
             f"{path}: a line of {max(map(len, lines))} characters: no table with a row for each sample. "
             "If the rows are columns in it, transpose it."
         )
-    comment = comment_sign(lines)
+    comment = dialect.comment_sign(lines)
     rows = [
         (number, line)
         for number, line in enumerate(lines)
         if line.strip() and not (comment and line.lstrip().startswith(comment))
     ]
-    delimiter, decimal, cells = find_dialect(path, [line for _, line in rows])
+    delimiter, decimal, cells = dialect.find_dialect(path, [line for _, line in rows])
     width = cells
-    first = first_row(rows, delimiter, decimal, width)
-    header, units = find_header(lines, rows, first, delimiter, decimal, width, comment)
-    sample = [split_line(line, delimiter) for _, line in rows[first : first + 50]]
+    first = dialect.first_row(rows, delimiter, decimal, width)
+    header, units = dialect.find_header(lines, rows, first, delimiter, decimal, width, comment)
+    sample = [dialect.split_line(line, delimiter) for _, line in rows[first : first + 50]]
     while (
         width > 1
         and not any(len(row) >= width and row[width - 1] for row in sample)
         and not (header and header[width - 1])
     ):
         width -= 1  # a delimiter at the end of each line
-    names = unique_names(header[:width] if header else [f"column {n}" for n in range(1, width + 1)])
+    names = dialect.unique_names(header[:width] if header else [f"column {n}" for n in range(1, width + 1)])
     dates = frozenset(
-        name for n, name in enumerate(names) if all(DATE.fullmatch(row[n]) for row in sample if n < len(row))
+        name
+        for n, name in enumerate(names)
+        if all(dialect.DATE.fullmatch(row[n]) for row in sample if n < len(row))
     )
     below = units[:width] if units else [None] * width
     beside = [
-        next((u for row in sample if n < len(row) and (u := cell_unit(row[n]))), None) for n in range(width)
+        next((u for row in sample if n < len(row) and (u := dialect.cell_unit(row[n]))), None)
+        for n in range(width)
     ]
     skipped = rows[first][0]
-    notes = [dialect_note(delimiter, decimal, bool(header))]
+    notes = [dialect.dialect_note(delimiter, decimal, bool(header))]
     if skipped > (1 if header else 0) + bool(units):
         notes.append(f"table: {skipped} lines before the first row of numbers")
-    return CsvTable(
+    said = zip(names, below, beside, strict=True)
+    units = {name: found for name, unit, other in said if (found := "s" if name in dates else unit or other)}
+    table = TextTable(
         path=path,
         names=names,
-        units=tuple(
-            "s" if name in dates else unit or other
-            for name, unit, other in zip(names, below, beside, strict=True)
-        ),
-        has_header=bool(header),
         delimiter=delimiter,
         decimal=decimal,
         encoding=encoding,
@@ -224,8 +203,8 @@ def open_csv(path: Path) -> CsvTable:
         comment=comment[0] if comment else None,
         blanks=delimiter != " " and any(delimiter + " " in line for _, line in rows),
         dates=dates,
-        notes=tuple(notes),
     )
+    return LogFile(path=path, names=names, units=units, dates=dates, notes=tuple(notes), read=table.read)
 
 
 def seconds_of(texts: Any) -> Array:
@@ -233,7 +212,7 @@ def seconds_of(texts: Any) -> Array:
     import pandas as pd
 
     clean = texts.str.strip()
-    first = DATE.fullmatch(str(clean.iloc[0])) if len(clean) else None
+    first = dialect.DATE.fullmatch(str(clean.iloc[0])) if len(clean) else None
     day = (first and first[1]) or ""
     if re.match(r"\d{4}-", day):
         clean = clean.str.replace(",", ".", regex=False)

@@ -5,24 +5,21 @@ from typing import Any
 
 import numpy as np
 
-from sysid.errors import SysidError
-from sysid.logs.formats.mat import MatTable, table_of
-from sysid.logs.formats.registry import Format, starts_with
+from sysid.errors import needs_extra
+from sysid.logs.formats.mat import table_of
+from sysid.logs.formats.registry import Format, starts_with, undamaged
+from sysid.logs.table.file import LogFile
 
 
-def open_hdf5(path: Path) -> MatTable:
+def open_hdf5(path: Path) -> LogFile:
     """Open an HDF5 file: its vectors, matrices and tables, by their path in it.
 
     Raises:
         SysidError: The reader is not installed, the file is damaged, or it holds no vectors of numbers.
     """
-    try:
+    otherwise = "Or write its columns out: h5dump -d DATASET -y -w 0 -o log.csv FILE; in MATLAB: save('log.mat', '-v7')."
+    with needs_extra("formats", f"{path}: reading HDF5", otherwise):
         import h5py
-    except ImportError as error:
-        raise SysidError(
-            f"{path}: reading HDF5 needs an extra: pip install 'husky-sysid[formats]'. Or write its columns out: "
-            "h5dump -d DATASET -y -w 0 -o log.csv FILE; in MATLAB: save('log.mat', '-v7')."
-        ) from error
     content: dict[str, Any] = {}
 
     def keep(name: str, item: Any) -> None:
@@ -33,11 +30,8 @@ def open_hdf5(path: Path) -> MatTable:
                 {f"{name}/{f}": values[f] for f in fields} if fields else {name: np.squeeze(values)}
             )
 
-    try:
-        with h5py.File(path, "r") as file:
-            file.visititems(keep)
-    except Exception as error:  # h5py lets through whatever a damaged file makes the C library say
-        raise SysidError(f"{path}: damaged HDF5 file ({type(error).__name__}: {str(error)[:80]}).") from error
+    with undamaged(path, "HDF5 file"), h5py.File(path, "r") as file:
+        file.visititems(keep)
     return table_of(path, "HDF5", content)
 
 

@@ -1,49 +1,18 @@
 """MATLAB files up to version 7.2."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.logs.formats.registry import Format, starts_with
+from sysid.logs.formats.registry import Format, starts_with, undamaged
+from sysid.logs.table.file import LogFile
 from sysid.roll import Array
 
 
-@dataclass(frozen=True, slots=True)
-class MatTable:
-    """The vectors of a MATLAB file that are as long as its longest."""
-
-    path: Path
-    kind: str
-    """What it is, in words."""
-    columns: Mapping[str, Array]
-    """Name and values, shape (n,)."""
-    has_header: bool = True
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the variables; of a matrix the name with the column's number, of a structure name.field."""
-        return tuple(self.columns)
-
-    @property
-    def units(self) -> tuple[str | None, ...]:
-        """No units apart from the names."""
-        return (None,) * len(self.columns)
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What is in it."""
-        return (f"table: {self.kind} file with {', '.join(self.columns)}",)
-
-    def read(self, names: Sequence[str]) -> dict[str, Array]:
-        """Return whole columns of float64, shape (n,) each, in the log's units."""
-        return {name: self.columns[name] for name in names}
-
-
-def open_mat(path: Path) -> MatTable:
+def open_mat(path: Path) -> LogFile:
     """Open a MATLAB file.
 
     Raises:
@@ -51,16 +20,12 @@ def open_mat(path: Path) -> MatTable:
     """
     import scipy.io
 
-    try:
+    with undamaged(path, "MATLAB file"):
         content: dict[str, Any] = scipy.io.loadmat(str(path), squeeze_me=True, struct_as_record=False)
-    except Exception as error:  # scipy's reader lets through whatever a damaged file makes numpy raise
-        raise SysidError(
-            f"{path}: damaged MATLAB file ({type(error).__name__}: {str(error)[:80]})."
-        ) from error
     return table_of(path, "MATLAB", {name: value for name, value in content.items() if name[:2] != "__"})
 
 
-def table_of(path: Path, kind: str, content: Mapping[str, Any]) -> MatTable:
+def table_of(path: Path, kind: str, content: Mapping[str, Any]) -> LogFile:
     """Return the vectors among some variables that are as long as the longest of them.
 
     Raises:
@@ -70,7 +35,11 @@ def table_of(path: Path, kind: str, content: Mapping[str, Any]) -> MatTable:
     longest = max((len(vector) for vector in vectors.values()), default=0)
     if longest < 2:
         raise SysidError(f"{path}: no vector of numbers among {', '.join(content) or 'nothing'}.")
-    return MatTable(path, kind, {name: vector for name, vector in vectors.items() if len(vector) == longest})
+    columns = {name: vector for name, vector in vectors.items() if len(vector) == longest}
+    return LogFile(
+        path=path, names=tuple(columns), notes=(f"table: {kind} file with {', '.join(columns)}",),
+        read=lambda names: {name: columns[name] for name in names},
+    )  # fmt: skip
 
 
 def _vectors(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Array]]:

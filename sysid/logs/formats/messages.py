@@ -8,19 +8,18 @@ from typing import Any
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.logs.formats.tables import SensorTables
+from sysid.logs.formats.tables import sensor_tables
+from sysid.logs.table.file import LogFile
 from sysid.roll import Array
 
 MAX_LENGTH = 32
 """Longer arrays are pictures, scans or clouds."""
 
 
-def tables_of(path: Path, kind: str, messages: Iterable[tuple[str, float, Any]]) -> SensorTables:
+def tables_of(path: Path, kind: str, messages: Iterable[tuple[str, float, Any]]) -> LogFile:
     """Return the numbers of decoded messages.
 
     Args:
-        path: The recording.
-        kind: What it is, in words.
         messages: Topic, time of arrival [s] and content of each: dictionaries, or objects with fields.
 
     Raises:
@@ -40,7 +39,7 @@ def tables_of(path: Path, kind: str, messages: Iterable[tuple[str, float, Any]])
             values = np.array([fields.get(field, np.nan) for _, fields in stamps])
             columns[f"{topic}.{field}"] = (topic, values)
     topics = ", ".join(f"{topic} ({len(stamps)})" for topic, stamps in rows.items())
-    return SensorTables(path, clocks, columns, (f"table: {kind} with topics {topics}",))
+    return sensor_tables(path, clocks, columns, f"table: {kind} with topics {topics}")
 
 
 def _stamp(content: Any) -> float | None:

@@ -1,81 +1,57 @@
 """Parquet tables."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from sysid.errors import SysidError
-from sysid.logs.formats.registry import Format, starts_with
+from sysid.errors import SysidError, needs_extra
+from sysid.logs.formats.registry import Format, starts_with, undamaged
+from sysid.logs.table.file import LogFile
 from sysid.roll import Array
 
 
-@dataclass(frozen=True, slots=True)
-class ParquetTable:
-    """A Parquet file; only the columns that are asked for are read."""
-
-    path: Path
-    names: tuple[str, ...]
-    units: tuple[str | None, ...]
-    """Seconds for time stamps; None for numbers."""
-    notes: tuple[str, ...] = ("table: Parquet",)
-    has_header: bool = True
-
-    def read(self, names: Sequence[str]) -> dict[str, Array]:
-        """Return whole columns, shape (n,) each, in the log's units; missing values as NaN, time stamps as seconds.
-
-        Raises:
-            SysidError: A column holds something else than numbers, or the file is damaged.
-        """
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
-        try:
-            table = pq.read_table(self.path, columns=list(names))
-        except (pa.ArrowException, OSError) as error:
-            raise SysidError(f"{self.path}: damaged Parquet file ({_first_line(error)}).") from error
-        return {name: self._numbers(name, table.column(name)) for name in names}
-
-    def _numbers(self, name: str, column: Any) -> Array:
-        import pyarrow as pa
-
-        if pa.types.is_timestamp(column.type) or pa.types.is_duration(column.type):
-            ticks = column.cast(pa.int64())
-            size = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[column.type.unit]
-            return (ticks.to_numpy() - ticks[0].as_py()) * size
-        try:
-            return column.cast(pa.float64()).to_numpy().astype(np.float64, copy=False)
-        except pa.ArrowException as error:
-            raise SysidError(
-                f"{self.path}: column '{name}' holds {column.type}, not numbers. Name another with --column."
-            ) from error
-
-
-def open_parquet(path: Path) -> ParquetTable:
-    """Open a Parquet file by its schema.
+def open_parquet(path: Path) -> LogFile:
+    """Open a Parquet file by its schema; time stamps are seconds.
 
     Raises:
-        SysidError: It is damaged.
+        SysidError: The reader is not installed, or the file is damaged.
     """
-    try:
-        import pyarrow as pa
+    with needs_extra("parquet", f"{path}: reading Parquet"):
         import pyarrow.parquet as pq
-    except ImportError as error:
-        raise SysidError(
-            f"{path}: reading Parquet needs an extra: pip install 'husky-sysid[parquet]' (missing: {error.name})."
-        ) from error
-    try:
+
+    with undamaged(path, "Parquet file"):
         schema = pq.read_schema(path)
-    except (pa.ArrowException, OSError) as error:
-        raise SysidError(f"{path}: not a readable Parquet file ({_first_line(error)}).") from error
-    clocks = [pa.types.is_timestamp(kind) or pa.types.is_duration(kind) for kind in schema.types]
-    return ParquetTable(path, tuple(schema.names), tuple("s" if clock else None for clock in clocks))
+
+    def read(names: Sequence[str]) -> dict[str, Array]:
+        with undamaged(path, "Parquet file"):
+            table = pq.read_table(path, columns=list(names))
+        return {name: _numbers(path, name, table.column(name)) for name in names}
+
+    clocks = {name: "s" for name, kind in zip(schema.names, schema.types, strict=True) if _is_time(kind)}
+    return LogFile(path=path, names=tuple(schema.names), units=clocks, notes=("table: Parquet",), read=read)
 
 
-def _first_line(error: Exception) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0][:120]
+def _is_time(kind: Any) -> bool:
+    import pyarrow as pa
+
+    return pa.types.is_timestamp(kind) or pa.types.is_duration(kind)
+
+
+def _numbers(path: Path, name: str, column: Any) -> Array:
+    import pyarrow as pa
+
+    if _is_time(column.type):
+        ticks = column.cast(pa.int64())
+        size = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}[column.type.unit]
+        return (ticks.to_numpy() - ticks[0].as_py()) * size
+    try:
+        return column.cast(pa.float64()).to_numpy().astype(np.float64, copy=False)
+    except pa.ArrowException as error:
+        raise SysidError(
+            f"{path}: column '{name}' holds {column.type}, not numbers. Name another with --column."
+        ) from error
 
 
 FORMAT = Format(name="Parquet", order=1, sniff=starts_with(b"PAR1"), open=open_parquet)

@@ -16,8 +16,9 @@ import numpy as np
 from sysid.errors import SysidError
 from sysid.logs.formats.csv import open_csv
 from sysid.logs.formats.registry import Format
-from sysid.logs.formats.tables import SensorTables
+from sysid.logs.formats.tables import sensor_tables
 from sysid.logs.table.clock import time_scale
+from sysid.logs.table.file import LogFile
 from sysid.logs.table.names import ACCEL_UNITS, parse_column
 from sysid.roll import Array
 
@@ -31,7 +32,7 @@ _MOTION = re.compile(r"gyro|acc|orient|attitude|grav|motion|raw|rotation", re.I)
 """Names of the tables of motion sensors; a GPS or a microphone beside them is left alone."""
 
 
-def open_zip(path: Path) -> SensorTables:
+def open_zip(path: Path) -> LogFile:
     """Open the zip export of a phone app: one CSV file a sensor.
 
     Its directory tells what to unpack; nothing else is.
@@ -67,18 +68,15 @@ def open_zip(path: Path) -> SensorTables:
         raise SysidError(f"{path}: damaged or locked archive ({error}). Export it again.") from error
 
 
-def open_folder(path: Path) -> SensorTables:
-    """Open an unpacked phone export.
+def open_export(path: Path) -> LogFile:
+    """Open a phone's export as it came, or unpacked.
 
     Raises:
-        SysidError: It holds no tables of motion sensors.
+        SysidError: It is damaged, or holds no tables of motion sensors.
     """
+    if not path.is_dir():
+        return open_zip(path)
     return merge(path, sorted(file for file in path.iterdir() if file.is_file() and _is_table(file)))
-
-
-def open_export(path: Path) -> SensorTables:
-    """Open a phone's export as it came, or unpacked."""
-    return open_folder(path) if path.is_dir() else open_zip(path)
 
 
 def _is_table(file: Path) -> bool:
@@ -91,12 +89,12 @@ def _of_motion(tables: Sequence[T], name: Callable[[T], Path]) -> list[T]:
     return [table for table in tables if len(tables) == 1 or _MOTION.search(name(table).stem)]
 
 
-def merge(path: Path, files: Sequence[Path]) -> SensorTables:
+def merge(path: Path, files: Sequence[Path]) -> LogFile:
     """Read the motion sensors among the files of an export."""
     tables: dict[str, tuple[Array, dict[str, Array]]] = {}
     for file in _of_motion(files, lambda file: file):
         table = open_csv(file)
-        columns = [parse_column(name, unit) for name, unit in zip(table.names, table.units, strict=True)]
+        columns = [parse_column(name, table.units.get(name)) for name in table.names]
         times = sorted((c for c in columns if c.kind == "time"), key=lambda c: c.unit is None)
         if not times:
             continue
@@ -118,12 +116,8 @@ def merge(path: Path, files: Sequence[Path]) -> SensorTables:
         )
     _add_gravity(tables)
     columns = {name: (stem, column) for stem, (_, data) in tables.items() for name, column in data.items()}
-    return SensorTables(
-        path,
-        {stem: clock for stem, (clock, _) in tables.items()},
-        columns,
-        (f"table: export with {', '.join(tables)}",),
-    )
+    clocks = {stem: clock for stem, (clock, _) in tables.items()}
+    return sensor_tables(path, clocks, columns, f"table: export with {', '.join(tables)}")
 
 
 def _full_name(stem: str, name: str) -> str:

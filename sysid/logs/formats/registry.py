@@ -6,7 +6,8 @@ by its first bytes, whatever its name ends in.
 
 import importlib
 import pkgutil
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -35,6 +36,22 @@ class Format:
 def starts_with(magic: bytes) -> Callable[[Path, bytes], bool]:
     """Return the test for a format that is known by its first bytes."""
     return lambda _, head: head.startswith(magic)
+
+
+@contextmanager
+def undamaged(path: Path, kind: str) -> Generator[None]:
+    """Say that a file is damaged where its reader fails, which lets through whatever that makes some library raise.
+
+    Raises:
+        SysidError: The reader failed.
+    """
+    try:
+        yield
+    except SysidError:
+        raise
+    except Exception as error:
+        lines = str(error).splitlines() or [""]
+        raise SysidError(f"{path}: damaged {kind} ({type(error).__name__}: {lines[0][:100]}).") from error
 
 
 @cache

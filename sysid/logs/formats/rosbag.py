@@ -4,28 +4,24 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from sysid.errors import SysidError
+from sysid.errors import needs_extra
 from sysid.logs.formats.messages import tables_of
-from sysid.logs.formats.registry import Format
-from sysid.logs.formats.tables import SensorTables
+from sysid.logs.formats.registry import Format, undamaged
+from sysid.logs.table.file import LogFile
 
 SQLITE = b"SQLite format 3"
 
 
-def open_bag(path: Path) -> SensorTables:
+def open_bag(path: Path) -> LogFile:
     """Open a ROS 1 bag, or the folder of a ROS 2 recording; every number in every message becomes a column.
 
     Raises:
         SysidError: The reader is not installed, or the recording is damaged.
     """
-    try:
+    otherwise = f"Or convert it: mcap convert {path.name} {path.stem}.mcap."
+    with needs_extra("formats", f"{path}: reading ROS bags", otherwise):
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
-    except ImportError as error:
-        raise SysidError(
-            f"{path}: reading ROS bags needs an extra: pip install 'husky-sysid[formats]' (missing: {error.name}). Or "
-            f"convert it: mcap convert {path.name} {path.stem}.mcap."
-        ) from error
 
     def messages() -> Iterator[tuple[str, float, Any]]:
         where = path if path.is_dir() or path.suffix != ".db3" else path.parent  # beside its metadata.yaml
@@ -33,14 +29,8 @@ def open_bag(path: Path) -> SensorTables:
             for connection, stamp, data in reader.messages():
                 yield connection.topic, 1e-9 * stamp, reader.deserialize(data, connection.msgtype)
 
-    try:
+    with undamaged(path, "ROS recording"):
         return tables_of(path, "ROS recording", messages())
-    except SysidError:
-        raise
-    except Exception as error:  # the reader lets through whatever a damaged file makes Python raise
-        raise SysidError(
-            f"{path}: damaged ROS recording ({type(error).__name__}: {str(error)[:100]})."
-        ) from error
 
 
 def _sniff(path: Path, head: bytes) -> bool:

@@ -4,30 +4,24 @@ import csv
 import tempfile
 from pathlib import Path
 
-from sysid.errors import SysidError
+from sysid.errors import SysidError, needs_extra
 from sysid.logs.formats.phone_exports import merge
-from sysid.logs.formats.registry import Format
-from sysid.logs.formats.tables import SensorTables
+from sysid.logs.formats.registry import Format, undamaged
+from sysid.logs.table.file import LogFile
 
 
-def open_workbook(path: Path) -> SensorTables:
+def open_workbook(path: Path) -> LogFile:
     """Open a spreadsheet: each sheet is a table with a column of time.
 
     Raises:
         SysidError: The reader is not installed, the file is damaged, or holds no table of a sensor.
     """
-    try:
+    otherwise = "Or convert it: libreoffice --headless --convert-to csv FILE."
+    with needs_extra("formats", f"{path}: reading spreadsheets", otherwise):
         from python_calamine import CalamineWorkbook
-    except ImportError as error:
-        raise SysidError(
-            f"{path}: reading spreadsheets needs an extra: pip install 'husky-sysid[formats]'. Or convert it: "
-            "libreoffice --headless --convert-to csv FILE."
-        ) from error
-    try:
+    with undamaged(path, "spreadsheet"):
         book = CalamineWorkbook.from_path(str(path))
         sheets = {name: book.get_sheet_by_name(name).to_python() for name in book.sheet_names}
-    except Exception as error:  # the reader has its own kind of error for each kind of file
-        raise SysidError(f"{path}: damaged spreadsheet ({str(error)[:80]}).") from error
     with tempfile.TemporaryDirectory() as folder:
         files: list[Path] = []
         for number, (name, rows) in enumerate(sheets.items()):

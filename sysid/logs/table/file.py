@@ -1,40 +1,24 @@
 """A log as its format gives it: named columns of numbers, read when asked for."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
 
 from sysid.roll import Array
 
 
-class LogFile(Protocol):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogFile:
     """A table in a file."""
 
-    @property
-    def path(self) -> Path:
-        """The file."""
-        ...
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the columns."""
-        ...
-
-    @property
-    def units(self) -> tuple[str | None, ...]:
-        """Units of the columns where the file says them apart from the names."""
-        ...
-
-    @property
-    def has_header(self) -> bool:
-        """Whether the names are the file's own."""
-        ...
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What was inferred about the format, as 'table: separated by commas'."""
-        ...
-
-    def read(self, names: Sequence[str]) -> dict[str, Array]:
-        """Return whole columns of float64, shape (n,) each, in the log's units; missing values are NaN."""
-        ...
+    path: Path
+    names: tuple[str, ...]
+    """Of the columns."""
+    units: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Units of the columns of which the file says them apart from the names."""
+    dates: frozenset[str] = frozenset()
+    """Columns that hold dates or times of day instead of numbers."""
+    notes: tuple[str, ...]
+    """What was inferred about the format, as 'table: separated by commas'."""
+    read: Callable[[Sequence[str]], dict[str, Array]]
+    """Returns whole columns of float64, shape (n,) each, in the log's units; missing values are NaN."""

@@ -11,12 +11,7 @@ from typing import Literal
 
 Kind = Literal["time", "angle", "rate", "accel", "quaternion", "std", "other", "unknown"]
 
-ANGLE_UNITS = {
-    "rad": 1.0,
-    "mrad": 1e-3,
-    "deg": 0.017453292519943295,
-    "turn": 6.283185307179586,
-}
+ANGLE_UNITS = {"rad": 1.0, "mrad": 1e-3, "deg": 0.017453292519943295, "turn": 6.283185307179586}
 """Radians in one of each unit."""
 RATE_UNITS = {
     "rad/s": 1.0,

@@ -80,14 +80,14 @@ def test_what_is_left_is_exact_by_the_law():
     model = rig_spec(board).compile()
     data = mujoco.MjData(model)
     ((q, v, left),) = left_out(model)
-    from sysid.effects._algebra import NumpyAlgebra
+    from sysid.effects._algebra import NUMPY
     from sysid.effects._base import JointState
 
     rest = board.tilt["rest_angle"].value
     for tilt, rate in ((0.05, 3.3), (-0.11, -0.4), (0.17, -6.9)):
         data.qpos[q], data.qvel[v] = rest + tilt, rate
         mujoco.mj_forward(model, data)
-        whole = part.torque(NumpyAlgebra(), JointState(tilt, rate, tilt, 0.0), values, ())
+        whole = part.torque(NUMPY, JointState(tilt, rate, tilt, 0.0), values, ())
         linear = -board.stiffness * tilt - 0.06 * rate
         assert data.qfrc_passive[v] + left(rest + tilt, rate) == pytest.approx(linear + whole, abs=2e-4)
 
