@@ -416,7 +416,7 @@ def _outside(tried: Field, chosen: Scored) -> Scored | None:
     if best is None:
         return None
     if chosen.extra:
-        others = max(s.score for s in tried.possible if not s.model.shape)
+        others = max((s.score for s in tried.possible if not s.model.shape), default=-np.inf)
         return best if best.score > others + UNMET else None
     return best if best.score - chosen.score > 2 * TIE and tried.gap(best, chosen) > TIE else None
 
