@@ -155,7 +155,7 @@ class Field:
         known = [
             s for s in self.scored
             if np.isfinite(s.score) and not (s.model.shape and self.inexact) and not s.model.at_edge
-        ]  # fmt: skip
+        ] or self.scored  # fmt: skip
         if not self.surely_missing:
             return known
         return [s for s in known if self.explained(s) >= EXPLAINED] or known

@@ -70,7 +70,10 @@ def find_releases(
     if not releases:
         after = segments_after_hands(signal, swings, segments, [span.end for span in free])
         if len(after) > len(segments):
-            segments, (seen, free) = after, _spans(signal, after)
+            again, spans = _spans(signal, after)
+            # No hand stands between two decays that overlap: what looked like one was the noise's.
+            if all(a.end <= b.begin < b.end for a, b in pairwise(spans)):
+                segments, seen, free = after, again, spans
     return [
         _release(part, signal, segment, number, one, span)
         for number, (segment, one, span) in enumerate(zip(segments, seen, free, strict=True), start=1)

@@ -13,7 +13,7 @@ from sysid.video.film.frames import Frame, crop, grey
 from sysid.video.film.shake import MIN_PATCHES, Shake, fit_rotations, still, whole_shake
 from sysid.video.types import Complex, Mask, Picture
 
-PATCH_GRID, CELL_PATCHES = (5, 4), 2
+PATCH_GRID, CELL_PATCHES = (8, 6), 2
 """At most so many patches in each cell of a grid this wide and high: one may lie on the board."""
 HALF_PATCH = 16
 """Half a patch [px]."""
