@@ -379,15 +379,18 @@ class _Reader:
             whole = isinstance(number, int) and not isinstance(number, bool) and abs(number) < LARGEST
             if not whole and not isinstance(number, float):
                 raise SysidError(f"{self.path}: field '{where}.{key}' is {number!r}; expected a number.")
-        for key, of in (("effects", str), ("logs", Mapping)):
+        arrays: dict[str, tuple[type, str]] = {"effects": (str, "names of effects")}
+        if where == "fit":  # a check's logs are names
+            arrays["logs"] = Mapping, "tables with path and sha256"
+        for key, (of, kind) in arrays.items():
             items: Any = raw.get(key, [])
             if not isinstance(items, list) or not all(isinstance(item, of) for item in items):
-                kind = "names of effects" if of is str else "tables with path and sha256"
                 raise SysidError(
                     f"{self.path}: field '{where}.{key}' is {items!r}; expected an array of {kind}."
                 )
-        for i, log in enumerate(raw.get("logs", ())):
-            self._text(log, "path", f"{where}.logs[{i}].path")
+        if where == "fit":
+            for i, log in enumerate(raw.get("logs", ())):
+                self._text(log, "path", f"fit.logs[{i}].path")
         if where == "model":
             for key in ("file", "joint"):
                 self._text(raw, key, f"model.{key}")
