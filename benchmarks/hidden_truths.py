@@ -81,7 +81,7 @@ TRUTHS: list[Truth] = [
     *_both("clock", (1.06,), heavy=[(0.95,)]),
     Truth("discretisation 0.005, heavy", {"discretisation": (0.005,)}, light=False, rates=(100.0, 200.0)),
     Truth("coulomb and cubic-stiffness", {"coulomb": (0.08,), "cubic-stiffness": (150.0,)}),
-    Truth("quadratic-damping and cubic-stiffness", {"quadratic-damping": (0.03,), "cubic-stiffness": (-80.0,)}),
+    Truth("quadratic-damping and cubic-stiffness", {"quadratic-damping": (0.03,), "cubic-stiffness": (-120.0,)}),
     Truth("coulomb and asymmetric-stiffness", {"coulomb": (0.06,), "asymmetric-stiffness": (20.0,)}),
     Truth("freeplay and coulomb", {"freeplay": (0.015,), "coulomb": (0.05,)}),
     Truth("cogging", {}, outside=lambda t, x, v, z: -0.1 * np.sin(60 * x), noises=(0.04, 0.1)),

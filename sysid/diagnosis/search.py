@@ -45,6 +45,8 @@ ASIDE = (0.7, 1.5)
 """Factors of a nonsmooth effect's parameters from which it is searched again on the fine grid, where it is not at the noise."""
 UNSETTLED = 8.0
 """Fall of χ² for each internal state of each release from which the hold before it has not settled that."""
+REACH = 3.4
+"""How far from zero an internal state may begin, over its typical size: a slider that has wholly yielded to one side stands at 3.3."""
 NEARLY = 1.3
 """Ratio of squared errors to the best from which a search that was begun aside is not brought to its end."""
 BEATEN, FAR = 6, 60.0
@@ -440,7 +442,10 @@ def _freed(model: Candidate) -> Candidate:
     freed = replace(
         model, problem=problem, minimum=minimise(problem.normal, begun, *problem.bounds(), iterations=20)
     )
-    return freed if freed.cost < model.cost - UNSETTLED * states else model
+    own = freed.minimum.point[len(problem.names) :].reshape(len(problem.records), -1)
+    begins = own[:, 2 : 2 + len(problem.structure.internal_states)]
+    pays = freed.cost < model.cost - UNSETTLED * states
+    return freed if pays and np.abs(begins).max() <= REACH else model
 
 
 def _walked(problem: Problem, found: Minimum, fitted: Callable[[Array], Minimum]) -> Minimum:
