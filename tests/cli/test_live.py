@@ -171,6 +171,7 @@ def test_real_drops_in_a_phones_form_give_numbers_within_a_second(tmp_path):
     assert share < 0.25
     skip_if_busy()
     for number, (seen, begin) in enumerate(zip(shown, begins, strict=False)):
-        inside = (time > begin) & (time < begin + tables[number][-1, 0])
+        # Where one drop is joined to the next, the arm jumps back.
+        inside = (time > begin) & (time < begin + tables[number][-1, 0] - 0.1)
         still = time[inside][np.flatnonzero(np.abs(rate[inside]) > 0.06)[-1]]
         assert 0 < seen - still < 1.0
