@@ -178,7 +178,8 @@ def _rigid(home: Complex, seen: Complex, good: Mask) -> tuple[Complex, Mask]:
     """Similarity that most patches agree on (random pairs, then least squares), and who they are."""
     pose, best = np.array([1 + 0j, 0j]), np.zeros(len(home), bool)
     one, other = (np.stack([place[good].real, place[good].imag], axis=1) for place in (home, seen))
-    found, agree = cv2.estimateAffinePartial2D(one, other, ransacReprojThreshold=2 * INLIER_DISTANCE)
+    estimate: Any = cv2.estimateAffinePartial2D  # its stubs do not know that it may find nothing
+    found, agree = estimate(one, other, ransacReprojThreshold=2 * INLIER_DISTANCE)
     if found is None or not 0.8 < float(np.hypot(found[0, 0], found[1, 0])) < 1.25:
         return pose, best
     best[np.flatnonzero(good)[agree.ravel() > 0]] = True
