@@ -156,7 +156,7 @@ def test_measured_worlds_are_the_nominal_one_unless_asked_otherwise():
     from policy_runtime.evaluation.plain import Protocol
 
     def differing(protocol):
-        env = _worlds(pink(), 2, 0, protocol, "cpu", turn_feedback=False).env
+        env = _worlds(pink(), 2, 0, protocol, "cpu", turn_feedback=False)[0]
         try:
             env.reset()
             pelvis = env.sim.data.qpos[:, :3]
