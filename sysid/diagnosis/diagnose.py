@@ -238,8 +238,7 @@ def diagnose(
         if bias == "per-release" or use_rate:
             held.setdefault("rest_angle", board.rest_angle)
     # A table that was learned stays as it is: no candidate may bend it.
-    roles = [effect(part.name).role for part in board.effects]
-    learned_parts = (part for part, role in zip(board.effects, roles, strict=True) if role == "learned")
+    learned_parts = (part for part in board.effects if effect(part.name).role == "learned")
     held |= {f"{part.name}.{name}": q.value for part in learned_parts for name, q in part.parameters.items()}
     with WorkerPool(workers) as pool:
         search = Search(

@@ -63,9 +63,7 @@ def importance(model: Candidate, names: Sequence[str], base: Candidate) -> Impor
     """
     problem, point = model.problem, model.minimum.point
     law = JointLaw.from_vector(problem.structure, problem.vector_of(problem.parameters(point)))
-    own, shared = problem.n_local, len(problem.names)
-    begins = (point * problem.sizes())[shared:]
-    starts = [(float(begins[i * own]), float(begins[i * own + 1])) for i in range(len(problem.records))]
+    starts = problem.starts(point)
     times = [record.time for record in problem.records]
     inside = [n for n in names if effect(n).role != "measurement"]
     sensed = [n for n in names if effect(n).role == "measurement"]

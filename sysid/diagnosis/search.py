@@ -442,8 +442,7 @@ def _freed(model: Candidate) -> Candidate:
     freed = replace(
         model, problem=problem, minimum=minimise(problem.normal, begun, *problem.bounds(), iterations=20)
     )
-    own = freed.minimum.point[len(problem.names) :].reshape(len(problem.records), -1)
-    begins = own[:, 2 : 2 + len(problem.structure.internal_states)]
+    begins = problem.own(freed.minimum.point)[:, 2 : 2 + len(problem.structure.internal_states)]
     pays = freed.cost < model.cost - UNSETTLED * states
     return freed if pays and np.abs(begins).max() <= REACH else model
 

@@ -191,9 +191,8 @@ def blocks(pool: Sequence[Array], count: int, length: int, rng: np.random.Genera
 
 def _of_releases(fit: JointFit, rng: np.random.Generator) -> tuple[Problem, Array, tuple[Array, Array]]:
     """Return the problem on releases drawn with replacement, with its start and bounds."""
-    shared, own = len(fit.problem.names), fit.problem.n_local
     drawn = rng.integers(0, len(fit.records), len(fit.records))
     again = fit.problem.with_(records=[fit.records[i] for i in drawn])
     point = fit.minimum.point
-    start = [point[:shared], *(point[shared + i * own : shared + (i + 1) * own] for i in drawn)]
-    return again, np.concatenate(start), again.bounds()
+    start = np.r_[point[: len(fit.problem.names)], fit.problem.own(point)[drawn].ravel()]
+    return again, start, again.bounds()

@@ -55,12 +55,12 @@ def surprising_residuals(problem: Problem, minimum: Minimum) -> tuple[Array, ...
 
 def _trained(problem: Problem, minimum: Minimum, index: int) -> tuple[Problem, Minimum, Array]:
     """Return the fit to all releases but one, and that one's own unknowns as they were, in units of their sizes."""
-    shared, own = len(problem.names), problem.n_local
     others = [i for i in range(len(problem.records)) if i != index]
     training = problem.with_(records=[problem.records[i] for i in others])
-    pick = np.r_[0:shared, *(np.arange(shared + i * own, shared + (i + 1) * own) for i in others)]
-    fitted = minimise(training.normal, minimum.point[pick], *training.bounds(), iterations=10, tolerance=1e-5)
-    return training, fitted, minimum.point[shared + index * own : shared + (index + 1) * own]
+    own = problem.own(minimum.point)
+    start = np.r_[minimum.point[: len(problem.names)], own[others].ravel()]
+    fitted = minimise(training.normal, start, *training.bounds(), iterations=10, tolerance=1e-5)
+    return training, fitted, own[index]
 
 
 def _left_out(problem: Problem, minimum: Minimum, index: int) -> Array:

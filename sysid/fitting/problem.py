@@ -242,6 +242,14 @@ class Problem:
         values = unknowns[:count] * self.sizes()[:count]
         return {**dict(zip(self.names, map(float, values), strict=True)), **self.fixed}
 
+    def own(self, unknowns: Array) -> Array:
+        """Return each record's own: roll, rate, free internal states, the sensor's zero, in the unknowns' units, shape (records, n_local)."""
+        return unknowns[len(self.names) :].reshape(len(self.records), self.n_local)
+
+    def starts(self, unknowns: Array) -> list[tuple[float, float]]:
+        """Return roll [rad] and rate [rad/s] of each record at its release, from unknowns in units of their sizes, shape (p,)."""
+        return [(float(roll), float(rate)) for roll, rate, *_ in self.own(unknowns * self.sizes())]
+
     def residuals(self, unknowns: Array) -> list[Array]:
         """Return model minus measurement of each record [rad or rad/s], shape (n,) each.
 
@@ -261,14 +269,12 @@ class Problem:
         Returns:
             Residual [rad or rad/s] and Jacobian [the same per unit of each column's unknown] of each record.
         """
-        values = unknowns * self.sizes()
-        shared, own, motion = len(self.names), self.n_local, self._motion
         parameters = self.parameters(unknowns)
         result: list[tuple[Array, Array]] = []
-        for index, path in enumerate(self._paths):
-            vector = self.vector_of(parameters, self.records[index])
-            mine = values[shared + index * own : shared + (index + 1) * own]
-            at = path.shooting.read(vector, mine[:motion], self.step)
+        own = self.own(unknowns * self.sizes())
+        for path, record, mine in zip(self._paths, self.records, own, strict=True):
+            vector = self.vector_of(parameters, record)
+            at = path.shooting.read(vector, mine[: self._motion], self.step)
             if len(self._columns) < at.shape[1]:
                 at = at[:, self._columns]
             result.append(self._observed(path, at, mine, vector))

@@ -86,13 +86,10 @@ def summarise(
     problem: Problem, minimum: Minimum, board: Board, noise: NoiseFloor, evaluations: int
 ) -> JointFit:
     """Turn a minimum into quantities with uncertainty."""
-    names = problem.names
     residuals = problem.residuals(minimum.point)
     parameters = problem.parameters(minimum.point)
     covariance = total_covariance(problem, minimum, board)
     quantities = parameter_quantities(problem, minimum, board, covariance)
-    own = problem.n_local
-    begins = minimum.point[len(names) :] * problem.sizes()[len(names) :]
     vector = problem.vector_of(parameters)
     squares = sum(float(r @ r) for r in residuals)
     return JointFit(
@@ -102,7 +99,7 @@ def summarise(
         rmse=float(np.sqrt(squares / problem.samples)),
         noise=noise,
         records=tuple(problem.records),
-        starts=tuple((float(begins[i * own]), float(begins[i * own + 1])) for i in range(len(problem.records))),
+        starts=tuple(problem.starts(minimum.point)),
         residuals=tuple(residuals),
         evaluations=evaluations,
         warnings=(*identifiability_warnings(problem, minimum, quantities, covariance), *_unlearned(problem, minimum, residuals)),
@@ -132,8 +129,5 @@ def _unlearned(problem: Problem, minimum: Minimum, residuals: Sequence[Array]) -
 def strength(problem: Problem, minimum: Minimum, effects: Sequence[str]) -> dict[str, float]:
     """Return the peak torque of effects over the peak torque of the joint, along the fitted motion."""
     law = JointLaw.from_vector(problem.structure, problem.vector_of(problem.parameters(minimum.point)))
-    own, shared = problem.n_local, len(problem.names)
-    begins = (minimum.point * problem.sizes())[shared:]
-    starts = [(begins[i * own], begins[i * own + 1]) for i in range(len(problem.records))]
     times = [record.time for record in problem.records]
-    return torque_shares(law, times, starts, effects)
+    return torque_shares(law, times, problem.starts(minimum.point), effects)

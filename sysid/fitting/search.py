@@ -284,17 +284,3 @@ def first_swings(record: Record, scales: Scales, periods: float) -> Record:
     end = int(np.searchsorted(record.time, periods * 2 * np.pi / scales.frequency))
     end = max(end, min(30, len(record.time)))
     return replace(record, time=record.time[:end], signal=record.signal[:end])
-
-
-def fit_each(problem: Problem, minimum: Minimum) -> list[tuple[float, float]]:
-    """Fit each record alone and return its stiffness and its sum of squared residuals in units of the noise."""
-    shared, own = len(problem.names), problem.n_local
-    rows: list[tuple[float, float]] = []
-    for index, record in enumerate(problem.records):
-        alone = problem.with_(records=[record])
-        start = np.r_[
-            minimum.point[:shared], minimum.point[shared + index * own : shared + (index + 1) * own]
-        ]
-        found = minimise(alone.normal, start, *alone.bounds(), iterations=25)
-        rows.append((alone.parameters(found.point)["stiffness"], 2 * found.normal.cost))
-    return rows

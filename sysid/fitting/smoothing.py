@@ -301,10 +301,9 @@ def support_of(
         rest_angle: From which tilts count [rad].
     """
     law = JointLaw.from_vector(problem.structure, problem.vector_of(problem.parameters(minimum.point)))
-    own = (minimum.point * problem.sizes())[len(problem.names) :].reshape(len(problem.records), -1)
     ends: list[tuple[float, ...]] = []
-    for record, start in zip(problem.records, own, strict=True):
-        path = simulate(law.of_joint(), np.r_[0.0, record.time], start[0], start[1])
+    for record, start in zip(problem.records, problem.starts(minimum.point), strict=True):
+        path = simulate(law.of_joint(), np.r_[0.0, record.time], *start)
         tilt = (record.release.roll if not record.is_rate else path.roll) - rest_angle
         ends.append((float(tilt.min()), float(tilt.max()), float(path.rate.min()), float(path.rate.max())))
     low, high = np.min(ends, axis=0), np.max(ends, axis=0)
