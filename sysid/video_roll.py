@@ -27,6 +27,8 @@ MIN_FRAMES_PER_PERIOD = 8
 """Frames a period below which the fastest part of a swing is guessed rather than seen."""
 SLOW_RATE, SLOW_PERIOD = 31.0, 0.6
 """Slow motion plays at 30 frames/s [Hz] or less, and makes a board of 0.1 to 0.3 s swing slower than this [s]."""
+RATES = (60, 120, 240)
+"""What phones film at [frames/s]."""
 MIN_SWING = np.radians(1.0)
 """A record that swings by less is suspect [rad]."""
 
@@ -155,9 +157,10 @@ def _refuse_slow(path: Path, signal: "Signal") -> float:
     count = frames_per_period(signal.time[seen], signal.roll[seen], signal.std[seen])
     if count is not None and count < MIN_FRAMES_PER_PERIOD:
         rate = 1 / float(np.median(np.diff(signal.time)))
+        needed = rate * MIN_FRAMES_PER_PERIOD / count
         raise SysidError(
             f"{path}: {count:.1f} frames a period ({rate:.3g} frames/s for an oscillation of {rate / count:.3g} Hz); "
-            f"{MIN_FRAMES_PER_PERIOD} are needed. Film at {rate * MIN_FRAMES_PER_PERIOD / count:.0f} frames/s or more "
-            "(slow motion), or use an IMU."
+            f"{MIN_FRAMES_PER_PERIOD} are needed. Film at {min((one for one in RATES if one >= needed), default=round(needed))} "
+            "frames/s or more (slow motion), or use an IMU."
         )
     return np.inf if count is None else count

@@ -19,7 +19,7 @@ from sysid.video.pose.camera_state import CameraState, before_looking
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.view import View
 from sysid.video.registration import picture_of_body
-from sysid.video.trackers._base import DEAD_ZONE, Follower, Scene, Target, Tracker
+from sysid.video.trackers._base import DEAD_ZONE, Follower, Scene, Target, Tracker, rests_at
 from sysid.video.types import Points
 
 MIN_SEEN_SHARE = 0.6
@@ -35,6 +35,8 @@ which a few points do not know of. In rendered films it takes a third off the er
 BODY_FLOOR = 0.05
 """Least standard deviation of the body's points [px]: what compression does to a picture lasts as long as the board is
 held there, and shifts all of it. With this, 95 % intervals hold the truth in 30 rendered films of 0.18 bit a pixel."""
+MAX_ASKEW = np.radians(20.0)
+"""A board does not come to rest further from level: what says so are prints on it, not stickers put on level [rad]."""
 MAX_DISAGREEMENT = 0.1
 """Share of the swing by which two that are followed may differ and still be parts of one board."""
 
@@ -53,6 +55,11 @@ class Followed:
     def std(self) -> float:
         """Typical standard deviation of the angle [rad]: noise, misfit, and what is unknown of the camera."""
         return float(np.nanmedian(self.found.std))
+
+    @property
+    def swing(self) -> float:
+        """How far the angle goes from its middle [rad]."""
+        return float(np.nanmax(np.abs(self.found.angle - np.nanmedian(self.found.angle))))
 
     @property
     def level(self) -> Array:
@@ -83,7 +90,9 @@ def follow_board(reel: Reel) -> Followed:
             else:
                 failed.append(_lost(target, track))
         if seen:
-            return _to_the_end(scene, stamps, followers, *_best(reel, seen))
+            target, track = _best(reel, seen)
+            target = replace(target, why="; ".join([target.why, *failed]))
+            return _to_the_end(scene, stamps, followers, target, track)
     raise SysidError(f"{reel.clip.path}: {'; '.join(failed)}. {KEEP_SEEN}")
 
 
@@ -132,14 +141,18 @@ def _best(reel: Reel, seen: list[tuple[Target, Track]]) -> tuple[Target, Track]:
     if not usable:
         return seen[0]
     first = next((one for one in usable if one.target.shows_level), usable[0])
-    agreeing = [one for one in usable if _same_swing(one.found.angle, first.found.angle)]
+    agreeing = [one for one in usable if _same_swing(one, first)]
     best = min(agreeing, key=lambda one: one.std * (CLEARLY if one is first else 1.0))
     others = ", ".join(
         f"{one.target.what} ±{2 * np.degrees(one.std):.2g}°" for one in usable if one is not best
     )
     why = f"{best.target.why}: ±{2 * np.degrees(best.std):.2g}° in this film"
     target = replace(best.target, why=f"{why} ({others})" if others else why)
-    stray = [one.target.what for one in usable if not any(one is other for other in agreeing)]
+    stray = [  # what is too uncertain to agree contradicts nothing
+        one.target.what
+        for one in usable
+        if one.std < MAX_DISAGREEMENT * first.swing and not any(one is other for other in agreeing)
+    ]
     if stray:
         words = f"{' and '.join(stray)} moves otherwise than {first.target.what} and is not used; --roi keeps to the board"
         target = replace(target, warnings=(*target.warnings, words))
@@ -162,7 +175,18 @@ def _followed(reel: Reel, target: Target, track: Track) -> Followed | None:
         found = target.solve(View(track, lens.straighten, reel.clip.row_share), lens.matrix, before)
     except np.linalg.LinAlgError:
         return None
-    return Followed(target, track, before, found)
+    followed = Followed(target, track, before, found)
+    if not target.shows_level or not abs(askew := rests_at(followed.level)) > MAX_ASKEW:
+        return followed
+    return replace(
+        followed,
+        target=replace(
+            target,
+            shows_level=False,
+            zero=lambda found: -rests_at(found.angle),
+            zero_note=f"where the deck is at the end of the film: what is followed is {abs(np.degrees(askew)):.0f}° off level there",
+        ),
+    )
 
 
 def _whole_body(reel: Reel, led: Followed, whole: Track) -> Followed | None:
@@ -179,7 +203,7 @@ def _whole_body(reel: Reel, led: Followed, whole: Track) -> Followed | None:
         joined=((0, 1), (1, 2), (2, 3), (3, 0)),
     )
     own = _followed(reel, body, whole)
-    if own is None or not _same_swing(own.found.angle, led.found.angle):
+    if own is None or not _same_swing(own, led):
         return None
     return own if own.std < WHOLE_BODY * led.std else None
 
@@ -194,7 +218,9 @@ def _solve_whole(led: Followed, view: View, matrix: Array, before: CameraState) 
     found = fit_angle(view, matrix, camera, BodyPrior(floor=BODY_FLOOR, dead_zone=DEAD_ZONE))
     theirs = points.std if points.own is None else points.own
     own = found.std if found.own is None else found.own
-    std = np.sqrt(own**2 + np.maximum(points.std**2 - theirs**2, 0))
+    common = np.maximum(points.std**2 - theirs**2, 0)
+    # The body may be made out where the points contradict each other, as in a blurred frame.
+    std = np.sqrt(own**2 + np.where(np.isfinite(common), common, np.nanmax(common)))
     # Where the body is not made out, for a hand before it say, the points may be.
     whole = np.isfinite(found.angle)
     return replace(
@@ -210,13 +236,11 @@ def _as_it_is(found: AngleTrack) -> float:
     return 0.0
 
 
-def _same_swing(one: Array, other: Array) -> bool:
-    """Whether two angles [rad], shape (n,), are one but for a constant."""
-    apart = one - other
+def _same_swing(one: Followed, other: Followed) -> bool:
+    """Whether two angles are one but for a constant."""
+    apart = one.found.angle - other.found.angle
     apart = np.abs(apart - np.nanmedian(apart))
-    return bool(
-        np.nanquantile(apart, 0.9) < MAX_DISAGREEMENT * np.nanmax(np.abs(other - np.nanmedian(other)))
-    )
+    return bool(np.nanquantile(apart, 0.9) < MAX_DISAGREEMENT * other.swing)
 
 
 def _level_of(level: Array, found: AngleTrack) -> float:

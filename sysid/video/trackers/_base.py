@@ -115,6 +115,11 @@ class Tracker:
     """Whether it is tried only where nothing else is found: it takes long."""
 
 
+def rests_at(angle: Array) -> float:
+    """Return the attitude at the end of the film, in its last tenth [rad]; angle of shape (n,)."""
+    return float(np.nanmedian(angle[-max(5, len(angle) // 10) :]))
+
+
 def level_angle(track: AngleTrack, direction: complex, symmetry: int) -> float:
     """Return what turns the angles so that a body of this symmetry, seen along `direction` at angle 0, starts level."""
     tilt = float(np.angle(direction))
