@@ -11,16 +11,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.roll import Array, Roll
+from sysid.roll import Roll
 from sysid.video.options import VideoOptions as VideoOptions
 
 if TYPE_CHECKING:
     from sysid.video.film.camera import Lens
     from sysid.video.film.frames import Clip
-    from sysid.video.film.track import Track
     from sysid.video.pose.gaps import Signal
     from sysid.video.select import Followed
-    from sysid.video.trackers._base import Target
     from sysid.video.types import Rows
 
 MIN_FRAMES_PER_PERIOD = 8
@@ -87,7 +85,6 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
     angle = sign * (found.angle + target.zero(found))
     outliers = outlier_frames(time, angle, std)
     signal = Signal(time, angle, np.hypot(std, outliers), np.hypot(own, outliers), np.arange(len(time)))
-    _refuse_contradiction(clip.path, target, track, angle)
     pace = _refuse_slow(clip.path, signal)
     signal, filled, dropped = fill_gaps(signal, pace)
     if (ramp := speed_ramp(signal.time, signal.roll, signal.std)) is not None:
@@ -134,19 +131,6 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
         warnings=tuple(warnings),
     )
     return roll, signal.index
-
-
-def _refuse_contradiction(path: Path, target: "Target", track: "Track", angle: Array) -> None:
-    """Refuse a film in whose frames what was followed does not turn as one body."""
-    from sysid.video.select import MIN_SEEN_SHARE
-
-    kept, seen = int(np.isfinite(angle).sum()), len(track.time) - track.lost
-    if kept < MIN_SEEN_SHARE * len(angle):
-        raise SysidError(
-            f"{path}: {target.what} is seen in {seen} of {len(angle)} frames, but turns as one body in only {kept}: "
-            "something else was followed in the others. Film straighter from behind and with more contrast, give "
-            "--roi, or put something on the deck that stands out (docs/video.md)."
-        )
 
 
 def _refuse_slow(path: Path, signal: "Signal") -> float:

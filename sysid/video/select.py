@@ -24,9 +24,12 @@ from sysid.video.types import Points
 
 MIN_SEEN_SHARE = 0.6
 """Share of the frames in which what is followed must be seen."""
-KEEP_SEEN = (
-    "Keep the board in the picture, film in more light (less blur), or follow something else (--method)."
+ADVICE = (
+    "Keep the board in the picture, film all of its swing straight from behind and in more light (less blur), or follow "
+    "something else (--method, --roi, docs/video.md)."
 )
+MAX_STD = np.radians(3.0)
+"""Standard deviation above which an angle is none [rad]."""
 CLEARLY = 0.8
 """What is tried first is left for another one only if that has less than this share of its uncertainty."""
 WHOLE_BODY = 3.0
@@ -77,31 +80,34 @@ def follow_board(reel: Reel) -> Followed:
     """
     scene = Scene(reel)
     failed: list[str] = []
+    missed: list[str] = []  # what somebody may have put there to be followed
     for targets in find_targets(scene):
         followers = [target.follower for target in targets]
         stamps = [(frame.index, frame.time) for frame in reel.kept]
-        seen: list[tuple[Target, Track]] = []
+        usable: list[Followed] = []
         for target in targets:
             points = np.array([follow(target.follower, frame) for frame in reel.kept])
             track = track_of(reel, stamps, points, followers)
             track = track if target.settle is None else target.settle(track)
-            if _is_seen(track):
-                seen.append((target, track))
+            one = _followed(reel, target, track)
+            if isinstance(one, Followed):
+                usable.append(one)
             else:
-                failed.append(_lost(target, track))
-        if seen:
-            target, track = _best(reel, seen)
-            target = replace(target, why="; ".join([target.why, *failed]))
-            return _to_the_end(scene, stamps, followers, target, track)
-    raise SysidError(f"{reel.clip.path}: {'; '.join(failed)}. {KEEP_SEEN}")
+                failed.append(one)
+                missed += [one] if target.shows_level else []
+        if usable:
+            best = _best(usable)
+            best = replace(best, target=replace(best.target, why="; ".join([best.target.why, *missed])))
+            return _to_the_end(scene, stamps, followers, best)
+    raise SysidError(f"{reel.clip.path}: {'; '.join(failed)}. {ADVICE}")
 
 
 def _to_the_end(
-    scene: Scene, stamps: list[tuple[int, float]], followers: list[Follower], target: Target, track: Track
+    scene: Scene, stamps: list[tuple[int, float]], followers: list[Follower], led: Followed
 ) -> Followed:
     """Follow a target through the rest of the film, and everything that turns as it does."""
-    reel, points = scene.reel, list(track.points)
-    body = picture_of_body(reel.kept, scene.look.box, track) if target.shows_body else None
+    reel, target, points = scene.reel, led.target, list(led.track.points)
+    body = picture_of_body(reel.kept, scene.look.box, led.track) if target.shows_body else None
     corners: list[Points] = []
     if body is not None:
         with ThreadPoolExecutor() as pool:
@@ -111,35 +117,20 @@ def _to_the_end(
         points.append(follow(target.follower, frame))
         if body is not None:
             corners.append(body.find(frame, points[-1]))
-    track = track_of(reel, stamps, np.array(points), followers)
-    if not _is_seen(track):
-        raise SysidError(f"{reel.clip.path}: {_lost(target, track)}. {KEEP_SEEN}")
-    led = _followed(reel, target, track)
-    if led is None:
-        raise SysidError(
-            f"{reel.clip.path}: {target.what} shows too few different attitudes for an angle to be told. Film the whole "
-            "swing, larger in the picture, or follow something else (--method)."
-        )
-    whole = _whole_body(reel, led, replace(track, points=np.array(corners))) if corners else None
+    if len(points) > len(led.track.points):
+        track = track_of(reel, stamps, np.array(points), followers)
+        all_of_it = _followed(reel, target, track)
+        if isinstance(all_of_it, str):
+            raise SysidError(f"{reel.clip.path}: {all_of_it}. {ADVICE}")
+        led = all_of_it
+    whole = _whole_body(reel, led, replace(led.track, points=np.array(corners))) if corners else None
     return led if whole is None else whole
 
 
-def _is_seen(track: Track) -> bool:
-    return track.lost <= (1 - MIN_SEEN_SHARE) * len(track.time)
-
-
-def _lost(target: Target, track: Track) -> str:
-    return f"{target.what} is seen in only {len(track.time) - track.lost} of {len(track.time)} frames"
-
-
-def _best(reel: Reel, seen: list[tuple[Target, Track]]) -> tuple[Target, Track]:
+def _best(usable: list[Followed]) -> Followed:
     """Judge by the uncertainty that each reaches in this film; one that contradicts the first is none of the board."""
-    if len(seen) == 1:
-        return seen[0]
-    judged = [one for one in (_followed(reel, *pair) for pair in seen) if one is not None]
-    usable = [one for one in judged if np.isfinite(one.found.angle).mean() >= MIN_SEEN_SHARE]
-    if not usable:
-        return seen[0]
+    if len(usable) == 1:
+        return usable[0]
     first = next((one for one in usable if one.target.shows_level), usable[0])
     agreeing = [one for one in usable if _same_swing(one, first)]
     best = min(agreeing, key=lambda one: one.std * (CLEARLY if one is first else 1.0))
@@ -163,36 +154,43 @@ def _best(reel: Reel, seen: list[tuple[Target, Track]]) -> tuple[Target, Track]:
             zero_note=first.target.zero_note,
             shows_level=True,
         )
-    return target, best.track
+    return replace(best, target=target)
 
 
-def _followed(reel: Reel, target: Target, track: Track) -> Followed | None:
-    """Return a target with its angle; None where its points do not tell any."""
+def _followed(reel: Reel, target: Target, track: Track) -> Followed | str:
+    """Return a target with its angle; or why its points do not tell any."""
+    seen, frames = len(track.time) - track.lost, len(track.time)
+    if seen < MIN_SEEN_SHARE * frames:
+        return f"{target.what} is seen in only {seen} of {frames} frames"
     lens, options = reel.lens, reel.options
     readout = reel.clip.readout if options.readout is None else options.readout
     before = before_looking(track, lens, target.direction_std, readout, options.camera_angle)
     try:
         found = target.solve(View(track, lens.straighten, reel.clip.row_share), lens.matrix, before)
     except np.linalg.LinAlgError:
-        return None
-    followed = Followed(target, track, before, found)
-    if not target.shows_level or not abs(askew := rests_at(followed.level)) > MAX_ASKEW:
-        return followed
-    return replace(
-        followed,
-        target=replace(
-            target,
-            shows_level=False,
-            zero=lambda found: -rests_at(found.angle),
-            zero_note=f"where the deck is at the end of the film: what is followed is {abs(np.degrees(askew)):.0f}° off level there",
-        ),
+        return f"{target.what} shows too few different attitudes for an angle to be told"
+    one = Followed(target, track, before, found)
+    if (kept := int(np.isfinite(found.angle).sum())) < MIN_SEEN_SHARE * frames:
+        return (
+            f"{target.what} is seen in {seen} of {frames} frames, but turns as one body in only {kept}: something else was "
+            "followed in the others"
+        )
+    if one.std > MAX_STD:
+        return f"{target.what} tells the angle to ±{2 * np.degrees(one.std):.2g}° only"
+    if not target.shows_level or not abs(askew := rests_at(one.level)) > MAX_ASKEW:
+        return one
+    off = f"what is followed is {abs(np.degrees(askew)):.0f}° off level there"
+    target = replace(
+        target,
+        shows_level=False,
+        zero=lambda found: -rests_at(found.angle),
+        zero_note=f"where the deck is at the end of the film: {off}",
     )
+    return replace(one, target=target)
 
 
 def _whole_body(reel: Reel, led: Followed, whole: Track) -> Followed | None:
     """Let everything that turns with a target tell the angle, if that contradicts it nowhere and tells it as well."""
-    if not _is_seen(whole):
-        return None
     target = led.target
     body = replace(
         target,
@@ -203,7 +201,7 @@ def _whole_body(reel: Reel, led: Followed, whole: Track) -> Followed | None:
         joined=((0, 1), (1, 2), (2, 3), (3, 0)),
     )
     own = _followed(reel, body, whole)
-    if own is None or not _same_swing(own, led):
+    if isinstance(own, str) or not _same_swing(own, led):
         return None
     return own if own.std < WHOLE_BODY * led.std else None
 
