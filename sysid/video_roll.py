@@ -85,13 +85,14 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
     angle = sign * (found.angle + target.zero(found))
     outliers = outlier_frames(time, angle, std)
     signal = Signal(time, angle, np.hypot(std, outliers), np.hypot(own, outliers), np.arange(len(time)))
-    pace = _refuse_slow(clip.path, signal)
-    signal, filled, dropped = fill_gaps(signal, pace)
-    if (ramp := speed_ramp(signal.time, signal.roll, signal.std)) is not None:
+    seen = np.isfinite(angle)
+    if (ramp := speed_ramp(time[seen], angle[seen], signal.std[seen])) is not None:
         raise SysidError(
             f"{clip.path}: at {ramp:.2f} s the swing goes on at another pace at once: parts of the film play faster or slower "
             "than others (a speed ramp of slow motion). Give the film as the camera took it, not as it was edited."
         )
+    pace = _refuse_slow(clip.path, signal)
+    signal, filled, dropped = fill_gaps(signal, pace)
     notes = [
         *inferred(clip, lens, target, track, found, options),
         shutter_note(followed.before, found.camera_state, given=options.readout is not None),

@@ -19,11 +19,13 @@ from sysid.video.pose.camera_state import CameraState, before_looking
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.view import View
 from sysid.video.registration import picture_of_body
-from sysid.video.trackers._base import DEAD_ZONE, Follower, Scene, Target, Tracker, rests_at
+from sysid.video.trackers._base import DEAD_ZONE, Scene, Target, Tracker, rests_at
 from sysid.video.types import Points
 
 MIN_SEEN_SHARE = 0.6
 """Share of the frames in which what is followed must be seen."""
+MAX_LOST = 0.9
+"""What is lost in more of the frames was nothing."""
 ADVICE = (
     "Keep the board in the picture, film all of its swing straight from behind and in more light (less blur), or follow "
     "something else (--method, --roi, docs/video.md)."
@@ -82,29 +84,26 @@ def follow_board(reel: Reel) -> Followed:
     failed: list[str] = []
     missed: list[str] = []  # what somebody may have put there to be followed
     for targets in find_targets(scene):
-        followers = [target.follower for target in targets]
         stamps = [(frame.index, frame.time) for frame in reel.kept]
         usable: list[Followed] = []
         for target in targets:
             points = np.array([follow(target.follower, frame) for frame in reel.kept])
-            track = track_of(reel, stamps, points, followers)
+            track = track_of(reel, stamps, points)
             track = track if target.settle is None else target.settle(track)
             one = _followed(reel, target, track)
             if isinstance(one, Followed):
                 usable.append(one)
             else:
                 failed.append(one)
-                missed += [one] if target.shows_level else []
+                missed += [one] if target.shows_level and track.lost < MAX_LOST * len(track.time) else []
         if usable:
             best = _best(usable)
             best = replace(best, target=replace(best.target, why="; ".join([best.target.why, *missed])))
-            return _to_the_end(scene, stamps, followers, best)
+            return _to_the_end(scene, stamps, best)
     raise SysidError(f"{reel.clip.path}: {'; '.join(failed)}. {ADVICE}")
 
 
-def _to_the_end(
-    scene: Scene, stamps: list[tuple[int, float]], followers: list[Follower], led: Followed
-) -> Followed:
+def _to_the_end(scene: Scene, stamps: list[tuple[int, float]], led: Followed) -> Followed:
     """Follow a target through the rest of the film, and everything that turns as it does."""
     reel, target, points = scene.reel, led.target, list(led.track.points)
     body = picture_of_body(reel.kept, scene.look.box, led.track) if target.shows_body else None
@@ -118,7 +117,7 @@ def _to_the_end(
         if body is not None:
             corners.append(body.find(frame, points[-1]))
     if len(points) > len(led.track.points):
-        track = track_of(reel, stamps, np.array(points), followers)
+        track = track_of(reel, stamps, np.array(points))
         all_of_it = _followed(reel, target, track)
         if isinstance(all_of_it, str):
             raise SysidError(f"{reel.clip.path}: {all_of_it}. {ADVICE}")
@@ -170,13 +169,8 @@ def _followed(reel: Reel, target: Target, track: Track) -> Followed | str:
     except np.linalg.LinAlgError:
         return f"{target.what} shows too few different attitudes for an angle to be told"
     one = Followed(target, track, before, found)
-    if (kept := int(np.isfinite(found.angle).sum())) < MIN_SEEN_SHARE * frames:
-        return (
-            f"{target.what} is seen in {seen} of {frames} frames, but turns as one body in only {kept}: something else was "
-            "followed in the others"
-        )
-    if one.std > MAX_STD:
-        return f"{target.what} tells the angle to ±{2 * np.degrees(one.std):.2g}° only"
+    if (fault := _fault(one)) is not None:
+        return fault
     if not target.shows_level or not abs(askew := rests_at(one.level)) > MAX_ASKEW:
         return one
     off = f"what is followed is {abs(np.degrees(askew)):.0f}° off level there"
@@ -187,6 +181,17 @@ def _followed(reel: Reel, target: Target, track: Track) -> Followed | str:
         zero_note=f"where the deck is at the end of the film: {off}",
     )
     return replace(one, target=target)
+
+
+def _fault(one: Followed) -> str | None:
+    """Say why an angle is none, if it is not."""
+    frames, what = len(one.found.angle), one.target.what
+    if (kept := int(np.isfinite(one.found.angle).sum())) < MIN_SEEN_SHARE * frames:
+        return (
+            f"{what} is seen in {frames - one.track.lost} of {frames} frames, but turns as one body in only {kept}: something "
+            "else was followed in the others"
+        )
+    return f"{what} tells the angle to ±{2 * np.degrees(one.std):.2g}° only" if one.std > MAX_STD else None
 
 
 def _whole_body(reel: Reel, led: Followed, whole: Track) -> Followed | None:
