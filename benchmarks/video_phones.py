@@ -59,7 +59,7 @@ SCENE = """
     <body name="deck">
       <joint name="tilt" type="hinge" axis="1 0 0" stiffness="{stiffness}" damping="{damping}"/>
       <geom type="box" size=".36 {half} .008" material="wood" mass="0"/>
-      <geom type="box" size=".004 {half} .{lip}" pos="-.36 0 .0{lip}" material="wood" mass="0"/>
+      <geom type="box" size=".004 {half} {lip}" pos="-.36 0 {lip}" material="wood" mass="0"/>
       {mark}
       <inertial pos="0 0 0" mass="1" diaginertia="{inertia} .05 .05"/>
     </body>
@@ -75,8 +75,8 @@ class Board:
     mark: str = ""
     painted: bool = False
     half_width: float = 0.11
-    lip: int = 1
-    """Half the height of the deck's end [cm]."""
+    lip: float = 0.01
+    """Half the height of the deck's end [m]."""
     camera_height: float = 0.08
 
 
@@ -90,7 +90,7 @@ BOARDS = {
         '<geom type="sphere" size=".008" pos="-.365 .09 .02" rgba="1 .1 .6 1" mass="0"/>'
         '<geom type="sphere" size=".008" pos="-.365 -.09 .02" rgba="1 .1 .6 1" mass="0"/>'
     ),
-    "prints": Board(painted=True, lip=3),
+    "prints": Board(painted=True, lip=0.03),
     "bare edge": Board(camera_height=0.0),
 }
 H264 = ("-c:v", "libx264", "-preset", "veryfast", "-b:v", "12M")

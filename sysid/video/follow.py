@@ -59,6 +59,8 @@ def _turn(points: Points, focal: float) -> Array:
     """Return roughly how the points (n, N, 2) turn as filmed, or a single one swings to and fro [rad], shape (n,)."""
     place = points[..., 0].astype(np.float64) + 1j * points[..., 1]
     seen = np.isfinite(place)
+    if not seen.any():
+        return np.zeros(len(place))
     if place.shape[1] == 1:
         path = place[:, 0] - place[seen[:, 0], 0].mean()
         along = np.exp(0.5j * np.angle(np.sum(path[seen[:, 0]] ** 2)))

@@ -91,6 +91,23 @@ def test_two_stickers_may_differ_in_colour(colours, method, tmp_path):
 
 
 @pytest.mark.slow
+def test_stickers_far_from_the_edges_of_a_plain_deck_are_seen_to_move(tmp_path):
+    dots = [(-150, 10, 7, PINK), (150, 10, 7, PINK)]
+    roll = read(draw_film(tmp_path / "far.mp4", dotted(plate(420, 200), dots), ROLL))
+    assert any("two coloured dots" in note for note in roll.notes)
+    assert error_of(roll)[0] < 0.3
+
+
+@pytest.mark.slow
+def test_a_single_sticker_aside_shows_no_level(tmp_path):
+    """Its arm rests 22° off the horizontal: zero is where the deck rests, not where the arm would lie flat."""
+    film = draw_film(tmp_path / "one.mp4", dotted(plate(300, 90), [(100, -40, 9, PINK)]), ROLL)
+    roll = read(film, method="dots")
+    assert any("one coloured dot" in note for note in roll.notes)
+    assert abs(np.median(roll.roll)) < np.radians(4)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["auto", "dots"])
 def test_prints_askew_do_not_say_what_is_level(method, tmp_path):
     """Two spots of colour, one above the other's side, 50° off level: no stickers that were put on level."""

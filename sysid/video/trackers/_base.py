@@ -116,8 +116,9 @@ class Tracker:
 
 
 def rests_at(angle: Array) -> float:
-    """Return the attitude at the end of the film, in its last tenth [rad]; angle of shape (n,)."""
-    return float(np.nanmedian(angle[-max(5, len(angle) // 10) :]))
+    """Return the attitude at the end of the film, in the last tenth of what is seen of it [rad]; angle of shape (n,)."""
+    seen = angle[np.isfinite(angle)]
+    return float(np.median(seen[-max(5, len(seen) // 10) :]))
 
 
 def level_angle(track: AngleTrack, direction: complex, symmetry: int) -> float:
