@@ -30,8 +30,8 @@ ADVICE = (
     "Keep the board in the picture, film all of its swing straight from behind and in more light (less blur), or follow "
     "something else (--method, --roi, docs/video.md)."
 )
-MAX_STD = np.radians(3.0)
-"""Standard deviation above which an angle is none [rad]."""
+VAGUE, MAX_STD = np.radians([0.3, 3.0])
+"""Standard deviation above which what takes long is tried as well, and above which an angle is none [rad]."""
 CLEARLY = 0.8
 """What is tried first is left for another one only if that has less than this share of its uncertainty."""
 WHOLE_BODY = 3.0
@@ -81,11 +81,11 @@ def follow_board(reel: Reel) -> Followed:
         SysidError: There is none.
     """
     scene = Scene(reel)
+    usable: list[Followed] = []
     failed: list[str] = []
     missed: list[str] = []  # what somebody may have put there to be followed
     for targets in find_targets(scene):
         stamps = [(frame.index, frame.time) for frame in reel.kept]
-        usable: list[Followed] = []
         for target in targets:
             points = np.array([follow(target.follower, frame) for frame in reel.kept])
             track = track_of(reel, stamps, points)
@@ -96,16 +96,19 @@ def follow_board(reel: Reel) -> Followed:
             else:
                 failed.append(one)
                 missed += [one] if target.shows_level and track.lost < MAX_LOST * len(track.time) else []
-        if usable:
-            best = _best(usable)
-            best = replace(best, target=replace(best.target, why="; ".join([best.target.why, *missed])))
-            return _to_the_end(scene, stamps, best)
-    raise SysidError(f"{reel.clip.path}: {'; '.join(failed)}. {ADVICE}")
+        if min((one.std for one in usable), default=np.inf) < VAGUE:
+            break
+    if not usable:
+        raise SysidError(f"{reel.clip.path}: {'; '.join(failed)}. {ADVICE}")
+    best = _best(usable)
+    best = replace(best, target=replace(best.target, why="; ".join([best.target.why, *missed])))
+    return _to_the_end(scene, best)
 
 
-def _to_the_end(scene: Scene, stamps: list[tuple[int, float]], led: Followed) -> Followed:
+def _to_the_end(scene: Scene, led: Followed) -> Followed:
     """Follow a target through the rest of the film, and everything that turns as it does."""
     reel, target, points = scene.reel, led.target, list(led.track.points)
+    stamps = [(frame.index, frame.time) for frame in reel.kept]
     body = picture_of_body(reel.kept, scene.look.box, led.track) if target.shows_body else None
     corners: list[Points] = []
     if body is not None:

@@ -54,6 +54,13 @@ def test_everything_that_turns_with_a_marker_tells_the_angle(wide):
     assert error_of(marker)[0] < 0.15
 
 
+@pytest.mark.slow
+def test_an_edge_is_looked_for_where_all_else_is_vague(wide, monkeypatch):
+    assert not any("edge ±" in note for note in read(wide).notes)
+    monkeypatch.setattr(select, "VAGUE", 0.0)
+    assert any("the deck's edge ±" in note for note in read(wide).notes)
+
+
 def test_a_frame_that_only_the_body_shows_has_a_deviation_as_well(monkeypatch):
     """A blurred marker contradicts itself where the deck around it is made out: what both share of doubt stays."""
     camera = CameraState(np.zeros(4), np.zeros((4, 4)))
