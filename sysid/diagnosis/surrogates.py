@@ -130,7 +130,11 @@ def surrogate(search: Search, model: Candidate, kept: tuple[str, ...], shape: st
     inside = search.problem(kept, free_states=model.problem.free_states)
     own = LAWS[shape].own
     structure = Structure(inside.structure.effects, (own or _sum_of(LAWS[shape].terms),))
-    sizes = {"amplitude": search.scales.amplitude, "speed": search.scales.rate, "duration": search.scales.duration}
+    sizes = {
+        "amplitude": search.scales.amplitude,
+        "speed": search.scales.rate,
+        "duration": search.scales.duration,
+    }
     replaced = {"stiffness": search.scales.stiffness, "damping": search.scales.damping}
     fixed = {
         **{s.name: replaced[s.name] for s in (own.states if own in CHANGED else ())}, **inside.fixed, **({} if own else {f"surrogate.{n}": v for n, v in sizes.items()}),
@@ -190,7 +194,9 @@ def _in_step(problem: Problem, before: Candidate) -> Array:
     grid = np.arange(0.1 * scales.frequency, 5.0 * scales.frequency, 0.5 / scales.duration)
     frequency = max(grid, key=lambda f: response(f)[0])
     stiffness = scales.stiffness - scales.inertia * frequency**2 + 1j * frequency * scales.damping
-    driven = -np.conj(response(frequency)[1]) * stiffness / (1j * frequency if inside.records[0].is_rate else 1)
+    driven = (
+        -np.conj(response(frequency)[1]) * stiffness / (1j * frequency if inside.records[0].is_rate else 1)
+    )
     sizes = problem.sizes()
     for name, value in (("strength", float(np.abs(driven).mean())), ("frequency", frequency)):
         where = problem.names.index(f"surrogate.{name}")
