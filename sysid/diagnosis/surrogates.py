@@ -191,7 +191,7 @@ def _in_step(problem: Problem, before: Candidate) -> Array:
             waves.append(complex(*along))
         return taken, np.array(waves)
 
-    grid = np.arange(0.1 * scales.frequency, 5.0 * scales.frequency, 0.5 / scales.duration)
+    grid = np.arange(0.1 * scales.frequency, 5.0 * scales.frequency, 1.0 / scales.duration)
     frequency = max(grid, key=lambda f: response(f)[0])
     stiffness = scales.stiffness - scales.inertia * frequency**2 + 1j * frequency * scales.damping
     driven = (
