@@ -55,9 +55,8 @@ def surprising_residuals(problem: Problem, minimum: Minimum) -> tuple[Array, ...
     else:
         predicted = [_within_noise(problem, minimum, index) for index in range(len(problem.records))]
     together = problem.residuals(minimum.point)
-    return tuple(
-        max(pair, key=lambda missed: float(missed @ missed)) for pair in zip(predicted, together, strict=True)
-    )
+    with np.errstate(over="ignore"):  # a prediction that ran away is worse than any fit
+        return tuple(t if t @ t > p @ p else p for p, t in zip(predicted, together, strict=True))
 
 
 def _trained(problem: Problem, minimum: Minimum, index: int) -> tuple[Problem, Minimum, Array]:
