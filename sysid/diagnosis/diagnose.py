@@ -34,7 +34,7 @@ from sysid.diagnosis.report import fittable
 from sysid.diagnosis.search import Candidate as Model
 from sysid.diagnosis.search import Progress, Search, best_families
 from sysid.diagnosis.stretches import judged_stretches
-from sysid.diagnosis.surrogates import LAWS, surrogates
+from sysid.diagnosis.surrogates import LAWS, in_words, surrogates
 from sysid.diagnosis.wording import (
     experiment_in_words,
     is_or_are,
@@ -519,7 +519,7 @@ def _unexplained(
     if outside is not None:
         beside = tuple(n for n in outside.model.effects if n not in search.base)
         also = f", beside {listed(beside)}," if beside else ""
-        words = LAWS[outside.model.shape].words
+        words = in_words(outside.model)
         text += f"{words[:1].upper()}{words[1:]}{also} does it better. "
         confidence = sum(p for families, p in tried.likely().items() if families & LAWS.keys())
     elif named:

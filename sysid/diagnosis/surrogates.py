@@ -227,6 +227,21 @@ def surrogates(search: Search, model: Candidate) -> list[Candidate]:
     return [search.finalist(m) for m in best]
 
 
+def in_words(model: Candidate) -> str:
+    """Return what the law of a surrogate is, with the sizes of what no shape tells."""
+    law, problem = LAWS[model.shape], model.problem
+    if law.own is WAVE:
+        return f"{law.words}, {model.parameters['surrogate.frequency'] / (2 * np.pi):.3g} times a second"
+    if law.own in CHANGED:
+        first = len(problem.structure.internal_states) - len(law.own.states)
+        springs = (
+            problem.own(model.minimum.point * problem.sizes())[:, 2 + first] + problem.fixed["stiffness"]
+        )
+        shares = ", ".join(f"{k:.3f}" for k in springs / springs.mean())
+        return f"{law.words} (its stiffness in each, over their mean: {shares})"
+    return law.words
+
+
 def _sum_of(terms: Sequence[Shape]) -> TorqueEffect:
     def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
         x, v = motion.tilt / parameters["amplitude"], motion.rate / parameters["speed"]

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from sysid.diagnosis.search import Search, _could_begin_so, inherited
-from sysid.diagnosis.surrogates import surrogate, surrogates
+from sysid.diagnosis.surrogates import in_words, surrogate, surrogates
 from sysid.effects._base import Scales
 from sysid.fitting.records import Record
 from sysid.roll import Release
@@ -48,14 +48,15 @@ def driven():
 
 def test_a_spring_that_changed_between_releases_is_found_with_its_size(changed):
     model = surrogate(changed, changed.single(()), (), "k")
-    springs = model.problem.own(model.minimum.point * model.problem.sizes())[:, 2] + STIFFNESS
-    assert springs == pytest.approx([14.7, 16.5, 14.7], rel=0.003)
+    shares = [float(word.rstrip(")")) for word in in_words(model).split(": ")[1].split(", ")]
+    assert shares == pytest.approx([14.7 / 15.3, 16.5 / 15.3, 14.7 / 15.3], abs=0.003)
     assert model.rmse < 1.1 * NOISE
 
 
 def test_a_torque_with_a_clock_of_its_own_is_found_with_its_frequency(driven):
     model = surrogate(driven, driven.single(()), (), "sin t")
     assert model.parameters["surrogate.frequency"] == pytest.approx(25.0, rel=0.002)
+    assert "3.98 times a second" in in_words(model)
     assert model.parameters["surrogate.strength"] == pytest.approx(0.1, rel=0.05)
     assert model.rmse < 1.1 * NOISE
 
