@@ -55,7 +55,7 @@ def surprising_residuals(problem: Problem, minimum: Minimum) -> tuple[Array, ...
     else:
         predicted = [_within_noise(problem, minimum, index) for index in range(len(problem.records))]
     together = problem.residuals(minimum.point)
-    with np.errstate(over="ignore"):  # a prediction that ran away is worse than any fit
+    with np.errstate(all="ignore"):  # a prediction that ran away is worse than any fit
         return tuple(t if t @ t > p @ p else p for p, t in zip(predicted, together, strict=True))
 
 
