@@ -40,6 +40,8 @@ RISEN = 0.7
 """Share of the largest ratio of pull and way at which it has set in: under a hand it is less."""
 MOVED = 0.02
 """Share of that way which a deck that was not pushed may have gone by then."""
+SURELY = 2.0
+"""How many times that a deck has gone which was pushed, whatever the others were."""
 CLEAR = 0.02
 """A choice: a hand that acts for a tenth of a period then stands ten times above the noise."""
 PUSH = 0.75
@@ -139,11 +141,7 @@ def free_spans(signal: SmoothedSignal, spans: Sequence[Span], period: float) -> 
     every = max(1, int(period / (FINE * float(signal.time[1] - signal.time[0]))))
     time, roll = signal.time[::every], signal.roll[::every]
     cuts = [slice(*np.searchsorted(time, (s.begin, s.end + BEFORE_NEXT * period))) for s in spans]
-    seen = [_let_go(signal, span, period) for span in spans]
-    pushes = [time - span.begin for time, span in zip(seen, spans, strict=True) if time is not None]
-    # Who pushes one deck has pushed the others, seen or not.
-    usual = max(pushes, default=0.0)
-    begins = [span.begin + usual if t is None else t for t, span in zip(seen, spans, strict=True)]
+    begins = _let_go(signal, spans, period)
     starts = [span.begin + PUSH * period for span in spans]
     ends = [span.end for span in spans]
     for width in WIDTHS:
@@ -160,14 +158,33 @@ def free_spans(signal: SmoothedSignal, spans: Sequence[Span], period: float) -> 
                 for i, (w, (_, b)) in enumerate(zip(backward, known, strict=True))
             ]
             ends = [s.end if t is None else min(s.end, -t) for s, t in zip(spans, hands, strict=True)]
-        torque = max(float(np.abs(w.acceleration).max(initial=0.0)) for w in backward)
+        free = [np.abs(w.acceleration[w.inside(-b, -a)]) for w, (a, b) in zip(backward, known, strict=True)]
+        torque = float(np.concatenate(free).max(initial=0.0))
         if law is not None and law.noise < CLEAR * torque:
             break
     return [Span(a, max(a, b), s.rest, s.level) for s, a, b in zip(spans, begins, ends, strict=True)]
 
 
-def _let_go(signal: SmoothedSignal, span: Span, period: float) -> float | None:
-    """Return when a hand that pushed a deck on its way left it [s]; None where it only opened, or nothing is seen of a hold."""
+def _let_go(signal: SmoothedSignal, spans: Sequence[Span], period: float) -> list[float]:
+    """Return when each deck was let go [s]: where a hand pushed it on its way, when that had left.
+
+    Who pushes one deck has pushed the others, seen or not.
+    """
+    seen = [_pull_sets_in(signal, span, period) for span in spans]
+    moved = [min(share, SURELY) for _, share in filter(None, seen)]
+    pushed = bool(moved) and float(np.mean(moved)) > 1
+    late = [one[0] - span.begin for one, span in zip(seen, spans, strict=True) if one]
+    return [
+        one[0] if one and (pushed or one[1] > SURELY) else span.begin + (max(late) if pushed else 0.0)
+        for one, span in zip(seen, spans, strict=True)
+    ]
+
+
+def _pull_sets_in(signal: SmoothedSignal, span: Span, period: float) -> tuple[float, float] | None:
+    """Return from when on a deck is pulled home by its joint alone [s], and how far it has gone by then.
+
+    Over what one may have gone that was not pushed. None where nothing is seen of a hold, or too much noise.
+    """
     time, step = signal.time, float(signal.time[1] - signal.time[0])
     first, held, onset = np.searchsorted(
         time, (span.begin - 2 * PUSH * period, span.begin - PUSH * period, span.begin)
@@ -197,10 +214,10 @@ def _let_go(signal: SmoothedSignal, span: Span, period: float) -> float | None:
     i = int(low[-1])
     rise = (RISEN * ratio[peak] - ratio[i]) / (ratio[i + 1] - ratio[i])
     gone = float(time[first]) + (i + rise + (count + 1) / 2) * step
-    # Under a bump, a pull that sets in at once has risen so far a tenth of its width later.
-    free = 0.5 * (0.2 * np.pi * (count + 1) * step / period) ** 2
-    trembles = 4.5 * float(np.median(np.abs(way[first:held])))
-    return gone + MARGIN * period if np.interp(gone, time, way) > MOVED + free + trembles else None
+    # Let go from rest, a pull has risen so far a tenth of the bump's width later, or between two samples.
+    late = 0.1 * (count + 1) * step + 0.5 * step
+    most = MOVED + 0.5 * (2 * np.pi * late / period) ** 2 + 4.5 * float(np.median(np.abs(way[first:held])))
+    return gone + MARGIN * period, float(np.interp(gone, time, way)) / most
 
 
 def _windows(time: Array, roll: Array, period: float, width: float) -> _Windows:
