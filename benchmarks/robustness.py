@@ -11,12 +11,13 @@ import math
 import os
 import time
 from collections import defaultdict
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from policy_runtime.evaluation.plain import Protocol, evaluate_policy
+from policy_runtime.evaluation.plain import Protocol, evaluate_policy, riders
 from policy_runtime.evaluation.result import TIME_LIMIT
 from policy_runtime.evaluation.statistics import mean_over, proportion
 from policy_runtime.evaluation.stress import Stress
@@ -51,34 +52,49 @@ def conditions() -> dict[str, Protocol]:
     return found
 
 
+Cell = tuple[int, str, Protocol, Path]
+"""Seed, name and conditions, and policy of some rides."""
+
+
 def ride(policies: list[Path], episodes: int, workers: int, deadline: float) -> None:
-    """Ride round after round until the time is over."""
-    workspace = Workspace(Path("/nonexistent"))
+    """Ride round after round until the time is over; several cells at once, so that no process waits for a long ride."""
     done = {(row["policy"], row["condition"], row["seed"]) for row in read()}
-    for seed in range(1000):
-        for name, protocol in conditions().items():
-            for policy in policies:
-                if (policy.stem, name, seed) in done:
-                    continue
-                if time.monotonic() > deadline:
-                    return
-                board = workspace.load_board("black" if policy.stem.startswith("black") else "pink")
-                result = evaluate_policy(
-                    str(policy), board, episodes=episodes, seeds=(seed,), protocol=protocol, workers=workers
-                )
-                row = {
-                    "policy": policy.stem,
-                    "condition": name,
-                    "seed": seed,
-                    "rides": round(rides_of(result.success)),
-                    "lasted": round(
-                        rides_of(result.success) * (result.success.value if rides_of(result.success) else 0)
-                    ),
-                    "ended": {k: v for k, v in result.endings.items() if k != TIME_LIMIT},
-                    **{error: finite(result.errors[error].value) for error in ERRORS},
-                }
-                with ROWS.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(row) + "\n")
+    cells: list[Cell] = [
+        (seed, name, protocol, policy)
+        for seed in range(1000)
+        for name, protocol in conditions().items()
+        for policy in policies
+        if (policy.stem, name, seed) not in done
+    ]
+    with riders(workers) as pool, ThreadPoolExecutor(8) as threads:
+
+        def add(cell: Cell) -> None:
+            if time.monotonic() < deadline:
+                _add(cell, episodes, workers, pool)
+
+        for _ in threads.map(add, cells):
+            pass
+
+
+def _add(cell: Cell, episodes: int, workers: int, pool: ProcessPoolExecutor) -> None:
+    """Ride a cell and add its row to the file."""
+    seed, name, protocol, policy = cell
+    board = Workspace(Path("/nonexistent")).load_board("black" if policy.stem.startswith("black") else "pink")
+    result = evaluate_policy(
+        str(policy), board, episodes=episodes, seeds=(seed,), protocol=protocol, workers=workers, pool=pool
+    )
+    rides = rides_of(result.success)
+    row = {
+        "policy": policy.stem,
+        "condition": name,
+        "seed": seed,
+        "rides": rides,
+        "lasted": round(rides * result.success.value) if rides else 0,
+        "ended": {k: v for k, v in result.endings.items() if k != TIME_LIMIT},
+        **{error: finite(result.errors[error].value) for error in ERRORS},
+    }
+    with ROWS.open("a", encoding="utf-8") as file:
+        file.write(json.dumps(row) + "\n")
 
 
 def rides_of(success: Any) -> int:

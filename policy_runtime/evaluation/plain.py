@@ -7,7 +7,7 @@ when anything but a foot touches ground or board, or when both feet have left th
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import dataclass, field
 from multiprocessing import get_context
 from pathlib import Path
@@ -216,6 +216,7 @@ def evaluate_policy(
     seeds: tuple[int, ...],
     protocol: Protocol | None = None,
     workers: int = 1,
+    pool: Executor | None = None,
     force: bool = False,
     progress: Callable[[int], None] | None = None,
 ) -> Evaluation:
@@ -224,6 +225,7 @@ def evaluate_policy(
     Args:
         policy: Name of a scripted policy or path of an ONNX file.
         seeds: Seeds; an episode is drawn from its seed and its number, whatever the workers.
+        pool: Processes of the caller's to ride in, so many `workers`; of its own if None.
         force: See `policy_file.open_policy`.
         progress: Called with the number of episodes just done.
 
@@ -242,17 +244,26 @@ def evaluate_policy(
         for first in range(0, episodes, size)
     ]
     parts: list[Part] = []
-    for part in _results(jobs, workers):
+    for part in _results(jobs, workers, pool):
         parts.append(part)
         if progress is not None:
             progress(len(part.endings))
     return summarise(parts, name, board.name)
 
 
-def _results(jobs: list[_Job], workers: int) -> Iterator[Part]:
-    if workers == 1:
-        yield from map(_work, jobs)
-        return
-    # Forking a process with threads (Rerun, onnxruntime) can hang; spawned ones start clean.
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+def riders(workers: int) -> ProcessPoolExecutor:
+    """Return so many processes to ride in.
+
+    Forking a process with threads (Rerun, onnxruntime) can hang; spawned ones start clean.
+    """
+    return ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
+
+
+def _results(jobs: list[_Job], workers: int, pool: Executor | None) -> Iterator[Part]:
+    if pool is not None:
         yield from pool.map(_work, jobs)
+    elif workers == 1:
+        yield from map(_work, jobs)
+    else:
+        with riders(workers) as pool:
+            yield from pool.map(_work, jobs)

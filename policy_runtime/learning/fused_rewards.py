@@ -209,8 +209,9 @@ class SkateEnv(ManagerBasedRlEnv):
         self._sim_step_counter += self.cfg.decimation
         self.common_step_counter += 1
         measuring.keep(self, self._judge())
-        if "interval" in self.event_manager.available_modes:
-            self.event_manager.apply(mode="interval", dt=self.step_dt)
+        for mode in ("step", "interval"):
+            if mode in self.event_manager.available_modes:
+                self.event_manager.apply(mode=mode, dt=self.step_dt)
         over = self.reset_buf.nonzero(as_tuple=False).squeeze(-1)
         if len(over) > 0:
             self._reset_idx(over)

@@ -37,8 +37,9 @@ class Variation:
     rolling_friction: tuple[float, float] = (0.5, 4.0)
     """Factors of the wheels' rolling friction, evenly spread in their logarithm."""
     slope: float = math.radians(4.0)
-    """Steepest ground [rad], along the start's direction; half of it across. Drawn at every second start; the
-    others are level."""
+    """Steepest long slope [rad], up and down along the start's direction; half of it across."""
+    descent: float = math.radians(10.0)
+    """Steepest short way down, straight ahead [rad]."""
     gyro_bias: float = 0.03
     """[rad/s]"""
     gravity_bias: float = 0.02
@@ -54,6 +55,7 @@ NOMINAL = Variation(
     masses=0.0,
     rolling_friction=(1.0, 1.0),
     slope=0.0,
+    descent=0.0,
     gyro_bias=0.0,
     gravity_bias=0.0,
     encoder_bias=0.0,

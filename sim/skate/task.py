@@ -219,7 +219,7 @@ def _events(options: SkateOptions, draws: TiltDraws | None) -> "dict[str, EventT
     from mjlab.managers.scene_entity_config import SceneEntityCfg
 
     from sim.skate.mdp import randomisation
-    from sim.skate.mdp.worlds import Worlds, draw_slope
+    from sim.skate.mdp.worlds import Worlds, draw_slope, roll_on
 
     def startup(function: Any, **params: Any) -> EventTermCfg:
         return EventTermCfg(func=function, mode="startup", params=params)
@@ -265,6 +265,7 @@ def _events(options: SkateOptions, draws: TiltDraws | None) -> "dict[str, EventT
     if options.variation != NOMINAL:
         events["worlds"] = startup(Worlds, variation=options.variation)
         events["slope"] = EventTermCfg(func=draw_slope, mode="reset")
+        events["ground"] = EventTermCfg(func=roll_on, mode="step")
     if draws is not None:
         steers = options.steered and options.coupling == "equality"
         couplings = tuple(f"board/{name.replace('joint', 'coupling')}" for name in TRUCK_JOINTS)

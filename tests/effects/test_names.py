@@ -27,7 +27,8 @@ def keys(tree: ast.AST) -> list[str]:
     """Return the strings that are compared with a `.name`, or looked up in something called effects or a catalogue."""
     found = []
     for node in ast.walk(tree):
-        if isinstance(node, ast.Compare) and re.search(r"\.name\b", ast.unparse(node)):
+        # `effect(part.name).role` is no name, but what stands under it.
+        if isinstance(node, ast.Compare) and re.search(r"\.name\b(?!\)\.)", ast.unparse(node)):
             found += literals(node)
         elif isinstance(node, ast.Subscript) and re.search("effect|catalogue", ast.unparse(node.value)):
             found += literals(node.slice)

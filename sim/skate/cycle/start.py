@@ -11,11 +11,11 @@ canonical poses it stands on the marker."""
 class Start:
     """Where in the cycle episodes begin; shares add up to 1."""
 
-    standing: float = 0.4
+    standing: float = 0.5
     """Share that begins the cycle at rest, one foot on the ground."""
-    pushing: float = 0.3
+    pushing: float = 0.25
     """Share that rolls in the push pose, anywhere in the pushing stretch."""
-    steering: float = 0.3
+    steering: float = 0.25
     """Share that rolls in the steer pose, anywhere in the steering stretch."""
     speed: tuple[float, float] = (0.2, 1.6)
     """Speed of those that roll [m/s]."""

@@ -27,8 +27,9 @@ class TiltGuidance:
     limit: float
     """Largest tilt to ask for, either side [rad]."""
     kinematics: Kinematics = "two-truck"
-    least_speed: float = 0.3
-    """Floor of the forward speed [m/s]: a board at rest does not turn, however far it is tilted."""
+    damping_speed: float = 0.3
+    """Speed below which less and less tilt is asked for [m/s]: a board at rest does not turn, however far it is
+    tilted, and one that rolls back turns the other way."""
     least_time: float = 0.5
     """Floor of the time left [s], so that the last steps of steering ask for no jerk."""
     longest_time: float = 1.2
@@ -37,7 +38,7 @@ class TiltGuidance:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        for name in ("wheelbase", "rake", "limit", "least_speed", "least_time", "longest_time"):
+        for name in ("wheelbase", "rake", "limit", "damping_speed", "least_time", "longest_time"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} is {getattr(self, name)}; expected a positive number")
 
@@ -59,7 +60,7 @@ class TiltGuidance:
         Args:
             heading: Heading of the board [rad], shape (...,).
             target: Heading to reach [rad], shape (...,).
-            speed: Forward speed of the board [m/s], shape (...,); taken as at least `least_speed`.
+            speed: Forward speed of the board [m/s], shape (...,), negative where it rolls back.
             time_left: Time until steering ends [s], shape (...,); taken as at least `least_time`.
 
         Returns:
@@ -67,9 +68,6 @@ class TiltGuidance:
         """
         xp = namespace(heading)
         rate = wrap_angle(target - heading) / self.time(time_left)
-        sine = (
-            rate
-            * self.wheelbase
-            / (self._trucks * xp.clip(speed, self.least_speed, None) * np.tan(self.rake))
-        )
+        slowness = speed / (speed**2 + self.damping_speed**2)  # 1 / speed, damped
+        sine = rate * self.wheelbase * slowness / (self._trucks * np.tan(self.rake))
         return xp.arcsin(xp.clip(sine, -np.sin(self.limit), np.sin(self.limit)))

@@ -14,6 +14,7 @@ import warp as wp
 from mjlab.managers.event_manager import RecomputeLevel
 
 from sim.board.scene import WHEELS
+from sim.skate import rotation
 from sim.skate.cycle.clock import CONTROL_PERIOD
 from sim.skate.mdp.actor_observation import FRAME_SIZE, PARTS
 from sim.skate.options import Variation
@@ -24,8 +25,12 @@ if TYPE_CHECKING:
 
 MEMORY = 3
 """Policy steps that delays reach over, the present one included."""
-LEVEL_SHARE = 0.5
-"""Share of the starts on level ground: a rider who cannot see the slope must not take every ground for one."""
+LEVEL_SHARE, DESCENT_SHARE = 0.4, 0.2
+"""Shares of the stretches of ground that are level and that are short ways down; the others are long slopes. A rider
+who hardly sees the slope must not take every ground for one."""
+LONG, SHORT = (5.0, 25.0), (0.4, 3.5)
+"""How long stretches of ground are: level ones and long slopes, short ways down [m]; the shortest is a ledge under a
+wheelbase."""
 KNOWN = 7
 """Numbers that tell the critic what world it is in."""
 _SENSORS = ("angular_velocity", "gravity", "joint_position", "joint_velocity")
@@ -80,6 +85,16 @@ class Worlds:
         """Mean relative deviation of the links' masses, (n,)."""
         self.slope = torch.zeros(n, 2, device=device)
         """Gradient of the ground along x and y [rad], uphill positive, (n, 2)."""
+        self._coming = torch.zeros_like(self.slope)
+        """The gradient that it goes over to within a wheelbase."""
+        self._remaining = torch.zeros(n, device=device)
+        """Length of the present stretch of ground that is left [m], (n,)."""
+        self._steepest = variation.slope * torch.tensor((1.0, 0.5), device=device)
+        self._board_q = model.joint("board/board_free_joint").qposadr[0]
+        self._board_v = model.joint("board/board_free_joint").dofadr[0]
+        self._wheelbase = float(
+            model.site("board/front_marker").pos[0] - model.site("board/rear_marker").pos[0]
+        )
         self._world = torch.arange(n, device=device)
         self._weight = float(np.linalg.norm(model.opt.gravity))
         gravity = wp.array(np.tile(model.opt.gravity, (n, 1)), dtype=wp.vec3, device=env.sim.wp_device)
@@ -116,13 +131,37 @@ class Worlds:
         sim.recompute_constants(RecomputeLevel.set_const)
 
     def draw_slope(self, ids: torch.Tensor) -> None:
-        """Give the ground of some worlds a new gradient."""
-        steepest = self.strength * self.variation.slope
-        drawn = steepest * (2 * torch.rand(len(ids), 2, device=self.slope.device) - 1)
-        drawn[:, 1] *= 0.5
-        level = torch.rand(len(ids), 1, device=self.slope.device) < LEVEL_SHARE
-        self.slope[ids] = torch.where(level, 0.0, drawn)
-        self._gravity[ids] = -self._weight * self.up()[ids]
+        """Put some worlds at the beginning of a new stretch of ground."""
+        gradient, length = self._stretch()
+        for kept, new in ((self.slope, gradient), (self._coming, gradient), (self._remaining, length)):
+            kept[ids] = new[ids]
+        self._gravity.copy_(-self._weight * self.up())
+
+    def roll_on(self) -> None:
+        """Let the ground change under boards that have rolled on for a policy step."""
+        velocity = self._env.sim.data.qvel[:, self._board_v : self._board_v + 2]
+        way = CONTROL_PERIOD * torch.nan_to_num(
+            velocity.norm(dim=-1)
+        )  # what has broken down is about to begin anew
+        self._remaining -= way
+        over, (gradient, length) = self._remaining < 0, self._stretch()
+        self._coming.copy_(torch.where(over[:, None], gradient, self._coming))
+        self._remaining.copy_(torch.where(over, length, self._remaining))
+        self.slope += (way / self._wheelbase).clamp(max=1.0)[:, None] * (self._coming - self.slope)
+        self._gravity.copy_(-self._weight * self.up())
+
+    def _stretch(self) -> tuple[torch.Tensor, torch.Tensor]:
+        """Draw gradient [rad], (n, 2), and length [m], (n,), of a stretch of ground for every world."""
+        n, device = len(self.slope), self.slope.device
+        chance, drawn = torch.rand(n, device=device), 2 * torch.rand(n, 2, device=device) - 1
+        level, descent = chance < LEVEL_SHARE, chance > 1 - DESCENT_SHARE
+        heading = rotation.yaw(self._env.sim.data.qpos[:, self._board_q + 3 : self._board_q + 7])
+        ahead = torch.nan_to_num(torch.stack((heading.cos(), heading.sin()), dim=-1))
+        slope = self._steepest * drawn
+        slope = torch.where(descent[:, None], -self.variation.descent * drawn[:, :1].abs() * ahead, slope)
+        low, high = (torch.where(descent, short, long) for short, long in zip(SHORT, LONG, strict=True))
+        length = low + (high - low) * torch.rand(n, device=device)
+        return torch.where(level[:, None], 0.0, self.strength * slope), length
 
     def up(self) -> torch.Tensor:
         """Return the vertical as a unit vector in the frame of the ground, (n, 3)."""
@@ -178,10 +217,19 @@ def worlds(env: "ManagerBasedRlEnv") -> Worlds | None:
 
 
 def draw_slope(env: "ManagerBasedRlEnv", env_ids: torch.Tensor | None) -> None:
-    """Give the ground a new gradient at a start."""
+    """Begin on a new stretch of ground."""
+    _there(env).draw_slope(torch.arange(env.num_envs, device=env.device) if env_ids is None else env_ids)
+
+
+def roll_on(env: "ManagerBasedRlEnv", env_ids: None) -> None:
+    """Go on over the ground, in every step."""
+    _there(env).roll_on()
+
+
+def _there(env: "ManagerBasedRlEnv") -> Worlds:
     there = worlds(env)
-    assert there is not None  # the task adds this event beside the worlds
-    there.draw_slope(torch.arange(env.num_envs, device=env.device) if env_ids is None else env_ids)
+    assert there is not None  # the task adds these events beside the worlds
+    return there
 
 
 def _bias_widths(variation: Variation) -> list[float]:

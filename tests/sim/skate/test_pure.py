@@ -86,18 +86,19 @@ def test_transitions_run_from_just_above_zero_to_one():
 def test_guidance_inverts_the_boards_turning():
     guidance = TiltGuidance(wheelbase=0.4, rake=np.pi / 3, limit=0.2)
     tilt = guidance.reference(np.array(0.1), np.array(0.5), np.array(1.3), np.array(1.0))
-    assert guidance.yaw_rate(tilt, 1.3) * 1.0 == pytest.approx(0.4)
+    assert guidance.yaw_rate(tilt, 1.3) * 1.0 == pytest.approx(0.4 * 1.3**2 / (1.3**2 + 0.3**2))
     paper = TiltGuidance(wheelbase=0.4, rake=np.pi / 3, limit=0.2, kinematics="single-truck")
     twice = paper.reference(np.array(0.1), np.array(0.5), np.array(1.3), np.array(1.0))
     assert np.sin(twice) == pytest.approx(2 * np.sin(tilt))
 
 
-def test_guidance_is_limited_at_rest_and_backwards():
+def test_guidance_asks_for_no_tilt_at_rest_and_for_the_other_tilt_backwards():
     guidance = TiltGuidance(wheelbase=0.4, rake=np.pi / 3, limit=0.2)
-    speeds = np.array([-1.0, 0.0, guidance.least_speed])
-    tilts = guidance.reference(np.zeros(3), np.full(3, 0.7), speeds, np.full(3, 2.0))
-    assert np.ptp(tilts) == 0  # the floor holds, and the sign does not flip
-    assert 0 < tilts[0] <= 0.2
+    speeds = np.array([-1.0, -0.01, 0.0, 0.01, 0.3, 1.0])
+    tilts = guidance.reference(np.zeros(6), np.full(6, 0.7), speeds, np.full(6, 2.0))
+    assert tilts[2] == 0
+    np.testing.assert_allclose(tilts[[0, 1]], -tilts[[5, 3]])
+    assert 0 < tilts[3] < 0.01 < tilts[5] < tilts[4] <= 0.2
     assert guidance.reference(np.array(3.0), np.array(-3.0), np.array(1.0), np.array(1.0)) > 0  # through π
 
 

@@ -71,6 +71,20 @@ def test_air_time_wants_a_swing(state, seconds, value):
     assert pushing.air_time(replace(state, left_air_time=np.array([seconds])))[0] == value
 
 
+@pytest.mark.parametrize(("speed", "on_ground", "value"), [(1.2, True, 1), (1.05, True, 0), (1.2, False, 0)])
+def test_the_foot_may_stay_down_to_brake(state, speed, on_ground, value):
+    ground = np.array([[on_ground, False]])
+    velocity, told = np.array([[speed, 0.0, 0.0]]), np.array([1.0])
+    braking = replace(state, foot_on_ground=ground, board_velocity=velocity, commanded_speed=told)
+    assert pushing.air_time(braking)[0] == value
+
+
+@pytest.mark.parametrize(("speed", "error"), [(1.4, 0.4), (0.7, 0.3), (3.9, 2.0)])
+def test_speed_error_grows_evenly_up_to_a_limit(state, speed, error):
+    moving = replace(state, board_velocity=np.array([[speed, 0.0, 0.0]]), commanded_speed=np.array([1.0]))
+    assert pushing.speed_error(moving)[0] == pytest.approx(error)
+
+
 def test_flat_push_needs_ground_and_a_flat_sole(state):
     down = replace(state, foot_on_ground=np.array([[True, False]]))
     assert pushing.flat_push(down)[0] == 1

@@ -15,14 +15,25 @@ def board_velocity(state: SkateState, tolerance: float = 0.25) -> Any:
     return kernel(forward**2 + velocity[..., 1] ** 2 + velocity[..., 2] ** 2, tolerance)
 
 
+def speed_error(state: SkateState, most: float = 2.0) -> Any:
+    """How far the board's speed is from what was told [m/s], up to `most`: it pays to brake however fast one is."""
+    xp = namespace(state.tilt)
+    return xp.clip(xp.abs(state.board_velocity[..., 0] - state.commanded_speed), None, most)
+
+
 def facing_forward(state: SkateState, tolerance: float = 0.5) -> Any:
     """The robot faces where the board points; `tolerance` [rad]."""
     return kernel(namespace(state.tilt).abs(wrap_angle(state.robot_heading - state.board_heading)), tolerance)
 
 
-def air_time(state: SkateState, shortest: float = 0.1, longest: float = 0.5) -> Any:
-    """The pushing foot swings, neither tapping nor resting: its time in the air is in between [s]."""
-    return number((state.left_air_time > shortest) & (state.left_air_time < longest))
+def air_time(state: SkateState, shortest: float = 0.1, longest: float = 0.5, too_fast: float = 0.1) -> Any:
+    """The pushing foot swings, neither tapping nor resting: its time in the air is in between [s].
+
+    It may stay on the ground to brake, where the board is faster than told by more than `too_fast` [m/s].
+    """
+    swings = (state.left_air_time > shortest) & (state.left_air_time < longest)
+    brakes = state.board_velocity[..., 0] > state.commanded_speed + too_fast
+    return number(swings | (brakes & state.foot_on_ground[..., 0]))
 
 
 def flat_push(state: SkateState, tolerance: float = 5e-4) -> Any:
@@ -44,6 +55,7 @@ def _terms(task: Task) -> Iterator[Reward]:
     )
     # The wide kernel leads there from rest, the narrow one pays for the last 0.2 m/s.
     yield Reward("push/exact_velocity", board_velocity, "push", 3.0, {"tolerance": 0.02})
+    yield Reward("push/speed_error", speed_error, "push", -4.0)
     yield Reward("push/facing_forward", facing_forward, "push", 2.0)
     yield Reward("push/left_foot", left_foot_on_deck, "push", -12.0)
     yield Reward("push/air_time", air_time, "push", 3.0)
