@@ -171,11 +171,12 @@ def _let_go(signal: SmoothedSignal, spans: Sequence[Span], period: float) -> lis
     Who pushes one deck has pushed the others, seen or not.
     """
     seen = [_pull_sets_in(signal, span, period) for span in spans]
-    moved = [min(share, SURELY) for _, share in filter(None, seen)]
-    pushed = bool(moved) and float(np.mean(moved)) > 1
-    late = [one[0] - span.begin for one, span in zip(seen, spans, strict=True) if one]
+    known = [min(one[1], SURELY) for one in seen if one]
+    least = 1.0 if known and np.mean(known) > 1 else SURELY
+    late = [one[0] - span.begin for one, span in zip(seen, spans, strict=True) if one and one[1] > 1]
+    usual = max(late) if least == 1 else 0.0
     return [
-        one[0] if one and (pushed or one[1] > SURELY) else span.begin + (max(late) if pushed else 0.0)
+        one[0] if one and one[1] > least else span.begin + usual
         for one, span in zip(seen, spans, strict=True)
     ]
 
