@@ -2,7 +2,8 @@
 
     python benchmarks/skate_throughput.py --device cuda --environments 4096 16384 [--iterations 10 5]
 
-Random actions of the policy's first size, no learning; the second half of the steps is timed.
+Each as it is trained: mjlab's own environment, and ours that steps in CUDA graphs. Random actions of the policy's
+first size, no learning; the second half of the steps is timed.
 """
 
 import argparse
@@ -16,6 +17,7 @@ from pathlib import Path
 import torch
 from mjlab.envs import ManagerBasedRlEnv
 
+from policy_runtime.learning.fused_rewards import SkateEnv
 from sim.skate.options import SkateOptions
 from sim.skate.task import skate_env_cfg
 from sim.skate.world.scene import ITERATIONS
@@ -30,9 +32,9 @@ def stock_cfg(environments):
     return cfg
 
 
-def measure(cfg, device, steps):
+def measure(make, cfg, device, steps):
     with contextlib.redirect_stdout(sys.stderr):
-        env = ManagerBasedRlEnv(cfg, device=device)
+        env = make(cfg, device=device)
     env.reset()
     actions = env.action_manager.total_action_dim
     for step in range(2 * steps):
@@ -74,14 +76,15 @@ def main():
         for task in arguments.tasks:
             for iterations in arguments.iterations if task == "skate" else [None]:
                 if iterations is None:
-                    cfg = stock_cfg(environments)
+                    make, cfg = ManagerBasedRlEnv, stock_cfg(environments)
                 else:
+                    make = SkateEnv
                     cfg = skate_env_cfg(board, SkateOptions(), environments=environments, seed=1)
                     cfg.sim.mujoco = dataclasses.replace(
                         cfg.sim.mujoco, jacobian=arguments.jacobian, iterations=iterations
                     )
                 result = {"task": task, "jacobian": arguments.jacobian, "iterations": iterations}
-                print(json.dumps(result | measure(cfg, arguments.device, arguments.steps)), flush=True)
+                print(json.dumps(result | measure(make, cfg, arguments.device, arguments.steps)), flush=True)
 
 
 if __name__ == "__main__":
