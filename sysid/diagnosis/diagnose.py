@@ -18,6 +18,7 @@ from sysid.diagnosis.experiment import deciding
 from sysid.diagnosis.importance import Importance, importance
 from sysid.diagnosis.judgement import (
     CALIBRATION,
+    CLOSE,
     EXPLAINED,
     MATERIAL,
     PRICE,
@@ -62,8 +63,6 @@ from sysid.text import WIDTH
 if TYPE_CHECKING:
     import pandas as pd
 
-CLOSE = 0.05
-"""The same, up to which a model is a description of the motion, whatever share it explains."""
 FINALISTS = 6
 """How many of the best sets of families, of single effects and of pairs, are predicted."""
 RIVALS = 4
