@@ -75,8 +75,9 @@ def learn(
     if found.formula is None:
         return None
     text = f"Learned from tilt and rate, it {found.formula.text}"
+    says_it = found.formula.good or found.formula.error < REACHED * found.noise.std
     return Learned(
         error_after=found.rmse, heldout_rmse=found.heldout_rmse, text=text,
-        formula=tuple(shape.name for shape in found.formula.shapes) if found.formula.good else (),
-        known=bool(found.formula.effects),
+        formula=tuple(shape.name for shape in found.formula.shapes) if says_it else (),
+        known=found.formula.is_known,
     )  # fmt: skip

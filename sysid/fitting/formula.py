@@ -31,6 +31,8 @@ GOOD = 1.02
 """Error of a formula over that of the tables up to which it is as good."""
 HALF = 0.5
 """Share of what was learned up to which the nearest formula is no word for it."""
+ALIKE = 1.1
+"""Ratio of two bumpers' angles up to which they are one stop: each is found to a few percent."""
 CANDIDATES = 5
 """How many of the nearest shapes are fitted."""
 
@@ -187,6 +189,16 @@ class Formula:
         }
         names = tuple(laws.get(shape.text, "") for shape in self.shapes)
         return names if all(names) else ()
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the catalogue has its law: by its terms, or as a stop, on one side or alike on both."""
+        bumpers = [
+            w for shape, w in zip(self.shapes, self.widths, strict=True) if shape.name.endswith("bumper")
+        ]
+        if len(bumpers) == len(self.shapes):
+            return max(bumpers) < ALIKE * min(bumpers)
+        return bool(self.effects)
 
 
 def own_effect(formula: Formula) -> tuple[str, str]:
