@@ -135,6 +135,8 @@ class State:
     sensor's gets the absolute roll for the tilt."""
     size: Callable[[Scales], float]
     """Its typical size, for scaling when it is fitted."""
+    most: float = 10.0
+    """How far from zero the motion before a release can have brought it, in units of `size`."""
     rate: Callable[[Algebra, JointState, Sequence[Value], Values], Value] | None = None
     """`rate(m, motion, states, parameters)`: its time derivative, from all states of its effect."""
     late_release: Callable[[Algebra, Value, Value, Value, Values], Value] | None = None
