@@ -11,15 +11,8 @@ import numpy as np
 
 from sysid.diagnosis.search import COARSE, Candidate, Search, completed, inherited
 from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import (
-    JointState,
-    MujocoSupport,
-    Parameter,
-    Scales,
-    State,
-    TorqueEffect,
-    belongs_to_log,
-)
+from sysid.effects._base import JointState, Parameter, Scales, TorqueEffect
+from sysid.effects._unlisted import CLOCK, from_zero, unlisted
 from sysid.fitting.problem import Problem
 from sysid.joint.structure import Structure
 from sysid.least_squares import Minimum, minimise
@@ -29,47 +22,25 @@ Shape = Callable[[Algebra, Value, Value, Value], Value]
 """Of the algebra, tilt and rate over their largest, and time over the longest release."""
 
 
-def _effect(
-    torque: Callable[[Algebra, JointState, Values, Sequence[Value]], Value],
-    parameters: Sequence[Parameter],
-    states: Sequence[State] = (),
-) -> TorqueEffect:
-    return TorqueEffect(
-        name="surrogate", title="a law outside the catalogue", family="hardening", parameters=tuple(parameters), law="",
-        source="", does="", look_alikes=(), experiment="", mujoco=MujocoSupport(means="", since="", warp=False),
-        to_mjcf=belongs_to_log, example=(), torque=torque, states=tuple(states),
-    )  # fmt: skip
-
-
-def _from_zero(name: str, size: Callable[[Scales], float], rate: float) -> State:
-    return State(
-        name=name, size=size, start=lambda m, tilt, hold, stiffness, parameters: 0.0 * tilt,
-        rate=lambda m, motion, states, parameters: rate,
-    )  # fmt: skip
-
-
-_CLOCK = _from_zero("time", lambda s: s.duration, 1.0)
-
-
 def _wave(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     return parameters["strength"] * m.sin(parameters["frequency"] * states[0])
 
 
-WAVE = _effect(
-    _wave,
+WAVE = unlisted(
+    "surrogate", _wave,
     (
         Parameter(name="strength", unit="N*m", size=lambda s: 0.1 * s.torque, low=0.0, high=30.0),
         Parameter(name="frequency", unit="rad/s", size=lambda s: s.frequency, low=0.05, high=8.0, neutral=None),
     ),
-    (_CLOCK,),
+    (CLOCK,),
 )  # fmt: skip
 """A torque that follows a clock of its own, which each release may meet at any time."""
-_STIFFNESS = _from_zero("stiffness", lambda s: 0.3 * s.stiffness, 0.0)
-_DAMPING = _from_zero("damping", lambda s: 0.3 * s.stiffness / s.frequency, 0.0)
+_STIFFNESS = from_zero("stiffness", lambda s: 0.3 * s.stiffness, 0.0)
+_DAMPING = from_zero("damping", lambda s: 0.3 * s.stiffness / s.frequency, 0.0)
 CHANGED = (
-    _effect(lambda m, motion, parameters, states: -states[0] * motion.tilt, (), (_STIFFNESS,)),
-    _effect(
-        lambda m, motion, parameters, states: -states[0] * motion.tilt - states[1] * motion.rate,
+    unlisted("surrogate", lambda m, motion, parameters, states: -states[0] * motion.tilt, (), (_STIFFNESS,)),
+    unlisted(
+        "surrogate", lambda m, motion, parameters, states: -states[0] * motion.tilt - states[1] * motion.rate,
         (), (_STIFFNESS, _DAMPING),
     ),
 )  # fmt: skip
@@ -248,4 +219,4 @@ def _sum_of(terms: Sequence[Shape], scales: Scales) -> TorqueEffect:
         Parameter(name=f"strength_{i}", unit="N*m", size=lambda s: 0.3 * s.torque, low=-10.0, high=10.0, starts=(0.0,))
         for i in range(len(terms))
     ]  # fmt: skip
-    return _effect(torque, strengths, (_CLOCK,) if len(terms) > 1 else ())
+    return unlisted("surrogate", torque, strengths, (CLOCK,) if len(terms) > 1 else ())

@@ -14,7 +14,8 @@ import numpy as np
 
 from sysid.effects import catalogue, effect_file
 from sysid.effects._algebra import NUMPY, Algebra, Value, Values
-from sysid.effects._base import JointState, MujocoSupport, Parameter, Scales, TorqueEffect, belongs_to_log
+from sysid.effects._base import JointState, Parameter, Scales, TorqueEffect
+from sysid.effects._unlisted import unlisted
 from sysid.effects.learned import tabulated
 from sysid.fitting.cross_validation import rms
 from sysid.fitting.learned_torque import learned_torque, tables_of
@@ -383,11 +384,7 @@ def effect_of(shapes: Sequence[Shape]) -> TorqueEffect:
                 name=f"width_{i}", unit="rad", size=lambda s: s.amplitude, low=0.005, high=3.0, neutral=None
             ),
         ]
-    return TorqueEffect(
-        name=_NAME, title="a formula", family="learned", parameters=tuple(parameters), law="", source="", does="",
-        look_alikes=(), experiment="", mujoco=MujocoSupport(means="", since="", warp=False), to_mjcf=belongs_to_log,
-        example=(), torque=torque,
-    )  # fmt: skip
+    return unlisted(_NAME, torque, parameters)
 
 
 def _rest(columns: Sequence[tuple[Shape, float, Array]], left: Array) -> float:
