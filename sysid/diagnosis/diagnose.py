@@ -468,6 +468,10 @@ def _missing(
     ).strip()
     if sets:
         text += f" These data cannot tell it from {'; or '.join(listed(s) for s in sets)}."
+    unmet = [s for s in tried.near(chosen) if s.model.shape and s.extra <= chosen.extra]
+    if unmet:
+        best = max(unmet, key=lambda s: s.score)
+        text += f" Outside the catalogue, {in_words(best.model)} would do as well."
     if tried.base in tried.near(chosen):
         text += " The evidence is thin: the model without it is nearly as likely."
     text += "".join(f" Beside it, {hint.text}" for hint in hints)
