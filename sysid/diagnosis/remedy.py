@@ -35,13 +35,8 @@ class Learned:
             named: Error of what is named [rad or rad/s].
             floor: Noise [rad or rad/s].
         """
-        reaches = self.error_after < REACHED * floor
-        return (
-            bool(self.formula)
-            and not self.known
-            and reaches
-            and named > REACHED * max(floor, self.error_after)
-        )
+        unknown = bool(self.formula) and not self.known
+        return unknown and self.error_after < REACHED * floor < named and self.error_after < named / REACHED
 
     def to_json(self, per: float = 1.0) -> dict[str, Any]:
         """Return it for JSON; `per` turns its errors into angles."""
