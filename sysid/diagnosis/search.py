@@ -106,14 +106,15 @@ class Candidate:
 
     @property
     def at_edge(self) -> bool:
-        """Whether an effect ended at the bound that keeps it from being any weak bend: another law is asked for."""
-        low = dict(zip(self.problem.names, self.problem.bounds()[0], strict=False))
-        kept = (
-            f"{part.name}.{p.name}" for part in self.problem.structure.parts for p in part.parameters
-            if p.neutral is not None and p.low > p.neutral
-        )  # fmt: skip
+        """Whether an effect ended where it is nothing of its own, a stop as a weak bend or an arm that never relaxes: another law is asked for.
+
+        A share may be anything from none to all.
+        """
         point = dict(zip(self.problem.names, self.minimum.point, strict=False))
-        return any(point[name] <= 1.001 * low[name] for name in kept if name in point)
+        return any(
+            p.edged(point[f"{part.name}.{p.name}"])
+            for part in self.problem.structure.parts for p in part.parameters if f"{part.name}.{p.name}" in point
+        )  # fmt: skip
 
     @property
     def parameters(self) -> Mapping[str, float]:

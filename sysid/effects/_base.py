@@ -119,6 +119,12 @@ class Parameter:
     held: bool = False
     """Whether it is known from elsewhere: a fit holds it at the record's value, unless the user bounds it."""
 
+    def edged(self, value: float) -> bool:
+        """Return whether a value, in units of `size`, is at an end of the range in which the effect is one; a share may be at its ends."""
+        if self.unit in ("", "1") or (self.neutral is not None and self.low <= self.neutral):
+            return False
+        return value <= 1.001 * self.low or (self.neutral is None and value >= 0.999 * self.high)
+
     def bounds(self, scales: Scales) -> tuple[float, float]:
         """Return the bounds in `unit`."""
         size = self.size(scales)
