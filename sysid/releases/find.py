@@ -12,7 +12,14 @@ from typing import Literal
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.releases.chains import SHARE_OF_HALF, Segment, free_segments, given_segment, segments_after_hands
+from sysid.releases.chains import (
+    SHARE_OF_HALF,
+    Segment,
+    free_segments,
+    given_segment,
+    rest_angle,
+    segments_after_hands,
+)
 from sysid.releases.extrema import HalfCycle, SmoothedSignal, crossing_time, half_cycles_of, smooth_signal
 from sysid.releases.hand import Span, free_spans
 from sysid.roll import Release, Roll
@@ -208,9 +215,13 @@ def _last_swing_is_cut(signal: SmoothedSignal, segment: Segment) -> bool:
     room = 3.0 * signal.noise + 0.05 * sizes[0]
     if len(lost) < 3:
         return segment.settles and sizes[-1] > 0.25 * sizes[0] + room
-    # Dry friction that takes 2 F/k off each swing can hold the deck up to F/k beside the middle.
-    held = 3.0 * signal.noise + 0.02 * sizes[0] + float(np.median(lost[:-1]))
-    return lost[-1] > 1.6 * max(lost[:-1]) + room or (segment.settles and sizes[-1] > held)
+    # Dry friction that takes 2 F/k off each swing can hold the deck up to F/k beside the middle of the last of them.
+    middle = rest_angle(segment.swings[-4:-1])
+    turns = [abs(swing.target - middle) for swing in segment.swings[-4:]]
+    held = (
+        3.0 * signal.noise + 0.01 * sizes[0] + 0.65 * max(one - other for one, other in pairwise(turns[:-1]))
+    )
+    return lost[-1] > 1.6 * max(lost[:-1]) + room or (segment.settles and turns[-1] > held)
 
 
 def _followed(signal: SmoothedSignal, segment: Segment, turn: int) -> float:
