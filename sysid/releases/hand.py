@@ -143,8 +143,9 @@ def free_spans(signal: SmoothedSignal, spans: Sequence[Span], period: float) -> 
     cuts = [slice(*np.searchsorted(time, (s.begin, s.end + BEFORE_NEXT * period))) for s in spans]
     begins = _let_go(signal, spans, period)
     starts = [span.begin + PUSH * period for span in spans]
-    ends = [span.end for span in spans]
+    found = [span.end for span in spans]
     for width in WIDTHS:
+        ends = [span.end for span in spans]
         backward = [
             _windows(-time[c][::-1], roll[c][::-1] - s.rest, period, width)
             for c, s in zip(cuts, spans, strict=True)
@@ -158,11 +159,13 @@ def free_spans(signal: SmoothedSignal, spans: Sequence[Span], period: float) -> 
                 for i, (w, (_, b)) in enumerate(zip(backward, known, strict=True))
             ]
             ends = [s.end if t is None else min(s.end, -t) for s, t in zip(spans, hands, strict=True)]
+        if law is None:
+            continue
+        found = ends
         free = [np.abs(w.acceleration[w.inside(-b, -a)]) for w, (a, b) in zip(backward, known, strict=True)]
-        torque = float(np.concatenate(free).max(initial=0.0))
-        if law is not None and law.noise < CLEAR * torque:
+        if law.noise < CLEAR * np.concatenate(free).max(initial=0.0):
             break
-    return [Span(a, max(a, b), s.rest, s.level) for s, a, b in zip(spans, begins, ends, strict=True)]
+    return [Span(a, max(a, b), s.rest, s.level) for s, a, b in zip(spans, begins, found, strict=True)]
 
 
 def _let_go(signal: SmoothedSignal, spans: Sequence[Span], period: float) -> list[float]:
