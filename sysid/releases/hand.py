@@ -150,7 +150,7 @@ def free_spans(signal: SmoothedSignal, spans: Sequence[Span], period: float) -> 
             _windows(-time[c][::-1], roll[c][::-1] - s.rest, period, width)
             for c, s in zip(cuts, spans, strict=True)
         ]
-        law: _Law | None = None
+        law, known = None, list[tuple[float, float]]()
         for reach in LEARNED:
             known = [(a, min(b, a + reach * period)) for a, b in zip(starts, ends, strict=True)]
             law = _learned(backward, [(-b, -a) for a, b in known])
