@@ -33,7 +33,7 @@ WIDTHS = (0.75, 1.5)
 """Of φ, in periods: the wider one where the noise is over `CLEAR` of the torque under the other."""
 BUMPS = (0.25, 0.35, 0.5)
 """Widths of the bump, in periods: the first under which the median noise is below `DIM` of the largest pull."""
-DIM = 0.08
+DIM = 0.12
 NEARLY = 0.7
 """Share of its way to rest after which nobody pushes a deck."""
 RISEN = 0.7
@@ -220,8 +220,10 @@ def _pull_sets_in(signal: SmoothedSignal, span: Span, period: float) -> tuple[fl
     gone = float(time[first]) + (i + rise + (count + 1) / 2) * step
     # Let go from rest, a pull has risen so far a tenth of the bump's width later, or between two samples.
     late = 0.1 * (count + 1) * step + 0.5 * step
-    most = MOVED + 0.5 * (2 * np.pi * late / period) ** 2 + 4.5 * float(np.median(np.abs(way[first:held])))
-    return gone + MARGIN * period, float(np.interp(gone, time, way)) / most
+    level = float(np.median(way[first:held]))
+    trembles = 4.5 * float(np.median(np.abs(way[first:held] - level)))
+    most = MOVED + 0.5 * (2 * np.pi * late / period) ** 2 + trembles
+    return gone + MARGIN * period, (float(np.interp(gone, time, way)) - level) / most
 
 
 def _windows(time: Array, roll: Array, period: float, width: float) -> _Windows:
