@@ -145,7 +145,7 @@ def free_spans(signal: SmoothedSignal, spans: Sequence[Span], period: float) -> 
     starts = [span.begin + PUSH * period for span in spans]
     found = [span.end for span in spans]
     for width in WIDTHS:
-        ends = [span.end for span in spans]
+        ends = found
         backward = [
             _windows(-time[c][::-1], roll[c][::-1] - s.rest, period, width)
             for c, s in zip(cuts, spans, strict=True)
