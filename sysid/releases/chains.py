@@ -6,7 +6,6 @@ at another pace, or makes swings that grow.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -183,7 +182,7 @@ def _segment(signal: SmoothedSignal, swings: list[HalfCycle], begin: int, finish
         chosen = chosen[1:]
     if len(chosen) == 1 and not chosen[0].to_plateau:
         return None
-    rest = rest_angle(chosen)
+    rest = _rest_angle(chosen)
     # A slow turning point looks like a stay, and close to rest the noise makes a swing grow: neither ends it.
     while finish < len(swings):
         swing = swings[finish]
@@ -203,7 +202,7 @@ def _segment(signal: SmoothedSignal, swings: list[HalfCycle], begin: int, finish
     return Segment(tuple(chosen), rest, settles, after)
 
 
-def rest_angle(swings: Sequence[HalfCycle]) -> float:
+def _rest_angle(swings: list[HalfCycle]) -> float:
     """Return the angle about which the turning points of a segment converge [rad].
 
     Three successive ones of a linear decay give it exactly, (a c - b²) / (a + c - 2 b) (Aitken); the

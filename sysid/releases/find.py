@@ -12,14 +12,7 @@ from typing import Literal
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.releases.chains import (
-    SHARE_OF_HALF,
-    Segment,
-    free_segments,
-    given_segment,
-    rest_angle,
-    segments_after_hands,
-)
+from sysid.releases.chains import SHARE_OF_HALF, Segment, free_segments, given_segment, segments_after_hands
 from sysid.releases.extrema import HalfCycle, SmoothedSignal, crossing_time, half_cycles_of, smooth_signal
 from sysid.releases.hand import Span, free_spans
 from sysid.roll import Release, Roll
@@ -212,11 +205,12 @@ def _last_swing_is_cut(signal: SmoothedSignal, segment: Segment) -> bool:
     if len(segment.swings) < 3:
         return len(sizes) > 2 and segment.settles and sizes[-1] > 0.3 * sizes[0] + still
     # Dry friction that takes 2 F/k off each swing can hold the deck up to F/k beside the middle of the last of them.
-    middle = rest_angle(segment.swings[-4:-1])
-    turns = [abs(swing.target - middle) for swing in segment.swings[-4:]]
-    *before, last = (one - other for one, other in pairwise(turns))
-    held = segment.settles and turns[-1] > 0.65 * max(before) + still + 0.01 * sizes[0]
-    return held or last > 1.6 * max(before) + signal.min_movement
+    turns = np.array([swing.target for swing in segment.swings[-4:]])
+    middle = float(np.mean(turns[-3:-1] + turns[-4:-2]) / 2) if len(turns) == 4 else segment.rest
+    *before, last = -np.diff(np.abs(turns - middle))
+    usual = max(0.0, *before)
+    held = segment.settles and abs(turns[-1] - middle) > 0.65 * usual + still + 0.01 * sizes[0]
+    return held or last > 1.6 * usual + signal.min_movement
 
 
 def _followed(signal: SmoothedSignal, segment: Segment, turn: int) -> float:
