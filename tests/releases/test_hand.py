@@ -176,7 +176,7 @@ def test_what_swings_after_a_hand_is_a_decay_of_its_own():
     assert -0.6 < (found[0].time[-1] - caught) / PERIOD < 0.05
 
 
-@pytest.mark.parametrize("share", [0.05, 0.1])
+@pytest.mark.parametrize("share", [0.05, 0.08])
 def test_a_decay_that_fades_and_swells_again_by_itself_is_one(share):
     """A body of the deck's own frequency hangs on it: it takes the swing, and gives it back."""
 
