@@ -110,8 +110,9 @@ def follow_board(reel: Reel) -> Followed:
             break
     if not usable:
         raise SysidError(f"{reel.clip.path}: {'; '.join(failed)}. {ADVICE}")
-    missed += [f"{one.target.what} does not turn" for one in usable if not one.turns]
-    best = _best([one for one in usable if one.turns] or usable)
+    if turning := [one for one in usable if one.turns]:
+        missed += [f"{one.target.what} does not turn" for one in usable if not one.turns]
+    best = _best(turning or usable)
     best = replace(best, target=replace(best.target, why="; ".join([best.target.why, *missed])))
     return _to_the_end(scene, best)
 
