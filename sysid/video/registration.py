@@ -7,7 +7,7 @@ numbers of an affine motion (Lucas and Kanade, 1981; the gradients are the mean'
 weights that ignore hands and shine. Four points of the board at these places stand for it from then on.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -29,7 +29,7 @@ ATTITUDE_STEP = np.radians(1.0)
 """Turns this far apart are different attitudes [rad]: the outermost pixels are a pixel or two apart."""
 AGREEMENT = 0.5
 """Spread of a pixel in pictures turned back, over its spread as filmed, up to which it is the board's."""
-MIN_PIXELS, MAX_PIXELS = 400, 6000
+MIN_PIXELS, MAX_PIXELS = 400, 3000
 """Fewer pixels are no body; of more, those where brightness changes most are used."""
 MIN_SPREAD = 4.0
 """Least standard deviation of the body's pixels about their middle, across its narrow side [px]."""
@@ -37,6 +37,8 @@ MIN_PICTURES, MIN_TURN = 5, np.radians(1.0)
 """Pictures, and turn among them [rad], that tell the body from the rest."""
 MAX_PICTURES = 40
 """Pictures that are averaged at most, evenly spread: most of them at rest, where compression leaves the least out."""
+MIDDLE_GREY = np.float32(128.0)
+"""About which brightness is squared, so that single precision does [grey levels]."""
 MAX_ROUNDS, CONVERGED = 5, 0.02
 """Rounds at most, and by how little the points move in the last one [px]: each takes away most of what is left."""
 MAX_CORRECTION = 4.0
@@ -160,16 +162,12 @@ def pose_between(home: Points, points: Points) -> Array | None:
 
 def _mean_of(home: Points, cutout: Cutout, pictures: list[Image], poses: list[Array]) -> BodyPicture | None:
     """Turn cutouts back by their poses, shape (3, 3) each, and average them where they agree."""
-    back = np.stack([_turned_back(picture, pose) for picture, pose in zip(pictures, poses, strict=True)])
     # A film keeps what stands still as it is, its noise as well: many pictures of one attitude count as one.
     turn = np.round(np.array([np.arctan2(pose[1, 0], pose[0, 0]) for pose in poses]) / ATTITUDE_STEP)
     _, same, count = np.unique(turn, return_inverse=True, return_counts=True)
-    share = (1 / count[same]).astype(np.float32)
-    means = [np.average(each, axis=0, weights=share) for each in (back, np.stack(pictures))]
-    spread, usual = (
-        cv2.GaussianBlur(np.sqrt(np.average((each - mean) ** 2, axis=0, weights=share)), (0, 0), 2.0)
-        for each, mean in zip((back, np.stack(pictures)), means, strict=True)
-    )
+    share = 1 / (count[same] * len(count))
+    mean, spread = _mean_and_spread(map(_turned_back, pictures, poses), share)
+    _, usual = _mean_and_spread(pictures, share)
     agree = cv2.morphologyEx(
         (spread < AGREEMENT * usual).astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8)
     )
@@ -177,7 +175,6 @@ def _mean_of(home: Points, cutout: Cutout, pictures: list[Image], poses: list[Ar
     mask[:3], mask[-3:], mask[:, :3], mask[:, -3:] = False, False, False, False
     if mask.sum() < MIN_PIXELS:
         return None
-    mean = np.asarray(means[0], np.float32)
     slope = np.stack([cv2.Scharr(mean, cv2.CV_32F, *axis)[mask] / 32 for axis in ((1, 0), (0, 1))], axis=1)
     most = np.argsort(-(slope**2).sum(axis=1))[:MAX_PIXELS]
     slope, bright, places = slope[most], mean[mask][most], np.argwhere(mask)[most, ::-1].astype(np.float64)
@@ -202,6 +199,16 @@ def _mean_of(home: Points, cutout: Cutout, pictures: list[Image], poses: list[Ar
     ]
     slopes = np.asarray(np.stack(columns, axis=1), np.float32)
     return BodyPicture(home, cutout, places, bright, corners, unit, slopes)
+
+
+def _mean_and_spread(pictures: Iterable[Image], share: Array) -> tuple[Image, Image]:
+    """Return the mean of pictures (h, w) with weights (n,), and their smoothed standard deviation [grey levels]."""
+    sums = [np.float32(0.0), np.float32(0.0)]
+    for picture, weight in zip(pictures, share.astype(np.float32), strict=True):
+        some = weight * (picture - MIDDLE_GREY)
+        sums = [sums[0] + some, sums[1] + some * (picture - MIDDLE_GREY)]
+    variance = np.maximum(sums[1] - sums[0] ** 2, 0)
+    return sums[0] + MIDDLE_GREY, np.asarray(cv2.GaussianBlur(np.sqrt(variance), (0, 0), 2.0), np.float32)
 
 
 def _turned_back(picture: Image, pose: Array) -> Image:

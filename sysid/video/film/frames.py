@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from queue import Full, Queue
 from threading import Event, Thread
@@ -50,6 +50,11 @@ class Frame:
         left, top = self.corner
         part, (across, down) = crop(self.picture, (box[0] - left, box[1] - top, box[2] - left, box[3] - top))
         return part, (left + across, top + down)
+
+    def dark(self, box: Box | None = None) -> "Frame":
+        """Return the frame in grey, or a box [px] of it."""
+        part, corner = self.part(box or self.box)
+        return replace(self, picture=grey(part), corner=corner)
 
 
 @dataclass(frozen=True, slots=True)
