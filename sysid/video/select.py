@@ -194,7 +194,8 @@ def _solve_whole(led: Followed, view: View, matrix: Array, before: CameraState) 
     found = fit_angle(view, matrix, camera, BodyPrior(floor=BODY_FLOOR, dead_zone=DEAD_ZONE))
     theirs = points.std if points.own is None else points.own
     own = found.std if found.own is None else found.own
-    std = np.sqrt(own**2 + np.maximum(points.std**2 - theirs**2, 0))
+    common = np.maximum(points.std**2 - theirs**2, 0)
+    std = np.sqrt(own**2 + np.where(np.isfinite(common), common, np.nanmax(common)))
     # Where the body is not made out, for a hand before it say, the points may be.
     whole = np.isfinite(found.angle)
     return replace(
