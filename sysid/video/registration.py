@@ -27,7 +27,7 @@ BLUR = 0.8
 """Standard deviation of the smoothing before gradients are taken [px]."""
 ATTITUDE_STEP = np.radians(1.0)
 """Turns this far apart are different attitudes [rad]: the outermost pixels are a pixel or two apart."""
-AGREEMENT = 0.5
+AGREEMENT = 0.3
 """Spread of a pixel in pictures turned back, over its spread as filmed, up to which it is the board's."""
 MIN_PIXELS, MAX_PIXELS = 400, 3000
 """Fewer pixels are no body; of more, those where brightness changes most are used."""
@@ -208,7 +208,8 @@ def _mean_and_spread(pictures: Iterable[Image], share: Array) -> tuple[Image, Im
         some = weight * (picture - MIDDLE_GREY)
         sums = [sums[0] + some, sums[1] + some * (picture - MIDDLE_GREY)]
     variance = np.maximum(sums[1] - sums[0] ** 2, 0)
-    return sums[0] + MIDDLE_GREY, np.asarray(cv2.GaussianBlur(np.sqrt(variance), (0, 0), 2.0), np.float32)
+    spread = cv2.GaussianBlur(np.sqrt(variance), (0, 0), 2.0)
+    return np.asarray(sums[0] + MIDDLE_GREY, np.float32), np.asarray(spread, np.float32)
 
 
 def _turned_back(picture: Image, pose: Array) -> Image:
