@@ -17,6 +17,7 @@ import numpy.typing as npt
 from sysid.roll import Array
 from sysid.video.film.frames import Frame, grey
 from sysid.video.film.track import Track
+from sysid.video.pose.rigid_group import similarities
 from sysid.video.types import Box, Points
 
 Image = npt.NDArray[np.float32]
@@ -145,18 +146,11 @@ def _inside(cutout: Cutout, pose: Array | None) -> Array | None:
 
 def pose_between(home: Points, points: Points) -> Array | None:
     """Return the similarity, shape (3, 3), from points (N, 2) [px] to others; None with fewer than two."""
-    one, other = (places.astype(np.float64) @ np.array([1, 1j]) for places in (home, points))
+    one, other = (np.asarray(places[:, 0] + 1j * places[:, 1], np.complex128) for places in (home, points))
     both = np.isfinite(one) & np.isfinite(other)
     if both.sum() < 2:
         return None
-    weight = both.astype(np.float64)
-    one, other = np.where(both, one, 0), np.where(both, other, 0)
-    turn, shift = 1 + 0j, 0j
-    for _ in range(4):  # many points hold a few that slip
-        a, b = np.average(one, weights=weight), np.average(other, weights=weight)
-        turn = np.vdot(weight * (one - a), other - b) / max(float(weight @ np.abs(one - a) ** 2), 1e-9)
-        shift = b - turn * a
-        weight = both / (1 + (np.abs(other - turn * one - shift) / 1.0) ** 2)
+    (turn,), (shift,) = similarities(one, other[None], both[None])
     return np.array([[turn.real, -turn.imag, shift.real], [turn.imag, turn.real, shift.imag], [0, 0, 1.0]])
 
 

@@ -19,7 +19,7 @@ from sysid.video.film.track import Track
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.camera_state import CameraState
 from sysid.video.pose.prior import BodyPrior
-from sysid.video.pose.rigid_group import rigid_group
+from sysid.video.pose.rigid_group import rigid_group, similarities
 from sysid.video.pose.view import View
 from sysid.video.trackers._base import DEAD_ZONE, Scene, Target, Tracker
 from sysid.video.types import Complex, Mask, Picture
@@ -191,16 +191,13 @@ def _rigid(home: Complex, seen: Complex, good: Mask) -> tuple[Complex, Mask]:
     if found is None or not 0.8 < float(np.hypot(found[0, 0], found[1, 0])) < 1.25:
         return pose, best
     best[np.flatnonzero(good)[agree.ravel() > 0]] = True
-    for _ in range(3):
-        if best.sum() < 3:
-            return pose, best
-        a, b = home[best].mean(), seen[best].mean()
-        turn = np.vdot(home[best] - a, seen[best] - b) / np.vdot(home[best] - a, home[best] - a)
-        pose = np.array([turn, b - turn * a])
-        # The body is deep and the camera near: patches may leave the common motion a little.
-        distance = np.abs(seen - turn * home - pose[1])
-        best = good & (distance < max(INLIER_DISTANCE, 3 * float(np.median(distance[best]))))
-    return pose, best
+    if best.sum() < 3:
+        return pose, best
+    (turn,), (shift,) = similarities(home, seen[None], best[None])
+    # The body is deep and the camera near: patches may leave the common motion a little.
+    distance = np.abs(seen - turn * home - shift)
+    near = good & (distance < max(INLIER_DISTANCE, 3 * float(np.median(distance[best]))))
+    return np.array([turn, shift]), near
 
 
 def count_alike(places: Array) -> float:
