@@ -29,12 +29,12 @@ from sysid.diagnosis.judgement import (
     families_of,
     rest_of,
 )
-from sysid.diagnosis.remedy import Learned, learn
+from sysid.diagnosis.remedy import REACHED, Learned, learn
 from sysid.diagnosis.report import fittable
 from sysid.diagnosis.search import Candidate as Model
 from sysid.diagnosis.search import Progress, Search, best_families
 from sysid.diagnosis.stretches import judged_stretches
-from sysid.diagnosis.surrogates import LAWS, surrogates
+from sysid.diagnosis.surrogates import LAWS, in_words, surrogates
 from sysid.diagnosis.wording import (
     experiment_in_words,
     is_or_are,
@@ -255,11 +255,17 @@ def diagnose(
     verdict = replace(verdict, error_before=base.rmse, error_after=best.rmse)
     left_over = verdict.remainder > MATERIAL * everything.motion and everything.surely_missing
     left_over |= verdict.status == "unexplained"
-    learned = learn(judged, board, (), signal=signal, fixed=fixed) if left_over else None
-    if learned is not None and verdict.status == "missing" and learned.is_unmet(best.rmse, noise.std):
-        verdict = _unmet(verdict, learned, best)
-    elif left_over and fittable(verdict.effects):
-        learned = learn(judged, board, fittable(verdict.effects), signal=signal, fixed=fixed)
+    # What is named may only mimic a law that nobody has met, alone or beside another.
+    mimics = verdict.status == "missing" and best.rmse > REACHED * noise.std
+    learned = None
+    for beside in dict.fromkeys(((), fittable(verdict.effects) if left_over else ())):
+        if left_over or mimics:
+            learned = learn(judged, board, beside, signal=signal, fixed=fixed)
+        if mimics and learned is not None and learned.is_unmet(best.rmse, noise.std):
+            verdict = _unmet(verdict, learned, best)
+            break
+    else:
+        learned = learned if left_over else None
     if learned is not None and learned.error_after > verdict.error_after:
         learned = None  # it did not get there
     if progress is not None:
@@ -513,7 +519,7 @@ def _unexplained(
     if outside is not None:
         beside = tuple(n for n in outside.model.effects if n not in search.base)
         also = f", beside {listed(beside)}," if beside else ""
-        words = LAWS[outside.model.shape].words
+        words = in_words(outside.model)
         text += f"{words[:1].upper()}{words[1:]}{also} does it better. "
         confidence = sum(p for families, p in tried.likely().items() if families & LAWS.keys())
     elif named:
