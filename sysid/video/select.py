@@ -101,7 +101,8 @@ def _to_the_end(
     if body is not None:
         with ThreadPoolExecutor() as pool:
             corners = list(pool.map(body.find, reel.kept, points))
-    with closing(ahead((frame, follow(target.follower, frame)) for frame in reel.others())) as others:
+    rest = ((frame, follow(target.follower, frame)) for frame in reel.others())
+    with closing(ahead(rest, 1)) as others:
         for frame, places in others:
             stamps.append((frame.index, frame.time))
             points.append(places)

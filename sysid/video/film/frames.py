@@ -118,7 +118,7 @@ class Clip:
         return {0: down, 90: 1 - across, 180: 1 - down, 270: across}[self.rotation]
 
 
-def ahead(items: Generator[Item], count: int = 3) -> Generator[Item]:
+def ahead(items: Generator[Item], count: int) -> Generator[Item]:
     """Yield items; up to `count` of the next ones are made in a thread while one is worked on."""
     ready: Queue[Item | BaseException | None] = Queue(maxsize=count)
     stop = Event()

@@ -46,7 +46,7 @@ class Reel:
         """Start to decode."""
         self.background = Background(self.lens)
         count = max(2, BYTES_AHEAD // (3 * self.clip.width * self.clip.height))
-        self._source = ahead(self._held(ahead(self._stamped(), count)))
+        self._source = ahead(self._held(ahead(self._stamped(), count)), 1)
 
     @property
     def kept(self) -> list[Frame]:
