@@ -46,6 +46,8 @@ class Background:
     """Where the patches were seen last [px]."""
     _seen: list[npt.NDArray[np.float32]] = field(default_factory=list)
     """Places in each frame [px], each (m, 2)."""
+    _followed: Mask | None = None
+    """Which patches are looked for; all as long as it is not known where the board moves."""
     _still: Mask | None = None
     """Which patches lie where nothing moves, as far as that is known."""
     _before: Picture | None = None
