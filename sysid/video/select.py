@@ -21,7 +21,7 @@ from sysid.video.pose.camera_state import CameraState, before_looking
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.view import View
 from sysid.video.registration import picture_of_body
-from sysid.video.trackers._base import DEAD_ZONE, Scene, Target, Tracker, rests_at
+from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, rests_at
 from sysid.video.types import Points
 
 MIN_SEEN_SHARE = 0.6
@@ -83,11 +83,10 @@ def follow_board(reel: Reel) -> Followed:
     Raises:
         SysidError: There is none.
     """
-    scene = Scene(reel)
     usable: list[Followed] = []
     failed: list[str] = []
     missed: list[str] = []  # what somebody may have put there to be followed
-    for targets in find_targets(scene):
+    for targets in find_targets(reel):
         stamps = [(frame.index, frame.time) for frame in reel.kept]
         with ThreadPoolExecutor() as pool:
             places = pool.map(lambda one: [follow(one.follower, frame) for frame in reel.kept], targets)
@@ -106,14 +105,14 @@ def follow_board(reel: Reel) -> Followed:
         raise SysidError(f"{reel.clip.path}: {'; '.join(failed)}. {ADVICE}")
     best = _best(usable)
     best = replace(best, target=replace(best.target, why="; ".join([best.target.why, *missed])))
-    return _to_the_end(scene, best)
+    return _to_the_end(reel, best)
 
 
-def _to_the_end(scene: Scene, led: Followed) -> Followed:
+def _to_the_end(reel: Reel, led: Followed) -> Followed:
     """Follow a target through the rest of the film, and everything that turns as it does."""
-    reel, target, points = scene.reel, led.target, list(led.track.points)
+    target, points = led.target, list(led.track.points)
     stamps = [(frame.index, frame.time) for frame in reel.kept]
-    body = picture_of_body(reel.kept, scene.look.box, led.track) if target.shows_body else None
+    body = picture_of_body(reel.kept, reel.look.box, led.track) if target.shows_body else None
     corners: list[Points] = []
     if body is not None:
         with ThreadPoolExecutor() as pool:
@@ -260,17 +259,17 @@ def _level_of(level: Array, found: AngleTrack) -> float:
     return float(np.nanmedian(level - found.angle[: len(level)]))
 
 
-def find_targets(scene: Scene) -> Iterator[list[Target]]:
+def find_targets(reel: Reel) -> Iterator[list[Target]]:
     """Yield what can be followed: by the tracker that the user names, else by all; what takes long at last.
 
     Raises:
         SysidError: Nothing that can be followed is found.
     """
-    path, options = scene.reel.clip.path, scene.options
+    path, options = reel.clip.path, reel.options
     tried = _asked_for(options)
     found = False
     for last in (False, True):
-        several = [tracker.find(scene) for tracker in tried.values() if tracker.last_resort == last]
+        several = [tracker.find(reel) for tracker in tried.values() if tracker.last_resort == last]
         targets = [target for target in several if target is not None]
         if targets:
             found = True

@@ -49,6 +49,11 @@ class Reel:
         self._source = ahead(self._held(ahead(self._stamped(), count)), 1)
 
     @property
+    def region(self) -> Box | None:
+        """Left, top, right and bottom [px] of where the user says the board moves."""
+        return None if self.options.roi is None else box_of(self.clip, self.options.roi)
+
+    @property
     def kept(self) -> list[Frame]:
         """The frames in memory: of the whole film, or until what moves was seen."""
         self.look  # noqa: B018  fills the memory
@@ -61,8 +66,7 @@ class Reel:
         Raises:
             SysidError: Nothing does, or the film is damaged or cut.
         """
-        roi = self.options.roi
-        region = None if roi is None else box_of(self.clip, roi)
+        region = self.region
         motion, part, size = Motion(), None, 0
         for number, frame in enumerate(self._source):
             if number % LOOKED_AT == 0:
@@ -93,7 +97,7 @@ class Reel:
             for row, frame in enumerate(self._frames)
         ]
         some = np.unique(np.linspace(0, len(self._frames) - 1, SURVEY_FRAMES).astype(int))
-        return survey(self.clip, tuple(self._frames[number] for number in some), motion, roi)
+        return survey(self.clip, tuple(self._frames[number] for number in some), motion, self.options.roi)
 
     def others(self) -> Generator[Frame]:
         """Yield the frames after those in memory, as they are decoded."""

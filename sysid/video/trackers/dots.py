@@ -10,13 +10,14 @@ import numpy.typing as npt
 from sysid.errors import SysidError
 from sysid.roll import Array
 from sysid.video.film.frames import Frame
+from sysid.video.film.reel import Reel
 from sysid.video.film.survey import Survey
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.camera_state import CameraState, spread_by
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.rectify import longer, rectify, smear, unwrap
 from sysid.video.pose.view import View
-from sysid.video.trackers._base import DEAD_ZONE, Scene, Target, Tracker, level_angle, rests_at
+from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, level_angle, rests_at
 from sysid.video.types import Complex, Picture
 
 Chroma = npt.NDArray[np.float32]
@@ -269,8 +270,8 @@ def _patches(part: Picture, corner: tuple[int, int], look: Survey) -> list[Dot]:
     return dots
 
 
-def _find(scene: Scene) -> Target | None:
-    options, look = scene.options, scene.look
+def _find(reel: Reel) -> Target | None:
+    options, look = reel.options, reel.look
     dots = find_dots(look)
     if not dots:
         return None

@@ -14,6 +14,7 @@ import numpy as np
 
 from sysid.roll import Array
 from sysid.video.film.frames import Frame, grey
+from sysid.video.film.reel import Reel
 from sysid.video.film.survey import Survey
 from sysid.video.film.track import Track
 from sysid.video.pose.angle import AngleTrack, fit_angle
@@ -21,7 +22,7 @@ from sysid.video.pose.camera_state import CameraState
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.rigid_group import rigid_group, similarities
 from sysid.video.pose.view import View
-from sysid.video.trackers._base import DEAD_ZONE, Scene, Target, Tracker, rests_at
+from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, rests_at
 from sysid.video.types import Complex, Mask, Picture
 
 MAX_FEATURES, MIN_FEATURES = 60, 10
@@ -233,8 +234,8 @@ def _moves(frames: Sequence[Frame], place: Array) -> bool:
     return bool(low < STATIC_LIKENESS * min(float(high), 1.0))
 
 
-def _find(scene: Scene) -> Target | None:
-    look = scene.look
+def _find(reel: Reel) -> Target | None:
+    look = reel.look
     places = find_features(look)
     if len(places) < MIN_FEATURES:
         return None

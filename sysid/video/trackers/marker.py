@@ -10,9 +10,10 @@ import numpy.typing as npt
 
 from sysid.roll import Array
 from sysid.video.film.frames import Frame, grey
+from sysid.video.film.reel import Reel
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.prior import BodyPrior
-from sysid.video.trackers._base import Scene, Target, Tracker, level_angle
+from sysid.video.trackers._base import Target, Tracker, level_angle
 from sysid.video.trackers._edge_profile import corners, find_pieces
 from sysid.video.types import Box, Picture
 
@@ -219,9 +220,9 @@ def marker_cells(number: int) -> npt.NDArray[np.uint8]:
     return np.asarray(dictionary.generateImageMarker(number, dictionary.markerSize + 2), np.uint8)
 
 
-def _find(scene: Scene) -> Target | None:
-    region = scene.region or (0, 0, scene.reel.clip.width, scene.reel.clip.height)
-    for frame in scene.look.frames[:: max(1, len(scene.look.frames) // SEARCH_FRAMES)]:
+def _find(reel: Reel) -> Target | None:
+    region = reel.region or (0, 0, reel.clip.width, reel.clip.height)
+    for frame in reel.look.frames[:: max(1, len(reel.look.frames) // SEARCH_FRAMES)]:
         marker = find_marker(frame, region)
         if marker is not None:
             break
