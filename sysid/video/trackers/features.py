@@ -133,7 +133,7 @@ class FeatureFollower:
         return points
 
     def _measure(self, frame: Frame, pose: Complex) -> tuple[int, Complex, Array] | None:
-        """Find the patches near an expected pose, twice unless they turn by as much; return number, pose and places."""
+        """Find the patches near an expected pose, again if they turn otherwise; return their number, pose and places."""
         good, seen = np.zeros(len(self.places), bool), np.zeros(len(self.places), complex)
         near = good
         for _ in range(2):
