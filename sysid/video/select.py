@@ -27,7 +27,7 @@ from sysid.video.types import Points
 MIN_SEEN_SHARE = 0.6
 """Share of the frames in which what is followed must be seen."""
 MAX_LOST = 0.9
-"""What is lost in more of the frames was nothing."""
+"""Share of the frames from which on what is lost in them was nothing [1]."""
 ADVICE = (
     "Keep the board in the picture, film all of its swing straight from behind and in more light (less blur), or follow "
     "something else (--method, --roi, docs/video.md)."
@@ -36,7 +36,7 @@ VAGUE, MAX_STD = np.radians([0.3, 3.0])
 """Standard deviation above which what takes long is tried as well, and above which an angle is none [rad]."""
 CLEARLY = 0.8
 """What is tried first is left for another one only if that has less than this share of its uncertainty."""
-WHOLE_BODY = 2.0
+WHOLE_BODY = 1.5
 """The whole body is preferred even where it states so many times the uncertainty: it states what lasts (`BODY_FLOOR`),
 which a few points do not know of. In rendered films it takes a third off the error of dots, and halves that of k; a
 marker on a bare deck, which is sure of its corners, reads damping with less bias alone."""
