@@ -6,6 +6,7 @@ from the best is taken, and named if what it adds matters and explains most of w
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -250,16 +251,23 @@ def diagnose(
         winner, final, idle = _material(search, first, final)
         outside = surrogates(search, winner)
         everything = Field([*final, *outside], search.base, period, noise.std)
-    verdict, best = _judged(search, everything, winner, board, idle)
-    base = search.fine(everything.base.model, average=1)
-    verdict = replace(verdict, error_before=base.rmse, error_after=best.rmse)
-    left_over = verdict.remainder > MATERIAL * everything.motion and everything.surely_missing
-    left_over |= verdict.status == "unexplained"
-    learned = learn(judged, board, (), signal=signal, fixed=fixed) if left_over else None
-    if learned is not None and verdict.status == "missing" and learned.is_unmet(best.rmse, noise.std):
-        verdict = _unmet(verdict, learned, best)
-    elif left_over and fittable(verdict.effects):
-        learned = learn(judged, board, fittable(verdict.effects), signal=signal, fixed=fixed)
+        verdict, best = _judged(search, everything, winner, board, idle)
+        base = search.fine(everything.base.model, average=1)
+        verdict = replace(verdict, error_before=base.rmse, error_after=best.rmse)
+        left_over = verdict.remainder > MATERIAL * everything.motion and everything.surely_missing
+        left_over |= verdict.status == "unexplained"
+        learned = None
+        if left_over:
+            # Alone, and beside what is named: that too only if asked for, or at the same time by another process.
+            beside = [()] + ([fittable(verdict.effects)] if fittable(verdict.effects) else [])
+            answers = pool.each(
+                partial(learn, signal=signal, fixed=fixed), [(judged, board, e) for e in beside]
+            )
+            learned = next(answers)
+            if learned and verdict.status == "missing" and learned.is_unmet(best.rmse, noise.std):
+                verdict = _unmet(verdict, learned, best)
+            else:
+                learned = next(answers, learned)
     if learned is not None and learned.error_after > verdict.error_after:
         learned = None  # it did not get there
     if progress is not None:

@@ -53,6 +53,8 @@ BEATEN, FAR = 6, 60.0
 """A union is given up when this many others have reached less than it promises, by that much of χ²."""
 HOPELESS = 8.0
 """Error beyond the noise, squared, over the best model's, from which a model is not predicted: far beyond what is not told apart."""
+LOST = 3.0
+"""Squared error, over that with which a model is still predicted, from which its kinks are not searched again: a choice."""
 
 Progress = Callable[[str, float], None]
 
@@ -371,25 +373,28 @@ class Search:
     def finalists(self, models: Iterable[Candidate]) -> list[Candidate]:
         """Return models fitted on the fine grid, simple ones first, and what those in the running miss of held-out releases."""
         done: dict[tuple[str, ...], Candidate] = {}
+        models = list(models)
+        lost = LOST * _hopeless(min(models, key=lambda m: m.cost))
         for _, group in itertools.groupby(sorted(models, key=_count), key=_count):
             jobs = [
-                (m, [known for names, known in done.items() if set(names) < set(m.effects)]) for m in group
+                (m, [known for names, known in done.items() if set(names) < set(m.effects)], m.cost < lost)
+                for m in group
             ]
             share = 0.85 + 0.05 * (len(done) > 1)
             done.update({m.effects: m for m in self.each("refining", Search.fine, jobs, share, share + 0.02)})
         # What the best one needs not may have kept its own fit from the right valley.
         best = min(done.values(), key=lambda m: m.cost)
         again = [
-            (m, [best]) for names, m in done.items() if names != self.base and set(names) < set(best.effects)
+            (m, [best], False)
+            for names, m in done.items()
+            if names != self.base and set(names) < set(best.effects)
         ]
         for model in self.each("refining", Search.fine, again, 0.92, 0.93):
             done[model.effects] = min(done[model.effects], model, key=lambda m: m.cost)
         ranked = sorted(done.values(), key=lambda m: m.cost)
-        beyond = max(FAR, HOPELESS * (ranked[0].cost - ranked[0].problem.samples))
+        hopeless = _hopeless(ranked[0])
         running = [
-            m
-            for i, m in enumerate(ranked)
-            if i < BEATEN or m.cost < ranked[0].cost + beyond or m.effects == self.base
+            m for i, m in enumerate(ranked) if i < BEATEN or m.cost < hopeless or m.effects == self.base
         ]
         for model in self.each("predicting", Search.predicted, [(m,) for m in running], 0.93, 0.98):
             done[model.effects] = model
@@ -404,14 +409,20 @@ class Search:
         return replace(model, heldout=surprising_residuals(model.problem, model.minimum))
 
     def fine(
-        self, model: Candidate, parents: Sequence[Candidate] = (), *, average: int | None = None
+        self,
+        model: Candidate,
+        parents: Sequence[Candidate] = (),
+        walk: bool = True,
+        *,
+        average: int | None = None,
     ) -> Candidate:
         """Return a model fitted on the fine grid.
 
         Args:
             model: Where it starts.
             parents: Other models, simpler or richer, whose optima are starts too.
-            average: Samples of which means are fitted; as in the search, and walked aside of kinks, if left out.
+            walk: Whether to search aside of its kinks too.
+            average: Samples of which means are fitted; as in the search, and walked if asked for, if left out.
         """
         old = model.problem
         problem = Problem(
@@ -424,7 +435,8 @@ class Search:
             return minimise(problem.normal, start, *problem.bounds(), iterations=30, tolerance=small)
 
         best = fitted(model.minimum.point)
-        if average is None and old.structure.nonsmooth and best.normal.cost > 0.55 * problem.samples:
+        walk = walk and average is None and old.structure.nonsmooth
+        if walk and best.normal.cost > 0.55 * problem.samples:
             best = _walked(problem, best, fitted)
         for known in parents:
             if known.minimum.normal.cost < best.normal.cost:  # else it ends in no better valley
@@ -465,6 +477,11 @@ def _walked(problem: Problem, found: Minimum, fitted: Callable[[Array], Minimum]
             if begun.normal.cost < NEARLY * best.normal.cost:
                 best = min(best, fitted(begun.point), key=lambda m: m.normal.cost)
     return best
+
+
+def _hopeless(best: Candidate) -> float:
+    """Return the squared error, in units of the noise, from which a model is out of the running."""
+    return best.cost + max(FAR, HOPELESS * (best.cost - best.problem.samples))
 
 
 def _count(model: Candidate) -> int:
