@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from policy_runtime.evaluation.metrics import METRICS
 from policy_runtime.evaluation.plain import Protocol, evaluate_policy, riders
 from policy_runtime.evaluation.result import TIME_LIMIT
 from policy_runtime.evaluation.statistics import mean_over, proportion
@@ -36,7 +37,7 @@ STIFFNESS, RAKE, SPEED, DELAY = (
     (0.0, 0.04),
 )
 """Of the map: factors of the record's stiffness and rake, [m/s], [s]."""
-ERRORS = ("E_vel", "E_yaw", "E_course")
+ERRORS = ("E_vel", "E_yaw", "E_course", "E_tilt")
 
 
 def conditions() -> dict[str, Protocol]:
@@ -123,25 +124,24 @@ def report() -> None:
         for cell, rows in cells.items()
     }
 
-    def error(cell: tuple[str, str], name: str, unit: str) -> str:
-        values = np.array([row[name] for row in cells[cell] if row[name] is not None])
-        return text(mean_over([np.array([v]) for v in values], unit))
+    def error(cell: tuple[str, str], name: str) -> str:
+        values = np.array([row[name] for row in cells[cell] if row.get(name) is not None])
+        return text(mean_over([np.array([v]) for v in values], METRICS[name]))
 
     lines = [
         "# How far each policy goes",
         "",
         "`benchmarks/robustness.py` writes this file: plain MuJoCo, standing rides left out, 95 % intervals in brackets.",
         "",
-        "| condition | policy | rides | E_succ | E_vel [m/s] | E_yaw [rad] | E_course [rad] |",
-        "|---|---|---|---|---|---|---|",
+        f"| condition | policy | rides | E_succ | {' | '.join(f'{name} [{METRICS[name]}]' for name in ERRORS)} |",
+        "|---|---|---|---|" + "---|" * len(ERRORS),
     ]
     suite = [(name, policy) for name, _ in SUITE for policy in policies if (name, policy) in share]
-    lines += [
-        f"| {name} | {policy} | {sum(row['rides'] for row in cells[name, policy])} | {text(share[name, policy])} "
-        f"| {error((name, policy), 'E_vel', 'm/s')} | {error((name, policy), 'E_yaw', 'rad')} "
-        f"| {error((name, policy), 'E_course', 'rad')} |"
-        for name, policy in suite
-    ]
+    for name, policy in suite:
+        cell = name, policy
+        errors = " | ".join(error(cell, one) for one in ERRORS)
+        rides = sum(row["rides"] for row in cells[cell])
+        lines.append(f"| {name} | {policy} | {rides} | {text(share[cell])} | {errors} |")
     pictures = ROOT / "docs" / "pictures"
     suite_figure(
         [(name, p, share[name, p]) for name, p in suite], "Rides that last", pictures / "robustness.png"

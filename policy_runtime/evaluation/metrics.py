@@ -12,10 +12,12 @@ Where the paper leaves a choice, the other readings are reported beside: the err
 each pushing stretch, the heading error at the last step of each steering stretch, the length and the
 root mean square of Δq, and the share of wrong contacts in pushing and in steering alone. An episode
 that ends early counts with the steps it had. E_course is no error of the paper's: how far the heading at the end of each
-steering stretch is from the start's and all turns asked for since, which is what a ride straight on drifts by. Wrong feet: in pushing, the right foot off the deck or
+steering stretch is from the start's and all turns asked for since, which is what a ride straight on drifts by. Nor is E_tilt: the largest
+tilt against the turn in a steering stretch, which is a corner's and not an arc's. Wrong feet: in pushing, the right foot off the deck or
 the left foot on it; in steering, a foot off the deck or on the ground.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any, Self
 
@@ -40,6 +42,7 @@ METRICS = {
     "E_contact_push": "1",
     "E_contact_steer": "1",
     "E_course": "rad",
+    "E_tilt": "rad",
 }
 """Every error besides E_succ, with its unit."""
 
@@ -64,6 +67,8 @@ class Rides:
     """Of the board along its own x axis [m/s], (t, n)."""
     heading: Array
     """Of the board [rad], (t, n)."""
+    tilt: Array
+    """Of the deck, left edge down positive [rad], (t, n)."""
     joints: Array
     """[rad], (t, n, 23)."""
     foot_on_ground: Flags
@@ -123,13 +128,16 @@ def episode_errors(rides: Rides) -> dict[str, Array]:
         "E_yaw": _mean(yaw_error, steer),
         "E_smth": _mean(np.abs(change).mean(axis=-1), pairs),
         "E_contact": _mean(wrong.astype(float), push | steer),
-        "E_vel_mean_speed": _stretch_errors(rides.commanded_speed - rides.speed, push),
+        "E_vel_mean_speed": _over_stretches(
+            push, lambda n, a, b: abs(float((rides.commanded_speed - rides.speed)[a:b, n].mean()))
+        ),
         "E_yaw_final": _mean(yaw_error, _last(steer)),
         "E_smth_norm": _mean(np.linalg.norm(change, axis=-1), pairs),
         "E_smth_rms": np.sqrt(_mean((change**2).mean(axis=-1), pairs)),
         "E_contact_push": _mean(wrong_push.astype(float), push),
         "E_contact_steer": _mean(wrong_steer.astype(float), steer),
         "E_course": _mean(course_error, _last(steer)),
+        "E_tilt": _over_stretches(steer, lambda n, a, b: _wrong_tilt(rides, n, a, b)),
     }
 
 
@@ -157,15 +165,22 @@ def _last(flags: Flags) -> Flags:
     return last
 
 
-def _stretch_errors(error: Array, where: Flags) -> Array:
-    """Return the mean over stretches of abs(mean error in the stretch), shape (n,)."""
-    result = np.full(error.shape[1], np.nan)
-    for n in range(error.shape[1]):
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], where[:, n].astype(int), [0]])))
-        means = [abs(float(error[a:b, n].mean())) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-        if means:
-            result[n] = float(np.mean(means))
-    return result
+def _stretches(where: Array) -> list[tuple[int, int]]:
+    """Return first step and the one after the last of every stretch in which a flag is set, (t,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], where.astype(int), [0]])))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def _over_stretches(where: Flags, value: Callable[[int, int, int], float]) -> Array:
+    """Return the mean over an episode's stretches of what an episode's number and two ends give, shape (n,)."""
+    means = [[value(n, a, b) for a, b in _stretches(where[:, n])] for n in range(where.shape[1])]
+    return np.array([np.mean(one) if one else np.nan for one in means])
+
+
+def _wrong_tilt(rides: Rides, n: int, begin: int, end: int) -> float:
+    """Return the largest tilt against the turn in a steering stretch [rad]."""
+    turn = wrap_angle(rides.target_heading[begin, n] - rides.heading[begin, n])
+    return max(0.0, float(np.max(-np.sign(turn) * rides.tilt[begin:end, n])))
 
 
 def asked_course(steering: Flags, target_heading: Array, heading: Array) -> Array:
@@ -189,8 +204,7 @@ def reachable_headings(rides: Rides) -> Array:
     rows: list[tuple[float, float, float]] = []
     steer = rides.steering & rides.alive
     for n in range(steer.shape[1]):
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], steer[:, n].astype(int), [0]])))
-        for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        for begin, end in _stretches(steer[:, n]):
             if end < len(steer) and rides.alive[end, n]:
                 start = rides.heading[begin, n]
                 asked = wrap_angle(rides.target_heading[begin, n] - start)

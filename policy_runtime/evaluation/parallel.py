@@ -33,6 +33,7 @@ COLUMNS = {
     "commanded_speed": "commanded_speed",
     "target_heading": "target_heading",
     "heading": "board_heading",
+    "tilt": "tilt",
     "joints": "joint_position",
     "foot_on_ground": "foot_on_ground",
     "foot_on_deck": "foot_on_deck",

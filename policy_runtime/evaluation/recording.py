@@ -59,6 +59,7 @@ class Recording:
             course=self.course[:, None],
             speed=self.column("board_speed")[:, None],
             heading=self.column("board_heading")[:, None],
+            tilt=-self.column("roll")[:, None],
             joints=self.joints[:, None],
             foot_on_ground=self.column("foot_on_ground")[:, None],
             foot_on_deck=self.column("foot_on_deck")[:, None],

@@ -166,7 +166,7 @@ def _report_table(
     """Print and draw one row for each condition and policy; return them for machines."""
     from reports.figures.ride import suite_figure
 
-    errors = ("E_vel", "E_yaw", "E_contact", "E_course")
+    errors = ("E_vel", "E_yaw", "E_contact", "E_course", "E_tilt")
     policies = list(dict.fromkeys(one.policy for _, one in rides))
     rows = [
         (

@@ -30,12 +30,12 @@ from sysid.diagnosis.judgement import (
     families_of,
     rest_of,
 )
-from sysid.diagnosis.remedy import Learned, learn
+from sysid.diagnosis.remedy import REACHED, Learned, learn
 from sysid.diagnosis.report import fittable
 from sysid.diagnosis.search import Candidate as Model
 from sysid.diagnosis.search import Progress, Search, best_families
 from sysid.diagnosis.stretches import judged_stretches
-from sysid.diagnosis.surrogates import LAWS, surrogates
+from sysid.diagnosis.surrogates import LAWS, in_words, surrogates
 from sysid.diagnosis.wording import (
     experiment_in_words,
     is_or_are,
@@ -256,18 +256,18 @@ def diagnose(
         verdict = replace(verdict, error_before=base.rmse, error_after=best.rmse)
         left_over = verdict.remainder > MATERIAL * everything.motion and everything.surely_missing
         left_over |= verdict.status == "unexplained"
+        # What is named may only mimic a law that nobody has met, alone or beside another.
+        mimics = verdict.status == "missing" and best.rmse > REACHED * noise.std
+        besides = dict.fromkeys(((), fittable(verdict.effects) if left_over else ()))
         learned = None
-        if left_over:
-            # Alone, and beside what is named: that too only if asked for, or at the same time by another process.
-            beside = [()] + ([fittable(verdict.effects)] if fittable(verdict.effects) else [])
-            answers = pool.each(
-                partial(learn, signal=signal, fixed=fixed), [(judged, board, e) for e in beside]
-            )
-            learned = next(answers)
-            if learned and verdict.status == "missing" and learned.is_unmet(best.rmse, noise.std):
+        # At the same time by several processes; by one alone no more than is asked for.
+        jobs = [(judged, board, beside) for beside in besides if left_over or mimics]
+        for learned in pool.each(partial(learn, signal=signal, fixed=fixed), jobs):
+            if mimics and learned is not None and learned.is_unmet(best.rmse, noise.std):
                 verdict = _unmet(verdict, learned, best)
-            else:
-                learned = next(answers, learned)
+                break
+        else:
+            learned = learned if left_over else None
     if learned is not None and learned.error_after > verdict.error_after:
         learned = None  # it did not get there
     if progress is not None:
@@ -521,7 +521,7 @@ def _unexplained(
     if outside is not None:
         beside = tuple(n for n in outside.model.effects if n not in search.base)
         also = f", beside {listed(beside)}," if beside else ""
-        words = LAWS[outside.model.shape].words
+        words = in_words(outside.model)
         text += f"{words[:1].upper()}{words[1:]}{also} does it better. "
         confidence = sum(p for families, p in tried.likely().items() if families & LAWS.keys())
     elif named:

@@ -11,7 +11,7 @@ from sysid.fitting.records import Signal
 from sysid.roll import Release
 
 REACHED = 1.15
-"""Error over the noise floor up to which nothing is left to explain."""
+"""Error over the noise floor up to which nothing is left to explain, and over a formula's from which another is surely the worse."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,8 +35,13 @@ class Learned:
             named: Error of what is named [rad or rad/s].
             floor: Noise [rad or rad/s].
         """
-        reaches = max(self.error_after, self.heldout_rmse) < REACHED * floor
-        return bool(self.formula) and not self.known and reaches and named > REACHED * floor
+        reaches = self.error_after < REACHED * floor
+        return (
+            bool(self.formula)
+            and not self.known
+            and reaches
+            and named > REACHED * max(floor, self.error_after)
+        )
 
     def to_json(self, per: float = 1.0) -> dict[str, Any]:
         """Return it for JSON; `per` turns its errors into angles."""

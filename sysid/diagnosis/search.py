@@ -47,6 +47,8 @@ UNSETTLED = 8.0
 """Fall of χ² for each internal state of each release from which the hold before it has not settled that."""
 REACH = 3.4
 """How far from zero an internal state may begin, over its typical size: a slider that has wholly yielded to one side stands at 3.3."""
+TREMOR = 0.03
+"""Share of it by which a hand that trembles keeps moved what would have settled while it held the deck: a choice."""
 NEARLY = 1.3
 """Ratio of squared errors to the best from which a search that was begun aside is not brought to its end."""
 BEATEN, FAR = 6, 60.0
@@ -454,9 +456,24 @@ def _freed(model: Candidate) -> Candidate:
     freed = replace(
         model, problem=problem, minimum=minimise(problem.normal, begun, *problem.bounds(), iterations=20)
     )
-    begins = problem.own(freed.minimum.point)[:, 2 : 2 + len(problem.structure.internal_states)]
     pays = freed.cost < model.cost - UNSETTLED * states
-    return freed if pays and np.abs(begins).max() <= REACH else model
+    return freed if pays and _could_begin_so(freed) else model
+
+
+def _could_begin_so(model: Candidate) -> bool:
+    """Return whether no internal state begins where the motion and the hold before cannot have left it."""
+    problem, parameters = model.problem, model.parameters
+    count = len(problem.structure.internal_states)
+    rates = [
+        state.settles(part.of(parameters)) if state.settles else 0.0
+        for part in problem.structure.parts if part.role != "measurement" for state in part.states
+    ]  # fmt: skip
+    holds = np.array([[max(record.release.hold, 0.0)] for record in problem.records])
+    begins, settled = (
+        problem.own(p)[:, 2 : 2 + count] for p in (model.minimum.point, problem.start(parameters))
+    )
+    off = np.where(np.array(rates) > 0, begins - settled, begins)
+    return bool(np.all(np.abs(off) <= REACH * (np.exp(-np.array(rates) * holds) + TREMOR)))
 
 
 def _walked(problem: Problem, found: Minimum, fitted: Callable[[Array], Minimum]) -> Minimum:

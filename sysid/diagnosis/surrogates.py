@@ -5,17 +5,75 @@ better shows that the mimicry is one.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from sysid.diagnosis.search import COARSE, Candidate, Search, completed, inherited
 from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import JointState, MujocoSupport, Parameter, State, TorqueEffect, belongs_to_log
+from sysid.effects._base import (
+    JointState,
+    MujocoSupport,
+    Parameter,
+    Scales,
+    State,
+    TorqueEffect,
+    belongs_to_log,
+)
 from sysid.fitting.problem import Problem
 from sysid.joint.structure import Structure
-from sysid.least_squares import minimise
+from sysid.least_squares import Minimum, minimise
+from sysid.roll import Array
 
 Shape = Callable[[Algebra, Value, Value, Value], Value]
 """Of the algebra, tilt and rate over their largest, and time over the longest release."""
+
+
+def _effect(
+    torque: Callable[[Algebra, JointState, Values, Sequence[Value]], Value],
+    parameters: Sequence[Parameter],
+    states: Sequence[State] = (),
+) -> TorqueEffect:
+    return TorqueEffect(
+        name="surrogate", title="a law outside the catalogue", family="hardening", parameters=tuple(parameters), law="",
+        source="", does="", look_alikes=(), experiment="", mujoco=MujocoSupport(means="", since="", warp=False),
+        to_mjcf=belongs_to_log, example=(), torque=torque, states=tuple(states),
+    )  # fmt: skip
+
+
+def _from_zero(name: str, size: Callable[[Scales], float], rate: float) -> State:
+    return State(
+        name=name, size=size, start=lambda m, tilt, hold, stiffness, parameters: 0.0 * tilt,
+        rate=lambda m, motion, states, parameters: rate,
+    )  # fmt: skip
+
+
+_CLOCK = _from_zero("time", lambda s: s.duration, 1.0)
+
+
+def _wave(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
+    return parameters["strength"] * m.sin(parameters["frequency"] * states[0])
+
+
+WAVE = _effect(
+    _wave,
+    (
+        Parameter(name="strength", unit="N*m", size=lambda s: 0.1 * s.torque, low=0.0, high=30.0),
+        Parameter(name="frequency", unit="rad/s", size=lambda s: s.frequency, low=0.05, high=8.0, neutral=None),
+    ),
+    (_CLOCK,),
+)  # fmt: skip
+"""A torque that follows a clock of its own, which each release may meet at any time."""
+_STIFFNESS = _from_zero("stiffness", lambda s: 0.3 * s.stiffness, 0.0)
+_DAMPING = _from_zero("damping", lambda s: 0.3 * s.stiffness / s.frequency, 0.0)
+CHANGED = (
+    _effect(lambda m, motion, parameters, states: -states[0] * motion.tilt, (), (_STIFFNESS,)),
+    _effect(
+        lambda m, motion, parameters, states: -states[0] * motion.tilt - states[1] * motion.rate,
+        (), (_STIFFNESS, _DAMPING),
+    ),
+)  # fmt: skip
+"""Another spring, and another damper, in each release: they stay from its beginning to its end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,12 +81,15 @@ class Law:
     """A torque that no effect of the catalogue makes."""
 
     words: str
-    terms: tuple[Shape, ...]
+    terms: tuple[Shape, ...] = ()
+    """With a strength each, which all releases share."""
+    own: TorqueEffect | None = None
+    """In the place of terms: an effect whose states begin anew with each release."""
 
     @property
     def changes(self) -> bool:
-        """Whether it depends on time."""
-        return len(self.terms) > 1
+        """Whether it is another one later, or in another release."""
+        return len(self.terms) > 1 or self.own in CHANGED
 
 
 CREEP = 1e-3
@@ -51,6 +112,9 @@ LAWS: dict[str, Law] = {
         "a damper that changes during a release",
         (lambda m, x, v, t: t * v, lambda m, x, v, t: t * t * v, lambda m, x, v, t: t**3 * v),
     ),
+    "k": Law("a spring that changed between the releases", own=CHANGED[0]),
+    "k d": Law("a spring and a damper that changed between the releases", own=CHANGED[1]),
+    "sin t": Law("a torque that comes and goes at a frequency of its own, whatever the joint does", own=WAVE),
 }  # fmt: skip
 
 
@@ -64,26 +128,83 @@ def surrogate(search: Search, model: Candidate, kept: tuple[str, ...], shape: st
         shape: One of `LAWS`.
     """
     inside = search.problem(kept, free_states=model.problem.free_states)
-    structure = Structure(inside.structure.effects, (_effect(shape),))
-    free = model.problem.free_states and bool(inside.structure.internal_states)
+    own = LAWS[shape].own
+    structure = Structure(inside.structure.effects, (own or _sum_of(LAWS[shape].terms),))
+    sizes = {
+        "amplitude": search.scales.amplitude,
+        "speed": search.scales.rate,
+        "duration": search.scales.duration,
+    }
+    replaced = {"stiffness": search.scales.stiffness, "damping": search.scales.damping}
     fixed = {
-        **inside.fixed, "surrogate.amplitude": search.scales.amplitude, "surrogate.speed": search.scales.rate,
-        "surrogate.duration": search.scales.duration,
+        **{s.name: replaced[s.name] for s in (own.states if own in CHANGED else ())}, **inside.fixed, **({} if own else {f"surrogate.{n}": v for n, v in sizes.items()}),
     }  # fmt: skip
     problem = Problem(
-        structure, search.records, search.scales, bias=search.bias, fixed=fixed, free_states=free, average=search.average,
+        structure, search.records, search.scales, bias=search.bias, fixed=fixed, average=search.average,
+        free_states=own is not None or (model.problem.free_states and bool(inside.structure.internal_states)),
         steps_per_period=int(COARSE * min(1.5, structure.sharpness)),
     )  # fmt: skip
-    linear = {"stiffness": search.scales.stiffness, "damping": search.scales.damping}
-    starts = [
-        inherited(problem, model),
-        problem.start(
-            {**dict.fromkeys(problem.names, 0.0), **completed(problem, {**model.parameters, **linear})}
-        ),
-    ]
+    starts = _starts(problem, model)
+    if own is WAVE:
+        before = _best(inside, _starts(inside, model))
+        starts = [_in_step(problem, replace(model, problem=inside, minimum=before))]
+    return Candidate(effects=kept, problem=problem, minimum=_best(problem, starts), shape=shape)
+
+
+def _starts(problem: Problem, model: Candidate) -> list[Array]:
+    """Return starts of a problem at a model's parameters, and at those of a linear decay."""
+    scales = problem.scales
+    linear = {**model.parameters, "stiffness": scales.stiffness, "damping": scales.damping}
+    plain = {**dict.fromkeys(problem.names, 0.0), **completed(problem, linear)}
+    return [inherited(problem, model), problem.start(plain)]
+
+
+def _best(problem: Problem, starts: Sequence[Array]) -> Minimum:
     found = [minimise(problem.normal, p, *problem.bounds(), iterations=20, tolerance=1e-5) for p in starts]
-    best = min(found, key=lambda m: m.normal.cost)
-    return Candidate(effects=kept, problem=problem, minimum=best, shape=shape)
+    return min(found, key=lambda m: m.normal.cost)
+
+
+def _in_step(problem: Problem, before: Candidate) -> Array:
+    """Return a start whose wave has the frequency, height and phase that a joint without it misses most.
+
+    Args:
+        problem: With the wave, whose clock is the last of each release's internal states.
+        before: Fitted without it.
+    """
+    start = inherited(problem, before)
+    if not np.isfinite(before.cost):
+        return start
+    inside, scales, average = before.problem, problem.scales, problem.average
+    missed = [
+        (residual, np.linalg.qr(jacobian)[0], record.time[: average * len(residual)].reshape(-1, average).mean(1))
+        for record, (residual, jacobian) in zip(inside.records, inside.linearise(before.minimum.point), strict=True)
+    ]  # fmt: skip
+
+    def response(frequency: float) -> tuple[float, Array]:
+        """Return the squares that a wave takes away, and what it is in each release, a + ib for a cos + b sin."""
+        taken, waves = 0.0, list[complex]()
+        for residual, basis, time in missed:
+            swing = np.column_stack([np.cos(frequency * time), np.sin(frequency * time)])
+            swing -= basis @ (basis.T @ swing)
+            along = np.linalg.lstsq(swing, residual, rcond=1e-3)[0]
+            taken += float(residual @ swing @ along)
+            waves.append(complex(*along))
+        return taken, np.array(waves)
+
+    grid = np.arange(0.1 * scales.frequency, 5.0 * scales.frequency, 1.0 / scales.duration)
+    frequency = max(grid, key=lambda f: response(f)[0])
+    stiffness = scales.stiffness - scales.inertia * frequency**2 + 1j * frequency * scales.damping
+    driven = (
+        -np.conj(response(frequency)[1]) * stiffness / (1j * frequency if inside.records[0].is_rate else 1)
+    )
+    sizes = problem.sizes()
+    for name, value in (("strength", float(np.abs(driven).mean())), ("frequency", frequency)):
+        where = problem.names.index(f"surrogate.{name}")
+        start[where] = value / sizes[where]
+    problem.own(start)[:, 1 + len(problem.structure.internal_states)] = (
+        (np.angle(driven) + np.pi / 2) / frequency / scales.duration
+    )
+    return start
 
 
 def surrogates(search: Search, model: Candidate) -> list[Candidate]:
@@ -99,25 +220,35 @@ def surrogates(search: Search, model: Candidate) -> list[Candidate]:
     best: list[Candidate] = []
     for place in dict.fromkeys([named, *((name,) for name in named)]):
         kept = tuple(n for n in model.effects if n not in place)
-        best.append(min((surrogate(search, model, kept, shape) for shape in shapes), key=lambda m: m.cost))
+        tried = [surrogate(search, model, kept, shape) for shape in shapes]
+        best.append(min(tried, key=lambda m: m.cost + np.log(m.samples) * m.size))
         if search.progress is not None:
             search.progress("laws outside the catalogue", 0.97)
     return [search.finalist(m) for m in best]
 
 
-def _effect(name: str) -> TorqueEffect:
-    terms = LAWS[name].terms
+def in_words(model: Candidate) -> str:
+    """Return what the law of a surrogate is, with the sizes of what no shape tells."""
+    law, problem = LAWS[model.shape], model.problem
+    if law.own is WAVE:
+        return f"{law.words}, {model.parameters['surrogate.frequency'] / (2 * np.pi):.3g} times a second"
+    if law.own in CHANGED:
+        first = len(problem.structure.internal_states) - len(law.own.states)
+        springs = (
+            problem.own(model.minimum.point * problem.sizes())[:, 2 + first] + problem.fixed["stiffness"]
+        )
+        shares = ", ".join(f"{k:.3f}" for k in springs / springs.mean())
+        return f"{law.words} (its stiffness in each, over their mean: {shares})"
+    return law.words
 
+
+def _sum_of(terms: Sequence[Shape]) -> TorqueEffect:
     def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
         x, v = motion.tilt / parameters["amplitude"], motion.rate / parameters["speed"]
         t = states[0] / parameters["duration"] if states else 0.0
         parts = [parameters[f"strength_{i}"] * shape(m, x, v, t) for i, shape in enumerate(terms)]
         return -sum(parts[1:], parts[0])
 
-    clock = State(
-        name="time", start=lambda m, tilt, hold, stiffness, parameters: 0.0 * tilt,
-        size=lambda s: s.duration, rate=lambda m, motion, z, parameters: 1.0,
-    )  # fmt: skip
     strengths = [
         Parameter(name=f"strength_{i}", unit="N*m", size=lambda s: 0.3 * s.torque, low=-10.0, high=10.0, starts=(0.0,))
         for i in range(len(terms))
@@ -127,8 +258,4 @@ def _effect(name: str) -> TorqueEffect:
         Parameter(name="speed", unit="rad/s", size=lambda s: s.rate, low=0.0, high=2.0),
         Parameter(name="duration", unit="s", size=lambda s: s.duration, low=0.0, high=2.0),
     ]
-    return TorqueEffect(
-        name="surrogate", title=LAWS[name].words, family="hardening", parameters=(*strengths, *sizes), law=name, source="",
-        does="", look_alikes=(), experiment="", mujoco=MujocoSupport(means="", since="", warp=False),
-        to_mjcf=belongs_to_log, example=(), torque=torque, states=(clock,) if LAWS[name].changes else (),
-    )  # fmt: skip
+    return _effect(torque, (*strengths, *sizes), (_CLOCK,) if len(terms) > 1 else ())

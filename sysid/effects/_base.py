@@ -142,6 +142,8 @@ class State:
     has that rate already."""
     detection_delay: Callable[[float, float, Numbers], float] | None = None
     """For a sensor's: `detection_delay(acceleration, noise, parameters)`, for how long a release does not show in its reading [s]."""
+    settles: Callable[[Numbers], float] | None = None
+    """`settles(parameters)`: how fast it comes to rest while the deck is held [1/s]; None where a hold leaves it as it is."""
     return_map: Callable[[Algebra, Value, Value, Values], Value] | None = None
     """For rate-independent states: `return_map(m, z, moved, parameters)`, what a tilt one way by `moved` makes of z."""
 
@@ -303,6 +305,10 @@ class Effect:
     def named(self, values: Sequence[Value]) -> dict[str, Value]:
         """Return values in the parameters' order by name."""
         return dict(zip(self.parameter_names, values, strict=True))
+
+    def of(self, parameters: Numbers) -> dict[str, float]:
+        """Return its own among the parameters of a joint, which are 'effect.parameter'."""
+        return {name: parameters[f"{self.name}.{name}"] for name in self.parameter_names}
 
     def term(self, values: Sequence[float]) -> str:
         """Return its term of the printed law with its sign, e.g. '+ 0.15 sgn φ̇'; '' where it has no formula."""

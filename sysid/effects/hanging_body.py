@@ -38,6 +38,11 @@ def still(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Va
     return 0 * tilt
 
 
+def settles(parameters: Numbers) -> float:
+    """Return ζ ω: on a deck that is held the body swings until its own damper has stopped it [1/s]."""
+    return parameters["damping_ratio"] * parameters["frequency"]
+
+
 def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
     """Add the body to the deck, on a hinge of the same axis with its spring and damper."""
     import mujoco
@@ -87,8 +92,8 @@ EFFECT = TorqueEffect(
     example=(0.001, 30.0, 0.03),
     torque=torque,
     states=(
-        State(name="roll", start=held, size=lambda s: s.amplitude, rate=own_rate),
-        State(name="rate", start=still, size=lambda s: s.rate, rate=own_acceleration),
+        State(name="roll", start=held, size=lambda s: s.amplitude, rate=own_rate, settles=settles),
+        State(name="rate", start=still, size=lambda s: s.rate, rate=own_acceleration, settles=settles),
     ),
     sharpness=1.5,
 )

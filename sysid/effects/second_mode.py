@@ -21,6 +21,12 @@ def acceleration(m: Algebra, angle: Value, rate: Value, torque: Value, parameter
     return (own - torque) / parameters["inertia"]
 
 
+def settles(parameters: Numbers) -> float:
+    """Return how fast the support comes to rest under a deck that is held: it swings out, or creeps back [1/s]."""
+    damping = max(parameters["damping"], 1e-12)
+    return min(0.5 * damping / parameters["inertia"], parameters["stiffness"] / damping)
+
+
 def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
     """Add the support as a body of its own, tied to the deck by a tendon of their difference.
 
@@ -84,8 +90,8 @@ EFFECT = SupportEffect(
     to_mjcf=to_mjcf,
     example=(0.004, 60.0, 0.1),
     states=(
-        State(name="support", start=support_at_release, size=lambda s: 0.2 * s.amplitude),
-        State(name="support_rate", start=still, size=lambda s: 0.2 * s.rate),
+        State(name="support", start=support_at_release, size=lambda s: 0.2 * s.amplitude, settles=settles),
+        State(name="support_rate", start=still, size=lambda s: 0.2 * s.rate, settles=settles),
     ),
     sharpness=1.5,
     acceleration=acceleration,

@@ -22,6 +22,11 @@ def held(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Val
     return tilt * m.exp(-hold / parameters["time_constant"])
 
 
+def settles(parameters: Numbers) -> float:
+    """Return 1/T: a hold lets the arm relax [1/s]."""
+    return 1.0 / parameters["time_constant"]
+
+
 def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
     """Write a passive motor winding: K²/L is the arm's stiffness, L/R its time constant."""
     stiffness, time_constant = parameters["stiffness"], parameters["time_constant"]
@@ -71,5 +76,7 @@ EFFECT = TorqueEffect(
     to_mjcf=to_mjcf,
     example=(5.0, 0.05),
     torque=torque,
-    states=(State(name="stretch", start=held, size=lambda s: s.amplitude, rate=stretch_rate),),
+    states=(
+        State(name="stretch", start=held, size=lambda s: s.amplitude, rate=stretch_rate, settles=settles),
+    ),
 )

@@ -3,7 +3,9 @@
 Two questions, one training fit. What error is to be expected of the numbers that a fit writes down: `heldout_residuals`, with
 the physics of the other releases as it is. And is a law wrong: `surprising_residuals`. There, what other motion leaves open of
 the parameters is no fault of the law: they may move towards a release within the covariance that the sensor's noise on
-the others leaves them, and no further.
+the others leaves them, and no further. That covariance is of a joint that is nearly linear in its parameters; where one of them
+has no say it is boundless, and a law could have others in each release. So what is missed counts as no less than what the fit to all
+releases misses, which have one set of parameters.
 """
 
 import itertools
@@ -49,8 +51,12 @@ def surprising_residuals(problem: Problem, minimum: Minimum) -> tuple[Array, ...
         Prediction minus measurement [rad or rad/s], shape (n,) for each release.
     """
     if len(problem.records) == 1:
-        return (_interrupted(problem, minimum),)
-    return tuple(_within_noise(problem, minimum, index) for index in range(len(problem.records)))
+        predicted = [_interrupted(problem, minimum)]
+    else:
+        predicted = [_within_noise(problem, minimum, index) for index in range(len(problem.records))]
+    together = problem.residuals(minimum.point)
+    with np.errstate(all="ignore"):  # a prediction that ran away is worse than any fit
+        return tuple(t if t @ t > p @ p else p for p, t in zip(predicted, together, strict=True))
 
 
 def _trained(problem: Problem, minimum: Minimum, index: int) -> tuple[Problem, Minimum, Array]:

@@ -401,8 +401,7 @@ class Problem:
         for part in self.structure.parts:
             for state in part.states:
                 if state.detection_delay is not None:
-                    known = self.parameters(unknowns)
-                    own = {p.name: known[f"{part.name}.{p.name}"] for p in part.parameters}
+                    own = part.of(self.parameters(unknowns))
                     late = float(np.hypot(late, state.detection_delay(begin.pull, begin.std, own)))
         return late * begin.pull
 

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.releases.chains import Segment, free_segments, given_segment, segments_after_hands
+from sysid.releases.chains import SHARE_OF_HALF, Segment, free_segments, given_segment, segments_after_hands
 from sysid.releases.extrema import HalfCycle, SmoothedSignal, crossing_time, half_cycles_of, smooth_signal
 from sysid.releases.hand import Span, free_spans
 from sysid.roll import Release, Roll
@@ -85,10 +85,12 @@ def _spans(signal: SmoothedSignal, segments: Sequence[Segment]) -> tuple[list[_S
     limits = [signal.time[one.swings[0].left] if one.start is None else one.start for one in segments[1:]]
     seen = [_seen(signal, segment, limit) for segment, limit in zip(segments, [*limits, None], strict=True)]
     spans = [
-        Span(begin, finish, segment.rest)
+        Span(begin, finish, segment.rest, segment.swings[0].origin)
         for (begin, _, finish, _), segment in zip(seen, segments, strict=True)
     ]
-    period = 2 * float(np.median([segment.half_period for segment in segments]))
+    # A hand that pushes makes the first swing last.
+    later = [swing.duration for segment in segments for swing in segment.swings[1:4] or segment.swings]
+    period = 2 * float(np.median(later)) / SHARE_OF_HALF
     return seen, free_spans(signal, spans, period)
 
 

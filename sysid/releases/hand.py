@@ -1,8 +1,10 @@
 """Where a hand is on the deck at either end of a decay: there the deck does not move by the joint's law.
 
-The law is learned from swings that are surely free. From there each decay is followed outwards, to its beginning and to its
-end. A hand that pushes the deck on its way instead of opening, or that catches it, is a torque beyond that law, about as
-large as the joint's own, as it holds against it. One rule serves both ends: an end is a beginning with time reversed.
+At the beginning: what nobody holds is pulled home in proportion to the way that it has to go, or harder where it is let go. So
+a hand has left where that ratio has set in. What opens leaves the deck where it held it; a push has moved it on by then.
+
+At the end: the law is learned from swings that are surely free, with time reversed, and the decay is followed from there to
+the hand that catches it: a torque beyond that law, about as large as the joint's own, as it holds against it.
 
 No rate and no acceleration is taken from the samples. The law ẍ = f(x, ẋ) is held against the motion in weak form, with
 φ(t) = t (1 - t/w)³ over a width w from each sample on:
@@ -10,6 +12,7 @@ No rate and no acceleration is taken from the samples. The law ẍ = f(x, ẋ) i
     ∫ φ ẍ dt = x(0) + ∫ φ̈ x dt,  ∫ φ ẋ dt = -∫ φ̇ x dt
 
 A torque that ends δ after that sample counts with δ², as far as it has moved the deck, against the noise of about one sample.
+Where the pull sets in, φ is a bump instead, which vanishes smoothly at both ends.
 """
 
 from collections.abc import Sequence
@@ -28,6 +31,17 @@ FEWEST = 8
 """Samples under φ."""
 WIDTHS = (0.75, 1.5)
 """Of φ, in periods: the wider one where the noise is over `CLEAR` of the torque under the other."""
+BUMPS = (0.25, 0.35, 0.5)
+"""Widths of the bump, in periods: the first under which the median noise is below `DIM` of the largest pull."""
+DIM = 0.08
+NEARLY = 0.7
+"""Share of its way to rest after which nobody pushes a deck."""
+RISEN = 0.7
+"""Share of the largest ratio of pull and way at which it has set in: under a hand it is less."""
+MOVED = 0.02
+"""Share of that way which a deck that was not pushed may have gone by then."""
+SURELY = 2.0
+"""How many times that a deck has gone which was pushed, whatever the others were."""
 CLEAR = 0.02
 """A choice: a hand that acts for a tenth of a period then stands ten times above the noise."""
 PUSH = 0.75
@@ -44,15 +58,10 @@ FLOOR = 0.01
 """Share of the largest swing below which no torque is told from the wandering of a sensor's zero."""
 CATCH = 0.25
 """Share of the joint's torque that a hand has at least which catches the deck, or holds it off its rest."""
-PUSH_SHARE = 0.38, 4.0
-"""Shares of one that lets the deck go, at least and at most: it bears the whole joint until it gives way. What a memory or a
-filter holds back is less, or it fades so slowly that the joint could not bear it."""
 NONLINEAR = 0.75
 """Share of what a linear law leaves below which a nonlinear one is taken."""
-NO_BETTER = 0.97
-"""The same over which it is not looked at: it would bend where it was not learned."""
-MARGIN, UNSURE = 0.04, 0.1
-"""Periods that are left out beside a hand, as its last touch is below the noise; and for which it may have acted longer."""
+MARGIN = 0.04
+"""Periods that are left out beside a hand, as its last touch is below the noise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +74,8 @@ class Span:
     """[s]"""
     rest: float
     """[rad]"""
+    level: float
+    """Where it was held [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,8 +88,6 @@ class _Windows:
     """[s]"""
     period: int
     """In samples."""
-    weight: Array
-    """φ, its sum 1."""
     table: Array
     """Roll, rate, and what a nonlinear law adds, shape (m, 6)."""
     acceleration: Array
@@ -132,41 +141,84 @@ def free_spans(signal: SmoothedSignal, spans: Sequence[Span], period: float) -> 
     every = max(1, int(period / (FINE * float(signal.time[1] - signal.time[0]))))
     time, roll = signal.time[::every], signal.roll[::every]
     cuts = [slice(*np.searchsorted(time, (s.begin, s.end + BEFORE_NEXT * period))) for s in spans]
+    begins = _let_go(signal, spans, period)
     starts = [span.begin + PUSH * period for span in spans]
-    begins, ends = [span.begin for span in spans], [span.end for span in spans]
+    ends = [span.end for span in spans]
     for width in WIDTHS:
-        onward = [
-            _windows(time[c], roll[c] - s.rest, period, width) for c, s in zip(cuts, spans, strict=True)
-        ]
         backward = [
             _windows(-time[c][::-1], roll[c][::-1] - s.rest, period, width)
             for c, s in zip(cuts, spans, strict=True)
         ]
-        laws: list[_Law] = []
+        law: _Law | None = None
         for reach in LEARNED:
             known = [(a, min(b, a + reach * period)) for a, b in zip(starts, ends, strict=True)]
-            laws = _learned(backward, [(-b, -a) for a, b in known])
-            seen = [
-                _edge(w, laws[:1], i, w.width - b)
+            law = _learned(backward, [(-b, -a) for a, b in known])
+            hands = [
+                _hand(w, law, i, w.width - b)
                 for i, (w, (_, b)) in enumerate(zip(backward, known, strict=True))
             ]
-            ends = [s.end if t is None else min(s.end, -t) for s, t in zip(spans, seen, strict=True)]
-        known = list(zip(starts, ends, strict=True))
-        laws = _learned(onward, known)
-        # Beyond the amplitudes that it is learned from, a law may bend: what either law gives is no hand's.
-        pushed = [
-            _edge(w, laws, i, a, pushing=True) for i, (w, a) in enumerate(zip(onward, starts, strict=True))
-        ]
-        begins = [s.begin if t is None else t for s, t in zip(spans, pushed, strict=True)]
-        torque = max(float(np.abs(w.acceleration).max(initial=0.0)) for w in onward)
-        if laws and laws[0].noise < CLEAR * torque:
+            ends = [s.end if t is None else min(s.end, -t) for s, t in zip(spans, hands, strict=True)]
+        free = [np.abs(w.acceleration[w.inside(-b, -a)]) for w, (a, b) in zip(backward, known, strict=True)]
+        torque = float(np.concatenate(free).max(initial=0.0))
+        if law is not None and law.noise < CLEAR * torque:
             break
-    pushes = [begin - span.begin for begin, span in zip(begins, spans, strict=True) if begin > span.begin]
-    usual = (
-        float(np.median(pushes)) if pushes else 0.0
-    )  # who pushes one deck has pushed the others, seen or not
-    begins = [max(begin, span.begin + usual) for begin, span in zip(begins, spans, strict=True)]
-    return [Span(a, max(a, b), s.rest) for s, a, b in zip(spans, begins, ends, strict=True)]
+    return [Span(a, max(a, b), s.rest, s.level) for s, a, b in zip(spans, begins, ends, strict=True)]
+
+
+def _let_go(signal: SmoothedSignal, spans: Sequence[Span], period: float) -> list[float]:
+    """Return when each deck was let go [s]: where a hand pushed it on its way, when that had left.
+
+    Who pushes one deck has pushed the others, seen or not.
+    """
+    seen = [_pull_sets_in(signal, span, period) for span in spans]
+    known = [min(one[1], SURELY) for one in seen if one]
+    least = 1.0 if known and np.mean(known) > 1 else SURELY
+    late = [one[0] - span.begin for one, span in zip(seen, spans, strict=True) if one and one[1] > 1]
+    usual = max(late) if least == 1 else 0.0
+    return [
+        one[0] if one and one[1] > least else span.begin + usual
+        for one, span in zip(seen, spans, strict=True)
+    ]
+
+
+def _pull_sets_in(signal: SmoothedSignal, span: Span, period: float) -> tuple[float, float] | None:
+    """Return from when on a deck is pulled home by its joint alone [s], and how far it has gone by then.
+
+    Over what one may have gone that was not pushed. None where nothing is seen of a hold, or too much noise.
+    """
+    time, step = signal.time, float(signal.time[1] - signal.time[0])
+    first, held, onset = np.searchsorted(
+        time, (span.begin - 2 * PUSH * period, span.begin - PUSH * period, span.begin)
+    )
+    if held - first < 2:
+        return None
+    way = (signal.roll - span.level) / (span.rest - span.level)
+    last = int(onset + np.flatnonzero(np.append(way[onset:], 1.0) > NEARLY)[0])
+    for width in BUMPS:
+        count = max(FEWEST // 2, round(width * period / step))
+        share = np.arange(1, count + 1) / (count + 1)
+        bump = (share * (1 - share)) ** 3
+        bump /= bump.sum()
+        bend: Array = np.diff(np.pad(bump, 2), 2)
+        part = way[first : last + count]
+        pull = np.convolve(part, bend, "valid")
+        left = 1 - np.convolve(part[1:-1], bump, "valid")
+        ratio = pull / np.maximum(left, 1 - NEARLY)
+        peak = int(np.argmax(np.append(np.zeros(held - first), ratio[held - first :])))
+        if peak and np.median(np.abs(pull[: held - first])) < DIM * pull[peak]:
+            break
+    else:
+        return None
+    low = np.flatnonzero(ratio[:peak] < RISEN * ratio[peak])
+    if not len(low):
+        return None
+    i = int(low[-1])
+    rise = (RISEN * ratio[peak] - ratio[i]) / (ratio[i + 1] - ratio[i])
+    gone = float(time[first]) + (i + rise + (count + 1) / 2) * step
+    # Let go from rest, a pull has risen so far a tenth of the bump's width later, or between two samples.
+    late = 0.1 * (count + 1) * step + 0.5 * step
+    most = MOVED + 0.5 * (2 * np.pi * late / period) ** 2 + 4.5 * float(np.median(np.abs(way[first:held])))
+    return gone + MARGIN * period, float(np.interp(gone, time, way)) / most
 
 
 def _windows(time: Array, roll: Array, period: float, width: float) -> _Windows:
@@ -180,7 +232,7 @@ def _windows(time: Array, roll: Array, period: float, width: float) -> _Windows:
     bend[0] -= bend.sum()
     if len(roll) < count:
         none = np.zeros(0)
-        return _Windows(none, count * step, round(period / step), weight, np.zeros((0, 6)), none)
+        return _Windows(none, count * step, round(period / step), np.zeros((0, 6)), none)
 
     def under(values: Array, kernel: Array) -> Array:
         return np.asarray(np.convolve(values, kernel[::-1] / weight.sum(), "valid"), dtype=np.float64)
@@ -196,21 +248,18 @@ def _windows(time: Array, roll: Array, period: float, width: float) -> _Windows:
     table = [under(roll, weight), -under(roll, slope), *(under(shape, weight) for shape in shapes)]
     return _Windows(
         time=time[: len(roll) - count + 1], width=count * step, period=max(1, round(period / step)),
-        weight=weight / weight.sum(), table=np.column_stack(table), acceleration=under(roll, bend),
+        table=np.column_stack(table), acceleration=under(roll, bend),
     )  # fmt: skip
 
 
-def _learned(windows: Sequence[_Windows], known: Sequence[tuple[float, float]]) -> list[_Law]:
-    """Return a linear and a nonlinear law of the stretches [s] that are known to be free, the better one first.
-
-    The nonlinear one alone where it leaves much less; none where there is too little to learn from.
-    """
+def _learned(windows: Sequence[_Windows], known: Sequence[tuple[float, float]]) -> _Law | None:
+    """Return the law of the stretches [s] that are known to be free: linear, or nonlinear where that leaves much less."""
     inside = [one.inside(*stretch) for one, stretch in zip(windows, known, strict=True)]
     ends = [end for _, end in known]
-    laws = [law for shapes in (2, 6) if (law := _fit(windows, inside, ends, shapes)) is not None]
-    if len(laws) == 2 and laws[1].noise < NONLINEAR * laws[0].noise:
-        return laws[1:]
-    return laws[:1] if len(laws) == 2 and laws[1].noise > NO_BETTER * laws[0].noise else laws
+    straight, bent = (_fit(windows, inside, ends, shapes) for shapes in (2, 6))
+    if straight is None or (bent is not None and bent.noise < NONLINEAR * straight.noise):
+        return bent
+    return straight
 
 
 def _fit(
@@ -245,44 +294,29 @@ def _table(windows: _Windows, number: int, shapes: int, count: int) -> Array:
     return table
 
 
-def _edge(
-    windows: _Windows, laws: Sequence[_Law], number: int, free: float, *, pushing: bool = False
-) -> float | None:
+def _hand(windows: _Windows, law: _Law | None, number: int, free: float) -> float | None:
     """Return from when on a decay is free of a hand [s], followed back from when it surely is; None if none is seen.
 
     Args:
-        windows: Of the decay.
-        laws: Of the joint; what any of them gives is no hand's.
+        windows: Of the decay, with time reversed.
+        law: Of the joint.
         number: Of the decay.
         free: When no hand is on the deck [s].
-        pushing: Only a hand that holds the deck back is looked for: a stop only drives it faster.
     """
     last = int(np.searchsorted(windows.time, free))
-    if last < 2 or not laws:
+    if last < 2 or law is None:
         return None
-    beyond, std = np.array([law.beyond(windows, number) for law in laws])[:, :, :last].swapaxes(0, 1)
-    least = np.argmin(np.abs(beyond) / std, axis=0), np.arange(last)
-    torque, std = beyond[least], std[least]
-    against = torque * np.sign(windows.table[0, 0]) if pushing else np.abs(torque)
+    torque, std = (values[:last] for values in law.beyond(windows, number))
     swing = np.hypot(windows.table[:, 0], windows.table[:, 1])
     beside = sliding_window_view(np.pad(swing, (0, windows.period - 1)), windows.period).max(axis=1)[:last]
-    hand = np.flatnonzero((against > CERTAIN * std) & (against > FLOOR * swing[:last].max()))
-    gone = np.flatnonzero(np.abs(torque) < GONE * std)
+    size = np.abs(torque)
+    hand = np.flatnonzero((size > CERTAIN * std) & (size > FLOOR * swing[:last].max()))
+    gone = np.flatnonzero(size < GONE * std)
     gone = gone[gone > hand[-1]] if len(hand) else hand
-    if not len(gone) or (pushing and hand[0] > 0):  # who holds a deck back has had it in hand from the first
+    if not len(gone):
         return None
     edge = int(gone[0])
     hand = hand[hand >= edge - windows.period]
-    share = against[hand] / beside[hand]
-    if pushing:  # φ feels it for as long as it acts: a short touch counts for little
-        acted = edge - hand
-        total = np.concatenate(([0.0], np.cumsum(windows.weight)))
-        part, more = (
-            total[np.minimum(acted + late, len(windows.weight))]
-            for late in (0, round(UNSURE * windows.period))
-        )
-        share = (share / np.sqrt(part * more))[part >= part.max(initial=0.0) / 2]
-    least, most = PUSH_SHARE if pushing else (CATCH, np.inf)
-    if not least < np.max(share, initial=0.0) < most:
+    if np.max(size[hand] / beside[hand], initial=0.0) < CATCH:
         return None
     return float(windows.time[edge] + MARGIN * windows.period * (windows.time[1] - windows.time[0]))

@@ -40,7 +40,7 @@ def search():
 @pytest.mark.parametrize(("hold", "freed"), [(1e3, False), (0.01, True)])
 def test_what_a_hand_moved_last_begins_anywhere(search, hold, freed):
     """The log says that the deck was held for a second before both releases."""
-    law = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.15).with_effect("viscoelastic", 8.0, 0.3)
+    law = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.15).with_effect("viscoelastic", 8.0, 1.0)
     records = (record_of(0.15, 1, law), record_of(-0.13, 2, law, hold))
     rubber = replace(search, records=records)
     model = rubber.fine(rubber.single(("viscoelastic",)))

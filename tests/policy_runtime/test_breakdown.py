@@ -33,6 +33,7 @@ def rides(**changes):
         "course": np.zeros(shape),
         "speed": speed.copy(),
         "heading": np.zeros(shape),
+        "tilt": np.zeros(shape),
         "joints": np.zeros((*shape, 23)),
         "foot_on_ground": np.zeros((*shape, 2), bool),
         "foot_on_deck": deck,

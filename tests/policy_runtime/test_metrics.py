@@ -22,6 +22,7 @@ def rides(**changes):
         "course": np.zeros(shape),
         "speed": np.full(shape, 1.0),
         "heading": np.zeros(shape),
+        "tilt": np.zeros(shape),
         "joints": np.zeros((*shape, 23)),
         "foot_on_ground": np.zeros((*shape, 2), bool),
         "foot_on_deck": np.zeros((*shape, 2), bool),
@@ -148,6 +149,15 @@ def test_nan_is_left_out_and_nothing_left_is_said():
     assert math.isnan(mean_over([np.array([np.nan])], "m").value)
     assert "never" in mean_over([np.array([np.nan])], "m").method
     assert math.isnan(mean_over([np.array([2.0])], "m").std)
+
+
+@pytest.mark.parametrize(("turn", "largest"), [(0.5, 0.07), (-0.5, 0.03), (2 * math.pi - 0.5, 0.03)])
+def test_wrong_tilt_is_the_largest_against_the_turn(turn, largest):
+    tilt = np.zeros((STEPS, 1))
+    tilt[STEER.start + 2], tilt[STEER.start + 5] = -0.07, 0.03
+    tilt[PUSH] = 0.2
+    errors = episode_errors(rides(tilt=tilt, target_heading=np.full((STEPS, 1), turn)))
+    assert errors["E_tilt"][0] == pytest.approx(largest)
 
 
 def test_course_counts_from_the_start_and_every_turn_asked_for_since():

@@ -68,6 +68,19 @@ def test_a_decay_is_what_lies_between_the_hand_that_lets_go_and_the_one_that_cat
         assert (release.hold > 0) == (push == 0)
 
 
+@pytest.mark.parametrize("friction", [0.01, 0.02])
+@pytest.mark.parametrize("push", [0.0, 0.06])
+def test_a_push_is_cut_where_dry_friction_leaves_a_swing_or_two_to_tell_it_from(friction, push):
+    roll, free = handled(
+        lambda x, v: -(OMEGA**2) * (x + friction * np.tanh(v / 0.05)) - 1.6 * v, push=push, swings=9.0
+    )
+    found = find_releases(roll)
+    assert len(found) == len(free)
+    for release, (begin, _) in zip(found, free, strict=True):
+        assert -0.05 < (release.start - begin) / PERIOD < 0.15
+        assert (release.hold > 0) == (push == 0)
+
+
 @pytest.mark.parametrize("push", [0.0, 0.06])
 def test_between_two_hands_a_linear_decay_is_linear_to_the_noise(push):
     roll, _ = handled(LAWS["linear"], push=push, swings=6.3)
@@ -102,6 +115,10 @@ NO_HAND = {
     "linear": lambda time: linear_decay(time, OMEGA, 0.05, 0.2)[0],
     "a stop that it leaned on": lambda time: integrated_decay(time, STOP, 0.2)[0],
     "filter": lambda time: filtered(time, 0.008),
+    "softening": lambda time: integrated_decay(
+        time, lambda x, v: -(OMEGA**2) * x * (1 - 8 * x * x) - 3 * v, 0.2
+    )[0],
+    "hardly a swing": lambda time: linear_decay(time, OMEGA, 0.5, 0.2)[0],
     "quick arm": lambda time: arm(time, 0.3, 0.02),
     "slow arm": lambda time: arm(time, 0.3, 0.2),
 }

@@ -1,0 +1,81 @@
+"""Laws outside the catalogue that an effect with a memory of its own can mimic."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from sysid.diagnosis.search import Search, _could_begin_so, inherited
+from sysid.diagnosis.surrogates import in_words, surrogate, surrogates
+from sysid.effects._base import Scales
+from sysid.fitting.records import Record
+from sysid.roll import Release
+
+NOISE, INERTIA, STIFFNESS, DAMPING = 5e-4, 8.7e-3, 14.684, 0.05
+BEGINS = (0.15, -0.12, 0.1)
+
+
+def record_of(angle, number, stiffness=STIFFNESS, drive=lambda t: 0.0):
+    time = np.arange(0.0, 0.8, 4e-3)
+    path = solve_ivp(
+        lambda t, y: [y[1], (-stiffness * y[0] - DAMPING * y[1] + drive(t + 3 * number)) / INERTIA],
+        (0, 0.8), [angle, 0.0], t_eval=time, rtol=1e-9, atol=1e-11, max_step=2e-3,
+    )  # fmt: skip
+    roll = path.y[0] + NOISE * np.random.default_rng(number).standard_normal(len(time))
+    release = Release(
+        log="x", number=number, time=time, roll=roll, std=np.full(len(time), NOISE), origin="angle", rest=0.0, hold=1.0, end="log",
+    )  # fmt: skip
+    return Record(release=release, time=time, signal=roll, is_rate=False, std=NOISE)
+
+
+def search_of(*records):
+    scales = Scales(inertia=INERTIA, stiffness=STIFFNESS, damping=DAMPING, amplitude=0.15, duration=0.8)
+    return Search(records=records, scales=scales, bias="shared")
+
+
+@pytest.fixture(scope="module")
+def changed():
+    return search_of(
+        *(record_of(a, i, k) for i, (a, k) in enumerate(zip(BEGINS, (14.7, 16.5, 14.7), strict=True)))
+    )
+
+
+@pytest.fixture(scope="module")
+def driven():
+    return search_of(*(record_of(a, i, drive=lambda t: 0.1 * np.sin(25 * t)) for i, a in enumerate(BEGINS)))
+
+
+def test_a_spring_that_changed_between_releases_is_found_with_its_size(changed):
+    model = surrogate(changed, changed.single(()), (), "k")
+    shares = [float(word.rstrip(")")) for word in in_words(model).split(": ")[1].split(", ")]
+    assert shares == pytest.approx([14.7 / 15.3, 16.5 / 15.3, 14.7 / 15.3], abs=0.003)
+    assert model.rmse < 1.1 * NOISE
+
+
+def test_a_torque_with_a_clock_of_its_own_is_found_with_its_frequency(driven):
+    model = surrogate(driven, driven.single(()), (), "sin t")
+    assert model.parameters["surrogate.frequency"] == pytest.approx(25.0, rel=0.002)
+    assert "3.98 times a second" in in_words(model)
+    assert model.parameters["surrogate.strength"] == pytest.approx(0.1, rel=0.05)
+    assert model.rmse < 1.1 * NOISE
+
+
+@pytest.mark.parametrize(("logs", "shapes"), [("changed", {"k", "k d"}), ("driven", {"sin t"})])
+def test_what_mimics_it_predicts_worse(request, logs, shapes):
+    search = request.getfixturevalue(logs)
+    linear = search.single(())
+    mimic = search.finalist(search.single(("hanging-body",), linear))
+    best = min(surrogates(search, mimic), key=lambda m: m.heldout_rmse)
+    assert best.shape in shapes
+    assert best.heldout_rmse < mimic.heldout_rmse
+
+
+def test_a_support_that_a_hold_has_settled_does_not_begin_anew(changed):
+    support = changed.single(("second-mode",), changed.single(()))
+    problem = support.problem.with_(free_states=True)
+    point = inherited(problem, support)
+    settled = replace(support, problem=problem, minimum=replace(support.minimum, point=point))
+    assert _could_begin_so(settled)
+    problem.own(point)[1, 3] += 1.0
+    assert not _could_begin_so(settled)
