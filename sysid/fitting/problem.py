@@ -139,7 +139,7 @@ class Problem:
     @cached_property
     def names(self) -> tuple[str, ...]:
         """The structure's parameters that are free."""
-        return tuple(n for n in self.structure.parameters[1:] if n not in self.fixed)
+        return tuple(n for n in self.structure.fitted if n not in self.fixed)
 
     @property
     def n_local(self) -> int:
@@ -154,7 +154,7 @@ class Problem:
     @cached_property
     def _columns(self) -> list[int]:
         """Columns of a reading that are wanted: the reading, the free parameters, the record's own motion."""
-        every = self.structure.parameters[1:]
+        every = self.structure.fitted
         free = [1 + i for i, n in enumerate(every) if n not in self.fixed]
         return [0, *free, *range(1 + len(every), 1 + len(every) + self._motion)]
 
@@ -318,21 +318,21 @@ class Problem:
         Tables are smooth, and hold nothing that spring and damper can do where those are free.
         """
         matrix = np.zeros((len(self.names), len(self.names)))
-        weights = iter(self.smoothing)
+        weights, at = iter(self.smoothing), {name: i for i, name in enumerate(self.names)}
         for part in self.structure.torques if self.smoothing else ():
             if part.smoothness is None:
                 continue
             smooth = part.smoothness()
             form = sum(form * next(weights) for form in smooth.forms)
             for name, direction in smooth.linear.items():
-                if name in self.names:
+                if name in at:
                     form = form + _FORBIDDEN * np.outer(direction, direction)
-            free = [i for i, name in enumerate(smooth.names) if f"{part.name}.{name}" in self.names]
-            where = [self.names.index(f"{part.name}.{smooth.names[i]}") for i in free]
+            free = [i for i, name in enumerate(smooth.names) if f"{part.name}.{name}" in at]
+            where = [at[f"{part.name}.{smooth.names[i]}"] for i in free]
             matrix[np.ix_(where, where)] = np.asarray(form)[np.ix_(free, free)]
-        for i, name in enumerate(self.names):
-            if name in self.priors:
-                matrix[i, i] += (self.sizes()[i] / self.priors[name][1]) ** 2
+        for name, (_, std) in self.priors.items():
+            if name in at:
+                matrix[at[name], at[name]] += (self.sizes()[at[name]] / std) ** 2
         return matrix
 
     @cached_property
