@@ -28,7 +28,7 @@ sharpness of the law."""
 SAMPLES = 40
 """Samples per period that are kept: the fifth harmonic of the swing still has eight."""
 PARENTS, FEW = 4, 2
-"""Single effects whose pairs with all others are tried; and if the best of them is at the noise already."""
+"""Single effects, the best of their families, whose pairs with all others are tried; and if the best of them is at the noise already."""
 AT_NOISE = 1.02
 """Error over the noise floor up to which a model is at the noise: a floor is known to a few percent."""
 STARTS = 3
@@ -101,6 +101,11 @@ class Candidate:
     def cost(self) -> float:
         """Sum of squared residuals in units of the noise."""
         return 2.0 * self.minimum.normal.cost
+
+    @property
+    def families(self) -> frozenset[str]:
+        """What a practitioner would call its effects."""
+        return frozenset(effect(name).family for name in self.effects)
 
     @property
     def size(self) -> int:
@@ -310,7 +315,7 @@ class Search:
     def pairs(self, singles: Sequence[Candidate]) -> list[Candidate]:
         """Fit the pairs of the best single effects with all others."""
         at_noise = min(m.rmse for m in singles) <= AT_NOISE * self.records[0].std
-        best = best_of(singles[1:], FEW if at_noise else PARENTS)
+        best = best_of(leaders(singles[1:]), FEW if at_noise else PARENTS)
         wanted = {
             tuple(sorted({*a.effects, *b.effects})): (a, b)
             for a in best for b in singles[1:] if a is not b and _sensible(a, b)
@@ -512,18 +517,18 @@ def best_of(models: Sequence[Candidate], count: int) -> list[Candidate]:
     return list({id(m): m for pair in turns for m in pair}.values())[:count]
 
 
+def leaders(models: Iterable[Candidate]) -> list[Candidate]:
+    """Return the model with the least error of each set of families: variants of one law say the same."""
+    best: dict[frozenset[str], Candidate] = {}
+    for model in models:
+        best[model.families] = min(best.get(model.families, model), model, key=lambda m: m.cost)
+    return list(best.values())
+
+
 def best_families(models: Sequence[Candidate], count: int) -> list[Candidate]:
     """Return the best models of the best sets of families: of each the one with the least error, and the one with the least for its size."""
-    groups: dict[frozenset[str], list[Candidate]] = {}
-    for model in models:
-        groups.setdefault(frozenset(effect(name).family for name in model.effects), []).append(model)
-    leaders = best_of([min(group, key=lambda m: m.cost) for group in groups.values()], count)
-    return [
-        m
-        for group in groups.values()
-        if any(one is m for m in group for one in leaders)
-        for m in best_of(group, VARIANTS)
-    ]
+    best = best_of(leaders(models), count)
+    return [m for one in best for m in best_of([m for m in models if m.families == one.families], VARIANTS)]
 
 
 def inherited(problem: Problem, known: Candidate) -> Array:
