@@ -84,14 +84,14 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
         )
         return Stepper(structure, free_states, sensitivities, initial, step)
 
-    # A cut costs three steps and is rare, so it is computed only where the joint does turn.
+    # A cut costs three steps and is rare, so it is computed only where the joint does turn, and as it was written.
     whole, _, turns = equations.sliding_step(y, h)
     slid = ca.SX.sym("slid", accumulated.shape[0])
     slide = ca.Function("slide", [accumulated, given], ca.cse([ca.vec(with_slopes(whole)), output, turns]))
     cut = ca.vec(with_slopes(equations.event_step(y, h)))
     turn = ca.Function.if_else(
         "turn",
-        ca.Function("cut", [accumulated, given, slid], ca.cse([cut])),
+        ca.Function("cut", [accumulated, given, slid], [cut]),
         ca.Function("keep", [accumulated, given, slid], [slid]),
     )
     state, numbers = ca.MX.sym("state", accumulated.shape[0]), ca.MX.sym("numbers", given.shape[0])
