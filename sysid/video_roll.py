@@ -11,22 +11,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.roll import Array, Roll
+from sysid.roll import Roll
 from sysid.video.options import VideoOptions as VideoOptions
 
 if TYPE_CHECKING:
     from sysid.video.film.camera import Lens
     from sysid.video.film.frames import Clip
-    from sysid.video.film.track import Track
     from sysid.video.pose.gaps import Signal
     from sysid.video.select import Followed
-    from sysid.video.trackers._base import Target
     from sysid.video.types import Rows
 
 MIN_FRAMES_PER_PERIOD = 8
 """Frames a period below which the fastest part of a swing is guessed rather than seen."""
 SLOW_RATE, SLOW_PERIOD = 31.0, 0.6
 """Slow motion plays at 30 frames/s [Hz] or less, and makes a board of 0.1 to 0.3 s swing slower than this [s]."""
+RATES = (60, 120, 240)
+"""What phones film at [frames/s]."""
 MIN_SWING = np.radians(1.0)
 """A record that swings by less is suspect [rad]."""
 
@@ -85,14 +85,14 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
     angle = sign * (found.angle + target.zero(found))
     outliers = outlier_frames(time, angle, std)
     signal = Signal(time, angle, np.hypot(std, outliers), np.hypot(own, outliers), np.arange(len(time)))
-    _refuse_contradiction(clip.path, target, track, angle)
-    pace = _refuse_slow(clip.path, signal)
-    signal, filled, dropped = fill_gaps(signal, pace)
-    if (ramp := speed_ramp(signal.time, signal.roll, signal.std)) is not None:
+    seen = np.isfinite(angle)
+    if (ramp := speed_ramp(time[seen], angle[seen], signal.std[seen])) is not None:
         raise SysidError(
             f"{clip.path}: at {ramp:.2f} s the swing goes on at another pace at once: parts of the film play faster or slower "
             "than others (a speed ramp of slow motion). Give the film as the camera took it, not as it was edited."
         )
+    pace = _refuse_slow(clip.path, signal)
+    signal, filled, dropped = fill_gaps(signal, pace)
     notes = [
         *inferred(clip, lens, target, track, found, options),
         shutter_note(followed.before, found.camera_state, given=options.readout is not None),
@@ -134,19 +134,6 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
     return roll, signal.index
 
 
-def _refuse_contradiction(path: Path, target: "Target", track: "Track", angle: Array) -> None:
-    """Refuse a film in whose frames what was followed does not turn as one body."""
-    from sysid.video.select import MIN_SEEN_SHARE
-
-    kept, seen = int(np.isfinite(angle).sum()), len(track.time) - track.lost
-    if kept < MIN_SEEN_SHARE * len(angle):
-        raise SysidError(
-            f"{path}: {target.what} is seen in {seen} of {len(angle)} frames, but turns as one body in only {kept}: "
-            "something else was followed in the others. Film straighter from behind and with more contrast, give "
-            "--roi, or put something on the deck that stands out (docs/video.md)."
-        )
-
-
 def _refuse_slow(path: Path, signal: "Signal") -> float:
     """Return the frames a period (infinite where nothing swings), or refuse."""
     from sysid.video.film.pace import frames_per_period
@@ -155,9 +142,10 @@ def _refuse_slow(path: Path, signal: "Signal") -> float:
     count = frames_per_period(signal.time[seen], signal.roll[seen], signal.std[seen])
     if count is not None and count < MIN_FRAMES_PER_PERIOD:
         rate = 1 / float(np.median(np.diff(signal.time)))
+        needed = rate * MIN_FRAMES_PER_PERIOD / count
         raise SysidError(
             f"{path}: {count:.1f} frames a period ({rate:.3g} frames/s for an oscillation of {rate / count:.3g} Hz); "
-            f"{MIN_FRAMES_PER_PERIOD} are needed. Film at {rate * MIN_FRAMES_PER_PERIOD / count:.0f} frames/s or more "
-            "(slow motion), or use an IMU."
+            f"{MIN_FRAMES_PER_PERIOD} are needed. Film at {min((one for one in RATES if one >= needed), default=round(needed))} "
+            "frames/s or more (slow motion), or use an IMU."
         )
     return np.inf if count is None else count

@@ -19,6 +19,7 @@ from sysid.diagnosis.experiment import deciding
 from sysid.diagnosis.importance import Importance, importance
 from sysid.diagnosis.judgement import (
     CALIBRATION,
+    CLOSE,
     EXPLAINED,
     MATERIAL,
     PRICE,
@@ -63,8 +64,6 @@ from sysid.text import WIDTH
 if TYPE_CHECKING:
     import pandas as pd
 
-CLOSE = 0.05
-"""The same, up to which a model is a description of the motion, whatever share it explains."""
 FINALISTS = 6
 """How many of the best sets of families, of single effects and of pairs, are predicted."""
 RIVALS = 4
@@ -471,6 +470,10 @@ def _missing(
     ).strip()
     if sets:
         text += f" These data cannot tell it from {'; or '.join(listed(s) for s in sets)}."
+    unmet = [s for s in tried.near(chosen) if s.model.shape and s.extra <= chosen.extra]
+    if unmet:
+        best = max(unmet, key=lambda s: s.score)
+        text += f" Outside the catalogue, {in_words(best.model)} would do as well."
     if tried.base in tried.near(chosen):
         text += " The evidence is thin: the model without it is nearly as likely."
     text += "".join(f" Beside it, {hint.text}" for hint in hints)

@@ -17,6 +17,8 @@ from sysid.roll import Array
 
 EXPLAINED = 0.8
 """Share of the squared held-out error beyond the noise that must be taken away for an effect to be named."""
+CLOSE = 0.05
+"""Error beyond the noise over the motion, both RMS, up to which a model is a description of the motion, whatever share it explains."""
 MATERIAL = 0.02
 """Error beyond the noise over the motion, both RMS, below which what is left does not matter."""
 TIE = 6.0
@@ -122,18 +124,23 @@ class Field:
         the log, it counts as a dozen independent values, and two a period at most; and a hundredth of the motion does not
         matter.
         """
+        gap = self._raw_gap(one, other)
+        if not (self.inexact and np.isfinite(gap)):
+            return gap
+        count = len(self.blocks.cuts)
+        small = (NEGLIGIBLE * self.motion) ** 2
+        before, after = (max(self.excess(s), 0.0) + small + 1e-30 for s in (one, other))
+        lawful = 0.5 * min(LAWFUL, 2 * count) * float(np.log(max(after / before, 1.0)))
+        return min(gap, lawful + self.gain * (other.model.size - one.model.size))
+
+    def _raw_gap(self, one: Scored, other: Scored) -> float:
+        """Return how much worse a candidate is than one if each of them could be exact, in nats."""
         if not np.isfinite(other.score):
             return float("inf")
         by_block = self.by_block(other.errors.each - one.errors.each)
         count = len(by_block)
         error = float(np.std(by_block) * np.sqrt(count)) if count >= FEWEST_BLOCKS else 0.0
-        gap = (one.score - other.score) * TIE / max(TIE, error)
-        if not self.inexact:
-            return gap
-        small = (NEGLIGIBLE * self.motion) ** 2
-        before, after = (max(self.excess(s), 0.0) + small + 1e-30 for s in (one, other))
-        lawful = 0.5 * min(LAWFUL, 2 * count) * float(np.log(max(after / before, 1.0)))
-        return min(gap, lawful + self.gain * (other.model.size - one.model.size))
+        return (one.score - other.score) * TIE / max(TIE, error)
 
     def near(self, one: Scored) -> list[Scored]:
         """Return the candidates that may be true and are not told from one."""
@@ -144,7 +151,11 @@ class Field:
         assert self.base.model.heldout is not None
         steady = replace(self.blocks, amplitude=np.ones_like(self.blocks.amplitude))
         alone = fit_errors(steady, self.base.model.heldout).log_likelihood
-        return self.base.errors.log_likelihood - alone > TIE or self.gap(self.best, self.base) > TIE
+        if self.base.errors.log_likelihood - alone > TIE or self.gap(self.best, self.base) > TIE:
+            return True
+        # What is no description of the motion, when there is one, is no noise, however many numbers that one takes.
+        described = self.left(self.best) < CLOSE < self.left(self.base)
+        return described and self._raw_gap(self.best, self.base) > TIE
 
     def _possible(self) -> list[Scored]:
         """Return the candidates that may be true.

@@ -35,13 +35,8 @@ class Learned:
             named: Error of what is named [rad or rad/s].
             floor: Noise [rad or rad/s].
         """
-        reaches = self.error_after < REACHED * floor
-        return (
-            bool(self.formula)
-            and not self.known
-            and reaches
-            and named > REACHED * max(floor, self.error_after)
-        )
+        unknown = bool(self.formula) and not self.known
+        return unknown and self.error_after < REACHED * floor < named and self.error_after < named / REACHED
 
     def to_json(self, per: float = 1.0) -> dict[str, Any]:
         """Return it for JSON; `per` turns its errors into angles."""
@@ -75,8 +70,9 @@ def learn(
     if found.formula is None:
         return None
     text = f"Learned from tilt and rate, it {found.formula.text}"
+    says_it = found.formula.good or found.formula.error < REACHED * found.noise.std
     return Learned(
         error_after=found.rmse, heldout_rmse=found.heldout_rmse, text=text,
-        formula=tuple(shape.name for shape in found.formula.shapes) if found.formula.good else (),
-        known=bool(found.formula.effects),
+        formula=tuple(shape.name for shape in found.formula.shapes) if says_it else (),
+        known=found.formula.is_known,
     )  # fmt: skip

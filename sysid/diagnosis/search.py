@@ -45,10 +45,8 @@ ASIDE = (0.7, 1.5)
 """Factors of a nonsmooth effect's parameters from which it is searched again on the fine grid, where it is not at the noise."""
 UNSETTLED = 8.0
 """Fall of χ² for each internal state of each release from which the hold before it has not settled that."""
-REACH = 3.4
-"""How far from zero an internal state may begin, over its typical size: a slider that has wholly yielded to one side stands at 3.3."""
 TREMOR = 0.03
-"""Share of it by which a hand that trembles keeps moved what would have settled while it held the deck: a choice."""
+"""Share of the most that a state can be by which a hand that trembles keeps moved what would have settled while it held the deck: a choice."""
 NEARLY = 1.3
 """Ratio of squared errors to the best from which a search that was begun aside is not brought to its end."""
 BEATEN, FAR = 6, 60.0
@@ -115,14 +113,15 @@ class Candidate:
 
     @property
     def at_edge(self) -> bool:
-        """Whether an effect ended at the bound that keeps it from being any weak bend: another law is asked for."""
-        low = dict(zip(self.problem.names, self.problem.bounds()[0], strict=False))
-        kept = (
-            f"{part.name}.{p.name}" for part in self.problem.structure.parts for p in part.parameters
-            if p.neutral is not None and p.low > p.neutral
-        )  # fmt: skip
+        """Whether an effect ended where it is nothing of its own, a stop as a weak bend or an arm that never relaxes: another law is asked for.
+
+        A share may be anything from none to all.
+        """
         point = dict(zip(self.problem.names, self.minimum.point, strict=False))
-        return any(point[name] <= 1.001 * low[name] for name in kept if name in point)
+        return any(
+            p.edged(point[f"{part.name}.{p.name}"])
+            for part in self.problem.structure.parts for p in part.parameters if f"{part.name}.{p.name}" in point
+        )  # fmt: skip
 
     @property
     def parameters(self) -> Mapping[str, float]:
@@ -468,17 +467,15 @@ def _freed(model: Candidate) -> Candidate:
 def _could_begin_so(model: Candidate) -> bool:
     """Return whether no internal state begins where the motion and the hold before cannot have left it."""
     problem, parameters = model.problem, model.parameters
-    count = len(problem.structure.internal_states)
-    rates = [
-        state.settles(part.of(parameters)) if state.settles else 0.0
-        for part in problem.structure.parts if part.role != "measurement" for state in part.states
-    ]  # fmt: skip
+    parts = [(p, state) for p in problem.structure.parts if p.role != "measurement" for state in p.states]
+    rates = np.array([state.settles(p.of(parameters)) if state.settles else 0.0 for p, state in parts])
     holds = np.array([[max(record.release.hold, 0.0)] for record in problem.records])
     begins, settled = (
-        problem.own(p)[:, 2 : 2 + count] for p in (model.minimum.point, problem.start(parameters))
+        problem.own(point)[:, 2 : 2 + len(parts)]
+        for point in (model.minimum.point, problem.start(parameters))
     )
-    off = np.where(np.array(rates) > 0, begins - settled, begins)
-    return bool(np.all(np.abs(off) <= REACH * (np.exp(-np.array(rates) * holds) + TREMOR)))
+    most = np.array([state.most for _, state in parts]) * (np.exp(-rates * holds) + TREMOR)
+    return bool(np.all((np.abs(begins - settled) <= most) | (rates == 0.0)))
 
 
 def _walked(problem: Problem, found: Minimum, fitted: Callable[[Array], Minimum]) -> Minimum:

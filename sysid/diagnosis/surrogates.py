@@ -11,15 +11,8 @@ import numpy as np
 
 from sysid.diagnosis.search import COARSE, Candidate, Search, completed, inherited
 from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import (
-    JointState,
-    MujocoSupport,
-    Parameter,
-    Scales,
-    State,
-    TorqueEffect,
-    belongs_to_log,
-)
+from sysid.effects._base import JointState, Parameter, Scales, TorqueEffect
+from sysid.effects._unlisted import CLOCK, from_zero, unlisted
 from sysid.fitting.problem import Problem
 from sysid.joint.structure import Structure
 from sysid.least_squares import Minimum, minimise
@@ -29,47 +22,25 @@ Shape = Callable[[Algebra, Value, Value, Value], Value]
 """Of the algebra, tilt and rate over their largest, and time over the longest release."""
 
 
-def _effect(
-    torque: Callable[[Algebra, JointState, Values, Sequence[Value]], Value],
-    parameters: Sequence[Parameter],
-    states: Sequence[State] = (),
-) -> TorqueEffect:
-    return TorqueEffect(
-        name="surrogate", title="a law outside the catalogue", family="hardening", parameters=tuple(parameters), law="",
-        source="", does="", look_alikes=(), experiment="", mujoco=MujocoSupport(means="", since="", warp=False),
-        to_mjcf=belongs_to_log, example=(), torque=torque, states=tuple(states),
-    )  # fmt: skip
-
-
-def _from_zero(name: str, size: Callable[[Scales], float], rate: float) -> State:
-    return State(
-        name=name, size=size, start=lambda m, tilt, hold, stiffness, parameters: 0.0 * tilt,
-        rate=lambda m, motion, states, parameters: rate,
-    )  # fmt: skip
-
-
-_CLOCK = _from_zero("time", lambda s: s.duration, 1.0)
-
-
 def _wave(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
     return parameters["strength"] * m.sin(parameters["frequency"] * states[0])
 
 
-WAVE = _effect(
-    _wave,
+WAVE = unlisted(
+    "surrogate", _wave,
     (
         Parameter(name="strength", unit="N*m", size=lambda s: 0.1 * s.torque, low=0.0, high=30.0),
         Parameter(name="frequency", unit="rad/s", size=lambda s: s.frequency, low=0.05, high=8.0, neutral=None),
     ),
-    (_CLOCK,),
+    (CLOCK,),
 )  # fmt: skip
 """A torque that follows a clock of its own, which each release may meet at any time."""
-_STIFFNESS = _from_zero("stiffness", lambda s: 0.3 * s.stiffness, 0.0)
-_DAMPING = _from_zero("damping", lambda s: 0.3 * s.stiffness / s.frequency, 0.0)
+_STIFFNESS = from_zero("stiffness", lambda s: 0.3 * s.stiffness, 0.0)
+_DAMPING = from_zero("damping", lambda s: 0.3 * s.stiffness / s.frequency, 0.0)
 CHANGED = (
-    _effect(lambda m, motion, parameters, states: -states[0] * motion.tilt, (), (_STIFFNESS,)),
-    _effect(
-        lambda m, motion, parameters, states: -states[0] * motion.tilt - states[1] * motion.rate,
+    unlisted("surrogate", lambda m, motion, parameters, states: -states[0] * motion.tilt, (), (_STIFFNESS,)),
+    unlisted(
+        "surrogate", lambda m, motion, parameters, states: -states[0] * motion.tilt - states[1] * motion.rate,
         (), (_STIFFNESS, _DAMPING),
     ),
 )  # fmt: skip
@@ -92,6 +63,8 @@ class Law:
         return len(self.terms) > 1 or self.own in CHANGED
 
 
+TRIED = 2
+"""Shapes of a place that are predicted: on the coarse grid the best one may not have come to its best."""
 CREEP = 1e-3
 """Share of the largest rate below which a root of the rate is a damper: its slope has no end there."""
 LAWS: dict[str, Law] = {
@@ -127,20 +100,13 @@ def surrogate(search: Search, model: Candidate, kept: tuple[str, ...], shape: st
         kept: Its effects that stay.
         shape: One of `LAWS`.
     """
-    inside = search.problem(kept, free_states=model.problem.free_states)
+    inside, scales = search.problem(kept, free_states=model.problem.free_states), search.scales
     own = LAWS[shape].own
-    structure = Structure(inside.structure.effects, (own or _sum_of(LAWS[shape].terms),))
-    sizes = {
-        "amplitude": search.scales.amplitude,
-        "speed": search.scales.rate,
-        "duration": search.scales.duration,
-    }
-    replaced = {"stiffness": search.scales.stiffness, "damping": search.scales.damping}
-    fixed = {
-        **{s.name: replaced[s.name] for s in (own.states if own in CHANGED else ())}, **inside.fixed, **({} if own else {f"surrogate.{n}": v for n, v in sizes.items()}),
-    }  # fmt: skip
+    structure = Structure(inside.structure.effects, (own or _sum_of(LAWS[shape].terms, scales),))
+    replaced = {"stiffness": scales.stiffness, "damping": scales.damping}
+    held = {s.name: replaced[s.name] for s in own.states} if own in CHANGED else {}
     problem = Problem(
-        structure, search.records, search.scales, bias=search.bias, fixed=fixed, average=search.average,
+        structure, search.records, scales, bias=search.bias, fixed={**held, **inside.fixed}, average=search.average,
         free_states=own is not None or (model.problem.free_states and bool(inside.structure.internal_states)),
         steps_per_period=int(COARSE * min(1.5, structure.sharpness)),
     )  # fmt: skip
@@ -208,7 +174,7 @@ def _in_step(problem: Problem, before: Candidate) -> Array:
 
 
 def surrogates(search: Search, model: Candidate) -> list[Candidate]:
-    """Return the best shape in each of a model's effects' places and in all of them, predicted.
+    """Return the best shapes in each of a model's effects' places and in all of them, predicted.
 
     In one release alone the amplitude only falls, so a law that changes with time can be any law that changes with amplitude:
     it says nothing there.
@@ -221,7 +187,7 @@ def surrogates(search: Search, model: Candidate) -> list[Candidate]:
     for place in dict.fromkeys([named, *((name,) for name in named)]):
         kept = tuple(n for n in model.effects if n not in place)
         tried = [surrogate(search, model, kept, shape) for shape in shapes]
-        best.append(min(tried, key=lambda m: m.cost + np.log(m.samples) * m.size))
+        best += sorted(tried, key=lambda m: m.cost + np.log(m.samples) * m.size)[:TRIED]
         if search.progress is not None:
             search.progress("laws outside the catalogue", 0.97)
     return [search.finalist(m) for m in best]
@@ -242,10 +208,10 @@ def in_words(model: Candidate) -> str:
     return law.words
 
 
-def _sum_of(terms: Sequence[Shape]) -> TorqueEffect:
+def _sum_of(terms: Sequence[Shape], scales: Scales) -> TorqueEffect:
     def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
-        x, v = motion.tilt / parameters["amplitude"], motion.rate / parameters["speed"]
-        t = states[0] / parameters["duration"] if states else 0.0
+        x, v = motion.tilt / scales.amplitude, motion.rate / scales.rate
+        t = states[0] / scales.duration if states else 0.0
         parts = [parameters[f"strength_{i}"] * shape(m, x, v, t) for i, shape in enumerate(terms)]
         return -sum(parts[1:], parts[0])
 
@@ -253,9 +219,4 @@ def _sum_of(terms: Sequence[Shape]) -> TorqueEffect:
         Parameter(name=f"strength_{i}", unit="N*m", size=lambda s: 0.3 * s.torque, low=-10.0, high=10.0, starts=(0.0,))
         for i in range(len(terms))
     ]  # fmt: skip
-    sizes = [
-        Parameter(name="amplitude", unit="rad", size=lambda s: s.amplitude, low=0.0, high=2.0),
-        Parameter(name="speed", unit="rad/s", size=lambda s: s.rate, low=0.0, high=2.0),
-        Parameter(name="duration", unit="s", size=lambda s: s.duration, low=0.0, high=2.0),
-    ]
-    return _effect(torque, (*strengths, *sizes), (_CLOCK,) if len(terms) > 1 else ())
+    return unlisted("surrogate", torque, strengths, (CLOCK,) if len(terms) > 1 else ())

@@ -119,6 +119,12 @@ class Parameter:
     held: bool = False
     """Whether it is known from elsewhere: a fit holds it at the record's value, unless the user bounds it."""
 
+    def edged(self, value: float) -> bool:
+        """Return whether a value, in units of `size`, is at an end of the range in which the effect is one; a share may be at its ends."""
+        if self.unit in ("", "1") or (self.neutral is not None and self.low <= self.neutral):
+            return False
+        return value <= 1.001 * self.low or (self.neutral is None and value >= 0.999 * self.high)
+
     def bounds(self, scales: Scales) -> tuple[float, float]:
         """Return the bounds in `unit`."""
         size = self.size(scales)
@@ -135,6 +141,8 @@ class State:
     sensor's gets the absolute roll for the tilt."""
     size: Callable[[Scales], float]
     """Its typical size, for scaling when it is fitted."""
+    most: float = 10.0
+    """How far from zero the motion before a release can have brought it, in units of `size`."""
     rate: Callable[[Algebra, JointState, Sequence[Value], Values], Value] | None = None
     """`rate(m, motion, states, parameters)`: its time derivative, from all states of its effect."""
     late_release: Callable[[Algebra, Value, Value, Value, Values], Value] | None = None

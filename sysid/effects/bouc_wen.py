@@ -54,6 +54,6 @@ EFFECT = TorqueEffect(
     to_mjcf=to_mjcf,
     example=(0.3, 0.02, 0.5),
     torque=torque,
-    states=(State(name="share", start=held, size=lambda s: 0.3, rate=share_rate),),
+    states=(State(name="share", start=held, size=lambda s: 0.3, most=1 / 0.3, rate=share_rate),),
     sharpness=2.0,
 )  # fmt: skip

@@ -72,7 +72,7 @@ EFFECT = TorqueEffect(
     to_mjcf=to_mjcf,
     example=(0.15, 0.01),
     torque=torque,
-    states=(State(name="share", start=held, size=lambda s: 0.3, return_map=dragged),),
+    states=(State(name="share", start=held, size=lambda s: 0.3, most=1 / 0.3, return_map=dragged),),
     limiting_cases=(("coulomb", as_coulomb),),
     excludes=("coulomb", "stribeck"),
     decay_signs=(("constant loss", 4),),

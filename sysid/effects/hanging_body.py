@@ -92,8 +92,10 @@ EFFECT = TorqueEffect(
     example=(0.001, 30.0, 0.03),
     torque=torque,
     states=(
-        State(name="roll", start=held, size=lambda s: s.amplitude, rate=own_rate, settles=settles),
-        State(name="rate", start=still, size=lambda s: s.rate, rate=own_acceleration, settles=settles),
+        State(name="roll", start=held, size=lambda s: s.amplitude, most=4.0, rate=own_rate, settles=settles),
+        State(
+            name="rate", start=still, size=lambda s: s.rate, most=4.0, rate=own_acceleration, settles=settles
+        ),
     ),
     sharpness=1.5,
 )

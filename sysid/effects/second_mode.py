@@ -90,8 +90,14 @@ EFFECT = SupportEffect(
     to_mjcf=to_mjcf,
     example=(0.004, 60.0, 0.1),
     states=(
-        State(name="support", start=support_at_release, size=lambda s: 0.2 * s.amplitude, settles=settles),
-        State(name="support_rate", start=still, size=lambda s: 0.2 * s.rate, settles=settles),
+        State(
+            name="support",
+            start=support_at_release,
+            size=lambda s: 0.2 * s.amplitude,
+            most=4.0,
+            settles=settles,
+        ),
+        State(name="support_rate", start=still, size=lambda s: 0.2 * s.rate, most=4.0, settles=settles),
     ),
     sharpness=1.5,
     acceleration=acceleration,

@@ -77,6 +77,13 @@ EFFECT = TorqueEffect(
     example=(5.0, 0.05),
     torque=torque,
     states=(
-        State(name="stretch", start=held, size=lambda s: s.amplitude, rate=stretch_rate, settles=settles),
+        State(
+            name="stretch",
+            start=held,
+            size=lambda s: s.amplitude,
+            most=2.0,
+            rate=stretch_rate,
+            settles=settles,
+        ),
     ),
 )

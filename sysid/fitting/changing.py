@@ -10,7 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import JointState, MujocoSupport, Parameter, State, TorqueEffect, belongs_to_log
+from sysid.effects._base import JointState, Parameter
+from sysid.effects._unlisted import CLOCK, unlisted
 from sysid.fitting.problem import Problem
 from sysid.fitting.smoothing import FLAT, directions, fit_instead
 from sysid.least_squares import Minimum
@@ -23,20 +24,15 @@ def _torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence
     return -sum(parameters[name] * swing[i // 3] * time ** (i % 3 + 1) for i, name in enumerate(_NAMES))
 
 
-_EFFECT = TorqueEffect(
-    name="changing", title="a joint that changes", family="learned", law="", source="", does="", look_alikes=(), experiment="",
-    mujoco=MujocoSupport(means="", since="", warp=False), to_mjcf=belongs_to_log, example=(), torque=_torque,
-    parameters=(
+_EFFECT = unlisted(
+    "changing",
+    _torque,
+    (
         *(Parameter(name=n, unit="N*m/rad", size=lambda s: 0.3 * s.stiffness, low=-10.0, high=10.0) for n in _NAMES),
         Parameter(name="duration", unit="s", size=lambda s: s.duration, low=0.0, high=2.0),
         Parameter(name="frequency", unit="rad/s", size=lambda s: s.frequency, low=0.0, high=2.0),
     ),
-    states=(
-        State(
-            name="time", start=lambda m, tilt, hold, stiffness, parameters: 0.0 * tilt, size=lambda s: s.duration,
-            rate=lambda m, motion, states, parameters: 1.0,
-        ),
-    ),
+    (CLOCK,),
 )  # fmt: skip
 
 

@@ -14,7 +14,8 @@ import numpy as np
 
 from sysid.effects import catalogue, effect_file
 from sysid.effects._algebra import NUMPY, Algebra, Value, Values
-from sysid.effects._base import JointState, MujocoSupport, Parameter, Scales, TorqueEffect, belongs_to_log
+from sysid.effects._base import JointState, Parameter, Scales, TorqueEffect
+from sysid.effects._unlisted import unlisted
 from sysid.effects.learned import tabulated
 from sysid.fitting.cross_validation import rms
 from sysid.fitting.learned_torque import learned_torque, tables_of
@@ -31,6 +32,8 @@ GOOD = 1.02
 """Error of a formula over that of the tables up to which it is as good."""
 HALF = 0.5
 """Share of what was learned up to which the nearest formula is no word for it."""
+ALIKE = 1.1
+"""Ratio of two bumpers' angles up to which they are one stop: each is found to a few percent."""
 CANDIDATES = 5
 """How many of the nearest shapes are fitted."""
 
@@ -187,6 +190,16 @@ class Formula:
         }
         names = tuple(laws.get(shape.text, "") for shape in self.shapes)
         return names if all(names) else ()
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the catalogue has its law: by its terms, or as a stop, on one side or alike on both."""
+        bumpers = [
+            w for shape, w in zip(self.shapes, self.widths, strict=True) if shape.name.endswith("bumper")
+        ]
+        if len(bumpers) == len(self.shapes):
+            return max(bumpers) < ALIKE * min(bumpers)
+        return bool(self.effects)
 
 
 def own_effect(formula: Formula) -> tuple[str, str]:
@@ -371,11 +384,7 @@ def effect_of(shapes: Sequence[Shape]) -> TorqueEffect:
                 name=f"width_{i}", unit="rad", size=lambda s: s.amplitude, low=0.005, high=3.0, neutral=None
             ),
         ]
-    return TorqueEffect(
-        name=_NAME, title="a formula", family="learned", parameters=tuple(parameters), law="", source="", does="",
-        look_alikes=(), experiment="", mujoco=MujocoSupport(means="", since="", warp=False), to_mjcf=belongs_to_log,
-        example=(), torque=torque,
-    )  # fmt: skip
+    return unlisted(_NAME, torque, parameters)
 
 
 def _rest(columns: Sequence[tuple[Shape, float, Array]], left: Array) -> float:

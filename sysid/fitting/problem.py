@@ -200,7 +200,7 @@ class Problem:
             known.update({f"{part.name}.{p.name}": (p.low, p.high) for p in part.parameters})
         own = [(-4.0, 4.0)] * 2
         if self.free_states:
-            own += [(-10.0, 10.0)] * len(self.structure.internal_states)
+            own += [(-state.most, state.most) for state in self.structure.internal_states]
         own += [(-2.0, 2.0)] if self.bias == "per-release" else []
         pairs = np.array([known[name] for name in self.names] + own * len(self.records))
         for index, name in enumerate(self.names):

@@ -18,6 +18,8 @@ SMALLEST_RELEASE = 0.08
 """Segments below this share of the largest one's first swing are not counted as releases."""
 SMALLEST_OF_LOG = 0.12
 """Nor are they where the largest one's first swing is below this share of the log's whole range."""
+AGAIN = 0.12
+"""Share of the first swing over which nothing swings on in the way that it came: a hand let go of it, or took it home."""
 WANDER = 0.03
 """Share of the first swing by which the zero of a sensor may move within one swing: a gyro's integral, a warm IMU."""
 HAND = 0.025
@@ -186,7 +188,8 @@ def _segment(signal: SmoothedSignal, swings: list[HalfCycle], begin: int, finish
         swing = swings[finish]
         homeward = (rest - swing.origin) * swing.way > 0.3 * swing.size**2
         shorter = swing.size < chosen[-1].size + _room(signal, chosen[0], chosen[-1])
-        goes_on = homeward and shorter and _same_pace(signal, chosen[0].duration, swing)
+        back = swing.way * chosen[-1].way < 0 or swing.size < AGAIN * chosen[0].size
+        goes_on = homeward and back and shorter and _same_pace(signal, chosen[0].duration, swing)
         away = max(swing.size if homeward else 0.0, abs(swing.target - rest))
         if not goes_on and away > 2.0 * signal.min_movement:
             break

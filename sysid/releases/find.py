@@ -201,16 +201,16 @@ def _ending(signal: SmoothedSignal, segment: Segment, begin: float) -> _Ending:
 
 def _last_swing_is_cut(signal: SmoothedSignal, segment: Segment) -> bool:
     """Whether the last swing ends where no free deck would: held away from rest, or braked far too much."""
-    sizes = segment.sizes
-    if len(segment.swings) == 1:
-        return False
-    lost = [one - other for one, other in pairwise(sizes)]
-    room = 3.0 * signal.noise + 0.05 * sizes[0]
-    if len(lost) < 3:
-        return segment.settles and sizes[-1] > 0.25 * sizes[0] + room
-    # Dry friction that takes 2 F/k off each swing can hold the deck up to F/k beside the middle.
-    held = 3.0 * signal.noise + 0.02 * sizes[0] + float(np.median(lost[:-1]))
-    return lost[-1] > 1.6 * max(lost[:-1]) + room or (segment.settles and sizes[-1] > held)
+    sizes, still = segment.sizes, 3.0 * signal.noise
+    if len(segment.swings) < 3:
+        return len(sizes) > 2 and segment.settles and sizes[-1] > 0.3 * sizes[0] + still
+    # Dry friction that takes 2 F/k off each swing can hold the deck up to F/k beside the middle of the last of them.
+    turns = np.array([swing.target for swing in segment.swings[-4:]])
+    middle = float(np.mean(turns[-3:-1] + turns[-4:-2]) / 2) if len(turns) == 4 else segment.rest
+    *before, last = -np.diff(np.abs(turns - middle))
+    usual = max(0.0, *before)
+    held = segment.settles and abs(turns[-1] - middle) > 0.65 * usual + still + 0.01 * sizes[0]
+    return held or last > 1.6 * usual + signal.min_movement
 
 
 def _followed(signal: SmoothedSignal, segment: Segment, turn: int) -> float:

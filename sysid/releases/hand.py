@@ -33,7 +33,7 @@ WIDTHS = (0.75, 1.5)
 """Of φ, in periods: the wider one where the noise is over `CLEAR` of the torque under the other."""
 BUMPS = (0.25, 0.35, 0.5)
 """Widths of the bump, in periods: the first under which the median noise is below `DIM` of the largest pull."""
-DIM = 0.08
+DIM = 0.12
 NEARLY = 0.7
 """Share of its way to rest after which nobody pushes a deck."""
 RISEN = 0.7
@@ -50,9 +50,9 @@ LEARNED = (2.0, 5.0, np.inf)
 """Periods from then on from which the law is learned, in turn, each as far as no hand was seen before."""
 BEFORE_NEXT = 0.3
 """Periods after the end of a decay that are looked at too: a hand is seen by what it does next."""
-KNOWN = 0.2
+KNOWN = 0.1
 """Share of the torque that a law may leave: what was learned where hardly anything moved says nothing of a wide swing."""
-CERTAIN, GONE = 6.0, 1.5
+CERTAIN, GONE = 4.5, 1.5
 """Standard deviations over which a torque is none of the law's, and under which it is gone."""
 FLOOR = 0.01
 """Share of the largest swing below which no torque is told from the wandering of a sensor's zero."""
@@ -122,12 +122,25 @@ class _Law:
     """Until when each decay is known to be free [s]."""
     noise: float = 0.0
     """Standard deviation of what it leaves [rad]."""
+    still: float = 0.0
+    """The same where the deck hardly swings [rad]; the rest of it follows the swing."""
+    swing: float = 1.0
+    """RMS swing of what it was learned from [rad]."""
+
+    def about(self, windows: _Windows, number: int) -> Array:
+        """Return how wide a decay swings about its own level [rad], shape (m,)."""
+        level = self.coefficients[self.shapes + number] / (self.coefficients[0] or -1.0)
+        return np.hypot(windows.table[:, 0] + level, windows.table[:, 1])
 
     def beyond(self, windows: _Windows, number: int) -> tuple[Array, Array]:
         """Return the torque beyond the law of one decay, and its standard deviation [rad], shape (m,) each."""
         table = _table(windows, number, self.shapes, len(self.coefficients))
-        std = self.noise * np.sqrt(1 + np.sum((table @ self.spread) ** 2, axis=1))
-        return windows.breaks(windows.acceleration - table @ self.coefficients, self.ends[number]), std
+        follows = (
+            np.maximum(self.noise**2 - self.still**2, 0.0) * (self.about(windows, number) / self.swing) ** 2
+        )
+        unsure = self.noise**2 * np.sum((table @ self.spread) ** 2, axis=1)
+        torque = windows.breaks(windows.acceleration - table @ self.coefficients, self.ends[number])
+        return torque, np.sqrt(self.still**2 + follows + unsure)
 
 
 def free_spans(signal: SmoothedSignal, spans: Sequence[Span], period: float) -> list[Span]:
@@ -143,8 +156,9 @@ def free_spans(signal: SmoothedSignal, spans: Sequence[Span], period: float) -> 
     cuts = [slice(*np.searchsorted(time, (s.begin, s.end + BEFORE_NEXT * period))) for s in spans]
     begins = _let_go(signal, spans, period)
     starts = [span.begin + PUSH * period for span in spans]
-    ends = [span.end for span in spans]
+    found = [span.end for span in spans]
     for width in WIDTHS:
+        ends = found
         backward = [
             _windows(-time[c][::-1], roll[c][::-1] - s.rest, period, width)
             for c, s in zip(cuts, spans, strict=True)
@@ -158,11 +172,15 @@ def free_spans(signal: SmoothedSignal, spans: Sequence[Span], period: float) -> 
                 for i, (w, (_, b)) in enumerate(zip(backward, known, strict=True))
             ]
             ends = [s.end if t is None else min(s.end, -t) for s, t in zip(spans, hands, strict=True)]
-        free = [np.abs(w.acceleration[w.inside(-b, -a)]) for w, (a, b) in zip(backward, known, strict=True)]
-        torque = float(np.concatenate(free).max(initial=0.0))
-        if law is not None and law.noise < CLEAR * torque:
+        if law is None:
+            continue
+        found = ends
+        torque = [
+            np.abs(w.acceleration[w.inside(-b, -a)]) for w, a, b in zip(backward, begins, ends, strict=True)
+        ]
+        if law.noise < CLEAR * np.concatenate(torque).max(initial=0.0):
             break
-    return [Span(a, max(a, b), s.rest, s.level) for s, a, b in zip(spans, begins, ends, strict=True)]
+    return [Span(a, max(a, b), s.rest, s.level) for s, a, b in zip(spans, begins, found, strict=True)]
 
 
 def _let_go(signal: SmoothedSignal, spans: Sequence[Span], period: float) -> list[float]:
@@ -217,8 +235,10 @@ def _pull_sets_in(signal: SmoothedSignal, span: Span, period: float) -> tuple[fl
     gone = float(time[first]) + (i + rise + (count + 1) / 2) * step
     # Let go from rest, a pull has risen so far a tenth of the bump's width later, or between two samples.
     late = 0.1 * (count + 1) * step + 0.5 * step
-    most = MOVED + 0.5 * (2 * np.pi * late / period) ** 2 + 4.5 * float(np.median(np.abs(way[first:held])))
-    return gone + MARGIN * period, float(np.interp(gone, time, way)) / most
+    level = float(np.median(way[first:held]))
+    trembles = 4.5 * float(np.median(np.abs(way[first:held] - level)))
+    most = MOVED + 0.5 * (2 * np.pi * late / period) ** 2 + trembles
+    return gone + MARGIN * period, (float(np.interp(gone, time, way)) - level) / most
 
 
 def _windows(time: Array, roll: Array, period: float, width: float) -> _Windows:
@@ -279,11 +299,14 @@ def _fit(
     kept = values > 1e-6 * values[0]
     spread = right[kept].T / values[kept] / scale[:, None]
     law = _Law(spread @ (left[:, kept].T @ target), spread, shapes, ends)
-    rest = [law.beyond(one, i)[0][rows] for i, (one, rows) in enumerate(zip(windows, inside, strict=True))]
-    noise = float(np.sqrt(np.sum(np.concatenate(rest) ** 2) / (len(target) - used)))
+    each = list(enumerate(zip(windows, inside, strict=True)))
+    rest = np.concatenate([law.beyond(one, i)[0][rows] for i, (one, rows) in each])
+    swing = np.concatenate([law.about(one, i)[rows] for i, (one, rows) in each])
+    noise = float(np.sqrt(np.sum(rest**2) / (len(target) - used)))
+    still = min(noise, float(np.sqrt(np.mean(rest[swing <= np.quantile(swing, 0.3)] ** 2))))
     if noise > KNOWN * np.sqrt(np.mean(target**2)):
         return None
-    return replace(law, noise=noise)
+    return replace(law, noise=noise, still=still, swing=float(np.sqrt(np.mean(swing**2))))
 
 
 def _table(windows: _Windows, number: int, shapes: int, count: int) -> Array:
@@ -307,7 +330,7 @@ def _hand(windows: _Windows, law: _Law | None, number: int, free: float) -> floa
     if last < 2 or law is None:
         return None
     torque, std = (values[:last] for values in law.beyond(windows, number))
-    swing = np.hypot(windows.table[:, 0], windows.table[:, 1])
+    swing = law.about(windows, number)
     beside = sliding_window_view(np.pad(swing, (0, windows.period - 1)), windows.period).max(axis=1)[:last]
     size = np.abs(torque)
     hand = np.flatnonzero((size > CERTAIN * std) & (size > FLOOR * swing[:last].max()))

@@ -23,16 +23,13 @@ def follow(follower: Follower, frame: Frame) -> Points:
     return np.full((follower.points, 2), np.nan, np.float32) if found is None else found.astype(np.float32)
 
 
-def track_of(
-    reel: Reel, frames: Sequence[tuple[int, float]], points: Points, followers: Sequence[Follower]
-) -> Track:
+def track_of(reel: Reel, frames: Sequence[tuple[int, float]], points: Points) -> Track:
     """Return points with the camera's shake.
 
     Args:
         reel: The film.
         frames: Number and time of each of n frames [s], the first ones that were kept.
         points: N points in each [px], shape (n, N, 2).
-        followers: What was followed in it: no background where any of it may come.
 
     Raises:
         SysidError: There are fewer than 8 frames.
@@ -41,22 +38,19 @@ def track_of(
         raise SysidError(
             f"{reel.clip.path}: {len(frames)} frames are too few for a decay. Film at least a second."
         )
-    spare = reel.look.moving.copy()
-    for follower in followers:
-        left, top, right, bottom = follower.box
-        spare[max(top, 0) : max(bottom, 0), max(left, 0) : max(right, 0)] = True
-    reel.background.leave_out(spare)
+    turn = _turn(points, reel.lens.matrix[0, 0])
+    reel.background.leave_out(reel.look.moving, reel.skipped, turn)
     shake = reel.background.shake(reel.skipped, reel.skipped + len(frames))
     index, time = np.array([number for number, _ in frames], np.intp), np.array([at for _, at in frames])
-    return Track(time, points, _of_the_camera(shake, points, reel.options), index, reel.repeated)
+    return Track(time, points, _of_the_camera(shake, turn, reel.options), index, reel.repeated)
 
 
-def _of_the_camera(shake: Shake, points: Points, options: VideoOptions) -> Shake:
-    """Return the shake unless it is the board's own motion, or there is none."""
-    none = still(len(points), shake.focal, shake.centre, found=options.no_shake)
+def _of_the_camera(shake: Shake, turn: Array, options: VideoOptions) -> Shake:
+    """Return the shake unless it goes with the board's turn [rad], shape (n,), or there is none."""
+    none = still(len(turn), shake.focal, shake.centre, found=options.no_shake)
     if options.no_shake:
         return none
-    if shake.significant and shake.goes_with(_turn(points, shake.focal)):
+    if shake.significant and shake.goes_with(turn):
         return replace(none, mistaken=True)
     return shake
 
@@ -65,6 +59,8 @@ def _turn(points: Points, focal: float) -> Array:
     """Return roughly how the points (n, N, 2) turn as filmed, or a single one swings to and fro [rad], shape (n,)."""
     place = points[..., 0].astype(np.float64) + 1j * points[..., 1]
     seen = np.isfinite(place)
+    if not seen.any():
+        return np.zeros(len(place))
     if place.shape[1] == 1:
         path = place[:, 0] - place[seen[:, 0], 0].mean()
         along = np.exp(0.5j * np.angle(np.sum(path[seen[:, 0]] ** 2)))

@@ -19,14 +19,19 @@ from sysid.video.pose.camera_state import CameraState, before_looking
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.view import View
 from sysid.video.registration import picture_of_body
-from sysid.video.trackers._base import DEAD_ZONE, Follower, Scene, Target, Tracker
+from sysid.video.trackers._base import DEAD_ZONE, Scene, Target, Tracker, rests_at
 from sysid.video.types import Points
 
 MIN_SEEN_SHARE = 0.6
 """Share of the frames in which what is followed must be seen."""
-KEEP_SEEN = (
-    "Keep the board in the picture, film in more light (less blur), or follow something else (--method)."
+MAX_LOST = 0.9
+"""What is lost in more of the frames was nothing."""
+ADVICE = (
+    "Keep the board in the picture, film all of its swing straight from behind and in more light (less blur), or follow "
+    "something else (--method, --roi, docs/video.md)."
 )
+VAGUE, MAX_STD = np.radians([0.3, 3.0])
+"""Standard deviation above which what takes long is tried as well, and above which an angle is none [rad]."""
 CLEARLY = 0.8
 """What is tried first is left for another one only if that has less than this share of its uncertainty."""
 WHOLE_BODY = 3.0
@@ -35,6 +40,8 @@ which a few points do not know of. In rendered films it takes a third off the er
 BODY_FLOOR = 0.05
 """Least standard deviation of the body's points [px]: what compression does to a picture lasts as long as the board is
 held there, and shifts all of it. With this, 95 % intervals hold the truth in 30 rendered films of 0.18 bit a pixel."""
+MAX_ASKEW = np.radians(20.0)
+"""A board does not come to rest further from level: what says so are prints on it, not stickers put on level [rad]."""
 MAX_DISAGREEMENT = 0.1
 """Share of the swing by which two that are followed may differ and still be parts of one board."""
 
@@ -55,6 +62,11 @@ class Followed:
         return float(np.nanmedian(self.found.std))
 
     @property
+    def swing(self) -> float:
+        """How far the angle goes from its middle [rad]."""
+        return float(np.nanmax(np.abs(self.found.angle - np.nanmedian(self.found.angle))))
+
+    @property
     def level(self) -> Array:
         """The angle with zero where this target has it [rad], shape (n,)."""
         return self.found.angle + self.target.zero(self.found)
@@ -69,30 +81,35 @@ def follow_board(reel: Reel) -> Followed:
         SysidError: There is none.
     """
     scene = Scene(reel)
+    usable: list[Followed] = []
     failed: list[str] = []
+    missed: list[str] = []  # what somebody may have put there to be followed
     for targets in find_targets(scene):
-        followers = [target.follower for target in targets]
         stamps = [(frame.index, frame.time) for frame in reel.kept]
-        seen: list[tuple[Target, Track]] = []
         for target in targets:
             points = np.array([follow(target.follower, frame) for frame in reel.kept])
-            track = track_of(reel, stamps, points, followers)
+            track = track_of(reel, stamps, points)
             track = track if target.settle is None else target.settle(track)
-            if _is_seen(track):
-                seen.append((target, track))
+            one = _followed(reel, target, track)
+            if isinstance(one, Followed):
+                usable.append(one)
             else:
-                failed.append(_lost(target, track))
-        if seen:
-            return _to_the_end(scene, stamps, followers, *_best(reel, seen))
-    raise SysidError(f"{reel.clip.path}: {'; '.join(failed)}. {KEEP_SEEN}")
+                failed.append(one)
+                missed += [one] if target.shows_level and track.lost < MAX_LOST * len(track.time) else []
+        if min((one.std for one in usable), default=np.inf) < VAGUE:
+            break
+    if not usable:
+        raise SysidError(f"{reel.clip.path}: {'; '.join(failed)}. {ADVICE}")
+    best = _best(usable)
+    best = replace(best, target=replace(best.target, why="; ".join([best.target.why, *missed])))
+    return _to_the_end(scene, best)
 
 
-def _to_the_end(
-    scene: Scene, stamps: list[tuple[int, float]], followers: list[Follower], target: Target, track: Track
-) -> Followed:
+def _to_the_end(scene: Scene, led: Followed) -> Followed:
     """Follow a target through the rest of the film, and everything that turns as it does."""
-    reel, points = scene.reel, list(track.points)
-    body = picture_of_body(reel.kept, scene.look.box, track) if target.shows_body else None
+    reel, target, points = scene.reel, led.target, list(led.track.points)
+    stamps = [(frame.index, frame.time) for frame in reel.kept]
+    body = picture_of_body(reel.kept, scene.look.box, led.track) if target.shows_body else None
     corners: list[Points] = []
     if body is not None:
         with ThreadPoolExecutor() as pool:
@@ -102,44 +119,33 @@ def _to_the_end(
         points.append(follow(target.follower, frame))
         if body is not None:
             corners.append(body.find(frame, points[-1]))
-    track = track_of(reel, stamps, np.array(points), followers)
-    if not _is_seen(track):
-        raise SysidError(f"{reel.clip.path}: {_lost(target, track)}. {KEEP_SEEN}")
-    led = _followed(reel, target, track)
-    if led is None:
-        raise SysidError(
-            f"{reel.clip.path}: {target.what} shows too few different attitudes for an angle to be told. Film the whole "
-            "swing, larger in the picture, or follow something else (--method)."
-        )
-    whole = _whole_body(reel, led, replace(track, points=np.array(corners))) if corners else None
+    if len(points) > len(led.track.points):
+        track = track_of(reel, stamps, np.array(points))
+        all_of_it = _followed(reel, target, track)
+        if isinstance(all_of_it, str):
+            raise SysidError(f"{reel.clip.path}: {all_of_it}. {ADVICE}")
+        led = all_of_it
+    whole = _whole_body(reel, led, replace(led.track, points=np.array(corners))) if corners else None
     return led if whole is None else whole
 
 
-def _is_seen(track: Track) -> bool:
-    return track.lost <= (1 - MIN_SEEN_SHARE) * len(track.time)
-
-
-def _lost(target: Target, track: Track) -> str:
-    return f"{target.what} is seen in only {len(track.time) - track.lost} of {len(track.time)} frames"
-
-
-def _best(reel: Reel, seen: list[tuple[Target, Track]]) -> tuple[Target, Track]:
+def _best(usable: list[Followed]) -> Followed:
     """Judge by the uncertainty that each reaches in this film; one that contradicts the first is none of the board."""
-    if len(seen) == 1:
-        return seen[0]
-    judged = [one for one in (_followed(reel, *pair) for pair in seen) if one is not None]
-    usable = [one for one in judged if np.isfinite(one.found.angle).mean() >= MIN_SEEN_SHARE]
-    if not usable:
-        return seen[0]
+    if len(usable) == 1:
+        return usable[0]
     first = next((one for one in usable if one.target.shows_level), usable[0])
-    agreeing = [one for one in usable if _same_swing(one.found.angle, first.found.angle)]
+    agreeing = [one for one in usable if _same_swing(one, first)]
     best = min(agreeing, key=lambda one: one.std * (CLEARLY if one is first else 1.0))
     others = ", ".join(
         f"{one.target.what} ±{2 * np.degrees(one.std):.2g}°" for one in usable if one is not best
     )
     why = f"{best.target.why}: ±{2 * np.degrees(best.std):.2g}° in this film"
     target = replace(best.target, why=f"{why} ({others})" if others else why)
-    stray = [one.target.what for one in usable if not any(one is other for other in agreeing)]
+    stray = [  # what is too uncertain to agree contradicts nothing
+        one.target.what
+        for one in usable
+        if one.std < MAX_DISAGREEMENT * first.swing and not any(one is other for other in agreeing)
+    ]
     if stray:
         words = f"{' and '.join(stray)} moves otherwise than {first.target.what} and is not used; --roi keeps to the board"
         target = replace(target, warnings=(*target.warnings, words))
@@ -150,25 +156,49 @@ def _best(reel: Reel, seen: list[tuple[Target, Track]]) -> tuple[Target, Track]:
             zero_note=first.target.zero_note,
             shows_level=True,
         )
-    return target, best.track
+    return replace(best, target=target)
 
 
-def _followed(reel: Reel, target: Target, track: Track) -> Followed | None:
-    """Return a target with its angle; None where its points do not tell any."""
+def _followed(reel: Reel, target: Target, track: Track) -> Followed | str:
+    """Return a target with its angle; or why its points do not tell any."""
+    seen, frames = len(track.time) - track.lost, len(track.time)
+    if seen < MIN_SEEN_SHARE * frames:
+        return f"{target.what} is seen in only {seen} of {frames} frames"
     lens, options = reel.lens, reel.options
     readout = reel.clip.readout if options.readout is None else options.readout
     before = before_looking(track, lens, target.direction_std, readout, options.camera_angle)
     try:
         found = target.solve(View(track, lens.straighten, reel.clip.row_share), lens.matrix, before)
     except np.linalg.LinAlgError:
-        return None
-    return Followed(target, track, before, found)
+        return f"{target.what} shows too few different attitudes for an angle to be told"
+    one = Followed(target, track, before, found)
+    if (fault := _fault(one)) is not None:
+        return fault
+    if not target.shows_level or not abs(askew := rests_at(one.level)) > MAX_ASKEW:
+        return one
+    off = f"what is followed is {abs(np.degrees(askew)):.0f}° off level there"
+    target = replace(
+        target,
+        shows_level=False,
+        zero=lambda found: -rests_at(found.angle),
+        zero_note=f"where the deck is at the end of the film: {off}",
+    )
+    return replace(one, target=target)
+
+
+def _fault(one: Followed) -> str | None:
+    """Say why an angle is none, if it is not."""
+    frames, what = len(one.found.angle), one.target.what
+    if (kept := int(np.isfinite(one.found.angle).sum())) < MIN_SEEN_SHARE * frames:
+        return (
+            f"{what} is seen in {frames - one.track.lost} of {frames} frames, but turns as one body in only {kept}: something "
+            "else was followed in the others"
+        )
+    return f"{what} tells the angle to ±{2 * np.degrees(one.std):.2g}° only" if one.std > MAX_STD else None
 
 
 def _whole_body(reel: Reel, led: Followed, whole: Track) -> Followed | None:
     """Let everything that turns with a target tell the angle, if that contradicts it nowhere and tells it as well."""
-    if not _is_seen(whole):
-        return None
     target = led.target
     body = replace(
         target,
@@ -179,7 +209,7 @@ def _whole_body(reel: Reel, led: Followed, whole: Track) -> Followed | None:
         joined=((0, 1), (1, 2), (2, 3), (3, 0)),
     )
     own = _followed(reel, body, whole)
-    if own is None or not _same_swing(own.found.angle, led.found.angle):
+    if isinstance(own, str) or not _same_swing(own, led):
         return None
     return own if own.std < WHOLE_BODY * led.std else None
 
@@ -194,7 +224,9 @@ def _solve_whole(led: Followed, view: View, matrix: Array, before: CameraState) 
     found = fit_angle(view, matrix, camera, BodyPrior(floor=BODY_FLOOR, dead_zone=DEAD_ZONE))
     theirs = points.std if points.own is None else points.own
     own = found.std if found.own is None else found.own
-    std = np.sqrt(own**2 + np.maximum(points.std**2 - theirs**2, 0))
+    common = np.maximum(points.std**2 - theirs**2, 0)
+    # The body may be made out where the points contradict each other, as in a blurred frame.
+    std = np.sqrt(own**2 + np.where(np.isfinite(common), common, np.nanmax(common)))
     # Where the body is not made out, for a hand before it say, the points may be.
     whole = np.isfinite(found.angle)
     return replace(
@@ -210,13 +242,11 @@ def _as_it_is(found: AngleTrack) -> float:
     return 0.0
 
 
-def _same_swing(one: Array, other: Array) -> bool:
-    """Whether two angles [rad], shape (n,), are one but for a constant."""
-    apart = one - other
+def _same_swing(one: Followed, other: Followed) -> bool:
+    """Whether two angles are one but for a constant."""
+    apart = one.found.angle - other.found.angle
     apart = np.abs(apart - np.nanmedian(apart))
-    return bool(
-        np.nanquantile(apart, 0.9) < MAX_DISAGREEMENT * np.nanmax(np.abs(other - np.nanmedian(other)))
-    )
+    return bool(np.nanquantile(apart, 0.9) < MAX_DISAGREEMENT * other.swing)
 
 
 def _level_of(level: Array, found: AngleTrack) -> float:

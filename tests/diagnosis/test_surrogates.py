@@ -71,6 +71,13 @@ def test_what_mimics_it_predicts_worse(request, logs, shapes):
     assert best.heldout_rmse < mimic.heldout_rmse
 
 
+def test_no_release_is_predicted_by_parameters_of_its_own(changed):
+    """An arm without stiffness leaves its time constant open, and each release would have its own."""
+    rubber = changed.finalist(changed.single(("viscoelastic",), changed.single(())))
+    for missed, together in zip(rubber.heldout, rubber.residuals, strict=True):
+        assert missed @ missed >= (1 - 1e-9) * (together @ together)
+
+
 def test_a_support_that_a_hold_has_settled_does_not_begin_anew(changed):
     support = changed.single(("second-mode",), changed.single(()))
     problem = support.problem.with_(free_states=True)

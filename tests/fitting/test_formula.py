@@ -29,6 +29,25 @@ def test_shapes_of_the_catalogue_lead_to_its_effects():
     assert effects("cubic", "fifth power") == ()
 
 
+def test_a_bumper_or_two_alike_are_a_stop_that_the_catalogue_has():
+    def known(**angles):
+        shapes = tuple(shape for shape in SHAPES if shape.name.split()[0] in angles)
+        return Formula(
+            shapes=shapes,
+            coefficients=(),
+            widths=tuple(angles.values()),
+            share=1,
+            error=0,
+            good=True,
+            text="",
+        ).is_known
+
+    assert known(right=0.1)
+    assert known(right=0.1, left=0.103)
+    assert not known(right=0.12, left=0.06)
+    assert not known(fifth=0.0)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("torque", "name", "said"),

@@ -1,14 +1,12 @@
 """What is followed in a film must turn as one body: edges, patches and dots that do not are found out."""
 
 import warnings
-from pathlib import Path
 from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
 
-from sysid.errors import SysidError
 from sysid.video.film.frames import Frame
 from sysid.video.film.shake import still, still_places
 from sysid.video.film.track import Track
@@ -19,9 +17,9 @@ from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.rectify import rectify
 from sysid.video.pose.rigid_group import rigid_group
 from sysid.video.pose.view import View
+from sysid.video.select import _fault
 from sysid.video.trackers.dots import Dot, DotFollower
 from sysid.video.trackers.edge.slope import best_path
-from sysid.video_roll import _refuse_contradiction
 
 TIME = np.arange(90) / 60
 ROLL = np.where(TIME < 0.3, 0.4, 0.4 * np.exp(-4 * (TIME - 0.3)) * np.cos(25 * (TIME - 0.3)))
@@ -110,15 +108,22 @@ def test_a_dot_that_is_covered_in_part_is_not_seen():
     assert tracker.update(Frame(2, 0.04, picture(0))) is not None
 
 
-def test_a_film_that_contradicts_itself_is_refused():
-    angle = np.where(np.arange(90) < 40, 0.0, np.nan)
-    with pytest.raises(SysidError, match="seen in 85 of 90 frames, but turns as one body in only 40"):
-        _refuse_contradiction(
-            Path("clip.mp4"),
-            SimpleNamespace(what="the deck's edge"),
-            SimpleNamespace(time=TIME, lost=5),
-            angle,
+def test_an_angle_that_contradicts_itself_or_is_vague_is_none():
+    def fault(angle, std):
+        return _fault(
+            SimpleNamespace(
+                target=SimpleNamespace(what="the edge"),
+                track=SimpleNamespace(lost=5),
+                found=SimpleNamespace(angle=angle),
+                std=std,
+            )
         )
+
+    assert fault(ROLL, 0.01) is None
+    assert "seen in 85 of 90 frames, but turns as one body in only 40" in fault(
+        np.where(np.arange(90) < 40, 0.0, np.nan), 0.01
+    )
+    assert "the edge tells the angle to ±20° only" in fault(ROLL, np.radians(10.0))
 
 
 def test_points_that_are_not_seen_are_no_warning():

@@ -175,3 +175,19 @@ def test_a_swing_too_fast_for_the_film_is_seen_through_a_large_common_deviation(
         roll = 0.2 * np.exp(-0.3 * 2 * np.pi * 6.5 * since) * np.cos(2 * np.pi * 6.2 * since)
         roll += 1e-3 * np.random.default_rng(0).normal(size=90)
         assert frames_per_period(time, roll, np.full(90, 0.02)) < 6
+
+
+@pytest.mark.parametrize("fps", [24, 30])
+def test_a_second_release_hides_no_swing_that_is_too_fast(fps):
+    """6.4 Hz; the window of a slow film holds both releases, which no single swing explains."""
+    time = np.arange(3 * fps) / fps
+    first, second = (
+        0.3 * np.exp(-7 * np.maximum(time - at, 0)) * np.cos(40 * np.maximum(time - at, 0))
+        for at in (0.5, 1.8)
+    )
+    hand = np.clip((time - 1.5) / 0.2, 0, 1)
+    roll = np.where(time < 1.8, first * (1 - hand) - 0.3 * hand, -second)
+    roll += np.random.default_rng(0).normal(0, 3e-4, len(time))
+    assert frames_per_period(time, roll, np.full(len(time), 1e-3)) == pytest.approx(
+        2 * np.pi / 40 * fps, rel=0.05
+    )

@@ -1,9 +1,14 @@
 """The best tracker of a clip is the one that is used, and level is taken from what shows it."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from drawn_films import PIVOT, SIZE, decay, dotted, draw_film, marked, plate
 
+from sysid.video import select
+from sysid.video.pose.angle import AngleTrack
+from sysid.video.pose.camera_state import CameraState
 from sysid.video_roll import VideoOptions, roll_from_video
 
 TIME = np.arange(72) / 60
@@ -50,6 +55,25 @@ def test_everything_that_turns_with_a_marker_tells_the_angle(wide):
 
 
 @pytest.mark.slow
+def test_an_edge_is_looked_for_where_all_else_is_vague(wide, monkeypatch):
+    assert not any("edge ±" in note for note in read(wide).notes)
+    monkeypatch.setattr(select, "VAGUE", 0.0)
+    assert any("the deck's edge ±" in note for note in read(wide).notes)
+
+
+def test_a_frame_that_only_the_body_shows_has_a_deviation_as_well(monkeypatch):
+    """A blurred marker contradicts itself where the deck around it is made out: what both share of doubt stays."""
+    camera = CameraState(np.zeros(4), np.zeros((4, 4)))
+    angle, std = np.array([0.2, np.nan, 0.0]), np.array([0.004, np.nan, 0.003])
+    points = AngleTrack(angle, std, camera, 0.1, 1, np.ones(4), own=std / 2)
+    body = AngleTrack(np.array([0.2, 0.1, 0.0]), np.full(3, 0.001), camera, 0.1, 0, np.ones(4))
+    monkeypatch.setattr(select, "fit_angle", lambda *_: body)
+    whole = select._solve_whole(SimpleNamespace(found=points, level=angle), None, None, camera)
+    np.testing.assert_allclose(whole.angle, body.angle)
+    assert whole.std[1] >= max(whole.std[0], whole.std[2]) > 0.003
+
+
+@pytest.mark.slow
 def test_a_speck_does_not_beat_texture(tmp_path):
     body = dotted(plate(300, 80, contrast=35.0), [(60, 10, 4, PINK)])
     film = draw_film(tmp_path / "speck.mp4", body, ROLL)
@@ -71,6 +95,35 @@ def test_two_stickers_may_differ_in_colour(colours, method, tmp_path):
     # Two points do not show the camera's direction well, and with it what is level.
     assert error_of(roll)[0] < 0.3
     assert error_of(roll)[1] < 0.25
+
+
+@pytest.mark.slow
+def test_stickers_far_from_the_edges_of_a_plain_deck_are_seen_to_move(tmp_path):
+    dots = [(-150, 10, 7, PINK), (150, 10, 7, PINK)]
+    roll = read(draw_film(tmp_path / "far.mp4", dotted(plate(420, 200), dots), ROLL))
+    assert any("two coloured dots" in note for note in roll.notes)
+    assert error_of(roll)[0] < 0.3
+
+
+@pytest.mark.slow
+def test_a_single_sticker_aside_shows_no_level(tmp_path):
+    """Its arm rests 22° off the horizontal: zero is where the deck rests, not where the arm would lie flat."""
+    film = draw_film(tmp_path / "one.mp4", dotted(plate(300, 90), [(100, -40, 9, PINK)]), ROLL)
+    roll = read(film, method="dots")
+    assert any("one coloured dot" in note for note in roll.notes)
+    assert abs(np.median(roll.roll)) < np.radians(4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["auto", "dots"])
+def test_prints_askew_do_not_say_what_is_level(method, tmp_path):
+    """Two spots of colour, one above the other's side, 50° off level: no stickers that were put on level."""
+    spots = [(-25, -32, 9, PINK), (25, 28, 9, PINK)]
+    film = draw_film(tmp_path / "prints.mp4", dotted(plate(300, 90, contrast=35.0), spots), ROLL)
+    roll = read(film, method=method)
+    assert any("zero: where the deck is at the end of the film" in note for note in roll.notes)
+    assert abs(np.median(roll.roll)) < np.radians(2)
+    assert error_of(roll)[1] < 0.1
 
 
 @pytest.mark.slow

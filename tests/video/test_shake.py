@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
-from drawn_films import PIVOT, SIZE, decay, draw_film, marked, plate
+from drawn_films import PIVOT, SIZE, blotches, decay, draw_film, marked, plate, wall
 
 from sysid.errors import SysidError
+from sysid.video.film.background import Background
+from sysid.video.film.camera import Lens
+from sysid.video.film.frames import Frame
 from sysid.video.film.shake import Shake
 from sysid.video_roll import VideoOptions, roll_from_video
 
@@ -60,6 +63,39 @@ def test_a_motion_that_goes_with_the_roll_is_no_shake():
         waves = np.sin(2 * np.pi * frequency * TIME[:, None] + phase).sum(axis=1)
         likely += shake(2e-3 * waves).goes_with(ROLL)
     assert likely == 0
+
+
+def test_a_hand_that_goes_away_leaves_the_wall_as_background(tmp_path):
+    """It passes all of the picture's upper half, in which most of the wall is seen."""
+    behind, hand = wall(), np.full((60, 60, 3), 90, np.uint8)
+
+    def leaving(number):
+        picture = behind.copy()
+        left, top = 560 - 8 * number, 90 - number
+        picture[max(top, 0) : top + 60, max(left, 0) : left + 60] = hand[: top + 60, max(-left, 0) :]
+        return picture
+
+    body, shift = marked(plate(300, 140), 120), 3 * np.sin(9 * TIME)
+    film = draw_film(tmp_path / "hand.mp4", body, ROLL, background=leaving, move=lambda n: (shift[n], 0.0))
+    roll = read(film)
+    assert any(note.startswith("shake: ") for note in roll.notes)
+    assert not any("background" in warning for warning in roll.warnings)
+    assert error_of(roll) < 0.15
+
+
+def test_a_fast_pan_over_bricks_is_no_cut():
+    bricks = np.full((360, 900), 90, np.uint8)
+    bricks[:, 5::10] = bricks[:, 6::10] = 230  # as far apart as what is compared at first
+    bricks = np.repeat(
+        np.clip(bricks + blotches(bricks.shape, 0.0, 15.0, 2)[..., 0], 0, 255)[..., None], 3, axis=2
+    )
+    background = Background(Lens(np.diag([600.0, 600.0, 1.0]), np.zeros(5), True, ""))
+    for number in range(8):
+        background.update(
+            Frame(number, number / 60, bricks[:, 5 * number : 5 * number + 640].astype(np.uint8))
+        )
+    with pytest.raises(SysidError, match="a cut"):
+        background.update(Frame(8, 8 / 60, np.asarray(blotches((360, 640), 120.0, 40.0, 3), np.uint8)))
 
 
 def test_a_camera_that_pans_says_so(tmp_path):

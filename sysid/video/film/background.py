@@ -10,7 +10,7 @@ from sysid.errors import SysidError
 from sysid.roll import Array
 from sysid.video.film.camera import Lens
 from sysid.video.film.frames import Frame, crop, grey
-from sysid.video.film.shake import MIN_PATCHES, Shake, fit_rotations, still, whole_shake
+from sysid.video.film.shake import MIN_FRAMES_SEEN, MIN_PATCHES, Shake, fit_rotations, still, whole_shake
 from sysid.video.types import Complex, Mask, Picture
 
 PATCH_GRID, CELL_PATCHES = (8, 6), 2
@@ -23,8 +23,13 @@ BATCH_FRAMES = 256
 """Frames that are worked out at once: that takes little longer than one."""
 CUT_CHANGE = 12.0
 """Mean change of brightness from frame to frame above which a cut is suspected [grey levels]."""
-CUT_LIKENESS = 0.5
-"""Correlation of two neighbouring frames below which the scene has been cut."""
+CUT_LIKENESS, CUT_SIDE = 0.5, 160
+"""Correlation of two neighbouring frames, one shifted onto the other, below which the scene has been cut; and the long side
+of the small pictures that are compared [px]."""
+MAX_GOING = 0.5
+"""Correlation of a patch's steps with the board's turn from frame to frame above which it lies on the board, or in its shadow."""
+MAX_ROUGHNESS = 2.0
+"""A patch that jumps so many times as far from frame to frame as the few best ones shows noise."""
 FLOW_CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 15, 0.01)
 
 
@@ -41,7 +46,8 @@ class Background:
     """Places in each frame [px], each (m, 2)."""
     _still: Mask | None = None
     """Which patches lie where nothing moves, as far as that is known."""
-    _thumb: npt.NDArray[np.float32] | None = None
+    _before: Picture | None = None
+    """The frame before."""
 
     def update(self, frame: Frame) -> Array:
         """Take in one more frame; return how far most patches have moved since the first one [px], shape (2,).
@@ -61,12 +67,36 @@ class Background:
         moved = moved[np.isfinite(moved).all(axis=1)]
         return np.median(moved, axis=0) if len(moved) >= MIN_PATCHES else np.zeros(2)
 
-    def leave_out(self, spare: Mask) -> None:
-        """Let no patch count from now on that reaches into some pixels of the picture, shape (height, width) [1]."""
+    def leave_out(self, spare: Mask, first: int = 0, turn: Array | None = None) -> None:
+        """Let no patch count from now on that reaches into the board, moves with it, or holds but noise.
+
+        Args:
+            spare: Pixels in which the board moves, shape (height, width) [1].
+            first: Number of the first of n frames.
+            turn: The board's turn in them [rad], shape (n,).
+        """
         reach = 2 * (HALF_PATCH + MAX_STEP) + 1
         near = cv2.boxFilter(spare.astype(np.uint8), -1, (reach, reach), normalize=False) > 0
         x, y = self._anchors.T.astype(int)
-        self._still = ~near[y, x]
+        alone = np.asarray(~near[y, x], np.bool_)
+        if turn is not None and alone.any():
+            alone = self._apart(np.array(self._seen[first : first + len(turn)], np.float64), alone, turn)
+        self._still = alone
+
+    def _apart(self, seen: Array, some: Mask, turn: Array) -> Mask:
+        """Return which of some patches, seen at (n, m, 2) [px], neither move with the board's turn (n,) [rad] nor hold but noise."""
+        step = np.diff(seen, axis=0)
+        found = np.asarray(np.isfinite(step).all(axis=2), np.bool_)
+        some = some & (found.mean(axis=0) > MIN_FRAMES_SEEN)
+        if not some.any():
+            return some
+        step = np.where(found[..., None], step, 0.0)
+        size = np.sqrt((step**2).sum(axis=0)) * np.linalg.norm(np.diff(turn))
+        going = np.abs(np.einsum("n,npa->pa", np.diff(turn), step)) / np.maximum(size, 1e-9)
+        own = step - np.median(step[:, some], axis=1, keepdims=True)
+        rough = np.median(np.abs(own).max(axis=2), axis=0)
+        usual = np.sort(rough[some])[: 2 * MIN_PATCHES][-1]
+        return some & (going.max(axis=1) < MAX_GOING) & (rough < MAX_ROUGHNESS * usual + 0.05)
 
     def shake(self, first: int, stop: int) -> Shake:
         """Return the motion of the frames from number `first` up to `stop`, against the first of the film."""
@@ -94,12 +124,22 @@ class Background:
         return complex(self.lens.matrix[0, 2], self.lens.matrix[1, 2])
 
     def _refuse_cut(self, frame: Frame) -> None:
-        step = max(frame.picture.shape[0] // 36, 1)
-        thumb = frame.picture[step // 2 :: step, step // 2 :: step, 1].astype(np.float32).ravel()
-        before, self._thumb = self._thumb, thumb
-        if before is None or np.abs(thumb - before).mean() < CUT_CHANGE:
+        before, self._before = self._before, frame.picture
+        if before is None:
             return
-        if float(np.corrcoef(thumb, before)[0, 1]) < CUT_LIKENESS:
+        step = max(frame.picture.shape[0] // 36, 1)
+        sample = (slice(step // 2, None, step), slice(step // 2, None, step), 1)
+        change = np.abs(frame.picture[sample].astype(np.float32) - before[sample])
+        if change.mean() < CUT_CHANGE:
+            return
+        scale = CUT_SIDE / max(frame.picture.shape[:2])
+        now, then = (
+            cv2.resize(grey(one), None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+            for one in (frame.picture, before)
+        )
+        height, width = (side // 5 for side in now.shape)  # a camera that pans shows most of it again
+        inner = now[height : now.shape[0] - height, width : now.shape[1] - width]
+        if float(cv2.matchTemplate(then, inner, cv2.TM_CCOEFF_NORMED).max()) < CUT_LIKENESS:
             raise SysidError(
                 f"the whole picture changes at {frame.time:.2f} s (frame {frame.index}): a cut. "
                 "Give one uncut take; trim the film first."

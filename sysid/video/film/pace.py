@@ -4,8 +4,10 @@ import numpy as np
 
 from sysid.roll import Array
 
-WINDOW_FRAMES = 40
-"""Frames after the fastest one that are looked at: the deck is free there, a hand is slower."""
+WINDOW_FRAMES = (40, 28, 20, 14)
+"""Frames after the fastest one that are looked at: the deck is free there, until somebody takes it again."""
+EXPLAINED = 0.05
+"""Share of a swing up to which a fit may be off: more, and the window holds more than a free swing."""
 RAMP, STEADY = 1.9, 1.25
 """Ratio of half periods before and after, from which on no joint but a change of the film's speed explains it at once,
 and within each of both that a joint may show (stiffness and play change a period little by little)."""
@@ -37,22 +39,25 @@ def frames_per_period(time: Array, roll: Array, std: Array) -> float | None:
         return None
     rate = np.abs(step) / np.diff(time)
     begin = int(np.argmax(rate))
-    stop = min(begin + WINDOW_FRAMES, len(roll))
-    moved = np.abs(roll[begin:stop] - np.median(roll[begin:stop]))
-    if stop - begin < 6 or moved.max() < 4 * noise:
+    moved = np.abs(roll[begin : begin + WINDOW_FRAMES[0]] - np.median(roll[begin : begin + WINDOW_FRAMES[0]]))
+    if len(moved) < 6 or moved.max() < 4 * noise:
         return None
-    interval = float(np.median(np.diff(time)))
-    count = (time[begin:stop] - time[begin]) / interval
+    count = (time[begin:] - time[begin]) / float(np.median(np.diff(time)))
     period = np.repeat(np.geomspace(2.1, 150, 90), len(DAMPING_RATIOS))
     ratio = np.tile(DAMPING_RATIOS, 90)
     decay = ratio / np.sqrt(1 - ratio**2)
-    wave = np.exp((2 * np.pi / period * (1j - decay))[:, None] * count)
-    basis, _ = np.linalg.qr(np.stack([np.ones_like(wave.real), wave.real, wave.imag], axis=2))
-    swing = roll[begin:stop]
-    explained = (basis @ (basis.transpose(0, 2, 1) @ swing)[..., None])[..., 0]
-    error = np.mean((swing - explained) ** 2, axis=1)
-    tolerance = 1.5 * error.min() + noise**2 + (0.02 * np.std(swing)) ** 2
-    return float(period[error <= tolerance].max())
+    found = np.inf
+    for frames in WINDOW_FRAMES:
+        swing = roll[begin : begin + frames]
+        wave = np.exp((2 * np.pi / period * (1j - decay))[:, None] * count[: len(swing)])
+        basis, _ = np.linalg.qr(np.stack([np.ones_like(wave.real), wave.real, wave.imag], axis=2))
+        explained = (basis @ (basis.transpose(0, 2, 1) @ swing)[..., None])[..., 0]
+        error = np.mean((swing - explained) ** 2, axis=1)
+        tolerance = 1.5 * error.min() + noise**2 + (0.02 * np.std(swing)) ** 2
+        found = float(period[error <= tolerance].max())
+        if error.min() <= noise**2 + (EXPLAINED * np.std(swing)) ** 2:
+            break
+    return found
 
 
 def speed_ramp(time: Array, roll: Array, std: Array) -> float | None:

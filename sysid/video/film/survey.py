@@ -16,6 +16,8 @@ MAX_SHAKE = 0.05
 """Share of the picture's long side by which a camera may shake; one that moves further pans."""
 MIN_CHANGE = 18.0
 """Change of brightness that counts as motion [grey levels]."""
+MIN_AREA = 40
+"""Least area of what moves [px of the small picture]."""
 BOX_MARGIN = 10
 """What is added to what moves, on each side [px]."""
 
@@ -148,7 +150,7 @@ def box_of(clip: Clip, roi: tuple[int, int, int, int]) -> Box:
 def _moving(
     change: npt.NDArray[np.float32], shape: tuple[int, ...], box: tuple[int, int, int, int] | None
 ) -> npt.NDArray[np.bool_]:
-    """Threshold the range of each pixel; keep the largest patch, in a box, and what is a fifth as large or more."""
+    """Threshold the range of each pixel; keep the largest patch, in a box, what is a fifth as large or more, and what lies among these."""
     amount = cv2.GaussianBlur(change.max(axis=2), (0, 0), 1.5)
     level = max(MIN_CHANGE, 3 * float(np.median(amount)))
     mask = cv2.morphologyEx((amount > level).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
@@ -158,10 +160,15 @@ def _moving(
         inside = np.zeros_like(mask)
         inside[top:bottom, left:right] = 1
         mask = mask * inside
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask)
+    count, labels, stats, centres = cv2.connectedComponentsWithStats(mask)
     areas = stats[1:, cv2.CC_STAT_AREA]
-    if count < 2 or areas.max() < 40:
+    if count < 2 or areas.max() < MIN_AREA:
         return np.zeros(shape, bool)
-    large = 1 + np.flatnonzero(areas >= areas.max() / 5)
-    kept = np.isin(labels, large).astype(np.uint8)
+    low, size = stats[1:, :2], stats[1:, 2:4]
+    large = areas >= areas.max() / 5
+    # A sticker on a plain deck moves by itself: nothing joins its path to that of the deck's edges.
+    among = (centres[1:] > low[large].min(axis=0)) & (centres[1:] < (low + size)[large].max(axis=0))
+    kept = np.isin(labels, 1 + np.flatnonzero(large | (among.all(axis=1) & (areas > MIN_AREA)))).astype(
+        np.uint8
+    )
     return cv2.resize(kept, shape[::-1], interpolation=cv2.INTER_NEAREST) > 0

@@ -115,6 +115,12 @@ class Tracker:
     """Whether it is tried only where nothing else is found: it takes long."""
 
 
+def rests_at(angle: Array) -> float:
+    """Return the attitude at the end of the film, in the last tenth of what is seen of it [rad]; angle of shape (n,)."""
+    seen = angle[np.isfinite(angle)]
+    return float(np.median(seen[-max(5, len(seen) // 10) :]))
+
+
 def level_angle(track: AngleTrack, direction: complex, symmetry: int) -> float:
     """Return what turns the angles so that a body of this symmetry, seen along `direction` at angle 0, starts level."""
     tilt = float(np.angle(direction))

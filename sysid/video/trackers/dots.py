@@ -16,7 +16,7 @@ from sysid.video.pose.camera_state import CameraState, spread_by
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.rectify import longer, rectify, smear, unwrap
 from sysid.video.pose.view import View
-from sysid.video.trackers._base import DEAD_ZONE, Scene, Target, Tracker, level_angle
+from sysid.video.trackers._base import DEAD_ZONE, Scene, Target, Tracker, level_angle, rests_at
 from sysid.video.types import Box, Complex, Picture
 
 Chroma = npt.NDArray[np.float32]
@@ -31,6 +31,8 @@ SAME_CHROMA = 18.0
 """Distance below which two dots are of one colour [CIELAB]: such a pair is preferred to any other."""
 BEST = 1e6
 """Worth of being of one colour, in the unit of a dot's own worth: above all others, so that such a pair always wins."""
+MAX_ASIDE = np.radians(3.0)
+"""How far from straight below, above or beside its pivot a single dot may rest and still show level by that [rad]."""
 MIN_UNCOVERED = 0.85
 """A dot of which less than this share is left is covered in part."""
 
@@ -317,8 +319,9 @@ def _find(scene: Scene) -> Target | None:
         what="the dot",
         why=f"one coloured dot ({size}) about a {'fitted' if options.pivot is None else 'given'} pivot",
         solve=partial(fit_pivot, pivot=options.pivot),
-        zero=partial(level_angle, direction=1 + 0j, symmetry=4),
-        zero_note="where the dot is straight below, above or beside the pivot in the picture",
+        zero=_level_arm,
+        zero_note="where the dot is straight below, above or beside the pivot in the picture if it swings about that, else "
+        "where it is at the end of the film",
         shows_level=False,
         shows_body=False,
         finds_direction=False,
@@ -327,6 +330,11 @@ def _find(scene: Scene) -> Target | None:
 
 def _level_pair(track: AngleTrack) -> float:
     return level_angle(track, complex(track.shape[1] - track.shape[0]), 2)
+
+
+def _level_arm(track: AngleTrack) -> float:
+    zero = level_angle(track, 1 + 0j, 4)
+    return zero if abs(np.nanmedian(track.angle) + zero) < MAX_ASIDE else -rests_at(track.angle)
 
 
 TRACKER = Tracker(

@@ -20,7 +20,7 @@ from sysid.video.pose.camera_state import CameraState
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.rigid_group import rigid_group
 from sysid.video.pose.view import View
-from sysid.video.trackers._base import DEAD_ZONE, Scene, Target, Tracker
+from sysid.video.trackers._base import DEAD_ZONE, Scene, Target, Tracker, rests_at
 from sysid.video.types import Complex, Mask, Picture
 
 MAX_FEATURES, MIN_FEATURES = 60, 10
@@ -257,7 +257,7 @@ def _fit(view: View, matrix: Array, before: CameraState) -> AngleTrack:
 
 
 def _rest_at_the_end(track: AngleTrack) -> float:
-    return -float(np.nanmedian(track.angle[-max(5, len(track.angle) // 10) :]))
+    return -rests_at(track.angle)
 
 
 TRACKER = Tracker(

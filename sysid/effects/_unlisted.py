@@ -1,0 +1,38 @@
+"""Laws that are in no catalogue: fitted in the place of others, to see whether one of them is the better one."""
+
+from collections.abc import Callable, Sequence
+
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import (
+    JointState,
+    MujocoSupport,
+    Parameter,
+    Scales,
+    State,
+    TorqueEffect,
+    belongs_to_log,
+)
+
+Torque = Callable[[Algebra, JointState, Values, Sequence[Value]], Value]
+
+
+def unlisted(
+    name: str, torque: Torque, parameters: Sequence[Parameter], states: Sequence[State] = ()
+) -> TorqueEffect:
+    """Return an effect that has a torque and nothing to say of itself."""
+    return TorqueEffect(
+        name=name, title="a law outside the catalogue", family="learned", parameters=tuple(parameters), law="", source="",
+        does="", look_alikes=(), experiment="", mujoco=MujocoSupport(means="", since="", warp=False), to_mjcf=belongs_to_log,
+        example=(), torque=torque, states=tuple(states),
+    )  # fmt: skip
+
+
+def from_zero(name: str, size: Callable[[Scales], float], rate: float) -> State:
+    """Return a state that is zero at a release, or anything where states are free, and grows steadily."""
+    return State(
+        name=name, size=size, start=lambda m, tilt, hold, stiffness, parameters: 0.0 * tilt,
+        rate=lambda m, motion, states, parameters: rate,
+    )  # fmt: skip
+
+
+CLOCK = from_zero("time", lambda s: s.duration, 1.0)
