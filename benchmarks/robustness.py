@@ -11,7 +11,7 @@ import math
 import os
 import time
 from collections import defaultdict
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -77,7 +77,7 @@ def ride(policies: list[Path], episodes: int, workers: int, deadline: float) -> 
             pass
 
 
-def _add(cell: Cell, episodes: int, workers: int, pool: ProcessPoolExecutor) -> None:
+def _add(cell: Cell, episodes: int, workers: int, pool: Executor | None) -> None:
     """Ride a cell and add its row to the file."""
     seed, name, protocol, policy = cell
     board = Workspace(Path("/nonexistent")).load_board("black" if policy.stem.startswith("black") else "pink")

@@ -8,6 +8,7 @@ when anything but a foot touches ground or board, or when both feet have left th
 import math
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from multiprocessing import get_context
 from pathlib import Path
@@ -225,7 +226,7 @@ def evaluate_policy(
     Args:
         policy: Name of a scripted policy or path of an ONNX file.
         seeds: Seeds; an episode is drawn from its seed and its number, whatever the workers.
-        pool: Processes of the caller's to ride in, so many `workers`; of its own if None.
+        pool: Processes to ride in, of `riders(workers)`, for a caller who measures more than once.
         force: See `policy_file.open_policy`.
         progress: Called with the number of episodes just done.
 
@@ -251,19 +252,14 @@ def evaluate_policy(
     return summarise(parts, name, board.name)
 
 
-def riders(workers: int) -> ProcessPoolExecutor:
-    """Return so many processes to ride in.
+def riders(workers: int) -> AbstractContextManager[Executor | None]:
+    """Return so many processes to ride in; None for this one alone.
 
     Forking a process with threads (Rerun, onnxruntime) can hang; spawned ones start clean.
     """
-    return ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
+    return nullcontext() if workers == 1 else ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
 
 
 def _results(jobs: list[_Job], workers: int, pool: Executor | None) -> Iterator[Part]:
-    if pool is not None:
-        yield from pool.map(_work, jobs)
-    elif workers == 1:
-        yield from map(_work, jobs)
-    else:
-        with riders(workers) as pool:
-            yield from pool.map(_work, jobs)
+    with nullcontext(pool) if pool is not None else riders(workers) as there:
+        yield from (map if there is None else there.map)(_work, jobs)

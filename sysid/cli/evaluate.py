@@ -120,7 +120,7 @@ def evaluate(
         force: Run where policy and board disagree, or the board has not passed `check`.
     """
     from policy_runtime.evaluation.parallel import evaluate_in_parallel
-    from policy_runtime.evaluation.plain import Protocol, evaluate_policy
+    from policy_runtime.evaluation.plain import Protocol, evaluate_policy, riders
     from policy_runtime.evaluation.suite import SUITE
     from sysid.cli.bars import bar
 
@@ -134,9 +134,10 @@ def evaluate(
     printer.keep([Path(name) for name in policies])
     record = common.space.load_board(board)
     processes = workers or len(os.sched_getaffinity(0))
-    measure = evaluate_in_parallel if simulator == "mjlab" else partial(evaluate_policy, workers=processes)
     rides: list[tuple[str, Evaluation]] = []
-    with bar(printer) as progress:
+    with bar(printer) as progress, riders(processes) as pool:
+        plain = partial(evaluate_policy, workers=processes, pool=pool)
+        measure = evaluate_in_parallel if simulator == "mjlab" else plain
         for name, protocol in SUITE if suite else (("as asked for", given),):
             for one in policies:
                 task = progress.add_task(f"{Path(one).stem}, {name}", total=episodes * seeds)

@@ -12,6 +12,7 @@ from sysid.errors import SysidError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from concurrent.futures import Executor
 
     from policy_runtime.evaluation.plain import Protocol
     from policy_runtime.evaluation.result import Evaluation
@@ -46,6 +47,7 @@ def paper(
     """
     from joblib import Memory
 
+    from policy_runtime.evaluation.plain import riders
     from reports.paper.parts import PARTS
     from reports.paper.runs import load_runs
     from sysid.cli.bars import bar
@@ -58,15 +60,15 @@ def paper(
     folder = output or common.space.outputs("paper")
     processes = workers or len(os.sched_getaffinity(0))
     kept: Any = Memory(folder / "rides", verbose=0)
-    ride = kept.cache(_ride, ignore=["policy", "workers", "progress"])
-    with bar(printer) as progress:
+    ride = kept.cache(_ride, ignore=["policy", "workers", "pool", "progress"])
+    with bar(printer) as progress, riders(processes) as pool:
 
         def measure(run: "Run", protocol: "Protocol") -> "Evaluation":
             assert run.policy is not None  # `parts` asks for runs that have one
             task = progress.add_task(run.name, total=episodes * seeds)
             found = ride(
                 sha256(run.policy), str(run.policy), common.space.load_board(run.board), episodes, seeds, protocol,
-                force, processes, partial(progress.advance, task),
+                force, processes, pool, partial(progress.advance, task),
             )  # fmt: skip
             progress.remove_task(task)
             return found
@@ -98,12 +100,12 @@ def paper(
 
 def _ride(
     digest: str, policy: str, board: "Board", episodes: int, seeds: int, protocol: "Protocol", force: bool,
-    workers: int, progress: "Callable[[int], None]",
+    workers: int, pool: "Executor | None", progress: "Callable[[int], None]",
 ) -> "Evaluation":  # fmt: skip
     """Measure a policy; its file's digest stands for it where it is asked whether that has been done before."""
     from policy_runtime.evaluation.plain import evaluate_policy
 
     return evaluate_policy(
         policy, board, episodes=episodes, seeds=tuple(range(seeds)), protocol=protocol, workers=workers,
-        force=force, progress=progress,
+        pool=pool, force=force, progress=progress,
     )  # fmt: skip

@@ -53,7 +53,7 @@ EFFECT = TorqueEffect(
             "s",
             lambda s: 1.0 / s.frequency,
             low=0.1,
-            high=60.0,
+            high=300.0,
             starts=(0.6, 3.0, 12.0),
             neutral=None,
         ),

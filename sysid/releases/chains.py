@@ -6,6 +6,7 @@ at another pace, or makes swings that grow.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -18,6 +19,8 @@ SMALLEST_RELEASE = 0.08
 """Segments below this share of the largest one's first swing are not counted as releases."""
 SMALLEST_OF_LOG = 0.12
 """Nor are they where the largest one's first swing is below this share of the log's whole range."""
+FADED, SWELLS = 1.5, 0.9
+"""How many times its last swings, and up to what share of its first, a decay may swell again without a hand."""
 AGAIN = 0.12
 """Share of the first swing over which nothing swings on in the way that it came: a hand let go of it, or took it home."""
 WANDER = 0.03
@@ -70,7 +73,26 @@ def free_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segme
         return []
     segments = [segment for segment in segments if segment.swings[0].size > SMALLEST_RELEASE * largest]
     groups = [[other for other in segments if _same_board(segment, other, signal)] for segment in segments]
-    return max(groups, key=lambda group: _segment_score(group, signal))
+    return _swelling(signal, max(groups, key=lambda group: _segment_score(group, signal)))
+
+
+def _swelling(signal: SmoothedSignal, group: Sequence[Segment]) -> list[Segment]:
+    """Join segments of one decay that fades and swells again: what hangs on the deck, or carries it, gives back what it took.
+
+    A hand would take longer, or hold the deck off its rest. It might add to a swing too: so the first time it must have faded.
+    """
+    joined, swells = [group[0]], False
+    for segment in group[1:]:
+        one, again, widest = joined[-1], segment.swings[0], max(segment.sizes)
+        held = again.from_plateau and abs(again.origin - one.rest) > 0.5 * widest
+        soon = signal.time[again.left] - signal.time[one.swings[-1].reached] < 3 * one.half_period
+        faded = swells or FADED * min(one.sizes[-2:]) < widest
+        swells = bool(soon and faded and not held and widest < SWELLS * one.sizes[0])
+        if swells:
+            joined[-1] = replace(segment, swings=one.swings + segment.swings, rest=one.rest)
+        else:
+            joined.append(segment)
+    return joined
 
 
 def segments_after_hands(

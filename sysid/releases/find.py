@@ -200,7 +200,7 @@ def _ending(signal: SmoothedSignal, segment: Segment, begin: float) -> _Ending:
 
 
 def _last_swing_is_cut(signal: SmoothedSignal, segment: Segment) -> bool:
-    """Whether the last swing ends where no free deck would: held away from rest, or braked far too much."""
+    """Whether the last swing ends where no free deck would: held away from rest, taken there, or braked far too much."""
     sizes, still = segment.sizes, 3.0 * signal.noise
     if len(segment.swings) < 3:
         return len(sizes) > 2 and segment.settles and sizes[-1] > 0.3 * sizes[0] + still
@@ -209,8 +209,10 @@ def _last_swing_is_cut(signal: SmoothedSignal, segment: Segment) -> bool:
     middle = float(np.mean(turns[-3:-1] + turns[-4:-2]) / 2) if len(turns) == 4 else segment.rest
     *before, last = -np.diff(np.abs(turns - middle))
     usual = max(0.0, *before)
+    final = segment.swings[-1]  # no free deck jumps from where it stays to where it stays again
+    taken = final.from_plateau and final.to_plateau and final.duration < 0.2 * segment.pace
     held = segment.settles and abs(turns[-1] - middle) > 0.65 * usual + still + 0.01 * sizes[0]
-    return held or last > 1.6 * usual + signal.min_movement
+    return taken or held or last > 1.6 * usual + signal.min_movement
 
 
 def _followed(signal: SmoothedSignal, segment: Segment, turn: int) -> float:

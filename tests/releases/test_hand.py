@@ -174,3 +174,19 @@ def test_what_swings_after_a_hand_is_a_decay_of_its_own():
     assert [r.start for r in found] == pytest.approx([0.6, again], abs=0.1 * PERIOD)
     assert found[0].end == "caught"
     assert -0.6 < (found[0].time[-1] - caught) / PERIOD < 0.05
+
+
+@pytest.mark.parametrize("share", [0.05, 0.08])
+def test_a_decay_that_fades_and_swells_again_by_itself_is_one(share):
+    """A body of the deck's own frequency hangs on it: it takes the swing, and gives it back."""
+
+    def law(_, y):
+        pull = share * (OMEGA**2 * (y[0] - y[2]) + 0.06 * OMEGA * (y[1] - y[3]))
+        return y[1], -(OMEGA**2) * y[0] - 0.03 * OMEGA * y[1] - pull, y[3], pull / share
+
+    time = np.arange(0, 4, 1 / 500)
+    free = solve_ivp(law, (0, 3), (0.18, 0.0, 0.18, 0.0), "DOP853", time[time < 3.0], rtol=1e-9).y[0]
+    roll = np.concatenate([np.full(500, 0.18), free]) + 3e-4 * np.random.default_rng(3).standard_normal(2000)
+    (release,) = find_releases(Roll(log="x", time=time, roll=roll, std=np.full(2000, 3e-4), origin="angle"))
+    assert release.start == pytest.approx(1.0, abs=0.05 * PERIOD)
+    assert release.time[-1] - release.start > 8 * PERIOD
