@@ -32,6 +32,11 @@ ADVICE = (
 )
 VAGUE, MAX_STD = np.radians([0.3, 3.0])
 """Standard deviation above which what takes long is tried as well, and above which an angle is none [rad]."""
+MIN_SWING = np.radians(1.0)
+"""What turns by less does not turn [rad]."""
+MAX_STRAY, MIN_STRAY = 0.3, 0.01
+"""How far a point may be from a circle about a fixed pivot, as a share of its own motion and of the picture's width: beyond
+both it was carried, not turned."""
 CLEARLY = 0.8
 """What is tried first is left for another one only if that has less than this share of its uncertainty."""
 WHOLE_BODY = 3.0
@@ -60,6 +65,11 @@ class Followed:
     def std(self) -> float:
         """Typical standard deviation of the angle [rad]: noise, misfit, and what is unknown of the camera."""
         return float(np.nanmedian(self.found.std))
+
+    @property
+    def turns(self) -> bool:
+        """Whether it turns at all: a marker on the wall does not."""
+        return float(np.ptp(self.found.angle[np.isfinite(self.found.angle)])) > max(6 * self.std, MIN_SWING)
 
     @property
     def swing(self) -> float:
@@ -96,11 +106,12 @@ def follow_board(reel: Reel) -> Followed:
             else:
                 failed.append(one)
                 missed += [one] if target.shows_level and track.lost < MAX_LOST * len(track.time) else []
-        if min((one.std for one in usable), default=np.inf) < VAGUE:
+        if min((one.std for one in usable if one.turns), default=np.inf) < VAGUE:
             break
     if not usable:
         raise SysidError(f"{reel.clip.path}: {'; '.join(failed)}. {ADVICE}")
-    best = _best(usable)
+    missed += [f"{one.target.what} does not turn" for one in usable if not one.turns]
+    best = _best([one for one in usable if one.turns] or usable)
     best = replace(best, target=replace(best.target, why="; ".join([best.target.why, *missed])))
     return _to_the_end(scene, best)
 
@@ -194,7 +205,23 @@ def _fault(one: Followed) -> str | None:
             f"{what} is seen in {frames - one.track.lost} of {frames} frames, but turns as one body in only {kept}: something "
             "else was followed in the others"
         )
+    if one.target.shows_body and _strays(one.track, one.found.angle):
+        return f"{what} moves along rather than turns about a point: a foot, a hand, or a camera that moves"
     return f"{what} tells the angle to ±{2 * np.degrees(one.std):.2g}° only" if one.std > MAX_STD else None
+
+
+def _strays(track: Track, angle: Array) -> bool:
+    """Return whether the point that is seen most leaves the circle about any fixed pivot, as it turns by an angle (n,) [rad]."""
+    points = track.shake.undo(track.points.astype(np.float64), np.arange(len(angle)))
+    path = points[:, int(np.argmax(np.isfinite(points[..., 0]).sum(axis=0)))] @ np.array([1, 1j])
+    seen = np.isfinite(path) & np.isfinite(angle)
+    circle = np.stack([np.ones(seen.sum()), np.exp(1j * angle[seen])], axis=1)
+    fit, *_ = np.linalg.lstsq(circle, path[seen], rcond=None)
+    stray = float(np.quantile(np.abs(path[seen] - circle @ fit), 0.8))
+    moved = float(
+        np.quantile(np.abs(path[seen] - np.median(path.real[seen]) - 1j * np.median(path.imag[seen])), 0.8)
+    )
+    return stray > max(MAX_STRAY * moved, MIN_STRAY * 2 * track.shake.centre.real)
 
 
 def _whole_body(reel: Reel, led: Followed, whole: Track) -> Followed | None:
