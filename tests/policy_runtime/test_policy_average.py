@@ -35,8 +35,8 @@ def run(average, monkeypatch, *arguments):
 
 @pytest.fixture
 def checkpoints(tmp_path):
-    """The shipped one, and another whose actor is larger by half."""
-    path = next((POLICIES / "pink").glob("model_*.pt"))
+    """That of the shipped policy, the newest, and another whose actor is larger by half."""
+    path = max((POLICIES / "pink").glob("model_*.pt"))
     content = torch.load(path, map_location="cpu", weights_only=True)
     for key, value in content["actor_state_dict"].items():
         if value.is_floating_point():
