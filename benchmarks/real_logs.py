@@ -31,7 +31,8 @@ LOGS: dict[str, tuple[set[str], set[str]]] = {
     "servo_passive_drop/drop_kp200.csv": FRICTION,
     "servo_passive_drop/drop_kp400.csv": FRICTION,
     "servo_passive_drop/drop_kp800.csv": FRICTION,
-    "sts3250_servo_drop/drop.csv": FRICTION,
+    # What a geared servo does beside friction is written nowhere; something that yields takes two thirds of the error away.
+    "sts3250_servo_drop/drop.csv": ({"friction"}, {"friction", "hardening", "rest", "relaxation"}),
     "bicycle_fork_gyro/compound.csv": ({"friction"}, {"friction", "hardening", "hysteresis"}),
     "bicycle_wheel_gyro/radial.csv": (set(), set()),
     "bicycle_wheel_gyro/axial.csv": (set(), set()),

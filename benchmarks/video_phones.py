@@ -4,7 +4,7 @@
 
 Nothing is shared with `tests/support/film.py` but the format of a row: another board, camera, light, texture and
 background, MuJoCo's own joint and renderer, and ffmpeg. Nothing is told to the tool. A row that was read is kept in DIR
-and used again. Writes benchmarks/results/video_phones.md.
+and used again. Writes benchmarks/results/video_phones.md and the table of docs/video.md.
 """
 
 import argparse
@@ -20,6 +20,7 @@ from pathlib import Path
 import cv2
 import mujoco
 import numpy as np
+from pages import write_between
 
 from sysid.errors import SysidError
 from sysid.free_decay import fit_decay
@@ -29,6 +30,7 @@ from sysid.roll import Array, Roll
 from sysid.video_roll import roll_from_video
 
 RESULTS = Path(__file__).parent / "results" / "video_phones.md"
+PAGE = Path(__file__).parents[1] / "docs" / "video.md"
 WIDTH, HEIGHT, RATE, SECONDS = 960, 540, 120, 1.5
 HELD = 0.25
 """Seconds for which the board is held, tilted."""
@@ -259,12 +261,12 @@ def against(roll: Roll, truth: Array, offset: float) -> Array:
 
 
 def write(rows: list[list[str]]) -> None:
+    """Write the whole table, and what people look for in the page."""
     titles = [
         "on the deck", "film", "what was followed", "RMSE [°]", "level off [°]", "95 % covers", "k off [%]", "d off [%]",
         "k, d held",
     ]  # fmt: skip
     held = [int(cells[-1][0]) for cells in rows if cells[-1]]
-    lines = ["| " + " | ".join(cells) + " |" for cells in (titles, ["---"] * len(titles), *rows)]
     RESULTS.write_text(
         f"""# Roll from films as phones write them
 
@@ -272,10 +274,16 @@ def write(rows: list[list[str]]) -> None:
 written by ffmpeg at 12 (H.264) or 8 Mbit/s (HEVC); nothing is told to the tool but the file. RMSE without the clock's offset and
 the level; k and d of `decay` against those of the model, and whether their 95 % intervals hold them: {sum(held)} of {2 * len(held)} in all.
 
+{table(titles, rows)}
 """
-        + "\n".join(lines)
-        + "\n"
     )
+    found = {(cells[0], cells[1]): f"{cells[3]}°, {cells[7]} %" if cells[7] else "refused" for cells in rows}
+    short = [[film, *(found.get((board, film), "") for board in BOARDS)] for film in FILMS]
+    write_between(PAGE, "phones", table(["RMSE of roll, d off", *BOARDS], short))
+
+
+def table(titles: list[str], rows: list[list[str]]) -> str:
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in (titles, ["---"] * len(titles), *rows))
 
 
 if __name__ == "__main__":

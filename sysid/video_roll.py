@@ -27,8 +27,6 @@ SLOW_RATE, SLOW_PERIOD = 31.0, 0.6
 """Slow motion plays at 30 frames/s [Hz] or less, and makes a board of 0.1 to 0.3 s swing slower than this [s]."""
 RATES = (60, 120, 240)
 """What phones film at [frames/s]."""
-MIN_SWING = np.radians(1.0)
-"""A record that swings by less is suspect [rad]."""
 
 
 def roll_from_video(path: Path, options: VideoOptions | None = None) -> Roll:
@@ -104,7 +102,7 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
         )
     if filled:
         notes.append(f"frames: {filled} lost ones filled in from their neighbours")
-    if np.ptp(signal.roll) < max(6 * float(np.median(signal.std)), MIN_SWING):
+    if not followed.turns:
         warnings.append(
             f"what is followed turns by {np.degrees(np.ptp(signal.roll)):.2g}° in all: is it the board? Look at --overlay"
         )

@@ -6,6 +6,7 @@ from the best is taken, and named if what it adds matters and explains most of w
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -249,22 +250,23 @@ def diagnose(
         winner, final, idle = _material(search, first, final)
         outside = surrogates(search, winner)
         everything = Field([*final, *outside], search.base, period, noise.std)
-    verdict, best = _judged(search, everything, winner, board, idle)
-    base = search.fine(everything.base.model, average=1)
-    verdict = replace(verdict, error_before=base.rmse, error_after=best.rmse)
-    left_over = verdict.remainder > MATERIAL * everything.motion and everything.surely_missing
-    left_over |= verdict.status == "unexplained"
-    # What is named may only mimic a law that nobody has met, alone or beside another.
-    mimics = verdict.status == "missing" and best.rmse > REACHED * noise.std
-    learned = None
-    for beside in dict.fromkeys(((), fittable(verdict.effects) if left_over else ())):
-        if left_over or mimics:
-            learned = learn(judged, board, beside, signal=signal, fixed=fixed)
-        if mimics and learned is not None and learned.is_unmet(best.rmse, noise.std):
-            verdict = _unmet(verdict, learned, best)
-            break
-    else:
-        learned = learned if left_over else None
+        verdict, best = _judged(search, everything, winner, board, idle)
+        base = search.fine(everything.base.model, average=1)
+        verdict = replace(verdict, error_before=base.rmse, error_after=best.rmse)
+        left_over = verdict.remainder > MATERIAL * everything.motion and everything.surely_missing
+        left_over |= verdict.status == "unexplained"
+        # What is named may only mimic a law that nobody has met, alone or beside another.
+        mimics = verdict.status == "missing" and best.rmse > REACHED * noise.std
+        besides = dict.fromkeys(((), fittable(verdict.effects) if left_over else ()))
+        learned = None
+        # At the same time by several processes; by one alone no more than is asked for.
+        jobs = [(judged, board, beside) for beside in besides if left_over or mimics]
+        for learned in pool.each(partial(learn, signal=signal, fixed=fixed), jobs):
+            if mimics and learned is not None and learned.is_unmet(best.rmse, noise.std):
+                verdict = _unmet(verdict, learned, best)
+                break
+        else:
+            learned = learned if left_over else None
     if learned is not None and learned.error_after > verdict.error_after:
         learned = None  # it did not get there
     if progress is not None:

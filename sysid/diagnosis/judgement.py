@@ -30,7 +30,7 @@ twenty is such a law [nats]."""
 LAWFUL = 12
 """Independent values in what a model that is not exact leaves of a log."""
 NEGLIGIBLE = 0.01
-"""Error over the motion that does not matter where no model is exact."""
+"""Error over the motion that does not matter where no model is exact: what the best leaves, up to this."""
 INEXACT = 1.5
 """Error over the noise from which even the best model is not exact: over the floor, and over what does not fade with the motion."""
 GAIN = 1.0
@@ -121,14 +121,14 @@ class Field:
 
         A difference that comes from few of the periods is no surer than they agree: one paired standard error counts `TIE`
         at most. Where neither is exact, what is left is a law of tilt and rate that comes back in each swing: however long
-        the log, it counts as a dozen independent values, and two a period at most; and a hundredth of the motion does not
-        matter.
+        the log, it counts as a dozen independent values, and two a period at most; and what even the best leaves does not
+        matter, up to a hundredth of the motion.
         """
         gap = self._raw_gap(one, other)
         if not (self.inexact and np.isfinite(gap)):
             return gap
         count = len(self.blocks.cuts)
-        small = (NEGLIGIBLE * self.motion) ** 2
+        small = min((NEGLIGIBLE * self.motion) ** 2, max(self.excess(self.best), 0.0))
         before, after = (max(self.excess(s), 0.0) + small + 1e-30 for s in (one, other))
         lawful = 0.5 * min(LAWFUL, 2 * count) * float(np.log(max(after / before, 1.0)))
         return min(gap, lawful + self.gain * (other.model.size - one.model.size))

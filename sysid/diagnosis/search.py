@@ -28,7 +28,7 @@ sharpness of the law."""
 SAMPLES = 40
 """Samples per period that are kept: the fifth harmonic of the swing still has eight."""
 PARENTS, FEW = 4, 2
-"""Single effects whose pairs with all others are tried; and if the best of them is at the noise already."""
+"""Single effects, the best of their families, whose pairs with all others are tried; and if the best of them is at the noise already."""
 AT_NOISE = 1.02
 """Error over the noise floor up to which a model is at the noise: a floor is known to a few percent."""
 STARTS = 3
@@ -53,6 +53,8 @@ BEATEN, FAR = 6, 60.0
 """A union is given up when this many others have reached less than it promises, by that much of χ²."""
 HOPELESS = 8.0
 """Error beyond the noise, squared, over the best model's, from which a model is not predicted: far beyond what is not told apart."""
+LOST = 3.0
+"""Squared error, over that with which a model is still predicted, from which its kinks are not searched again: a choice."""
 
 Progress = Callable[[str, float], None]
 
@@ -97,6 +99,11 @@ class Candidate:
     def cost(self) -> float:
         """Sum of squared residuals in units of the noise."""
         return 2.0 * self.minimum.normal.cost
+
+    @property
+    def families(self) -> frozenset[str]:
+        """What a practitioner would call its effects."""
+        return frozenset(effect(name).family for name in self.effects)
 
     @property
     def size(self) -> int:
@@ -307,7 +314,7 @@ class Search:
     def pairs(self, singles: Sequence[Candidate]) -> list[Candidate]:
         """Fit the pairs of the best single effects with all others."""
         at_noise = min(m.rmse for m in singles) <= AT_NOISE * self.records[0].std
-        best = best_of(singles[1:], FEW if at_noise else PARENTS)
+        best = best_of(leaders(singles[1:]), FEW if at_noise else PARENTS)
         wanted = {
             tuple(sorted({*a.effects, *b.effects})): (a, b)
             for a in best for b in singles[1:] if a is not b and _sensible(a, b)
@@ -372,25 +379,28 @@ class Search:
     def finalists(self, models: Iterable[Candidate]) -> list[Candidate]:
         """Return models fitted on the fine grid, simple ones first, and what those in the running miss of held-out releases."""
         done: dict[tuple[str, ...], Candidate] = {}
+        models = list(models)
+        lost = LOST * _hopeless(min(models, key=lambda m: m.cost))
         for _, group in itertools.groupby(sorted(models, key=_count), key=_count):
             jobs = [
-                (m, [known for names, known in done.items() if set(names) < set(m.effects)]) for m in group
+                (m, [known for names, known in done.items() if set(names) < set(m.effects)], m.cost < lost)
+                for m in group
             ]
             share = 0.85 + 0.05 * (len(done) > 1)
             done.update({m.effects: m for m in self.each("refining", Search.fine, jobs, share, share + 0.02)})
         # What the best one needs not may have kept its own fit from the right valley.
         best = min(done.values(), key=lambda m: m.cost)
         again = [
-            (m, [best]) for names, m in done.items() if names != self.base and set(names) < set(best.effects)
+            (m, [best], False)
+            for names, m in done.items()
+            if names != self.base and set(names) < set(best.effects)
         ]
         for model in self.each("refining", Search.fine, again, 0.92, 0.93):
             done[model.effects] = min(done[model.effects], model, key=lambda m: m.cost)
         ranked = sorted(done.values(), key=lambda m: m.cost)
-        beyond = max(FAR, HOPELESS * (ranked[0].cost - ranked[0].problem.samples))
+        hopeless = _hopeless(ranked[0])
         running = [
-            m
-            for i, m in enumerate(ranked)
-            if i < BEATEN or m.cost < ranked[0].cost + beyond or m.effects == self.base
+            m for i, m in enumerate(ranked) if i < BEATEN or m.cost < hopeless or m.effects == self.base
         ]
         for model in self.each("predicting", Search.predicted, [(m,) for m in running], 0.93, 0.98):
             done[model.effects] = model
@@ -405,14 +415,20 @@ class Search:
         return replace(model, heldout=surprising_residuals(model.problem, model.minimum))
 
     def fine(
-        self, model: Candidate, parents: Sequence[Candidate] = (), *, average: int | None = None
+        self,
+        model: Candidate,
+        parents: Sequence[Candidate] = (),
+        walk: bool = True,
+        *,
+        average: int | None = None,
     ) -> Candidate:
         """Return a model fitted on the fine grid.
 
         Args:
             model: Where it starts.
             parents: Other models, simpler or richer, whose optima are starts too.
-            average: Samples of which means are fitted; as in the search, and walked aside of kinks, if left out.
+            walk: Whether to search aside of its kinks too.
+            average: Samples of which means are fitted; as in the search, and walked if asked for, if left out.
         """
         old = model.problem
         problem = Problem(
@@ -425,7 +441,8 @@ class Search:
             return minimise(problem.normal, start, *problem.bounds(), iterations=30, tolerance=small)
 
         best = fitted(model.minimum.point)
-        if average is None and old.structure.nonsmooth and best.normal.cost > 0.55 * problem.samples:
+        walk = walk and average is None and old.structure.nonsmooth
+        if walk and best.normal.cost > 0.55 * problem.samples:
             best = _walked(problem, best, fitted)
         for known in parents:
             if known.minimum.normal.cost < best.normal.cost:  # else it ends in no better valley
@@ -481,6 +498,11 @@ def _walked(problem: Problem, found: Minimum, fitted: Callable[[Array], Minimum]
     return best
 
 
+def _hopeless(best: Candidate) -> float:
+    """Return the squared error, in units of the noise, from which a model is out of the running."""
+    return best.cost + max(FAR, HOPELESS * (best.cost - best.problem.samples))
+
+
 def _count(model: Candidate) -> int:
     return len(model.effects)
 
@@ -492,18 +514,18 @@ def best_of(models: Sequence[Candidate], count: int) -> list[Candidate]:
     return list({id(m): m for pair in turns for m in pair}.values())[:count]
 
 
+def leaders(models: Iterable[Candidate]) -> list[Candidate]:
+    """Return the model with the least error of each set of families: variants of one law say the same."""
+    best: dict[frozenset[str], Candidate] = {}
+    for model in models:
+        best[model.families] = min(best.get(model.families, model), model, key=lambda m: m.cost)
+    return list(best.values())
+
+
 def best_families(models: Sequence[Candidate], count: int) -> list[Candidate]:
     """Return the best models of the best sets of families: of each the one with the least error, and the one with the least for its size."""
-    groups: dict[frozenset[str], list[Candidate]] = {}
-    for model in models:
-        groups.setdefault(frozenset(effect(name).family for name in model.effects), []).append(model)
-    leaders = best_of([min(group, key=lambda m: m.cost) for group in groups.values()], count)
-    return [
-        m
-        for group in groups.values()
-        if any(one is m for m in group for one in leaders)
-        for m in best_of(group, VARIANTS)
-    ]
+    best = best_of(leaders(models), count)
+    return [m for one in best for m in best_of([m for m in models if m.families == one.families], VARIANTS)]
 
 
 def inherited(problem: Problem, known: Candidate) -> Array:

@@ -133,13 +133,13 @@ class Problem:
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what is made again from the rest."""
-        made = ("_paths", "_starts", "names", "_sizes", "_columns", "prior", "centre")
+        made = ("_paths", "_starts", "_places", "names", "_sizes", "_columns", "prior", "centre")
         return {key: value for key, value in self.__dict__.items() if key not in made}
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """The structure's parameters that are free."""
-        return tuple(n for n in self.structure.parameters[1:] if n not in self.fixed)
+        return tuple(n for n in self.structure.fitted if n not in self.fixed)
 
     @property
     def n_local(self) -> int:
@@ -154,9 +154,17 @@ class Problem:
     @cached_property
     def _columns(self) -> list[int]:
         """Columns of a reading that are wanted: the reading, the free parameters, the record's own motion."""
-        every = self.structure.parameters[1:]
+        every = self.structure.fitted
         free = [1 + i for i, n in enumerate(every) if n not in self.fixed]
         return [0, *free, *range(1 + len(every), 1 + len(every) + self._motion)]
+
+    @cached_property
+    def _places(self) -> list[tuple[Any, Any]]:
+        """Where each record's columns are among the unknowns, and its block of the normal equations."""
+        shared, own = np.arange(len(self.names)), self.n_local
+        starts = len(shared) + own * np.arange(len(self.records))
+        places = [np.r_[shared, start : start + own] for start in starts]
+        return [(where, np.ix_(where, where)) for where in places]
 
     @property
     def samples(self) -> int:
@@ -310,21 +318,21 @@ class Problem:
         Tables are smooth, and hold nothing that spring and damper can do where those are free.
         """
         matrix = np.zeros((len(self.names), len(self.names)))
-        weights = iter(self.smoothing)
+        weights, at = iter(self.smoothing), {name: i for i, name in enumerate(self.names)}
         for part in self.structure.torques if self.smoothing else ():
             if part.smoothness is None:
                 continue
             smooth = part.smoothness()
             form = sum(form * next(weights) for form in smooth.forms)
             for name, direction in smooth.linear.items():
-                if name in self.names:
+                if name in at:
                     form = form + _FORBIDDEN * np.outer(direction, direction)
-            free = [i for i, name in enumerate(smooth.names) if f"{part.name}.{name}" in self.names]
-            where = [self.names.index(f"{part.name}.{smooth.names[i]}") for i in free]
+            free = [i for i, name in enumerate(smooth.names) if f"{part.name}.{name}" in at]
+            where = [at[f"{part.name}.{smooth.names[i]}"] for i in free]
             matrix[np.ix_(where, where)] = np.asarray(form)[np.ix_(free, free)]
-        for i, name in enumerate(self.names):
-            if name in self.priors:
-                matrix[i, i] += (self.sizes()[i] / self.priors[name][1]) ** 2
+        for name, (_, std) in self.priors.items():
+            if name in at:
+                matrix[at[name], at[name]] += (self.sizes()[at[name]] / std) ** 2
         return matrix
 
     @cached_property
@@ -348,24 +356,21 @@ class Problem:
         gradient[:shared] += known
         hessian[:shared, :shared] += self.prior
         for index, (residual, jacobian) in enumerate(self.linearise(unknowns)):
-            if not np.all(np.isfinite(residual)) or not np.all(np.isfinite(jacobian)):
+            if not (np.abs(residual).max() <= 1e30 and np.abs(jacobian).max() <= 1e30):  # NaN is not either
                 return Normal(np.inf, gradient, hessian)
-            where = np.r_[0:shared, shared + index * own : shared + (index + 1) * own]
-            if max(float(np.abs(residual).max()), float(np.abs(jacobian).max())) > 1e30:
-                return Normal(np.inf, gradient, hessian)
+            where, block = self._places[index]
             scale = 1.0 / self._paths[index].std
             r, j = residual * scale, jacobian * (scale * sizes[where])
             if self.weights is not None:
                 root = np.sqrt(self.weights[index])
                 r, j = r * root, j * root[:, None]
-            cost += 0.5 * float(r @ r)
-            gradient[where] += j.T @ r
-            hessian[np.ix_(where, where)] += j.T @ j
-            where_rate = shared + index * own + 1
             inward, slope = self._inward(index, unknowns)
-            cost += 0.5 * inward**2
-            gradient[where_rate] += slope * inward
-            hessian[where_rate, where_rate] += slope**2
+            rate = shared + index * own + 1
+            cost += 0.5 * float(r @ r) + 0.5 * inward**2
+            gradient[where] += j.T @ r
+            gradient[rate] += slope * inward
+            hessian[block] += j.T @ j
+            hessian[rate, rate] += slope**2
         return Normal(cost, gradient, hessian)
 
     def _inward(self, index: int, unknowns: Array) -> tuple[float, float]:

@@ -6,6 +6,7 @@ between sticking and going back, and the rest of the step follows. Friction ther
 and dissipates exactly.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 from sysid.effects._algebra import casadi_algebra
@@ -113,11 +114,8 @@ class EquationsOfMotion:
         def rate(stage: Any) -> Any:
             return self.derivative(self.slipped(stage, before), slide)
 
-        k1 = rate(y)
-        k2 = rate(y + h / 2 * k1)
-        k3 = rate(y + h / 2 * k2)
-        k4 = rate(y + h * k3)
-        return self.slipped(y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), before), k1
+        whole, k1 = runge_kutta(rate, y, h)
+        return self.slipped(whole, before), k1
 
     def direction(self, y: Any) -> Any:
         """Return where a joint that stands starts to slide: -1, +1, or 0 if friction holds it."""
@@ -151,6 +149,15 @@ class EquationsOfMotion:
         top = ca.vertcat(top[0], stopped, *items_of(top, slice(2, top.shape[0])))
         rest, _ = self.rk4(top, (1 - share) * h, self.direction(top))
         return rest
+
+
+def runge_kutta(rate: Callable[[Any], Any], y: Any, h: Any) -> tuple[Any, Any]:
+    """Return the state after one step of RK4 and its rate at the start."""
+    k1 = rate(y)
+    k2 = rate(y + h / 2 * k1)
+    k3 = rate(y + h / 2 * k2)
+    k4 = rate(y + h * k3)
+    return y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), k1
 
 
 def items_of(vector: Any, where: slice) -> list[Any]:

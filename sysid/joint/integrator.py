@@ -5,7 +5,7 @@ from functools import cache
 from typing import Any
 
 from sysid.effects._base import SensorEffect
-from sysid.joint.equations import EquationsOfMotion, items_of
+from sysid.joint.equations import EquationsOfMotion, items_of, runge_kutta
 from sysid.joint.sensor import filtered
 from sysid.joint.structure import Structure
 
@@ -29,8 +29,8 @@ class Stepper:
 
     @property
     def columns(self) -> int:
-        """Columns of the sensitivities: all parameters but the inertia, then the unknowns."""
-        return len(self.structure.parameters) - 1 + self.unknowns if self.sensitivities else 0
+        """Columns of the sensitivities: the parameters that a fit may free, then the unknowns."""
+        return len(self.structure.fitted) + self.unknowns if self.sensitivities else 0
 
 
 @cache
@@ -51,7 +51,8 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
     equations = EquationsOfMotion(structure, parameters)
 
     first = _first_state(equations, unknowns, hold, free_states=free_states)
-    wanted = ca.vertcat(parameters[1:], unknowns)
+    fitted = parameters[[structure.parameters.index(name) for name in structure.fitted]]
+    wanted = ca.vertcat(fitted, unknowns)
     seed = ca.jacobian(first, wanted) if sensitivities else ca.SX(2 + states, 0)
     initial = ca.Function(
         "initial", [parameters, unknowns, hold], [ca.vertcat(first, ca.vec(ca.densify(seed)))]
@@ -61,32 +62,36 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
     columns = wanted.shape[0] if sensitivities else 0
     carried = ca.SX.sym("carried", 2 + states, columns)
     accumulated, given = ca.vertcat(y, ca.vec(carried)), ca.vertcat(parameters, h)
-    own = ca.SX(2, unknowns.shape[0])
 
-    def with_sensitivities(following: Any) -> Any:
+    def with_slopes(value: Any) -> Any:
+        """Return a value that depends on y and the parameters, shape (n,), beside its slopes, shape (n, columns)."""
         if not sensitivities:
-            return ca.vertcat(following, ca.vec(carried))
-        by_parameter = ca.horzcat(ca.jacobian(following, parameters[1:]), ca.SX(2 + states, own.shape[1]))
-        return ca.vertcat(following, ca.vec(ca.jacobian(following, y) @ carried + by_parameter))
+            return value
+        by_parameter = ca.horzcat(ca.jacobian(value, fitted), ca.SX(value.shape[0], unknowns.shape[0]))
+        return ca.horzcat(value, ca.jacobian(value, y) @ carried + by_parameter)
 
-    out = ca.vertcat(*filtered(equations, y))
-    seen = ca.SX(2, 0)
-    if sensitivities:
-        seen = ca.jacobian(out, y) @ carried + ca.horzcat(ca.jacobian(out, parameters[1:]), own)
-    output = ca.densify(ca.vec(ca.horzcat(out, seen).T))
+    output = ca.densify(ca.vec(with_slopes(ca.vertcat(*filtered(equations, y))).T))
     if not structure.has_dry_friction:
-        following = with_sensitivities(equations.rk4(y, h, None)[0])
-        step = ca.Function("step", [accumulated, given], ca.cse([following, output]))
+        # RK4 of the motion and its slopes together is RK4 and its slopes, for less than a derivative of the whole step.
+        rates = ca.Function("rates", [y, carried, parameters], [with_slopes(equations.derivative(y, None))])
+
+        def rate(both: Any) -> Any:
+            here = ca.reshape(both, 2 + states, 1 + columns)
+            return ca.vec(rates(here[:, 0], here[:, 1:], parameters))
+
+        step = ca.Function(
+            "step", [accumulated, given], ca.cse([runge_kutta(rate, accumulated, h)[0], output])
+        )
         return Stepper(structure, free_states, sensitivities, initial, step)
 
-    # A cut costs three steps and is rare, so it is computed only where the joint does turn.
+    # A cut costs three steps and is rare, so it is computed only where the joint does turn, and as it was written.
     whole, _, turns = equations.sliding_step(y, h)
     slid = ca.SX.sym("slid", accumulated.shape[0])
-    slide = ca.Function("slide", [accumulated, given], ca.cse([with_sensitivities(whole), output, turns]))
-    cut = with_sensitivities(equations.event_step(y, h))
+    slide = ca.Function("slide", [accumulated, given], ca.cse([ca.vec(with_slopes(whole)), output, turns]))
+    cut = ca.vec(with_slopes(equations.event_step(y, h)))
     turn = ca.Function.if_else(
         "turn",
-        ca.Function("cut", [accumulated, given, slid], ca.cse([cut])),
+        ca.Function("cut", [accumulated, given, slid], [cut]),
         ca.Function("keep", [accumulated, given, slid], [slid]),
     )
     state, numbers = ca.MX.sym("state", accumulated.shape[0]), ca.MX.sym("numbers", given.shape[0])

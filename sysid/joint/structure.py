@@ -30,6 +30,12 @@ class Structure:
         return (*LINEAR, *own)
 
     @property
+    def fitted(self) -> tuple[str, ...]:
+        """Those that a fit may free: not the inertia, nor where a table ends."""
+        ends = {f"{part.name}.{name}" for part in self.torques for name in part.support}
+        return tuple(name for name in self.parameters[1:] if name not in ends)
+
+    @property
     def states(self) -> tuple[State, ...]:
         """Internal states of all effects, in order; they follow roll and rate in the state vector."""
         return tuple(state for part in self.parts for state in part.states)

@@ -19,6 +19,8 @@ SMALLEST_RELEASE = 0.08
 """Segments below this share of the largest one's first swing are not counted as releases."""
 SMALLEST_OF_LOG = 0.12
 """Nor are they where the largest one's first swing is below this share of the log's whole range."""
+MANY = 6
+"""Swings at one pace that are surely a decay's."""
 FADED, SWELLS = 1.5, 0.9
 """How many times its last swings, and up to what share of its first, a decay may swell again without a hand."""
 AGAIN = 0.12
@@ -126,8 +128,12 @@ def _segment_score(group: list[Segment], signal: SmoothedSignal) -> float:
 
 
 def _same_board(one: Segment, other: Segment, signal: SmoothedSignal) -> bool:
-    """Whether two segments are about the same angle and move at the same pace."""
-    room = max(5.0 * signal.noise, 0.35 * min(one.sizes[0], other.sizes[0]))
+    """Whether two segments are about the same angle and move at the same pace.
+
+    No hand makes many swings at one pace: the angle of such segments may have moved, with a sensor or with rubber.
+    """
+    share = 1.0 if min(len(one.swings), len(other.swings)) >= MANY else 0.35
+    room = max(5.0 * signal.noise, share * min(one.sizes[0], other.sizes[0]))
     return abs(one.rest - other.rest) < room and 0.6 < one.pace / other.pace < 1.6
 
 

@@ -205,13 +205,12 @@ def _pull_sets_in(signal: SmoothedSignal, span: Span, period: float) -> tuple[fl
     Over what one may have gone that was not pushed. None where nothing is seen of a hold, or too much noise.
     """
     time, step = signal.time, float(signal.time[1] - signal.time[0])
-    first, held, onset = np.searchsorted(
-        time, (span.begin - 2 * PUSH * period, span.begin - PUSH * period, span.begin)
-    )
+    times = span.begin + PUSH * period * np.array([-2, -1, 0, 1])
+    first, held, onset, last = (int(i) for i in np.searchsorted(time, times))
     if held - first < 2:
         return None
     way = (signal.roll - span.level) / (span.rest - span.level)
-    last = int(onset + np.flatnonzero(np.append(way[onset:], 1.0) > NEARLY)[0])
+    last = int(onset + np.flatnonzero(np.append(way[onset:last], 1.0) > NEARLY)[0])
     for width in BUMPS:
         count = max(FEWEST // 2, round(width * period / step))
         share = np.arange(1, count + 1) / (count + 1)

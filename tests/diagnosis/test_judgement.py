@@ -113,6 +113,20 @@ def test_noise_that_lasts_is_neither_a_law_nor_a_model_that_is_not_exact(frictio
     assert friction[1].surely_missing
 
 
+@pytest.mark.parametrize(
+    ("worse", "best", "told"), [(0.0106, 0.0026, True), (0.0115, 0.009, False), (0.04, 0.03, False)]
+)
+def test_where_no_model_is_exact_what_the_best_leaves_does_not_matter(
+    friction, monkeypatch, worse, best, told
+):
+    """Four times the error is four times the error, though it is a hundredth of the motion."""
+    _, field = friction
+    left = {field.base.model.effects: worse, field.best.model.effects: best}
+    monkeypatch.setattr(field, "inexact", True)
+    monkeypatch.setattr(Field, "excess", lambda self, scored: (left[scored.model.effects] * self.motion) ** 2)
+    assert (field.gap(field.best, field.base) > TIE) is told
+
+
 def test_a_stop_as_soft_as_a_stop_may_be_is_no_candidate(friction):
     """Its bound keeps it from being any bend of the spring: the data ask for that bend."""
     search, field = friction

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sysid.board import load_board
-from sysid.diagnosis.search import Search
+from sysid.diagnosis.search import Search, best_families, best_of, leaders
 from sysid.effects import catalogue
 from sysid.effects._base import Scales
 from sysid.fitting.problem import Record
@@ -67,11 +67,21 @@ def test_a_single_effect_is_no_worse_than_the_joint_without_it(search):
 
 
 def test_the_best_are_those_with_the_least_error_and_the_most_frugal(search):
-    from sysid.diagnosis.search import best_of
-
     linear, coulomb = search.single(()), search.single(("coulomb",))
     assert best_of([linear, coulomb], 1) == [coulomb]
     assert {m.effects for m in best_of([linear, coulomb], 2)} == {(), ("coulomb",)}
+
+
+def test_parents_of_pairs_are_of_different_families(search):
+    """Friction has three variants that fit this log better than anything else: their pairs alone would leave nothing for others."""
+    linear = search.single(())
+    names = ("coulomb", "stribeck", "dahl", "cubic-damping")
+    models = [search.single((name,), linear) for name in names]
+    chosen = leaders(models)
+    assert [m.families for m in chosen] == [{"friction"}, {"drag"}]
+    assert chosen[0].cost == min(m.cost for m in models[:3])
+    assert {m.families for m in best_families(models, 2)} == {frozenset({"friction"}), frozenset({"drag"})}
+    assert len(best_families(models, 1)) == 3, "all variants of the best family"
 
 
 def test_a_pendulum_is_searched_without_a_spring():

@@ -190,3 +190,9 @@ def test_a_decay_that_fades_and_swells_again_by_itself_is_one(share):
     (release,) = find_releases(Roll(log="x", time=time, roll=roll, std=np.full(2000, 3e-4), origin="angle"))
     assert release.start == pytest.approx(1.0, abs=0.05 * PERIOD)
     assert release.time[-1] - release.start > 8 * PERIOD
+
+
+def test_a_sensor_that_drifts_loses_no_release():
+    roll, free = handled(LAWS["linear"], push=0.0, swings=9.0)
+    found = find_releases(replace(roll, roll=roll.roll - 0.025 * roll.time))
+    assert [r.start for r in found] == pytest.approx([begin for begin, _ in free], abs=0.1 * PERIOD)

@@ -17,7 +17,7 @@ from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.rectify import rectify
 from sysid.video.pose.rigid_group import rigid_group
 from sysid.video.pose.view import View
-from sysid.video.select import _fault
+from sysid.video.select import Followed, _fault
 from sysid.video.trackers.dots import Dot, DotFollower
 from sysid.video.trackers.edge.slope import best_path
 
@@ -112,7 +112,7 @@ def test_an_angle_that_contradicts_itself_or_is_vague_is_none():
     def fault(angle, std):
         return _fault(
             SimpleNamespace(
-                target=SimpleNamespace(what="the edge"),
+                target=SimpleNamespace(what="the edge", shows_body=False),
                 track=SimpleNamespace(lost=5),
                 found=SimpleNamespace(angle=angle),
                 std=std,
@@ -124,6 +124,25 @@ def test_an_angle_that_contradicts_itself_or_is_vague_is_none():
         np.where(np.arange(90) < 40, 0.0, np.nan), 0.01
     )
     assert "the edge tells the angle to ±20° only" in fault(ROLL, np.radians(10.0))
+
+
+def test_what_is_carried_past_is_no_board():
+    turned = np.exp(1j * ROLL)[:, None] * np.array([150 + 20j, -150 + 10j])
+    passing = 200 * np.sin(3 * TIME)[:, None] + 0.1 * turned
+    for path, fault in (
+        (turned, None),
+        (turned + 4 * np.sin(5 * TIME)[:, None], None),
+        (passing, "moves along"),
+    ):
+        points = np.stack([path.real + 640, path.imag + 360], axis=-1).astype(np.float32)
+        track = Track(TIME, points, still(90, 1000.0, 640 + 360j), np.arange(90), 0)
+        one = Followed(
+            SimpleNamespace(what="texture", shows_body=True),
+            track,
+            None,
+            SimpleNamespace(angle=ROLL, std=np.full(90, 0.01)),
+        )
+        assert (_fault(one) is None) if fault is None else fault in _fault(one)
 
 
 def test_points_that_are_not_seen_are_no_warning():

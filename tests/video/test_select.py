@@ -106,6 +106,16 @@ def test_stickers_far_from_the_edges_of_a_plain_deck_are_seen_to_move(tmp_path):
 
 
 @pytest.mark.slow
+def test_a_marker_on_the_wall_is_not_the_board(tmp_path):
+    behind = PLAIN.copy()
+    behind[20:84, 30:94] = marked(plate(64, 64), 64)[1::3, 1::3]
+    stickers = dotted(plate(300, 60), [(-100, -5, 11, PINK), (100, -5, 11, PINK)])
+    roll = read(draw_film(tmp_path / "wall.mp4", stickers, ROLL, background=behind))
+    assert any("two coloured dots" in note and "marker 7 does not turn" in note for note in roll.notes)
+    assert error_of(roll)[0] < 0.3
+
+
+@pytest.mark.slow
 def test_a_single_sticker_aside_shows_no_level(tmp_path):
     """Its arm rests 22° off the horizontal: zero is where the deck rests, not where the arm would lie flat."""
     film = draw_film(tmp_path / "one.mp4", dotted(plate(300, 90), [(100, -40, 9, PINK)]), ROLL)
