@@ -19,6 +19,8 @@ from sysid.roll import Release, Roll
 
 STILL = 0.03
 """A deck within this share of the first amplitude counts as held still."""
+FEWEST = 8
+"""Samples of a decay."""
 FELT = 0.15
 """Periods for which a hand that catches a deck is felt before it is seen: up to 20 ms of a swing of 0.2 s in random logs."""
 _Ending = tuple[float, Literal["rest", "caught", "log"]]
@@ -61,23 +63,25 @@ def find_releases(
         segments = [given_segment(signal, swings, time, roll.log) for time in sorted(releases)]
     else:
         segments = free_segments(signal, swings)
-    if not segments:
-        raise SysidError(
-            f"{roll.log}: it moves, but no stretch swings freely to rest. Give the times at which the deck "
-            "was let go (--release), or the stretch to look at (--from, --to)."
-        )
-    seen, free = _spans(signal, segments)
-    if not releases:
+    seen, free = _spans(signal, segments) if segments else ([], [])
+    if segments and not releases:
         after = segments_after_hands(signal, swings, segments, [span.end for span in free])
         if len(after) > len(segments):
             again, spans = _spans(signal, after)
             # No hand stands between two decays that overlap: what looked like one was the noise's.
             if all(a.end <= b.begin < b.end for a, b in pairwise(spans)):
                 segments, seen, free = after, again, spans
-    return [
-        _release(part, signal, segment, number, one, span)
-        for number, (segment, one, span) in enumerate(zip(segments, seen, free, strict=True), start=1)
-    ]
+    found: list[Release] = []
+    for segment, one, span in zip(segments, seen, free, strict=True):
+        release = _release(part, signal, segment, len(found) + 1, one, span)
+        if releases or len(release.time) >= FEWEST:  # else hands have left nothing of it
+            found.append(release)
+    if not found:
+        raise SysidError(
+            f"{roll.log}: it moves, but no stretch swings freely to rest. Give the times at which the deck "
+            "was let go (--release), or the stretch to look at (--from, --to)."
+        )
+    return found
 
 
 def _spans(signal: SmoothedSignal, segments: Sequence[Segment]) -> tuple[list[_Seen], list[Span]]:
@@ -99,10 +103,10 @@ def _cut(roll: Roll, start: float | None, stop: float | None) -> Roll:
     begin, end = float(roll.time[0]), float(roll.time[-1])
     low, high = begin if start is None else start, end if stop is None else stop
     inside = (roll.time >= low) & (roll.time <= high)
-    if np.count_nonzero(inside) < 8:
+    if np.count_nonzero(inside) < FEWEST:
         raise SysidError(
             f"{roll.log}: {np.count_nonzero(inside)} samples between {low:.6g} s and {high:.6g} s; the log runs "
-            f"from {begin:.6g} s to {end:.6g} s. A decay needs at least 8 samples."
+            f"from {begin:.6g} s to {end:.6g} s. A decay needs at least {FEWEST} samples."
         )
     return roll if inside.all() else roll[inside]
 

@@ -12,7 +12,7 @@ from sysid.video.film.reel import Reel
 from sysid.video.film.shake import Shake, still
 from sysid.video.film.track import Track
 from sysid.video.options import VideoOptions
-from sysid.video.pose.rigid_group import rough_turn
+from sysid.video.pose.rigid_group import similarities
 from sysid.video.trackers._base import Follower
 from sysid.video.types import Points
 
@@ -70,6 +70,6 @@ def _turn(points: Points, focal: float) -> Array:
         seen &= np.isfinite(home)
         good = seen.sum(axis=1) >= 2
         turn = np.full(len(place), np.nan)
-        turn[good] = np.unwrap(rough_turn(np.nan_to_num(home), np.where(seen, place, 0)[good], seen[good]))
+        turn[good] = np.unwrap(np.angle(similarities(home, place[good], seen[good])[0]))
     number = np.arange(len(turn))
     return np.interp(number, number[good], turn[good]) if good.any() else np.zeros(len(turn))

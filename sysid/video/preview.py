@@ -13,7 +13,6 @@ from sysid.files import atomic_path
 from sysid.video.film.reel import Reel
 from sysid.video.overlay import SEEN_COLOUR
 from sysid.video.select import find_targets
-from sysid.video.trackers._base import Scene
 
 REGION_COLOUR = (180, 119, 31)
 """Blue, in OpenCV's order: where something moves."""
@@ -57,11 +56,11 @@ def write_preview(reel: Reel, command: str, path: Path) -> str:
         What will be followed, for people; or why nothing would be.
     """
     picture = next(reel.clip.frames()).picture
-    scene, width = Scene(reel), max(1, reel.clip.width // 500)
+    width = max(1, reel.clip.width // 500)
     try:
-        box = scene.look.box
+        box = reel.look.box
         cv2.rectangle(picture, box[:2], box[2:], REGION_COLOUR, width, cv2.LINE_AA)
-        targets = next(find_targets(scene))
+        targets = next(find_targets(reel))
         what = "follows " + " or ".join(target.why for target in targets)
         for target in targets:
             points = target.follower.update(reel.kept[0])

@@ -7,7 +7,7 @@ numbers of an affine motion (Lucas and Kanade, 1981; the gradients are the mean'
 weights that ignore hands and shine. Four points of the board at these places stand for it from then on.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -17,6 +17,7 @@ import numpy.typing as npt
 from sysid.roll import Array
 from sysid.video.film.frames import Frame, grey
 from sysid.video.film.track import Track
+from sysid.video.pose.rigid_group import similarities
 from sysid.video.types import Box, Points
 
 Image = npt.NDArray[np.float32]
@@ -27,9 +28,9 @@ BLUR = 0.8
 """Standard deviation of the smoothing before gradients are taken [px]."""
 ATTITUDE_STEP = np.radians(1.0)
 """Turns this far apart are different attitudes [rad]: the outermost pixels are a pixel or two apart."""
-AGREEMENT = 0.5
+AGREEMENT = 0.3
 """Spread of a pixel in pictures turned back, over its spread as filmed, up to which it is the board's."""
-MIN_PIXELS, MAX_PIXELS = 400, 6000
+MIN_PIXELS, MAX_PIXELS = 400, 3000
 """Fewer pixels are no body; of more, those where brightness changes most are used."""
 MIN_SPREAD = 4.0
 """Least standard deviation of the body's pixels about their middle, across its narrow side [px]."""
@@ -37,6 +38,8 @@ MIN_PICTURES, MIN_TURN = 5, np.radians(1.0)
 """Pictures, and turn among them [rad], that tell the body from the rest."""
 MAX_PICTURES = 40
 """Pictures that are averaged at most, evenly spread: most of them at rest, where compression leaves the least out."""
+MIDDLE_GREY = np.float32(128.0)
+"""About which brightness is squared, so that single precision does [grey levels]."""
 MAX_ROUNDS, CONVERGED = 5, 0.02
 """Rounds at most, and by how little the points move in the last one [px]: each takes away most of what is left."""
 MAX_CORRECTION = 4.0
@@ -143,33 +146,22 @@ def _inside(cutout: Cutout, pose: Array | None) -> Array | None:
 
 def pose_between(home: Points, points: Points) -> Array | None:
     """Return the similarity, shape (3, 3), from points (N, 2) [px] to others; None with fewer than two."""
-    one, other = (places.astype(np.float64) @ np.array([1, 1j]) for places in (home, points))
+    one, other = (np.asarray(places[:, 0] + 1j * places[:, 1], np.complex128) for places in (home, points))
     both = np.isfinite(one) & np.isfinite(other)
     if both.sum() < 2:
         return None
-    weight = both.astype(np.float64)
-    one, other = np.where(both, one, 0), np.where(both, other, 0)
-    turn, shift = 1 + 0j, 0j
-    for _ in range(4):  # many points hold a few that slip
-        a, b = np.average(one, weights=weight), np.average(other, weights=weight)
-        turn = np.vdot(weight * (one - a), other - b) / max(float(weight @ np.abs(one - a) ** 2), 1e-9)
-        shift = b - turn * a
-        weight = both / (1 + (np.abs(other - turn * one - shift) / 1.0) ** 2)
+    (turn,), (shift,) = similarities(one, other[None], both[None])
     return np.array([[turn.real, -turn.imag, shift.real], [turn.imag, turn.real, shift.imag], [0, 0, 1.0]])
 
 
 def _mean_of(home: Points, cutout: Cutout, pictures: list[Image], poses: list[Array]) -> BodyPicture | None:
     """Turn cutouts back by their poses, shape (3, 3) each, and average them where they agree."""
-    back = np.stack([_turned_back(picture, pose) for picture, pose in zip(pictures, poses, strict=True)])
     # A film keeps what stands still as it is, its noise as well: many pictures of one attitude count as one.
     turn = np.round(np.array([np.arctan2(pose[1, 0], pose[0, 0]) for pose in poses]) / ATTITUDE_STEP)
     _, same, count = np.unique(turn, return_inverse=True, return_counts=True)
-    share = (1 / count[same]).astype(np.float32)
-    means = [np.average(each, axis=0, weights=share) for each in (back, np.stack(pictures))]
-    spread, usual = (
-        cv2.GaussianBlur(np.sqrt(np.average((each - mean) ** 2, axis=0, weights=share)), (0, 0), 2.0)
-        for each, mean in zip((back, np.stack(pictures)), means, strict=True)
-    )
+    share = 1 / (count[same] * len(count))
+    mean, spread = _mean_and_spread(map(_turned_back, pictures, poses), share)
+    _, usual = _mean_and_spread(pictures, share)
     agree = cv2.morphologyEx(
         (spread < AGREEMENT * usual).astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8)
     )
@@ -177,7 +169,6 @@ def _mean_of(home: Points, cutout: Cutout, pictures: list[Image], poses: list[Ar
     mask[:3], mask[-3:], mask[:, :3], mask[:, -3:] = False, False, False, False
     if mask.sum() < MIN_PIXELS:
         return None
-    mean = np.asarray(means[0], np.float32)
     slope = np.stack([cv2.Scharr(mean, cv2.CV_32F, *axis)[mask] / 32 for axis in ((1, 0), (0, 1))], axis=1)
     most = np.argsort(-(slope**2).sum(axis=1))[:MAX_PIXELS]
     slope, bright, places = slope[most], mean[mask][most], np.argwhere(mask)[most, ::-1].astype(np.float64)
@@ -202,6 +193,17 @@ def _mean_of(home: Points, cutout: Cutout, pictures: list[Image], poses: list[Ar
     ]
     slopes = np.asarray(np.stack(columns, axis=1), np.float32)
     return BodyPicture(home, cutout, places, bright, corners, unit, slopes)
+
+
+def _mean_and_spread(pictures: Iterable[Image], share: Array) -> tuple[Image, Image]:
+    """Return the mean of pictures (h, w) with weights (n,), and their smoothed standard deviation [grey levels]."""
+    sums = [np.float32(0.0), np.float32(0.0)]
+    for picture, weight in zip(pictures, share.astype(np.float32), strict=True):
+        some = weight * (picture - MIDDLE_GREY)
+        sums = [sums[0] + some, sums[1] + some * (picture - MIDDLE_GREY)]
+    variance = np.maximum(sums[1] - sums[0] ** 2, 0)
+    spread = cv2.GaussianBlur(np.sqrt(variance), (0, 0), 2.0)
+    return np.asarray(sums[0] + MIDDLE_GREY, np.float32), np.asarray(spread, np.float32)
 
 
 def _turned_back(picture: Image, pose: Array) -> Image:

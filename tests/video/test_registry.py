@@ -36,7 +36,7 @@ class LampFollower:
 
 TRACKER = Tracker(
     rank=-1,
-    find=lambda scene: Target(
+    find=lambda reel: Target(
         follower=LampFollower(), what="the lamps", why="two lamps", solve=fit_angle,
         zero=lambda track: level_angle(track, complex(track.shape[1] - track.shape[0]), 2),
         zero_note="roll zero is where the lamps are level",

@@ -384,9 +384,9 @@ def test_every_kind_of_film_is_read(suffix, tmp_path):
 def test_frames_decoded_ahead_are_the_same(marker_film):
     clip = open_clip(marker_film.path)
     plain = [(frame.index, frame.time, int(frame.picture.sum())) for frame in clip.frames()]
-    assert [(frame.index, frame.time, int(frame.picture.sum())) for frame in ahead(clip.frames())] == plain
+    assert [(frame.index, frame.time, int(frame.picture.sum())) for frame in ahead(clip.frames(), 3)] == plain
     before = threading.active_count()
-    some = ahead(clip.frames())
+    some = ahead(clip.frames(), 3)
     next(some)
     some.close()  # whoever stops early leaves no thread behind
     assert threading.active_count() <= before

@@ -15,10 +15,12 @@ from sysid.video.types import Complex, Mask, Picture
 
 PATCH_GRID, CELL_PATCHES = (8, 6), 2
 """At most so many patches in each cell of a grid this wide and high: one may lie on the board."""
-HALF_PATCH = 16
+HALF_PATCH = 12
 """Half a patch [px]."""
 MAX_STEP = 24
 """How far a patch may move between two frames, against what the last frame suggests [px]."""
+SIZE = 2 * (HALF_PATCH + MAX_STEP) + 1
+"""Width and height of what is looked through for a patch [px]."""
 BATCH_FRAMES = 256
 """Frames that are worked out at once: that takes little longer than one."""
 CUT_CHANGE = 12.0
@@ -44,6 +46,8 @@ class Background:
     """Where the patches were seen last [px]."""
     _seen: list[npt.NDArray[np.float32]] = field(default_factory=list)
     """Places in each frame [px], each (m, 2)."""
+    _followed: Mask | None = None
+    """Which patches are looked for; all as long as it is not known where the board moves."""
     _still: Mask | None = None
     """Which patches lie where nothing moves, as far as that is known."""
     _before: Picture | None = None
@@ -75,10 +79,9 @@ class Background:
             first: Number of the first of n frames.
             turn: The board's turn in them [rad], shape (n,).
         """
-        reach = 2 * (HALF_PATCH + MAX_STEP) + 1
-        near = cv2.boxFilter(spare.astype(np.uint8), -1, (reach, reach), normalize=False) > 0
+        near = cv2.boxFilter(spare.astype(np.uint8), -1, (SIZE, SIZE), normalize=False) > 0
         x, y = self._anchors.T.astype(int)
-        alone = np.asarray(~near[y, x], np.bool_)
+        alone = self._followed = np.asarray(~near[y, x], np.bool_)
         if turn is not None and alone.any():
             alone = self._apart(np.array(self._seen[first : first + len(turn)], np.float64), alone, turn)
         self._still = alone
@@ -166,41 +169,43 @@ class Background:
                         max(row - apart, 0) : row + apart + 1, max(column - apart, 0) : column + apart + 1
                     ] = 0
         self._anchors = np.array(anchors, np.float64).reshape(-1, 2)
-        self._places = self._anchors
-        self._reference = self._mosaic(picture, self._anchors) if anchors else dark
+        self._places = self._anchors.copy()
+        self._reference = self._mosaic(picture, self._anchors)
 
     def _follow(self, picture: Picture) -> Array:
-        """Find every patch near where it was last, shape (m, 2) [px]; NaN where it is not found."""
-        if not len(self._anchors):
-            return self._anchors.copy()
-        centre = np.round(self._places)
+        """Find patches near where they were last, shape (m, 2) [px]; NaN where one is not found, or looked for."""
+        places = np.full_like(self._anchors, np.nan)
+        followed = self._followed  # told by another thread, some time
+        some = np.arange(len(places)) if followed is None else np.flatnonzero(followed)
+        if not len(some):
+            return places
+        centre = np.round(self._places[some])
         inside = np.all((centre >= 0) & (centre < np.array(picture.shape[1::-1])), axis=1)
-        size = 2 * (HALF_PATCH + MAX_STEP) + 1
-        middle = np.arange(len(centre)) * size + HALF_PATCH + MAX_STEP
-        start = np.stack([middle, np.full(len(centre), HALF_PATCH + MAX_STEP)], axis=1).astype(np.float32)
         assert self._reference is not None
+        reference = self._reference.reshape(SIZE, -1, SIZE)[:, some].reshape(SIZE, -1)
+        start = (np.arange(len(some))[:, None] * [SIZE, 0] + SIZE // 2).astype(np.float32)[:, None]
         moved, good, _ = cv2.calcOpticalFlowPyrLK(
-            self._reference, self._mosaic(picture, centre), start[:, None], start[:, None].copy(),
+            reference, self._mosaic(picture, centre), start, start.copy(),
             winSize=(2 * HALF_PATCH + 1, 2 * HALF_PATCH + 1), maxLevel=2,
             criteria=FLOW_CRITERIA, flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
         )  # fmt: skip
-        step = (moved[:, 0] - start).astype(np.float64)
+        step = (moved - start)[:, 0].astype(np.float64)
         found = (good.ravel() > 0) & inside & (np.abs(step).max(axis=1) < MAX_STEP)
         seen = centre + step
         if found.any():
             # The camera takes all along: one that is lost is looked for where the others went.
-            went = np.sort((seen - self._places)[found], axis=0)[found.sum() // 2]
-            self._places = np.where(found[:, None], seen, self._places + went)
-        return np.where(found[:, None], seen, np.nan)
+            went = np.sort((seen - self._places[some])[found], axis=0)[found.sum() // 2]
+            self._places[some] = np.where(found[:, None], seen, self._places[some] + went)
+        places[some] = np.where(found[:, None], seen, np.nan)
+        return places
 
     def _mosaic(self, picture: Picture, centres: Array) -> Picture:
         """Put the surroundings of every place side by side, in grey."""
-        reach = HALF_PATCH + MAX_STEP
-        size = 2 * reach + 1
-        mosaic = np.zeros((size, size * len(centres), *picture.shape[2:]), np.uint8)
+        reach = SIZE // 2
+        mosaic = np.zeros((SIZE, SIZE * len(centres), *picture.shape[2:]), np.uint8)
         for number, (x, y) in enumerate(centres.astype(int).tolist()):
             part, (left, top) = crop(picture, (x - reach, y - reach, x + reach + 1, y + reach + 1))
             if part.size:
-                row, column = top - (y - reach), number * size + left - (x - reach)
+                row, column = top - (y - reach), number * SIZE + left - (x - reach)
                 mosaic[row : row + part.shape[0], column : column + part.shape[1]] = part
         return grey(mosaic)

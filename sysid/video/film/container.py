@@ -69,12 +69,7 @@ def _index(path: Path) -> bytes:
 
 def _boxes(data: bytes) -> Iterator[tuple[bytes, bytes]]:
     """Yield kind and content of all boxes that hold no others, and b"trak" where a track begins."""
-    at = 0
-    while at + 8 <= len(data):
-        size, kind = struct.unpack_from(">I4s", data, at)
-        if not 8 <= size <= len(data) - at:
-            return
-        content = data[at + 8 : at + size]
+    for kind, content in _plain(data):
         if kind == b"trak":
             yield kind, b""
         if kind == b"ilst":
@@ -84,17 +79,16 @@ def _boxes(data: bytes) -> Iterator[tuple[bytes, bytes]]:
             yield from _boxes(content[4:] if kind == b"meta" and content[4:8] != b"hdlr" else content)
         else:
             yield kind, content
-        at += size
 
 
 def _plain(data: bytes) -> Iterator[tuple[bytes, bytes]]:
-    at = 0
-    while at + 8 <= len(data):
-        size, kind = struct.unpack_from(">I4s", data, at)
-        if size < 8:
+    """Yield kind and content of boxes in a row, up to one that is damaged."""
+    while len(data) >= 8:
+        size, kind = struct.unpack_from(">I4s", data)
+        if not 8 <= size <= len(data):
             return
-        yield kind, data[at + 8 : at + size]
-        at += size
+        yield kind, data[8:size]
+        data = data[size:]
 
 
 def _shown(found: list[tuple[bytes, bytes]]) -> tuple[float, bool]:
@@ -131,7 +125,7 @@ def _media(content: bytes) -> float:
 def _noted(found: list[tuple[bytes, bytes]]) -> dict[bytes, float]:
     """Numbers that the phone notes, by name."""
     keys = next((content for kind, content in found if kind == b"keys"), b"")
-    names = [name[4:] if name[:4] == b"mdta" else name for name in _names(keys)]
+    names = [name for _, name in _plain(keys[8:])]  # their kind is where they are defined: b"mdta"
     noted: dict[bytes, float] = {}
     for kind, content in found:
         if kind[:4] == b"item" and len(kind) == 8 and content[4:8] == b"data":
@@ -148,13 +142,3 @@ def _number(kind: bytes, value: bytes) -> float:
     if kind in (b"\0\0\0\x15", b"\0\0\0\x16"):
         return float(int.from_bytes(value, "big", signed=kind[3] == 0x15))
     return float(value)
-
-
-def _names(keys: bytes) -> Iterator[bytes]:
-    at = 8
-    while at + 8 <= len(keys):
-        size = struct.unpack_from(">I", keys, at)[0]
-        if size < 8:
-            return
-        yield keys[at + 4 : at + size]
-        at += size

@@ -1,12 +1,13 @@
 """Frames of a clip with the container's own time stamps, one at a time."""
 
 import os
-from collections.abc import Callable, Generator, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Callable, Generator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from queue import Full, Queue
 from threading import Event, Thread
+from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -16,10 +17,11 @@ from sysid.roll import Array
 from sysid.video.film.container import read_container
 from sysid.video.types import Box, Picture
 
+Item = TypeVar("Item")
 MAX_SIZE = (4096, 2304)
 """Largest picture that is read [px]: 4K; 8K would take seconds a frame and tell no more."""
-FRAMES_AHEAD = 3
-"""Frames that are decoded ahead of the one that is worked on."""
+BYTES_AHEAD = 48_000_000
+"""Bytes of frames that are decoded ahead of the one that is worked on."""
 SLOW_MOTION = 1.5
 """A film plays slowly if it was filmed at so many times the rate at which it plays."""
 MAX_MISSING_SHARE = 0.05
@@ -50,6 +52,11 @@ class Frame:
         left, top = self.corner
         part, (across, down) = crop(self.picture, (box[0] - left, box[1] - top, box[2] - left, box[3] - top))
         return part, (left + across, top + down)
+
+    def dark(self, box: Box | None = None) -> "Frame":
+        """Return the frame in grey, or a box [px] of it."""
+        part, corner = self.part(box or self.box)
+        return replace(self, picture=grey(part), corner=corner)
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,12 +118,12 @@ class Clip:
         return {0: down, 90: 1 - across, 180: 1 - down, 270: across}[self.rotation]
 
 
-def ahead(frames: Iterator[Frame]) -> Generator[Frame]:
-    """Yield frames; the next ones are made in a thread while one is worked on."""
-    ready: Queue[Frame | BaseException | None] = Queue(maxsize=FRAMES_AHEAD)
+def ahead(items: Generator[Item], count: int) -> Generator[Item]:
+    """Yield items; up to `count` of the next ones are made in a thread while one is worked on."""
+    ready: Queue[Item | BaseException | None] = Queue(maxsize=count)
     stop = Event()
 
-    def put(item: Frame | BaseException | None) -> bool:
+    def put(item: Item | BaseException | None) -> bool:
         while not stop.is_set():
             try:
                 ready.put(item, timeout=0.1)
@@ -127,11 +134,12 @@ def ahead(frames: Iterator[Frame]) -> Generator[Frame]:
 
     def make() -> None:
         try:
-            for frame in frames:
-                if not put(frame):
-                    return
+            with closing(items):
+                for item in items:
+                    if not put(item):
+                        return
             put(None)
-        except BaseException as error:  # noqa: BLE001  raised again by whoever waits for frames
+        except BaseException as error:  # noqa: BLE001  raised again by whoever waits for items
             put(error)
 
     worker = Thread(target=make, daemon=True)

@@ -1,6 +1,7 @@
 """A film that is decoded once: kept in memory until it shows what moves, from then on frame by frame."""
 
-from collections.abc import Generator, Iterator
+from collections.abc import Generator
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -9,7 +10,7 @@ import numpy as np
 from sysid.errors import SysidError
 from sysid.video.film.background import Background
 from sysid.video.film.camera import Lens
-from sysid.video.film.frames import Clip, Frame, ahead
+from sysid.video.film.frames import BYTES_AHEAD, Clip, Frame, ahead
 from sysid.video.film.survey import Motion, Survey, box_around, box_of, survey
 from sysid.video.options import VideoOptions
 from sysid.video.types import Box
@@ -44,7 +45,13 @@ class Reel:
     def __post_init__(self) -> None:
         """Start to decode."""
         self.background = Background(self.lens)
-        self._source = ahead(self._decoded())
+        count = max(2, BYTES_AHEAD // (3 * self.clip.width * self.clip.height))
+        self._source = ahead(self._held(ahead(self._stamped(), count)), 1)
+
+    @property
+    def region(self) -> Box | None:
+        """Left, top, right and bottom [px] of where the user says the board moves."""
+        return None if self.options.roi is None else box_of(self.clip, self.options.roi)
 
     @property
     def kept(self) -> list[Frame]:
@@ -59,8 +66,7 @@ class Reel:
         Raises:
             SysidError: Nothing does, or the film is damaged or cut.
         """
-        roi = self.options.roi
-        region = None if roi is None else box_of(self.clip, roi)
+        region = self.region
         motion, part, size = Motion(), None, 0
         for number, frame in enumerate(self._source):
             if number % LOOKED_AT == 0:
@@ -91,9 +97,9 @@ class Reel:
             for row, frame in enumerate(self._frames)
         ]
         some = np.unique(np.linspace(0, len(self._frames) - 1, SURVEY_FRAMES).astype(int))
-        return survey(self.clip, tuple(self._frames[number] for number in some), motion, roi)
+        return survey(self.clip, tuple(self._frames[number] for number in some), motion, self.options.roi)
 
-    def others(self) -> Iterator[Frame]:
+    def others(self) -> Generator[Frame]:
         """Yield the frames after those in memory, as they are decoded."""
         return self._source
 
@@ -101,19 +107,25 @@ class Reel:
         """Stop decoding."""
         self._source.close()
 
-    def _decoded(self) -> Generator[Frame]:
+    def _stamped(self) -> Generator[Frame]:
         last = -np.inf
         for frame in self.clip.frames():
             if self.options.rate is not None:
                 frame = replace(frame, time=frame.index / self.options.rate)
-            if frame.time <= last:
+            if frame.time > last:
+                last = frame.time
+                yield frame
+            else:
                 self.repeated += 1
-                continue
-            last = frame.time
-            try:
-                yield replace(frame, shift=self.background.update(frame))
-            except SysidError as error:
-                raise SysidError(f"{self.clip.path}: {error}") from None
+
+    def _held(self, frames: Generator[Frame]) -> Generator[Frame]:
+        with closing(frames):
+            for frame in frames:
+                try:
+                    shift = self.background.update(frame)
+                except SysidError as error:
+                    raise SysidError(f"{self.clip.path}: {error}") from None
+                yield replace(frame, shift=shift)
 
 
 def _cut(frame: Frame, box: Box | None) -> Frame:

@@ -8,9 +8,10 @@ import numpy as np
 from sysid.errors import SysidError
 from sysid.roll import Array
 from sysid.video.film.camera import FOCAL_SPREAD, Lens
-from sysid.video.film.shutter import READOUT_CEILING
 from sysid.video.film.track import Track
 
+READOUT_CEILING = 1 / 30
+"""No sensor takes longer for a frame [s]."""
 SHUTTER_DOUBT = 0.3
 """How far the shutter's correction may be off, as a share of its change from frame to frame."""
 DIFFERENCE_STEPS = np.array([1e-4, 1e-4, 1e-4, 1e-4])

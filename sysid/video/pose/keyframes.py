@@ -29,9 +29,7 @@ class Keyframes:
 
 def keyframes_of(view: View, still: float) -> Keyframes:
     """Choose frames: few of those that show one and the same picture, many of those turned furthest."""
-    seen = np.zeros(len(view), bool)
     run = np.zeros(len(view), int)
-    place = np.zeros((len(view), 2))
     anchor, number = np.full(view.track.points.shape[1:], np.inf), 0
     # Freed of the camera's shake: what a lens, a shade or a slant does to a point goes with the body's attitude.
     steady = np.concatenate([view.points(rows) for rows in view.chunks()])
@@ -45,11 +43,7 @@ def keyframes_of(view: View, still: float) -> Keyframes:
         if not known.any() or moved(away[known]) > still:
             anchor, number = points, number + 1
         run[row] = number
-        good = np.isfinite(points).all(axis=-1)
-        seen[row] = enough_points(good[None])[0]
-        if seen[row]:
-            place[row] = points[good][-1] - points[good][0]
-    usable = np.flatnonzero(seen)
+    usable = np.flatnonzero(enough_points(all_finite(steady)))
     if len(usable) > 2:  # a frame without neighbours shows no velocity
         usable = usable[(usable > 0) & (usable < len(view) - 1)]
     _, first, count = np.unique(run[usable], return_index=True, return_counts=True)
@@ -60,7 +54,8 @@ def keyframes_of(view: View, still: float) -> Keyframes:
         ]
     )
     if len(kept) > MAX_KEYFRAMES:
-        direction = np.angle(place[kept] @ np.array([1, 1j]))
+        ends = np.array([points[all_finite(points)][[0, -1]] for points in steady[kept]])
+        direction = np.angle((ends[:, 1] - ends[:, 0]) @ np.array([1, 1j]))
         away = np.abs(np.angle(np.exp(1j * (direction - np.median(direction)))))
         far = np.argsort(-away)[: 2 * MAX_KEYFRAMES // 3]
         even = np.linspace(0, len(kept) - 1, MAX_KEYFRAMES // 3).astype(int)

@@ -6,10 +6,9 @@ them at once draw the common motion to themselves.
 """
 
 import numpy as np
-import numpy.typing as npt
 
 from sysid.roll import Array
-from sysid.video.types import Complex
+from sysid.video.types import Complex, Mask
 
 ATTITUDE_STEP = np.radians(2.0)
 """Turns this far apart are different attitudes [rad]."""
@@ -19,7 +18,7 @@ REWEIGHTINGS = 8
 """Rounds in which points that do not turn with the others lose their weight (a choice)."""
 
 
-def rigid_group(points: Array, fewest: int) -> npt.NDArray[np.bool_]:
+def rigid_group(points: Array, fewest: int) -> Mask:
     """Tell which points belong to the body that turns.
 
     Args:
@@ -36,31 +35,35 @@ def rigid_group(points: Array, fewest: int) -> npt.NDArray[np.bool_]:
     enough = common.sum(axis=1) >= 3
     if not enough.any():
         return np.ones(points.shape[1], np.bool_)
-    attitude = np.round(rough_turn(home, place[enough], common[enough]) / ATTITUDE_STEP).astype(int)
+    attitude = np.round(
+        np.angle(similarities(home, place[enough], common[enough])[0]) / ATTITUDE_STEP
+    ).astype(int)
     shown = np.array([seen[enough][attitude == one].mean(axis=0) > 0.5 for one in np.unique(attitude)])
     count = shown.sum(axis=0)
     most = np.sort(count)[-fewest:].min()
     return np.asarray(count >= min(most, ATTITUDES_SEEN * count.max()), np.bool_)
 
 
-def rough_turn(home: Complex, place: Complex, seen: npt.NDArray[np.bool_]) -> Array:
-    """Return the turn in the picture on which most points agree, for each frame [rad], shape (n,).
+def similarities(home: Complex, place: Complex, seen: Mask) -> tuple[Complex, Complex]:
+    """Return the similarity on which most points agree, for each frame: place = turn * home + shift; each of shape (n,).
 
     Args:
-        home: Points in one frame, shape (N,).
-        place: Points in n frames, shape (n, N).
+        home: Points in one frame [px], shape (N,).
+        place: Points in n frames [px], shape (n, N).
         seen: Which of them are seen there, at least two a frame.
     """
-    weight = seen.astype(np.float64)
-    turn = np.ones(len(place), np.complex128)
+    weight, half = seen.astype(np.float64), seen.sum(axis=1) // 2
+    home, place = np.where(seen, home, 0), np.where(seen, place, 0)
+    turn = shift = np.zeros(len(place), np.complex128)
     for _ in range(REWEIGHTINGS):
-        total = weight.sum(axis=1, keepdims=True)
-        arm = home - (weight * home).sum(axis=1, keepdims=True) / total
-        here = place - (weight * place).sum(axis=1, keepdims=True) / total
+        total = weight.sum(axis=1)
+        middle, there = ((weight * each).sum(axis=1) / total for each in (home, place))
+        arm, here = home - middle[:, None], place - there[:, None]
         turn = (weight * here * arm.conj()).sum(axis=1) / np.maximum(
             (weight * np.abs(arm) ** 2).sum(axis=1), 1e-9
         )
+        shift = there - turn * middle
         off = np.abs(here - turn[:, None] * arm)
-        typical = np.array([np.median(row[good]) for row, good in zip(off, seen, strict=True)])[:, None] + 0.5
+        typical = np.sort(np.where(seen, off, np.inf), axis=1)[np.arange(len(place)), half][:, None] + 0.5
         weight = seen / (1 + (off / (2 * typical)) ** 2) ** 2
-    return np.angle(turn)
+    return turn, shift

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.film.shutter import velocity
 from sysid.video.film.track import Track
 from sysid.video.types import Rows
 
@@ -78,3 +77,21 @@ class View:
     def all_points(self, readout: float) -> Array:
         """Return the points of all frames [px], shape (n, N, 2), at the times of `time(readout)`."""
         return np.concatenate([self.points(rows) + readout * self.shear(rows) for rows in self.chunks()])
+
+
+def velocity(points: Array, time: Array) -> Array:
+    """Velocity in the middle one of three frames [px/s], shape (m, N, 2).
+
+    The slope of the parabola through all three, so that an uneven rate does no harm; zero where a
+    neighbour does not show the point (and no motion is known).
+
+    Args:
+        points: Points in three neighbouring frames [px], shape (m, 3, N, 2).
+        time: Their times [s], shape (m, 3).
+    """
+    before, after = np.diff(time, axis=1).T[:, :, None, None]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ahead = (points[:, 2] - points[:, 1]) / after
+        behind = (points[:, 1] - points[:, 0]) / before
+        slope = (ahead * before + behind * after) / (before + after)
+    return np.where(np.isfinite(slope), slope, 0.0)

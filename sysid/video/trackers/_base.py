@@ -9,9 +9,7 @@ import numpy as np
 from sysid.roll import Array
 from sysid.video.film.frames import Frame
 from sysid.video.film.reel import Reel
-from sysid.video.film.survey import Survey, box_of
 from sysid.video.film.track import Track
-from sysid.video.options import VideoOptions
 from sysid.video.pose.angle import AngleTrack
 from sysid.video.pose.camera_state import CameraState
 from sysid.video.pose.view import View
@@ -45,28 +43,6 @@ class Follower(Protocol):
     def update(self, frame: Frame) -> Array | None:
         """Return the points in this frame [px], shape (N, 2), NaN where one is not seen; None if none is."""
         ...
-
-
-@dataclass(frozen=True, slots=True)
-class Scene:
-    """A film in which something is to be found."""
-
-    reel: Reel
-
-    @property
-    def options(self) -> VideoOptions:
-        """What the user says."""
-        return self.reel.options
-
-    @property
-    def region(self) -> Box | None:
-        """Left, top, right and bottom [px] of where the user says the board moves."""
-        return None if self.options.roi is None else box_of(self.reel.clip, self.options.roi)
-
-    @property
-    def look(self) -> Survey:
-        """What moves in it."""
-        return self.reel.look
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,7 +82,7 @@ class Tracker:
 
     rank: int
     """Where none is asked for, that of the lowest rank is tried first."""
-    find: Callable[[Scene], Target | None]
+    find: Callable[[Reel], Target | None]
     not_found: str
     """What to tell people where it finds nothing; `{where}` is the region that they gave."""
     takes_pivot: bool = False

@@ -10,14 +10,15 @@ import numpy.typing as npt
 from sysid.errors import SysidError
 from sysid.roll import Array
 from sysid.video.film.frames import Frame
+from sysid.video.film.reel import Reel
 from sysid.video.film.survey import Survey
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.camera_state import CameraState, spread_by
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.rectify import longer, rectify, smear, unwrap
 from sysid.video.pose.view import View
-from sysid.video.trackers._base import DEAD_ZONE, Scene, Target, Tracker, level_angle, rests_at
-from sysid.video.types import Box, Complex, Picture
+from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, level_angle, rests_at
+from sysid.video.types import Complex, Picture
 
 Chroma = npt.NDArray[np.float32]
 
@@ -154,23 +155,15 @@ class DotFollower:
             return None
         core = (labels == best + 1).astype(np.uint8)
         region = np.asarray(cv2.dilate(core, np.ones((7, 7), np.uint8)), np.uint8)
-        if self._touches_border(region, corner, frame.box):
+        left, top, width, height = cv2.boundingRect(region)
+        cut = (left + corner[0], top + corner[1], left + corner[0] + width, top + corner[1] + height)
+        if any(side == end for side, end in zip(cut, frame.box, strict=True)):  # by the picture's border
             return None
         soft = np.clip(weight, 0, 1) * region
         rows, columns = np.mgrid[0 : part.shape[0], 0 : part.shape[1]]
         total = soft.sum()
         centre = [(soft * columns).sum() / total + corner[0], (soft * rows).sum() / total + corner[1]]
         return np.array(centre), float(total)
-
-    @staticmethod
-    def _touches_border(region: npt.NDArray[np.uint8], corner: tuple[int, int], whole: Box) -> bool:
-        """Whether the dot is cut by the picture's border."""
-        return bool(
-            (corner[0] == whole[0] and region[:, 0].any())
-            or (corner[1] == whole[1] and region[0].any())
-            or (corner[0] + region.shape[1] == whole[2] and region[:, -1].any())
-            or (corner[1] + region.shape[0] == whole[3] and region[-1].any())
-        )
 
 
 def fit_pivot(
@@ -186,63 +179,48 @@ def fit_pivot(
         before: What is known of camera and lens.
         pivot: Pivot [px].
     """
-    dot = view.all_points(before.readout)[:, 0]
-    circle = _circle(dot, matrix, before.value, pivot)
-    angle = np.angle(circle.arm)
 
-    def angle_at(value: Array) -> Array:
-        return np.angle(_circle(view.all_points(value[3])[:, 0], matrix, value, pivot).arm)
+    def arm_and_pivot(value: Array) -> tuple[Complex, Array]:
+        """From the pivot to the dot, shape (n,), and the pivot's covariance, in the rectified picture."""
+        camera = longer(matrix, value[2])
+        z = rectify(view.all_points(value[3])[:, 0], camera, value[0], value[1])
+        if pivot is not None:
+            return z - complex(rectify(np.array(pivot, float), camera, value[0], value[1])), np.zeros((2, 2))
+        centre, covariance = _centre(z[np.isfinite(z)], 3 / camera[0, 0])
+        return z - centre, covariance
 
+    arm, covariance = arm_and_pivot(before.value)
+    angle, radius = np.angle(arm), np.abs(arm)
+    noise = float(np.nanstd(radius)) + 0.02 / matrix[0, 0]
     # d angle / d centre, less what it is at rest, carries the pivot's uncertainty.
-    slope = np.stack([circle.arm.imag, -circle.arm.real], axis=1) / np.abs(circle.arm)[:, None] ** 2
+    slope = np.stack([arm.imag, -arm.real], axis=1) / radius[:, None] ** 2
     slope = slope - np.nanmedian(slope, axis=0)
-    variance = (circle.noise / circle.radius) ** 2 + np.einsum("ni,ij,nj->n", slope, circle.covariance, slope)
-    unknown = spread_by(before, angle, angle_at, view.share, view.time(before.readout))
-    std = np.sqrt(variance + unknown + smear(angle) ** 2)
-    std = np.where(np.isfinite(angle), std, np.nan)
-    return AngleTrack(unwrap(angle), std, before, circle.noise * matrix[0, 0], 0, np.array([1 + 0j]))
+    variance = (noise / np.nanmean(radius)) ** 2 + np.einsum("ni,ij,nj->n", slope, covariance, slope)
+    unknown = spread_by(
+        before, angle, lambda value: np.angle(arm_and_pivot(value)[0]), view.share, view.time(before.readout)
+    )
+    std = np.where(np.isfinite(angle), np.sqrt(variance + unknown + smear(angle) ** 2), np.nan)
+    return AngleTrack(unwrap(angle), std, before, noise * matrix[0, 0], 0, np.array([1 + 0j]))
 
 
-@dataclass(frozen=True, slots=True)
-class _Circle:
-    """The circle that a dot runs on, in the rectified picture."""
+def _centre(z: Complex, scale: float) -> tuple[complex, Array]:
+    """Centre of the circle that points (n,) run on, and its covariance: least squares of the distances.
 
-    arm: Complex
-    """From the pivot to the dot, shape (n,)."""
-    radius: float
-    covariance: Array
-    """Of the pivot, shape (2, 2)."""
-    noise: float
-    """Standard deviation of the dot's place."""
-
-
-def _circle(dot: Array, matrix: Array, value: Array, pivot: tuple[float, float] | None) -> _Circle:
-    """Least squares of the distances (Gander, Golub and Strebel, 1994), with a loss that ignores outliers."""
+    As Gander, Golub and Strebel (1994), with a loss that ignores what is further off than `scale`.
+    """
     from scipy.optimize import least_squares
 
-    camera = longer(matrix, value[2])
-    focal = camera[0, 0]
-    z = rectify(dot, camera, value[0], value[1])
-    seen = np.isfinite(z)
-    if pivot is not None:
-        centre = complex(rectify(np.array(pivot, float), camera, value[0], value[1]))
-        radius, covariance = float(np.mean(np.abs(z[seen] - centre))), np.zeros((2, 2))
-        residual = np.abs(z[seen] - centre) - radius
-    else:
-        design = np.stack([z[seen].real, z[seen].imag, np.ones(seen.sum())], axis=1)
-        guess, *_ = np.linalg.lstsq(design, -(np.abs(z[seen]) ** 2), rcond=None)
-        centre = complex(-guess[0] / 2, -guess[1] / 2)
-        start = [centre.real, centre.imag, np.sqrt(max(abs(centre) ** 2 - guess[2], 1e-6))]
+    design = np.stack([z.real, z.imag, np.ones(len(z))], axis=1)
+    guess, *_ = np.linalg.lstsq(design, -(np.abs(z) ** 2), rcond=None)
+    x, y = -guess[:2] / 2
+    start = [x, y, np.sqrt(max(x**2 + y**2 - guess[2], 1e-6))]
 
-        def distance(circle: Array) -> Array:
-            return np.abs(z[seen] - complex(circle[0], circle[1])) - circle[2]
+    def distance(circle: Array) -> Array:
+        return np.abs(z - complex(circle[0], circle[1])) - circle[2]
 
-        fit = least_squares(distance, start, loss="soft_l1", f_scale=3 / focal, x_scale=0.1)
-        centre, radius = complex(fit.x[0], fit.x[1]), float(fit.x[2])
-        residual = distance(fit.x)
-        covariance = np.linalg.inv(fit.jac.T @ fit.jac)[:2, :2] * np.mean(residual**2)
-    noise = float(np.sqrt(np.mean(residual**2)) + 0.02 / focal)
-    return _Circle(np.where(seen, z - centre, np.nan), radius, covariance, noise)
+    fit = least_squares(distance, start, loss="soft_l1", f_scale=scale, x_scale=0.1)
+    covariance = np.linalg.inv(fit.jac.T @ fit.jac)[:2, :2] * np.mean(distance(fit.x) ** 2)
+    return complex(fit.x[0], fit.x[1]), covariance
 
 
 def _chroma(part: Picture) -> Chroma:
@@ -292,8 +270,8 @@ def _patches(part: Picture, corner: tuple[int, int], look: Survey) -> list[Dot]:
     return dots
 
 
-def _find(scene: Scene) -> Target | None:
-    options, look = scene.options, scene.look
+def _find(reel: Reel) -> Target | None:
+    options, look = reel.options, reel.look
     dots = find_dots(look)
     if not dots:
         return None

@@ -5,6 +5,7 @@ reference frame whatever the roll, and only a small rest is left to be measured.
 never changes, nothing drifts.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -13,20 +14,23 @@ import numpy as np
 
 from sysid.roll import Array
 from sysid.video.film.frames import Frame, grey
+from sysid.video.film.reel import Reel
 from sysid.video.film.survey import Survey
 from sysid.video.film.track import Track
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.camera_state import CameraState
 from sysid.video.pose.prior import BodyPrior
-from sysid.video.pose.rigid_group import rigid_group
+from sysid.video.pose.rigid_group import rigid_group, similarities
 from sysid.video.pose.view import View
-from sysid.video.trackers._base import DEAD_ZONE, Scene, Target, Tracker, rests_at
+from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, rests_at
 from sysid.video.types import Complex, Mask, Picture
 
 MAX_FEATURES, MIN_FEATURES = 60, 10
 """Patches that are followed at most, and at least."""
 WINDOW = 21
 """Side of a patch [px]."""
+SHAKE_MARGIN = 40
+"""What is looked at beside what moves, for a camera that shakes [px]."""
 CORRELATION_LENGTH = 80.0
 """Distance over which the errors of patches are alike, in a triangle [px]."""
 STATIC_LIKENESS = 0.75
@@ -34,6 +38,8 @@ STATIC_LIKENESS = 0.75
 counts against the highest that the patch reaches."""
 TURN_GUESSES = np.radians([0.0, 6.0, -6.0, 12.0, -12.0, 20.0, -20.0])
 """Turns that are tried, added to the expected one, where too few patches are found again."""
+AS_EXPECTED = np.radians(1.0)
+"""Difference of turns at which patches look as they did in the reference [rad]."""
 CENTRE_STD = 0.03
 """Standard deviation of the circles' centres where points may lie anywhere on the deck, in focal lengths: a
 tenth of a focal length aside, at depths that differ by a third."""
@@ -46,20 +52,21 @@ INLIER_DISTANCE = 1.2
 
 def find_features(look: Survey) -> Array:
     """Return corners in the first frame that belong to what moves [px], shape (m, 2)."""
-    part, corner = look.frames[0].part(look.box)
-    dark = grey(part)
     left, top, right, bottom = look.box
+    around = (left - SHAKE_MARGIN, top - SHAKE_MARGIN, right + SHAKE_MARGIN, bottom + SHAKE_MARGIN)
+    frames = [frame.dark(around) for frame in look.frames[::2]]
+    part, corner = frames[0].part(look.box)
     mask = 255 * look.moving[top:bottom, left:right].astype(np.uint8)
     edge = WINDOW // 2 + 3
     mask[:edge], mask[-edge:], mask[:, :edge], mask[:, -edge:] = 0, 0, 0, 0
     spacing = max(6.0, 0.5 * np.sqrt(max(int((mask > 0).sum()), 1) / MAX_FEATURES))
     corners: Any = cv2.goodFeaturesToTrack(
-        cv2.GaussianBlur(dark, (0, 0), 0.8), 4 * MAX_FEATURES, 0.01, spacing, mask=mask
+        cv2.GaussianBlur(part, (0, 0), 0.8), 4 * MAX_FEATURES, 0.01, spacing, mask=mask
     )
     if corners is None:
         return np.zeros((0, 2))
     places = np.asarray(corners, np.float64).reshape(-1, 2) + corner
-    moved = np.array([_moves(look.frames, place) for place in places])
+    moved = np.array([_moves(frames, place) for place in places])
     return places[moved][:MAX_FEATURES] if moved.any() else np.zeros((0, 2))
 
 
@@ -126,7 +133,7 @@ class FeatureFollower:
         return points
 
     def _measure(self, frame: Frame, pose: Complex) -> tuple[int, Complex, Array] | None:
-        """Find the patches near an expected pose, twice; return their number, the pose and the places."""
+        """Find the patches near an expected pose, again if they turn otherwise; return their number, pose and places."""
         good, seen = np.zeros(len(self.places), bool), np.zeros(len(self.places), complex)
         near = good
         for _ in range(2):
@@ -135,9 +142,11 @@ class FeatureFollower:
                 return None
             good, seen = matches
             home = self.places[:, 0] + 1j * self.places[:, 1]
-            pose, near = _rigid(home, seen, good)
+            expected, (pose, near) = pose[0], _rigid(home, seen, good)
             if near.sum() < MIN_FEATURES // 2:
                 return None
+            if abs(np.angle(pose[0] / expected)) < AS_EXPECTED:
+                break
         places = np.stack([np.real(seen), np.imag(seen)], axis=1)
         points = np.where(near[:, None], places, np.nan)
         return int(near.sum()), pose, points
@@ -183,16 +192,13 @@ def _rigid(home: Complex, seen: Complex, good: Mask) -> tuple[Complex, Mask]:
     if found is None or not 0.8 < float(np.hypot(found[0, 0], found[1, 0])) < 1.25:
         return pose, best
     best[np.flatnonzero(good)[agree.ravel() > 0]] = True
-    for _ in range(3):
-        if best.sum() < 3:
-            return pose, best
-        a, b = home[best].mean(), seen[best].mean()
-        turn = np.vdot(home[best] - a, seen[best] - b) / np.vdot(home[best] - a, home[best] - a)
-        pose = np.array([turn, b - turn * a])
-        # The body is deep and the camera near: patches may leave the common motion a little.
-        distance = np.abs(seen - turn * home - pose[1])
-        best = good & (distance < max(INLIER_DISTANCE, 3 * float(np.median(distance[best]))))
-    return pose, best
+    if best.sum() < 3:
+        return pose, best
+    (turn,), (shift,) = similarities(home, seen[None], best[None])
+    # The body is deep and the camera near: patches may leave the common motion a little.
+    distance = np.abs(seen - turn * home - shift)
+    near = good & (distance < max(INLIER_DISTANCE, 3 * float(np.median(distance[best]))))
+    return np.array([turn, shift]), near
 
 
 def count_alike(places: Array) -> float:
@@ -211,15 +217,15 @@ def count_alike(places: Array) -> float:
     return float(np.einsum("ia,ij,ja->", arm, common, arm) / np.sum(arm**2))
 
 
-def _moves(frames: tuple[Frame, ...], place: Array) -> bool:
-    """Whether a patch of the first frame is not where it was in a tenth of the others, or more."""
+def _moves(frames: Sequence[Frame], place: Array) -> bool:
+    """Whether a patch of the first of some grey frames is not where it was in a tenth of the others, or more."""
     half = WINDOW // 2
     x, y = np.round(place).astype(int)
-    patch = grey(frames[0].part((x - half, y - half, x + half + 1, y + half + 1))[0])
+    patch = frames[0].part((x - half, y - half, x + half + 1, y + half + 1))[0]
     likeness: list[float] = []
     for other in frames[1:]:
         u, v = np.round(place + other.shift - frames[0].shift).astype(int)
-        around = grey(other.part((u - half - 3, v - half - 3, u + half + 4, v + half + 4))[0])
+        around = other.part((u - half - 3, v - half - 3, u + half + 4, v + half + 4))[0]
         if min(around.shape) >= WINDOW:
             likeness.append(float(cv2.matchTemplate(around, patch, cv2.TM_CCOEFF_NORMED).max()))
     if not likeness:
@@ -228,8 +234,8 @@ def _moves(frames: tuple[Frame, ...], place: Array) -> bool:
     return bool(low < STATIC_LIKENESS * min(float(high), 1.0))
 
 
-def _find(scene: Scene) -> Target | None:
-    look = scene.look
+def _find(reel: Reel) -> Target | None:
+    look = reel.look
     places = find_features(look)
     if len(places) < MIN_FEATURES:
         return None

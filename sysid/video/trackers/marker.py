@@ -10,10 +10,11 @@ import numpy.typing as npt
 
 from sysid.roll import Array
 from sysid.video.film.frames import Frame, grey
+from sysid.video.film.reel import Reel
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.prior import BodyPrior
-from sysid.video.trackers._base import Scene, Target, Tracker, level_angle
-from sysid.video.trackers._edge_profile import corners, find_edges
+from sysid.video.trackers._base import Target, Tracker, level_angle
+from sysid.video.trackers._edge_profile import corners, find_pieces
 from sysid.video.types import Box, Picture
 
 DICTIONARIES = {
@@ -32,6 +33,8 @@ MIN_LIKENESS = 0.6
 """Least correlation of a marker's cells with what its number says."""
 CONVERGED = 0.15
 """Edges are measured once more where that moves the corners by more than this [px]."""
+MIN_CONTRAST = 12.0
+"""Step of brightness at a marker's edge [grey levels]."""
 FULL_SEARCH_EVERY = 5
 """A lost marker is looked for in the whole picture in every so many frames: that is slow."""
 
@@ -155,34 +158,38 @@ class MarkerFollower:
         cell = side.mean() / len(self.cells)
         margin = int(cell) + 6
         low, high = rough.min(axis=0) - margin, rough.max(axis=0) + margin
-        part, shift = frame.part((int(low[0]), int(low[1]), int(high[0]) + 1, int(high[1]) + 1))
         inner = [max(one, other) for one, other in zip(frame.box[:2], self.region[:2], strict=True)]
         outer = [min(one, other) for one, other in zip(frame.box[2:], self.region[2:], strict=True)]
-        if part.size == 0 or np.any(rough < np.array(inner) + 2) or np.any(rough > np.array(outer) - 3):
+        if np.any(rough < np.array(inner) + 2) or np.any(rough > np.array(outer) - 3):
             return None
-        dark = grey(part)
-        place = rough - shift
-        reach, moved, passes = min(0.75 * cell, 3.0 + 3.0 * self._miss, 12.0), np.inf, 0
-        while moved > CONVERGED and passes < 3:
-            before, passes = place, passes + 1
-            edges = find_edges(dark, np.stack([place, np.roll(place, -1, axis=0)], axis=1), reach)
-            if edges.used.min() < 0.5 or edges.contrast.min() < 12 or edges.scatter.max() > 0.2 * cell:
+        dark = frame.dark((int(low[0]), int(low[1]), int(high[0]) + 1, int(high[1]) + 1))
+        place, reach = rough, min(0.75 * cell, 3.0 + 3.0 * self._miss, 12.0)
+        for _ in range(3):
+            before = place
+            edges = find_pieces(
+                dark, np.stack([place, np.roll(place, -1, axis=0)], axis=1), reach, MIN_CONTRAST, up=True
+            )
+            if np.isnan(edges).any(axis=2).mean(axis=1).max() > 0.5:
                 return None
-            place = corners(edges)
-            if not np.isfinite(place).all() or np.abs(place - rough + shift).max() > 2 * cell:
+            place = corners([edge[np.isfinite(edge).all(axis=1)] for edge in edges])
+            if not np.isfinite(place).all() or np.abs(place - rough).max() > 2 * cell:
                 return None
-            moved, reach = float(np.abs(place - before).max()), min(0.6 * cell, 5.0)
-        if self._likeness(dark, place) < MIN_LIKENESS:
-            return None
-        return place + shift
+            if np.abs(place - before).max() < CONVERGED:
+                break
+            reach = min(0.6 * cell, 5.0)
+        return place if self._likeness(dark, place) > MIN_LIKENESS else None
 
-    def _likeness(self, dark: Picture, place: Array) -> float:
+    def _likeness(self, dark: Frame, place: Array) -> float:
         """Correlation of the cells seen with the cells that the marker should have."""
         count = len(self.cells)
         unit = np.array([[0, 0], [count, 0], [count, count], [0, count]], np.float32)
-        homography = cv2.getPerspectiveTransform(unit, place.astype(np.float32))
+        homography = cv2.getPerspectiveTransform(unit, (place - dark.corner).astype(np.float32))
         pixels = cv2.perspectiveTransform(self._middles, homography)
-        seen = cv2.remap(dark, pixels[..., 0], pixels[..., 1], cv2.INTER_LINEAR).ravel().astype(np.float64)
+        seen = (
+            cv2.remap(dark.picture, pixels[..., 0], pixels[..., 1], cv2.INTER_LINEAR)
+            .ravel()
+            .astype(np.float64)
+        )
         return float(seen @ self.cells.ravel() / (len(seen) * max(float(seen.std()), 1e-9)))
 
 
@@ -213,9 +220,9 @@ def marker_cells(number: int) -> npt.NDArray[np.uint8]:
     return np.asarray(dictionary.generateImageMarker(number, dictionary.markerSize + 2), np.uint8)
 
 
-def _find(scene: Scene) -> Target | None:
-    region = scene.region or (0, 0, scene.reel.clip.width, scene.reel.clip.height)
-    for frame in scene.look.frames[:: max(1, len(scene.look.frames) // SEARCH_FRAMES)]:
+def _find(reel: Reel) -> Target | None:
+    region = reel.region or (0, 0, reel.clip.width, reel.clip.height)
+    for frame in reel.look.frames[:: max(1, len(reel.look.frames) // SEARCH_FRAMES)]:
         marker = find_marker(frame, region)
         if marker is not None:
             break

@@ -2,7 +2,8 @@
 
 from functools import partial
 
-from sysid.video.trackers._base import Scene, Target, Tracker, level_angle
+from sysid.video.film.reel import Reel
+from sysid.video.trackers._base import Target, Tracker, level_angle
 from sysid.video.trackers._edge_profile import PIECES
 from sysid.video.trackers.edge.find import find_deck_end
 from sysid.video.trackers.edge.follower import EdgeFollower
@@ -10,15 +11,15 @@ from sysid.video.trackers.edge.slope import deck_slopes
 from sysid.video.trackers.edge.turn import fit_direction
 
 
-def _find(scene: Scene) -> Target | None:
-    look = scene.look
-    end = find_deck_end(look, deck_slopes(scene.reel.kept, look))
+def _find(reel: Reel) -> Target | None:
+    look = reel.look
+    end = find_deck_end(look, deck_slopes(reel.kept, look))
     if end is None:
         return None
     count = len(end.ends)
     lengths = ", ".join(f"{right - left:.0f}" for left, right in end.ends[..., 0])
     warnings: tuple[str, ...] = ()
-    if scene.options.camera_angle is None:
+    if reel.options.camera_angle is None:
         warnings = (
             "an edge does not show from where the camera looks: it is taken to look along the board's axis "
             "to within 5 degrees (say otherwise with --camera-angle)",

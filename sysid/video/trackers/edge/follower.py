@@ -1,12 +1,12 @@
 """Follows the edges of the deck's end, where there is neither mark nor texture."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
 from sysid.roll import Array
-from sysid.video.film.frames import Frame, grey
+from sysid.video.film.frames import Frame
 from sysid.video.trackers._edge_profile import PIECES, find_pieces
 from sysid.video.trackers.edge.brightness_steps import Steps, steps_of
 from sysid.video.trackers.edge.find import MAX_SLOPE, DeckEnd, turned
@@ -52,8 +52,7 @@ class EdgeFollower:
 
     def update(self, frame: Frame) -> Array | None:
         """Return the points of the edges [px], shape (N, 2), NaN where one is not seen; None where few are."""
-        part, corner = frame.part(self.view)
-        frame = replace(frame, picture=grey(part), corner=corner)
+        frame = frame.dark(self.view)
         centre = self.end.pivot + frame.shift
         turn, shift = self._search(steps_of(frame), centre)
         points = np.full((self.points, 2), np.nan)

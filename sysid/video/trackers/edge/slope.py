@@ -5,7 +5,6 @@ frame or two, the film before and after says which slope is the deck's.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -13,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sysid.roll import Array
-from sysid.video.film.frames import Frame, grey
+from sysid.video.film.frames import Frame
 from sysid.video.film.survey import Survey
 from sysid.video.types import Box
 
@@ -54,17 +53,13 @@ def deck_slopes(frames: Sequence[Frame], look: Survey) -> Array:
     """
     slopes: list[Array] = []
     scores: list[Array] = []
-    others = [_dark(frame) for frame in look.frames[:: max(1, len(look.frames) // COMPARED_PICTURES)]]
+    others = [frame.dark() for frame in look.frames[:: max(1, len(look.frames) // COMPARED_PICTURES)]]
     for frame in frames:
-        slope, score = _candidates(_dark(frame), look, others)
+        slope, score = _candidates(frame.dark(), look, others)
         slopes.append(slope)
         scores.append(score)
     rows = {frame.index: row for row, frame in enumerate(frames)}
     return best_path(np.array(slopes), np.array(scores))[[rows[frame.index] for frame in look.frames]]
-
-
-def _dark(frame: Frame) -> Frame:
-    return replace(frame, picture=grey(frame.picture))
 
 
 def best_path(slope: Array, score: Array) -> Array:
