@@ -68,7 +68,7 @@ def test_options_survive_the_file_infinity_included(tmp_path):
             r"terrain is 'stairs'; expected one of flat, slopes, steps",
         ),
         ("seed = 1", "sead = 1", r"unknown option 'sead'.*Did you mean 'seed'"),
-        ("standing = 0.4", "standing = 0.9", r"shares of starts add up to 1.5"),
+        ("standing = 0.5", "standing = 0.9", r"shares of starts add up to 1.4"),
         ("environments = 16", 'environments = "many"', r"environments is 'many'; expected int"),
     ],
 )

@@ -200,7 +200,7 @@ def test_known_masses_tell_armature_and_weight_apart(tmp_path):
         assert low - (high - low) / 2 < value < high + (high - low) / 2, name
     assert "best pose alone" in both.stdout
     alone = husky("fit", tmp_path / "0.csv", *options)
-    assert alone.returncode == 1
+    assert alone.returncode == 1, alone.stdout
     assert "these logs do not fix it" in alone.stderr
 
 
