@@ -94,18 +94,23 @@ def parameter_covariance(problem: Problem, minimum: Minimum, residuals: Sequence
     shared, sizes = len(problem.names), problem.sizes()
     variance = problem.records[0].std ** 2 / problem.average
 
+    root = sensitivity.root
+    rows = [
+        row @ root for row in sensitivity.rows
+    ]  # in coordinates in which H is 1, so that rounding makes no variance negative
+
     def sandwich(noises: Sequence[ResidualNoise]) -> Array:
         meat = sum(
-            (j.T @ noise.applied(j) for j, noise in zip(sensitivity.rows, noises, strict=True)),
-            np.zeros_like(sensitivity.inverse),
+            (row.T @ noise.applied(row) for row, noise in zip(rows, noises, strict=True)), np.zeros_like(root)
         )
-        if (
-            problem.smoothing or problem.priors
-        ):  # as if the prior's own residuals scattered as the sensor does: H⁻¹ Jᵀ(R - σ²)J H⁻¹ + σ² H⁻¹
-            meat = meat - variance * sum((j.T @ j for j in sensitivity.rows), np.zeros_like(meat))
-            whole = sensitivity.inverse @ meat @ sensitivity.inverse + variance * sensitivity.inverse
-            return whole[:shared, :shared]
-        return (sensitivity.inverse @ meat @ sensitivity.inverse)[:shared, :shared]
+        if problem.smoothing or problem.priors:
+            # As if the prior's own residuals scattered as the sensor does.
+            meat = meat + variance * (
+                np.eye(len(root)) - sum((row.T @ row for row in rows), np.zeros_like(root))
+            )
+        else:
+            meat = meat + variance * np.diag(sensitivity.lent)
+        return (root @ meat @ root.T)[:shared, :shared]
 
     covariance = sandwich([noise] * len(sensitivity.rows))
     if any(record.release.errors_last for record in problem.records):
@@ -131,12 +136,14 @@ class Sensitivity:
 
     rows: tuple[Array, ...]
     """Of each record, shape (n, unknowns); zero in columns of other records and of unknowns at a bound."""
-    inverse: Array
-    """(JᵀJ + prior)⁻¹, shape (unknowns, unknowns), zero for unknowns at a bound."""
+    root: Array
+    """A root of H⁻¹ = (JᵀJ + prior)⁻¹, which is root rootᵀ, shape (unknowns, unknowns); zero for unknowns at a bound."""
+    lent: Array
+    """How much of H in each of root's columns no data fix, from 0 to 1, shape (unknowns,)."""
 
 
 def sensitivity_of(problem: Problem, minimum: Minimum) -> Sensitivity:
-    """Return the Jacobian at a minimum and the inverse of its square."""
+    """Return the Jacobian at a minimum and what its square makes of noise."""
     shared, own, sizes = len(problem.names), problem.n_local, problem.sizes()
     free = ~minimum.at_bound
     rows: list[Array] = []
@@ -150,9 +157,9 @@ def sensitivity_of(problem: Problem, minimum: Minimum) -> Sensitivity:
         square += counted.T @ counted
         rows.append(row)
     square[:shared, :shared] += problem.records[0].std ** 2 / problem.average * problem.prior
-    inverse = np.zeros_like(square)
-    inverse[np.ix_(free, free)] = _inverse(square[np.ix_(free, free)])
-    return Sensitivity(tuple(rows), inverse)
+    root, lent = np.zeros_like(square), np.zeros(len(square))
+    root[np.ix_(free, free)], lent[free] = _root(square[np.ix_(free, free)])
+    return Sensitivity(tuple(rows), root, lent)
 
 
 def known_together(problem: Problem, minimum: Minimum) -> dict[str, tuple[float, float]]:
@@ -171,11 +178,11 @@ def known_together(problem: Problem, minimum: Minimum) -> dict[str, tuple[float,
 
     def spread(chosen: Sequence[int]) -> Array:
         square = sum(
-            (sensitivity.rows[i].T @ sensitivity.rows[i] for i in chosen), np.zeros_like(sensitivity.inverse)
+            (sensitivity.rows[i].T @ sensitivity.rows[i] for i in chosen), np.zeros_like(sensitivity.root)
         )
         used = np.flatnonzero(np.diag(square) > 0)
         found = np.full(len(square), np.inf)
-        found[used] = np.sqrt(np.diag(_inverse(square[np.ix_(used, used)])))
+        found[used] = np.linalg.norm(_root(square[np.ix_(used, used)])[0], axis=1)
         return noise * (found * sizes)[:shared]
 
     each = [spread([i for i, pose in enumerate(poses) if pose == one]) for one in dict.fromkeys(poses)]
@@ -193,20 +200,19 @@ def noise_behind(
         sensitivity: At the minimum; None to compute it.
     """
     sensitivity = sensitivity or sensitivity_of(problem, minimum)
-    values, vectors = np.linalg.eigh(sensitivity.inverse)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
     if problem.weights is not None:
         residuals = [r * w for r, w in zip(residuals, problem.weights, strict=True)]
-    return residual_noise(residuals, [row @ root for row in sensitivity.rows])
+    return residual_noise(residuals, [row @ sensitivity.root for row in sensitivity.rows])
 
 
-def _inverse(matrix: Array) -> Array:
+def _root(matrix: Array) -> tuple[Array, Array]:
+    """Return a root of the inverse of a matrix, and how much of each of its columns the matrix does not fix."""
     diagonal = np.diag(matrix)
     scale = 1.0 / np.sqrt(np.maximum(diagonal, 1e-24 * max(float(diagonal.max(initial=0.0)), 1e-200)))
     values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
     # A direction that the data leave open keeps a huge variance instead of none.
     floored = np.maximum(values, 1e-13 * max(float(values[-1]), 1e-300))
-    return (vectors / floored) @ vectors.T * np.outer(scale, scale)
+    return scale[:, None] * vectors / np.sqrt(floored), 1.0 - np.maximum(values, 0.0) / floored
 
 
 def identifiability_warnings(
