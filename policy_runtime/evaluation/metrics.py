@@ -165,7 +165,7 @@ def _last(flags: Flags) -> Flags:
     return last
 
 
-def _stretches(where: Array) -> list[tuple[int, int]]:
+def _stretches(where: Flags) -> list[tuple[int, int]]:
     """Return first step and the one after the last of every stretch in which a flag is set, (t,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], where.astype(int), [0]])))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
