@@ -116,7 +116,7 @@ def _pad(array: Any, steps: int) -> Any:
 def episode_errors(rides: Rides) -> dict[str, Array]:
     """Return every error of `METRICS` for every episode, shape (n,); NaN where a stretch never came."""
     push, steer = rides.pushing & rides.alive, rides.steering & rides.alive
-    speed_error = np.abs(rides.commanded_speed - rides.speed)
+    slowness = rides.commanded_speed - rides.speed
     yaw_error = np.abs(wrap_angle(rides.target_heading - rides.heading))
     course_error = np.abs(wrap_angle(rides.heading - rides.heading[0] - rides.course))
     change = np.diff(rides.joints, axis=0)
@@ -124,13 +124,11 @@ def episode_errors(rides: Rides) -> dict[str, Array]:
     wrong_push, wrong_steer = wrong_in_pushing(rides), wrong_in_steering(rides)
     wrong = np.where(rides.pushing, wrong_push, wrong_steer)
     return {
-        "E_vel": _mean(speed_error, push),
+        "E_vel": _mean(np.abs(slowness), push),
         "E_yaw": _mean(yaw_error, steer),
         "E_smth": _mean(np.abs(change).mean(axis=-1), pairs),
         "E_contact": _mean(wrong.astype(float), push | steer),
-        "E_vel_mean_speed": _over_stretches(
-            push, lambda n, a, b: abs(float((rides.commanded_speed - rides.speed)[a:b, n].mean()))
-        ),
+        "E_vel_mean_speed": _over_stretches(push, lambda n, a, b: abs(float(slowness[a:b, n].mean()))),
         "E_yaw_final": _mean(yaw_error, _last(steer)),
         "E_smth_norm": _mean(np.linalg.norm(change, axis=-1), pairs),
         "E_smth_rms": np.sqrt(_mean((change**2).mean(axis=-1), pairs)),

@@ -282,7 +282,7 @@ def diagnose(
 
     def shown(model: Model, score: float) -> Candidate:
         return Candidate(
-            effects=tuple(n for n in model.effects if n not in search.base), rmse=model.rmse, score=score,
+            effects=search.added(model), rmse=model.rmse, score=score,
             score_std=spreads.get(model.effects),
             heldout_rmse=model.heldout_rmse if model.heldout is not None else None,
             parameters=parameter_quantities(model.problem, model.minimum, board, certain=model.effects in done),
@@ -377,7 +377,7 @@ def _searched(search: Search) -> tuple[Search, list[Model], list[Model]]:
 def _material(search: Search, tried: Field, final: list[Model]) -> tuple[Model, list[Model], frozenset[str]]:
     """Return the winner without those of its effects that do not matter, all finalists, and the families left out."""
     winner, left_out = tried.winner().model, frozenset[str]()
-    while len(named := [n for n in winner.effects if n not in search.base]) > 1:
+    while len(named := search.added(winner)) > 1:
         idle = [n for n in named if not importance(winner, [n], tried.base.model).matters]
         if not idle:
             break
@@ -399,7 +399,7 @@ def _judged(
     """Return the verdict, and the model that it rests on, fitted to single samples."""
     base = tried.base
     chosen = next(s for s in tried.scored if s.model is winner)
-    named = tuple(n for n in winner.effects if n not in search.base)
+    named = search.added(winner)
     outside = _outside(tried, chosen)
     size = importance(winner, named, base.model) if named else None
     explained = tried.explained(chosen)
@@ -449,7 +449,7 @@ def _missing(
     idle: frozenset[str],
 ) -> tuple[Verdict, Model]:  # fmt: skip
     final = search.fine(chosen.model, average=1)
-    named = tuple(n for n in chosen.model.effects if n not in search.base)
+    named = search.added(chosen.model)
     deviation = record_deviation(final, board, look_at_linear=False)
     # What is richer is a rival only if it is likelier for sure, were it not that no model is exact.
     likeliest = max(tried.possible, key=lambda s: s.score)
@@ -458,7 +458,7 @@ def _missing(
         if s.extra and not s.model.shape and s is not chosen and tried.explained(s) >= EXPLAINED
         and (s.extra <= chosen.extra or (s is likeliest and s.score > chosen.score + TIE))
     ][:RIVALS]  # fmt: skip
-    alike = [tuple(n for n in s.model.effects if n not in search.base) for s in rivals]
+    alike = [search.added(s.model) for s in rivals]
     effects = (*named, *deviation.effects)
     sets = [(*others, *deviation.effects) for others in alike] + [
         (*named, *other) for other in deviation.alike
@@ -516,13 +516,13 @@ def _unexplained(
     board: Board,
 ) -> tuple[Verdict, Model]:
     final = search.fine(chosen.model, average=1)
-    named = tuple(n for n in chosen.model.effects if n not in search.base)
+    named = search.added(chosen.model)
     explained = tried.explained(chosen)
     text = "Something is missing that no effect of the catalogue explains. "
     if named:
         text += f"The nearest is {listed(named)}, which takes away {percent(explained)} of the squared error of prediction. "
     if outside is not None:
-        beside = tuple(n for n in outside.model.effects if n not in search.base)
+        beside = search.added(outside.model)
         also = f", beside {listed(beside)}," if beside else ""
         words = in_words(outside.model)
         text += f"{words[:1].upper()}{words[1:]}{also} does it better. "
@@ -572,7 +572,7 @@ def _experiment(search: Search, tried: Field, chosen: Scored, board: Board) -> s
     if not others:
         return ""
     rival = max(others, key=lambda s: s.score - PRICE * s.choices)
-    names = [tuple(n for n in s.model.effects if n not in search.base) for s in (chosen, rival)]
+    names = [search.added(s.model) for s in (chosen, rival)]
     reach = board.tilt["range"].value if "range" in board.tilt else np.inf
     found = deciding(chosen.model, rival.model, tried.best.errors, reach)
     fallback = "" if found or not names[0] else effect(names[0][0]).experiment

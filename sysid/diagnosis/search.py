@@ -311,6 +311,10 @@ class Search:
             done += self.each("pair", Search.finished, [(m,) for m in now], share, share)
         return [*done, *waiting]
 
+    def added(self, model: Candidate) -> tuple[str, ...]:
+        """Return the effects of a model that the record does not have."""
+        return tuple(name for name in model.effects if name not in self.base)
+
     def pairs(self, singles: Sequence[Candidate]) -> list[Candidate]:
         """Fit the pairs of the best single effects with all others."""
         at_noise = min(m.rmse for m in singles) <= AT_NOISE * self.records[0].std

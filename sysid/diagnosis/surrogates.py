@@ -181,7 +181,7 @@ def surrogates(search: Search, model: Candidate) -> list[Candidate]:
 
     In this process: laws that are no module's do not travel to another.
     """
-    named = tuple(n for n in model.effects if n not in search.base)
+    named = search.added(model)
     shapes = [shape for shape, law in LAWS.items() if len(search.records) > 1 or not law.changes]
     best: list[Candidate] = []
     for place in dict.fromkeys([named, *((name,) for name in named)]):

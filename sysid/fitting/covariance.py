@@ -144,12 +144,12 @@ class Sensitivity:
 
 def sensitivity_of(problem: Problem, minimum: Minimum) -> Sensitivity:
     """Return the Jacobian at a minimum and what its square makes of noise."""
-    shared, own, sizes = len(problem.names), problem.n_local, problem.sizes()
+    shared, sizes = len(problem.names), problem.sizes()
     free = ~minimum.at_bound
     rows: list[Array] = []
     square = np.zeros((len(sizes), len(sizes)))
     for index, (_, jacobian) in enumerate(problem.linearise(minimum.point)):
-        where = np.r_[0:shared, shared + index * own : shared + (index + 1) * own]
+        where, _ = problem.places[index]
         row = np.zeros((len(jacobian), len(sizes)))
         row[:, where] = jacobian * sizes[where]
         row[:, ~free] = 0.0

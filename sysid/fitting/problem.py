@@ -133,7 +133,7 @@ class Problem:
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what is made again from the rest."""
-        made = ("_paths", "_starts", "_places", "names", "_sizes", "_columns", "prior", "centre")
+        made = ("_paths", "_starts", "places", "names", "_sizes", "_columns", "prior", "centre")
         return {key: value for key, value in self.__dict__.items() if key not in made}
 
     @cached_property
@@ -159,7 +159,7 @@ class Problem:
         return [0, *free, *range(1 + len(every), 1 + len(every) + self._motion)]
 
     @cached_property
-    def _places(self) -> list[tuple[Any, Any]]:
+    def places(self) -> list[tuple[Any, Any]]:
         """Where each record's columns are among the unknowns, and its block of the normal equations."""
         shared, own = np.arange(len(self.names)), self.n_local
         starts = len(shared) + own * np.arange(len(self.records))
@@ -347,8 +347,7 @@ class Problem:
         Args:
             unknowns: In units of their sizes, shape (p,).
         """
-        shared, own = len(self.names), self.n_local
-        sizes = self.sizes()
+        shared, sizes = len(self.names), self.sizes()
         gradient = np.zeros(len(sizes))
         hessian = np.zeros((len(sizes), len(sizes)))
         known = self.prior @ (unknowns[:shared] - self.centre)
@@ -358,14 +357,14 @@ class Problem:
         for index, (residual, jacobian) in enumerate(self.linearise(unknowns)):
             if not (np.abs(residual).max() <= 1e30 and np.abs(jacobian).max() <= 1e30):  # NaN is not either
                 return Normal(np.inf, gradient, hessian)
-            where, block = self._places[index]
+            where, block = self.places[index]
             scale = 1.0 / self._paths[index].std
             r, j = residual * scale, jacobian * (scale * sizes[where])
             if self.weights is not None:
                 root = np.sqrt(self.weights[index])
                 r, j = r * root, j * root[:, None]
             inward, slope = self._inward(index, unknowns)
-            rate = shared + index * own + 1
+            rate = where[shared + 1]
             cost += 0.5 * float(r @ r) + 0.5 * inward**2
             gradient[where] += j.T @ r
             gradient[rate] += slope * inward

@@ -226,12 +226,9 @@ class _Linearised:
         self.problem, self.shared = problem, len(problem.names)
         rows = problem.linearise(point)
         sizes = problem.sizes()
-        own = problem.n_local
         stds = [record.std / np.sqrt(problem.average) for record in problem.records]
         parts: list[tuple[Array, Array]] = []
-        for index, ((residual, jacobian), std) in enumerate(zip(rows, stds, strict=True)):
-            at = slice(self.shared + index * own, self.shared + (index + 1) * own)
-            where = np.r_[0 : self.shared, at]
+        for (residual, jacobian), std, (where, _) in zip(rows, stds, problem.places, strict=True):
             parts.append((residual / std, jacobian * sizes[where] / std))
         self.start = point[: self.shared]
         if len(parts) == 1:  # its start is known to all stretches

@@ -51,9 +51,8 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
     equations = EquationsOfMotion(structure, parameters)
 
     first = _first_state(equations, unknowns, hold, free_states=free_states)
-    fitted = parameters[
-        [place for place, name in enumerate(structure.parameters) if name in structure.fitted]
-    ]
+    free = frozenset(structure.fitted)
+    fitted = parameters[[place for place, name in enumerate(structure.parameters) if name in free]]
     wanted = ca.vertcat(fitted, unknowns)
     seed = ca.jacobian(first, wanted) if sensitivities else ca.SX(2 + states, 0)
     initial = ca.Function(

@@ -39,7 +39,8 @@ def frames_per_period(time: Array, roll: Array, std: Array) -> float | None:
         return None
     rate = np.abs(step) / np.diff(time)
     begin = int(np.argmax(rate))
-    moved = np.abs(roll[begin : begin + WINDOW_FRAMES[0]] - np.median(roll[begin : begin + WINDOW_FRAMES[0]]))
+    widest = roll[begin : begin + WINDOW_FRAMES[0]]
+    moved = np.abs(widest - np.median(widest))
     if len(moved) < 6 or moved.max() < 4 * noise:
         return None
     count = (time[begin:] - time[begin]) / float(np.median(np.diff(time)))
