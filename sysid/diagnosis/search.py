@@ -318,7 +318,7 @@ class Search:
     def pairs(self, singles: Sequence[Candidate]) -> list[Candidate]:
         """Fit the pairs of the best single effects with all others."""
         at_noise = min(m.rmse for m in singles) <= AT_NOISE * self.records[0].std
-        best = best_of(leaders(singles[1:]), FEW if at_noise else PARENTS)
+        best = best_of(leaders(inside(singles[1:])), FEW if at_noise else PARENTS)
         wanted = {
             tuple(sorted({*a.effects, *b.effects})): (a, b)
             for a in best for b in singles[1:] if a is not b and _sensible(a, b)
@@ -518,6 +518,11 @@ def best_of(models: Sequence[Candidate], count: int) -> list[Candidate]:
     return list({id(m): m for pair in turns for m in pair}.values())[:count]
 
 
+def inside(models: Sequence[Candidate]) -> list[Candidate]:
+    """Return the models whose effects are something of their own: what stands in for another law takes no law's place; all where none are."""
+    return [m for m in models if not m.at_edge] or list(models)
+
+
 def leaders(models: Iterable[Candidate]) -> list[Candidate]:
     """Return the model with the least error of each set of families: variants of one law say the same."""
     best: dict[frozenset[str], Candidate] = {}
@@ -527,9 +532,14 @@ def leaders(models: Iterable[Candidate]) -> list[Candidate]:
 
 
 def best_families(models: Sequence[Candidate], count: int) -> list[Candidate]:
-    """Return the best models of the best sets of families: of each the one with the least error, and the one with the least for its size."""
-    best = best_of(leaders(models), count)
-    return [m for one in best for m in best_of([m for m in models if m.families == one.families], VARIANTS)]
+    """Return the best models of the best sets of families: of each the one with the least error, and the one with the least for its size.
+
+    And the best of all: it shows what can be reached, if only at the edge of what an effect is.
+    """
+    own = inside(models)
+    best = best_of(leaders(own), count)
+    picked = [m for one in best for m in best_of([m for m in own if m.families == one.families], VARIANTS)]
+    return list({id(m): m for m in [*picked, *best_of(models, 1)]}.values())
 
 
 def inherited(problem: Problem, known: Candidate) -> Array:
