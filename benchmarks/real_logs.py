@@ -13,6 +13,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from foreign_logs import options_of, verdicts
@@ -50,12 +51,13 @@ LOGS: dict[str, tuple[set[str], set[str]]] = {
 
 
 def ends_well(result: Diagnosis, log: Path) -> bool:
-    """Run every command that a diagnosis prints; return whether none fails, and print those that do."""
+    """Run every command that a diagnosis prints, each in a folder of its own; return whether none fails, and print those that do."""
     well = True
     for line in re.findall(r"husky-sysid (.*)", result.report()):
         words = [str(log) if word == "LOG..." else word for word in shlex.split(line)]
         run = [sys.executable, "-c", "from sysid.cli import main; main()", *words]
-        done = subprocess.run(run, capture_output=True, text=True, check=False)
+        with TemporaryDirectory() as folder:
+            done = subprocess.run(run, capture_output=True, text=True, check=False, cwd=folder)
         if done.returncode:
             print(f"BAD exit {done.returncode}: husky-sysid {line}: {done.stderr.strip()}", flush=True)
         well &= done.returncode == 0
