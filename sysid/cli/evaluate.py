@@ -167,7 +167,7 @@ def _report_table(
     """Print and draw one row for each condition and policy; return them for machines."""
     from reports.figures.ride import suite_figure
 
-    errors = ("E_vel", "E_yaw", "E_contact", "E_course", "E_tilt")
+    errors = ("E_vel", "E_yaw", "E_contact", "E_course", "E_tilt", "E_still")
     policies = list(dict.fromkeys(one.policy for _, one in rides))
     rows = [
         (
