@@ -7,6 +7,7 @@ of the steps: a beginner lasts on one leg.
 """
 
 import csv
+import sys
 from itertools import groupby
 from pathlib import Path
 
@@ -17,11 +18,10 @@ def main() -> None:
     """Print the table."""
     with Path(__file__).with_name("rides_while_learning.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    print(
-        "| run | from iteration | minutes | patience, strength | lasted since | measured until |\n"
-        + "|---" * 6
-        + "|"
-    )
+    lines = [
+        "| run | from iteration | minutes | patience, strength | lasted since | measured until |",
+        "|---" * 6 + "|",
+    ]
     for run, group in groupby(rows, key=lambda row: row["policy"]):
         measured = list(group)
         last = measured[-1]
@@ -32,7 +32,10 @@ def main() -> None:
             lasted, rides = (sum(int(row[name]) for row in since) for name in ("lasted", "rides"))
             level = f"{float(begins['patience']):.0f}, {float(begins['strength']):.2f}"
             cells = [begins["iteration"], f"{float(begins['minutes']):.1f}", level, f"{lasted} of {rides}"]
-        print(f"| {run} | {' | '.join(cells)} | {last['iteration']}, {float(last['minutes']):.1f} min |")
+        lines.append(
+            f"| {run} | {' | '.join(cells)} | {last['iteration']}, {float(last['minutes']):.1f} min |"
+        )
+    sys.stdout.write("\n".join(lines) + "\n")
 
 
 def _rides(rows: list[dict[str, str]]) -> bool:
