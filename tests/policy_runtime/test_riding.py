@@ -477,7 +477,7 @@ def test_motions_lists_plots_and_plays(capsys, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("play", "zero"), "which board"),
+        (("play", "zero"), "zero: no exported folder.* --board"),
         (("play", "zero", "-b", "pinck"), "Did you mean 'pink'"),
         (("play", "nothing.onnx", "-b", "pink"), "no such policy"),
         (("run", "zero", "-b", "pink", "--robot", "rehearsal", "--viewer"), "belong to --robot simulated"),
