@@ -397,7 +397,7 @@ def _material(search: Search, tried: Field, final: list[Model]) -> tuple[Model, 
         if known is None or again.cost < known.cost:
             known = again
             final = [*(m for m in final if m.effects != rest), known]
-        if tried.left(tried.score(known)) > max(MATERIAL, tried.left(tried.score(winner))):
+        if tried.left(tried.score(known)) > max(MATERIAL, 1.01 * tried.left(tried.score(winner))):
             break
         winner, left_out = known, left_out | {effect(idle[0]).family}
     return winner, final, left_out
