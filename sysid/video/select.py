@@ -19,6 +19,7 @@ from sysid.video.options import VideoOptions
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.camera_state import CameraState, before_looking
 from sysid.video.pose.prior import BodyPrior
+from sysid.video.pose.rectify import longer, upright
 from sysid.video.pose.view import View
 from sysid.video.registration import picture_of_body
 from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, rests_at
@@ -41,7 +42,7 @@ MAX_STRAY, MIN_STRAY = 0.3, 0.01
 both it was carried, not turned."""
 CLEARLY = 0.8
 """What is tried first is left for another one only if that has less than this share of its uncertainty."""
-WHOLE_BODY = 1.5
+WHOLE_BODY = 2.5
 """The whole body is preferred even where it states so many times the uncertainty: it states what lasts (`BODY_FLOOR`),
 which a few points do not know of. In rendered films it takes a third off the error of dots, and halves that of k; a
 marker on a bare deck, which is sure of its corners, reads damping with less bias alone."""
@@ -124,7 +125,9 @@ def _to_the_end(reel: Reel, led: Followed) -> Followed:
     """Follow a target through the rest of the film, and everything that turns as it does."""
     target, points = led.target, list(led.track.points)
     stamps = [(frame.index, frame.time) for frame in reel.kept]
-    body = picture_of_body(reel.kept, reel.look.box, led.track) if target.shows_body else None
+    camera = led.found.camera_state.value
+    flat = upright(longer(reel.lens.matrix, camera[2]), camera[0], camera[1])
+    body = picture_of_body(reel.kept, reel.look.box, led.track, flat) if target.shows_body else None
     corners: list[Points] = []
     if body is not None:
         with ThreadPoolExecutor() as pool:

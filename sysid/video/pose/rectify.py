@@ -31,6 +31,17 @@ def unrectify(z: Complex, matrix: Array, yaw: float, pitch: float) -> Array:
     return ray[..., :2] / ray[..., 2:] * [matrix[0, 0], matrix[1, 1]] + matrix[:2, 2]
 
 
+def upright(matrix: Array, yaw: float, pitch: float) -> Array:
+    """Return `rectify` as a homography from pixels to pixels of the same camera, looking along the axis, shape (3, 3)."""
+    return matrix @ _look(yaw, pitch).T @ np.linalg.inv(matrix)
+
+
+def project(homography: Array, points: Array) -> Array:
+    """Return where a homography, shape (3, 3), takes points [px], shape (n, 2) as the result; NaN stays NaN."""
+    there = points @ homography[:, :2].T + homography[:, 2]
+    return there[:, :2] / there[:, 2:]
+
+
 def enlargement(z: Complex, yaw: float, pitch: float) -> Array:
     """Return by how much rectifying enlarges areas at `z` [focal lengths], as a square root [1]; both of shape (n,).
 
