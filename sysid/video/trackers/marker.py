@@ -13,7 +13,7 @@ from sysid.video.film.frames import Frame, grey
 from sysid.video.film.reel import Reel
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.prior import BodyPrior
-from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, level_angle
+from sysid.video.trackers._base import Target, Tracker, level_angle
 from sysid.video.trackers._edge_profile import corners, find_pieces
 from sysid.video.types import Box, Picture
 
@@ -232,7 +232,7 @@ def _find(reel: Reel) -> Target | None:
         follower=MarkerFollower(marker, region),
         what=f"{marker.kind} marker {marker.number}",
         why=f"{marker.kind} marker {marker.number}",
-        solve=partial(fit_angle, prior=BodyPrior(square=True, dead_zone=DEAD_ZONE)),
+        solve=partial(fit_angle, prior=BodyPrior(square=True)),
         zero=_level_square,
         joined=((0, 1), (1, 2), (2, 3), (3, 0)),
         zero_note="where the marker's edges are level in the picture",
