@@ -14,7 +14,7 @@ from sysid.video import trackers
 from sysid.video.film.frames import ahead
 from sysid.video.film.reel import Reel
 from sysid.video.film.track import Track
-from sysid.video.follow import follow, track_of
+from sysid.video.follow import MIN_SEEN_SHARE, follow, follow_all, track_of
 from sysid.video.options import VideoOptions
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.camera_state import CameraState, before_looking
@@ -25,8 +25,6 @@ from sysid.video.registration import picture_of_body
 from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, rests_at
 from sysid.video.types import Points
 
-MIN_SEEN_SHARE = 0.6
-"""Share of the frames in which what is followed must be seen."""
 MAX_LOST = 0.9
 """Share of the frames from which on what is lost in them was nothing [1]."""
 ADVICE = (
@@ -100,7 +98,7 @@ def follow_board(reel: Reel) -> Followed:
     for targets in find_targets(reel):
         stamps = [(frame.index, frame.time) for frame in reel.kept]
         with ThreadPoolExecutor() as pool:
-            places = pool.map(lambda one: [follow(one.follower, frame) for frame in reel.kept], targets)
+            places = pool.map(lambda one: follow_all(one.follower, reel.kept), targets)
         for target, points in zip(targets, places, strict=True):
             track = track_of(reel, stamps, np.array(points))
             track = track if target.settle is None else target.settle(track)

@@ -1,7 +1,6 @@
 """What a film leaves open of an angle beside the noise of its points: camera, slant, and pictures drawn again."""
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
 
 from sysid.roll import Array
 from sysid.video.pose.body import angle_slopes
@@ -34,7 +33,8 @@ def left_out(speed: Array, found: Found, prior: BodyPrior) -> Array:
     It leaves a part of the picture as it is while that changes by little: small swings come out smaller in the film, and
     a deck that hardly moves stands still.
     """
-    lately = maximum_filter1d(speed, 2 * LASTING_FRAMES + 1)
+    around = np.pad(speed, LASTING_FRAMES, mode="reflect")
+    lately = np.lib.stride_tricks.sliding_window_view(around, 2 * LASTING_FRAMES + 1).max(axis=1)
     reach = float(np.abs(found.body.shape - found.body.shape.mean()).max())
     return prior.dead_zone / np.sqrt(3) / reach / (1 + (lately / DRAWN) ** 2)
 

@@ -105,7 +105,7 @@ class DotFollower:
         places = np.full_like(self._places, np.nan)
         sizes = self._size.copy()
         for number, dot in enumerate(self.dots):
-            reach = (3.0 + 2.0 * min(self._lost, 10)) * dot.radius + 0.5 * float(
+            reach = (3.0 + 2.0 * min(self._lost, 5)) * dot.radius + 0.5 * float(
                 np.linalg.norm(predicted[number] - self._places[number])
             )
             if len(self.dots) == 2:
