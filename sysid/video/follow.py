@@ -16,7 +16,6 @@ from sysid.video.pose.rigid_group import similarities
 from sysid.video.trackers._base import Follower
 from sysid.video.types import Points
 
-
 MIN_SEEN_SHARE = 0.6
 """Share of the frames in which what is followed must be seen."""
 

@@ -1,6 +1,7 @@
 """Registration of the whole body: every pixel that turns with the board tells its turn, not a few points alone.
 
-What was followed says roughly how the board moved. Pictures from all over the film, turned back by that, agree where
+What was followed says roughly how the board moved, and from where the camera looks: as a slanted view shears what turns, all
+pictures are first made those of a camera along the axis. Pictures from all over the film, turned back by that, agree where
 there is board and differ where there is none: their mean is what the board looks like, with little noise, and where they
 agree is the board. Each picture of the film is then laid onto that mean by least squares of the brightness, for six
 numbers of an affine motion (Lucas and Kanade, 1981; the gradients are the mean's own, as Baker and Matthews, 2004), with
@@ -73,7 +74,7 @@ class Cutout:
 
     def places(self, points: Points) -> Points:
         """Return places in it [px] of points in the film [px], both of shape (N, 2)."""
-        return project(self.inward, points).astype(np.float32)
+        return project(self.inward, points.astype(np.float64)).astype(np.float32)
 
 
 def _cutout(box: Box, upright: Array) -> Cutout:
@@ -122,7 +123,8 @@ class BodyPicture:
         pose = None if rough is None else lay_onto(self, self.cutout.of(frame), rough)
         if pose is None:
             return np.full((4, 2), np.nan, np.float32)
-        return project(np.linalg.inv(self.cutout.inward), _mapped(pose, self.corners)).astype(np.float32)
+        outward = np.asarray(np.linalg.inv(self.cutout.inward), np.float64)
+        return project(outward, _mapped(pose, self.corners)).astype(np.float32)
 
 
 def picture_of_body(frames: Sequence[Frame], box: Box, track: Track, upright: Array) -> BodyPicture | None:

@@ -42,7 +42,7 @@ CLEARLY = 0.8
 """What is tried first is left for another one only if that has less than this share of its uncertainty."""
 WHOLE_BODY = 2.5
 """The whole body is preferred even where it states so many times the uncertainty: it states what lasts (`BODY_FLOOR`),
-which a few points do not know of. In rendered films it takes a third off the error of dots, and halves that of k; a
+which a few points do not know of. In rendered films it takes off most of the error of texture and half of that of dots; a
 marker on a bare deck, which is sure of its corners, reads damping with less bias alone."""
 BODY_FLOOR = 0.05
 """Least standard deviation of the body's points [px]: what compression does to a picture lasts as long as the board is
