@@ -25,12 +25,12 @@ def unrectify(z: Complex, matrix: Array, yaw: float, pitch: float) -> Array:
 
 
 def upright(matrix: Array, yaw: float, pitch: float) -> Array:
-    """Return `rectify` as a homography from pixels to pixels of the same camera, looking along the axis, shape (3, 3)."""
+    """Return `rectify` as a homography between pictures [px] of the same camera, then along the axis, shape (3, 3)."""
     return matrix @ _look(yaw, pitch).T @ np.linalg.inv(matrix)
 
 
 def project(homography: Array, points: Array) -> Array:
-    """Return where a homography, shape (3, 3), takes points, shape (..., 2) as the result; NaN stays NaN."""
+    """Return where a homography, shape (3, 3), takes points (..., 2), as the result, to [its own unit]; NaN stays NaN."""
     there = points @ homography[:, :2].T + homography[:, 2]
     with np.errstate(invalid="ignore"):
         return there[..., :2] / there[..., 2:]
