@@ -495,18 +495,21 @@ def _walked(problem: Problem, found: Minimum, fitted: Callable[[Array], Minimum]
         fitted: The fit from a start.
     """
     kinks = [f"{e.name}.{p.name}" for e in problem.structure.parts if e.nonsmooth for p in e.parameters]
-    # The first swings are wide enough to show a better valley, and no start is out of step yet.
+    # The first swings are wide enough to show a better valley, and in them no start is out of step yet.
     early = problem.with_(records=[first_swings(r, problem.scales, EARLY) for r in problem.records])
 
     def begun(point: Array) -> Minimum:
         return minimise(early.normal, point, *early.bounds(), iterations=6, tolerance=1e-3)
 
-    starts = [found.point.copy() for _ in itertools.product(kinks, ASIDE)]
-    for start, (name, factor) in zip(starts, itertools.product(kinks, ASIDE), strict=True):
+    here = begun(found.point)
+    trials = [here]
+    for name, factor in itertools.product(kinks, ASIDE):
         if name in problem.names:
-            start[problem.names.index(name)] *= factor
-    best = min((begun(start) for start in starts), key=lambda m: m.normal.cost)
-    if best.normal.cost > AHEAD * begun(found.point).normal.cost:
+            point = found.point.copy()
+            point[problem.names.index(name)] *= factor
+            trials.append(begun(point))
+    best = min(trials, key=lambda m: m.normal.cost)
+    if best.normal.cost > AHEAD * here.normal.cost:
         return found
     return min(found, fitted(best.point), key=lambda m: m.normal.cost)
 

@@ -94,7 +94,7 @@ def learn(
             break
     if (
         remembering
-        and not _in_vain(problem, found)
+        and not _in_vain(problem, found.normal.cost)
         and correlation_length(problem.residuals(found.point)) > _COLOURED
     ):
         richer, there, more = _remembering(problem, found, (*structure.effects, *remembering))
@@ -124,7 +124,7 @@ def _learned(
     problem: Problem, point: Array, horizons: Sequence[float] = _PERIODS
 ) -> tuple[Problem, Minimum, int]:
     """Fit tables from a point on, first swings first, with weights that are chosen again as the fit comes nearer."""
-    evaluations, period = 0, 2 * np.pi / problem.scales.frequency
+    evaluations, cost, period = 0, 0.0, 2 * np.pi / problem.scales.frequency
     horizons = [p for p in horizons if p * period < problem.scales.duration or not np.isfinite(p)]
     for periods in horizons:
         here = problem.with_(records=[first_swings(r, problem.scales, periods) for r in problem.records])
@@ -137,22 +137,22 @@ def _learned(
         seen = {here.smoothing}
         for _ in range(_ROUNDS if np.isfinite(periods) else _LAST_ROUNDS):
             found = minimise(here.normal, point, low, high, iterations=15, tolerance=here.unnoticed)
-            point, evaluations = found.point, evaluations + found.evaluations
+            point, cost, evaluations = found.point, found.normal.cost, evaluations + found.evaluations
             weights = chosen_weights(here, point)
             if weights in seen:  # as they are, or they go round in a circle
                 break
             seen.add(weights)
             here = here.with_(smoothing=weights)
         problem = problem.with_(smoothing=here.smoothing)
-        if periods in _FIRST and _in_vain(here, found):
+        if periods in _FIRST and _in_vain(here, cost):
             break
     found = minimise(problem.normal, point, *problem.bounds(), iterations=10, tolerance=problem.unnoticed)
     return problem, found, evaluations
 
 
-def _in_vain(problem: Problem, found: Minimum) -> bool:
+def _in_vain(problem: Problem, cost: float) -> bool:
     """Return whether tables stay flat where there is much to explain: nothing that tilt and rate decide."""
-    return set(problem.smoothing) == {FLAT} and 2 * found.normal.cost > MUCH**2 * problem.samples
+    return set(problem.smoothing) == {FLAT} and 2 * cost > MUCH**2 * problem.samples
 
 
 def fit_instead(
