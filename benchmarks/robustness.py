@@ -37,7 +37,7 @@ STIFFNESS, RAKE, SPEED, DELAY = (
     (0.0, 0.04),
 )
 """Of the map: factors of the record's stiffness and rake, [m/s], [s]."""
-ERRORS = ("E_vel", "E_yaw", "E_course", "E_tilt")
+ERRORS = ("E_vel", "E_yaw", "E_course", "E_tilt", "E_still")
 
 
 def conditions() -> dict[str, Protocol]:

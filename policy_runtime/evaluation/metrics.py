@@ -13,7 +13,8 @@ each pushing stretch, the heading error at the last step of each steering stretc
 root mean square of Δq, and the share of wrong contacts in pushing and in steering alone. An episode
 that ends early counts with the steps it had. E_course is no error of the paper's: how far the heading at the end of each
 steering stretch is from the start's and all turns asked for since, which is what a ride straight on drifts by. Nor is E_tilt: the largest
-tilt against the turn in a steering stretch, which is a corner's and not an arc's. Wrong feet: in pushing, the right foot off the deck or
+tilt against the turn in a steering stretch, which is a corner's and not an arc's; nor E_still: the mean of abs(v) where the robot
+is told to stand, which counts as no ride. Wrong feet: in pushing, the right foot off the deck or
 the left foot on it; in steering, a foot off the deck or on the ground.
 """
 
@@ -25,6 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sim.skate.arrays import wrap_angle
+from sim.skate.cycle.clock import STILL_SPEED
 from sysid.errors import SysidError
 from sysid.roll import Array
 
@@ -43,6 +45,7 @@ METRICS = {
     "E_contact_steer": "1",
     "E_course": "rad",
     "E_tilt": "rad",
+    "E_still": "m/s",
 }
 """Every error besides E_succ, with its unit."""
 
@@ -136,6 +139,7 @@ def episode_errors(rides: Rides) -> dict[str, Array]:
         "E_contact_steer": _mean(wrong_steer.astype(float), steer),
         "E_course": _mean(course_error, _last(steer)),
         "E_tilt": _over_stretches(steer, lambda n, a, b: _wrong_tilt(rides, n, a, b)),
+        "E_still": _mean(np.abs(rides.speed), rides.alive & (rides.commanded_speed < STILL_SPEED)),
     }
 
 

@@ -1,7 +1,7 @@
 """A curriculum that leads itself: how hard the task is follows what the learner can do.
 
 A beginner that is ended after 0.4 s of wrong stance never learns to ride, and one that never is learns to ride
-on one leg. So the patience with a wrong stance (policy steps) starts high and follows the episodes that end
+on one leg. So the patience with a wrong stance (policy steps) starts at its longest and follows the episodes that end
 early, a minute of riding: few, and it shrinks; many, and it grows. What hangs on it:
 
 | what | at patience p; P is the task's own |
@@ -13,23 +13,28 @@ early, a minute of riding: few, and it shrinks; many, and it grows. What hangs o
 
 Once the patience is the task's own, the strength by which worlds differ (`sim.skate.mdp.worlds`) is led from 0 to 1
 the same way. A step is in proportion to the logarithm of how far the ends are from where it would stay, so that
-there is no band in which nothing moves: with steps of 1.5 % below 4 ends a minute and none up to 8, a run stood at
-a patience of 134 from iteration 600 to 1,000, with 4 to 8 ends a minute all the time.
+there is no band in which nothing moves.
+
+The longest patience is shorter than any stretch in which the stance counts. Where it was 400, every run came down to
+134 and stood there for 400 iterations and more: steering has 135 steps, above which one leg never ends an episode,
+and just below which it does once a cycle, 10 a minute, more than the 8 at which the patience then stayed. Who rides
+on one leg is ended 10 to 15 times a minute, whatever else he can; the balance must be above that. With 8 a
+run stood at a patience of 100 until iteration 1,000, with 16 another left it at 400 and came to 20 at 950.
 """
 
 import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Self
 
+from sim.skate.cycle.clock import Clock
+
 if TYPE_CHECKING:
     from policy_runtime.learning.amp import AmpPPO
 
-BEGIN = 150.0
-"""Patience of a beginner [policy steps]."""
-LONGEST = 400.0
-"""[policy steps]"""
-PATIENCE_ENDS = 8.0
-"""Ends a minute at which the patience stays as it is: an episode lasts a cycle and more."""
+LONGEST = 5 / 6 * min(Clock().push, Clock().steer)
+"""Patience of a beginner [policy steps]: a stretch in the wrong stance ends an episode."""
+PATIENCE_ENDS = 16.0
+"""Ends a minute at which the patience stays as it is: more than one leg alone brings about."""
 STRENGTH_ENDS = 3.0
 """Ends a minute at which the strength stays as it is."""
 GAIN = 0.03
@@ -113,7 +118,7 @@ class Curriculum:
         self.own = self._patience["wrong_stance"][0]
         self._entropy = algorithm.entropy_coef, last_entropy
         self._left_foot = env.reward_manager.get_term_cfg("push/left_foot").weight
-        self.set(Level(patience=BEGIN) if level is None else level)
+        self.set(Level(patience=LONGEST) if level is None else level)
 
     def set(self, level: Level) -> None:
         """Make the task as hard as a level says."""

@@ -154,7 +154,8 @@ def motion_paths(where: Sequence[Path] = ()) -> list[Path]:
             if not path.exists():
                 names = [clip.stem for clip in motion_paths()]
                 raise SysidError(
-                    f"{path}: no such motion.{did_you_mean(str(path), names)} Shipped clips: {', '.join(names)}."
+                    f"{path}: no such motion, nor a folder of them.{did_you_mean(str(path), names)} "
+                    f"Shipped clips: {', '.join(names)}."
                 )
             paths.append(path)
         else:

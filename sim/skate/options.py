@@ -39,7 +39,7 @@ class Variation:
     slope: float = math.radians(4.0)
     """Steepest long slope [rad], up and down along the start's direction; half of it across."""
     descent: float = math.radians(10.0)
-    """Steepest short way down, straight ahead [rad]."""
+    """Steepest short way down, ahead within 45° [rad]."""
     gyro_bias: float = 0.03
     """[rad/s]"""
     gravity_bias: float = 0.02

@@ -11,7 +11,6 @@ from cyclopts import Group, Parameter
 
 from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.errors import SysidError
-from sysid.quantity import Quantity
 
 if TYPE_CHECKING:
     from policy_runtime.evaluation.plain import Protocol
@@ -165,22 +164,25 @@ def _report_table(
     rides: "list[tuple[str, Evaluation]]", title: str, folder: Path, printer: Printer
 ) -> dict[str, Any]:
     """Print and draw one row for each condition and policy; return them for machines."""
+    from policy_runtime.evaluation.metrics import METRICS
     from reports.figures.ride import suite_figure
+    from reports.paper.parts import text
 
-    errors = ("E_vel", "E_yaw", "E_contact", "E_course", "E_tilt")
+    errors = ("E_vel", "E_yaw", "E_contact", "E_course", "E_tilt", "E_still")
     policies = list(dict.fromkeys(one.policy for _, one in rides))
     rows = [
         (
             name,
             one.policy,
-            _text(one.success),
-            _text(one.standing),
+            text(one.success),
+            text(one.standing),
             f"{one.median_duration:.0f} s",
-            *(_text(one.errors[error]) for error in errors),
+            *(text(one.errors[error]) for error in errors),
         )
         for name, one in rides
     ]
-    head = ("condition", "policy", "E_succ", "standing", "median", *errors)
+    named = (f"{error} [{METRICS[error]}]" for error in errors)
+    head = ("condition", "policy", "E_succ", "standing", "median", *named)
     printer.table(head, rows, f"{', '.join(policies)} on {title}")
     picture = folder / f"suite-{'-'.join(policies)}.png"
     suite_figure([(name, one.policy, one.success) for name, one in rides], title, picture)
@@ -198,14 +200,14 @@ def _report_one(
     """Print and draw everything of one evaluation; return it for machines."""
     from policy_runtime.evaluation.metrics import METRICS
     from reports.figures.ride import paths_figure
+    from reports.paper.parts import text
 
     rows = [("E_succ", result.success), ("standing", result.standing)]
     rows += [(name, result.errors[name]) for name in METRICS]
     rows.append(("episode length", result.duration))
     title = f"{result.policy} on {title}"
-    printer.table(
-        ("quantity", "value ± 95 %", "how"), [(name, _text(v), v.method) for name, v in rows], title
-    )
+    head = ("quantity", "value and 95 %", "unit", "how")
+    printer.table(head, [(name, text(v), v.printed_unit, v.method) for name, v in rows], title)
     endings = ", ".join(f"{ending} {count}" for ending, count in result.endings.items())
     printer.say(f"endings: {endings}")
     if breakdown:
@@ -216,14 +218,3 @@ def _report_one(
     paths_figure(result.paths, result.headings, title, picture)
     printer.say(f"picture: {picture}")
     return {**result.to_json(), "picture": str(picture)}
-
-
-def _text(value: Quantity) -> str:
-    """Return a value with its interval: by its ends where it is not symmetric, as a share's near 1."""
-    if not math.isfinite(value.value):
-        return "–"
-    low, high = value.ci95
-    if math.isclose(high - value.value, value.value - low, rel_tol=0.05, abs_tol=1e-12):
-        return str(value)
-    unit = "" if value.unit == "1" else f" {value.printed_unit}"
-    return f"{value.value:.4g} [{low:.4g}, {high:.4g}]{unit}"

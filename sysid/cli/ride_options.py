@@ -138,7 +138,9 @@ def prepare(policy: str, options: RideOptions, printer: Printer, *, visuals: boo
         board, name = bundle.board, str(bundle.policy)
     else:
         if options.board is None:
-            raise SysidError("which board? Name it with --board, or give an exported folder.")
+            raise SysidError(
+                f"{policy}: no exported folder, which would bring its board. Name the board with --board."
+            )
         board, name = printer.common.space.load_board(options.board), policy
         world = make_world(
             board,

@@ -6,6 +6,7 @@ from dataclasses import asdict
 import pytest
 
 from policy_runtime.learning.curriculum import EASIER, GAIN, HARDER, LONGEST, Level, step
+from sim.skate.cycle.clock import Clock
 
 pytestmark = pytest.mark.train
 
@@ -26,16 +27,20 @@ def test_step_follows_the_logarithm_of_the_ends_within_its_bounds(ends, expected
 
 
 def test_patience_falls_by_three_percent_at_most_and_rises_by_one():
-    level = Level(patience=100.0)
-    assert level.after(0.5, own=20).patience == pytest.approx(100 * math.exp(-0.03))
-    assert level.after(60.0, own=20).patience == pytest.approx(100 * math.exp(0.01))
-    assert level.after(6.0, own=20).patience == pytest.approx(100 * (6 / 8) ** 0.03)
+    level = Level(patience=60.0)
+    assert level.after(0.5, own=20).patience == pytest.approx(60 * math.exp(-0.03))
+    assert level.after(60.0, own=20).patience == pytest.approx(60 * math.exp(0.01))
+    assert level.after(12.0, own=20).patience == pytest.approx(60 * (12 / 16) ** 0.03)
     assert level.after(0.5, own=20).strength == 0.0
 
 
 def test_patience_stays_between_the_tasks_own_and_the_longest():
     assert Level(patience=20.1).after(0.1, own=20).patience == 20.0
     assert Level(patience=LONGEST - 0.1).after(90.0, own=20).patience == LONGEST
+
+
+def test_a_whole_stretch_in_the_wrong_stance_ends_an_episode_however_patient():
+    assert min(Clock().push, Clock().steer) > LONGEST
 
 
 def test_strength_begins_where_the_patience_ends_and_goes_first_when_it_gets_too_hard():
@@ -50,7 +55,7 @@ def test_strength_begins_where_the_patience_ends_and_goes_first_when_it_gets_too
 
 
 @pytest.mark.parametrize(
-    ("patience", "weight"), [(400, 0.005), (40, 0.005), (20 * math.sqrt(2), math.sqrt(5e-6)), (20, 0.001)]
+    ("patience", "weight"), [(100, 0.005), (40, 0.005), (20 * math.sqrt(2), math.sqrt(5e-6)), (20, 0.001)]
 )
 def test_entropy_falls_over_the_last_halving_of_the_patience(patience, weight):
     assert Level(patience=patience).entropy(20, 0.005, 0.001) == pytest.approx(weight)
@@ -85,8 +90,8 @@ def led(tmp_path_factory):
 def test_the_level_is_in_curves_and_checkpoint(led):
     folder, *_, level = led
     rows = folder.read_curves()
-    assert rows[0]["patience"] == 150.0
-    expected = Level(patience=150.0)
+    assert rows[0]["patience"] == LONGEST
+    expected = Level(patience=LONGEST)
     for row in rows:
         expected = expected.after(row["falls_per_minute"], own=20)
     assert level == expected

@@ -37,7 +37,14 @@ def rides(**changes):
 
 def test_a_perfect_ride_has_no_error():
     for name, value in episode_errors(rides()).items():
-        assert value[0] == 0, name
+        assert value[0] == 0 or name == "E_still", name
+
+
+def test_rolling_where_it_is_told_to_stand_is_an_error_of_its_own():
+    told = np.where(np.arange(STEPS) < 10, 0.05, 0.8)[:, None]
+    speed = np.where(np.arange(STEPS) < 10, -0.4, 0.8)[:, None]
+    assert episode_errors(rides(commanded_speed=told, speed=speed))["E_still"][0] == pytest.approx(0.4)
+    assert np.isnan(episode_errors(rides())["E_still"][0])
 
 
 def test_velocity_counts_in_pushing_only():

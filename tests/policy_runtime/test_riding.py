@@ -427,7 +427,7 @@ def test_evaluate_prints_a_table_and_writes_json(capsys, tmp_path):
     )  # fmt: skip
     assert code == 0
     assert "E_succ" in said.out
-    assert "0 [0, 0.6576]" in said.out  # Wilson's of 0 in 2; no ± would say it
+    assert "0.000 [0.000, 0.658]" in said.out  # Wilson's of 0 in 2; no ± would say it
     result = json.loads((tmp_path / "e.json").read_text())
     assert result["E_succ"]["value"] == 0
     assert result["E_yaw"]["value"] is None
@@ -477,7 +477,7 @@ def test_motions_lists_plots_and_plays(capsys, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("play", "zero"), "which board"),
+        (("play", "zero"), "zero: no exported folder.* --board"),
         (("play", "zero", "-b", "pinck"), "Did you mean 'pink'"),
         (("play", "nothing.onnx", "-b", "pink"), "no such policy"),
         (("run", "zero", "-b", "pink", "--robot", "rehearsal", "--viewer"), "belong to --robot simulated"),

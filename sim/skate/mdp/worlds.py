@@ -25,12 +25,16 @@ if TYPE_CHECKING:
 
 MEMORY = 3
 """Policy steps that delays reach over, the present one included."""
-LEVEL_SHARE, DESCENT_SHARE = 0.4, 0.2
-"""Shares of the stretches of ground that are level and that are short ways down; the others are long slopes. A rider
-who hardly sees the slope must not take every ground for one."""
-LONG, SHORT = (5.0, 25.0), (0.4, 3.5)
-"""How long stretches of ground are: level ones and long slopes, short ways down [m]; the shortest is a ledge under a
-wheelbase."""
+LEVEL_SHARE, DESCENT_SHARE = 0.25, 0.5
+"""Shares of the stretches of ground that are level and that are short ways down; the others are long slopes. Of the way,
+two fifths are level: a rider who hardly sees the slope must not take every ground for one."""
+LONG, SHORT = (3.0, 20.0), (0.4, 3.5)
+"""How long stretches of ground are, evenly spread in the logarithm: level ones and long slopes, short ways down [m]; the
+shortest is a ledge under a wheelbase."""
+OBLIQUE = math.pi / 4
+"""Largest angle between a short way down and where the board points [rad]: after a turn, one wheel goes first."""
+EDGE = 0.1
+"""Way within which the ground goes over from one stretch to the next [m]."""
 KNOWN = 7
 """Numbers that tell the critic what world it is in."""
 _SENSORS = ("angular_velocity", "gravity", "joint_position", "joint_velocity")
@@ -86,15 +90,12 @@ class Worlds:
         self.slope = torch.zeros(n, 2, device=device)
         """Gradient of the ground along x and y [rad], uphill positive, (n, 2)."""
         self._coming = torch.zeros_like(self.slope)
-        """The gradient that it goes over to within a wheelbase."""
+        """The gradient that it goes over to within `EDGE`."""
         self._remaining = torch.zeros(n, device=device)
         """Length of the present stretch of ground that is left [m], (n,)."""
         self._steepest = variation.slope * torch.tensor((1.0, 0.5), device=device)
         self._board_q = model.joint("board/board_free_joint").qposadr[0]
         self._board_v = model.joint("board/board_free_joint").dofadr[0]
-        self._wheelbase = float(
-            model.site("board/front_marker").pos[0] - model.site("board/rear_marker").pos[0]
-        )
         self._world = torch.arange(n, device=device)
         self._weight = float(np.linalg.norm(model.opt.gravity))
         gravity = wp.array(np.tile(model.opt.gravity, (n, 1)), dtype=wp.vec3, device=env.sim.wp_device)
@@ -147,7 +148,7 @@ class Worlds:
         over, (gradient, length) = self._remaining < 0, self._stretch()
         self._coming.copy_(torch.where(over[:, None], gradient, self._coming))
         self._remaining.copy_(torch.where(over, length, self._remaining))
-        self.slope += (way / self._wheelbase).clamp(max=1.0)[:, None] * (self._coming - self.slope)
+        self.slope += (way / EDGE).clamp(max=1.0)[:, None] * (self._coming - self.slope)
         self._gravity.copy_(-self._weight * self.up())
 
     def _stretch(self) -> tuple[torch.Tensor, torch.Tensor]:
@@ -156,11 +157,14 @@ class Worlds:
         chance, drawn = torch.rand(n, device=device), 2 * torch.rand(n, 2, device=device) - 1
         level, descent = chance < LEVEL_SHARE, chance > 1 - DESCENT_SHARE
         heading = rotation.yaw(self._env.sim.data.qpos[:, self._board_q + 3 : self._board_q + 7])
-        ahead = torch.nan_to_num(torch.stack((heading.cos(), heading.sin()), dim=-1))
-        slope = self._steepest * drawn
+        heading = torch.nan_to_num(heading) + OBLIQUE * drawn[:, 1]
+        ahead = torch.stack((heading.cos(), heading.sin()), dim=-1)
+        slope = (
+            self._steepest * drawn.sign() * drawn.abs().sqrt()
+        )  # the steeper, the more often: they are harder
         slope = torch.where(descent[:, None], -self.variation.descent * drawn[:, :1].abs() * ahead, slope)
         low, high = (torch.where(descent, short, long) for short, long in zip(SHORT, LONG, strict=True))
-        length = low + (high - low) * torch.rand(n, device=device)
+        length = low * (high / low) ** torch.rand(n, device=device)
         return torch.where(level[:, None], 0.0, self.strength * slope), length
 
     def up(self) -> torch.Tensor:
