@@ -432,6 +432,9 @@ def test_evaluate_prints_a_table_and_writes_json(capsys, tmp_path):
     assert result["E_succ"]["value"] == 0
     assert result["E_yaw"]["value"] is None
     assert "speed by pushing stretch, m/s" in said.out
+    assert (
+        "heading by turn asked for" not in said.out
+    )  # no ride lived to steer; a table without rows tells nothing
     first, *_ = result["breakdown"]
     assert first["rows"]["stretch 1"]["v_cmd"] > 0.1
     assert (tmp_path / "evaluate-zero-mujoco.png").stat().st_size > 10_000
@@ -492,6 +495,7 @@ def test_motions_lists_plots_and_plays(capsys, tmp_path):
         (("evaluate", "zero", "-b", "pink", "--duration", "-1"), "longer than 0"),
         (("evaluate", "zero", "-b", "pink", "--board-scale", "k:4"), "expected factors like k=4"),
         (("evaluate", "zero", "-b", "pink", "--turn-deg", "60"), "--turn-deg 60"),
+        (("evaluate", "zero", "-b", "pink", "--pushes", "-1"), "--pushes -1: must not be negative"),
         (("evaluate", "zero", "-b", "pink", "--suite", "--mass", "1.1"), "--suite has conditions of its own"),
         (("evaluate", "zero", "-b", "pink", "--randomised"), "Add --simulator mjlab"),
         (("motions", "none.npy"), "no such motion"),
