@@ -26,6 +26,7 @@ from sim.skate.robot.poses import load_poses
 from sysid.cli import build_app
 from sysid.cli.ride_options import SafetyOptions
 from sysid.errors import SysidError
+from sysid.progress import listening
 
 pytestmark = pytest.mark.train
 
@@ -351,8 +352,10 @@ def call(capsys, *arguments):
 
 
 @pytest.mark.slow
-def test_play_writes_picture_and_recording(capsys, tmp_path):
+def test_play_writes_picture_and_recording(capsys, tmp_path, monkeypatch):
     world_or_skip()
+    told = {}
+    monkeypatch.setattr("sysid.cli.play.working", lambda _: listening(told.setdefault))
     code, said = call(
         capsys, "play", "stand", "--board", "pink", "--start", "steer", "--start-speed", 1, "--gantry",
         "--duration", 1, "-o", tmp_path, "--json", "-",
@@ -363,6 +366,7 @@ def test_play_writes_picture_and_recording(capsys, tmp_path):
     assert result["duration_s"] == pytest.approx(1.0)
     for kind in ("picture", "numbers", "recording"):
         assert (tmp_path / result["files"][kind].split("/")[-1]).stat().st_size > 10_000
+    assert told == {"riding": 0.0, "drawing the ride": 0.3}
 
 
 def test_run_ends_with_one_when_the_robot_was_stopped(capsys, tmp_path):
