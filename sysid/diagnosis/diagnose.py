@@ -37,6 +37,7 @@ from sysid.diagnosis.search import Candidate as Model
 from sysid.diagnosis.search import Progress, Search, best_families
 from sysid.diagnosis.stretches import judged_stretches
 from sysid.diagnosis.surrogates import LAWS, in_words, surrogates
+from sysid.diagnosis.touched import touched_release
 from sysid.diagnosis.wording import (
     experiment_in_words,
     is_or_are,
@@ -245,7 +246,15 @@ def diagnose(
             records=records, scales=scales, bias=bias, base=tuple(sorted(p.name for p in board.effects)),
             fixed=held, pool=pool, progress=progress,
         )  # fmt: skip
-        search, models, final = _searched(search)
+        started, (search, models, final) = search, _searched(search)
+        touched = touched_release(final, search.base)
+        if touched is not None:
+            warnings.append(
+                f"release {judged[touched].number} is left out: the others are by one law, and it is by none, as if a hand was on the deck"
+            )
+            judged = [release for i, release in enumerate(judged) if i != touched]
+            records = tuple(record for i, record in enumerate(records) if i != touched)
+            search, models, final = _searched(replace(started, records=records))
         first = Field(final, search.base, period, noise.std)
         winner, final, idle = _material(search, first, final)
         outside = surrogates(search, winner)

@@ -151,7 +151,8 @@ class Field:
         assert self.base.model.heldout is not None
         steady = replace(self.blocks, amplitude=np.ones_like(self.blocks.amplitude))
         alone = fit_errors(steady, self.base.model.heldout).log_likelihood
-        if self.base.errors.log_likelihood - alone > TIE or self.gap(self.best, self.base) > TIE:
+        asked = TIE + (UNMET if self.best.model.shape else 0.0)
+        if self.base.errors.log_likelihood - alone > TIE or self.gap(self.best, self.base) > asked:
             return True
         # What is no description of the motion, when there is one, is no noise, however many numbers that one takes.
         described = self.left(self.best) < CLOSE < self.left(self.base)
@@ -204,8 +205,8 @@ class Field:
         return float(np.sqrt(max(self.excess(scored), 0.0))) / max(self.motion, 1e-300)
 
     def excess(self, scored: Scored) -> float:
-        """Return the held-out mean square error beyond the sensor's noise [rad²]."""
-        return float(np.mean(self._excess_by_block(scored)))
+        """Return the held-out mean square error beyond the sensor's noise [rad²]; inf where a prediction ran away."""
+        return float(np.mean(self._excess_by_block(scored))) if np.isfinite(scored.score) else float("inf")
 
     def explained(self, scored: Scored) -> float:
         """Return the share of the base's excess that a candidate takes away."""

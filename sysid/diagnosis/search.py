@@ -318,7 +318,7 @@ class Search:
     def pairs(self, singles: Sequence[Candidate]) -> list[Candidate]:
         """Fit the pairs of the best single effects with all others."""
         at_noise = min(m.rmse for m in singles) <= AT_NOISE * self.records[0].std
-        best = best_of(leaders(singles[1:]), FEW if at_noise else PARENTS)
+        best = best_of(leaders(singles[1:], frugality), FEW if at_noise else PARENTS)
         wanted = {
             tuple(sorted({*a.effects, *b.effects})): (a, b)
             for a in best for b in singles[1:] if a is not b and _sensible(a, b)
@@ -513,16 +513,22 @@ def _count(model: Candidate) -> int:
 
 def best_of(models: Sequence[Candidate], count: int) -> list[Candidate]:
     """Return the best models: in turn the one with the least error, and the one with the least for its size."""
-    frugal = sorted(models, key=lambda m: 6 * np.log(max(m.cost, 1e-300)) + m.size)
-    turns = zip(sorted(models, key=lambda m: m.cost), frugal, strict=True)
+    turns = zip(sorted(models, key=lambda m: m.cost), sorted(models, key=frugality), strict=True)
     return list({id(m): m for pair in turns for m in pair}.values())[:count]
 
 
-def leaders(models: Iterable[Candidate]) -> list[Candidate]:
-    """Return the model with the least error of each set of families: variants of one law say the same."""
+def frugality(model: Candidate) -> float:
+    """Return what ranks models by error and size: a parameter is worth a sixth of the squared error."""
+    return 6 * float(np.log(max(model.cost, 1e-300))) + model.size
+
+
+def leaders(
+    models: Iterable[Candidate], rank: Callable[[Candidate], float] = lambda m: m.cost
+) -> list[Candidate]:
+    """Return the first model of each set of families, by least error where no rank is given: variants of one law say the same."""
     best: dict[frozenset[str], Candidate] = {}
     for model in models:
-        best[model.families] = min(best.get(model.families, model), model, key=lambda m: m.cost)
+        best[model.families] = min(best.get(model.families, model), model, key=rank)
     return list(best.values())
 
 

@@ -95,7 +95,8 @@ def _within_noise(problem: Problem, minimum: Minimum, index: int) -> Array:
     known = np.zeros((shared + len(start), shared + len(start)))
     known[:shared, :shared] = _information(fitted, shared)
     held = problem.with_(records=[problem.records[index]])
-    return _predicted(held, np.r_[fitted.point[:shared], start], known)
+    together = np.r_[minimum.point[:shared], start]
+    return _predicted(held, np.r_[fitted.point[:shared], start], known, together)
 
 
 def _interrupted(problem: Problem, minimum: Minimum) -> Array:
@@ -114,7 +115,8 @@ def _interrupted(problem: Problem, minimum: Minimum) -> Array:
         training = problem.with_(weights=[1.0 - hidden])
         fitted = minimise(training.normal, minimum.point, *training.bounds(), iterations=15, tolerance=1e-5)
         known = _information(fitted, len(fitted.point))
-        missed[begin:end] = _predicted(problem.with_(weights=[hidden]), fitted.point, known)[begin:end]
+        held = problem.with_(weights=[hidden])
+        missed[begin:end] = _predicted(held, fitted.point, known, minimum.point)[begin:end]
     return missed
 
 
@@ -125,17 +127,24 @@ def _information(fitted: Minimum, count: int) -> Array:
     return inner - mixed @ np.linalg.pinv(other) @ mixed.T
 
 
-def _predicted(problem: Problem, start: Array, known: Array) -> Array:
-    """Return what is missed of one release by a motion that stays within what is known of its unknowns."""
+def _predicted(problem: Problem, expected: Array, known: Array, together: Array) -> Array:
+    """Return what is missed of one release by a motion that stays within what is known of its unknowns.
+
+    Args:
+        problem: Of the release.
+        expected: Its unknowns as the others have them, in units of their sizes, shape (p,).
+        known: Inverse covariance of these, shape (p, p).
+        together: The unknowns that fit all releases: a start in the right valley where the others leave that open.
+    """
 
     def normal(point: Array) -> Normal:
-        here, off = problem.normal(point), point - start
+        here, off = problem.normal(point), point - expected
         return Normal(
             here.cost + 0.5 * float(off @ known @ off), here.gradient + known @ off, here.hessian + known
         )
 
-    found = minimise(normal, start, *problem.bounds(), iterations=12)
-    return problem.residuals(found.point)[0]
+    found = [minimise(normal, start, *problem.bounds(), iterations=12) for start in (expected, together)]
+    return problem.residuals(min(found, key=lambda m: m.normal.cost).point)[0]
 
 
 def rms(residuals: Sequence[Array]) -> float:

@@ -11,7 +11,7 @@ from sysid.diagnosis.diagnose import _outside
 from sysid.diagnosis.error_model import Fitted
 from sysid.diagnosis.experiment import DECIDED, deciding
 from sysid.diagnosis.importance import importance
-from sysid.diagnosis.judgement import INEXACT, TIE, Field, families_of
+from sysid.diagnosis.judgement import INEXACT, TIE, UNMET, Field, families_of
 from sysid.diagnosis.search import Search
 from sysid.fitting.records import make_records
 from sysid.fitting.search import scales_of
@@ -66,6 +66,28 @@ def test_a_law_that_is_only_another_one_here_is_no_candidate(friction):
     assert stribeck.model.at_edge
     assert stribeck.score == pytest.approx(field.best.score, abs=TIE)
     assert {s.model.effects for s in field.near(field.best)} == {("coulomb",)}
+
+
+def test_a_prediction_that_ran_away_explains_nothing(friction):
+    _, field = friction
+    best = field.best.model
+    lost = field.score(replace(best, heldout=tuple(np.full_like(one, np.nan) for one in best.heldout)))
+    assert field.explained(lost) == 0.0
+    assert field.left(lost) == np.inf
+
+
+@pytest.mark.parametrize(("shape", "missing"), [("", True), ("x⁵", False)])
+def test_what_nobody_has_met_must_gain_more_to_show_that_something_is_missing(
+    friction, monkeypatch, shape, missing
+):
+    _, field = friction
+    likeliest = replace(field.best, model=replace(field.best.model, shape=shape))
+    monkeypatch.setattr(field, "best", likeliest)
+    monkeypatch.setattr(Field, "gap", lambda self, one, other: TIE + 0.5 * UNMET)
+    monkeypatch.setattr(Field, "left", lambda self, scored: 0.03)
+    steady = replace(field.base.errors, log_likelihood=-np.inf)
+    monkeypatch.setattr(field, "base", replace(field.base, errors=steady))
+    assert field._follows_motion() is missing
 
 
 def test_of_those_not_told_apart_a_law_of_three_parameters_is_no_simpler_than_two_of_one(
