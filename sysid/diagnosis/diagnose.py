@@ -257,6 +257,10 @@ def diagnose(
             records = tuple(record for i, record in enumerate(records) if i != touched)
             search, models, final = _searched(replace(started, records=records))
         first = Field(final, search.base, period, noise.std)
+        learning = partial(learn, judged, board, signal=signal, fixed=fixed)
+        # Begun as soon as it is clear that it will be wanted, while others work on the rest.
+        sure = first.surely_missing and first.winner().model.rmse > REACHED * noise.std
+        alone = pool.begin(learning, ()) if sure else None
         winner, final, idle = _material(search, first, final)
         outside = surrogates(search, winner)
         everything = Field([*final, *outside], search.base, period, noise.std)
@@ -267,11 +271,13 @@ def diagnose(
         left_over |= verdict.status == "unexplained"
         # What is named may only mimic a law that nobody has met, alone or beside another.
         mimics = verdict.status == "missing" and best.rmse > REACHED * noise.std
-        besides = dict.fromkeys(((), fittable(verdict.effects) if left_over else ()))
         learned = None
+        results = [alone or pool.begin(learning, ())] if left_over or mimics else []
+        if left_over and (named := fittable(verdict.effects)):
+            results.append(pool.begin(learning, named))
         # At the same time by several processes; by one alone no more than is asked for.
-        jobs = [(judged, board, beside) for beside in besides if left_over or mimics]
-        for learned in pool.each(partial(learn, signal=signal, fixed=fixed), jobs):
+        for result in results:
+            learned = result()
             if mimics and learned is not None and learned.is_unmet(best.rmse, noise.std):
                 verdict = _unmet(verdict, learned, best)
                 break
