@@ -73,7 +73,7 @@ def learn(
     if found.formula is None:
         return None
     try:
-        require_usable(found)
+        require_usable(found.joint)
         refused = ""
     except SysidError as error:
         refused = str(error)

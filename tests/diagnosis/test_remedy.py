@@ -31,7 +31,7 @@ def test_what_fit_would_not_record_is_known_before_it_is_told_to(monkeypatch):
     formula = SimpleNamespace(text="softens", good=True, shapes=(), is_known=True, error=1.0)
     found = SimpleNamespace(
         formula=formula, noise=SimpleNamespace(std=1.0), rmse=1.0, heldout_rmse=1.0,
-        minimum=SimpleNamespace(status="out of iterations"), status="out of iterations",
+        joint=SimpleNamespace(minimum=SimpleNamespace(status="out of iterations"), status="out of iterations"),
     )  # fmt: skip
     monkeypatch.setattr(remedy, "fit", lambda *_, **__: found)
     board = load_board(shipped_data() / "boards" / "pink.toml")
