@@ -84,8 +84,6 @@ class MarkerFollower:
     _lost: int = 0
     _miss: float = 3.0
     """How far the corners were from where they were expected in the last frame [px]."""
-    searches: int = 0
-    """Number of searches through a whole picture: they are what costs time."""
 
     def __post_init__(self) -> None:
         """Look up what the marker's cells should look like."""
@@ -120,7 +118,6 @@ class MarkerFollower:
             if found is None:
                 found = self._search_near(frame, predicted)
         if found is None and self._lost % FULL_SEARCH_EVERY == 0:
-            self.searches += 1
             found = self._detect_in(frame, self.region)
         if found is None:
             self._lost += 1
