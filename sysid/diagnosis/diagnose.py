@@ -22,8 +22,8 @@ from sysid.diagnosis.judgement import (
     CLOSE,
     EXPLAINED,
     MATERIAL,
+    NEGLIGIBLE,
     PRICE,
-    SLIGHT,
     TIE,
     UNMET,
     Field,
@@ -520,7 +520,7 @@ def _nothing(
     final = search.fine(tried.base.model, average=1)
     deviation = record_deviation(final, board, look_at_linear=True)
     if tried.slight:  # whatever it is
-        confidence = tried.chance_explained(tried.base, 0.0, SLIGHT)
+        confidence = tried.chance_explained(tried.base, 0.0, NEGLIGIBLE)
     else:
         confidence = sum(
             tried.confidence(f) for f in {frozenset[str](), families_of(chosen.model, search.base)}

@@ -30,9 +30,7 @@ twenty is such a law [nats]."""
 LAWFUL = 12
 """Independent values in what a model that is not exact leaves of a log."""
 NEGLIGIBLE = 0.01
-"""Error over the motion that does not matter where no model is exact: what the best leaves, up to this."""
-SLIGHT = 0.005
-"""Error beyond the noise over the motion, both RMS, that is no law yet where no model is exact and the periods are too few for one to come back."""
+"""Error over the motion that does not matter where no model is exact: what the best leaves, up to this; nor what the joint as it is leaves of few periods."""
 GAIN = 1.0
 """Of a parameter that may move towards what it predicts, as of one that is fitted to it (Akaike 1974) [nats]; from eight
 periods on it pays half the log of their number (Schwarz 1978)."""
@@ -151,7 +149,7 @@ class Field:
     def slight(self) -> bool:
         """Return whether the joint as it is misses next to nothing of few periods, and no model all of that: it may be anybody's."""
         exact = self.best.model.rmse < INEXACT * self.floor
-        return self.left(self.base) < SLIGHT and len(self.blocks.cuts) < FEWEST_BLOCKS and not exact
+        return self.left(self.base) < NEGLIGIBLE and len(self.blocks.cuts) < FEWEST_BLOCKS and not exact
 
     def _follows_motion(self) -> bool:
         """Return whether the joint as it is errs as no sensor does: in proportion to the motion, or more than another model."""

@@ -13,7 +13,7 @@ from sysid.diagnosis.diagnose import Diagnosis, _outside
 from sysid.diagnosis.error_model import Fitted
 from sysid.diagnosis.experiment import DECIDED, deciding
 from sysid.diagnosis.importance import importance
-from sysid.diagnosis.judgement import FEWEST_BLOCKS, INEXACT, SLIGHT, TIE, UNMET, Field, families_of
+from sysid.diagnosis.judgement import FEWEST_BLOCKS, INEXACT, NEGLIGIBLE, TIE, UNMET, Field, families_of
 from sysid.diagnosis.search import Candidate, Search
 from sysid.fitting.records import make_records
 from sysid.fitting.search import scales_of
@@ -202,7 +202,7 @@ def test_the_likeliest_families_are_those_that_are_there(friction):
 def test_what_next_to_nothing_of_few_periods_is_made_of_is_not_told(friction, monkeypatch):
     """Unless a model reaches the floor, or the periods are enough for a law to come back."""
     _, field = friction
-    monkeypatch.setattr(Field, "left", lambda self, scored: 0.9 * SLIGHT)
+    monkeypatch.setattr(Field, "left", lambda self, scored: 0.9 * NEGLIGIBLE)
     assert not field.slight
     monkeypatch.setattr(field, "floor", 0.5 * NOISE)
     assert len(field.blocks.cuts) >= FEWEST_BLOCKS
@@ -213,7 +213,7 @@ def test_what_next_to_nothing_of_few_periods_is_made_of_is_not_told(friction, mo
     monkeypatch.setattr(field, "floor", NOISE)
     assert not field.slight
     monkeypatch.setattr(field, "floor", 0.5 * NOISE)
-    monkeypatch.setattr(Field, "left", lambda self, scored: 1.1 * SLIGHT)
+    monkeypatch.setattr(Field, "left", lambda self, scored: 1.1 * NEGLIGIBLE)
     assert not field.slight
 
 
