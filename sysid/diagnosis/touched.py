@@ -53,5 +53,5 @@ def _refitted(model: Candidate, kept: Sequence[int]) -> float:
     start = np.r_[
         model.minimum.point[: len(problem.names)], model.problem.own(model.minimum.point)[kept].ravel()
     ]
-    found = minimise(problem.normal, start, *problem.bounds(), iterations=20, tolerance=1e-4)
+    found = minimise(problem.normal, start, *problem.bounds(), iterations=20, tolerance=problem.unnoticed)
     return float(np.sqrt(2 * found.normal.cost / problem.samples))
