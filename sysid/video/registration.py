@@ -124,7 +124,7 @@ class BodyPicture:
         if pose is None:
             return np.full((4, 2), np.nan, np.float32)
         outward = np.asarray(np.linalg.inv(self.cutout.inward), np.float64)
-        return project(outward, _mapped(pose, self.corners)).astype(np.float32)
+        return project(outward, project(pose, self.corners)).astype(np.float32)
 
 
 def picture_of_body(frames: Sequence[Frame], box: Box, track: Track, upright: Array) -> BodyPicture | None:
@@ -231,10 +231,6 @@ def _turned_back(picture: Image, pose: Array) -> Image:
     )
 
 
-def _mapped(matrix: Array, points: Array) -> Array:
-    return points @ matrix[:2, :2].T + matrix[:2, 2]
-
-
 def lay_onto(body: BodyPicture, picture: Image, rough: Array) -> Array | None:
     """Return the affine pose that lays the board onto a picture, shape (3, 3); None where it is not to be seen.
 
@@ -246,7 +242,7 @@ def lay_onto(body: BodyPicture, picture: Image, rough: Array) -> Array | None:
     pose, middle = rough, body.corners.mean(axis=0)
     rest, scale = np.zeros(1, np.float32), 1.0
     for _ in range(MAX_ROUNDS):
-        there = _mapped(pose, body.places).astype(np.float32)
+        there = project(pose, body.places).astype(np.float32)
         seen = cv2.remap(
             picture, there[None, :, 0], there[None, :, 1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
         )
@@ -262,8 +258,9 @@ def lay_onto(body: BodyPicture, picture: Image, rough: Array) -> Array | None:
         back[:2, :2] -= change
         back[:2, 2] = change @ middle - shift
         before, pose = pose, pose @ back
-        if float(np.abs(_mapped(pose - rough, body.corners)).max()) > MAX_CORRECTION:
+        here = project(pose, body.corners)
+        if float(np.abs(here - project(rough, body.corners)).max()) > MAX_CORRECTION:
             return None
-        if float(np.abs(_mapped(pose - before, body.corners)).max()) < CONVERGED:
+        if float(np.abs(here - project(before, body.corners)).max()) < CONVERGED:
             break
     return pose if float(np.mean(np.abs(rest) < 5 * max(scale, 2.0))) > MIN_TRUST else None

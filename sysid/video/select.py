@@ -239,7 +239,7 @@ def _whole_body(reel: Reel, led: Followed, whole: Track) -> Followed | None:
         what=f"the body of {target.what}",
         why=f"{target.why}; the angle is that of everything that turns with it",
         solve=partial(_solve_whole, led),
-        zero=_as_it_is,
+        zero=lambda _: 0.0,
         joined=((0, 1), (1, 2), (2, 3), (3, 0)),
     )
     own = _followed(reel, body, whole)
@@ -270,10 +270,6 @@ def _solve_whole(led: Followed, view: View, matrix: Array, before: CameraState) 
         std=np.where(whole, std, points.std),
         own=np.where(whole, own, theirs),
     )
-
-
-def _as_it_is(found: AngleTrack) -> float:
-    return 0.0
 
 
 def _same_swing(one: Followed, other: Followed) -> bool:

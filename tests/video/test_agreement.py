@@ -8,9 +8,11 @@ import cv2
 import numpy as np
 import pytest
 
+from sysid.errors import SysidError
 from sysid.video.film.frames import Frame
 from sysid.video.film.shake import still, still_places
 from sysid.video.film.track import Track
+from sysid.video.follow import track_of
 from sysid.video.pose.angle import fit_angle
 from sysid.video.pose.camera_state import CameraState
 from sysid.video.pose.outliers import outlier_frames
@@ -82,6 +84,12 @@ def test_the_slope_of_the_deck_is_told_by_the_whole_film():
     good = np.arange(90) != 60
     np.testing.assert_allclose(path[good], ROLL[good])
     assert path[60] == pytest.approx(ROLL[59])
+
+
+def test_a_film_whose_stamps_are_garbled_is_refused():
+    film = SimpleNamespace(clip=SimpleNamespace(path="film.mp4"), repeated=20)
+    with pytest.raises(SysidError, match=r"20 frames carry no later time stamp.*--rate"):
+        track_of(film, [(row, row / 60) for row in range(60)], np.zeros((60, 1, 2), np.float32))
 
 
 def test_lone_frames_are_told_from_a_release():

@@ -1,6 +1,7 @@
 """What a film leaves open of an angle beside the noise of its points: camera, slant, and pictures drawn again."""
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from sysid.roll import Array
 from sysid.video.pose.body import angle_slopes
@@ -34,7 +35,7 @@ def left_out(speed: Array, found: Found, prior: BodyPrior) -> Array:
     a deck that hardly moves stands still.
     """
     around = np.pad(speed, LASTING_FRAMES, mode="reflect")
-    lately = np.lib.stride_tricks.sliding_window_view(around, 2 * LASTING_FRAMES + 1).max(axis=1)
+    lately = sliding_window_view(around, 2 * LASTING_FRAMES + 1).max(axis=1)
     reach = float(np.abs(found.body.shape - found.body.shape.mean()).max())
     return prior.dead_zone / np.sqrt(3) / reach / (1 + (lately / DRAWN) ** 2)
 
