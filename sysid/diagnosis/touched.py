@@ -13,26 +13,31 @@ from sysid.least_squares import minimise
 
 FEWEST = 3
 """Releases from which two agree against one."""
-REACHED = 1.15
-"""Error over the noise up to which a law holds."""
+ASKED = 3
+"""Single effects that are asked: a choice."""
+REACHED, SHARE = 1.15, 0.1
+"""Error up to which a law holds: over the noise, which may be more than is known of it, or over what all releases leave."""
 BROKEN = 1.5
-"""Error over the noise from which none does."""
+"""Error over that, or over the noise, from which no law holds."""
 
 
 def touched_release(models: Sequence[Candidate], base: Sequence[str]) -> int | None:
     """Return the index of the one release that is not by the law of all others, if there is one.
 
     Args:
-        models: Fitted to all releases; those with one effect beyond the record, at most, are asked.
+        models: Fitted to all releases; the record's own and the best with one effect more are asked.
         base: Effects of the record.
     """
-    simple = sorted((m for m in models if len(m.effects) <= len(base) + 1), key=lambda m: m.cost)
+    simple = sorted((m for m in models if len(m.effects) == len(base) + 1), key=lambda m: m.cost)[:ASKED]
+    simple += [m for m in models if m.effects == tuple(base)]
     count = len(simple[0].problem.records)
-    if count < FEWEST or min(map(_error, models)) < BROKEN:
+    whole = min(map(_error, models))
+    if count < FEWEST or whole < BROKEN:
         return None
     errors = [[_refitted(m, [i for i in range(count) if i != odd]) for odd in range(count)] for m in simple]
     best, odd = np.unravel_index(int(np.argmin(errors)), (len(simple), count))
-    if errors[best][odd] > REACHED or _refitted(simple[best], [int(odd)]) < BROKEN:
+    reached = max(REACHED, SHARE * whole)
+    if errors[best][odd] > reached or _refitted(simple[best], [int(odd)]) < BROKEN * reached:
         return None
     return int(odd)
 

@@ -16,6 +16,21 @@ from sysid.video.pose.rigid_group import similarities
 from sysid.video.trackers._base import Follower
 from sysid.video.types import Points
 
+MIN_SEEN_SHARE = 0.6
+"""Share of the frames in which what is followed must be seen."""
+
+
+def follow_all(follower: Follower, frames: Sequence[Frame]) -> Points:
+    """Return the points in n frames [px], shape (n, N, 2); it is not looked for any longer where too few can show it."""
+    points = np.full((len(frames), follower.points, 2), np.nan, np.float32)
+    lost = 0
+    for row, frame in enumerate(frames):
+        points[row] = follow(follower, frame)
+        lost += bool(np.isnan(points[row]).all())
+        if lost > (1 - MIN_SEEN_SHARE) * len(frames):
+            break
+    return points
+
 
 def follow(follower: Follower, frame: Frame) -> Points:
     """Return the points in the next frame [px], shape (N, 2); NaN where not seen."""

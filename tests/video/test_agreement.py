@@ -1,6 +1,7 @@
 """What is followed in a film must turn as one body: edges, patches and dots that do not are found out."""
 
 import warnings
+from dataclasses import replace
 from types import SimpleNamespace
 
 import cv2
@@ -59,14 +60,17 @@ def test_patches_of_the_wall_do_not_hold_the_deck():
     assert np.isfinite(with_wall.angle[18:22]).any()  # what it would be without
 
 
-def test_a_picture_that_compression_repeats_is_less_certain():
+def test_compression_makes_small_swings_less_certain_than_large_ones():
     rng = np.random.default_rng(1)
     shape = rng.uniform(-90, 90, 20) + 1j * rng.uniform(-25, 25, 20)
     place = np.exp(1j * ROLL)[:, None] * shape
     points = np.stack([place.real, place.imag], axis=-1) + [640, 360] + 0.05 * rng.normal(size=(90, 20, 2))
-    points[70:] = points[70]
-    turning = turned(points, BodyPrior(dead_zone=0.15, shows_lens=False))
-    assert turning.std[71:].min() > 2 * np.median(turning.std[55:69])
+    prior = BodyPrior(dead_zone=0.15, shows_lens=False)
+    own = turned(points, prior).own
+    plain = turned(points, replace(prior, dead_zone=0.0)).own
+    left_out = np.sqrt(own**2 - plain**2)
+    assert left_out[75:].min() > 3 * left_out[22:35].max()
+    assert left_out[80] * np.abs(shape - shape.mean()).max() == pytest.approx(0.15 / np.sqrt(3), rel=0.2)
 
 
 def test_the_slope_of_the_deck_is_told_by_the_whole_film():

@@ -25,7 +25,7 @@ DICTIONARIES = {
     "AprilTag 16h5": cv2.aruco.DICT_APRILTAG_16h5,
     "AprilTag 25h9": cv2.aruco.DICT_APRILTAG_25h9,
 }
-SEARCH_FRAMES = 20
+SEARCH_FRAMES = 10
 """Frames in which a marker is looked for."""
 MIN_SIDE = 24
 """Shortest side of a marker that is followed [px]."""
@@ -221,9 +221,9 @@ def marker_cells(number: int) -> npt.NDArray[np.uint8]:
 
 
 def _find(reel: Reel) -> Target | None:
-    region = reel.region or (0, 0, reel.clip.width, reel.clip.height)
-    for frame in reel.look.frames[:: max(1, len(reel.look.frames) // SEARCH_FRAMES)]:
-        marker = find_marker(frame, region)
+    region, look = reel.region or (0, 0, reel.clip.width, reel.clip.height), reel.look
+    for frame in look.frames[:: max(1, len(look.frames) // SEARCH_FRAMES)]:
+        marker = find_marker(frame, look.box)
         if marker is not None:
             break
     else:
