@@ -19,8 +19,6 @@ from sysid.least_squares import Minimum, Normal, minimise
 from sysid.progress import steps
 from sysid.roll import Array
 
-_ONE_VALLEY = 3.0
-"""Deviations within which two starts of a prediction end in the same valley."""
 PIECES = 3
 """Stretches of one release alone, each of which is predicted from the others."""
 
@@ -149,11 +147,9 @@ def _predicted(problem: Problem, expected: Array, known: Array, together: Array)
             here.cost + 0.5 * float(off @ known @ off), here.gradient + known @ off, here.hessian + known
         )
 
-    apart = together - expected
-    starts = (expected, together) if apart @ known @ apart > _ONE_VALLEY**2 else (expected,)
     found = [
         minimise(normal, start, *problem.bounds(), iterations=12, tolerance=problem.unnoticed)
-        for start in starts
+        for start in (expected, together)
     ]
     return problem.residuals(min(found, key=lambda m: m.normal.cost).point)[0]
 
