@@ -23,6 +23,7 @@ from sysid.diagnosis.judgement import (
     EXPLAINED,
     MATERIAL,
     PRICE,
+    SLIGHT,
     TIE,
     UNMET,
     Field,
@@ -415,8 +416,8 @@ def _judged(
     base = tried.base
     chosen = next(s for s in tried.scored if s.model is winner)
     named = search.added(winner)
-    outside = _outside(tried, chosen)
-    size = importance(winner, named, base.model) if named else None
+    outside = None if tried.slight else _outside(tried, chosen)
+    size = importance(winner, named, base.model) if named and not tried.slight else None
     explained = tried.explained(chosen)
     hints = _hints(search, tried, chosen, size)
     vague = not named or explained < EXPLAINED or tried.left(chosen) > CLOSE
@@ -496,7 +497,7 @@ def _missing(
     confidence = tried.confidence(families_of(chosen.model, search.base), idle) * (
         explained if tried.inexact else 1.0
     )
-    experiment = _experiment(search, tried, chosen, board)
+    experiment = _experiment(search, tried, chosen, board, rivals)
     return _verdict(tried, "missing", effects, confidence, sets, chosen, size, hints, experiment, text), final
 
 
@@ -505,17 +506,23 @@ def _nothing(
 ) -> tuple[Verdict, Model]:
     final = search.fine(tried.base.model, average=1)
     deviation = record_deviation(final, board, look_at_linear=True)
-    confidence = tried.confidence(frozenset())
-    if chosen.extra:
-        confidence += tried.confidence(families_of(chosen.model, search.base))
+    if tried.slight:  # whatever it is
+        confidence = tried.chance_explained(tried.base, 0.0, SLIGHT)
+    else:
+        confidence = sum(
+            tried.confidence(f) for f in {frozenset[str](), families_of(chosen.model, search.base)}
+        )
     experiment = deviation.experiment
     if deviation.effects:
         status: Status = "missing"
         text = f"{listed(deviation.effects)} {is_or_are(deviation.effects)} missing. {deviation.text}"
     else:
         status = "none-missing"
-        text = f"Nothing is missing that matters. {deviation.text}".strip()
-        experiment = "" if not hints else _experiment(search, tried, tried.base, board)
+        few = ", too little of too few periods to say of what" if tried.slight else ""
+        text = f"Nothing is missing that matters{few}. {deviation.text}".strip()
+        seen = {hint.effects for hint in hints}
+        alike = [s for s in tried.scored if search.added(s.model) in seen and not s.model.shape]
+        experiment = _experiment(search, tried, tried.base, board, alike) if alike else ""
     for hint in hints:
         text += f" Hint: {hint.text}"
     said = (status, deviation.effects, confidence, deviation.alike)
@@ -576,10 +583,12 @@ def _remainder(tried: Field, scored: Scored) -> tuple[float, str]:
     return left, f"What is left is {percent(share)} of the motion."
 
 
-def _experiment(search: Search, tried: Field, chosen: Scored, board: Board) -> str:
-    """Return the experiment that decides between a candidate and the best of another family."""
+def _experiment(
+    search: Search, tried: Field, chosen: Scored, board: Board, alike: Sequence[Scored] = ()
+) -> str:
+    """Return the experiment that decides between a candidate and the best of another family, of those that look the same if any do."""
     own = families_of(chosen.model, search.base)
-    others = [
+    others = [s for s in alike if families_of(s.model, search.base) != own] or [
         s for s in tried.scored
         if not (s.model.shape or s.model.at_edge) and families_of(s.model, search.base) != own
         and not set(s.model.effects) > set(chosen.model.effects) and np.isfinite(s.score)

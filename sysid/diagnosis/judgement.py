@@ -31,6 +31,8 @@ LAWFUL = 12
 """Independent values in what a model that is not exact leaves of a log."""
 NEGLIGIBLE = 0.01
 """Error over the motion that does not matter where no model is exact: what the best leaves, up to this."""
+SLIGHT = 0.005
+"""Error beyond the noise over the motion, both RMS, that is no law yet where no model is exact and the periods are too few for one to come back."""
 INEXACT = 1.5
 """Error over the noise from which even the best model is not exact: over the floor, and over what does not fade with the motion."""
 GAIN = 1.0
@@ -82,6 +84,7 @@ class Field:
             floor: Noise of the sensor [rad or rad/s].
         """
         self.base_effects = base
+        self.floor = floor
         linear = next(m for m in models if m.effects == base and not m.shape)
         self.base_parameters = len(linear.problem.names)
         best = min(models, key=lambda m: m.cost)
@@ -145,6 +148,12 @@ class Field:
     def near(self, one: Scored) -> list[Scored]:
         """Return the candidates that may be true and are not told from one."""
         return [s for s in self.possible if self.gap(one, s) <= TIE]
+
+    @property
+    def slight(self) -> bool:
+        """Return whether the joint as it is misses next to nothing of few periods, and no model all of that: it may be anybody's."""
+        exact = self.best.model.rmse < INEXACT * self.floor
+        return self.left(self.base) < SLIGHT and len(self.blocks.cuts) < FEWEST_BLOCKS and not exact
 
     def _follows_motion(self) -> bool:
         """Return whether the joint as it is errs as no sensor does: in proportion to the motion, or more than another model."""

@@ -529,6 +529,11 @@ def best_of(models: Sequence[Candidate], count: int) -> list[Candidate]:
     return list({id(m): m for pair in turns for m in pair}.values())[:count]
 
 
+def inside(models: Sequence[Candidate]) -> list[Candidate]:
+    """Return the models whose effects are something of their own: what stands in for another law takes no law's place; all where none are."""
+    return [m for m in models if not m.at_edge] or list(models)
+
+
 def frugality(model: Candidate) -> float:
     """Return what ranks models by error and size: a parameter is worth a sixth of the squared error."""
     return 6 * float(np.log(max(model.cost, 1e-300))) + model.size
@@ -545,9 +550,14 @@ def leaders(
 
 
 def best_families(models: Sequence[Candidate], count: int) -> list[Candidate]:
-    """Return the best models of the best sets of families: of each the one with the least error, and the one with the least for its size."""
-    best = best_of(leaders(models), count)
-    return [m for one in best for m in best_of([m for m in models if m.families == one.families], VARIANTS)]
+    """Return the best models of the best sets of families: of each the one with the least error, and the one with the least for its size.
+
+    And the best of all: it shows what can be reached, if only at the edge of what an effect is.
+    """
+    own = inside(models)
+    best = best_of(leaders(own), count)
+    picked = [m for one in best for m in best_of([m for m in own if m.families == one.families], VARIANTS)]
+    return list({id(m): m for m in [*picked, *best_of(models, 1)]}.values())
 
 
 def inherited(problem: Problem, known: Candidate) -> Array:

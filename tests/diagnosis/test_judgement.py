@@ -11,7 +11,7 @@ from sysid.diagnosis.diagnose import _outside
 from sysid.diagnosis.error_model import Fitted
 from sysid.diagnosis.experiment import DECIDED, deciding
 from sysid.diagnosis.importance import importance
-from sysid.diagnosis.judgement import INEXACT, TIE, UNMET, Field, families_of
+from sysid.diagnosis.judgement import FEWEST_BLOCKS, INEXACT, SLIGHT, TIE, UNMET, Field, families_of
 from sysid.diagnosis.search import Search
 from sysid.fitting.records import make_records
 from sysid.fitting.search import scales_of
@@ -171,6 +171,24 @@ def test_the_likeliest_families_are_those_that_are_there(friction):
     _, field = friction
     assert field.confidence(frozenset({"friction"})) > 0.99
     assert sum(field.likely().values()) == pytest.approx(1.0)
+
+
+def test_what_next_to_nothing_of_few_periods_is_made_of_is_not_told(friction, monkeypatch):
+    """Unless a model reaches the floor, or the periods are enough for a law to come back."""
+    _, field = friction
+    monkeypatch.setattr(Field, "left", lambda self, scored: 0.9 * SLIGHT)
+    assert not field.slight
+    monkeypatch.setattr(field, "floor", 0.5 * NOISE)
+    assert len(field.blocks.cuts) >= FEWEST_BLOCKS
+    assert not field.slight
+    few = replace(field.blocks, cuts=field.blocks.cuts[: FEWEST_BLOCKS - 1])
+    monkeypatch.setattr(field, "blocks", few)
+    assert field.slight
+    monkeypatch.setattr(field, "floor", NOISE)
+    assert not field.slight
+    monkeypatch.setattr(field, "floor", 0.5 * NOISE)
+    monkeypatch.setattr(Field, "left", lambda self, scored: 1.1 * SLIGHT)
+    assert not field.slight
 
 
 def test_what_is_there_explains_all_and_is_certain(friction):

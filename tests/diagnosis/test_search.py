@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sysid.board import load_board
-from sysid.diagnosis.search import Search, best_families, best_of, frugality, leaders
+from sysid.diagnosis.search import Search, best_families, best_of, frugality, inside, leaders
 from sysid.effects import catalogue
 from sysid.effects._base import Scales
 from sysid.fitting.problem import Record
@@ -92,8 +92,20 @@ def test_parents_of_pairs_are_of_different_families(search):
     assert [m.families for m in chosen] == [{"friction"}, {"drag"}]
     assert chosen[0].cost == min(m.cost for m in models[:3])
     assert {m.families for m in best_families(models, 2)} == {frozenset({"friction"}), frozenset({"drag"})}
-    assert len(best_families(models, 1)) == 3, "all variants of the best family"
     assert [m.effects for m in leaders(models[:2], frugality)] == [("coulomb",)], "it is all that is there"
+
+
+def test_what_stands_in_for_another_law_keeps_nobody_out(search):
+    """Dahl's or Stribeck's friction at the edge of what it is, is dry friction; and whatever is best shows what can be reached."""
+    linear = search.single(())
+    names = ("coulomb", "stribeck", "dahl", "cubic-damping")
+    singles = [search.single((name,), linear) for name in names]
+    edged, own = ([m for m in singles if m.at_edge is edge] for edge in (True, False))
+    assert edged
+    assert singles[0] in own
+    assert inside(edged) == edged
+    best = min(singles, key=lambda m: m.cost)
+    assert {m.effects for m in best_families(singles, 2)} == {m.effects for m in (*own, best)}
 
 
 def test_what_is_far_from_the_best_is_not_predicted(search):
