@@ -53,7 +53,7 @@ LOGS: dict[str, tuple[set[str], set[str]]] = {
 def ends_well(result: Diagnosis, log: Path) -> bool:
     """Run every command that a diagnosis prints, each in a folder of its own; return whether none fails, and print those that do."""
     well = True
-    for line in re.findall(r"husky-sysid (.*)", result.report()):
+    for line in re.findall(r"husky-sysid (\w+ LOG\.\.\. .*)", result.report()):
         words = [str(log) if word == "LOG..." else word for word in shlex.split(line)]
         run = [sys.executable, "-c", "from sysid.cli import main; main()", *words]
         with TemporaryDirectory() as folder:

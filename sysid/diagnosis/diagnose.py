@@ -171,6 +171,19 @@ class Diagnosis:
         return fittable(self.verdict.effects) if self.status == "missing" else ()
 
     @property
+    def ends_at_bound(self) -> bool:
+        """Whether a number of what is missing ended at a bound where it may not be left: `fit` would not record it."""
+        problem = self.best.problem
+        left = {
+            f"{e.name}.{p.name}"
+            for e in problem.structure.parts
+            for p in e.parameters
+            if p.default is not None
+        }
+        ends = zip(problem.names, self.best.minimum.at_bound, strict=False)
+        return any(bool(end) for name, end in ends if "." in name and name not in left)
+
+    @property
     def held(self) -> Mapping[str, float]:
         """What `fit` should hold meanwhile: the spring at zero where gravity takes its place."""
         return {"stiffness": 0.0} if self.effects and self.best.problem.fixed.get("stiffness") == 0 else {}
@@ -403,7 +416,7 @@ def _material(search: Search, tried: Field, final: list[Model]) -> tuple[Model, 
         if known is None or again.cost < known.cost:
             known = again
             final = [*(m for m in final if m.effects != rest), known]
-        if tried.left(tried.score(known)) > max(MATERIAL, tried.left(tried.score(winner))):
+        if tried.left(tried.score(known)) > max(MATERIAL, 1.01 * tried.left(tried.score(winner))):
             break
         winner, left_out = known, left_out | {effect(idle[0]).family}
     return winner, final, left_out

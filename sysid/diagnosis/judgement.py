@@ -11,7 +11,7 @@ import numpy as np
 
 from sysid.diagnosis.error_model import Blocks, Fitted, blocks_of, fit_errors
 from sysid.diagnosis.pendulum import zero
-from sysid.diagnosis.search import Candidate
+from sysid.diagnosis.search import INEXACT, Candidate
 from sysid.effects import effect
 from sysid.roll import Array
 
@@ -33,8 +33,6 @@ NEGLIGIBLE = 0.01
 """Error over the motion that does not matter where no model is exact: what the best leaves, up to this."""
 SLIGHT = 0.005
 """Error beyond the noise over the motion, both RMS, that is no law yet where no model is exact and the periods are too few for one to come back."""
-INEXACT = 1.5
-"""Error over the noise from which even the best model is not exact: over the floor, and over what does not fade with the motion."""
 GAIN = 1.0
 """Of a parameter that may move towards what it predicts, as of one that is fitted to it (Akaike 1974) [nats]; from eight
 periods on it pays half the log of their number (Schwarz 1978)."""

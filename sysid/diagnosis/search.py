@@ -31,6 +31,8 @@ PARENTS, FEW = 4, 2
 """Single effects, the best of their families, whose pairs with all others are tried; and if the best of them is at the noise already."""
 AT_NOISE = 1.02
 """Error over the noise floor up to which a model is at the noise: a floor is known to a few percent."""
+INEXACT = 1.5
+"""Error over the noise from which even the best model is not exact: over the floor, and over what does not fade with the motion."""
 STARTS = 3
 """Starts tried of an effect that joins another."""
 EARLY = 4.0
@@ -118,8 +120,9 @@ class Candidate:
         A share may be anything from none to all.
         """
         point = dict(zip(self.problem.names, self.minimum.point, strict=False))
+        exact = self.rmse < INEXACT * self.problem.records[0].std
         return any(
-            p.edged(point[f"{part.name}.{p.name}"])
+            p.edged(point[f"{part.name}.{p.name}"], exact=exact)
             for part in self.problem.structure.parts for p in part.parameters if f"{part.name}.{p.name}" in point
         )  # fmt: skip
 

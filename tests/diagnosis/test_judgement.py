@@ -1,18 +1,20 @@
 """One judgement: what counts as equally good, what matters, and the experiment that decides."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from sysid.board import load_board
-from sysid.diagnosis.diagnose import _outside
+from sysid.diagnosis.diagnose import Diagnosis, _outside
 from sysid.diagnosis.error_model import Fitted
 from sysid.diagnosis.experiment import DECIDED, deciding
 from sysid.diagnosis.importance import importance
 from sysid.diagnosis.judgement import FEWEST_BLOCKS, INEXACT, SLIGHT, TIE, UNMET, Field, families_of
-from sysid.diagnosis.search import Search
+from sysid.diagnosis.search import Candidate, Search
 from sysid.fitting.records import make_records
 from sysid.fitting.search import scales_of
 from sysid.joint import JointLaw, simulate
@@ -165,6 +167,30 @@ def test_a_stop_as_soft_as_a_stop_may_be_is_no_candidate(friction):
     assert all(
         s.model is not soft for s in Field(models, (), 2 * np.pi / search.scales.frequency, NOISE).possible
     )
+
+
+def test_a_soft_stop_that_leaves_more_than_noise_is_a_bend_of_the_spring(friction):
+    """Below a tenth of the spring it is one only where nothing else is left."""
+    search, _ = friction
+    stop = search.single(("end-stop",))
+    point = stop.minimum.point.copy()
+    point[stop.problem.names.index("end-stop.stiffness")] = 0.05
+    point[stop.problem.names.index("end-stop.angle")] = 0.5
+    soft = replace(stop, minimum=replace(stop.minimum, point=point))
+    for error, edge in ((1.1, False), (2.0, True)):
+        with patch.object(Candidate, "rmse", error * NOISE):
+            assert soft.at_edge is edge
+
+
+def test_what_ends_at_a_bound_is_not_told_to_be_added(friction):
+    """A stop without loss is one; one whose angle is that of the widest swing is none."""
+    search, _ = friction
+    stop = search.single(("end-stop",))
+    for name, ends in (("end-stop.damping", False), ("end-stop.angle", True)):
+        at_bound = np.zeros_like(stop.minimum.at_bound)
+        at_bound[stop.problem.names.index(name)] = True
+        best = replace(stop, minimum=replace(stop.minimum, at_bound=at_bound))
+        assert Diagnosis.ends_at_bound.__get__(SimpleNamespace(best=best)) is ends
 
 
 def test_the_likeliest_families_are_those_that_are_there(friction):
