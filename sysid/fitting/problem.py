@@ -179,7 +179,7 @@ class Problem:
         At the noise, a fiftieth of what one parameter gains by chance. Far above it what is left is the law's, and the same in
         each swing: a few values, whose logarithm counts, however many samples there are.
         """
-        used = self.samples if self.weights is None else float(sum(w.sum() for w in self.weights))
+        used = max(1.0, self.samples if self.weights is None else sum(float(w.sum()) for w in self.weights))
         beyond = max(1.0 - 0.5 * used / cost, 0.0) if cost > 0 else 0.0
         return max(1e-5, 0.02 / used) + _ROUGH * beyond**2
 

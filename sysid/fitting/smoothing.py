@@ -240,7 +240,7 @@ def _chosen(linear: "_Linearised", weights: tuple[float, ...]) -> tuple[tuple[fl
         for table in range(len(weights)):
             tried = [(*weights[:table], weight, *weights[table + 1 :]) for weight in _WEIGHTS]
             scores = [best if w == weights else linear.score(w) for w in tried]
-            first = next(i for i, score in enumerate(scores) if score > max(scores) - _GAIN)
+            first = next(i for i, score in enumerate(scores) if score >= max(scores) - _GAIN)
             weights, best = tried[first], scores[first]
         if weights == before:
             break
@@ -282,14 +282,14 @@ class _Linearised:
         return 0.5 * self.samples / self.memory * float(np.log(ratio))
 
     def missed(self, weights: tuple[float, ...]) -> float:
-        """Return the sum of squares that is missed of each part by what the others say [1]."""
+        """Return the sum of squares that is missed of each part by what the others say [1]; inf where the motion ran away."""
         prior = self._prior(weights)
         gradient, hessian = self._together()
         total = 0.0
         for c, g, h in zip(self.squares, self.gradients, self.hessians, strict=True):
             step = self._step(gradient - g, hessian - h, prior)
             total += c + 2 * float(g @ step) + float(step @ h @ step)
-        return max(total, 1e-300)
+        return max(total, 1e-300) if np.isfinite(total) else float("inf")
 
     def _together(self) -> tuple[Array, Array]:
         return np.sum(self.gradients, axis=0), np.sum(self.hessians, axis=0)

@@ -9,8 +9,13 @@ from sysid.least_squares import Normal
 class Folded:
     """A release that says x² = 1, and nothing of x at 0."""
 
+    unnoticed = 1e-8
+
     def bounds(self):
         return np.array([-5.0]), np.array([5.0])
+
+    def unnoticed(self, cost):
+        return 1e-7
 
     def residuals(self, point):
         return [point**2 - 1.0]
