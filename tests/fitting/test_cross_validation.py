@@ -9,8 +9,6 @@ from sysid.least_squares import Normal
 class Folded:
     """A release that says x² = 1, and nothing of x at 0."""
 
-    unnoticed = 1e-8
-
     def bounds(self):
         return np.array([-5.0]), np.array([5.0])
 
