@@ -1,80 +1,78 @@
-"""How the time of a diagnosis grows with samples and with the catalogue.
+"""What a diagnosis costs: logs of the hidden-effect suite at two rates, and ten minutes of two kinds.
 
     python benchmarks/diagnosis_time.py
 
-Processor time of one process; quote the ratios. One log of the hidden-effect suite per row: dry friction (found at
-once, so the search ends early) and a damper on one side (which nothing explains, so all is tried).
+Processor time of one process. Two processes share the search; what is learned in the end is work for one.
 """
 
 import platform
 import time
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import numpy as np
 from hidden_truths import TRUTHS, board_of, make
 
+from sysid.board import Board, load_board
 from sysid.diagnosis.diagnose import diagnose
-from sysid.diagnosis.search import Search
-from sysid.fitting.records import make_records
-from sysid.fitting.search import scales_of
-from sysid.noise.floor import noise_floor
+from sysid.logs import read_roll
+from sysid.quantity import Quantity
+from sysid.releases import find_releases
+from sysid.roll import Release
+from sysid.synth import SynthOptions, synthesise
 
 RESULT = Path(__file__).parent / "results" / "diagnosis_time.md"
 CASES = ("coulomb 0.1", "damper on one side")
-RATES = (125.0, 250.0, 500.0, 1000.0)
-SIZES = (3, 6, 9, 13)
+RATES = (125.0, 1000.0)
+MINUTES = 10.0
 SEED = 5
 
 
-def log_of(name: str, rate: float):
-    truth = replace(next(t for t in TRUTHS if t.name == name), rates=(rate,), noises=(0.1,))
-    with TemporaryDirectory() as folder:
-        return make(truth, SEED, Path(folder)), board_of(truth)
+def row(what: str, samples: int, releases: Sequence[Release], board: Board, begin: float) -> str:
+    v = diagnose(releases, board).verdict
+    said = " + ".join(v.effects) or v.status
+    line = f"| {what} | {samples} | {len(releases)} | {time.process_time() - begin:.1f} | {said} |"
+    print(line, flush=True)
+    return line
 
 
-@dataclass(frozen=True, kw_only=True)
-class Few(Search):
-    """A search of the first effects of the catalogue only."""
-
-    count: int
-
-    def names(self) -> list[str]:
-        return super().names()[: self.count]
+def long_log(folder: Path, board: Board, rate: float, releases: int) -> Path:
+    """Write ten minutes of a board with dry friction."""
+    each = 60 * MINUTES / releases
+    angles = tuple(float(a) for a in np.linspace(0.19, 0.06, releases) * (-1.0) ** np.arange(releases))
+    options = SynthOptions(angles=angles, rate=rate, duration=each - 2.0, push=1.0, hold=1.0, seed=SEED)
+    path = folder / f"long-{rate:.0f}-{releases}.csv"
+    synthesise(board, {"coulomb": (0.02,)}, options).save(path)
+    return path
 
 
 def main() -> None:
+    np.seterr(all="ignore")
+    pink = load_board(Path(__file__).parents[1] / "data/boards/pink.toml")
+    free = pink.with_tilt(damping=Quantity(2e-4, 1e-6, "N*m*s/rad"))
+    rows: list[str] = []
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        for truth in (t for t in TRUTHS if t.name in CASES):
+            for rate in RATES:
+                made = make(replace(truth, rates=(rate,), noises=(0.1,)), SEED, folder)
+                samples, board = sum(len(r.time) for r in made), board_of(truth)
+                rows.append(
+                    row(f"{truth.name}, 6 s at {rate:.0f} Hz", samples, made, board, time.process_time())
+                )
+        for board, rate, count in ((pink, 200.0, 60), (pink, 1000.0, 60), (free, 200.0, 1)):
+            log = long_log(folder, board, rate, count)
+            begin = time.process_time()  # reading it too
+            roll = read_roll(log)
+            what = f"friction, {MINUTES:.0f} min at {rate:.0f} Hz"
+            rows.append(row(what, len(roll.time), find_releases(roll), board, begin))
     lines = [
         "# Time of a diagnosis", "",
-        f"Processor time of one process on a busy machine, Python {platform.python_version()}; made by `benchmarks/diagnosis_time.py`. "
-        "Three releases of 2 s.", "", "| hidden | samples | s | verdict |", "|---|---|---|---|",
+        f"Processor time of one process on a busy machine, Python {platform.python_version()}; made by `benchmarks/diagnosis_time.py`.",
+        "", "| log | samples | releases | s | verdict |", "|---|---|---|---|---|", *rows,
     ]  # fmt: skip
-    diagnose(*log_of("none, heavy", 200.0))  # imports, and functions that all share
-    for name in CASES:
-        for rate in RATES:
-            releases, board = log_of(name, rate)
-            begin = time.process_time()
-            verdict = diagnose(releases, board).verdict
-            took = time.process_time() - begin
-            said = " + ".join(verdict.effects) or verdict.status
-            lines.append(f"| {name} | {sum(len(r.time) for r in releases)} | {took:.1f} | {said} |")
-            print(lines[-1], flush=True)
-    lines += [
-        "",
-        "Singles and all pairs, screened (nothing settled early), 'damper on one side' at 500 Hz:",
-        "",
-    ]
-    lines += ["| effects | models | s |", "|---|---|---|"]
-    releases, board = log_of(CASES[1], 500.0)
-    records = make_records(releases, noise_floor(releases).std, rate=False)
-    scales = scales_of(records, board)
-    for count in SIZES:
-        searcher = Few(records=records, scales=scales, bias="shared", count=count)
-        begin = time.process_time()
-        singles = searcher.singles()
-        pairs = searcher.pairs(singles)
-        lines.append(f"| {count} | {len(singles) + len(pairs)} | {time.process_time() - begin:.1f} |")
-        print(lines[-1], flush=True)
     RESULT.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 

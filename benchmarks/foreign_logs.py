@@ -53,7 +53,7 @@ def line(name: str, result: Diagnosis, right: bool, expected: str, cpu: float) -
 def foreign(folder: Path, board_name: str, only: str, part: slice) -> None:
     board = load_board(ROOT / f"data/boards/{board_name}.toml")
     truths = json.loads((folder / "truth.json").read_text())
-    hits = count = 0
+    hits, times = 0, list[float]()
     for name, truth in list(truths.items())[part]:
         if only not in name:
             continue
@@ -64,12 +64,13 @@ def foreign(folder: Path, board_name: str, only: str, part: slice) -> None:
             for group in (truth["effects"], *truth["also"])
         ]
         right = bool(set(wanted) & set(verdicts(result)))
-        hits, count = hits + right, count + 1
+        hits += right
+        times.append(time.process_time() - begin)
+        print(line(name, result, right, ",".join(truth["effects"]) or "-", times[-1]), flush=True)
+    if times:
         print(
-            line(name, result, right, ",".join(truth["effects"]) or "-", time.process_time() - begin),
-            flush=True,
+            f"{hits} of {len(times)} right; s CPU: {np.median(times):.1f} in the median, {max(times):.1f} at most"
         )
-    print(f"{hits} of {count} right")
 
 
 def options_of(description: str | None, option: str, **more: Any) -> argparse.Namespace:

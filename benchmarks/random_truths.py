@@ -29,6 +29,8 @@ CREEP = 1e-5
 
 CORNER = 100
 """Sharpness of a slider's yielding: within a hundredth of its stretch."""
+FORGOTTEN = 5.0
+"""Time constants after which a filter holds nothing of what was before."""
 MOST_STEPS = 200_000
 """Of an integration before it is given up."""
 
@@ -607,6 +609,7 @@ def visible(case: Case, motion: Motion) -> dict[str, float]:
     """Return how far the best linear decays are from the log without noise: as χ², what there is to see it by, and over the motion.
 
     They have one frequency, one damping and one rest, and any start. What shows against the record only is visible by its strength.
+    What a filter remembers of a hand that pushed is none of the decay.
     """
     from scipy.optimize import least_squares
 
@@ -616,7 +619,8 @@ def visible(case: Case, motion: Motion) -> dict[str, float]:
     if set(truth.families) <= {VARIANTS[name][0] for name in AGAINST_RECORD} and truth.families:
         seen = truth.rest**2 * weight(r) * len(signal) if truth.rest else (truth.strength / 0.003) ** 2
         return {"visible": seen, "signal_share": truth.strength}
-    spans = [(motion.time >= a) & (motion.time <= b) for a, b in motion.free]
+    remembered = FORGOTTEN * truth.lag if r.pushed else 0.0
+    spans = [(motion.time >= a + remembered) & (motion.time <= b) for a, b in motion.free]
     joint = _Joint(truth)
 
     def misfit(point: Array) -> Array:

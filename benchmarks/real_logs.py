@@ -3,19 +3,24 @@
     python benchmarks/real_logs.py ../shared/real_logs [--only servo] [--write docs/learned_torque.md]
 
 The folder is no part of the project; where it is absent nothing is run. What each log holds is known from its source or from an
-independent fit. A torque is learned beside what is named wherever that leaves more than the noise, whether `diagnose` would
-offer it or not. Seconds are of one processor.
+independent fit. Every command that `diagnose` prints as the next step is run, and must end well. A torque is learned beside what is
+named wherever that leaves more than the noise, whether `diagnose` would offer it or not. Seconds are of one processor.
 """
 
+import re
+import shlex
+import subprocess
+import sys
 import time
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from foreign_logs import options_of, verdicts
 from pages import write_between
 
 from sysid.board import load_board
-from sysid.diagnosis.diagnose import diagnose
+from sysid.diagnosis.diagnose import Diagnosis, diagnose
 from sysid.diagnosis.remedy import learn
 from sysid.diagnosis.report import fittable
 from sysid.errors import SysidError
@@ -45,6 +50,20 @@ LOGS: dict[str, tuple[set[str], set[str]]] = {
 """Families that must be named, or be among what looks the same, and those that may."""
 
 
+def ends_well(result: Diagnosis, log: Path) -> bool:
+    """Run every command that a diagnosis prints, each in a folder of its own; return whether none fails, and print those that do."""
+    well = True
+    for line in re.findall(r"husky-sysid (\w+ LOG\.\.\. .*)", result.report()):
+        words = [str(log) if word == "LOG..." else word for word in shlex.split(line)]
+        run = [sys.executable, "-c", "from sysid.cli import main; main()", *words]
+        with TemporaryDirectory() as folder:
+            done = subprocess.run(run, capture_output=True, text=True, check=False, cwd=folder)
+        if done.returncode:
+            print(f"BAD exit {done.returncode}: husky-sysid {line}: {done.stderr.strip()}", flush=True)
+        well &= done.returncode == 0
+    return well
+
+
 def main() -> None:
     options = options_of(
         __doc__, "--write", type=Path, help="page with <!-- real logs --> marks to write the table into"
@@ -65,8 +84,10 @@ def main() -> None:
         except SysidError as error:
             print(f"BAD {name}: {error}", flush=True)
             continue
+        seconds = time.process_time() - begin
         v, noise = result.verdict, result.noise.std
         right = any(needed <= said <= known for said in map(set, verdicts(result)))
+        right &= ends_well(result, options.folder.resolve() / name)
         alike = "; ".join(", ".join(group) for group in v.indistinguishable_from)
         learned = result.learned
         if learned is None and result.best.rmse > NEAR * noise:
@@ -86,7 +107,7 @@ def main() -> None:
         )
         said = "ok " if right else "BAD"
         print(
-            f"{said} {rows[-1]} {alike} | {v.confidence:.2f} | {time.process_time() - begin:.0f} s",
+            f"{said} {rows[-1]} {alike} | {v.confidence:.2f} | {seconds:.0f} s",
             flush=True,
         )
     if options.write:

@@ -47,7 +47,7 @@ def minimise(
     high: Array,
     *,
     iterations: int = 60,
-    tolerance: float = 1e-7,
+    tolerance: float | Callable[[float], float] = 1e-7,
     damping: float = 1e-3,
     known: Normal | None = None,
 ) -> Minimum:
@@ -59,7 +59,7 @@ def minimise(
         low: Lower bounds, shape (p,).
         high: Upper bounds, shape (p,).
         iterations: Steps tried at most.
-        tolerance: Relative fall of the cost, predicted and found, below which the search ends.
+        tolerance: Relative fall of the cost, predicted and found, below which the search ends; or what says it of a cost.
         damping: First Marquardt parameter.
         known: Cost and normal equations at the start, where an earlier search has them.
     """
@@ -68,10 +68,11 @@ def minimise(
     evaluations, factor = int(known is None), damping
     status: Status = "out of iterations"
     for _ in range(iterations):
+        small = tolerance(here.cost) if callable(tolerance) else tolerance
         trial = np.clip(point + _step(here, point, low, high, factor), low, high)
         moved = trial - point
         predicted = -float(here.gradient @ moved + 0.5 * moved @ here.hessian @ moved)
-        if predicted <= tolerance * here.cost:
+        if predicted <= small * here.cost:
             status = "converged"
             if factor <= 1.0:
                 break
@@ -82,7 +83,7 @@ def minimise(
             share = fall / max(predicted, 1e-300)
             point, here = trial, there
             factor = max(factor * (0.1 if share > 0.75 else 0.4 if share > 0.25 else 2.0), 1e-9)
-            if fall <= tolerance * here.cost and predicted <= 10 * tolerance * here.cost:
+            if fall <= small * here.cost and predicted <= 10 * small * here.cost:
                 status = "converged"
                 break
             status = "out of iterations"

@@ -28,6 +28,13 @@ def test_a_bound_is_kept_and_the_rest_is_the_best_within_it():
     assert found.point == pytest.approx([2.0, 2.0], abs=1e-6)
 
 
+def test_a_search_ends_where_what_it_can_still_gain_is_not_noticed():
+    """From the start, the cost of 33 can fall to 0: by all of it, which only one of the two calls notices."""
+    box = np.full(2, -10.0), np.full(2, 10.0)
+    ends = [minimise(line(3.0, 1.0), np.zeros(2), *box, tolerance=lambda cost, t=t: t) for t in (1e-5, 1.0)]
+    assert [end.normal.cost for end in ends] == [pytest.approx(0.0, abs=1e-6), pytest.approx(33.0)]
+
+
 def test_less_than_nothing_on_the_diagonal_overflows_nothing():
     """What rounding leaves of a variable that says nothing; a warning fails the test."""
     step = _solve(np.array([[1e27, 1e3], [1e3, -1e9]]), np.ones(2), 1e-9)

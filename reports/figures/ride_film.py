@@ -9,6 +9,7 @@ import numpy as np
 
 from sysid.errors import SysidError
 from sysid.files import atomic_path
+from sysid.progress import steps
 from sysid.roll import Array
 
 WIDTH, HEIGHT = 360, 420
@@ -62,7 +63,7 @@ def render(model: mujoco.MjModel, qpos: Array) -> list[Array]:
     camera.distance, camera.azimuth, camera.elevation = 2.3, 220.0, -12.0
     images: list[Array] = []
     with renderer:
-        for row in qpos:
+        for row in steps(list(qpos)):
             data.qpos[:] = row
             mujoco.mj_forward(model, data)
             camera.lookat[:] = [row[base], row[base + 1], 0.6]

@@ -96,9 +96,10 @@ def _show(space: Workspace, name: str, printer: Printer) -> None:
             "effects beyond spring and damper",
         )
         _warn_of_unknown_effects(board, printer)
-    for title, table in (("geometry", board.geometry), ("mass", board.mass)):
+    for title, table in (("geometry", board.geometry), ("rolling", board.rolling), ("mass", board.mass)):
         rows = [(key.replace("_", " "), str(quantity)) for key, quantity in table.items()]
-        printer.table(("quantity", "value ± 95 %"), rows, title)
+        if rows:
+            printer.table(("quantity", "value ± 95 %"), rows, title)
     for title, content in (("fit", board.fit), ("check", board.check)):
         if content:
             printer.table(("field", "value"), [(key, str(value)) for key, value in content.items()], title)
@@ -110,6 +111,7 @@ def _show(space: Workspace, name: str, printer: Printer) -> None:
         {
             **summary(space, board),
             "geometry": _json(board.geometry),
+            "rolling": _json(board.rolling),
             "mass": _json(board.mass),
             "tilt": _json(board.tilt),
             "effect": [{"name": e.name, "parameters": _json(e.parameters)} for e in board.effects],

@@ -67,6 +67,8 @@ class Condition:
 
         if not self.duration > 0:
             raise SysidError(f"--duration {self.duration:g}: must be longer than 0 s.")
+        if not self.pushes >= 0:
+            raise SysidError(f"--pushes {self.pushes:g}: must not be negative.")
         if not 0 <= self.turn_deg <= 45:
             raise SysidError(f"--turn-deg {self.turn_deg:g}: policies are trained for 0 to 45°.")
         harder: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(Stress)}
@@ -151,7 +153,7 @@ def evaluate(
                 )
                 rides.append((name, result))
     folder = output or common.space.outputs(record.name)
-    title = f"{record.name} in {simulator}: {episodes} episodes × {seeds} seed{'s' * (seeds > 1)}"
+    title = f"{record.name} in {simulator}: {episodes} episode{'s' * (episodes > 1)} × {seeds} seed{'s' * (seeds > 1)}"
     if len(rides) > 1:
         content = _report_table(rides, title, folder, printer)
     else:
@@ -213,7 +215,8 @@ def _report_one(
     if breakdown:
         for table in result.tables:
             head, *body = table.texts()
-            printer.table(head, body, table.title)
+            if body:
+                printer.table(head, body, table.title)
     picture = folder / f"evaluate-{result.policy}-{simulator}.png"
     paths_figure(result.paths, result.headings, title, picture)
     printer.say(f"picture: {picture}")

@@ -5,8 +5,10 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from sysid.cli.bars import working
 from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.cli.ride_options import RideOptions, SafetyOptions, choose_renderer, prepare, write_ride
+from sysid.progress import stage
 
 
 def play(
@@ -49,11 +51,13 @@ def play(
         stop_time=0.0,
         hold_heading=options.hold_heading,
     )
-    with viewed(robot, viewer) as shown:
-        runtime.robot = shown
-        result = runtime.run(options.duration)
-    recording = recorder.recording()
-    files = write_ride(ride, recording, output or common.space.outputs(ride.board.name), printer)
+    with working(printer):
+        with stage(0.0, 0.3, "riding"), viewed(robot, viewer) as shown:
+            runtime.robot = shown
+            result = runtime.run(options.duration)
+        recording = recorder.recording()
+        with stage(0.3, 1.0, "drawing the ride"):
+            files = write_ride(ride, recording, output or common.space.outputs(ride.board.name), printer)
     printer.say(f"{ride.policy.name} rode {ride.board.name} for {result.duration:.2f} s")
     printer.say(f"ended: {result.stopped or 'as planned'}")
     for kind, path in files.items():

@@ -1,6 +1,7 @@
 """`husky-sysid roll`: the roll angle of any log or film, as a plain table."""
 
 import shlex
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -110,7 +111,11 @@ def _preview(log: Path, output: Path, arguments: LogArguments, printer: Printer)
 
     options = replace(arguments.video.options, rate=arguments.rate)
     clip, page = open_clip(log), output.with_suffix(".html")
-    command = shlex.join(["husky-sysid", "roll", str(log), "-o", str(output)])
+    typed = [word for word in sys.argv[1:] if word != "--preview"]
+    if "--roi" in typed:  # with its four numbers: the page draws another one
+        place = typed.index("--roi")
+        del typed[place : place + 5]
+    command = shlex.join(["husky-sysid", *typed])
     with closing(Reel(clip, lens_of(clip, options.calibration), options)) as reel:
         what = write_preview(reel, command, page)
     shown = printer.common.json is None and webbrowser.open(page.absolute().as_uri())

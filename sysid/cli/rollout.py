@@ -60,8 +60,11 @@ def rollout(
     else:
         rows.insert(0, ("rake", found.rake))
     printer.quantities(rows, f"{record.name}: {len(runs)} roll-out{'s' * (len(runs) > 1)}")
-    content: dict[str, Any] = {name: quantity.to_json() for name, quantity in rows}
-    content["at_speed"] = found.at_speed
+    content: dict[str, Any] = {
+        "rake": None if found.rake is None else found.rake.to_json(),
+        "deceleration": found.deceleration.to_json(),
+        "at_speed": found.at_speed,
+    }
     if save:
         path = common.space.save_board(found.board(record), since=record)
         printer.say(f"saved: {path}")

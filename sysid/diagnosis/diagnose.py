@@ -22,6 +22,7 @@ from sysid.diagnosis.judgement import (
     CLOSE,
     EXPLAINED,
     MATERIAL,
+    NEGLIGIBLE,
     PRICE,
     TIE,
     UNMET,
@@ -37,6 +38,7 @@ from sysid.diagnosis.search import Candidate as Model
 from sysid.diagnosis.search import Progress, Search, best_families
 from sysid.diagnosis.stretches import judged_stretches
 from sysid.diagnosis.surrogates import LAWS, in_words, surrogates
+from sysid.diagnosis.touched import touched_release
 from sysid.diagnosis.wording import (
     experiment_in_words,
     is_or_are,
@@ -169,6 +171,19 @@ class Diagnosis:
         return fittable(self.verdict.effects) if self.status == "missing" else ()
 
     @property
+    def ends_at_bound(self) -> bool:
+        """Whether a number of what is missing ended at a bound where it may not be left: `fit` would not record it."""
+        problem = self.best.problem
+        left = {
+            f"{e.name}.{p.name}"
+            for e in problem.structure.parts
+            for p in e.parameters
+            if p.default is not None
+        }
+        ends = zip(problem.names, self.best.minimum.at_bound, strict=False)
+        return any(bool(end) for name, end in ends if "." in name and name not in left)
+
+    @property
     def held(self) -> Mapping[str, float]:
         """What `fit` should hold meanwhile: the spring at zero where gravity takes its place."""
         return {"stiffness": 0.0} if self.effects and self.best.problem.fixed.get("stiffness") == 0 else {}
@@ -245,8 +260,20 @@ def diagnose(
             records=records, scales=scales, bias=bias, base=tuple(sorted(p.name for p in board.effects)),
             fixed=held, pool=pool, progress=progress,
         )  # fmt: skip
-        search, models, final = _searched(search)
+        started, (search, models, final) = search, _searched(search)
+        touched = touched_release(final, search.base)
+        if touched is not None:
+            warnings.append(
+                f"release {judged[touched].number} is left out: the others are by one law, and it is by none, as if a hand was on the deck"
+            )
+            judged = [release for i, release in enumerate(judged) if i != touched]
+            records = tuple(record for i, record in enumerate(records) if i != touched)
+            search, models, final = _searched(replace(started, records=records))
         first = Field(final, search.base, period, noise.std)
+        learning = partial(learn, judged, board, signal=signal, fixed=fixed)
+        # Begun as soon as it is clear that it will be wanted, while others work on the rest.
+        sure = first.surely_missing and first.winner().model.rmse > REACHED * noise.std
+        alone = pool.begin(learning, ()) if sure else None
         winner, final, idle = _material(search, first, final)
         outside = surrogates(search, winner)
         everything = Field([*final, *outside], search.base, period, noise.std)
@@ -257,11 +284,13 @@ def diagnose(
         left_over |= verdict.status == "unexplained"
         # What is named may only mimic a law that nobody has met, alone or beside another.
         mimics = verdict.status == "missing" and best.rmse > REACHED * noise.std
-        besides = dict.fromkeys(((), fittable(verdict.effects) if left_over else ()))
         learned = None
+        results = [alone or pool.begin(learning, ())] if left_over or mimics else []
+        if left_over and (named := fittable(verdict.effects)):
+            results.append(pool.begin(learning, named))
         # At the same time by several processes; by one alone no more than is asked for.
-        jobs = [(judged, board, beside) for beside in besides if left_over or mimics]
-        for learned in pool.each(partial(learn, signal=signal, fixed=fixed), jobs):
+        for result in results:
+            learned = result()
             if mimics and learned is not None and learned.is_unmet(best.rmse, noise.std):
                 verdict = _unmet(verdict, learned, best)
                 break
@@ -387,7 +416,7 @@ def _material(search: Search, tried: Field, final: list[Model]) -> tuple[Model, 
         if known is None or again.cost < known.cost:
             known = again
             final = [*(m for m in final if m.effects != rest), known]
-        if tried.left(tried.score(known)) > max(MATERIAL, tried.left(tried.score(winner))):
+        if tried.left(tried.score(known)) > max(MATERIAL, 1.01 * tried.left(tried.score(winner))):
             break
         winner, left_out = known, left_out | {effect(idle[0]).family}
     return winner, final, left_out
@@ -400,8 +429,8 @@ def _judged(
     base = tried.base
     chosen = next(s for s in tried.scored if s.model is winner)
     named = search.added(winner)
-    outside = _outside(tried, chosen)
-    size = importance(winner, named, base.model) if named else None
+    outside = None if tried.slight else _outside(tried, chosen)
+    size = importance(winner, named, base.model) if named and not tried.slight else None
     explained = tried.explained(chosen)
     hints = _hints(search, tried, chosen, size)
     vague = not named or explained < EXPLAINED or tried.left(chosen) > CLOSE
@@ -481,7 +510,7 @@ def _missing(
     confidence = tried.confidence(families_of(chosen.model, search.base), idle) * (
         explained if tried.inexact else 1.0
     )
-    experiment = _experiment(search, tried, chosen, board)
+    experiment = _experiment(search, tried, chosen, board, rivals)
     return _verdict(tried, "missing", effects, confidence, sets, chosen, size, hints, experiment, text), final
 
 
@@ -490,17 +519,23 @@ def _nothing(
 ) -> tuple[Verdict, Model]:
     final = search.fine(tried.base.model, average=1)
     deviation = record_deviation(final, board, look_at_linear=True)
-    confidence = tried.confidence(frozenset())
-    if chosen.extra:
-        confidence += tried.confidence(families_of(chosen.model, search.base))
+    if tried.slight:  # whatever it is
+        confidence = tried.chance_explained(tried.base, 0.0, NEGLIGIBLE)
+    else:
+        confidence = sum(
+            tried.confidence(f) for f in {frozenset[str](), families_of(chosen.model, search.base)}
+        )
     experiment = deviation.experiment
     if deviation.effects:
         status: Status = "missing"
         text = f"{listed(deviation.effects)} {is_or_are(deviation.effects)} missing. {deviation.text}"
     else:
         status = "none-missing"
-        text = f"Nothing is missing that matters. {deviation.text}".strip()
-        experiment = "" if not hints else _experiment(search, tried, tried.base, board)
+        few = ", too little of too few periods to say of what" if tried.slight else ""
+        text = f"Nothing is missing that matters{few}. {deviation.text}".strip()
+        seen = {hint.effects for hint in hints}
+        alike = [s for s in tried.scored if search.added(s.model) in seen and not s.model.shape]
+        experiment = _experiment(search, tried, tried.base, board, alike) if alike else ""
     for hint in hints:
         text += f" Hint: {hint.text}"
     said = (status, deviation.effects, confidence, deviation.alike)
@@ -561,10 +596,12 @@ def _remainder(tried: Field, scored: Scored) -> tuple[float, str]:
     return left, f"What is left is {percent(share)} of the motion."
 
 
-def _experiment(search: Search, tried: Field, chosen: Scored, board: Board) -> str:
-    """Return the experiment that decides between a candidate and the best of another family."""
+def _experiment(
+    search: Search, tried: Field, chosen: Scored, board: Board, alike: Sequence[Scored] = ()
+) -> str:
+    """Return the experiment that decides between a candidate and the best of another family, of those that look the same if any do."""
     own = families_of(chosen.model, search.base)
-    others = [
+    others = [s for s in alike if families_of(s.model, search.base) != own] or [
         s for s in tried.scored
         if not (s.model.shape or s.model.at_edge) and families_of(s.model, search.base) != own
         and not set(s.model.effects) > set(chosen.model.effects) and np.isfinite(s.score)

@@ -1,5 +1,6 @@
 """How much an effect matters: what a user of the joint would notice, whatever a statistician can prove."""
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -7,7 +8,8 @@ import numpy as np
 
 from sysid.diagnosis.search import Candidate
 from sysid.effects import effect
-from sysid.effects._base import TorqueEffect
+from sysid.effects._algebra import NUMPY
+from sysid.effects._base import JointState, Scales, TorqueEffect
 from sysid.errors import SysidError
 from sysid.joint.law import JointLaw
 from sysid.joint.torques import effect_torque, torque_shares
@@ -65,6 +67,7 @@ def importance(model: Candidate, names: Sequence[str], base: Candidate) -> Impor
     law = JointLaw.from_vector(problem.structure, problem.vector_of(problem.parameters(point)))
     starts = problem.starts(point)
     times = [record.time for record in problem.records]
+    names = [n for n in names if not _does_nothing(law, n, problem.scales)]
     inside = [n for n in names if effect(n).role != "measurement"]
     sensed = [n for n in names if effect(n).role == "measurement"]
     each = torque_shares(law, times, starts, inside) if inside else {}
@@ -83,6 +86,25 @@ def importance(model: Candidate, names: Sequence[str], base: Candidate) -> Impor
         signal_share=float(np.sqrt(fall / max(motion, 1e-300))) if sensed else 0.0,
         each=each,
     )
+
+
+def _does_nothing(law: JointLaw, name: str, scales: Scales) -> bool:
+    """Return whether a torque law came out with no strength: it is zero wherever the joint can be."""
+    part = effect(name)
+    if not isinstance(part, TorqueEffect) or part.modifies is not None:
+        return False
+    values = part.named(dict(law.effects)[name])
+    corners = itertools.product((-1.0, 1.0), repeat=2 + len(part.states))
+    tilt, rate, *states = np.array(list(corners)).T
+    motion = JointState(scales.amplitude * tilt, scales.rate * rate, scales.amplitude * tilt, law.stiffness)
+    inner = [state.size(scales) * corner for state, corner in zip(part.states, states, strict=True)]
+    torque = np.abs(part.torque(NUMPY, motion, values, inner) + 0.0 * tilt).max()
+    rubbed = (
+        0.0
+        if part.friction is None
+        else float(np.max(part.friction(NUMPY, np.array([0.0, scales.rate]), values)))
+    )
+    return max(float(torque), rubbed) < 1e-9 * scales.torque
 
 
 def _bend(law: JointLaw, part: TorqueEffect, tilt: float) -> float:

@@ -7,6 +7,7 @@ from typing import Any
 from sysid.board import Board
 from sysid.errors import SysidError
 from sysid.fit_mjcf import fit
+from sysid.fitting.record_update import require_usable
 from sysid.fitting.records import Signal
 from sysid.roll import Release
 
@@ -27,6 +28,8 @@ class Learned:
     known: bool
     """Whether the catalogue has these shapes."""
     text: str
+    refused: str = ""
+    """Why `fit` would not record it; '' where it would."""
 
     def is_unmet(self, named: float, floor: float) -> bool:
         """Return whether one formula that the catalogue lacks reaches the noise, where what is named does not.
@@ -69,10 +72,15 @@ def learn(
         return None
     if found.formula is None:
         return None
+    try:
+        require_usable(found.joint)
+        refused = ""
+    except SysidError as error:
+        refused = str(error)
     text = f"Learned from tilt and rate, it {found.formula.text}"
     says_it = found.formula.good or found.formula.error < REACHED * found.noise.std
     return Learned(
         error_after=found.rmse, heldout_rmse=found.heldout_rmse, text=text,
         formula=tuple(shape.name for shape in found.formula.shapes) if says_it else (),
-        known=found.formula.is_known,
+        known=found.formula.is_known, refused=refused,
     )  # fmt: skip

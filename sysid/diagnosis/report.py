@@ -44,8 +44,10 @@ def report(result: "Diagnosis", width: int = WIDTH) -> str:
         errors = (show(error) for error in (result.learned.error_after, result.learned.heldout_rmse))
         lines.append("{} (error {}, held out {})".format(result.learned.text, *errors))
         named = "".join(f" --effect {name}" for name in result.effects)
-        lines.append(f"to learn it: husky-sysid fit LOG... {result.option}{named} --effect learned")
-    if result.effects:
+        command = f"husky-sysid fit LOG... {result.option}{named} --effect learned"
+        refused = result.learned.refused
+        lines.append(f"not to be learned yet: {refused}" if refused else f"to learn it: {command}")
+    if result.effects and not result.ends_at_bound:
         held = [f"--fix {name}={value:g}" for name, value in result.held.items()]
         flags = " ".join([*(f"--effect {name}" for name in result.effects), *held])
         lines.append(f"to add it: husky-sysid fit LOG... {result.option} {flags}")

@@ -31,6 +31,8 @@ PARENTS, FEW = 4, 2
 """Single effects, the best of their families, whose pairs with all others are tried; and if the best of them is at the noise already."""
 AT_NOISE = 1.02
 """Error over the noise floor up to which a model is at the noise: a floor is known to a few percent."""
+INEXACT = 1.5
+"""Error over the noise from which even the best model is not exact: over the floor, and over what does not fade with the motion."""
 STARTS = 3
 """Starts tried of an effect that joins another."""
 EARLY = 4.0
@@ -47,8 +49,8 @@ UNSETTLED = 8.0
 """Fall of χ² for each internal state of each release from which the hold before it has not settled that."""
 TREMOR = 0.03
 """Share of the most that a state can be by which a hand that trembles keeps moved what would have settled while it held the deck: a choice."""
-NEARLY = 1.3
-"""Ratio of squared errors to the best from which a search that was begun aside is not brought to its end."""
+AHEAD = 0.99
+"""Ratio of squared errors in the first swings up to which a search that was begun aside is brought to its end."""
 BEATEN, FAR = 6, 60.0
 """A union is given up when this many others have reached less than it promises, by that much of χ²."""
 HOPELESS = 8.0
@@ -118,8 +120,9 @@ class Candidate:
         A share may be anything from none to all.
         """
         point = dict(zip(self.problem.names, self.minimum.point, strict=False))
+        exact = self.rmse < INEXACT * self.problem.records[0].std
         return any(
-            p.edged(point[f"{part.name}.{p.name}"])
+            p.edged(point[f"{part.name}.{p.name}"], exact=exact)
             for part in self.problem.structure.parts for p in part.parameters if f"{part.name}.{p.name}" in point
         )  # fmt: skip
 
@@ -199,7 +202,7 @@ class Search:
         names, fixed = self._names_and_fixed(effects)
         problem, minimum, _ = search(
             structure_of(names), self.records, self.scales, bias=self.bias, steps_per_period=COARSE, fixed=fixed,
-            average=self.average,
+            average=self.average, exact=False,
         )  # fmt: skip
         if known is not None:
             start = inherited(problem, known)
@@ -237,11 +240,10 @@ class Search:
 
     def finished(self, model: Candidate) -> Candidate:
         """Return a model that was only begun with its fit brought to an end."""
-        # At the noise, the tolerance is a tenth of what one parameter gains by chance.
-        small = max(1e-5, 0.2 / model.problem.samples)
+        problem = model.problem
         minimum = minimise(
-            model.problem.normal, model.minimum.point, *model.problem.bounds(), iterations=16, tolerance=small,
-            known=model.minimum.normal,
+            problem.normal, model.minimum.point, *problem.bounds(), iterations=16, known=model.minimum.normal,
+            tolerance=lambda cost: max(0.2 / problem.samples, problem.unnoticed(cost)),  # at the noise, a tenth of what chance gains
         )  # fmt: skip
         return replace(model, minimum=minimum)
 
@@ -318,7 +320,7 @@ class Search:
     def pairs(self, singles: Sequence[Candidate]) -> list[Candidate]:
         """Fit the pairs of the best single effects with all others."""
         at_noise = min(m.rmse for m in singles) <= AT_NOISE * self.records[0].std
-        best = best_of(leaders(singles[1:]), FEW if at_noise else PARENTS)
+        best = best_of(leaders(singles[1:], frugality), FEW if at_noise else PARENTS)
         wanted = {
             tuple(sorted({*a.effects, *b.effects})): (a, b)
             for a in best for b in singles[1:] if a is not b and _sensible(a, b)
@@ -439,10 +441,11 @@ class Search:
             old.structure, self.records, self.scales, bias=self.bias, fixed=old.fixed, free_states=old.free_states,
             steps_per_period=int(FINE * old.structure.sharpness), average=self.average if average is None else average,
         )  # fmt: skip
-        small = max(1e-5, 0.02 / problem.samples)
 
         def fitted(start: Array) -> Minimum:
-            return minimise(problem.normal, start, *problem.bounds(), iterations=30, tolerance=small)
+            return minimise(
+                problem.normal, start, *problem.bounds(), iterations=30, tolerance=problem.unnoticed
+            )
 
         best = fitted(model.minimum.point)
         walk = walk and average is None and old.structure.nonsmooth
@@ -462,7 +465,11 @@ def _freed(model: Candidate) -> Candidate:
     problem = model.problem.with_(free_states=True)
     begun = inherited(problem, model)
     freed = replace(
-        model, problem=problem, minimum=minimise(problem.normal, begun, *problem.bounds(), iterations=20)
+        model,
+        problem=problem,
+        minimum=minimise(
+            problem.normal, begun, *problem.bounds(), iterations=20, tolerance=problem.unnoticed
+        ),
     )
     pays = freed.cost < model.cost - UNSETTLED * states
     return freed if pays and _could_begin_so(freed) else model
@@ -491,15 +498,23 @@ def _walked(problem: Problem, found: Minimum, fitted: Callable[[Array], Minimum]
         fitted: The fit from a start.
     """
     kinks = [f"{e.name}.{p.name}" for e in problem.structure.parts if e.nonsmooth for p in e.parameters]
-    best = found
+    # The first swings are wide enough to show a better valley, and in them no start is out of step yet.
+    early = problem.with_(records=[first_swings(r, problem.scales, EARLY) for r in problem.records])
+
+    def begun(point: Array) -> Minimum:
+        return minimise(early.normal, point, *early.bounds(), iterations=6, tolerance=1e-3)
+
+    here = begun(found.point)
+    trials = [here]
     for name, factor in itertools.product(kinks, ASIDE):
         if name in problem.names:
-            point = best.point.copy()
+            point = found.point.copy()
             point[problem.names.index(name)] *= factor
-            begun = minimise(problem.normal, point, *problem.bounds(), iterations=6, tolerance=1e-3)
-            if begun.normal.cost < NEARLY * best.normal.cost:
-                best = min(best, fitted(begun.point), key=lambda m: m.normal.cost)
-    return best
+            trials.append(begun(point))
+    best = min(trials, key=lambda m: m.normal.cost)
+    if best.normal.cost > AHEAD * here.normal.cost:
+        return found
+    return min(found, fitted(best.point), key=lambda m: m.normal.cost)
 
 
 def _hopeless(best: Candidate) -> float:
@@ -513,23 +528,39 @@ def _count(model: Candidate) -> int:
 
 def best_of(models: Sequence[Candidate], count: int) -> list[Candidate]:
     """Return the best models: in turn the one with the least error, and the one with the least for its size."""
-    frugal = sorted(models, key=lambda m: 6 * np.log(max(m.cost, 1e-300)) + m.size)
-    turns = zip(sorted(models, key=lambda m: m.cost), frugal, strict=True)
+    turns = zip(sorted(models, key=lambda m: m.cost), sorted(models, key=frugality), strict=True)
     return list({id(m): m for pair in turns for m in pair}.values())[:count]
 
 
-def leaders(models: Iterable[Candidate]) -> list[Candidate]:
-    """Return the model with the least error of each set of families: variants of one law say the same."""
+def inside(models: Sequence[Candidate]) -> list[Candidate]:
+    """Return the models whose effects are something of their own: what stands in for another law takes no law's place; all where none are."""
+    return [m for m in models if not m.at_edge] or list(models)
+
+
+def frugality(model: Candidate) -> float:
+    """Return what ranks models by error and size: a parameter is worth a sixth of the squared error."""
+    return 6 * float(np.log(max(model.cost, 1e-300))) + model.size
+
+
+def leaders(
+    models: Iterable[Candidate], rank: Callable[[Candidate], float] = lambda m: m.cost
+) -> list[Candidate]:
+    """Return the first model of each set of families, by least error where no rank is given: variants of one law say the same."""
     best: dict[frozenset[str], Candidate] = {}
     for model in models:
-        best[model.families] = min(best.get(model.families, model), model, key=lambda m: m.cost)
+        best[model.families] = min(best.get(model.families, model), model, key=rank)
     return list(best.values())
 
 
 def best_families(models: Sequence[Candidate], count: int) -> list[Candidate]:
-    """Return the best models of the best sets of families: of each the one with the least error, and the one with the least for its size."""
-    best = best_of(leaders(models), count)
-    return [m for one in best for m in best_of([m for m in models if m.families == one.families], VARIANTS)]
+    """Return the best models of the best sets of families: of each the one with the least error, and the one with the least for its size.
+
+    And the best of all: it shows what can be reached, if only at the edge of what an effect is.
+    """
+    own = inside(models)
+    best = best_of(leaders(own), count)
+    picked = [m for one in best for m in best_of([m for m in own if m.families == one.families], VARIANTS)]
+    return list({id(m): m for m in [*picked, *best_of(models, 1)]}.values())
 
 
 def inherited(problem: Problem, known: Candidate) -> Array:

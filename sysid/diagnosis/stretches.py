@@ -1,4 +1,4 @@
-"""Which stretches of long recordings are judged: a hundred periods hold what a thousand do, and take a tenth of the time."""
+"""Which stretches of long recordings are judged: fifty periods hold what a thousand do, and take a twentieth of the time."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,8 +7,8 @@ import numpy as np
 
 from sysid.roll import Release
 
-MOST = 75.0
-"""Periods that are judged: ten decays of seven."""
+MOST = 50.0
+"""Periods that are judged: ten decays of five."""
 PIECES = 3
 """Stretches of one release that lasts longer: where it is wide, in the middle, and where it is small."""
 

@@ -126,7 +126,10 @@ def _starts(problem: Problem, model: Candidate) -> list[Array]:
 
 
 def _best(problem: Problem, starts: Sequence[Array]) -> Minimum:
-    found = [minimise(problem.normal, p, *problem.bounds(), iterations=20, tolerance=1e-5) for p in starts]
+    found = [
+        minimise(problem.normal, p, *problem.bounds(), iterations=20, tolerance=problem.unnoticed)
+        for p in starts
+    ]
     return min(found, key=lambda m: m.normal.cost)
 
 

@@ -7,6 +7,7 @@ import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 from types import TracebackType
 from typing import Self, TypeVar
 
@@ -51,15 +52,26 @@ class WorkerPool:
         Raises:
             SysidError: A process died.
         """
+        for result in [self.begin(function, *one) for one in arguments]:
+            yield result()
+
+    def begin(self, function: Callable[..., T], *arguments: object) -> Callable[[], T]:
+        """Begin one job and return what waits for its result; where there is one worker only, that does it.
+
+        Raises:
+            SysidError: When waiting: a process died.
+        """
         if self._pool is None:
-            yield from (function(*one) for one in arguments)
-            return
-        futures = [self._pool.submit(function, *one) for one in arguments]
-        try:
-            for future in futures:
-                yield future.result()
-        except BrokenProcessPool as error:
-            raise SysidError(
-                f"one of {self._workers} processes that search died (out of memory, or a script without "
-                "'if __name__ == \"__main__\"'). Try one worker (--workers 1)."
-            ) from error
+            return partial(function, *arguments)
+        future = self._pool.submit(function, *arguments)
+
+        def result() -> T:
+            try:
+                return future.result()
+            except BrokenProcessPool as error:
+                raise SysidError(
+                    f"one of {self._workers} processes that search died (out of memory, or a script without "
+                    "'if __name__ == \"__main__\"'). Try one worker (--workers 1)."
+                ) from error
+
+        return result

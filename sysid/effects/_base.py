@@ -114,16 +114,24 @@ class Parameter:
     """Value at which the effect vanishes; None where no single value does."""
     default: float | None = None
     """Value taken where a user leaves the parameter out."""
+    doubted: float = -np.inf
+    """Value in units of `size` up to which the effect stands in for another, unless nothing but noise is left."""
     rough: bool = False
     """Whether the cost is rough along it, because it decides in which half swing the deck stops."""
     held: bool = False
     """Whether it is known from elsewhere: a fit holds it at the record's value, unless the user bounds it."""
 
-    def edged(self, value: float) -> bool:
-        """Return whether a value, in units of `size`, is at an end of the range in which the effect is one; a share may be at its ends."""
+    def edged(self, value: float, *, exact: bool) -> bool:
+        """Return whether a value is at an end of the range in which the effect is one; a share may be at its ends.
+
+        Args:
+            value: In units of `size`.
+            exact: Whether nothing but noise is left of the log.
+        """
         if self.unit in ("", "1") or (self.neutral is not None and self.low <= self.neutral):
             return False
-        return value <= 1.001 * self.low or (self.neutral is None and value >= 0.999 * self.high)
+        low = self.low if exact else max(self.low, self.doubted)
+        return value <= 1.001 * low or (self.neutral is None and value >= 0.999 * self.high)
 
     def bounds(self, scales: Scales) -> tuple[float, float]:
         """Return the bounds in `unit`."""

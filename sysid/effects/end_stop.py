@@ -47,8 +47,8 @@ def as_freeplay(parameters: Values) -> list[dict[str, float]]:
     return [freeplay]
 
 
-SOFTEST = 0.1
-"""Stiffness of a stop over the joint's own: what bends the spring by less is no stop but another spring law."""
+SOFTEST, SOFT = 0.01, 0.1
+"""Stiffness of a stop over the joint's own: less does not matter; and up to which it is a bend of the spring, if it does not leave the noise alone."""
 
 EFFECT = TorqueEffect(
     name="end-stop",
@@ -64,7 +64,15 @@ EFFECT = TorqueEffect(
             starts=(0.3, 0.5, 0.7, 0.85),
             neutral=1.0,
         ),
-        Parameter("stiffness", "N*m/rad", lambda s: s.stiffness, low=SOFTEST, high=60.0, starts=(2.0, 8.0)),
+        Parameter(
+            "stiffness",
+            "N*m/rad",
+            lambda s: s.stiffness,
+            low=SOFTEST,
+            high=60.0,
+            starts=(0.4, 6.0),
+            doubted=SOFT,
+        ),
         Parameter(
             "damping", "N*m*s/rad", lambda s: s.stiffness / s.frequency, low=0.0, high=5.0, default=0.0
         ),

@@ -78,7 +78,9 @@ EFFECT = TorqueEffect(
             starts=(0.6, 1.0, 1.8),
             neutral=None,
         ),
-        Parameter("damping_ratio", "1", lambda s: 1.0, low=0.0, high=1.0, starts=(0.05,), neutral=None),
+        Parameter(
+            "damping_ratio", "1", lambda s: 1.0, low=0.0, high=1.0, starts=(0.05,), neutral=None, default=0.0
+        ),
     ),
     law="τ = -J ψ̈, ψ̈ = ω² (x - ψ) + 2 ζ ω (v - ψ̇)",
     source="tuned mass damper, den Hartog, Mechanical Vibrations (1934); a mass m hung a beside the axis has J = m a²",

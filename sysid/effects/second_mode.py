@@ -79,6 +79,7 @@ EFFECT = SupportEffect(
             low=0.0,
             high=10.0,
             starts=(0.03, 0.3),
+            default=0.0,
         ),
     ),
     law="J s̈ = -k_s s - d_s ṡ + k x + d v - Σ τ, with x = φ - s - rest angle",

@@ -83,7 +83,9 @@ EFFECT = TorqueEffect(
     title="dry friction with stiction",
     family="friction",
     parameters=(
-        Parameter("torque", "N*m", lambda s: s.torque, low=0.0, high=1.0, starts=(0.02,), rough=True),
+        Parameter(
+            "torque", "N*m", lambda s: s.torque, low=0.0, high=1.0, starts=(0.02,), rough=True, default=0.0
+        ),
         Parameter(
             "static_torque", "N*m", lambda s: s.torque, low=0.0, high=1.0, starts=(0.06,), neutral=None
         ),

@@ -70,7 +70,9 @@ def loaded_stiffness(readings: Sequence[LoadedDecay], inertia: Quantity) -> Load
         SysidError: They are too few or of one weight, or have no deviations.
     """
     if len(readings) < 3:
-        raise SysidError(f"{len(readings)} decays; a line with a check needs at least 3.")
+        raise SysidError(
+            f"{len(readings)} decays (--reading); a line with a check needs at least 3: the bare deck and two weights, say."
+        )
     gravity = GRAVITY.value
 
     def spring(mass: float, height: float, own: float, omega: float) -> float:

@@ -9,7 +9,7 @@ releases misses, which have one set of parameters.
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -59,19 +59,21 @@ def surprising_residuals(problem: Problem, minimum: Minimum) -> tuple[Array, ...
         return tuple(t if t @ t > p @ p else p for p, t in zip(predicted, together, strict=True))
 
 
-def _trained(problem: Problem, minimum: Minimum, index: int) -> tuple[Problem, Minimum, Array]:
+def _trained(
+    problem: Problem, minimum: Minimum, index: int, tolerance: float | Callable[[float], float]
+) -> tuple[Problem, Minimum, Array]:
     """Return the fit to all releases but one, and that one's own unknowns as they were, in units of their sizes."""
     others = [i for i in range(len(problem.records)) if i != index]
     training = problem.with_(records=[problem.records[i] for i in others])
     own = problem.own(minimum.point)
     start = np.r_[minimum.point[: len(problem.names)], own[others].ravel()]
-    fitted = minimise(training.normal, start, *training.bounds(), iterations=10, tolerance=1e-5)
+    fitted = minimise(training.normal, start, *training.bounds(), iterations=10, tolerance=tolerance)
     return training, fitted, own[index]
 
 
 def _left_out(problem: Problem, minimum: Minimum, index: int) -> Array:
     """Fit the physics to the other releases, then only roll and rate at release to this one."""
-    training, fitted, start = _trained(problem, minimum, index)
+    training, fitted, start = _trained(problem, minimum, index, 1e-5)
     known = {**problem.fixed, **training.parameters(fitted.point)}
     held = problem.with_(records=[problem.records[index]], fixed=known, average=1)
     found = minimise(held.normal, start, *held.bounds(), iterations=12)
@@ -90,12 +92,13 @@ def _forecast(problem: Problem, minimum: Minimum) -> Array:
 
 def _within_noise(problem: Problem, minimum: Minimum, index: int) -> Array:
     """Predict one release by physics that may move as far as the noise on the others leaves it open."""
-    _, fitted, start = _trained(problem, minimum, index)
+    _, fitted, start = _trained(problem, minimum, index, problem.unnoticed)
     shared = len(problem.names)
     known = np.zeros((shared + len(start), shared + len(start)))
     known[:shared, :shared] = _information(fitted, shared)
     held = problem.with_(records=[problem.records[index]])
-    return _predicted(held, np.r_[fitted.point[:shared], start], known)
+    together = np.r_[minimum.point[:shared], start]
+    return _predicted(held, np.r_[fitted.point[:shared], start], known, together)
 
 
 def _interrupted(problem: Problem, minimum: Minimum) -> Array:
@@ -112,9 +115,12 @@ def _interrupted(problem: Problem, minimum: Minimum) -> Array:
         hidden = np.zeros(count)
         hidden[begin:end] = 1.0
         training = problem.with_(weights=[1.0 - hidden])
-        fitted = minimise(training.normal, minimum.point, *training.bounds(), iterations=15, tolerance=1e-5)
+        fitted = minimise(
+            training.normal, minimum.point, *training.bounds(), iterations=15, tolerance=training.unnoticed
+        )
         known = _information(fitted, len(fitted.point))
-        missed[begin:end] = _predicted(problem.with_(weights=[hidden]), fitted.point, known)[begin:end]
+        held = problem.with_(weights=[hidden])
+        missed[begin:end] = _predicted(held, fitted.point, known, minimum.point)[begin:end]
     return missed
 
 
@@ -125,17 +131,27 @@ def _information(fitted: Minimum, count: int) -> Array:
     return inner - mixed @ np.linalg.pinv(other) @ mixed.T
 
 
-def _predicted(problem: Problem, start: Array, known: Array) -> Array:
-    """Return what is missed of one release by a motion that stays within what is known of its unknowns."""
+def _predicted(problem: Problem, expected: Array, known: Array, together: Array) -> Array:
+    """Return what is missed of one release by a motion that stays within what is known of its unknowns.
+
+    Args:
+        problem: Of the release.
+        expected: Its unknowns as the others have them, in units of their sizes, shape (p,).
+        known: Inverse covariance of these, shape (p, p).
+        together: The unknowns that fit all releases: a start in the right valley where the others leave that open.
+    """
 
     def normal(point: Array) -> Normal:
-        here, off = problem.normal(point), point - start
+        here, off = problem.normal(point), point - expected
         return Normal(
             here.cost + 0.5 * float(off @ known @ off), here.gradient + known @ off, here.hessian + known
         )
 
-    found = minimise(normal, start, *problem.bounds(), iterations=12)
-    return problem.residuals(found.point)[0]
+    found = [
+        minimise(normal, start, *problem.bounds(), iterations=12, tolerance=problem.unnoticed)
+        for start in (expected, together)
+    ]
+    return problem.residuals(min(found, key=lambda m: m.normal.cost).point)[0]
 
 
 def rms(residuals: Sequence[Array]) -> float:

@@ -21,7 +21,7 @@ from sysid.fitting.cross_validation import rms
 from sysid.fitting.learned_torque import learned_torque, tables_of
 from sysid.fitting.problem import Problem
 from sysid.fitting.result import JointFit
-from sysid.fitting.smoothing import directions, fit_instead
+from sysid.fitting.smoothing import FLAT, directions, fit_instead
 from sysid.joint.trajectory import simulate
 from sysid.least_squares import Minimum
 from sysid.roll import Array
@@ -231,7 +231,7 @@ def formula_of(fit: JointFit) -> Formula | None:
 
     The shapes that come nearest to the tables are fitted to the releases in their place; the best one is taken.
     """
-    if not tables_of(fit):
+    if not tables_of(fit) or set(fit.problem.smoothing) == {FLAT}:
         return None
     x, v = motion_of(fit)
     torque, _ = learned_torque(fit, x, v)

@@ -24,19 +24,22 @@ when the next one begins, and whoever looks at all of them at once sees false va
 
 _VISCOUS = (0.6, 0.2)
 """Shares of the loss left to the damper from which a joint with dry friction is searched."""
+_WIDEST = 6
+"""Releases, those of the widest swings, from which the sizes of a problem are found."""
 _ASTRAY = 1.5
 """Ratio of stiffnesses, with one rest angle for all releases and with one each, from which the former errs."""
 
 
 def scales_of(records: Sequence[Record], board: Board) -> Scales:
     """Return the sizes of the problem from a linear fit, started from the data and from the board."""
-    amplitude = max(float(np.ptp(r.release.roll)) for r in records)
-    amplitude = max(amplitude / 1.6, 1e-4)
+    spans = [float(np.ptp(r.release.roll)) for r in records]
+    amplitude = max(max(spans) / 1.6, 1e-4)
     duration = max(float(r.time[-1]) for r in records)
     rough = Scales(
         inertia=board.inertia.value, stiffness=board.stiffness, damping=board.damping,
         amplitude=amplitude, duration=duration,
     )  # fmt: skip
+    records = [records[i] for i in sorted(np.argsort(spans)[-_WIDEST:])]
     together = _linear_scales(records, rough, "shared")
     if records[0].is_rate or len(records) == 1:
         return together
@@ -166,12 +169,26 @@ def search(
     steps_per_period: int = 60,
     starts: Sequence[Mapping[str, float]] | None = None,
     average: int = 1,
+    exact: bool = True,
 ) -> tuple[Problem, Minimum, int]:
     """Find the best parameters of a structure: many short searches on a coarse grid, the best one finely.
 
     Friction makes the cost rough, because it decides in which half swing the deck stops. So the search
     begins with the first swings only, and the rest follows when the parameters are nearly right.
     Internal states at release follow from the hold before it, or are free where the log does not show it.
+
+    Args:
+        structure: The joint.
+        records: Of its releases.
+        scales: Of the problem.
+        bias: Whose zero the sensor has.
+        fixed: Parameters that are held.
+        bounded: Bounds of others instead of their own.
+        priors: What is known of others before.
+        steps_per_period: Of the fine problem.
+        starts: Instead of the catalogue's.
+        average: Neighbouring samples whose means are fitted.
+        exact: Go on as far as rounding allows, instead of as far as a judgement would notice.
 
     Returns:
         The fine problem, its minimum, and how many evaluations it all took.
@@ -206,7 +223,7 @@ def search(
     found.sort(key=lambda item: item[0])
     with stage(0.5, 0.7):
         found[0] = scan_rough_parameters(coarse, _restarted(coarse, found[0]))
-    fine = coarse.with_(steps_per_period=steps_per_period, average=1)
+    fine = coarse.with_(steps_per_period=steps_per_period)
     best: Minimum | None = None
     # On the coarse grid a kink falls between two points, so its costs rank neighbours only roughly.
     tried, near = (4, 3.0) if nonsmooth else (2, 1.2)
@@ -214,7 +231,9 @@ def search(
         for cost, point in steps(found[:tried]):
             if best is not None and cost > near * found[0][0]:
                 break
-            minimum = minimise(fine.normal, point, *fine.bounds(), iterations=60)
+            minimum = minimise(
+                fine.normal, point, *fine.bounds(), iterations=60, tolerance=1e-7 if exact else fine.unnoticed
+            )
             evaluations += minimum.evaluations
             if best is None or minimum.normal.cost < best.normal.cost:
                 best = minimum

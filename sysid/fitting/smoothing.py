@@ -25,24 +25,30 @@ FLAT = 1e12
 """Weight of a table that is zero."""
 _WEIGHTS = (FLAT, *(10.0**e for e in (6, 5, 4, 3, 2, 1, 0, -1, -2)))
 """Weights that are tried, from flat to free, for values in units of a tenth of the spring's torque."""
-_PERIODS = (1.25, 2.5, 5.0, 10.0, np.inf)
+_PERIODS = (*(1.25 * 2.0**n for n in range(6)), np.inf)
 """Numbers of periods [1] of each release that are fitted one after another: in the first swings no model is out of step yet."""
 _STRETCHES = 6
 """Of one release alone, each predicted from the others."""
+_FIRST = _PERIODS[:2]
+"""Those in which a law of tilt and rate must show, if it makes more than"""
+MUCH = 5.0
+"""times the noise."""
 CLEAR = 6.0
 """Held-out log-likelihood that a learned torque must gain [nats],"""
 LITTLE = 0.02
 """share of the squared held-out error that it must take away: steps of a sensor are a function of the angle too, and"""
 _GAIN = 1.0
 """log-likelihood that a weight one step lower must gain [nats]."""
-_ROUNDS = 5
-"""In which weights are chosen again, for each stretch of the motion."""
+_ROUNDS, _LAST_ROUNDS = 5, 3
+"""In which weights are chosen again, for each stretch of the motion and for the whole."""
 WORSE = 1.01
 """Error over that of the joint without tables from which the search for them has lost its way: they can be zero."""
 _COLOURED = 1.5
 """Correlation length of what is left [samples] from which an internal state is tried: noise has one."""
 _COARSE = 40
 """Steps a period while weights are sought: RK4 then loses 82/n⁴ = 3e-5 rad of phase a period of a linear joint,"""
+_SAMPLES = 40
+"""Samples a period of which means are fitted meanwhile: a table of twenty knots has no finer ones."""
 _STEPS = 120
 """and where a formula is fitted in the tables' place: 4e-7 rad."""
 
@@ -64,8 +70,9 @@ def learn(
     """
     plain = structure_of([p.name for p in structure.parts if not is_table(p)])
     own = set(plain.parameters)
+    step = float(np.median(np.diff(records[0].time)))
     before, found, evaluations = search(
-        plain, records, scales, bias=bias, steps_per_period=_COARSE,
+        plain, records, scales, bias=bias, steps_per_period=_COARSE, average=max(1, int(2 * np.pi / scales.frequency / step / _SAMPLES)),
         fixed={n: v for n, v in fixed.items() if n in own}, bounded={n: e for n, e in bounded.items() if n in own},
     )  # fmt: skip
     known = before.parameters(found.point)
@@ -85,13 +92,17 @@ def learn(
         evaluations += more
         if rms(problem.residuals(found.point)) < WORSE * reached:
             break
-    if remembering and correlation_length(problem.residuals(found.point)) > _COLOURED:
+    if (
+        remembering
+        and not _in_vain(problem, found.normal.cost)
+        and correlation_length(problem.residuals(found.point)) > _COLOURED
+    ):
         richer, there, more = _remembering(problem, found, (*structure.effects, *remembering))
         evaluations += more
-        if gain(problem, found, richer, there) > CLEAR:
+        if richer is not problem and gain(problem, found, richer, there) > CLEAR:
             problem, found = richer, there
-    fine = problem.with_(steps_per_period=steps_per_period)
-    minimum = minimise(fine.normal, found.point, *fine.bounds(), iterations=30)
+    fine = problem.with_(steps_per_period=steps_per_period, average=1)
+    minimum = minimise(fine.normal, found.point, *fine.bounds(), iterations=30, tolerance=fine.unnoticed)
     return fine, minimum, evaluations + minimum.evaluations
 
 
@@ -113,7 +124,8 @@ def _learned(
     problem: Problem, point: Array, horizons: Sequence[float] = _PERIODS
 ) -> tuple[Problem, Minimum, int]:
     """Fit tables from a point on, first swings first, with weights that are chosen again as the fit comes nearer."""
-    evaluations = 0
+    evaluations, cost, period = 0, 0.0, 2 * np.pi / problem.scales.frequency
+    horizons = [p for p in horizons if p * period < problem.scales.duration or not np.isfinite(p)]
     for periods in horizons:
         here = problem.with_(records=[first_swings(r, problem.scales, periods) for r in problem.records])
         low, high = here.bounds()
@@ -122,15 +134,25 @@ def _learned(
         ):  # few swings tell a rest angle from a bend nowhere
             at = here.names.index("rest_angle")
             low[at] = high[at] = point[at]
-        for _ in range(_ROUNDS):
-            found = minimise(here.normal, point, low, high, iterations=15, tolerance=1e-5)
-            point, evaluations = found.point, evaluations + found.evaluations
+        seen = {here.smoothing}
+        for _ in range(_ROUNDS if np.isfinite(periods) else _LAST_ROUNDS):
+            found = minimise(here.normal, point, low, high, iterations=15, tolerance=here.unnoticed)
+            point, cost, evaluations = found.point, found.normal.cost, evaluations + found.evaluations
             weights = chosen_weights(here, point)
-            if weights == here.smoothing:
+            if weights in seen:  # as they are, or they go round in a circle
                 break
+            seen.add(weights)
             here = here.with_(smoothing=weights)
         problem = problem.with_(smoothing=here.smoothing)
-    return problem, minimise(problem.normal, point, *problem.bounds(), iterations=10), evaluations
+        if periods in _FIRST and _in_vain(here, cost):
+            break
+    found = minimise(problem.normal, point, *problem.bounds(), iterations=10, tolerance=problem.unnoticed)
+    return problem, found, evaluations
+
+
+def _in_vain(problem: Problem, cost: float) -> bool:
+    """Return whether tables stay flat where there is much to explain: nothing that tilt and rate decide."""
+    return set(problem.smoothing) == {FLAT} and 2 * cost > MUCH**2 * problem.samples
 
 
 def fit_instead(
@@ -170,7 +192,7 @@ def directions(problem: Problem, minimum: Minimum) -> float:
 
 
 def _remembering(problem: Problem, found: Minimum, effects: Sequence[str]) -> tuple[Problem, Minimum, int]:
-    """Fit the same tables beside an internal state, from where that promises most."""
+    """Fit the same tables beside an internal state, from where that promises most; where it promises nothing, return what was there."""
     structure = structure_of(effects)
     richer = with_structure(problem, structure)
     known = problem.parameters(found.point)
@@ -179,15 +201,21 @@ def _remembering(problem: Problem, found: Minimum, effects: Sequence[str]) -> tu
         for start in starting_points(structure, problem.scales)
     ]
     weights = (*problem.smoothing, *richer.smoothing[len(problem.smoothing) :])
-    point = max(starts, key=lambda start: _chosen(_Linearised(richer, start), weights)[1])
-    return _learned(richer.with_(smoothing=weights), point, _PERIODS[-1:])
+    near = [
+        (linear, *_chosen(linear, weights)) for linear in (_Linearised(richer, start) for start in starts)
+    ]
+    linear, chosen, _ = max(near, key=lambda item: item[2])
+    before = _Linearised(problem, found.point).missed(problem.smoothing)
+    if linear.nats(before / linear.missed(chosen)) < CLEAR:
+        return problem, found, len(starts)
+    return _learned(richer.with_(smoothing=weights), linear.point, _PERIODS[-1:])
 
 
 def gain(problem: Problem, found: Minimum, richer: Problem, there: Minimum) -> float:
     """Return by how much a richer problem predicts better what is left out: a difference of log-likelihoods [nats]."""
     one, other = _Linearised(problem, found.point), _Linearised(richer, there.point)
     before, after = one.missed(problem.smoothing), other.missed(richer.smoothing)
-    return 0.5 * other.samples / other.memory * float(np.log(before / after))
+    return other.nats(before / after)
 
 
 def chosen_weights(problem: Problem, point: Array) -> tuple[float, ...]:
@@ -212,7 +240,7 @@ def _chosen(linear: "_Linearised", weights: tuple[float, ...]) -> tuple[tuple[fl
         for table in range(len(weights)):
             tried = [(*weights[:table], weight, *weights[table + 1 :]) for weight in _WEIGHTS]
             scores = [best if w == weights else linear.score(w) for w in tried]
-            first = next(i for i, score in enumerate(scores) if score > max(scores) - _GAIN)
+            first = next(i for i, score in enumerate(scores) if score >= max(scores) - _GAIN)
             weights, best = tried[first], scores[first]
         if weights == before:
             break
@@ -223,7 +251,7 @@ class _Linearised:
     """The residuals of a problem near a point, as parts that are predicted from one another."""
 
     def __init__(self, problem: Problem, point: Array) -> None:
-        self.problem, self.shared = problem, len(problem.names)
+        self.problem, self.point, self.shared = problem, point, len(problem.names)
         rows = problem.linearise(point)
         sizes = problem.sizes()
         stds = [record.std / np.sqrt(problem.average) for record in problem.records]
@@ -247,17 +275,21 @@ class _Linearised:
 
     def score(self, weights: tuple[float, ...]) -> float:
         """Return the log-likelihood of each part as the others predict it [nats]."""
-        return -0.5 * self.samples / self.memory * float(np.log(self.missed(weights)))
+        return self.nats(1.0 / self.missed(weights))
+
+    def nats(self, ratio: float) -> float:
+        """Return by how much a log-likelihood rises where the squares that are missed fall by a ratio [nats]."""
+        return 0.5 * self.samples / self.memory * float(np.log(ratio))
 
     def missed(self, weights: tuple[float, ...]) -> float:
-        """Return the sum of squares that is missed of each part by what the others say [1]."""
+        """Return the sum of squares that is missed of each part by what the others say [1]; inf where the motion ran away."""
         prior = self._prior(weights)
         gradient, hessian = self._together()
         total = 0.0
         for c, g, h in zip(self.squares, self.gradients, self.hessians, strict=True):
             step = self._step(gradient - g, hessian - h, prior)
             total += c + 2 * float(g @ step) + float(step @ h @ step)
-        return max(total, 1e-300)
+        return max(total, 1e-300) if np.isfinite(total) else float("inf")
 
     def _together(self) -> tuple[Array, Array]:
         return np.sum(self.gradients, axis=0), np.sum(self.hessians, axis=0)

@@ -5,7 +5,7 @@ from functools import cache
 from typing import Any
 
 from sysid.effects._base import SensorEffect
-from sysid.joint.equations import EquationsOfMotion, items_of, runge_kutta
+from sysid.joint.equations import EquationsOfMotion, items_of
 from sysid.joint.sensor import filtered
 from sysid.joint.structure import Structure
 
@@ -73,16 +73,10 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
 
     output = ca.densify(ca.vec(with_slopes(ca.vertcat(*filtered(equations, y))).T))
     if not structure.has_dry_friction:
-        # RK4 of the motion and its slopes together is RK4 and its slopes, for less than a derivative of the whole step.
-        rates = ca.Function("rates", [y, carried, parameters], [with_slopes(equations.derivative(y, None))])
-
-        def rate(both: Any) -> Any:
-            here = ca.reshape(both, 2 + states, 1 + columns)
-            return ca.vec(rates(here[:, 0], here[:, 1:], parameters))
-
-        step = ca.Function(
-            "step", [accumulated, given], ca.cse([runge_kutta(rate, accumulated, h)[0], output])
-        )
+        whole, by_state, by_fitted = _rk4_slopes(equations.derivative(y, None), y, fitted, parameters, h)
+        by_all = ca.horzcat(by_fitted, ca.SX(2 + states, unknowns.shape[0]))
+        moved = ca.vertcat(whole, ca.vec(by_state @ carried + by_all)) if sensitivities else whole
+        step = ca.Function("step", [accumulated, given], ca.cse([moved, output]))
         return Stepper(structure, free_states, sensitivities, initial, step)
 
     # A cut costs three steps and is rare, so it is computed only where the joint does turn, and as it was written.
@@ -99,6 +93,37 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
     moved, read, turned = slide(state, numbers)
     step = ca.Function("step", [state, numbers], [turn(turned, state, numbers, moved), read])
     return Stepper(structure, free_states, sensitivities, initial, step)
+
+
+def _rk4_slopes(rate: Any, y: Any, fitted: Any, parameters: Any, h: Any) -> tuple[Any, Any, Any]:
+    """Return the state after a step of RK4, and its slopes with the state before and with parameters.
+
+    From the last stage to the first: what a stage's rate does to the end of the step is a small matrix, and many parameters
+    are multiplied with it once, instead of being carried through the stages.
+
+    Args:
+        rate: Of the state, shape (n,).
+        y: State, shape (n,).
+        fitted: Parameters whose slopes are wanted, shape (p,).
+        parameters: All of them, shape (q,).
+        h: Step [s].
+    """
+    import casadi
+
+    ca: Any = casadi
+    at = ca.Function("rate", [y, parameters], [rate, ca.jacobian(rate, y), ca.jacobian(rate, fitted)])
+    stages = [at(y, parameters)]
+    for share in (h / 2, h / 2, h):
+        stages.append(at(y + share * stages[-1][0], parameters))
+    whole, by_state, by_fitted, effect = y, ca.SX.eye(y.shape[0]), 0, 0
+    for weight, share, (slope, of_state, of_fitted) in zip(
+        (h / 6, h / 3, h / 3, h / 6), (0, h, h / 2, h / 2), reversed(stages), strict=True
+    ):
+        effect = weight * ca.SX.eye(y.shape[0]) + share * effect
+        whole, by_fitted = whole + weight * slope, by_fitted + effect @ of_fitted
+        effect = effect @ of_state
+        by_state = by_state + effect
+    return whole, by_state, by_fitted
 
 
 def _first_state(equations: EquationsOfMotion, unknowns: Any, hold: Any, *, free_states: bool) -> Any:

@@ -16,6 +16,23 @@ from sysid.video.pose.rigid_group import similarities
 from sysid.video.trackers._base import Follower
 from sysid.video.types import Points
 
+MIN_SEEN_SHARE = 0.6
+"""Share of the frames in which what is followed must be seen."""
+MAX_REPEATED = 0.1
+"""Frames without a later stamp, as a share of the others, up to which a film's times are believed."""
+
+
+def follow_all(follower: Follower, frames: Sequence[Frame]) -> Points:
+    """Return the points in n frames [px], shape (n, N, 2); it is not looked for any longer where too few can show it."""
+    points = np.full((len(frames), follower.points, 2), np.nan, np.float32)
+    lost = 0
+    for row, frame in enumerate(frames):
+        points[row] = follow(follower, frame)
+        lost += bool(np.isnan(points[row]).all())
+        if lost > (1 - MIN_SEEN_SHARE) * len(frames):
+            break
+    return points
+
 
 def follow(follower: Follower, frame: Frame) -> Points:
     """Return the points in the next frame [px], shape (N, 2); NaN where not seen."""
@@ -32,11 +49,16 @@ def track_of(reel: Reel, frames: Sequence[tuple[int, float]], points: Points) ->
         points: N points in each [px], shape (n, N, 2).
 
     Raises:
-        SysidError: There are fewer than 8 frames.
+        SysidError: There are fewer than 8 frames, or their stamps are garbled.
     """
     if len(frames) < 8:
         raise SysidError(
             f"{reel.clip.path}: {len(frames)} frames are too few for a decay. Film at least a second."
+        )
+    if reel.repeated > MAX_REPEATED * len(frames):
+        raise SysidError(
+            f"{reel.clip.path}: {reel.repeated} frames carry no later time stamp than the one before: its times are not those of "
+            "the board. Give the film as the camera wrote it, or its frame rate with --rate."
         )
     turn = _turn(points, reel.lens.matrix[0, 0])
     reel.background.leave_out(reel.look.moving, reel.skipped, turn)

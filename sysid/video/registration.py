@@ -1,6 +1,7 @@
 """Registration of the whole body: every pixel that turns with the board tells its turn, not a few points alone.
 
-What was followed says roughly how the board moved. Pictures from all over the film, turned back by that, agree where
+What was followed says roughly how the board moved, and from where the camera looks: as a slanted view shears what turns, all
+pictures are first made those of a camera along the axis. Pictures from all over the film, turned back by that, agree where
 there is board and differ where there is none: their mean is what the board looks like, with little noise, and where they
 agree is the board. Each picture of the film is then laid onto that mean by least squares of the brightness, for six
 numbers of an affine motion (Lucas and Kanade, 1981; the gradients are the mean's own, as Baker and Matthews, 2004), with
@@ -17,6 +18,7 @@ import numpy.typing as npt
 from sysid.roll import Array
 from sysid.video.film.frames import Frame, grey
 from sysid.video.film.track import Track
+from sysid.video.pose.rectify import project
 from sysid.video.pose.rigid_group import similarities
 from sysid.video.types import Box, Points
 
@@ -50,26 +52,46 @@ MIN_TRUST = 0.35
 
 @dataclass(frozen=True, slots=True)
 class Cutout:
-    """The part of the pictures in which the board moves, made small: what is laid onto each other."""
+    """The part of the pictures in which the board moves, made small, as a camera along the axis would take it."""
 
     box: Box
     scale: float
     """Its pixels in one of the film."""
+    inward: Array
+    """Map from places in the film [px] to places in it [px], homogeneous, shape (3, 3)."""
+    size: tuple[int, int]
+    """Its width and height [px]."""
 
     def of(self, frame: Frame) -> Image:
         """Return the part of a frame, smoothed [grey levels], shape (h, w)."""
-        part = grey(frame.part(self.box)[0])
-        size = (round(self.scale * part.shape[1]), round(self.scale * part.shape[0]))
-        small = part if self.scale == 1 else cv2.resize(part, size, interpolation=cv2.INTER_AREA)
-        return np.asarray(cv2.GaussianBlur(small.astype(np.float32), (0, 0), BLUR), np.float32)
+        part, corner = frame.part(self.box)
+        small = cv2.resize(grey(part), None, fx=self.scale, fy=self.scale, interpolation=cv2.INTER_AREA)
+        onward = self.inward @ np.linalg.inv(_shrinking(self.scale, corner))
+        flat = cv2.warpPerspective(
+            small, onward, self.size, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
+        )
+        return np.asarray(cv2.GaussianBlur(flat.astype(np.float32), (0, 0), BLUR), np.float32)
 
-    @property
-    def inward(self) -> Array:
-        """Map from places in the film [px] to places in it [px], homogeneous, shape (3, 3)."""
-        left, top = self.box[:2]
-        # Pixels are squares: one that is made of several has their middle for its own.
-        offset = [0.5 * (self.scale - 1) - self.scale * left, 0.5 * (self.scale - 1) - self.scale * top]
-        return np.array([[self.scale, 0, offset[0]], [0, self.scale, offset[1]], [0, 0, 1.0]])
+    def places(self, points: Points) -> Points:
+        """Return places in it [px] of points in the film [px], both of shape (N, 2)."""
+        return project(self.inward, points.astype(np.float64)).astype(np.float32)
+
+
+def _cutout(box: Box, upright: Array) -> Cutout:
+    """Return the cutout of a box [px]; `upright`, shape (3, 3), takes the film's places to those that a camera along the axis sees."""
+    left, top, right, bottom = box
+    ends = project(upright, np.array([[left, top], [right, top], [right, bottom], [left, bottom]]))
+    low, high = ends.min(axis=0), ends.max(axis=0)
+    scale = min(1.0, MAX_SIDE / float((high - low).max()))
+    width, height = np.ceil(scale * (high - low)).astype(int).tolist()
+    return Cutout(box, scale, _shrinking(scale, low) @ upright, (width, height))
+
+
+def _shrinking(scale: float, corner: Sequence[float] | Array) -> Array:
+    """Map from places [px] to those in a picture that begins at a corner [px] and is made small, shape (3, 3)."""
+    # Pixels are squares: one that is made of several has their middle for its own.
+    left, top = 0.5 * (scale - 1) - scale * np.asarray(corner, np.float64)
+    return np.array([[scale, 0, left], [0, scale, top], [0, 0, 1.0]])
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +99,7 @@ class BodyPicture:
     """What the board looks like, at the attitude of a home picture."""
 
     home: Points
-    """The points that were followed, there [px], shape (N, 2)."""
+    """The points that were followed, there, in the cutout [px], shape (N, 2)."""
     cutout: Cutout
     places: Array
     """The board's pixels that tell most, in the cutout [px], shape (m, 2)."""
@@ -97,36 +119,36 @@ class BodyPicture:
             frame: The frame.
             points: Where what was followed is in it [px], shape (N, 2).
         """
-        rough = _inside(self.cutout, pose_between(self.home, points))
+        rough = pose_between(self.home, self.cutout.places(points))
         pose = None if rough is None else lay_onto(self, self.cutout.of(frame), rough)
         if pose is None:
             return np.full((4, 2), np.nan, np.float32)
         outward = np.asarray(np.linalg.inv(self.cutout.inward), np.float64)
-        return _mapped(outward, _mapped(pose, self.corners)).astype(np.float32)
+        return project(outward, project(pose, self.corners)).astype(np.float32)
 
 
-def picture_of_body(frames: Sequence[Frame], box: Box, track: Track) -> BodyPicture | None:
+def picture_of_body(frames: Sequence[Frame], box: Box, track: Track, upright: Array) -> BodyPicture | None:
     """Return what turns with the points of a track, or None where that is too little.
 
     Args:
         frames: The first frames of the track.
         box: Left, top, right and bottom [px] of where it moves.
         track: Points that were followed, two or more.
+        upright: Takes the film's places to those that a camera along the axis sees, shape (3, 3).
     """
     rows = np.unique(np.linspace(0, len(frames) - 1, MAX_PICTURES).astype(int))
     rows = rows[np.isfinite(track.points[rows]).all(axis=2).sum(axis=1) >= 2]
     if len(rows) < MIN_PICTURES:
         return None
-    seen = [(row, pose_between(track.points[rows[0]], track.points[row])) for row in rows]
+    cutout = _cutout(box, upright)
+    places = {row: cutout.places(track.points[row]) for row in rows}
+    seen = [(row, pose_between(places[rows[0]], places[row])) for row in rows]
     turns = {row: float(np.arctan2(pose[1, 0], pose[0, 0])) for row, pose in seen if pose is not None}
     some = sorted(turns, key=turns.__getitem__)
     if len(some) < MIN_PICTURES or turns[some[-1]] - turns[some[0]] < MIN_TURN:
         return None
-    home = track.points[some[len(some) // 2]]
-    cutout = Cutout(box, min(1.0, MAX_SIDE / max(box[2] - box[0], box[3] - box[1])))
-    placed = [
-        (cutout.of(frames[row]), _inside(cutout, pose_between(home, track.points[row]))) for row in some
-    ]
+    home = places[some[len(some) // 2]]
+    placed = [(cutout.of(frames[row]), pose_between(home, places[row])) for row in some]
     body = None
     for _ in range(2):  # by the points' poses, and by its own
         good = [(picture, pose) for picture, pose in placed if pose is not None]
@@ -137,11 +159,6 @@ def picture_of_body(frames: Sequence[Frame], box: Box, track: Track) -> BodyPict
             return None
         placed = [(picture, lay_onto(body, picture, pose)) for picture, pose in good]
     return body
-
-
-def _inside(cutout: Cutout, pose: Array | None) -> Array | None:
-    """Return a pose of the film's pixels as one of the cutout's."""
-    return None if pose is None else cutout.inward @ pose @ np.linalg.inv(cutout.inward)
 
 
 def pose_between(home: Points, points: Points) -> Array | None:
@@ -214,10 +231,6 @@ def _turned_back(picture: Image, pose: Array) -> Image:
     )
 
 
-def _mapped(matrix: Array, points: Array) -> Array:
-    return points @ matrix[:2, :2].T + matrix[:2, 2]
-
-
 def lay_onto(body: BodyPicture, picture: Image, rough: Array) -> Array | None:
     """Return the affine pose that lays the board onto a picture, shape (3, 3); None where it is not to be seen.
 
@@ -229,7 +242,7 @@ def lay_onto(body: BodyPicture, picture: Image, rough: Array) -> Array | None:
     pose, middle = rough, body.corners.mean(axis=0)
     rest, scale = np.zeros(1, np.float32), 1.0
     for _ in range(MAX_ROUNDS):
-        there = _mapped(pose, body.places).astype(np.float32)
+        there = project(pose, body.places).astype(np.float32)
         seen = cv2.remap(
             picture, there[None, :, 0], there[None, :, 1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
         )
@@ -245,8 +258,9 @@ def lay_onto(body: BodyPicture, picture: Image, rough: Array) -> Array | None:
         back[:2, :2] -= change
         back[:2, 2] = change @ middle - shift
         before, pose = pose, pose @ back
-        if float(np.abs(_mapped(pose - rough, body.corners)).max()) > MAX_CORRECTION:
+        here = project(pose, body.corners)
+        if float(np.abs(here - project(rough, body.corners)).max()) > MAX_CORRECTION:
             return None
-        if float(np.abs(_mapped(pose - before, body.corners)).max()) < CONVERGED:
+        if float(np.abs(here - project(before, body.corners)).max()) < CONVERGED:
             break
     return pose if float(np.mean(np.abs(rest) < 5 * max(scale, 2.0))) > MIN_TRUST else None

@@ -14,18 +14,17 @@ from sysid.video import trackers
 from sysid.video.film.frames import ahead
 from sysid.video.film.reel import Reel
 from sysid.video.film.track import Track
-from sysid.video.follow import follow, track_of
+from sysid.video.follow import MIN_SEEN_SHARE, follow, follow_all, track_of
 from sysid.video.options import VideoOptions
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.camera_state import CameraState, before_looking
 from sysid.video.pose.prior import BodyPrior
+from sysid.video.pose.rectify import longer, upright
 from sysid.video.pose.view import View
 from sysid.video.registration import picture_of_body
 from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, rests_at
 from sysid.video.types import Points
 
-MIN_SEEN_SHARE = 0.6
-"""Share of the frames in which what is followed must be seen."""
 MAX_LOST = 0.9
 """Share of the frames from which on what is lost in them was nothing [1]."""
 ADVICE = (
@@ -41,9 +40,9 @@ MAX_STRAY, MIN_STRAY = 0.3, 0.01
 both it was carried, not turned."""
 CLEARLY = 0.8
 """What is tried first is left for another one only if that has less than this share of its uncertainty."""
-WHOLE_BODY = 1.5
+WHOLE_BODY = 2.5
 """The whole body is preferred even where it states so many times the uncertainty: it states what lasts (`BODY_FLOOR`),
-which a few points do not know of. In rendered films it takes a third off the error of dots, and halves that of k; a
+which a few points do not know of. In rendered films it takes off most of the error of texture and half of that of dots; a
 marker on a bare deck, which is sure of its corners, reads damping with less bias alone."""
 BODY_FLOOR = 0.05
 """Least standard deviation of the body's points [px]: what compression does to a picture lasts as long as the board is
@@ -99,7 +98,7 @@ def follow_board(reel: Reel) -> Followed:
     for targets in find_targets(reel):
         stamps = [(frame.index, frame.time) for frame in reel.kept]
         with ThreadPoolExecutor() as pool:
-            places = pool.map(lambda one: [follow(one.follower, frame) for frame in reel.kept], targets)
+            places = pool.map(lambda one: follow_all(one.follower, reel.kept), targets)
         for target, points in zip(targets, places, strict=True):
             track = track_of(reel, stamps, np.array(points))
             track = track if target.settle is None else target.settle(track)
@@ -124,7 +123,9 @@ def _to_the_end(reel: Reel, led: Followed) -> Followed:
     """Follow a target through the rest of the film, and everything that turns as it does."""
     target, points = led.target, list(led.track.points)
     stamps = [(frame.index, frame.time) for frame in reel.kept]
-    body = picture_of_body(reel.kept, reel.look.box, led.track) if target.shows_body else None
+    camera = led.found.camera_state.value
+    flat = upright(longer(reel.lens.matrix, camera[2]), camera[0], camera[1])
+    body = picture_of_body(reel.kept, reel.look.box, led.track, flat) if target.shows_body else None
     corners: list[Points] = []
     if body is not None:
         with ThreadPoolExecutor() as pool:
@@ -238,7 +239,7 @@ def _whole_body(reel: Reel, led: Followed, whole: Track) -> Followed | None:
         what=f"the body of {target.what}",
         why=f"{target.why}; the angle is that of everything that turns with it",
         solve=partial(_solve_whole, led),
-        zero=_as_it_is,
+        zero=lambda _: 0.0,
         joined=((0, 1), (1, 2), (2, 3), (3, 0)),
     )
     own = _followed(reel, body, whole)
@@ -269,10 +270,6 @@ def _solve_whole(led: Followed, view: View, matrix: Array, before: CameraState) 
         std=np.where(whole, std, points.std),
         own=np.where(whole, own, theirs),
     )
-
-
-def _as_it_is(found: AngleTrack) -> float:
-    return 0.0
 
 
 def _same_swing(one: Followed, other: Followed) -> bool:

@@ -1,18 +1,20 @@
 """One judgement: what counts as equally good, what matters, and the experiment that decides."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from sysid.board import load_board
-from sysid.diagnosis.diagnose import _outside
+from sysid.diagnosis.diagnose import Diagnosis, _outside
 from sysid.diagnosis.error_model import Fitted
 from sysid.diagnosis.experiment import DECIDED, deciding
 from sysid.diagnosis.importance import importance
-from sysid.diagnosis.judgement import INEXACT, TIE, Field, families_of
-from sysid.diagnosis.search import Search
+from sysid.diagnosis.judgement import FEWEST_BLOCKS, INEXACT, NEGLIGIBLE, TIE, UNMET, Field, families_of
+from sysid.diagnosis.search import Candidate, Search
 from sysid.fitting.records import make_records
 from sysid.fitting.search import scales_of
 from sysid.joint import JointLaw, simulate
@@ -66,6 +68,28 @@ def test_a_law_that_is_only_another_one_here_is_no_candidate(friction):
     assert stribeck.model.at_edge
     assert stribeck.score == pytest.approx(field.best.score, abs=TIE)
     assert {s.model.effects for s in field.near(field.best)} == {("coulomb",)}
+
+
+def test_a_prediction_that_ran_away_explains_nothing(friction):
+    _, field = friction
+    best = field.best.model
+    lost = field.score(replace(best, heldout=tuple(np.full_like(one, np.nan) for one in best.heldout)))
+    assert field.explained(lost) == 0.0
+    assert field.left(lost) == np.inf
+
+
+@pytest.mark.parametrize(("shape", "missing"), [("", True), ("x⁵", False)])
+def test_what_nobody_has_met_must_gain_more_to_show_that_something_is_missing(
+    friction, monkeypatch, shape, missing
+):
+    _, field = friction
+    likeliest = replace(field.best, model=replace(field.best.model, shape=shape))
+    monkeypatch.setattr(field, "best", likeliest)
+    monkeypatch.setattr(Field, "gap", lambda self, one, other: TIE + 0.5 * UNMET)
+    monkeypatch.setattr(Field, "left", lambda self, scored: 0.03)
+    steady = replace(field.base.errors, log_likelihood=-np.inf)
+    monkeypatch.setattr(field, "base", replace(field.base, errors=steady))
+    assert field._follows_motion() is missing
 
 
 def test_of_those_not_told_apart_a_law_of_three_parameters_is_no_simpler_than_two_of_one(
@@ -145,10 +169,52 @@ def test_a_stop_as_soft_as_a_stop_may_be_is_no_candidate(friction):
     )
 
 
+def test_a_soft_stop_that_leaves_more_than_noise_is_a_bend_of_the_spring(friction):
+    """Below a tenth of the spring it is one only where nothing else is left."""
+    search, _ = friction
+    stop = search.single(("end-stop",))
+    point = stop.minimum.point.copy()
+    point[stop.problem.names.index("end-stop.stiffness")] = 0.05
+    point[stop.problem.names.index("end-stop.angle")] = 0.5
+    soft = replace(stop, minimum=replace(stop.minimum, point=point))
+    for error, edge in ((1.1, False), (2.0, True)):
+        with patch.object(Candidate, "rmse", error * NOISE):
+            assert soft.at_edge is edge
+
+
+def test_what_ends_at_a_bound_is_not_told_to_be_added(friction):
+    """A stop without loss is one; one whose angle is that of the widest swing is none."""
+    search, _ = friction
+    stop = search.single(("end-stop",))
+    for name, ends in (("end-stop.damping", False), ("end-stop.angle", True)):
+        at_bound = np.zeros_like(stop.minimum.at_bound)
+        at_bound[stop.problem.names.index(name)] = True
+        best = replace(stop, minimum=replace(stop.minimum, at_bound=at_bound))
+        assert Diagnosis.ends_at_bound.__get__(SimpleNamespace(best=best)) is ends
+
+
 def test_the_likeliest_families_are_those_that_are_there(friction):
     _, field = friction
     assert field.confidence(frozenset({"friction"})) > 0.99
     assert sum(field.likely().values()) == pytest.approx(1.0)
+
+
+def test_what_next_to_nothing_of_few_periods_is_made_of_is_not_told(friction, monkeypatch):
+    """Unless a model reaches the floor, or the periods are enough for a law to come back."""
+    _, field = friction
+    monkeypatch.setattr(Field, "left", lambda self, scored: 0.9 * NEGLIGIBLE)
+    assert not field.slight
+    monkeypatch.setattr(field, "floor", 0.5 * NOISE)
+    assert len(field.blocks.cuts) >= FEWEST_BLOCKS
+    assert not field.slight
+    few = replace(field.blocks, cuts=field.blocks.cuts[: FEWEST_BLOCKS - 1])
+    monkeypatch.setattr(field, "blocks", few)
+    assert field.slight
+    monkeypatch.setattr(field, "floor", NOISE)
+    assert not field.slight
+    monkeypatch.setattr(field, "floor", 0.5 * NOISE)
+    monkeypatch.setattr(Field, "left", lambda self, scored: 1.1 * NEGLIGIBLE)
+    assert not field.slight
 
 
 def test_what_is_there_explains_all_and_is_certain(friction):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sysid.board import load_board
-from sysid.diagnosis.search import Search, best_families, best_of, leaders
+from sysid.diagnosis.search import Search, best_families, best_of, frugality, inside, leaders
 from sysid.effects import catalogue
 from sysid.effects._base import Scales
 from sysid.fitting.problem import Record
@@ -48,6 +48,17 @@ def test_what_a_hand_moved_last_begins_anywhere(search, hold, freed):
     assert model.rmse < 1.1 * NOISE
 
 
+def test_a_stop_may_be_much_softer_than_the_spring(search):
+    """A thirtieth of it matters, where the deck goes far beyond."""
+    law = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.02).with_effect(
+        "one-sided-stop", -0.08, 0.5, 0.0
+    )
+    records = tuple(record_of(angle, seed, law) for seed, angle in enumerate((0.1, -0.16, 0.15)))
+    model = replace(search, records=records).single(("one-sided-stop",))
+    assert not model.at_edge
+    assert model.parameters["one-sided-stop.stiffness"] == pytest.approx(0.5, rel=0.5)
+
+
 @pytest.mark.slow
 def test_no_pair_of_the_catalogue_is_worse_than_its_halves(search):
     """Every pair starts at the optima of both its halves, so adding an effect never makes the error larger."""
@@ -81,7 +92,35 @@ def test_parents_of_pairs_are_of_different_families(search):
     assert [m.families for m in chosen] == [{"friction"}, {"drag"}]
     assert chosen[0].cost == min(m.cost for m in models[:3])
     assert {m.families for m in best_families(models, 2)} == {frozenset({"friction"}), frozenset({"drag"})}
-    assert len(best_families(models, 1)) == 3, "all variants of the best family"
+    assert [m.effects for m in leaders(models[:2], frugality)] == [("coulomb",)], "it is all that is there"
+
+
+def test_what_stands_in_for_another_law_keeps_nobody_out(search):
+    """Dahl's or Stribeck's friction at the edge of what it is, is dry friction; and whatever is best shows what can be reached."""
+    linear = search.single(())
+    names = ("coulomb", "stribeck", "dahl", "cubic-damping")
+    singles = [search.single((name,), linear) for name in names]
+    edged, own = ([m for m in singles if m.at_edge is edge] for edge in (True, False))
+    assert edged
+    assert singles[0] in own
+    assert inside(edged) == edged
+    best = min(singles, key=lambda m: m.cost)
+    assert {m.effects for m in best_families(singles, 2)} == {m.effects for m in (*own, best)}
+
+
+def test_what_is_far_from_the_best_is_not_predicted(search):
+    """Of more models than are always predicted."""
+    law = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.02).with_effect("asymmetric-stiffness", 40.0)
+    bent = replace(search, records=(record_of(0.15, 1, law), record_of(-0.13, 2, law)))
+    names = ("asymmetric-stiffness", "bilinear-stiffness", "cubic-stiffness", "quadratic-damping", "cubic-damping", "coulomb", "viscoelastic")  # fmt: skip
+    done = {
+        m.effects: m for m in bent.finalists([bent.single((name,) if name else ()) for name in ("", *names)])
+    }
+    left = {names for names, m in done.items() if m.heldout is None}
+    assert left
+    assert not left & {(), ("asymmetric-stiffness",), ("bilinear-stiffness",)}
+    running = [m.cost for names, m in done.items() if m.heldout and names]
+    assert min(done[one].cost for one in left) >= max(running)
 
 
 def test_a_pendulum_is_searched_without_a_spring():

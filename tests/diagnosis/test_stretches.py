@@ -47,4 +47,4 @@ def test_of_many_releases_the_widest_and_the_smallest_are_among_the_judged():
     assert min(found) == pytest.approx(0.05, rel=0.01)
     assert max(found) == pytest.approx(0.2, rel=0.01)
     assert lasts(pieces) <= MOST
-    assert said.startswith("7 of 60")
+    assert said.startswith("5 of 60")

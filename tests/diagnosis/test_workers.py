@@ -14,6 +14,16 @@ def test_results_come_in_the_order_of_the_jobs(workers):
         assert list(pool.each(pow, [(2, n) for n in range(6)])) == [1, 2, 4, 8, 16, 32]
 
 
+def test_one_worker_does_no_more_than_is_asked_for():
+    done: list[int] = []
+    with WorkerPool(1) as pool:
+        pool.begin(done.append, 1)
+        wanted = pool.begin(done.append, 2)
+        assert not done
+        wanted()
+    assert done == [2]
+
+
 def test_a_process_that_dies_is_said():
     with pytest.raises(SysidError, match="--workers 1"), WorkerPool(2) as pool:
         list(pool.each(os._exit, [(1,)]))

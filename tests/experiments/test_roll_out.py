@@ -168,7 +168,9 @@ def test_the_command_reads_both_kinds_and_saves(tmp_path, capsys):
     saved = json.loads((tmp_path / "r.json").read_text())
     board = load_board(Path(saved["saved"]))
     assert board.geometry["rake"].value == pytest.approx(saved["rake"]["value"])
-    assert board.rolling["deceleration"].value > 0
+    assert board.rolling["deceleration"].value == pytest.approx(saved["deceleration"]["value"])
+    assert build_app()(["boards", "pink", *space], result_action="return_value") == 0
+    assert "deceleration" in capsys.readouterr().out
     (tmp_path / "other.csv").write_text("a,b\n1,2\n")
     with pytest.raises(SysidError, match="has columns a, b; expected time_s,x_m"):
         call(tmp_path / "other.csv", "-b", "pink")

@@ -26,6 +26,7 @@ from sim.skate.robot.poses import load_poses
 from sysid.cli import build_app
 from sysid.cli.ride_options import SafetyOptions
 from sysid.errors import SysidError
+from sysid.progress import listening
 
 pytestmark = pytest.mark.train
 
@@ -351,8 +352,10 @@ def call(capsys, *arguments):
 
 
 @pytest.mark.slow
-def test_play_writes_picture_and_recording(capsys, tmp_path):
+def test_play_writes_picture_and_recording(capsys, tmp_path, monkeypatch):
     world_or_skip()
+    told = {}
+    monkeypatch.setattr("sysid.cli.play.working", lambda _: listening(told.setdefault))
     code, said = call(
         capsys, "play", "stand", "--board", "pink", "--start", "steer", "--start-speed", 1, "--gantry",
         "--duration", 1, "-o", tmp_path, "--json", "-",
@@ -363,6 +366,7 @@ def test_play_writes_picture_and_recording(capsys, tmp_path):
     assert result["duration_s"] == pytest.approx(1.0)
     for kind in ("picture", "numbers", "recording"):
         assert (tmp_path / result["files"][kind].split("/")[-1]).stat().st_size > 10_000
+    assert told == {"riding": 0.0, "drawing the ride": 0.3}
 
 
 def test_run_ends_with_one_when_the_robot_was_stopped(capsys, tmp_path):
@@ -432,6 +436,9 @@ def test_evaluate_prints_a_table_and_writes_json(capsys, tmp_path):
     assert result["E_succ"]["value"] == 0
     assert result["E_yaw"]["value"] is None
     assert "speed by pushing stretch, m/s" in said.out
+    assert (
+        "heading by turn asked for" not in said.out
+    )  # no ride lived to steer; a table without rows tells nothing
     first, *_ = result["breakdown"]
     assert first["rows"]["stretch 1"]["v_cmd"] > 0.1
     assert (tmp_path / "evaluate-zero-mujoco.png").stat().st_size > 10_000
@@ -492,6 +499,7 @@ def test_motions_lists_plots_and_plays(capsys, tmp_path):
         (("evaluate", "zero", "-b", "pink", "--duration", "-1"), "longer than 0"),
         (("evaluate", "zero", "-b", "pink", "--board-scale", "k:4"), "expected factors like k=4"),
         (("evaluate", "zero", "-b", "pink", "--turn-deg", "60"), "--turn-deg 60"),
+        (("evaluate", "zero", "-b", "pink", "--pushes", "-1"), "--pushes -1: must not be negative"),
         (("evaluate", "zero", "-b", "pink", "--suite", "--mass", "1.1"), "--suite has conditions of its own"),
         (("evaluate", "zero", "-b", "pink", "--randomised"), "Add --simulator mjlab"),
         (("motions", "none.npy"), "no such motion"),

@@ -1,15 +1,18 @@
 """What is followed in a film must turn as one body: edges, patches and dots that do not are found out."""
 
 import warnings
+from dataclasses import replace
 from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
 
+from sysid.errors import SysidError
 from sysid.video.film.frames import Frame
 from sysid.video.film.shake import still, still_places
 from sysid.video.film.track import Track
+from sysid.video.follow import track_of
 from sysid.video.pose.angle import fit_angle
 from sysid.video.pose.camera_state import CameraState
 from sysid.video.pose.outliers import outlier_frames
@@ -59,14 +62,17 @@ def test_patches_of_the_wall_do_not_hold_the_deck():
     assert np.isfinite(with_wall.angle[18:22]).any()  # what it would be without
 
 
-def test_a_picture_that_compression_repeats_is_less_certain():
+def test_compression_makes_small_swings_less_certain_than_large_ones():
     rng = np.random.default_rng(1)
     shape = rng.uniform(-90, 90, 20) + 1j * rng.uniform(-25, 25, 20)
     place = np.exp(1j * ROLL)[:, None] * shape
     points = np.stack([place.real, place.imag], axis=-1) + [640, 360] + 0.05 * rng.normal(size=(90, 20, 2))
-    points[70:] = points[70]
-    turning = turned(points, BodyPrior(dead_zone=0.15, shows_lens=False))
-    assert turning.std[71:].min() > 2 * np.median(turning.std[55:69])
+    prior = BodyPrior(dead_zone=0.15, shows_lens=False)
+    own = turned(points, prior).own
+    plain = turned(points, replace(prior, dead_zone=0.0)).own
+    left_out = np.sqrt(own**2 - plain**2)
+    assert left_out[75:].min() > 3 * left_out[22:35].max()
+    assert left_out[80] * np.abs(shape - shape.mean()).max() == pytest.approx(0.15 / np.sqrt(3), rel=0.2)
 
 
 def test_the_slope_of_the_deck_is_told_by_the_whole_film():
@@ -78,6 +84,12 @@ def test_the_slope_of_the_deck_is_told_by_the_whole_film():
     good = np.arange(90) != 60
     np.testing.assert_allclose(path[good], ROLL[good])
     assert path[60] == pytest.approx(ROLL[59])
+
+
+def test_a_film_whose_stamps_are_garbled_is_refused():
+    film = SimpleNamespace(clip=SimpleNamespace(path="film.mp4"), repeated=20)
+    with pytest.raises(SysidError, match=r"20 frames carry no later time stamp.*--rate"):
+        track_of(film, [(row, row / 60) for row in range(60)], np.zeros((60, 1, 2), np.float32))
 
 
 def test_lone_frames_are_told_from_a_release():

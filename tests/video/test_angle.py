@@ -69,6 +69,22 @@ def test_a_camera_at_a_slant_matters_and_is_found():
     assert turning.camera_state.value[0] == pytest.approx(0.25, abs=0.02)
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_shutter_that_is_not_known_does_not_turn_a_slant_to_the_other_side(seed):
+    """Two points show little of the read-out: one in the middle of its limits went with the mirrored slant, 0.5 % off."""
+    time = np.arange(96) / 60 - 0.25
+    angle = 0.35 * np.where(time < 0, 1.0, np.exp(-4 * time) * np.cos(20 * time))
+    ends, ceiling = np.array([[-0.09, -0.014], [0.09, -0.014]]), 1 / 60
+    std = [np.radians(15), np.radians(15), 0.25, ceiling / np.sqrt(12)]
+    before = CameraState(np.array([0, 0, 0, ceiling / 2]), np.diag(np.square(std)), ceiling)
+    # The camera looks at the points, not along the axis.
+    points = picture(angle, 0.09, -0.06, shape=ends, distance=0.6, shift=-0.6 * (0.09 - 0.06j))
+    points = points + 0.03 * np.random.default_rng(seed).normal(size=points.shape)
+    turning = fit_angle(view(points), MATRIX, before)
+    assert np.degrees(turning.camera_state.value[:2]) == pytest.approx([5.2, -3.4], abs=1.5)
+    assert np.polyfit(angle, turning.angle, 1)[0] == pytest.approx(1.0, abs=0.002)
+
+
 def test_points_at_different_depths_still_turn_about_one_axis():
     angle = swing()
     depth = np.array([0.0, 0.02, 0.02, 0.0])
@@ -99,8 +115,9 @@ def test_stated_deviations_are_true(noise):
         error = turning.angle - angle
         scores.append((error - np.median(error[-60:])) / turning.std)
     scores = np.concatenate(scores)
-    assert 0.9 < np.mean(np.abs(scores) < 1.96) < 0.985
-    assert 0.8 < np.sqrt(np.mean(scores**2)) < 1.25
+    # With little noise it is the doubt about squareness that counts, and this one is square.
+    assert 0.9 < np.mean(np.abs(scores) < 1.96) < (0.985 if noise > 0.1 else 0.995)
+    assert 0.75 < np.sqrt(np.mean(scores**2)) < 1.25
 
 
 def test_frames_with_wrong_points_are_left_out():

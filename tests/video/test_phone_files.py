@@ -140,11 +140,14 @@ def test_a_change_of_pace_is_seen_in_the_swing():
 
 def test_a_preview_shows_what_will_be_followed(film, tmp_path, monkeypatch):
     monkeypatch.setattr(webbrowser, "open", lambda _: False)
-    run = husky("roll", str(film), "-o", str(tmp_path / "roll.csv"), "--preview")
+    options = ("--rate", "240", "--roi", "0", "0", "600", "300", "--preview", "--front")
+    run = husky("roll", film, "-o", tmp_path / "roll.csv", *options)
     assert run.returncode == 0, run.stderr
     assert "roll.png: follows ArUco 4x4 marker 7" in run.stdout
     page = (tmp_path / "roll.html").read_text()
-    assert "--roi" in page
+    assert (
+        f'<code id="command">husky-sysid roll {film} -o {tmp_path}/roll.csv --rate 240 --front</code>' in page
+    )
     assert not (tmp_path / "roll.csv").exists()
     picture = cv2.imread(str(tmp_path / "roll.png"))
     orange = np.abs(picture.astype(int) - SEEN_COLOUR).max(axis=2) < 30

@@ -18,8 +18,8 @@ USUAL_FOCAL = 0.9
 """Focal length of a phone's main camera in film mode, over the long side of the picture (58 degrees)."""
 FOCAL_SPREAD = 0.25
 """Standard deviation of its logarithm [1]: zoom, crop and stabilisation."""
-CHESSBOARDS = ((9, 6), (8, 6), (7, 6), (8, 5), (7, 5), (6, 5), (10, 7), (7, 4), (6, 4))
-"""Inner corners of the chessboards that are looked for."""
+CHESSBOARD = (9, 6)
+"""Inner corners of the chessboard that is looked for."""
 VIEWS = 30
 """Views of the chessboard that are used at most."""
 
@@ -126,27 +126,25 @@ def _from_file(path: Path) -> tuple[Array, Array, tuple[int, int], str]:
 def _from_chessboard(path: Path) -> tuple[Array, Array, tuple[int, int], str]:
     clip = open_clip(path)
     every = max(1, clip.announced // (3 * VIEWS))
-    pattern: tuple[int, int] | None = None
     views: list[Array] = []
     for frame in clip.frames(every):
-        dark = grey(frame.picture)
-        pattern = pattern or _which_chessboard(dark)
-        corners = _chessboard(dark, pattern) if pattern else None
+        corners = _chessboard(grey(frame.picture))
         if corners is not None and (not views or np.abs(corners - views[-1]).mean() > 0.01 * clip.width):
             views.append(corners)
-    if pattern is None or len(views) < 5:
+    if len(views) < 5:
         raise SysidError(
             f"{path}: a chessboard is seen in {len(views)} different attitudes; 5 are needed. Film a printed one "
             "(9x6 inner corners) slowly from all sides, filling the picture."
         )
     views = [views[i] for i in np.unique(np.linspace(0, len(views) - 1, min(len(views), VIEWS)).astype(int))]
-    grid = np.zeros((pattern[0] * pattern[1], 3), np.float32)
-    grid[:, :2] = np.mgrid[0 : pattern[0], 0 : pattern[1]].T.reshape(-1, 2)
+    across, down = CHESSBOARD
+    grid = np.zeros((across * down, 3), np.float32)
+    grid[:, :2] = np.mgrid[0:across, 0:down].T.reshape(-1, 2)
     size = (clip.width, clip.height)
     error, matrix, distortion, _, _ = cv2.calibrateCamera(
         [grid] * len(views), [view.astype(np.float32) for view in views], size, np.eye(3), np.zeros(5)
     )
-    note = f"from {len(views)} views of a {pattern[0]}x{pattern[1]} chessboard, {error:.2f} px"
+    note = f"from {len(views)} views of a {across}x{down} chessboard, {error:.2f} px"
     if error > 1.5:
         raise SysidError(
             f"{path}: the lens {note} off on average: the board is bent or the film blurred. Film it again."
@@ -154,16 +152,9 @@ def _from_chessboard(path: Path) -> tuple[Array, Array, tuple[int, int], str]:
     return np.asarray(matrix, float), np.ravel(np.asarray(distortion, float)), size, note
 
 
-def _which_chessboard(dark: Picture) -> tuple[int, int] | None:
-    for pattern in CHESSBOARDS:
-        if _chessboard(dark, pattern) is not None:
-            return pattern
-    return None
-
-
-def _chessboard(dark: Picture, pattern: tuple[int, int]) -> Array | None:
+def _chessboard(dark: Picture) -> Array | None:
     flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
-    good, corners = cv2.findChessboardCorners(dark, pattern, flags=flags)
+    good, corners = cv2.findChessboardCorners(dark, CHESSBOARD, flags=flags)
     if not good:
         return None
     criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.01)

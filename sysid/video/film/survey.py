@@ -18,6 +18,8 @@ MIN_CHANGE = 18.0
 """Change of brightness that counts as motion [grey levels]."""
 MIN_AREA = 40
 """Least area of what moves [px of the small picture]."""
+MIN_REGION = 16
+"""Least width and height of a region that the user gives [px]."""
 BOX_MARGIN = 10
 """What is added to what moves, on each side [px]."""
 
@@ -133,15 +135,15 @@ def box_of(clip: Clip, roi: tuple[int, int, int, int]) -> Box:
     """
     left, top, width, height = roi
     if (
-        width < 16
-        or height < 16
+        width < MIN_REGION
+        or height < MIN_REGION
         or left < 0
         or top < 0
         or left + width > clip.width
         or top + height > clip.height
     ):
         raise SysidError(
-            f"--roi {left} {top} {width} {height}: left, top, width and height in px, at least 16x16, inside the "
+            f"--roi {left} {top} {width} {height}: left, top, width and height in px, at least {MIN_REGION}x{MIN_REGION}, inside the "
             f"picture of {clip.width}x{clip.height}."
         )
     return left, top, left + width, top + height

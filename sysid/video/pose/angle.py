@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.pose.angle_uncertainty import common_variance, repeated_picture, slant_ambiguity
+from sysid.video.pose.angle_uncertainty import common_variance, left_out, slant_ambiguity
 from sysid.video.pose.camera_state import CameraState
 from sysid.video.pose.circles import fit_circles
 from sysid.video.pose.keyframes import keyframes_of
@@ -77,7 +77,7 @@ def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior |
         speed[rows] = point_speed(view, rows)
     wrong = misfit > 12 * (float(np.nanmedian(misfit)) + POINT_FLOOR) + BLUR_SHARE * speed
     angle[wrong] = np.nan
-    variance = found.noise.variance(speed) * prior.alike / size + repeated_picture(view, found, prior) ** 2
+    variance = found.noise.variance(speed) * prior.alike / size + left_out(speed, found, prior) ** 2
     variance += smear(angle) ** 2
     common = common_variance(view, angle, matrix, found)
     if other is not None:

@@ -34,8 +34,6 @@ def fill_gaps(signal: Signal, pace: float) -> tuple[Signal, int, int]:
         signal: What was seen.
         pace: Frames in one period.
     """
-    from scipy.interpolate import CubicSpline
-
     good = np.isfinite(signal.roll)
     first, last = np.flatnonzero(good)[[0, -1]]
     inside = slice(first, last + 1)
@@ -46,6 +44,8 @@ def fill_gaps(signal: Signal, pace: float) -> tuple[Signal, int, int]:
     gaps = list(zip(turns[::2], turns[1::2], strict=True))
     short = [(a, b) for a, b in gaps if b - a <= min(MAX_GAP, pace / 8)]
     if short and good.sum() >= 4:
+        from scipy.interpolate import CubicSpline  # slow to start, and seldom needed
+
         spline = CubicSpline(time[good], roll[good])
         straight = np.interp(time, time[good], roll[good])
         for a, b in short:

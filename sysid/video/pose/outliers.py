@@ -5,6 +5,7 @@ in front of what is followed, or another thing was taken for it.
 """
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from sysid.roll import Array
 
@@ -31,15 +32,13 @@ def outlier_frames(time: Array, angle: Array, std: Array) -> Array:
     t, x = time[seen], angle[seen]
     off = np.zeros(len(x))
     off[2:-2] = x[2:-2] - _between(t, x)
-    noise = np.sqrt(2.0) * std[seen]
-    for row in range(4, len(x) - 4):
-        five = off[row - 2 : row + 3]
-        size = float(five @ SPIKE_PATTERN / (SPIKE_PATTERN @ SPIKE_PATTERN))
-        likeness = abs(float(five @ SPIKE_PATTERN)) / max(
-            float(np.linalg.norm(five) * np.linalg.norm(SPIKE_PATTERN)), 1e-15
-        )
-        if likeness > SPIKE_LIKENESS and abs(size) > SPIKE_STDS * np.median(noise[row - 4 : row + 5]):
-            wrong[seen[row]] = abs(size)
+    five = sliding_window_view(off, 5)[2:-2]  # about all but the outer four
+    usual = np.median(sliding_window_view(np.sqrt(2.0) * std[seen], 9), axis=1)
+    size = np.abs(five @ SPIKE_PATTERN)
+    length = np.linalg.norm(SPIKE_PATTERN)
+    likeness = size / np.maximum(np.linalg.norm(five, axis=1) * length, 1e-15)
+    size /= length**2
+    wrong[seen[4:-4]] = np.where((likeness > SPIKE_LIKENESS) & (size > SPIKE_STDS * usual), size, 0.0)
     return wrong
 
 

@@ -8,11 +8,11 @@ from sysid.roll import Array
 from sysid.video.pose.body import Body
 from sysid.video.pose.camera_state import CameraState
 
-SQUARE_SQUEEZE = 0.015
-"""Standard deviation of a printed square's squareness: one that stands 10 degrees off looks 1.5 % narrower."""
-PLANE_CENTRES = 0.002
+SQUARE_SQUEEZE = 0.0075
+"""Standard deviation of a printed square's squareness: one that stands 7 degrees off looks 0.75 % narrower."""
+PLANE_CENTRES = 0.0005
 """Standard deviation of the circles' centres of points in one plane across the axis, in focal lengths: a
-tenth of a focal length aside, at depths that differ by 2 %."""
+twentieth of a focal length aside, at depths that differ by 1 %."""
 POINT_FLOOR = 0.02
 """Least standard deviation of a point's position [px]: pixels and lens have faults of their own."""
 SAME_PICTURE = 0.25
@@ -24,7 +24,7 @@ class BodyPrior:
     """What is known beforehand of a body."""
 
     square: bool = False
-    """Its points are the corners of a square that stands across the axis (to within 10 degrees), in order."""
+    """Its points are the corners of a square that stands across the axis (to within 7 degrees), in order."""
     centre_std: float = PLANE_CENTRES
     """Standard deviation of the circles' centres, in focal lengths."""
     alike: float = 1.0
@@ -79,6 +79,7 @@ def add_priors(
     if free := before.free:
         information = np.linalg.inv(before.covariance[np.ix_(free, free)])
         moved = now.value[free] - before.value[free]
+        moved[[number == 3 for number in free]] = 0.0  # a read-out is as likely anywhere within its limits
         normal[4 * size :, 4 * size :] += information
         pull[4 * size :] -= information @ moved
         cost += float(moved @ information @ moved)

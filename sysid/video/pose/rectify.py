@@ -15,20 +15,25 @@ def rectify(points: Array, matrix: Array, yaw: float, pitch: float) -> Complex:
         yaw: Direction of the axis, to the right of the line of sight [rad].
         pitch: Downwards [rad].
     """
-    look = _look(yaw, pitch)
-    x = (points[..., 0] - matrix[0, 2]) / matrix[0, 0]
-    y = (points[..., 1] - matrix[1, 2]) / matrix[1, 1]
-    across = x * look[0, 0] + y * look[1, 0] + look[2, 0]
-    down = x * look[0, 1] + y * look[1, 1] + look[2, 1]
-    with np.errstate(invalid="ignore"):  # points that are not seen are NaN, and stay so
-        return (across + 1j * down) / (x * look[0, 2] + y * look[1, 2] + look[2, 2])
+    place = project(_look(yaw, pitch).T @ np.linalg.inv(matrix), points)
+    return place[..., 0] + 1j * place[..., 1]
 
 
 def unrectify(z: Complex, matrix: Array, yaw: float, pitch: float) -> Array:
     """Return where a camera that looks aside sees `z` (n, N), shape (n, N, 2) [px]: the inverse of `rectify`."""
-    look = _look(yaw, pitch)
-    ray = np.stack([z.real, z.imag, np.ones(z.shape)], axis=-1) @ look.T
-    return ray[..., :2] / ray[..., 2:] * [matrix[0, 0], matrix[1, 1]] + matrix[:2, 2]
+    return project(matrix @ _look(yaw, pitch), np.stack([z.real, z.imag], axis=-1))
+
+
+def upright(matrix: Array, yaw: float, pitch: float) -> Array:
+    """Return `rectify` as a homography between pictures [px] of the same camera, then along the axis, shape (3, 3)."""
+    return matrix @ _look(yaw, pitch).T @ np.linalg.inv(matrix)
+
+
+def project(homography: Array, points: Array) -> Array:
+    """Return where a homography, shape (3, 3), takes points (..., 2), as the result, to [its own unit]; NaN stays NaN."""
+    there = points @ homography[:, :2].T + homography[:, 2]
+    with np.errstate(invalid="ignore"):
+        return there[..., :2] / there[..., 2:]
 
 
 def enlargement(z: Complex, yaw: float, pitch: float) -> Array:

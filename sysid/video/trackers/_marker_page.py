@@ -25,7 +25,7 @@ HOW_TO = {
     "The main lens (1x), not the wide one; stabilisation, HDR and filters off.",
     "Rate": "120 frames/s or more (slow motion): eight frames or more for each swing of the deck.",
     "Light": "as bright as can be: a short shutter, 1/500 s, keeps a moving edge sharp.",
-    "Take": "one, uncut, from before the release until the deck rests; hands out of the picture.\n"
+    "Take": "one, trimmed as you like, from before the release until the deck rests; hands out of the picture.\n"
     "Copy the file as it is: a messenger compresses it again.",
     "Read": "husky-sysid decay clip.mp4 --board NAME --overlay seen.mp4, and look at seen.mp4.",
 }

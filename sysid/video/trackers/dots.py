@@ -100,11 +100,12 @@ class DotFollower:
     def update(self, frame: Frame) -> Array | None:
         """Return the dots' centres [px], shape (N, 2); None unless all are seen."""
         interval = 0.0 if self._time is None else frame.time - self._time
-        predicted = self._places + self._velocity * interval
+        # What moves on is expected further on, what was lost is looked for where it was.
+        predicted = self._places + (self._velocity * interval if self._lost < 2 else 0.0)
         places = np.full_like(self._places, np.nan)
         sizes = self._size.copy()
         for number, dot in enumerate(self.dots):
-            reach = (3.0 + 2.0 * min(self._lost, 10)) * dot.radius + 0.5 * float(
+            reach = (3.0 + 2.0 * min(self._lost, 5)) * dot.radius + 0.5 * float(
                 np.linalg.norm(predicted[number] - self._places[number])
             )
             if len(self.dots) == 2:

@@ -25,8 +25,10 @@ DICTIONARIES = {
     "AprilTag 16h5": cv2.aruco.DICT_APRILTAG_16h5,
     "AprilTag 25h9": cv2.aruco.DICT_APRILTAG_25h9,
 }
-SEARCH_FRAMES = 20
+SEARCH_FRAMES = 10
 """Frames in which a marker is looked for."""
+SEARCH_MARGIN = 40
+"""What is looked at beside what moves, for the white about a marker [px]."""
 MIN_SIDE = 24
 """Shortest side of a marker that is followed [px]."""
 MIN_LIKENESS = 0.6
@@ -84,8 +86,6 @@ class MarkerFollower:
     _lost: int = 0
     _miss: float = 3.0
     """How far the corners were from where they were expected in the last frame [px]."""
-    searches: int = 0
-    """Number of searches through a whole picture: they are what costs time."""
 
     def __post_init__(self) -> None:
         """Look up what the marker's cells should look like."""
@@ -120,7 +120,6 @@ class MarkerFollower:
             if found is None:
                 found = self._search_near(frame, predicted)
         if found is None and self._lost % FULL_SEARCH_EVERY == 0:
-            self.searches += 1
             found = self._detect_in(frame, self.region)
         if found is None:
             self._lost += 1
@@ -221,12 +220,14 @@ def marker_cells(number: int) -> npt.NDArray[np.uint8]:
 
 
 def _find(reel: Reel) -> Target | None:
-    region = reel.region or (0, 0, reel.clip.width, reel.clip.height)
-    for frame in reel.look.frames[:: max(1, len(reel.look.frames) // SEARCH_FRAMES)]:
-        marker = find_marker(frame, region)
-        if marker is not None:
-            break
-    else:
+    region, look = reel.region or (0, 0, reel.clip.width, reel.clip.height), reel.look
+    left, top, right, bottom = look.box
+    around = (left - SEARCH_MARGIN, top - SEARCH_MARGIN, right + SEARCH_MARGIN, bottom + SEARCH_MARGIN)
+    # Where something moves, or anywhere at last: a board may hardly do so.
+    places = [(frame, around) for frame in look.frames[:: max(1, len(look.frames) // SEARCH_FRAMES)]]
+    markers = (find_marker(*place) for place in [*places, (look.frames[0], region)])
+    marker = next((one for one in markers if one is not None), None)
+    if marker is None:
         return None
     return Target(
         follower=MarkerFollower(marker, region),

@@ -1,0 +1,37 @@
+"""Prediction of what was left out."""
+
+import numpy as np
+
+from sysid.fitting.cross_validation import _predicted
+from sysid.least_squares import Normal
+
+
+class Folded:
+    """A release that says x² = 1, and nothing of x at 0."""
+
+    def bounds(self):
+        return np.array([-5.0]), np.array([5.0])
+
+    def unnoticed(self, cost):
+        return 1e-7
+
+    def residuals(self, point):
+        return [point**2 - 1.0]
+
+    def normal(self, point):
+        residual, slope = point**2 - 1.0, np.diag(2 * point)
+        return Normal(0.5 * float(residual @ residual), slope @ residual, slope @ slope)
+
+
+def test_what_the_others_leave_open_is_sought_where_all_releases_have_it():
+    nothing = np.zeros((1, 1))
+    missed = _predicted(Folded(), np.zeros(1), nothing, np.array([1.2]))
+    assert abs(missed[0]) < 1e-3
+    stuck = _predicted(Folded(), np.zeros(1), nothing, np.zeros(1))
+    assert abs(stuck[0] + 1) < 1e-3
+
+
+def test_what_the_others_know_stays():
+    known = np.array([[1e6]])
+    missed = _predicted(Folded(), np.array([0.5]), known, np.array([1.0]))
+    assert abs(missed[0] + 0.75) < 1e-3
