@@ -49,10 +49,10 @@ class Stress:
             SysidError: One cannot be.
         """
         lag = self.delay / PD_PERIOD
-        if not 0 <= lag < math.inf or not math.isclose(lag, round(lag), abs_tol=1e-6):
-            raise SysidError(
-                f"--delay {self.delay:g}: must be a multiple of the servos' {PD_PERIOD:g} s, and not negative."
-            )
+        if not 0 <= self.delay <= 1:
+            raise SysidError(f"--delay {self.delay:g}: from 0 to 1 s, in seconds; 20 ms is 0.02.")
+        if not math.isclose(lag, round(lag), abs_tol=1e-6):
+            raise SysidError(f"--delay {self.delay:g}: must be a multiple of the servos' {PD_PERIOD:g} s.")
         for name in ("mass", "rolling"):
             if not getattr(self, name) > 0:
                 raise SysidError(f"--{name} {getattr(self, name):g}: a factor, must be larger than 0.")

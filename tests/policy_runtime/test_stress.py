@@ -134,7 +134,8 @@ def test_without_stress_the_world_is_the_plain_one():
     ("numbers", "message"),
     [
         ({"delay": 0.005}, "multiple of the servos' 0.002 s"),
-        ({"delay": -0.02}, "not negative"),
+        ({"delay": -0.02}, "from 0 to 1 s"),
+        ({"delay": 20.0}, "20 ms is 0.02"),
         ({"mass": 0.0}, "--mass 0: a factor"),
         ({"friction": -1.0}, "--friction -1"),
         ({"slope": 1.0}, "within ±30 degrees"),
