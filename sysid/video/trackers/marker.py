@@ -221,8 +221,9 @@ def marker_cells(number: int) -> npt.NDArray[np.uint8]:
 
 def _find(reel: Reel) -> Target | None:
     region, look = reel.region or (0, 0, reel.clip.width, reel.clip.height), reel.look
-    left, top, right, bottom = look.box
-    around = (left - SEARCH_MARGIN, top - SEARCH_MARGIN, right + SEARCH_MARGIN, bottom + SEARCH_MARGIN)
+    low = [max(edge - SEARCH_MARGIN, limit) for edge, limit in zip(look.box[:2], region[:2], strict=True)]
+    high = [min(edge + SEARCH_MARGIN, limit) for edge, limit in zip(look.box[2:], region[2:], strict=True)]
+    around = low[0], low[1], high[0], high[1]
     # Where something moves, or anywhere at last: a board may hardly do so.
     places = [(frame, around) for frame in look.frames[:: max(1, len(look.frames) // SEARCH_FRAMES)]]
     markers = (find_marker(*place) for place in [*places, (look.frames[0], region)])
