@@ -4,10 +4,16 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
+import numpy as np
+
 from sysid.effects._base import SensorEffect
 from sysid.joint.equations import EquationsOfMotion, items_of
 from sysid.joint.sensor import filtered
 from sysid.joint.structure import Structure
+from sysid.roll import Array
+
+BLOCK = 16
+"""Integration steps in one call: a call costs less than one of them, and what is too much at the end at most fifteen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,20 +157,66 @@ def _first_state(equations: EquationsOfMotion, unknowns: Any, hold: Any, *, free
 
 
 @cache
-def rollout(stepper: Stepper, steps: int) -> Any:
-    """Return (start, parameters and step) → outputs at the start of each of `steps` steps, shape (·, steps).
-
-    An output is what the sensor sees and its derivatives, then its rate and the same.
-    """
+def _block(stepper: Stepper) -> Any:
+    """Return (start, parameters and step) → (the same after `BLOCK` steps, outputs at the start of each)."""
     import casadi
 
     ca: Any = casadi
     start, given = ca.MX.sym("start", stepper.step.size1_in(0)), ca.MX.sym("given", stepper.step.size1_in(1))
-    _, seen = stepper.step.mapaccum("path", steps)(start, ca.repmat(given, 1, steps))
-    return ca.Function("path", [start, given], [seen])
+    ends, seen = stepper.step.mapaccum("path", BLOCK)(start, ca.repmat(given, 1, BLOCK))
+    return ca.Function("path", [start, given], [ends[:, -1], seen])
+
+
+class Buffered:
+    """A CasADi function with its inputs and outputs in numpy memory: a call costs what it computes. Not for two threads at once."""
+
+    def __init__(self, function: Any) -> None:
+        """Allocate the memory."""
+        self.inputs = [np.zeros(function.numel_in(i)) for i in range(function.n_in())]
+        self.outputs = [np.zeros(function.numel_out(i)) for i in range(function.n_out())]
+        self._buffer, self.run = function.buffer()
+        for index, values in enumerate(self.inputs):
+            self._buffer.set_arg(index, values.data)
+        for index, values in enumerate(self.outputs):
+            self.write(index, values)
+
+    def write(self, index: int, values: Array) -> None:
+        """Let an output be written into other memory, contiguous, column by column."""
+        self._buffer.set_res(index, values.data)
+
+
+class Rollout:
+    """Some steps of a joint, block by block, so that one function does for every length."""
+
+    def __init__(self, stepper: Stepper, steps: int) -> None:
+        """Allocate the buffers.
+
+        Args:
+            steps: A multiple of `BLOCK`.
+        """
+        self._block = Buffered(_block(stepper))
+        self._rows = stepper.step.size1_out(1)
+        self._seen = np.zeros((steps // BLOCK, BLOCK * self._rows))
+
+    def __call__(self, start: Array, given: Array) -> Array:
+        """Return what the sensor sees and its derivatives at the start of each step, and in turn its rate and the same.
+
+        Args:
+            start: State and sensitivities, shape (n,).
+            given: Parameters and the step [s], shape (p + 1,).
+
+        Returns:
+            Shape (2 steps, 1 + columns of the stepper); the next call overwrites it.
+        """
+        block = self._block
+        block.inputs[0][:], block.inputs[1][:] = start, given
+        for seen in self._seen:
+            block.write(1, seen)
+            block.run()
+            block.inputs[0][:] = block.outputs[0]
+        return self._seen.reshape(-1, self._rows // 2)
 
 
 def steps_for(duration: float, h: float) -> int:
-    """Return how many grid points cover a duration [s] at step h, rounded up so that functions are shared."""
-    wanted = int(duration / h) + 2
-    return max(64, 32 * -(-wanted // 32)) if wanted > 64 else 64
+    """Return how many grid points cover a duration [s] at step h, whole blocks."""
+    return BLOCK * -(-(int(duration / h) + 2) // BLOCK)

@@ -8,7 +8,7 @@ import numpy as np
 from sysid.board import Board
 from sysid.errors import SysidError
 from sysid.joint.hermite import hermite_matrix
-from sysid.joint.integrator import build_stepper, rollout, steps_for
+from sysid.joint.integrator import Rollout, build_stepper, steps_for
 from sysid.joint.law import JointLaw
 from sysid.joint.sampled import stepped
 from sysid.joint.sensor import clock_ratio, read
@@ -70,14 +70,13 @@ def simulate(
     h = 2 * np.pi / law.frequency / STEPS_PER_PERIOD
     true_time = np.asarray(time, dtype=np.float64) / ratio
     steps = steps_for(float(true_time[-1]), h)
-    start = stepper.initial(vector, [angle, rate], hold)
-    seen = np.asarray(rollout(stepper, steps)(start, np.append(vector, h)))
-    if not np.all(np.isfinite(seen)):
+    start = np.asarray(stepper.initial(vector, [angle, rate], hold)).ravel()
+    grid = Rollout(stepper, steps)(start, np.append(vector, h))[:, 0]
+    if not np.all(np.isfinite(grid)):
         raise SysidError(
             f"the simulated roll grows without bound from {np.degrees(angle):.3g} degrees: "
             "the law has no stable rest. Check the signs and sizes of its effects."
         )
-    grid = seen.T.ravel()
     roll = hermite_matrix(true_time, h, steps) @ grid
     roll_rate = hermite_matrix(true_time, h, steps, slope=True) @ grid / ratio
     reading = read(law, roll, roll_rate, begin + np.asarray(time, dtype=np.float64))
