@@ -123,19 +123,21 @@ class EquationsOfMotion:
         torque = joint + deck
         return self._ca.if_else(self._ca.fabs(torque) > self.friction(0.0), self._ca.sign(torque), 0.0)
 
-    def sliding_step(self, y: Any, h: Any) -> tuple[Any, Any, Any]:
-        """Return (state after a step without a turn, slope of the rate at its start, whether it turned)."""
-        ca = self._ca
+    def sliding(self, y: Any) -> Any:
+        """Return in which direction the joint slides in state y: -1, +1, or 0 if friction holds it."""
         rate = self.motion(y).rate
-        slide = ca.if_else(ca.fabs(rate) > _STILL, ca.sign(rate), self.direction(y))
-        whole, start = self.rk4(y, h, slide)
-        turns = ca.logic_and(slide * self.motion(whole).rate < 0, ca.fabs(rate) > _STILL)
-        return whole, start[1] if self.support is None else start[1] - start[self.support.start + 1], turns
+        return self._ca.if_else(self._ca.fabs(rate) > _STILL, self._ca.sign(rate), self.direction(y))
+
+    def turned(self, y: Any, whole: Any, slide: Any) -> Any:
+        """Return whether the joint turned round in a step, from the states at its ends and the direction in which it slid."""
+        moved = self._ca.fabs(self.motion(y).rate) > _STILL
+        return self._ca.logic_and(slide * self.motion(whole).rate < 0, moved)
 
     def event_step(self, y: Any, h: Any) -> Any:
         """Return the state after a step that is cut where the rate passes through zero."""
         ca = self._ca
-        whole, slope, _ = self.sliding_step(y, h)
+        whole, start = self.rk4(y, h, self.sliding(y))
+        slope = start[1] if self.support is None else start[1] - start[self.support.start + 1]
         rate, after = self.motion(y).rate, self.motion(whole).rate
         slide = ca.sign(rate)
         # Root of the parabola through the rates at both ends with the starting acceleration, as a share of h.

@@ -78,17 +78,19 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
         return ca.horzcat(value, ca.jacobian(value, y) @ carried + by_parameter)
 
     output = ca.densify(ca.vec(with_slopes(ca.vertcat(*filtered(equations, y))).T))
-    if not structure.has_dry_friction:
-        whole, by_state, by_fitted = _rk4_slopes(equations.derivative(y, None), y, fitted, parameters, h)
-        by_all = ca.horzcat(by_fitted, ca.SX(2 + states, unknowns.shape[0]))
-        moved = ca.vertcat(whole, ca.vec(by_state @ carried + by_all)) if sensitivities else whole
+    slides = structure.has_dry_friction
+    direction = equations.sliding(y) if slides else None
+    whole, by_state, by_fitted = _rk4_slopes(equations, y, fitted, parameters, h, direction)
+    by_all = ca.horzcat(by_fitted, ca.SX(2 + states, unknowns.shape[0]))
+    moved = ca.vertcat(whole, ca.vec(by_state @ carried + by_all)) if sensitivities else whole
+    if not slides:
         step = ca.Function("step", [accumulated, given], ca.cse([moved, output]))
         return Stepper(structure, free_states, sensitivities, initial, step)
 
     # A cut costs three steps and is rare, so it is computed only where the joint does turn, and as it was written.
-    whole, _, turns = equations.sliding_step(y, h)
+    turns = equations.turned(y, whole, direction)
     slid = ca.SX.sym("slid", accumulated.shape[0])
-    slide = ca.Function("slide", [accumulated, given], ca.cse([ca.vec(with_slopes(whole)), output, turns]))
+    slide = ca.Function("slide", [accumulated, given], ca.cse([moved, output, turns]))
     cut = ca.vec(with_slopes(equations.event_step(y, h)))
     turn = ca.Function.if_else(
         "turn",
@@ -101,35 +103,56 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
     return Stepper(structure, free_states, sensitivities, initial, step)
 
 
-def _rk4_slopes(rate: Any, y: Any, fitted: Any, parameters: Any, h: Any) -> tuple[Any, Any, Any]:
+def _rk4_slopes(
+    equations: EquationsOfMotion, y: Any, fitted: Any, parameters: Any, h: Any, direction: Any
+) -> tuple[Any, Any, Any]:
     """Return the state after a step of RK4, and its slopes with the state before and with parameters.
 
     From the last stage to the first: what a stage's rate does to the end of the step is a small matrix, and many parameters
     are multiplied with it once, instead of being carried through the stages.
 
     Args:
-        rate: Of the state, shape (n,).
+        equations: Of the joint.
         y: State, shape (n,).
         fitted: Parameters whose slopes are wanted, shape (p,).
         parameters: All of them, shape (q,).
         h: Step [s].
+        direction: In which dry friction is slid over; None where there is none.
     """
     import casadi
 
     ca: Any = casadi
-    at = ca.Function("rate", [y, parameters], [rate, ca.jacobian(rate, y), ca.jacobian(rate, fitted)])
-    stages = [at(y, parameters)]
+    stage, before, slide = ca.SX.sym("stage", y.shape[0]), ca.SX.sym("before"), ca.SX.sym("slide")
+    tilt = equations.motion(y).tilt
+    known, given = (
+        [stage, before, parameters, slide],
+        [tilt, parameters, 0 if direction is None else direction],
+    )
+
+    def with_slopes(name: str, value: Any) -> Any:
+        slopes = [ca.jacobian(value, wanted) for wanted in (stage, before, fitted)]
+        return ca.Function(name, known, [value, *slopes])
+
+    carried = equations.slipped(stage, before)
+    rate = with_slopes("rate", equations.derivative(carried, None if direction is None else slide))
+    stages = [rate(y, *given)]
     for share in (h / 2, h / 2, h):
-        stages.append(at(y + share * stages[-1][0], parameters))
-    whole, by_state, by_fitted, effect = y, ca.SX.eye(y.shape[0]), 0, 0
-    for weight, share, (slope, of_state, of_fitted) in zip(
+        stages.append(rate(y + share * stages[-1][0], *given))
+    whole = y
+    for weight, (slope, *_) in zip((h / 6, h / 3, h / 3, h / 6), reversed(stages), strict=True):
+        whole = whole + weight * slope
+    # Sliders go with the tilt that the step began at, and end where the step does.
+    whole, last, by_before, by_fitted = with_slopes("end", carried)(whole, *given)
+    by_state, effect = last, 0
+    for weight, share, (_, of_state, of_before, of_fitted) in zip(
         (h / 6, h / 3, h / 3, h / 6), (0, h, h / 2, h / 2), reversed(stages), strict=True
     ):
-        effect = weight * ca.SX.eye(y.shape[0]) + share * effect
-        whole, by_fitted = whole + weight * slope, by_fitted + effect @ of_fitted
+        effect = weight * last + share * effect
+        by_before, by_fitted = by_before + effect @ of_before, by_fitted + effect @ of_fitted
         effect = effect @ of_state
         by_state = by_state + effect
-    return whole, by_state, by_fitted
+    by_state = by_state + by_before @ ca.jacobian(tilt, y)
+    return whole, by_state, by_fitted + by_before @ ca.jacobian(tilt, fitted)
 
 
 def _first_state(equations: EquationsOfMotion, unknowns: Any, hold: Any, *, free_states: bool) -> Any:
