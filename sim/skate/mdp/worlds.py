@@ -146,9 +146,8 @@ class Worlds:
     def roll_on(self) -> None:
         """Let the ground change under boards that have rolled on for a policy step."""
         velocity = self._env.sim.data.qvel[:, self._board_v : self._board_v + 2]
-        way = CONTROL_PERIOD * torch.nan_to_num(
-            velocity.norm(dim=-1)
-        )  # what has broken down is about to begin anew
+        # What has broken down is about to begin anew.
+        way = CONTROL_PERIOD * torch.nan_to_num(velocity.norm(dim=-1))
         self._remaining -= way
         over, (gradient, length) = self._remaining < 0, self._stretch()
         self._coming.copy_(torch.where(over[:, None], gradient, self._coming))
