@@ -96,12 +96,11 @@ def test_a_known_slope_is_taken_off():
     friction, slope = (1.0, 0.001, 0.002), math.radians(1.5)
     level = roll_out([filmed(speed=1.2, tilts=(0.0,), friction=friction)], WHEELBASE)
     run = filmed(speed=1.0, tilts=(0.0,), slope=slope, friction=friction)
-    down = roll_out([run], WHEELBASE, slope)
+    down = roll_out([run], WHEELBASE, -slope)
     assert down.deceleration.value == pytest.approx(level.deceleration.value, abs=0.04)
     assert down.deceleration.value > 0.18
-    assert (
-        roll_out([run], WHEELBASE).deceleration.value < 0.05
-    )  # what is not known is taken for less resistance
+    with pytest.raises(SysidError, match=r"gains 0\.\d+ m/s\^2 beyond its slope of 1\.5 degrees"):
+        roll_out([run], WHEELBASE, slope)
 
 
 def test_an_imu_that_rests_first_tells_the_same():
