@@ -169,7 +169,7 @@ def roll_out(runs: Sequence[RollOut], wheelbase: Quantity, slope: float = 0.0) -
 
 def _rake(bend: Quantity | None, wheelbase: Quantity) -> Quantity | None:
     """Return λ of 2 tan λ / L, where that stands clear of zero."""
-    if bend is None or bend.value < 3 * bend.std:
+    if bend is None or bend.value <= 3 * bend.std:
         return None
     tangent = bend.value * wheelbase.value / 2
     half = (bend.ci95[1] - bend.ci95[0]) / 2

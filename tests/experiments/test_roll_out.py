@@ -144,6 +144,8 @@ def test_what_tells_nothing_is_refused_in_words():
     with pytest.raises(SysidError, match=r"stretches of 0\.25 s in all; it takes 10"):
         roll_out([filmed(time=1.5)], WHEELBASE)
     t = np.arange(0, 5, 0.01)
+    straight = from_path(t, np.column_stack([t - 0.05 * t**2, 0 * t]), 0.05 * np.sin(t))
+    assert roll_out([straight], WHEELBASE).rake is None  # it did not turn at all
     still = from_path(t, np.zeros((len(t), 2)), np.zeros_like(t))
     with pytest.raises(SysidError, match="hardly rolls"):
         roll_out([still], WHEELBASE)
