@@ -56,7 +56,9 @@ def rollout(
     found = roll_out(runs, record.geometry["wheelbase"], math.radians(slope_deg))
     rows = [(f"loss of speed at {found.at_speed:.2g} m/s", found.deceleration)]
     if found.rake is None:
-        printer.warn("the deck was not tilted enough to tell the rake; tilt it by a weight beside the axis.")
+        printer.warn(
+            "the board turned too little to tell the rake; tilt its deck more, by a weight beside the axis."
+        )
     else:
         rows.insert(0, ("rake", found.rake))
     printer.quantities(rows, f"{record.name}: {len(runs)} roll-out{'s' * (len(runs) > 1)}")

@@ -49,7 +49,7 @@ class Rolling:
     """What roll-outs tell."""
 
     rake: Quantity | None
-    """λ [rad]; None where the deck was never tilted enough to tell."""
+    """λ [rad]; None where the board turned too little to tell."""
     deceleration: Quantity
     """Loss of speed on level ground at 1 m/s, or at the nearest speed that was rolled [m/s^2]."""
     at_speed: float
