@@ -99,7 +99,9 @@ def main() -> None:
         f"Families right: husky-sysid {sum(right for _, right in ours.values())} of {len(ours)}, pysindy "
         f"{sum(right for _, right, _ in rows)} of {len(rows)} (in {sum(among for _, _, among in rows)} more they are among those "
         "that it names); mujoco.sysid names none: it warns of bounds.\n\n"
-        + table(head, ()) + "\n" + "\n".join(line for line, _, _ in rows),
+        + table(head, ())
+        + "\n"
+        + "\n".join(line for line, _, _ in rows),
     )
 
 

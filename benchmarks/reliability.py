@@ -176,15 +176,11 @@ def brier(confidence: Any, hits: Any) -> float:
 
 def picture(rows: Sequence[Row], path: Path) -> None:
     """Draw the share of verdicts that is right against their confidence."""
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
-    from reports.figures.decay import STYLE
     from reports.figures.palette import REAL, SIM
+    from reports.figures.style import styled
 
     read = [row for row in rows if row["status"] not in ("void", "error")]
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(4.6, 4.2), layout="constrained")
+    with styled(4.6, 4.2) as figure:
         axes = figure.add_subplot()
         axes.plot([0, 1], [0, 1], color="0.6", linewidth=1, label="deserved")
         for name, colour in zip(SHOWN, (SIM, REAL), strict=True):
