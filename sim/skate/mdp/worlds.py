@@ -141,9 +141,8 @@ class Worlds:
     def roll_on(self) -> None:
         """Let the ground change under boards that have rolled on for a policy step."""
         velocity = self._env.sim.data.qvel[:, self._board_v : self._board_v + 2]
-        way = CONTROL_PERIOD * torch.nan_to_num(
-            velocity.norm(dim=-1)
-        )  # what has broken down is about to begin anew
+        # What has broken down is about to begin anew.
+        way = CONTROL_PERIOD * torch.nan_to_num(velocity.norm(dim=-1))
         self._remaining -= way
         over, (gradient, length) = self._remaining < 0, self._stretch()
         self._coming.copy_(torch.where(over[:, None], gradient, self._coming))
@@ -159,9 +158,8 @@ class Worlds:
         heading = rotation.yaw(self._env.sim.data.qpos[:, self._board_q + 3 : self._board_q + 7])
         heading = torch.nan_to_num(heading) + OBLIQUE * drawn[:, 1]
         ahead = torch.stack((heading.cos(), heading.sin()), dim=-1)
-        slope = (
-            self._steepest * drawn.sign() * drawn.abs().sqrt()
-        )  # the steeper, the more often: they are harder
+        # The steeper, the more often: they are harder.
+        slope = self._steepest * drawn.sign() * drawn.abs().sqrt()
         slope = torch.where(descent[:, None], -self.variation.descent * drawn[:, :1].abs() * ahead, slope)
         low, high = (torch.where(descent, short, long) for short, long in zip(SHORT, LONG, strict=True))
         length = low * (high / low) ** torch.rand(n, device=device)
