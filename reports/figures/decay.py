@@ -95,10 +95,10 @@ def draw_traces(axes: "Axes", decay: FreeDecay) -> "Axes":
         modelled = scale * (fitted.modelled - level)
         axes.plot(*thin(since, modelled), color=SIM, lw=0.9, label=None if i else "linear decay")
         if fitted is largest:
-            envelope = scale * _envelope(fitted, since, decay_rate)
+            reach = scale * envelope(fitted, since, decay_rate)
             middle = scale * (fitted.level - level)
-            axes.plot(*thin(since, middle + envelope), color=NOISE, lw=0.8, ls=(0, (4, 3)), label="envelope")
-            axes.plot(*thin(since, middle - envelope), color=NOISE, lw=0.8, ls=(0, (4, 3)))
+            axes.plot(*thin(since, middle + reach), color=NOISE, lw=0.8, ls=(0, (4, 3)), label="envelope")
+            axes.plot(*thin(since, middle - reach), color=NOISE, lw=0.8, ls=(0, (4, 3)))
     about = " about rest" if decay.trace.signal == "roll" else ""
     axes.set(ylabel=f"{decay.show.name}{about} [{unit}]", xlim=(0, shown))
     axes.set_ylim(-1.15 * height, 1.15 * height)
@@ -189,7 +189,7 @@ def _unit(decay: FreeDecay) -> tuple[float, str]:
     return decay.show.scale, decay.show.unit.strip()
 
 
-def _envelope(fitted: FittedTrace, since: Array, rate: float) -> Array:
+def envelope(fitted: FittedTrace, since: Array, rate: float) -> Array:
     """Return the exponential that touches the fitted decay, from its largest excursions on."""
     swing = np.abs(fitted.modelled - fitted.level) * np.exp(rate * (since - since[0]))
     early = since - since[0] < 4.0 / max(rate, 1e-9)
