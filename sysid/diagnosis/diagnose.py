@@ -34,8 +34,8 @@ from sysid.diagnosis.judgement import (
 )
 from sysid.diagnosis.remedy import REACHED, Learned, learn
 from sysid.diagnosis.report import fittable
+from sysid.diagnosis.search import FEW, PARENTS, Progress, Search, best_families
 from sysid.diagnosis.search import Candidate as Model
-from sysid.diagnosis.search import Progress, Search, best_families
 from sysid.diagnosis.stretches import judged_stretches
 from sysid.diagnosis.surrogates import LAWS, in_words, surrogates
 from sysid.diagnosis.touched import touched_release
@@ -390,11 +390,15 @@ def _fast_starts(model: Model) -> list[str]:
 def _searched(search: Search) -> tuple[Search, list[Model], list[Model]]:
     """Return what searches, all models that were fitted, and those of them that may win, refined and predicted."""
     search, singles = search.hung(search.singles())
-    pairs = search.pairs(singles)
-    near = search.neighbours(min(pairs, key=lambda m: m.cost), [*singles, *pairs])
+    # What is at the noise already needs nothing beside it, so what else could be is asked for in its pairs only.
+    reached = search.at_noise(singles)
+    pairs = search.pairs(singles, FEW if reached else PARENTS)
+    best = min(pairs, key=lambda m: m.cost)
+    near = [] if reached else search.neighbours(best, [*singles, *pairs])
     models = [*singles, *pairs, *near]
     large = sorted([*pairs, *near], key=lambda m: m.cost)[:4]
     models = search.reduced(large, models)
+    models = [reached if reached and m.effects == reached.effects else m for m in models]
     linear = next(m for m in models if m.effects == search.base)
     picked = [linear]
     for count in (1, 2):

@@ -49,6 +49,8 @@ UNSETTLED = 8.0
 """Fall of χ² for each internal state of each release from which the hold before it has not settled that."""
 TREMOR = 0.03
 """Share of the most that a state can be by which a hand that trembles keeps moved what would have settled while it held the deck: a choice."""
+TRIED = 8
+"""Iterations after which a start on the fine grid is given up that does not promise what another model has reached: a choice."""
 AHEAD = 0.99
 """Ratio of squared errors in the first swings up to which a search that was begun aside is brought to its end."""
 BEATEN, FAR = 6, 60.0
@@ -297,12 +299,14 @@ class Search:
         if not wanted:
             return []
         half = (begin + end) / 2
-        waiting = sorted(self.each("pair", Search.begun, wanted, begin, half), key=_promise)
+        waiting = sorted(
+            self.each("pair", Search.begun, wanted, begin, half), key=lambda m: _promise(m.minimum)
+        )
         total, done = len(waiting), list[Candidate]()
         batch = max(4, total // 8)
         while waiting:
             reached = sorted(m.minimum.normal.cost for m in done)
-            if len(reached) >= BEATEN and 2 * _promise(waiting[0]) > 2 * reached[BEATEN - 1] + FAR:
+            if len(reached) >= BEATEN and 2 * _promise(waiting[0].minimum) > 2 * reached[BEATEN - 1] + FAR:
                 break
             now, waiting = waiting[:batch], waiting[batch:]
             share = half + (end - half) * len(done) / total
@@ -313,10 +317,15 @@ class Search:
         """Return the effects of a model that the record does not have."""
         return tuple(name for name in model.effects if name not in self.base)
 
-    def pairs(self, singles: Sequence[Candidate]) -> list[Candidate]:
-        """Fit the pairs of the best single effects with all others."""
-        at_noise = min(m.rmse for m in singles) <= AT_NOISE * self.records[0].std
-        best = best_of(leaders(singles[1:], frugality), FEW if at_noise else PARENTS)
+    def at_noise(self, models: Sequence[Candidate]) -> Candidate | None:
+        """Return the best of some models if it is at the noise, on the fine grid if only there."""
+        best, enough = min(models, key=lambda m: m.cost), AT_NOISE * self.records[0].std
+        best = best if best.rmse <= enough else self.fine(best, walk=False)
+        return best if best.rmse <= enough else None
+
+    def pairs(self, singles: Sequence[Candidate], count: int) -> list[Candidate]:
+        """Fit the pairs of the best single effects, that many, with all others."""
+        best = best_of(leaders(singles[1:], frugality), count)
         wanted = {
             tuple(sorted({*a.effects, *b.effects})): (a, b)
             for a in best for b in singles[1:] if a is not b and _sensible(a, b)
@@ -437,13 +446,17 @@ class Search:
             old.structure, self.records, self.scales, bias=self.bias, fixed=old.fixed, free_states=old.free_states,
             steps_per_period=int(FINE * old.structure.sharpness), average=self.average if average is None else average,
         )  # fmt: skip
-        best = problem.fitted(model.minimum.point, 30)
-        walk = walk and average is None and old.structure.nonsmooth
-        if walk and best.normal.cost > 0.55 * problem.samples:
-            best = _walked(problem, best)
+        start = np.clip(model.minimum.point, *problem.bounds())
+        here, reached = problem.normal(start), min((k.minimum.normal.cost for k in parents), default=np.inf)
+        best = problem.fitted(start, TRIED if here.cost > reached else 30, known=here)
+        if here.cost > reached > _promise(best):
+            best = problem.fitted(best.point, 30, known=best.normal)
         for known in parents:
             if known.minimum.normal.cost < best.normal.cost:  # else it ends in no better valley
                 best = min(best, problem.fitted(inherited(problem, known), 30), key=lambda m: m.normal.cost)
+        walk = walk and average is None and old.structure.nonsmooth
+        if walk and best.normal.cost > 0.55 * problem.samples:
+            best = _walked(problem, best)
         return _freed(replace(model, problem=problem, minimum=best, heldout=None))
 
 
@@ -579,13 +592,13 @@ def _sensible(one: Candidate, other: Candidate) -> bool:
     return len(set(families)) == len(families) and not any(names & {*effect(name).excludes} for name in names)
 
 
-def _promise(model: Candidate) -> float:
+def _promise(minimum: Minimum) -> float:
     """Return the cost that the quadratic model of it promises at best."""
-    normal = model.minimum.normal
+    normal = minimum.normal
     if not np.isfinite(normal.cost):
         return float("inf")
     diagonal = np.maximum(np.diag(normal.hessian), 1e-12 * max(float(np.diag(normal.hessian).max()), 1e-300))
     scale = 1.0 / np.sqrt(diagonal)
     scaled = normal.hessian * np.outer(scale, scale) + 1e-3 * np.eye(len(scale))
-    gradient = scale * np.where(model.minimum.at_bound, 0.0, normal.gradient)
+    gradient = scale * np.where(minimum.at_bound, 0.0, normal.gradient)
     return normal.cost - 0.5 * float(gradient @ np.linalg.solve(scaled, gradient))
