@@ -22,13 +22,14 @@ class Algebra:
     sin: Callable[[Value], Value]
     exp: Callable[[Value], Value]
     abs: Callable[[Value], Value]
+    floor: Callable[[Value], Value]
     minimum: Callable[[Value, Value], Value]
     maximum: Callable[[Value, Value], Value]
     where: Callable[[Value, Value, Value], Value]
     """`where(condition, yes, no)`."""
 
 
-NUMPY = Algebra(np.sin, np.exp, np.abs, np.minimum, np.maximum, np.where)
+NUMPY = Algebra(np.sin, np.exp, np.abs, np.floor, np.minimum, np.maximum, np.where)
 """Torque laws on plain numbers and arrays."""
 
 
@@ -39,5 +40,11 @@ def casadi_algebra() -> Algebra:
 
     functions: Any = casadi
     return Algebra(
-        functions.sin, functions.exp, functions.fabs, functions.fmin, functions.fmax, functions.if_else
+        functions.sin,
+        functions.exp,
+        functions.fabs,
+        functions.floor,
+        functions.fmin,
+        functions.fmax,
+        functions.if_else,
     )

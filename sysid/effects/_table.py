@@ -38,7 +38,20 @@ def cardinals(m: Algebra, s: Value, n: int) -> list[Value]:
         n: Knots to either side, 2 or more.
     """
     u = n * s
-    at = {j: _kernel(m, u - j) for j in range(-n - 1, n + 2)}
+    cell = m.maximum(-n, m.minimum(n - 1, m.floor(u)))
+    t = u - cell
+    # Of the knots before the cell, at its ends, and after it. All others count for nothing: that costs no more than to say so.
+    near = (
+        t * (t * (1 - 0.5 * t) - 0.5),
+        1 + t * t * (1.5 * t - 2.5),
+        t * (0.5 + t * (2 - 1.5 * t)),
+        0.5 * t * t * (t - 1),
+    )
+    here = {j: cell == j for j in range(-n, n)}
+    at = {
+        j: sum(weight * here[j + 1 - k] for k, weight in enumerate(near) if j + 1 - k in here)
+        for j in range(-n - 1, n + 2)
+    }
     for side in (-1, 1):  # a point beyond the table goes on as a parabola would: Keys' boundary
         ghost = at.pop(side * (n + 1))
         for back, weight in ((0, 3.0), (1, -3.0), (2, 1.0)):
@@ -60,13 +73,6 @@ def bending(n: int) -> Array:
 def interpolate(m: Algebra, s: Value, values: Sequence[Value]) -> Value:
     """Return the curve through a table's values, shape (2n,), at a position from -1 to 1."""
     return sum(value * one for value, one in zip(values, cardinals(m, s, len(values) // 2), strict=True))
-
-
-def _kernel(m: Algebra, u: Value) -> Value:
-    """Return Keys' cubic convolution kernel: 1 at 0, 0 at every other integer, 0 from ±2 on."""
-    size = m.abs(u)
-    near, far = m.maximum(1 - size, 0.0), m.maximum(2 - size, 0.0)
-    return 0.5 * far * far * (far - 1) - near * near * (2 * near - 1)
 
 
 def table_value(name: str) -> Parameter:
