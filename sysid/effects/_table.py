@@ -48,7 +48,7 @@ def cardinals(m: Algebra, s: Value, n: int) -> list[Value]:
         0.5 * t * t * (t - 1),
     )
     here = {j: cell == j for j in range(-n, n)}
-    at = {
+    at: dict[int, Value] = {
         j: sum(weight * here[j + 1 - k] for k, weight in enumerate(near) if j + 1 - k in here)
         for j in range(-n - 1, n + 2)
     }
