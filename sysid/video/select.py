@@ -38,8 +38,8 @@ MIN_SWING = np.radians(1.0)
 MAX_STRAY, MIN_STRAY = 0.3, 0.01
 """How far a point may be from a circle about a fixed pivot, as a share of its own motion and of the picture's width: beyond
 both it was carried, not turned."""
-CLEARLY = 0.8
-"""What is tried first is left for another one only if that has less than this share of its uncertainty."""
+CLEARLY = 0.7
+"""What shows level is left for another one only if that has less than this share of its uncertainty."""
 WHOLE_BODY = 2.5
 """The whole body is preferred even where it states so many times the uncertainty: it states what lasts (`BODY_FLOOR`),
 which a few points do not know of. In rendered films it takes off most of the error of texture and half of that of dots; a
@@ -153,7 +153,9 @@ def _best(usable: list[Followed]) -> Followed:
         return usable[0]
     first = next((one for one in usable if one.target.shows_level), usable[0])
     agreeing = [one for one in usable if _same_swing(one, first)]
-    best = min(agreeing, key=lambda one: one.std * (CLEARLY if one is first else 1.0))
+    best = min(
+        agreeing, key=lambda one: one.std * (CLEARLY if one is first and one.target.shows_level else 1.0)
+    )
     others = ", ".join(
         f"{one.target.what} ±{2 * np.degrees(one.std):.2g}°" for one in usable if one is not best
     )

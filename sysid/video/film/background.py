@@ -18,6 +18,8 @@ PATCH_GRID, CELL_PATCHES = (8, 6), 2
 """At most so many patches in each cell of a grid this wide and high: one may lie on the board."""
 WINDOW, APART = 15, 9
 """Side of a patch, and how far apart two are [px of the small picture]."""
+MIN_QUALITY = 1e-4
+"""Least eigenvalue of brightness' second moments that is more than noise, in OpenCV's unit."""
 MAX_STEP = 12
 """How far a patch may go otherwise than most from one frame to the next [px of the small picture]."""
 CUT_CHANGE = 12.0
@@ -43,6 +45,8 @@ class Background:
     """The frame before."""
     _seen: list[Points] = field(default_factory=list)
     """Places in each frame [px], each (m, 2); NaN where one is not found, or not looked for."""
+    _went: Array = field(default_factory=lambda: np.zeros(2))
+    """How far most patches had moved in the last frame [px]."""
     _followed: Mask | None = None
     """Which patches are looked for; all as long as it is not known where the board moves."""
     _still: Mask | None = None
@@ -64,15 +68,17 @@ class Background:
                 "Give one uncut take; trim the film first."
             )
         self._before = small
-        went = self.shift(-1) if self._seen else np.zeros(2)
-        self._seen.append(self._follow(small, (went / scale).astype(np.float32)) * scale + (scale - 1) / 2)
-        return self.shift(-1)
+        self._seen.append(
+            self._follow(small, (self._went / scale).astype(np.float32)) * scale + (scale - 1) / 2
+        )
+        self._went = self.shift(-1)
+        return self._went
 
     def shift(self, number: int) -> Array:
         """Return how far most patches have moved from the first frame to another one [px], shape (2,)."""
         moved = (self._seen[number] - self._seen[0])[self._still if self._still is not None else slice(None)]
-        moved = moved[np.isfinite(moved).all(axis=1)].astype(np.float64)
-        return np.median(moved, axis=0) if len(moved) >= MIN_PATCHES else np.zeros(2)
+        moved = np.sort(moved[np.isfinite(moved[:, 0])], axis=0)  # many times faster than numpy's median
+        return moved[len(moved) // 2].astype(np.float64) if len(moved) >= MIN_PATCHES else np.zeros(2)
 
     def leave_out(self, spare: Mask, first: int = 0, turn: Array | None = None) -> None:
         """Let no patch count from now on that reaches into the board, moves with it, or holds but noise.
@@ -141,10 +147,12 @@ class Background:
 def _corners(small: Picture) -> Points:
     """Return what can be followed best in each part of a picture in grey [px], shape (m, 2)."""
     smooth = cv2.GaussianBlur(small, (0, 0), 1.0)
+    mask = (cv2.cornerMinEigenVal(smooth, 7) > MIN_QUALITY).astype(np.uint8)
     found: list[Points] = []
     for top, bottom in zip(*_parts(small.shape[0], PATCH_GRID[1]), strict=True):
         for left, right in zip(*_parts(small.shape[1], PATCH_GRID[0]), strict=True):
-            best = cv2.goodFeaturesToTrack(smooth[top:bottom, left:right], CELL_PATCHES, 0.01, APART)
+            cell = slice(top, bottom), slice(left, right)
+            best = cv2.goodFeaturesToTrack(smooth[cell], CELL_PATCHES, 0.01, APART, mask=mask[cell])
             found += [] if best is None else [best.reshape(-1, 2) + np.array([left, top], np.float32)]
     return np.concatenate([np.zeros((0, 2), np.float32), *found])
 
