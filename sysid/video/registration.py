@@ -9,7 +9,7 @@ weights that ignore hands and shine. Four points of the board at these places st
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -37,7 +37,7 @@ MIN_SPREAD = 4.0
 """Least standard deviation of the body's pixels about their middle, across its narrow side [px]."""
 MIN_PICTURES, MIN_TURN = 5, np.radians(1.0)
 """Pictures, and turn among them [rad], that tell the body from the rest."""
-MAX_PICTURES = 40
+MAX_PICTURES = 24
 """Pictures that are averaged at most, evenly spread: most of them at rest, where compression leaves the least out."""
 MIDDLE_GREY = np.float32(128.0)
 """About which brightness is squared, so that single precision does [grey levels]."""
@@ -57,7 +57,7 @@ class BodyPicture:
     """Part of the film in which it moves [px]."""
     upright: Array
     """Takes places in the film [px] to those that a camera along the axis sees [px], homogeneous, shape (3, 3)."""
-    home: Points
+    home: Array
     """The points that were followed, at home, along the axis [px], shape (N, 2)."""
     places: Array
     """The board's pixels that tell most, at home [px], shape (m, 2)."""
@@ -70,18 +70,26 @@ class BodyPicture:
     slopes: Image
     """Change of brightness with each of the six numbers, gain and offset, at these pixels, shape (m, 8)."""
 
-    def find(self, frame: Frame, points: Points) -> Points:
-        """Return the four points of the board in a frame [px], shape (4, 2); NaN where it is not made out.
+    def lay(self, frame: Frame, rough: Array | None) -> Array | None:
+        """Return its pose in a frame, near a rough one, both of shape (3, 3); None where it is not made out."""
+        return None if rough is None else lay_onto(self, *seen_upright(frame, self.box, self.upright), rough)
 
-        Args:
-            frame: The frame.
-            points: Where what was followed is in it [px], shape (N, 2).
-        """
-        rough = pose_between(self.home, project(self.upright, points.astype(np.float64)))
-        pose = None if rough is None else lay_onto(self, *seen_upright(frame, self.box, self.upright), rough)
+    def rough(self, points: Points) -> Array | None:
+        """Return the pose, shape (3, 3), by where what was followed is in a frame [px], shape (N, 2)."""
+        return pose_between(self.home, project(self.upright, points.astype(np.float64)))
+
+    def with_home(self, points: Sequence[Points], poses: Sequence[Array | None]) -> "BodyPicture":
+        """Return it with the mean of what was followed in some frames, (N, 2) [px] each, as its pose in each says."""
+        both = zip(points, poses, strict=True)
+        back = [project(np.linalg.inv(pose) @ self.upright, seen) for seen, pose in both if pose is not None]
+        count = np.isfinite(back).sum(axis=0)
+        return replace(self, home=np.where(count, np.nansum(back, axis=0) / np.maximum(count, 1), np.nan))
+
+    def filmed(self, pose: Array | None, points: Array) -> Points:
+        """Return where a frame shows points of home [px], both of shape (N, 2), by its pose there; NaN without one."""
         if pose is None:
-            return np.full((4, 2), np.nan, np.float32)
-        return project(np.linalg.inv(self.upright), project(pose, self.corners)).astype(np.float32)
+            return np.full(points.shape, np.nan, np.float32)
+        return project(np.linalg.inv(self.upright), project(pose, points)).astype(np.float32)
 
 
 def seen_upright(frame: Frame, box: Box, upright: Array) -> tuple[Image, Array]:
@@ -129,7 +137,7 @@ def picture_of_body(frames: Sequence[Frame], box: Box, track: Track, upright: Ar
         found = _board_in(good, (int(size[0]), int(size[1])))
         if found is None:
             return None
-        body = BodyPicture(box, upright, home.astype(np.float32), *found)
+        body = BodyPicture(box, upright, home, *found)
         placed = [
             ((picture, inward), lay_onto(body, picture, inward, pose)) for picture, inward, pose in good
         ]

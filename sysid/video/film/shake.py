@@ -145,7 +145,7 @@ def find_shake(home: Complex, seen: Complex, focal: float, centre: complex, *, k
         return [np.concatenate(each) for each in zip(*found, strict=True)]
 
     kappa, doubt = (1 / focal**2, 0.0) if known else _bending(home, seen, 1 / focal**2)
-    motion, square, freedom, spread = fitted(kappa)
+    motion, square, freedom, spread, _ = fitted(kappa)
     good = np.asarray(np.isfinite(motion).all(axis=1), np.bool_)
     if good.mean() <= MIN_FRAMES_SEEN:
         return still(len(seen), focal, centre)
@@ -169,26 +169,21 @@ def still(count: int, focal: float, centre: complex, *, found: bool = False) -> 
 
 
 def _bending(home: Complex, seen: Complex, before: float) -> tuple[float, float]:
-    """Find κ by how all frames bend, with its standard deviation, both [1/px²]: steps of Newton, by differences."""
+    """Find κ by how all frames bend, with its standard deviation, both [1/px²]."""
     some = seen[np.unique(np.linspace(0, len(seen) - 1, BATCH_FRAMES).astype(int))]
     kappa, doubt, prior = before, KAPPA_SPREAD * before, (KAPPA_SPREAD * before) ** -2
-    for _ in range(3):
-        step = 0.2 * kappa
-        left: list[float] = []
-        for tried in (kappa - step, kappa, kappa + step):
-            motion, square, freedom, _ = fit_rotations(home, some, tried**-0.5)
-            good = np.isfinite(motion[:, 0])
-            left.append(float(square[good].sum()))
-        if not good.any():
+    for _ in range(3):  # the scatter about the right bend is less
+        motion, square, freedom, _, tells = fit_rotations(home, some, kappa**-0.5)
+        if not (good := np.isfinite(motion[:, 0])).any():
             break
-        unit = CORRELATED_FRAMES * max(min(left) / float(freedom[good].sum()), 1e-4)
-        curve = max(left[0] - 2 * left[1] + left[2], 0.0) / step**2 / unit / 2 + prior
-        slope = (left[2] - left[0]) / (2 * step) / unit / 2 + prior * (kappa - before)
-        kappa, doubt = float(np.clip(kappa - slope / curve, 0.1 * before, 4 * before)), curve**-0.5
+        unit = CORRELATED_FRAMES * max(float(square[good].sum() / freedom[good].sum()), 1e-4)
+        information, pull = tells[good].sum(axis=0) / unit
+        step = (pull - prior * (kappa - before)) / (information + prior)
+        kappa, doubt = float(np.clip(kappa + step, 0.1 * before, 4 * before)), (information + prior) ** -0.5
     return kappa, doubt
 
 
-def fit_rotations(home: Complex, seen: Complex, focal: float) -> tuple[Array, Array, Array, Array]:
+def fit_rotations(home: Complex, seen: Complex, focal: float) -> tuple[Array, Array, Array, Array, Array]:
     """Fit a camera's motion to each of n frames, ignoring patches that move on their own.
 
     Args:
@@ -198,13 +193,13 @@ def fit_rotations(home: Complex, seen: Complex, focal: float) -> tuple[Array, Ar
 
     Returns:
         Motion, shape (n, 4), NaN where too few patches agree; sum of squares that is left [px²], and degrees of freedom behind
-        it, shape (n,); variance of a and of θ for patches of variance 1 px², shape (n, 2).
+        it, shape (n,); variance of a and of θ for patches of variance 1 px², shape (n, 2); information on a change of κ, and that
+        times the change, for such patches, shape (n, 2).
     """
     found = np.isfinite(seen)
     seen = np.where(found, seen, home)
     motion, weight = np.zeros((len(seen), 4)), found.astype(np.float64)
-    gap, step, scale = np.zeros_like(seen), np.zeros((len(seen), 4)), np.zeros(len(seen))
-    design, inverse = np.zeros((*seen.shape, 4), np.complex128), np.zeros((len(seen), 4, 4))
+    gap = step = scale = design = weighted = inverse = np.zeros(0)
     for last in (*[False] * ROUNDS, True):
         place = seen_places(home, motion[:, None], focal)
         bend, gap = place / focal**2, seen - place
@@ -221,10 +216,14 @@ def fit_rotations(home: Complex, seen: Complex, focal: float) -> tuple[Array, Ar
         inverse = np.asarray(np.linalg.inv(normal), np.float64)
         step = (inverse @ (weighted @ gap[:, :, None]).real)[..., 0]
         motion = motion + step
-    rest = weight * np.abs(gap - (design @ step[:, :, None])[..., 0]) ** 2
+    rest = weight * (gap - (design @ step[:, :, None])[..., 0])
+    bent = (motion[:, :1] * home.real + motion[:, 1:2] * home.imag) * home
+    own = weight * (bent - (design @ (inverse @ (weighted @ bent[:, :, None]).real))[..., 0])
+    tells = np.stack([(np.abs(own) ** 2).sum(axis=1), (own.conj() * rest).real.sum(axis=1)], axis=1)
     motion[(weight.sum(axis=1) < MIN_PATCHES) | (scale > MAX_SCATTER)] = np.nan
     freedom = np.maximum(2 * weight.sum(axis=1) - 4, 1)
-    return motion, rest.sum(axis=1), freedom, np.stack([inverse[:, 0, 0], inverse[:, 2, 2]], axis=1)
+    spread = np.stack([inverse[:, 0, 0], inverse[:, 2, 2]], axis=1)
+    return motion, (np.abs(rest) ** 2).sum(axis=1), freedom, spread, tells
 
 
 def _middle(values: Array) -> Array:

@@ -25,7 +25,7 @@ from sysid.video.pose.view import View
 from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, rests_at
 from sysid.video.types import Box, Complex, Picture
 
-MAX_FEATURES, MIN_FEATURES = 60, 10
+MAX_FEATURES, MIN_FEATURES = 40, 10
 """Patches that are followed at most, and at least."""
 WINDOW = 21
 """Side of a patch [px]."""
@@ -81,9 +81,8 @@ class FeatureFollower:
     box: Box
     _pose: Complex = field(default_factory=lambda: np.array([1 + 0j, 0j]))
     """The body's motion since the reference: it turns by pose[0], its middle is shifted by pose[1], in complex pixels."""
-    _rate: Complex = field(default_factory=lambda: np.zeros(2, np.complex128))
-    """How fast it turns, as i times the rate [rad/s], and how fast it is shifted [px/s]."""
-    _time: float | None = None
+    _step: Complex = field(default_factory=lambda: np.zeros(2, np.complex128))
+    """How far it turned in the last frame, as i times the angle [rad], and how far it was shifted [px]."""
     _usual: int = 0
     """Patches that were found last; if the expected turn shows about as many, no other is tried."""
     _patch: Picture = field(init=False)
@@ -108,11 +107,10 @@ class FeatureFollower:
 
     def update(self, frame: Frame) -> Array | None:
         """Return the patches' centres [px], shape (N, 2), NaN where one is not found; None if most are not."""
-        interval = 0.0 if self._time is None else frame.time - self._time
         turn, shift = self._pose
         best, pose, points = 0, self._pose, self.places
         for guess in TURN_GUESSES:
-            expected = turn * np.exp(self._rate[0] * interval + 1j * guess), shift + self._rate[1] * interval
+            expected = turn * np.exp(self._step[0] + 1j * guess), shift + self._step[1]
             for _ in range(2):  # once more if it turns otherwise
                 found = self._match(frame, *expected)
                 if found is None:
@@ -126,11 +124,10 @@ class FeatureFollower:
             if best > 0.6 * len(self.places) or best >= 0.8 * self._usual > 0:
                 break
         if best < max(MIN_FEATURES // 2, 0.3 * len(self.places)):
-            self._rate[:] = 0
+            self._step[:] = 0
             return None
-        if interval > 0:
-            self._rate = np.array([1j * np.angle(pose[0] / turn), pose[1] - shift]) / interval
-        self._usual, self._pose, self._time = best, pose, frame.time
+        self._step = np.array([1j * np.angle(pose[0] / turn), pose[1] - shift])
+        self._usual, self._pose = best, pose
         return points
 
     def _match(self, frame: Frame, turn: complex, shift: complex) -> tuple[Complex, Array] | None:
