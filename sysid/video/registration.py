@@ -19,7 +19,7 @@ from sysid.roll import Array
 from sysid.video.film.frames import Frame, grey, halved
 from sysid.video.film.track import Track
 from sysid.video.pose.rectify import project
-from sysid.video.types import Box, Points
+from sysid.video.types import Box, Mask, Points
 
 Image = npt.NDArray[np.float32]
 
@@ -37,8 +37,8 @@ MIN_SPREAD = 4.0
 """Least standard deviation of the body's pixels about their middle, across its narrow side [px]."""
 MIN_PICTURES, MIN_TURN = 5, np.radians(1.0)
 """Pictures, and turn among them [rad], that tell the body from the rest."""
-MAX_PICTURES = 24
-"""Pictures that are averaged at most, evenly spread: most of them at rest, where compression leaves the least out."""
+ROUNDS, MAX_PICTURES = 2, 32
+"""Times that they are averaged, each time turned back better, and how many at most, evenly spread: most of them at rest, where compression leaves the least out."""
 MIDDLE_GREY = np.float32(128.0)
 """About which brightness is squared, so that single precision does [grey levels]."""
 MAX_ROUNDS, CONVERGED = 5, 0.02
@@ -81,7 +81,11 @@ class BodyPicture:
     def with_home(self, points: Sequence[Points], poses: Sequence[Array | None]) -> "BodyPicture":
         """Return it with the mean of what was followed in some frames, (N, 2) [px] each, as its pose in each says."""
         both = zip(points, poses, strict=True)
-        back = [project(np.linalg.inv(pose) @ self.upright, seen) for seen, pose in both if pose is not None]
+        back = [
+            project(_inverse(pose) @ self.upright, seen.astype(np.float64))
+            for seen, pose in both
+            if pose is not None
+        ]
         count = np.isfinite(back).sum(axis=0)
         return replace(self, home=np.where(count, np.nansum(back, axis=0) / np.maximum(count, 1), np.nan))
 
@@ -89,7 +93,7 @@ class BodyPicture:
         """Return where a frame shows points of home [px], both of shape (N, 2), by its pose there; NaN without one."""
         if pose is None:
             return np.full(points.shape, np.nan, np.float32)
-        return project(np.linalg.inv(self.upright), project(pose, points)).astype(np.float32)
+        return project(_inverse(self.upright), project(pose, points)).astype(np.float32)
 
 
 def seen_upright(frame: Frame, box: Box, upright: Array) -> tuple[Image, Array]:
@@ -99,7 +103,8 @@ def seen_upright(frame: Frame, box: Box, upright: Array) -> tuple[Image, Array]:
     # Pixels are squares: one that is made of several has their middle for its own.
     left, top = 0.5 * (1 / times - 1) - np.array(corner) / times
     inward = np.array([[1 / times, 0, left], [0, 1 / times, top], [0, 0, 1.0]])
-    return cv2.GaussianBlur(small.astype(np.float32), (0, 0), BLUR), inward @ np.linalg.inv(upright)
+    smooth = cv2.GaussianBlur(small.astype(np.float32), (0, 0), BLUR)
+    return np.asarray(smooth, np.float32), inward @ _inverse(upright)
 
 
 def picture_of_body(frames: Sequence[Frame], box: Box, track: Track, upright: Array) -> BodyPicture | None:
@@ -128,19 +133,20 @@ def picture_of_body(frames: Sequence[Frame], box: Box, track: Track, upright: Ar
     if len(some) < MIN_PICTURES or turns[some[-1]] - turns[some[0]] < MIN_TURN:
         return None
     home = places[some[len(some) // 2]]
-    placed = [(seen_upright(frames[row], box, upright), pose_between(home, places[row])) for row in some]
+    shown = [(*seen_upright(frames[row], box, upright), pose_between(home, places[row])) for row in some]
+    good = [(picture, inward, pose) for picture, inward, pose in shown if pose is not None]
+    across, down = size.tolist()
+    _, usual = _mean_and_spread(good, (across, down), back=False)
     body = None
-    for _ in range(2):  # by the points' poses, and by its own
-        good = [(*picture, pose) for picture, pose in placed if pose is not None]
-        if len(good) < MIN_PICTURES:
-            return None
-        found = _board_in(good, (int(size[0]), int(size[1])))
-        if found is None:
+    for _ in range(ROUNDS):  # by the points' poses, then by its own
+        mean, spread = _mean_and_spread(good, (across, down))
+        if (found := _board_in(mean, spread < AGREEMENT * usual)) is None:
             return None
         body = BodyPicture(box, upright, home, *found)
-        placed = [
-            ((picture, inward), lay_onto(body, picture, inward, pose)) for picture, inward, pose in good
-        ]
+        laid = [(picture, inward, lay_onto(body, picture, inward, pose)) for picture, inward, pose in good]
+        good = [(picture, inward, pose) for picture, inward, pose in laid if pose is not None]
+        if len(good) < MIN_PICTURES:
+            return None
     return body
 
 
@@ -156,25 +162,19 @@ def pose_between(home: Array, points: Array) -> Array | None:
     return np.array([[turn.real, -turn.imag, shift.real], [turn.imag, turn.real, shift.imag], [0, 0, 1.0]])
 
 
+def _inverse(homography: Array) -> Array:
+    return np.asarray(np.linalg.inv(homography), np.float64)
+
+
 def turn_of(pose: Array) -> float:
     """Turn of a pose, shape (3, 3) [rad]."""
     return float(np.arctan2(pose[1, 0], pose[0, 0]))
 
 
-def _board_in(
-    seen: Sequence[tuple[Image, Array, Array]], size: tuple[int, int]
-) -> tuple[Array, Image, Array, float, Image] | None:
-    """Turn pictures back by their poses and average them where they agree; return what `BodyPicture` holds from `places` on."""
-    # A film keeps what stands still as it is, its noise as well: many pictures of one attitude count as one.
-    turn = np.round(np.array([turn_of(pose) for _, _, pose in seen]) / ATTITUDE_STEP)
-    _, same, count = np.unique(turn, return_inverse=True, return_counts=True)
-    share = (1 / (count[same] * len(count))).astype(np.float32)
-    mean, spread = _mean_and_spread([(picture, inward @ pose) for picture, inward, pose in seen], share, size)
-    _, usual = _mean_and_spread([(picture, inward) for picture, inward, _ in seen], share, size)
-    agree = cv2.morphologyEx(
-        (spread < AGREEMENT * usual).astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8)
-    )
-    mask = np.asarray(cv2.erode(agree, np.ones((3, 3), np.uint8)) > 0, np.bool_)
+def _board_in(mean: Image, agree: Mask) -> tuple[Array, Image, Array, float, Image] | None:
+    """Return what `BodyPicture` holds from `places` on, of a mean picture and where pictures agree, both of shape (h, w)."""
+    closed = cv2.morphologyEx(agree.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
+    mask = np.asarray(cv2.erode(closed, np.ones((3, 3), np.uint8)) > 0, np.bool_)
     mask[:3], mask[-3:], mask[:, :3], mask[:, -3:] = False, False, False, False
     if mask.sum() < MIN_PIXELS:
         return None
@@ -191,22 +191,29 @@ def _board_in(
     unit = float(lengths[1])
     arm = np.column_stack([np.ones(len(places)), (places - middle) / unit]).astype(np.float32)
     both = [slope[:, [0]] * arm, slope[:, [1]] * arm]
-    slopes = np.hstack([*both, (bright - bright.mean())[:, None], np.ones((len(bright), 1), np.float32)])
-    return places, bright, corners, unit, slopes
+    slopes = np.hstack([*both, (bright - bright.mean())[:, None], np.ones((len(bright), 1))])
+    return places, bright, corners, unit, slopes.astype(np.float32)
 
 
 def _mean_and_spread(
-    pictures: Sequence[tuple[Image, Array]], share: Image, size: tuple[int, int]
+    seen: Sequence[tuple[Image, Array, Array]], size: tuple[int, int], *, back: bool = True
 ) -> tuple[Image, Image]:
-    """Return the mean of pictures, with weights (n,) and where each shows an upright one's pixels, and their smoothed spread."""
+    """Return the mean of pictures, by what map they show an upright one and with what pose, and their smoothed spread.
+
+    They are turned back by their poses, or left as they were filmed.
+    """
+    # A film keeps what stands still as it is, its noise as well: many pictures of one attitude count as one.
+    turn = np.round(np.array([turn_of(pose) for _, _, pose in seen]) / ATTITUDE_STEP)
+    _, same, count = np.unique(turn, return_inverse=True, return_counts=True)
     flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
-    first = second = np.float32(0.0)
-    for (picture, there), weight in zip(pictures, share, strict=True):
+    first = second = np.zeros((size[1], size[0]), np.float32)
+    for (picture, inward, pose), share in zip(seen, (1 / (count[same] * len(count))).tolist(), strict=True):
+        there = inward @ pose if back else inward
         flat = cv2.warpPerspective(picture, there, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
-        some = weight * (flat - MIDDLE_GREY)
-        first, second = first + some, second + some * (flat - MIDDLE_GREY)
-    spread = np.sqrt(np.maximum(second - first**2, 0))
-    return np.asarray(first + MIDDLE_GREY, np.float32), cv2.GaussianBlur(spread, (0, 0), 2.0)
+        some = np.asarray(flat, np.float32) - MIDDLE_GREY
+        first, second = first + np.float32(share) * some, second + np.float32(share) * some**2
+    spread = cv2.GaussianBlur(np.sqrt(np.maximum(second - first**2, 0)), (0, 0), 2.0)
+    return first + MIDDLE_GREY, np.asarray(spread, np.float32)
 
 
 def lay_onto(body: BodyPicture, picture: Image, inward: Array, rough: Array) -> Array | None:

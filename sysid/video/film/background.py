@@ -149,10 +149,11 @@ def _corners(small: Picture) -> Points:
     smooth = cv2.GaussianBlur(small, (0, 0), 1.0)
     mask = (cv2.cornerMinEigenVal(smooth, 7) > MIN_QUALITY).astype(np.uint8)
     found: list[Points] = []
+    corners_in: Any = cv2.goodFeaturesToTrack  # its stubs do not know that it may find none
     for top, bottom in zip(*_parts(small.shape[0], PATCH_GRID[1]), strict=True):
         for left, right in zip(*_parts(small.shape[1], PATCH_GRID[0]), strict=True):
             cell = slice(top, bottom), slice(left, right)
-            best = cv2.goodFeaturesToTrack(smooth[cell], CELL_PATCHES, 0.01, APART, mask=mask[cell])
+            best = corners_in(smooth[cell], CELL_PATCHES, 0.01, APART, mask=mask[cell])
             found += [] if best is None else [best.reshape(-1, 2) + np.array([left, top], np.float32)]
     return np.concatenate([np.zeros((0, 2), np.float32), *found])
 

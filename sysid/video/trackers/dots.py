@@ -13,7 +13,7 @@ from sysid.video.film.frames import Frame
 from sysid.video.film.reel import Reel
 from sysid.video.film.survey import Survey
 from sysid.video.pose.angle import AngleTrack, fit_angle
-from sysid.video.pose.camera_state import CameraState, spread_by
+from sysid.video.pose.camera_state import READOUT, CameraState, spread_by
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.rectify import longer, rectify, smear, unwrap
 from sysid.video.pose.view import View
@@ -180,7 +180,7 @@ def fit_pivot(
     def arm_and_pivot(value: Array) -> tuple[Complex, Array]:
         """From the pivot to the dot, shape (n,), and the pivot's covariance, in the rectified picture."""
         camera = longer(matrix, value[2])
-        z = rectify(view.all_points(value[3])[:, 0], camera, value[0], value[1])
+        z = rectify(view.all_points(value[READOUT])[:, 0], camera, value[0], value[1])
         if pivot is not None:
             return z - complex(rectify(np.array(pivot, float), camera, value[0], value[1])), np.zeros((2, 2))
         centre, covariance = _centre(z[np.isfinite(z)], 3 / camera[0, 0])

@@ -168,7 +168,7 @@ class FeatureFollower:
             return None
         group = np.zeros(len(good), np.bool_)
         group[np.flatnonzero(good)[agree.ravel() > 0]] = True
-        home = self.places @ np.array([1, 1j])
+        home = np.asarray(self.places @ np.array([1, 1j]), np.complex128)
         seen = offset + turn * (there.astype(np.float64) @ np.array([1, 1j]))
         (own,), (went,) = similarities(home, seen[None], group[None])
         # The body is deep and the camera near: patches may leave the common motion a little.
