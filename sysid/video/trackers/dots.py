@@ -295,8 +295,8 @@ def _find(reel: Reel) -> Target | None:
         why=f"one coloured dot ({size}) about a {'fitted' if options.pivot is None else 'given'} pivot",
         solve=partial(fit_pivot, pivot=options.pivot),
         zero=_level_arm,
-        zero_note="where the dot is straight below, above or beside the pivot in the picture if it swings about that, else "
-        "where it is at the end of the film",
+        zero_note="straight below, above or beside the pivot in the picture, if the dot swings to within "
+        f"{np.degrees(MAX_ASIDE):.0f}° about that; else where it is at the end of the film",
         shows_level=False,
         shows_body=False,
         finds_direction=False,
