@@ -33,6 +33,7 @@ from reports.page.summary import effect_lines, law_text, parameters, pretty, tit
 from reports.playground import playground
 from reports.story import release_name, story_of_board
 from sysid.board import Board
+from sysid.decay.report import inertia_share
 from sysid.diagnosis.signatures import ALIKE, SEEN, LookAlikes
 from sysid.effects import effect
 from sysid.quantity import Quantity
@@ -185,7 +186,7 @@ def _inertia_share(board: Board) -> list[str]:
     inertia, stiffness = board.inertia, board.tilt["stiffness"]
     if not (inertia.std > 0 and stiffness.std > 0):
         return []
-    share = (inertia.std / inertia.value * stiffness.value / stiffness.std) ** 2
+    share = inertia_share(inertia, stiffness)
     text = f"Roll inertia: {inertia.method}. A free decay fixes only k/I, d/I and torque/I"
     if share >= 0.01:
         text += f"; {100 * min(share, 1):.0f} % of the variance of the stiffness comes from the inertia"
