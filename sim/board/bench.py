@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sim.board.bodies import TILT_JOINT, deck_inertia, inertia_ratio, law_of
+from sim.board.bodies import TILT_JOINT, add_body, deck_inertia, inertia_ratio, law_of
 from sim.board.learned import apply, left_out
 from sim.board.scene import add_effects, integrator_value, roll_inertia
 from sysid.board import Board
@@ -43,14 +43,8 @@ def rig_spec(
     spec.option.integrator = integrator_value(integrator)
     spec.worldbody.add_light(pos=[0.0, -1.0, 1.5], dir=[0.0, 0.6, -1.0])
     mass, inertia, size = _deck(board)
-    deck = spec.worldbody.add_body(
-        name="deck",
-        pos=[0.0, 0.0, board.geometry["truck_height"].value if board.geometry else 2 * size[1]],
-        mass=mass,
-        ipos=[0.0, 0.0, 0.0],
-        inertia=inertia,
-        explicitinertial=True,
-    )
+    height = board.geometry["truck_height"].value if board.geometry else 2 * size[1]
+    deck = add_body(spec.worldbody, "deck", (0.0, 0.0, height), mass, inertia)
     joint = deck.add_joint(
         name=TILT_JOINT,
         type=mujoco.mjtJoint.mjJNT_HINGE,
