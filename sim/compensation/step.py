@@ -86,23 +86,18 @@ class Compensation:
         )
 
 
-def compensate_step(
-    board: Board, *, timestep: float, integrator: str = "implicitfast", exact_effects: bool = True
-) -> Compensation:
+def compensate_step(board: Board, *, timestep: float, integrator: str = "implicitfast") -> Compensation:
     """Return the board whose bench, stepped by MuJoCo, decays as the record's law does in continuous time.
 
     Args:
         timestep: [s].
-        exact_effects: False builds effects that need a MuJoCo newer than 3.11 as their substitutes.
 
     Raises:
         SysidError: The step is too long for this board, or the integrator damps more than the board.
     """
 
     def build(candidate: Board) -> mujoco.MjModel:
-        return rig_spec(
-            candidate, timestep=timestep, integrator=integrator, exact_effects=exact_effects
-        ).compile()
+        return rig_spec(candidate, timestep=timestep, integrator=integrator).compile()
 
     first = closed_form(board, timestep=timestep, integrator=integrator)
     plain = all(effect(part.name).role in ("measurement", "record") for part in board.effects)
@@ -113,15 +108,11 @@ def compensate_step(
     return evaluate(board, fitted, build, amplitudes, "compensated numerically")
 
 
-def uncompensated(
-    board: Board, *, timestep: float, integrator: str = "implicitfast", exact_effects: bool = True
-) -> Compensation:
+def uncompensated(board: Board, *, timestep: float, integrator: str = "implicitfast") -> Compensation:
     """Return the board as recorded, with the errors that this integrator and step (and substitutes) make."""
 
     def build(candidate: Board) -> mujoco.MjModel:
-        return rig_spec(
-            candidate, timestep=timestep, integrator=integrator, exact_effects=exact_effects
-        ).compile()
+        return rig_spec(candidate, timestep=timestep, integrator=integrator).compile()
 
     return evaluate(board, board, build, release_amplitudes(board), "physical parameters")
 

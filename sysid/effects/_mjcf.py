@@ -10,6 +10,8 @@ from sysid.effects._base import FromMjcf, MjsJoint, MjSpec, ToMjcf
 
 FAR = 10.0
 """Tilt that no joint reaches [rad]: a tendon that is slack up to there never pulls on that side."""
+_NO_MOTOR = 1e-9
+"""Constant of a motor that is there for its friction alone [N*m/A]; MuJoCo 3.11 wants one above zero."""
 
 
 def spec_angle(spec: MjSpec, angle: float) -> float:
@@ -31,13 +33,25 @@ def add_tendon(spec: MjSpec, joint: MjsJoint, name: str, stiffness: float, slack
     return tendon
 
 
+def set_friction(holder: Any, torque: float) -> None:
+    """Give a joint or a tendon dry friction [N*m], its constraint hardened.
+
+    MuJoCo's default friction constraint yields like a damper near the turning points: it takes out
+    85 to 93 % of the true loss at these frequencies, and creeps instead of sticking. A time constant
+    of 2 ms and an impedance of 0.9999 make both right to 0.1 %.
+    """
+    holder.frictionloss = torque
+    holder.solref_friction = [0.002, 1.0]
+    holder.solimp_friction = [0.9999, 0.9999, 0.001, 0.5, 2.0]
+
+
 def polynomial(
     effect: str, of: Literal["stiffness", "damping"], power: int, unit: str
 ) -> tuple[ToMjcf, FromMjcf]:
     """Return what writes the parameter `coefficient` into the joint's spring or damping polynomial, and reads it back."""
     place = ("first", "second", "third")[power - 1]
 
-    def write(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
+    def write(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
         getattr(joint, of)[power - 1] += parameters["coefficient"]
         return (f"{effect}: {place} {of} coefficient {parameters['coefficient']:.6g} {unit}",)
 
@@ -48,18 +62,37 @@ def polynomial(
     return write, read
 
 
-def has_passive_motor() -> bool:
-    """Return whether this MuJoCo, from 3.12 on, has a motor without an input."""
-    import mujoco
+def add_passive_motor(spec: MjSpec, joint: MjsJoint, name: str, *, native: bool, **constants: Any) -> None:
+    """Add a motor to the joint that nobody drives, with these constants of `set_to_dcmotor`.
 
-    return hasattr(getattr(mujoco, "mjtCtrlInput", None), "mjINPUT_NONE")
+    Its input is a voltage that stays zero, which every MuJoCo from 3.11 on can have.
 
-
-def add_passive_motor(spec: MjSpec, joint: MjsJoint, name: str, **constants: Any) -> None:
-    """Add a motor without an input to the joint, with these constants of `set_to_dcmotor`."""
+    Args:
+        native: Leave the input out where the installed MuJoCo, from 3.12 on, can.
+    """
     import mujoco
 
     motor = spec.add_actuator(
         name=f"{joint.name}_{name}", target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT
     )
-    motor.set_to_dcmotor(ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_NONE), **constants)
+    motor.set_to_dcmotor(**constants)
+    if native and hasattr(mujoco, "mjtCtrlInput"):
+        motor.ctrlspec = int(mujoco.mjtCtrlInput.mjINPUT_NONE)
+
+
+def add_bristles(
+    spec: MjSpec,
+    joint: MjsJoint,
+    name: str,
+    stiffness: float,
+    sliding: float,
+    static: float,
+    velocity: float,
+    *,
+    native: bool,
+) -> None:
+    """Add LuGre friction to the joint: bristles [N*m/rad], sliding and static torque [N*m], Stribeck speed [rad/s]."""
+    lugre = [stiffness, 0.0, sliding, static, velocity]
+    add_passive_motor(
+        spec, joint, name, native=native, motorconst=[_NO_MOTOR, _NO_MOTOR], resistance=1.0, lugre=lugre
+    )

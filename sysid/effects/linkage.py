@@ -11,7 +11,7 @@ def changing(m: Algebra, roll: Value, parameters: Values) -> tuple[Value, Value]
     return value_of(m, roll, parameters), slope_of(m, roll, parameters)
 
 
-def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
     """Refuse a bench: one body on a hinge has one inertia.
 
     Raises:

@@ -18,7 +18,7 @@ def slope(parameters: Numbers, roll: float) -> float:
     return -float(slope_of(NUMPY, roll, parameters))
 
 
-def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
     """Refuse a bench: the mass was there for a measurement only.
 
     Raises:
