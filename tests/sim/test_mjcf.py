@@ -120,7 +120,7 @@ def test_what_mujoco_cannot_hold_is_said_with_its_cost(tmp_path: Path, capsys: p
     )
     assert "is off by 3" in said
     assert "LuGre" in json.loads((tmp_path / "out.json").read_text())["substitutes"][0]
-    with pytest.raises(QualityGateError, match="Why: .*bouc-wen"):
+    with pytest.raises(QualityGateError, match=r"Why: .*bouc-wen"):
         check([shipped_data() / "decays" / "pink.csv"], subject=Subject(board="pink"), common=common)
 
 

@@ -16,6 +16,8 @@ from sysid.quantity import Quantity
 from sysid.roll import Array
 from sysid.workspace import shipped_data
 
+pytestmark = pytest.mark.train  # in the trainer's MuJoCo too, which is older
+
 
 @pytest.fixture(params=["pink", "black"])
 def board(request: pytest.FixtureRequest) -> Board:
