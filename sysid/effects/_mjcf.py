@@ -63,7 +63,7 @@ def polynomial(
 
 
 def add_passive_motor(spec: MjSpec, joint: MjsJoint, name: str, *, native: bool, **constants: Any) -> None:
-    """Add a motor to the joint that nobody drives, with these constants of `set_to_dcmotor`.
+    """Add a motor to the joint that nobody drives, with these constants of `set_to_dcmotor`, a winding only where they say so.
 
     Its input is a voltage that stays zero, which every MuJoCo from 3.11 on can have.
 
@@ -75,24 +75,6 @@ def add_passive_motor(spec: MjSpec, joint: MjsJoint, name: str, *, native: bool,
     motor = spec.add_actuator(
         name=f"{joint.name}_{name}", target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT
     )
-    motor.set_to_dcmotor(**constants)
+    motor.set_to_dcmotor(**{"motorconst": [_NO_MOTOR, _NO_MOTOR], "resistance": 1.0, **constants})
     if native and hasattr(mujoco, "mjtCtrlInput"):
         motor.ctrlspec = int(mujoco.mjtCtrlInput.mjINPUT_NONE)
-
-
-def add_bristles(
-    spec: MjSpec,
-    joint: MjsJoint,
-    name: str,
-    stiffness: float,
-    sliding: float,
-    static: float,
-    velocity: float,
-    *,
-    native: bool,
-) -> None:
-    """Add LuGre friction to the joint: bristles [N*m/rad], sliding and static torque [N*m], Stribeck speed [rad/s]."""
-    lugre = [stiffness, 0.0, sliding, static, velocity]
-    add_passive_motor(
-        spec, joint, name, native=native, motorconst=[_NO_MOTOR, _NO_MOTOR], resistance=1.0, lugre=lugre
-    )

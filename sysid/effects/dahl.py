@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from sysid.effects._algebra import Algebra, Numbers, Value, Values
 from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, State, TorqueEffect
-from sysid.effects._mjcf import add_bristles
+from sysid.effects._mjcf import add_passive_motor
 from sysid.effects.stribeck import bristle_stiffness
 
 _SPEED = 1.0
@@ -44,7 +44,7 @@ def write_bristles(
         return ()
     wanted = torque / reach
     stiffness = min(wanted, bristle_stiffness(spec, joint))
-    add_bristles(spec, joint, name, stiffness, torque, torque, _SPEED, native=native)
+    add_passive_motor(spec, joint, name, native=native, lugre=[stiffness, 0.0, torque, torque, _SPEED])
     softer = f", softer than its {wanted:.6g}: the step bears no more" if stiffness < wanted else ""
     return (f"{name}: LuGre element {torque:.6g} N*m on bristles of {stiffness:.6g} N*m/rad{softer}",)
 

@@ -32,6 +32,8 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
     import mujoco
 
     stiffness, limit, rest = parameters["stiffness"], parameters["torque"], rest_of(spec, joint)
+    if stiffness <= 0:
+        return ()
     if native and hasattr(joint, "springyield"):
         tendon = add_tendon(spec, joint, "hysteresis", stiffness, (rest, rest))
         tendon.springyield = limit / stiffness

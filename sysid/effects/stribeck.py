@@ -3,7 +3,7 @@
 from sysid.effects import coulomb
 from sysid.effects._algebra import Algebra, Numbers, Value, Values
 from sysid.effects._base import MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
-from sysid.effects._mjcf import add_bristles
+from sysid.effects._mjcf import add_passive_motor
 
 BRISTLE_STIFFNESS = 5000.0
 """Of the LuGre model that stands in for a hard stick in MuJoCo, at most [N*m/rad]; its own damping is none."""
@@ -33,8 +33,8 @@ def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool 
         # What the element need not hold, the constraint holds exactly; an explicit step bears only one of them.
         coulomb.to_mjcf(spec, joint, {"torque": sliding})
         sliding, static = _VANISHING * (static - sliding), static - sliding
-    bristles = bristle_stiffness(spec, joint)
-    add_bristles(spec, joint, "stribeck", bristles, sliding, static, velocity, native=native)
+    bristles = [bristle_stiffness(spec, joint), 0.0, sliding, static, velocity]
+    add_passive_motor(spec, joint, "stribeck", native=native, lugre=bristles)
     beside = "" if explicit else f" beside frictionloss {parameters['torque']:.6g} N*m"
     return (f"stribeck: LuGre element {sliding:.6g} / {static:.6g} N*m, {velocity:.6g} rad/s{beside}",)
 
