@@ -289,11 +289,10 @@ def _visual(
     )
 
 
-def substituted(board: Board, version: str | None = None) -> tuple[str, ...]:
-    """Say for each effect of a board that a MuJoCo version (the installed one if None) cannot hold what is written."""
-    wanted = version or mujoco.__version__
+def substituted(board: Board) -> tuple[str, ...]:
+    """Say for each effect of a board that MuJoCo cannot hold what is written in its place."""
     return tuple(
-        f"effect '{part.name}' needs MuJoCo {support.since}, for {wanted} it is written as {support.substitute}"
+        f"effect '{part.name}': MuJoCo has {support.written}"
         for part in board.effects
-        if (support := effect(part.name).mujoco).substituted_in(wanted)
+        if (support := effect(part.name).mujoco).substitute
     )
