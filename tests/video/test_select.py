@@ -7,10 +7,8 @@ import pytest
 from drawn_films import PIVOT, SIZE, decay, dotted, draw_film, marked, plate
 
 from sysid.video import select
-from sysid.video.film import reel
 from sysid.video.pose.angle import AngleTrack
 from sysid.video.pose.camera_state import CameraState
-from sysid.video.trackers.features import FeatureFollower
 from sysid.video_roll import VideoOptions, roll_from_video
 
 TIME = np.arange(72) / 60
@@ -61,19 +59,6 @@ def test_an_edge_is_looked_for_where_all_else_is_vague(wide, monkeypatch):
     assert not any("edge ±" in note for note in read(wide).notes)
     monkeypatch.setattr(select, "VAGUE", 0.0)
     assert any("the deck's edge ±" in note for note in read(wide).notes)
-
-
-def test_the_whole_body_leads_its_own_way_once_it_is_known(wide, monkeypatch):
-    monkeypatch.setattr(reel, "MEMORY", 8_000_000)
-    monkeypatch.setattr(reel, "MIN_FRAMES", 40)
-    asked, update = [], FeatureFollower.update
-    monkeypatch.setattr(
-        FeatureFollower, "update", lambda self, frame: asked.append(frame.index) or update(self, frame)
-    )
-    roll = read(wide, method="features")
-    assert max(asked) < 60 < len(roll.time)  # of 72 frames
-    # Its first frames, in which nothing moves, are left out.
-    assert np.std(np.degrees(roll.roll - ROLL[-len(roll.roll) :])) < 0.03
 
 
 def test_a_frame_that_only_the_body_shows_has_a_deviation_as_well(monkeypatch):
