@@ -41,7 +41,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from fuzz_inputs import (
+from fuzz_inputs import (  # fmt: skip
     WRITTEN,
     Truth,
     damaged,
@@ -119,11 +119,8 @@ def make_case(number: int, folder: Path) -> Case:
     log, truth = log_with_truth(rng, folder / "in", board, quick=kind != "truth")
     name = f"in/{log.name}"
     case = Case(number, kind, folder, [])
-    output = {
-        "roll": ("-o", "out/roll.csv"),
-        "view": ("-o", "out/view.rrd"),
-        "report": ("-o", "out/report.html"),
-    }
+    files = {"roll": "out/roll.csv", "view": "out/view.rrd", "report": "out/report.html"}
+    output = {command: ("-o", file) for command, file in files.items()}
     usual = (*BOARD, *output.get(command, ())) if command != "roll" else output["roll"]
     usual = (*usual, "--workers", "1") if command == "diagnose" else usual
     if kind == "truth":
@@ -132,22 +129,20 @@ def make_case(number: int, folder: Path) -> Case:
     elif kind == "log":
         log.write_bytes(damaged(rng, log.read_bytes()))
         if rng.random() < 0.3:
-            log = log.rename(
-                log.with_suffix(str(rng.choice(["", ".txt", ".parquet", ".mcap", ".zip", ".mp4", ".mat"])))
-            )
+            suffix = str(rng.choice(["", ".txt", ".parquet", ".mcap", ".zip", ".mp4", ".mat"]))
+            log = log.rename(log.with_suffix(suffix))
         case.arguments = [command, f"in/{log.name}", *usual]
     elif kind == "record":
         record.write_bytes(damaged_record(rng, board))
-        case.arguments = str(
-            rng.choice(["mjcf", "boards", "history", "undo", "synth", command, command])
-        ).split()
-        case.arguments += {
+        chosen = str(rng.choice(["mjcf", "boards", "history", "undo", "synth", command, command]))
+        rest = {
             "mjcf": (*BOARD, "-o", "out/mine.xml", *(("--bench",) if rng.random() < 0.5 else ())),
             "boards": (*(("mine",) if rng.random() < 0.5 else ()), "--workspace", "ws"),
             "history": BOARD,
             "undo": BOARD,
             "synth": (*BOARD, "-o", "out/log.csv", "--rate", "200"),
-        }.get(case.arguments[0], (name, *usual))
+        }.get(chosen, (name, *usual))
+        case.arguments = [chosen, *rest]
     elif kind == "option":
         case.arguments = _odd_command(rng, folder, log, usual)
     elif kind == "policy":
@@ -156,11 +151,12 @@ def make_case(number: int, folder: Path) -> Case:
         case.arguments = ["play", "in/policy.onnx", *BOARD]
     else:
         command = str(rng.choice(["decay", "fit", "check", "report", "view", "mjcf", "roll"]))
-        rest = {
+        others = {
             "roll": output["roll"],
             "view": (*BOARD, *output["view"]),
             "mjcf": (*BOARD, "-o", "out/mine.xml"),
-        }.get(command, BOARD)
+        }
+        rest = others.get(command, BOARD)
         case.arguments = [command, *((name,) if command != "mjcf" else ()), *rest]
         if rng.random() < 0.6:
             number_of = int(rng.choice([signal.SIGINT, signal.SIGTERM, signal.SIGKILL]))
@@ -188,20 +184,15 @@ def _odd_command(rng: np.random.Generator, folder: Path, log: Path, usual: Seque
     arguments = [(tuple(a.names), a.hint) for a in found.assemble_argument_collection()]
     names = {n for own, _ in arguments for n in own}
     if any(n and not n[0].startswith("-") for n, _ in arguments):
-        words.append(
-            str(rng.choice([f"in/{log.name}", f"in/{log.name}", "in/none", "in/fifo", "mine", "/dev/zero"]))
-        )
+        logs = [f"in/{log.name}", f"in/{log.name}", "in/none", "in/fifo", "mine", "/dev/zero"]
+        words.append(str(rng.choice(logs)))
     if "--board" in names:
-        words += [
-            "--board",
-            str(rng.choice(["mine", "mine", "mine", "pink", "../../x", "", "/dev/null", "a" * 300, "MINE"])),
-        ]
+        boards = ["mine", "mine", "mine", "pink", "../../x", "", "/dev/null", "a" * 300, "MINE"]
+        words += ["--board", str(rng.choice(boards))]
     odd = list(odd_options(rng, arguments))
     if "--output" in names and not {"-o", "--output"} & set(odd):
-        words += [
-            "-o",
-            "out/made" + {"synth": ".csv", "mjcf": ".xml", "view": ".rrd", "marker": ".png"}.get(command, ""),
-        ]
+        ends = {"synth": ".csv", "mjcf": ".xml", "view": ".rrd", "marker": ".png"}
+        words += ["-o", f"out/made{ends.get(command, '')}"]
     if command == "diagnose":
         words += ["--workers", "1"]
     if command == "run" and "--duration" in names and "--duration" not in odd:
@@ -378,16 +369,11 @@ def _left_wrong(case: Case, result: Result, before: dict[str, str]) -> Iterator[
     killed = result.code == -signal.SIGKILL
     record = "ws/data/boards/mine.toml"
     words = case.arguments
-    asked = {
-        Path(os.path.realpath(case.folder / word)) for option, word in pairwise(words) if option in WRITTEN
-    }
-    asked -= {Path(os.path.realpath(case.folder / word)) for word in words[1:2]}  # what it reads
+    asked = {os.path.realpath(case.folder / word) for option, word in pairwise(words) if option in WRITTEN}
+    asked -= {os.path.realpath(case.folder / word) for word in words[1:2]}  # what it reads
     for name, content in before.items():
-        if (
-            name != record
-            and after.get(name) != content
-            and Path(os.path.realpath(case.folder / name)) not in asked
-        ):
+        changed = name != record and after.get(name) != content
+        if changed and os.path.realpath(case.folder / name) not in asked:
             yield f"changed {name}"
     for name in after.keys() - before.keys():
         place = name.startswith(("out/", "ws/reports/", "ws/data/boards/")) or name in ("stdout", "stderr")
@@ -451,11 +437,10 @@ def summary(lines: Sequence[dict[str, Any]]) -> dict[str, Any]:
     wrong = [line for line in lines if line["problems"]]
     deviations = np.abs([d for line in lines for d in line["deviations"].values()])
     truths = [line for line in lines if line["kind"] == "truth"]
-    share = (
-        (lambda most: round(float(np.mean(deviations <= most)), 5))
-        if len(deviations)
-        else (lambda most: math.nan)
-    )
+
+    def share(most: float) -> float:
+        return round(float(np.mean(deviations <= most)), 5) if len(deviations) else math.nan
+
     return {
         "cases": len(lines),
         "kinds": dict(Counter(line["kind"] for line in lines)),

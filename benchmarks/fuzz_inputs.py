@@ -39,10 +39,8 @@ class Truth:
 def drawn_board(rng: Random) -> Board:
     """Draw a linear board; its inertia is known exactly, so that the intervals are the decay's own."""
     pink = Board.load(SHIPPED / "boards/pink.toml")
-    omega, zeta = (
-        2 * math.pi * math.exp(rng.uniform(math.log(0.8), math.log(12))),
-        math.exp(rng.uniform(-3.9, -0.6)),
-    )
+    omega = 2 * math.pi * math.exp(rng.uniform(math.log(0.8), math.log(12)))
+    zeta = math.exp(rng.uniform(-3.9, -0.6))
     inertia = math.exp(rng.uniform(math.log(2e-3), math.log(0.5)))
     return replace(
         pink,
@@ -111,12 +109,10 @@ def _dressed(rng: Random, time: Any, angle: Any) -> bytes:
         for row in rng.choice(len(cells), 3, replace=False):
             cells[row][1] = "-9999"
     lines = [sep.join(names), *(sep.join(cell.replace(".", decimal) for cell in row) for row in cells)]
-    data = (("\n", "\r\n")[rng.integers(2)].join(lines) + "\n").encode(
-        ("utf-8", "utf-8-sig", "utf-16")[rng.integers(3)]
-    )
-    return (bytes, gzip.compress, bz2.compress, lzma.compress)[rng.choice(4, p=[0.85, 0.05, 0.05, 0.05])](
-        data
-    )
+    text = ("\n", "\r\n")[rng.integers(2)].join(lines) + "\n"
+    data = text.encode(("utf-8", "utf-8-sig", "utf-16")[rng.integers(3)])
+    pack = (bytes, gzip.compress, bz2.compress, lzma.compress)[rng.choice(4, p=[0.85, 0.05, 0.05, 0.05])]
+    return pack(data)
 
 
 # Damage
@@ -194,13 +190,8 @@ def _headed(rng: Random, rows: list[bytes]) -> list[bytes]:
 def _zipped(rng: Random, data: bytes) -> bytes:
     """Pack a file as a phone's export, under names that lead elsewhere, as often as not as a bomb."""
     buffer = io.BytesIO()
-    names = (
-        "Gyroscope.csv",
-        "../../Gyroscope.csv",
-        "/tmp/Gyroscope.csv",
-        "a/../Accelerometer.csv",
-        "Gyroscope.csv\0x",
-    )
+    names = ("Gyroscope.csv", "../../Gyroscope.csv", "/tmp/Gyroscope.csv", "a/../Accelerometer.csv",
+             "Gyroscope.csv\0x")  # fmt: skip
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr(zipfile.ZipInfo(str(rng.choice(names))), data)
         if rng.random() < 0.3:
@@ -320,23 +311,18 @@ def hostile_policy(rng: Random) -> bytes:
     floats, whole, flag = 1, 7, 9
     weights = _tensor("w", floats, (390, 23), bytes(4 * 390 * 23))
     if kind == 0:
-        body = (
-            _field(1, _node("Identity", ["go"], ["on"]))
-            + _field(1, _node("Sin", ["a"], ["b"]))
-            + _field(2, "body")
-            + b"".join(
-                _field(11, v)
-                for v in (_value("i", whole, ()), _value("go", flag, ()), _value("a", floats, (1, 23)))
-            )
-            + b"".join(_field(12, v) for v in (_value("on", flag, ()), _value("b", floats, (1, 23))))
+        taken = (_value("i", whole, ()), _value("go", flag, ()), _value("a", floats, (1, 23)))
+        given = (_value("on", flag, ()), _value("b", floats, (1, 23)))
+        body = _field(1, _node("Identity", ["go"], ["on"])) + _field(1, _node("Sin", ["a"], ["b"]))
+        body += (
+            _field(2, "body")
+            + b"".join(_field(11, v) for v in taken)
+            + b"".join(_field(12, v) for v in given)
         )
         loop = _field(1, "body") + _field(6, body) + _field(20, 5)
         nodes = [_node("MatMul", ["obs", "w"], ["x"]), _node("Loop", ["turns", "yes", "x"], ["y"], loop)]
-        constants = [
-            weights,
-            _tensor("turns", whole, (), struct.pack("<q", 1 << 60)),
-            _tensor("yes", flag, (), b"\1"),
-        ]
+        turns = _tensor("turns", whole, (), struct.pack("<q", 1 << 60))
+        constants = [weights, turns, _tensor("yes", flag, (), b"\1")]
     else:
         side = int(rng.choice([20_000, 40_000, 3_000_000_000]))
         nodes = [
@@ -346,11 +332,8 @@ def hostile_policy(rng: Random) -> bytes:
             _node("Add", ["x", "sum"], ["y"]),
         ]
         constants = [weights, _tensor("shape", whole, (2,), struct.pack("<2q", side, side))]
-    graph = (
-        b"".join(_field(1, node) for node in nodes)
-        + _field(2, "g")
-        + b"".join(_field(5, c) for c in constants)
-    )
+    graph = b"".join(_field(1, node) for node in nodes) + _field(2, "g")
+    graph += b"".join(_field(5, constant) for constant in constants)
     graph += _field(11, _value("obs", floats, (1, 390))) + _field(12, _value("y", floats, (1, 23)))
     return _field(1, 8) + _field(7, graph) + _field(8, _field(1, "") + _field(2, 17))
 
@@ -358,92 +341,41 @@ def hostile_policy(rng: Random) -> bytes:
 # Options
 
 NOT_TRIED = {
-    "--robot",
-    "--interface",
-    "--viewer",
-    "--workers",
-    "--help",
-    "--version",
-    "--workspace",
-    "--realtime",
-}
+    "--robot", "--interface", "--viewer", "--workers", "--help", "--version", "--workspace", "--realtime",
+}  # fmt: skip
 """What would move a robot, open a window or start as many processes as it says."""
 WRITTEN = {"--output", "-o", "--rerun", "--overlay", "--json", "--plot"}
 NUMBERS = (
-    "0",
-    "-1",
-    "1",
-    "2.5",
-    "nan",
-    "inf",
-    "-inf",
-    "1e308",
-    "1e-308",
-    "0.005",
-    "1e6",
-    "x",
-    "",
-    "1e",
-    "²",
-    "0x1",
-)
+    "0", "-1", "1", "2.5", "nan", "inf", "-inf", "1e308", "1e-308", "0.005", "1e6", "x", "", "1e", "²", "0x1",
+)  # fmt: skip
 READ = (
-    "in/log",
-    "in/none.csv",
-    "in",
-    "in/fifo",
-    "/dev/null",
-    "/dev/zero",
-    "in/empty",
-    "in/link",
-    "in/loop",
-    "in/" + "a" * 300,
-)
+    "in/log", "in/none.csv", "in", "in/fifo", "/dev/null", "/dev/zero", "in/empty", "in/link", "in/loop", "in/" + "a" * 300,
+)  # fmt: skip
 OUTPUTS = (
     "out/x", "out/x.csv", "out/x.png", "out/x.xml", "in/log", "in/link", "out", "/dev/full", "/dev/null", "out/a/b/c", "in/loop",
     "out/é \U0001f6f9.csv", "out/" + "a" * 300, "in/fifo_read", "ws/data/boards/mine.toml",
 )  # fmt: skip
 WORDS = (
-    "x",
-    "deg",
-    "roll",
-    "-x",
-    "2",
-    "",
-    "stiffness=1",
-    "coulomb",
-    "coulomb=0.1",
-    "a" * 5000,
-    "../..",
-    "ω",
-    "rest=nan",
-    "mine",
-)
+    "x", "deg", "roll", "-x", "2", "", "stiffness=1", "coulomb", "coulomb=0.1", "a" * 5000, "../..", "ω", "rest=nan", "mine",
+)  # fmt: skip
 
 
 def odd_options(
     rng: Random, arguments: Sequence[tuple[tuple[str, ...], Any]], most: int = 3
 ) -> Iterator[str]:
     """Yield up to `most` options of a command with values that its author did not think of."""
-    known = [(names, hint) for names, hint in arguments if names and names[0].startswith("--")]
-    known = [
-        (names, hint) for names, hint in known if not NOT_TRIED & set(names) and names != ("--board", "-b")
-    ]
+    options = [(names, hint) for names, hint in arguments if names and names[0].startswith("--")]
+    known = [one for one in options if not NOT_TRIED & set(one[0]) and one[0] != ("--board", "-b")]
     for place in rng.permutation(len(known))[: int(rng.integers(1, most + 1))]:
         names, hint = known[place]
         name = str(rng.choice([n for n in names if n.startswith("--")]))
         kinds = [kind for kind in (typing.get_args(hint) or (hint,)) if kind not in (NoneType, Ellipsis)]
-        if kinds == [bool]:
-            yield name
-            continue
         yield name
+        if kinds == [bool]:
+            continue
         for kind in kinds if typing.get_origin(hint) is tuple else kinds[:1]:
-            if typing.get_origin(kind) is tuple:
-                yield from (
-                    _odd_value(rng, name, part) for part in typing.get_args(kind) if part is not Ellipsis
-                )
-            else:
-                yield _odd_value(rng, name, kind)
+            parts = typing.get_args(kind) if typing.get_origin(kind) is tuple else (kind,)
+            yield from (_odd_value(rng, name, part) for part in parts if part is not Ellipsis)
 
 
 def _odd_value(rng: Random, name: str, kind: Any) -> str:

@@ -417,11 +417,8 @@ class _Joint:
                 slope, (begin, end), start, t_eval=grid, method="LSODA", rtol=1e-7, atol=1e-9,
                 max_step=0.03 * 2 * np.pi / self.frequency,
             )  # fmt: skip
-            if (
-                path.y.shape[1] != len(grid)
-                or not np.all(np.isfinite(path.y))
-                or np.abs(path.y[0]).max() > 2.5
-            ):
+            whole = path.y.shape[1] == len(grid) and bool(np.all(np.isfinite(path.y)))
+            if not whole or np.abs(path.y[0]).max() > 2.5:
                 raise ArithmeticError(f"the motion from {begin:.3g} s on cannot be followed")
             states = path.y.T
         else:
@@ -451,11 +448,8 @@ class _Hand:
         powers = np.arange(6)
         rows = []
         for u in (0.0, 1.0):
-            rows += [
-                u**powers,
-                powers * u ** np.maximum(powers - 1, 0),
-                powers * (powers - 1) * u ** np.maximum(powers - 2, 0),
-            ]
+            slopes = powers * u ** np.maximum(powers - 1, 0)
+            rows += [u**powers, slopes, powers * (powers - 1) * u ** np.maximum(powers - 2, 0)]
         ends = (start[0], start[1] * move, 0.0, target[0], target[1] * move, 0.0)
         self.c = np.linalg.solve(np.array(rows, dtype=float), ends)[::-1]
         self.size = np.radians(rng.uniform(0.003, 0.02))
@@ -539,9 +533,8 @@ def read(case: Case, motion: Motion, *, quiet: bool = False) -> tuple[Array, Arr
         white = rng.standard_normal(samples)
         if r.noise_kind == "coloured":
             a = np.exp(-step / r.memory)
-            white = np.asarray(lfilter([np.sqrt(1 - a * a)], [1, -a], rng.standard_normal(samples + 500)))[
-                500:
-            ]
+            longer = lfilter([np.sqrt(1 - a * a)], [1, -a], rng.standard_normal(samples + 500))
+            white = np.asarray(longer)[500:]
         return (0.0 if quiet else size) * white
 
     def coarse(signal: Array, step_size: float) -> Array:
@@ -562,9 +555,8 @@ def read(case: Case, motion: Motion, *, quiet: bool = False) -> tuple[Array, Arr
             "gyro_x_rad_s": coarse(rate + rng.normal(0, 0.01) + noise(r.noise), r.step),
             "gyro_y_rad_s": noise(r.noise) - 0.004, "gyro_z_rad_s": noise(r.noise) + 0.007,
         }  # fmt: skip
-    stamps = truth.clock * motion.time + (0.0 if quiet else r.jitter) * step * np.clip(
-        rng.standard_normal(samples), -3, 3
-    )
+    late = np.clip(rng.standard_normal(samples), -3, 3)
+    stamps = truth.clock * motion.time + (0.0 if quiet else r.jitter) * step * late
     kept = (rng.random(samples) >= r.drops) | (np.arange(samples) == 0) | quiet
     return stamps, kept, columns
 
@@ -599,9 +591,8 @@ def sizes(case: Case, motion: Motion) -> dict[str, float]:
 
 def weight(recording: Recording) -> float:
     """Return by how much a squared deviation of one sample from the truth counts as χ² [1/rad² or s²/rad²]."""
-    correlated = (
-        np.exp(-1 / (recording.rate * recording.memory)) if recording.noise_kind == "coloured" else 0.0
-    )
+    coloured = recording.noise_kind == "coloured"
+    correlated = np.exp(-1 / (recording.rate * recording.memory)) if coloured else 0.0
     return (1 - correlated) / (1 + correlated) / (recording.noise**2 + recording.step**2 / 12)
 
 
@@ -631,10 +622,8 @@ def visible(case: Case, motion: Motion) -> dict[str, float]:
             block = np.zeros((len(t), 1 + 2 * len(spans)))
             block[:, 0] = 1.0
             swing = np.exp(-damping * t)
-            block[:, 1 + 2 * number], block[:, 2 + 2 * number] = (
-                swing * np.cos(frequency * t),
-                swing * np.sin(frequency * t),
-            )
+            block[:, 1 + 2 * number] = swing * np.cos(frequency * t)
+            block[:, 2 + 2 * number] = swing * np.sin(frequency * t)
             rows.append(block)
         design, target = np.vstack(rows), np.concatenate([signal[inside] for inside in spans])
         return target - design @ np.linalg.lstsq(design, target, rcond=None)[0]

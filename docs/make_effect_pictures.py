@@ -32,9 +32,8 @@ def section(effect: Effect) -> str:
     if support.since:
         runs = f"MuJoCo {support.since} and newer" + (", MuJoCo Warp too" if support.warp else "")
         mujoco = f"{support.means} ({runs})"
-        mujoco += f"; on 3.11 the nearest is: {support.substitute}" if support.substitute else ""
     else:
-        mujoco = support.means
+        mujoco = support.written
     return "\n".join(
         (
             f"### `{effect.name}`: {effect.title}",

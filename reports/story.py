@@ -201,7 +201,9 @@ def tell(
     label = label or _added(tuple(effects))
     laws = [(STOOD, former)] if former is not None else []
     laws += [(label, latter)]
-    longest = max(2, min(min(len(r.residual) for r in latter.releases) // 2, _period_samples(latter)))
+    step = float(np.median(np.diff(latter.releases[0].time)))
+    period = int(2 * np.pi / latter.law.frequency / step)  # in samples
+    longest = max(2, min(min(len(r.residual) for r in latter.releases) // 2, period))
     lags = np.unique(np.linspace(1, longest, min(longest, MOST_LAGS)).astype(int))
     stood = [] if former is None else [Step(STOOD, former.rmse / floor)]
     own = Step(label, latter.rmse / floor, heldout)  # of logs that it was not fitted to, before the refits
@@ -217,18 +219,12 @@ def tell(
         steps=(*stood, own, *steps) if label in (STOOD, RECORD) else (*stood, *steps, own),
         ranked=tuple(ranked),
         is_dated=is_dated,
-        lags=lags * float(np.median(np.diff(latter.releases[0].time))),
+        lags=lags * step,
         correlations=tuple(
             (name, autocorrelation([r.residual for r in law.releases], longest)[lags]) for name, law in laws
         ),
         white=Z99 / float(np.sqrt(sum(len(r.residual) for r in latter.releases))),
     )
-
-
-def _period_samples(result: Comparison) -> int:
-    """Return how many samples one natural period has."""
-    step = float(np.median(np.diff(result.releases[0].time)))
-    return int(2 * np.pi / result.law.frequency / step)
 
 
 def _missing(
@@ -244,17 +240,11 @@ def _missing(
         return None, None
     if missing is None:
         return None, None
-    tilt, rate, torque = (
-        np.concatenate(part)
-        for part in zip(
-            *((r.roll - law.rest_angle, r.rate, _torque(law, torques, r)) for r in after.releases),
-            strict=True,
-        )
-    )
-    return (
-        Missing(missing.over_rate, *_averaged(rate, torque)),
-        Missing(missing.over_angle, *_averaged(tilt, torque)),
-    )
+    tilt = np.concatenate([r.roll for r in after.releases]) - law.rest_angle
+    rate = np.concatenate([r.rate for r in after.releases])
+    torque = np.concatenate([_torque(law, torques, r) for r in after.releases])
+    over_rate = Missing(missing.over_rate, *_averaged(rate, torque))
+    return over_rate, Missing(missing.over_angle, *_averaged(tilt, torque))
 
 
 def _torque(law: JointLaw, names: Sequence[str], release: ComparedRelease) -> Array:

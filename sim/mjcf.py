@@ -14,15 +14,12 @@ from sim.compensation.scene import Export, compensate
 from sim.compensation.step import Compensation
 from sysid.board import Board
 from sysid.effects import effect
-from sysid.effects._base import MujocoSupport
 from sysid.errors import SysidError
 from sysid.quantity import Quantity
 
 Kind = Literal["bench", "scene"]
 """The clamped free-decay rig, or the free board with trucks and wheels on the ground."""
 
-OLDEST = "3.11"
-"""The oldest MuJoCo that a file with `exact_effects=False` is written for."""
 FINE_STEP = 0.001
 """Up to this step a bench is written with its physical parameters [s]: its decay is off by 0.7 % (pink) and 1.1 % (black), within
 the gate's 2 %; at twice the step it would be 2.2 %."""
@@ -37,7 +34,7 @@ class Mjcf:
     """What was written instead of the record's numbers, and both errors."""
     export: Export
     substitutes: tuple[str, ...] = ()
-    """For each effect that is not written as it is: what stands for it, and which MuJoCo would hold it."""
+    """For each effect that MuJoCo cannot hold: what stands for it."""
 
 
 def default_export(kind: Kind, timestep: float) -> Export:
@@ -55,14 +52,12 @@ def board_mjcf(
     integrator: str = "implicitfast",
     export: Export | None = None,
     coupling: Coupling = "equality",
-    exact_effects: bool = True,
 ) -> Mjcf:
-    """Write a board as MJCF.
+    """Write a board as MJCF, for MuJoCo 3.11 and newer.
 
     Args:
         timestep: [s].
         export: Which parameters are written; `default_export` if None.
-        exact_effects: False writes effects that need a MuJoCo newer than 3.11 as their substitutes.
 
     Raises:
         SysidError: The board cannot be built so, or `export` does not go with `kind`.
@@ -72,13 +67,12 @@ def board_mjcf(
         raise SysidError(
             "--export in-scene compensates for wheels and coupling, which a bench has not. Add --scene."
         )
-    step: dict[str, Any] = {"timestep": timestep, "integrator": integrator, "exact_effects": exact_effects}
+    step: dict[str, Any] = {"timestep": timestep, "integrator": integrator}
     done = compensate(board, export, coupling=coupling, **step)
     written = done.board
     spec = board_spec(written, coupling=coupling, **step) if kind == "scene" else rig_spec(written, **step)
-    version = mujoco.__version__ if exact_effects else OLDEST
-    comments = _comments(board, done, kind, export, coupling, version)
-    return Mjcf(_commented(spec, comments), done, export, substituted(board, version))
+    comments = _comments(board, done, kind, export, coupling)
+    return Mjcf(_commented(spec, comments), done, export, substituted(board))
 
 
 def _commented(spec: mujoco.MjSpec, comments: Sequence[tuple[str, Sequence[str]]]) -> str:
@@ -95,7 +89,7 @@ def _commented(spec: mujoco.MjSpec, comments: Sequence[tuple[str, Sequence[str]]
 
 
 def _comments(
-    board: Board, done: Compensation, kind: Kind, export: Export, coupling: Coupling, version: str
+    board: Board, done: Compensation, kind: Kind, export: Export, coupling: Coupling
 ) -> list[tuple[str, list[str]]]:
     """Return for each kind of element a pattern of its line, and what to say above it."""
     written = done.board
@@ -127,7 +121,7 @@ def _comments(
     tilt += [
         f"Effect {part.name}: "
         + ", ".join(f"{key} {_text(q)}" for key, q in part.parameters.items())
-        + f"; {_realisation(effect(part.name).mujoco, version)}."
+        + f"; {effect(part.name).mujoco.written}."
         for part in board.effects
     ]
     comments = [
@@ -149,12 +143,6 @@ def _comments(
         ]),
         *comments,
     ]  # fmt: skip
-
-
-def _realisation(support: MujocoSupport, version: str) -> str:
-    if not support.substituted_in(version):
-        return support.means
-    return f"substitute for MuJoCo {version}: {support.substitute} (exact since {support.since})"
 
 
 def _text(quantity: Quantity) -> str:

@@ -7,7 +7,7 @@ the simulator passed the comparison, and one history line a refit.
 import hashlib
 import math
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Self
@@ -48,6 +48,8 @@ OPTIONAL = {
     "published": PUBLISHED_UNITS,
 }  # fmt: skip
 """Sections that a record may do without."""
+TOLD = ("fit", "check", "model")
+"""Sections that tell what was done."""
 TOLD_NUMBERS = {"rmse_before", "rmse", "heldout_rmse", "noise_floor", "nrmse", "tolerance"}
 """What commands read of a fit, of a check and of the history."""
 LARGEST = 1e300
@@ -113,9 +115,8 @@ class Board:
         Raises:
             SysidError: There is no such board, or its record is not valid.
         """
-        return (
-            load_board(Path(name)) if Path(name).suffix == ".toml" else load_named(str(name), Path(workspace))
-        )
+        path = Path(name)
+        return load_board(path) if path.suffix == ".toml" else load_named(str(name), Path(workspace))
 
     def save(self, path: str | Path) -> None:
         """Write the record into a TOML file, in one step: a crash at any moment leaves an old one whole.
@@ -173,11 +174,9 @@ class Board:
     @property
     def option(self) -> str:
         """How the command line names the joint."""
-        return (
-            f"--model {self.model['file']} --joint {self.model['joint']}"
-            if self.model
-            else f"--board {self.name}"
-        )
+        if self.model:
+            return f"--model {self.model['file']} --joint {self.model['joint']}"
+        return f"--board {self.name}"
 
     @property
     def slides(self) -> bool:
@@ -335,9 +334,7 @@ class _Reader:
             "schema", "name", "description", "source", "geometry", "mass", "inertia", "decay", "published",
             "tilt", "rolling", "effect", "model", "fit", "check", "history",
         }  # fmt: skip
-        for key in raw:
-            if key not in known:
-                raise SysidError(f"{self.path}: unknown field '{key}'.{did_you_mean(key, known)}")
+        self._refuse_unknown(raw, known, "")
         if raw.get("schema") != SCHEMA:
             raise SysidError(f"{self.path}: schema is {raw.get('schema')!r}, expected {SCHEMA}.")
         inertia = self._table(raw, "inertia")
@@ -349,22 +346,15 @@ class _Reader:
             inertia=self._quantity(inertia, "inertia", kind("kg*m^2"), positive=True).with_method(
                 self._text(inertia, "method", "inertia.method")
             ),
-            tilt=self._quantities(
-                raw, "tilt", {n: kind(u) for n, u in TILT_UNITS.items()}, may_be_negative=("rest_angle",)
-            ),
+            tilt=self._quantities(raw, "tilt", {n: kind(u) for n, u in TILT_UNITS.items()}),
             effects=tuple(
-                self._effect(f"effect[{i}]", raw_effect, kind)
-                for i, raw_effect in enumerate(self._tables(raw, "effect"))
+                self._effect(f"effect[{i}]", own, kind) for i, own in enumerate(self._tables(raw, "effect"))
             ),
             history=tuple(
                 self._told(f"history[{i}]", line) for i, line in enumerate(self._tables(raw, "history"))
             ),
             **{name: self._quantities(raw, name, units) for name, units in OPTIONAL.items() if name in raw},
-            **{
-                name: self._told(name, self._table(raw, name))
-                for name in ("fit", "check", "model")
-                if name in raw
-            },
+            **{name: self._told(name, self._table(raw, name)) for name in TOLD if name in raw},
         )
 
     def _told(self, where: str, raw: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -410,49 +400,28 @@ class _Reader:
         table = self._table(raw, "parameters", f"{where}.parameters")
         known = catalogue().get(name)
         units = dict.fromkeys(table) if known is None else {p.name: unit_of(p.unit) for p in known.parameters}
-        if unknown := [key for key in table if key not in units]:
-            raise SysidError(
-                f"{self.path}: unknown field '{where} ({name}).parameters.{unknown[0]}'."
-                f"{did_you_mean(unknown[0], units)} Known: {', '.join(units)}."
-            )
-        return BoardEffect(
-            name,
-            {
-                key: self._quantity(table.get(key), f"{where} ({name}).parameters.{key}", unit)
-                for key, unit in units.items()
-            },
-            self._text(raw, "file", f"{where}.file") if "file" in raw else "",
-        )
+        self._refuse_unknown(table, units, place := f"{where} ({name}).parameters.")
+        values = {key: self._quantity(table.get(key), place + key, unit) for key, unit in units.items()}
+        return BoardEffect(name, values, self._text(raw, "file", f"{where}.file") if "file" in raw else "")
+
+    def _refuse_unknown(self, table: Mapping[str, Any], known: Collection[str], where: str) -> None:
+        if unknown := [key for key in table if key not in known]:
+            told = f" Known: {', '.join(known)}." if where else ""
+            hint = did_you_mean(unknown[0], known)
+            raise SysidError(f"{self.path}: unknown field '{where}{unknown[0]}'.{hint}{told}")
 
     def _quantities(
-        self,
-        raw: Mapping[str, Any],
-        section: str,
-        units: Mapping[str, str],
-        *,
-        may_be_negative: Sequence[str] = (),
+        self, raw: Mapping[str, Any], section: str, units: Mapping[str, str]
     ) -> dict[str, Quantity]:
         table = self._table(raw, section)
-        for key in table:
-            if key not in units:
-                raise SysidError(
-                    f"{self.path}: unknown field '{section}.{key}'.{did_you_mean(key, units)} "
-                    f"Known: {', '.join(units)}."
-                )
-        return {
-            key: self._quantity(
-                table.get(key),
-                f"{section}.{key}",
-                unit,
-                positive=key not in may_be_negative
-                and not (key in MAY_LACK and self._is_zero(table.get(key))),
-            )
-            for key, unit in units.items()
-        }
-
-    @staticmethod
-    def _is_zero(raw: Any) -> bool:
-        return isinstance(raw, Mapping) and raw.get("value") == 0
+        self._refuse_unknown(table, units, f"{section}.")
+        found: dict[str, Quantity] = {}
+        for key, unit in units.items():
+            own: Any = table.get(key)
+            is_zero = isinstance(own, Mapping) and own.get("value") == 0
+            positive = key != "rest_angle" and not (key in MAY_LACK and is_zero)
+            found[key] = self._quantity(own, f"{section}.{key}", unit, positive=positive)
+        return found
 
     def _quantity(self, raw: Any, where: str, unit: str | None, *, positive: bool = False) -> Quantity:
         shape = f"{{ value = …, std = …, unit = '{unit or '…'}' }}"
@@ -465,9 +434,8 @@ class _Reader:
             number: Any = raw.get(key)
             if isinstance(number, bool) or not isinstance(number, int | float):
                 raise SysidError(f"{self.path}: field '{where}.{key}' is {number!r}; expected a number.")
-            numbers[key] = (
-                float(number) if abs(number) < LARGEST else math.inf
-            )  # TOML's whole numbers have no end
+            # TOML's whole numbers have no end.
+            numbers[key] = float(number) if abs(number) < LARGEST else math.inf
         if raw.get("unit") != unit and not (unit is None and isinstance(raw.get("unit"), str)):
             raise SysidError(f"{self.path}: field '{where}.unit' is {raw.get('unit')!r}; expected {unit!r}.")
         if not 0 <= numbers["std"] < math.inf:

@@ -20,6 +20,8 @@ UNIT = "kg*m^2"
 GRAVITY = Quantity(9.80665, 0.013, "m/s^2")
 """Standard gravity; the deviation spans what places on Earth differ by."""
 ON_AXIS = Quantity(0.0, 0.0, "m")
+TURNED = ("stiffness", "damping")
+"""Of the tilt joint, what goes with the inertia."""
 AGREEMENT = 0.05
 """Below this probability of their scatter, methods are said to disagree."""
 
@@ -35,11 +37,8 @@ def cuboid(mass: Quantity, width: Quantity, height: Quantity, distance: Quantity
         height: h [m].
         distance: e of its centre from the tilt axis [m].
     """
-
-    def about_axis(m: float, w: float, h: float, e: float) -> float:
-        return m * (w**2 + h**2) / 12 + m * e**2
-
-    return propagate(about_axis, (mass, width, height, distance), UNIT, "uniform cuboid")
+    inputs = (mass, width, height, distance)
+    return propagate(lambda m, w, h, e: m * (w**2 + h**2) / 12 + m * e**2, inputs, UNIT, "uniform cuboid")
 
 
 def point(mass: Quantity, distance: Quantity) -> Quantity:
@@ -49,11 +48,7 @@ def point(mass: Quantity, distance: Quantity) -> Quantity:
         mass: m [kg].
         distance: e of its centre from the tilt axis [m].
     """
-
-    def about_axis(m: float, e: float) -> float:
-        return m * e**2
-
-    return propagate(about_axis, (mass, distance), UNIT, "point mass")
+    return propagate(lambda m, e: m * e**2, (mass, distance), UNIT, "point mass")
 
 
 def cylinder(mass: Quantity, radius: Quantity, length: Quantity, distance: Quantity = ON_AXIS) -> Quantity:
@@ -65,11 +60,8 @@ def cylinder(mass: Quantity, radius: Quantity, length: Quantity, distance: Quant
         length: l [m].
         distance: e of its centre from the tilt axis [m].
     """
-
-    def about_axis(m: float, r: float, length: float, e: float) -> float:
-        return m * (3 * r**2 + length**2) / 12 + m * e**2
-
-    return propagate(about_axis, (mass, radius, length, distance), UNIT, "solid cylinder across the deck")
+    inputs, method = (mass, radius, length, distance), "solid cylinder across the deck"
+    return propagate(lambda m, r, h, e: m * (3 * r**2 + h**2) / 12 + m * e**2, inputs, UNIT, method)
 
 
 def shifted(inertia: Quantity, mass: Quantity, distance: Quantity) -> Quantity:
@@ -80,12 +72,8 @@ def shifted(inertia: Quantity, mass: Quantity, distance: Quantity) -> Quantity:
         mass: m [kg].
         distance: e between the axes [m].
     """
-    method = inertia.method or "inertia about the centre of mass"
-
-    def about_axis(i: float, m: float, e: float) -> float:
-        return i + m * e**2
-
-    return propagate(about_axis, (inertia, mass, distance), UNIT, f"{method}, parallel axis")
+    method = f"{inertia.method or 'inertia about the centre of mass'}, parallel axis"
+    return propagate(lambda i, m, e: i + m * e**2, (inertia, mass, distance), UNIT, method)
 
 
 def parts(inertias: Sequence[Quantity]) -> Quantity:
@@ -96,11 +84,7 @@ def parts(inertias: Sequence[Quantity]) -> Quantity:
     """
     if not inertias:
         raise SysidError("no parts given; name at least one, for example --cuboid 2.58,0.2,0.02.")
-
-    def total(*values: float) -> float:
-        return sum(values)
-
-    return propagate(total, inertias, UNIT, f"sum of {len(inertias)} parts")
+    return propagate(lambda *values: sum(values), inertias, UNIT, f"sum of {len(inertias)} parts")
 
 
 def bifilar(
@@ -147,12 +131,9 @@ def torsional(
     """
     if mass is None and distance.value != 0:
         raise SysidError("the distance to the tilt axis needs the mass of the deck as well; give --mass.")
-
-    def about_axis(k: float, t: float, m: float, e: float) -> float:
-        return k * (t / (2 * math.pi)) ** 2 + m * e**2
-
+    inputs = (stiffness, period, mass or Quantity(0.0, 0.0, "kg"), distance)
     return propagate(
-        about_axis, (stiffness, period, mass or Quantity(0.0, 0.0, "kg"), distance), UNIT, "torsional swing"
+        lambda k, t, m, e: k * (t / (2 * math.pi)) ** 2 + m * e**2, inputs, UNIT, "torsional swing"
     )
 
 
@@ -323,9 +304,7 @@ def with_inertia(board: Board, inertia: Quantity) -> Board:
         numbers = decay_from_peaks(data["period"], data["first_peak"], data["second_peak"], inertia)
         tilt = {"stiffness": numbers.stiffness, "damping": numbers.damping}
     else:
-        tilt = {
-            name: _rescaled(board.tilt[name], board.inertia, inertia) for name in ("stiffness", "damping")
-        }
+        tilt = {name: _rescaled(board.tilt[name], board.inertia, inertia) for name in TURNED}
     effects = tuple(
         BoardEffect(e.name, {key: _rescaled(q, board.inertia, inertia) for key, q in e.parameters.items()})
         for e in board.effects

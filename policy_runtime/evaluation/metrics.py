@@ -33,20 +33,10 @@ from sysid.roll import Array
 Flags = npt.NDArray[np.bool_]
 
 METRICS = {
-    "E_vel": "m/s",
-    "E_yaw": "rad",
-    "E_smth": "rad",
-    "E_contact": "1",
-    "E_vel_mean_speed": "m/s",
-    "E_yaw_final": "rad",
-    "E_smth_norm": "rad",
-    "E_smth_rms": "rad",
-    "E_contact_push": "1",
-    "E_contact_steer": "1",
-    "E_course": "rad",
-    "E_tilt": "rad",
-    "E_still": "m/s",
-}
+    "E_vel": "m/s", "E_yaw": "rad", "E_smth": "rad", "E_contact": "1",
+    "E_vel_mean_speed": "m/s", "E_yaw_final": "rad", "E_smth_norm": "rad", "E_smth_rms": "rad",
+    "E_contact_push": "1", "E_contact_steer": "1", "E_course": "rad", "E_tilt": "rad", "E_still": "m/s",
+}  # fmt: skip
 """Every error besides E_succ, with its unit."""
 
 

@@ -34,6 +34,12 @@ if TYPE_CHECKING:
 
 WRONG_TILT = math.radians(3)
 """Tilt the wrong way that is counted [rad]."""
+STRETCHES = {
+    "speed_error": "pushing", "heading_error": "steering", "tilt_error": "steering", "tilt": "steering",
+    "foot_place": "all", "wrong_tilt": "steering", "both_feet": "steering", "foot_down": "pushing",
+    "wrong_push": "pushing", "wrong_steer": "steering",
+}  # fmt: skip
+"""Over which steps each of these is a mean."""
 
 
 class Progress:
@@ -112,18 +118,7 @@ class Progress:
             "falls_per_minute": falls / minutes,
             "style": get("style") / steps,
         }
-        for name, stretch in (
-            ("speed_error", "pushing"),
-            ("heading_error", "steering"),
-            ("tilt_error", "steering"),
-            ("tilt", "steering"),
-            ("foot_place", "all"),
-            ("wrong_tilt", "steering"),
-            ("both_feet", "steering"),
-            ("foot_down", "pushing"),
-            ("wrong_push", "pushing"),
-            ("wrong_steer", "steering"),
-        ):
+        for name, stretch in STRETCHES.items():
             result[name] = get(name) / max(get(stretch), 1.0)
         terms = (values["reward"] / steps).tolist()
         result["reward"] = sum(terms)

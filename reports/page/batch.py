@@ -24,6 +24,7 @@ SHOWN = {
     "warnings": "warnings",
 }
 """Columns of the page's table, and their heads; those that no job fills are left out."""
+CAPTION = "With 95 % intervals, by board; hollow: the decay is not linear, so there is no one value."
 
 
 def batch_page(name: str, rows: Sequence[Mapping[str, Any]]) -> str:
@@ -36,21 +37,13 @@ def batch_page(name: str, rows: Sequence[Mapping[str, Any]]) -> str:
     done = [row for row in rows if row["state"] == "done"]
     failed = [f"{row['job']}: {row['message']}" for row in rows if row["state"] != "done"]
     page = Page(title=f"Batch {name}", subtitle=f"{len(rows)} jobs, {date.today().isoformat()}")
-    page.section(
-        "Result", verdict(f"{len(done)} of {len(rows)} jobs done, {len(failed)} failed.", good=not failed)
-    )
+    result = f"{len(done)} of {len(rows)} jobs done, {len(failed)} failed."
+    page.section("Result", verdict(result, good=not failed))
     with page_style():
         for title, key in (("Stiffness", "stiffness"), ("Damping", "damping")):
             found = [row for row in done if column(key) in row]
             if found:
-                drawn = batch_figure(found, key)
-                page.section(
-                    title,
-                    figure(
-                        figure_to_svg(drawn, key, title),
-                        "With 95 % intervals, by board; hollow: the decay is not linear, so there is no one value.",
-                    ),
-                )
+                page.section(title, figure(figure_to_svg(batch_figure(found, key), key, title), CAPTION))
     columns = {key: head for key, head in SHOWN.items() if any(key in row for row in done)}
     cells = [[_cell(row.get(key, "")) for key in columns] for row in done]
     page.section("Table", table(list(columns.values()), cells) if done else paragraph("Nothing was done."))

@@ -33,6 +33,7 @@ from reports.page.summary import effect_lines, law_text, parameters, pretty, tit
 from reports.playground import playground
 from reports.story import release_name, story_of_board
 from sysid.board import Board
+from sysid.decay.report import inertia_share
 from sysid.diagnosis.signatures import ALIKE, SEEN, LookAlikes
 from sysid.effects import effect
 from sysid.quantity import Quantity
@@ -113,12 +114,8 @@ def _lead(
     """Return the answers, and sliders to try them."""
     parts = [answers(four_answers(board, evidence, diagnosis, files))]
     if any(file.truth for file in files):
-        parts.append(
-            note(
-                "These logs are synthetic: made from a known truth to show and to test the tool. "
-                "Nothing on this page was measured on a real board."
-            )
-        )
+        remark = "These logs are synthetic: made from a known truth to show and to test the tool. "
+        parts.append(note(remark + "Nothing on this page was measured on a real board."))
     play = None if evidence is None else playground(evidence, diagnosis)
     if play is not None:
         remark = "Each effect's slider multiplies what was fitted of it; roll and rate at each release are fitted at once."
@@ -143,9 +140,8 @@ def _warnings(board: Board, evidence: Evidence | None, files: "Sequence[LogFile]
     if evidence is not None:
         warnings += map(pretty, evidence.warnings)
     if not board.check:
-        warnings.append(
-            f"not checked in the training scene yet: husky-sysid check LOG... --board {board.name}"
-        )
+        command = f"husky-sysid check LOG... --board {board.name}"
+        warnings.append(f"not checked in the training scene yet: {command}")
     elif board.check_is_stale:
         warnings.append("the record was changed since it was checked: check it again")
     elif not board.passed:
@@ -178,22 +174,19 @@ def _truth(files: "Sequence[LogFile]") -> dict[str, str]:
 
 
 def _truth_values(truth: Mapping[str, Any]) -> dict[str, str]:
-    values: dict[str, str] = {}
-    for name, entry in truth.get("parameters", {}).items():
-        label = "roll inertia" if name == "inertia" else name.replace("_", " ")
-        values[label] = pretty(str(Quantity(float(entry["value"]), 0.0, str(entry["unit"]))))
+    own = truth.get("parameters", {})
+    entries = [("roll inertia" if n == "inertia" else n.replace("_", " "), e) for n, e in own.items()]
     for part in truth.get("effects", []):
-        for name, entry in part.get("parameters", {}).items():
-            label = f"{part['name']}: {name.replace('_', ' ')}"
-            values[label] = pretty(str(Quantity(float(entry["value"]), 0.0, str(entry["unit"]))))
-    return values
+        own = part.get("parameters", {})
+        entries += [(f"{part['name']}: {name.replace('_', ' ')}", entry) for name, entry in own.items()]
+    return {label: pretty(str(Quantity(float(e["value"]), 0.0, str(e["unit"])))) for label, e in entries}
 
 
 def _inertia_share(board: Board) -> list[str]:
     inertia, stiffness = board.inertia, board.tilt["stiffness"]
     if not (inertia.std > 0 and stiffness.std > 0):
         return []
-    share = (inertia.std / inertia.value * stiffness.value / stiffness.std) ** 2
+    share = inertia_share(inertia, stiffness)
     text = f"Roll inertia: {inertia.method}. A free decay fixes only k/I, d/I and torque/I"
     if share >= 0.01:
         text += f"; {100 * min(share, 1):.0f} % of the variance of the stiffness comes from the inertia"
@@ -201,11 +194,9 @@ def _inertia_share(board: Board) -> list[str]:
 
 
 def _law(board: Board) -> list[str]:
-    what = (
-        "the roll, right edge down positive"
-        if board.geometry
-        else "the joint's position, with the sign of the log"
-    )
+    what = "the joint's position, with the sign of the log"
+    if board.geometry:
+        what = "the roll, right edge down positive"
     parts = [law(law_text(board)), paragraph(f"SI units{'' if board.slides else ', radians'}; φ is {what}.")]
     lines = effect_lines(board)
     if lines:
@@ -224,30 +215,16 @@ def _releases(evidence: Evidence) -> list[str]:
             "noise. Below, the residual over ±2σ of the sensor's noise in grey."
         )
         drawn.append((name, _figure(board_figures.release_figure(evidence, i), f"release{i + 1}", caption)))
-    rows = [
-        (
-            release_name(result, i),
-            release.side,
-            first(release.amplitude, 3),
-            show(part.rmse, 3),
-            f"{part.rmse / result.noise.std:.2f}",
-        )
-        for i, (part, release) in enumerate(zip(result.releases, evidence.releases, strict=True))
-    ]
+    rows: list[tuple[str, ...]] = []
+    for i, (part, release) in enumerate(zip(result.releases, evidence.releases, strict=True)):
+        errors = show(part.rmse, 3), f"{part.rmse / result.noise.std:.2f}"
+        rows.append((release_name(result, i), release.side, first(release.amplitude, 3), *errors))
+    side = "edge down" if evidence.board.geometry else "side"
     left = len(result.releases) - MOST_RELEASES
     return [
         choices(drawn),
         paragraph(f"{count(left, 'more release')} in the table only.") if left > 0 else "",
-        table(
-            (
-                "release",
-                "edge down" if evidence.board.geometry else "side",
-                "first amplitude",
-                "RMS error",
-                "error / noise",
-            ),
-            rows,
-        ),
+        table(("release", side, "first amplitude", "RMS error", "error / noise"), rows),
     ]
 
 
@@ -268,21 +245,16 @@ def _where(evidence: Evidence) -> list[str]:
 
 
 def _history(board: Board) -> str:
-    if board.history:
-        show = display(is_rate=board.fit.get("unit") in ("rad/s", "m/s"), slides=board.slides)
-        rows = [
-            (
-                str(line.get("date", "")),
-                ", ".join(line.get("effects", [])) or "spring and damper",
-                *(
-                    "-" if line.get(key) is None else show(line[key], 3)
-                    for key in ("rmse_before", "rmse", "heldout_rmse", "noise_floor")
-                ),
-            )
-            for line in board.history
-        ]
-        return table(("date", "model", "error before", "after", "on left-out releases", "noise floor"), rows)
-    return paragraph("The record holds no fit yet: its numbers come from its source.")
+    if not board.history:
+        return paragraph("The record holds no fit yet: its numbers come from its source.")
+    show = display(is_rate=board.fit.get("unit") in ("rad/s", "m/s"), slides=board.slides)
+    rows: list[tuple[str, ...]] = []
+    for line in board.history:
+        told = (line.get(key) for key in ("rmse_before", "rmse", "heldout_rmse", "noise_floor"))
+        errors = ("-" if error is None else show(error, 3) for error in told)
+        model = ", ".join(line.get("effects", [])) or "spring and damper"
+        rows.append((str(line.get("date", "")), model, *errors))
+    return table(("date", "model", "error before", "after", "on left-out releases", "noise floor"), rows)
 
 
 def _look_alikes(board: Board, evidence: Evidence | None) -> list[str]:
@@ -292,21 +264,14 @@ def _look_alikes(board: Board, evidence: Evidence | None) -> list[str]:
         return [paragraph("Not computed: it takes logs of the roll.")]
     rows: list[tuple[str, ...]] = []
     for i, name in enumerate(alike.names):
-        rows.append(
-            (
-                f"{name}{' (in the law)' if name in own else ''}",
-                _weakest(alike, i),
-                ", ".join(alike.alike(name)) or "-",
-                effect(name).experiment if alike.alike(name) else "",
-            )
-        )
-    weak = [name for i, name in enumerate(alike.names) if _weakest(alike, i) == TOO_WEAK]
+        shown, others = f"{name}{' (in the law)' if name in own else ''}", alike.alike(name)
+        experiment = effect(name).experiment if others else ""
+        rows.append((shown, _weakest(alike, i), ", ".join(others) or "-", experiment))
+    weak = [row for row in rows if row[1] == TOO_WEAK]
     twins = {tuple(sorted((name, other))) for name in alike.names for other in alike.alike(name)}
-    hidden = (
-        f"{count(len(weak), 'effect')} of {len(alike.names)} would not show at all"
-        if weak
-        else "Every effect would show"
-    )
+    hidden = "Every effect would show"
+    if weak:
+        hidden = f"{count(len(weak), 'effect')} of {len(alike.names)} would not show at all"
     pairs = f"{count(len(twins), 'pair')} cannot be told apart" if twins else "no two of them look the same"
     return [
         paragraph(
@@ -361,25 +326,16 @@ def _correlation(evidence: Evidence) -> list[str]:
     if fit is None:
         return [paragraph("The board's law could not be fitted to these logs; see the warnings.")]
     names = [name.replace("_", " ") for name in fit.quantities]
-    pairs = sorted(
-        ((fit.correlation[i, j], names[i], names[j]) for i in range(len(names)) for j in range(i)),
-        key=lambda pair: -abs(np.nan_to_num(pair[0])),
-    )
+    pairs = [(fit.correlation[i, j], names[i], names[j]) for i in range(len(names)) for j in range(i)]
+    pairs.sort(key=lambda pair: -abs(np.nan_to_num(pair[0])))
     strong = [f"{one} and {other}" for value, one, other in pairs if abs(value) >= STRONG]
-    return [
-        paragraph(
-            f"Hardly told apart by these logs: {'; '.join(strong)}. Another amplitude, or a parameter that is known, parts them."
-            if strong
-            else f"Each parameter stands by itself: no two are correlated beyond {STRONG}."
-        ),
-        table(
-            ("parameter", "with", "correlation"),
-            [(a, b, f"{value:+.2f}") for value, a, b in pairs[:MOST_PAIRS]],
-        ),
-        paragraph(
-            "Of a fit of the board's law to these logs, with the uncertainty of the roll inertia in it."
-        ),
-    ]
+    said = f"Each parameter stands by itself: no two are correlated beyond {STRONG}."
+    if strong:
+        said = f"Hardly told apart by these logs: {'; '.join(strong)}."
+        said += " Another amplitude, or a parameter that is known, parts them."
+    rows = [(one, other, f"{value:+.2f}") for value, one, other in pairs[:MOST_PAIRS]]
+    source = "Of a fit of the board's law to these logs, with the uncertainty of the roll inertia in it."
+    return [paragraph(said), table(("parameter", "with", "correlation"), rows), paragraph(source)]
 
 
 def _frequency_response(board: Board) -> str:
@@ -396,17 +352,14 @@ def _frequency_response(board: Board) -> str:
 def _check(board: Board) -> list[str]:
     check = board.check
     if not check:
-        return [
-            verdict(
-                f"Not checked yet. husky-sysid check LOG... --board {board.name} releases the deck in the scene "
-                "that policies train in, and compares.",
-                good=False,
-            )
-        ]
+        text = (
+            f"Not checked yet. husky-sysid check LOG... --board {board.name} releases the deck in the scene "
+            "that policies train in, and compares."
+        )
+        return [verdict(text, good=False)]
     if board.check_is_stale:
-        return [
-            verdict("Out of date: the record was changed since it was checked. Check it again.", good=False)
-        ]
+        text = "Out of date: the record was changed since it was checked. Check it again."
+        return [verdict(text, good=False)]
     tolerance = check.get("tolerance", 0.02)
     text = (
         f"{'Passed' if board.passed else 'Failed'}: NRMSE {100 * check.get('nrmse', float('nan')):.2f} %, tolerance "
@@ -416,13 +369,10 @@ def _check(board: Board) -> list[str]:
 
 
 def _logs(evidence: Evidence) -> list[str]:
-    drawn = [
-        (
-            Path(roll.log).name,
-            _figure(board_figures.log_figure(evidence, i), f"log{i + 1}", "; ".join(roll.notes)),
-        )
-        for i, roll in enumerate(evidence.rolls[:MOST_RELEASES])
-    ]
+    drawn: list[tuple[str, str]] = []
+    for i, roll in enumerate(evidence.rolls[:MOST_RELEASES]):
+        picture = _figure(board_figures.log_figure(evidence, i), f"log{i + 1}", "; ".join(roll.notes))
+        drawn.append((Path(roll.log).name, picture))
     return [choices(drawn)]
 
 

@@ -72,9 +72,8 @@ def trajectories(runs: Sequence[Run], measure: Measure, folder: Path) -> Section
     ]
     lines = _markdown(("policy", "board", "E_succ", "E_yaw [rad]", "turned, of what was asked"), rows)
     numbers = [{"run": run, "board": name, **one.to_json()} for run, name, one in results]
-    missing = (
-        [] if _of_rows(runs, ("no-coupling",)) else ["a policy trained on straight trucks (no-coupling)"]
-    )
+    lacks = not _of_rows(runs, ("no-coupling",))
+    missing = ["a policy trained on straight trucks (no-coupling)"] if lacks else []
     return Section("Trajectories (figure 5)", lines, numbers, picture.name, missing)
 
 
@@ -84,22 +83,16 @@ def learning_curves(runs: Sequence[Run], measure: Measure, folder: Path) -> Sect
     picture = folder / "curves.png"
     curves_figure(curves, CURVES, picture)
     ends = {name: rows[-1] for name, rows in curves.items()}
-    body = [
-        (
-            name,
-            f"{row['iteration']:,.0f}",
-            f"{row['samples'] / 1e6:,.0f}",
-            *(f"{row[key]:.3g}" for key, *_ in CURVES),
-        )
-        for name, row in ends.items()
-    ]
+    body: list[tuple[str, ...]] = []
+    for name, row in ends.items():
+        learned = f"{row['iteration']:,.0f}", f"{row['samples'] / 1e6:,.0f}"
+        body.append((name, *learned, *(f"{row[key]:.3g}" for key, *_ in CURVES)))
     head = ("run", "iterations", "million steps", *(f"{title} [{unit}]" for _, title, unit in CURVES))
     numbers = {
         name: {key: value for key, value in row.items() if math.isfinite(value)} for name, row in ends.items()
     }
-    return Section(
-        "Learning curves (figure 6), and where they end", _markdown(head, body), numbers, picture.name
-    )
+    title = "Learning curves (figure 6), and where they end"
+    return Section(title, _markdown(head, body), numbers, picture.name)
 
 
 def success_map(runs: Sequence[Run], measure: Measure, folder: Path) -> Section:
@@ -108,30 +101,23 @@ def success_map(runs: Sequence[Run], measure: Measure, folder: Path) -> Section:
     grids: dict[tuple[str, float], list[list[float]]] = {}
     for run in _of_rows(runs, ("husky",)):
         for delay in MAP_DELAY:
-            grid = [
-                [
-                    measure(
-                        run, Protocol(speed=(v, v), board_scale={"k": k}, stress=Stress(delay=delay))
-                    ).success
-                    for k in MAP_STIFFNESS
-                ]
-                for v in MAP_SPEED
-            ]
-            grids[run.name, delay] = [[cell.value for cell in row] for row in grid]
-            cells += [
-                {"run": run.name, "delay": delay, "speed": v, "k_factor": k, "E_succ": grid[i][j].to_json()}
-                for i, v in enumerate(MAP_SPEED)
-                for j, k in enumerate(MAP_STIFFNESS)
-            ]
+            grid: list[list[float]] = []
+            for v in MAP_SPEED:
+                grid.append([])
+                for k in MAP_STIFFNESS:
+                    protocol = Protocol(speed=(v, v), board_scale={"k": k}, stress=Stress(delay=delay))
+                    success = measure(run, protocol).success
+                    place = {"run": run.name, "delay": delay, "speed": v, "k_factor": k}
+                    grid[-1].append(success.value)
+                    cells.append({**place, "E_succ": success.to_json()})
+            grids[run.name, delay] = grid
     picture = folder / "map.png"
     map_figure(grids, MAP_STIFFNESS, MAP_SPEED, picture)
-    rows = [
-        (
-            *(cell["run"], f"{cell['delay'] * 1e3:.0f}", f"{cell['speed']:g}", f"{cell['k_factor']:g}"),
-            f"{cell['E_succ']['value']:.3g} [{cell['E_succ']['ci95'][0]:.2g}, {cell['E_succ']['ci95'][1]:.2g}]",
-        )
-        for cell in cells
-    ]
+    rows: list[tuple[str, ...]] = []
+    for cell in cells:
+        place = f"{cell['delay'] * 1e3:.0f}", f"{cell['speed']:g}", f"{cell['k_factor']:g}"
+        success, (low, high) = cell["E_succ"]["value"], cell["E_succ"]["ci95"]
+        rows.append((cell["run"], *place, f"{success:.3g} [{low:.2g}, {high:.2g}]"))
     lines = _markdown(("policy", "delay [ms]", "v [m/s]", "k, of the record's", "E_succ"), rows)
     return Section("E_succ over stiffness, speed and delay (figure 9)", lines, cells, picture.name)
 
@@ -143,17 +129,10 @@ def terrain(runs: Sequence[Run], measure: Measure, folder: Path) -> Section:
         for run in _of_rows(runs, ("husky",))
         for ground in ("slopes", "steps")
     ]
-    rows = [
-        (
-            run,
-            ground,
-            text(one.success),
-            f"{TERRAIN[ground].value:.2f}",
-            text(one.errors["E_vel"]),
-            text(one.errors["E_yaw"]),
-        )
-        for run, ground, one in results
-    ]
+    rows: list[tuple[str, ...]] = []
+    for run, ground, one in results:
+        errors = (text(one.errors[name]) for name in ("E_vel", "E_yaw"))
+        rows.append((run, ground, text(one.success), f"{TERRAIN[ground].value:.2f}", *errors))
     head = ("policy", "ground", "E_succ", "the paper's E_succ, its ground", "E_vel [m/s]", "E_yaw [rad]")
     numbers = [{"run": run, "ground": ground, **one.to_json()} for run, ground, one in results]
     return Section("Terrain", _markdown(head, rows), numbers)

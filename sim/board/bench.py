@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sim.board.bodies import TILT_JOINT, deck_inertia, inertia_ratio, law_of
+from sim.board.bodies import TILT_JOINT, add_body, deck_inertia, inertia_ratio, law_of
 from sim.board.learned import apply, left_out
 from sim.board.scene import add_effects, integrator_value, roll_inertia
 from sysid.board import Board
@@ -23,15 +23,12 @@ Begin = Callable[[mujoco.MjModel, mujoco.MjData, float, float], None]
 """Brings a model to where its joint is at a position [rad or m] and moves at a rate."""
 
 
-def rig_spec(
-    board: Board, *, timestep: float = 0.001, integrator: str = "implicitfast", exact_effects: bool = True
-) -> mujoco.MjSpec:
+def rig_spec(board: Board, *, timestep: float = 0.001, integrator: str = "implicitfast") -> mujoco.MjSpec:
     """Build the bench from a board record: base clamped, deck free to tilt without a limit.
 
     Args:
         board: The record; what is built has its deck mass, roll inertia, stiffness, damping, effects.
         timestep: [s].
-        exact_effects: False writes effects that need a MuJoCo newer than 3.11 as their substitutes.
 
     Raises:
         SysidError: The record cannot be built, or compiled mass or inertia differ from the record.
@@ -43,14 +40,8 @@ def rig_spec(
     spec.option.integrator = integrator_value(integrator)
     spec.worldbody.add_light(pos=[0.0, -1.0, 1.5], dir=[0.0, 0.6, -1.0])
     mass, inertia, size = _deck(board)
-    deck = spec.worldbody.add_body(
-        name="deck",
-        pos=[0.0, 0.0, board.geometry["truck_height"].value if board.geometry else 2 * size[1]],
-        mass=mass,
-        ipos=[0.0, 0.0, 0.0],
-        inertia=inertia,
-        explicitinertial=True,
-    )
+    height = board.geometry["truck_height"].value if board.geometry else 2 * size[1]
+    deck = add_body(spec.worldbody, "deck", (0.0, 0.0, height), mass, inertia)
     joint = deck.add_joint(
         name=TILT_JOINT,
         type=mujoco.mjtJoint.mjJNT_HINGE,
@@ -65,7 +56,7 @@ def rig_spec(
         conaffinity=0,
         rgba=[0.83, 0.68, 0.47, 1.0],
     )
-    add_effects(spec, joint, board, exact=exact_effects)
+    add_effects(spec, joint, board)
     _assert_matches_record(spec, board, mass)
     return spec
 
@@ -148,7 +139,7 @@ def swing(
         steer_to_tilt(model, data, q, v)
     else:
         begin(model, data, angle, rate)
-    _load_support(model, data, joint)
+    _drag(model, data, joint)
     if after_step is not None:
         after_step(model, data)
     left = left_out(model)
@@ -214,13 +205,22 @@ def steer_to_tilt(model: mujoco.MjModel, data: mujoco.MjData, q: int, v: int) ->
             data.qvel[model.jnt_dofadr[second]] = data.qvel[v] / polynomial.coef[1]
 
 
-def _load_support(model: mujoco.MjModel, data: mujoco.MjData, joint: str) -> None:
-    """Deflect what the joint stands on as the held deck does: its spring against the tilt's."""
-    name = f"{joint}_support_joint"
-    if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) < 0:
-        return
-    support, tendon = model.joint(name), model.tendon(f"{joint}_on_support")
-    spring = float(model.tendon_stiffness[tendon.id])
-    tilt = data.qpos[model.joint(joint).qposadr[0]] - float(model.tendon_lengthspring[tendon.id, 0])
-    share = spring / (spring + float(model.jnt_stiffness[support.id]))
-    data.qpos[support.qposadr[0]] = share * tilt
+def _drag(model: mujoco.MjModel, data: mujoco.MjData, joint: str) -> None:
+    """Bring what the deck acts on to where a slow pull from rest to the release leaves it: support, slider, bristles."""
+    kinds, own = mujoco.mjtObj, model.joint(joint).qposadr[0]
+    tilt = float(data.qpos[own] - model.qpos_spring[own])
+    for name in ("support", "slider"):
+        body = mujoco.mj_name2id(model, kinds.mjOBJ_JOINT, f"{joint}_{name}_joint")
+        if body < 0:
+            continue
+        tendon = mujoco.mj_name2id(model, kinds.mjOBJ_TENDON, f"{joint}_on_{name}")
+        pull, spring = float(model.tendon_stiffness[tendon]), float(model.jnt_stiffness[body])
+        reach = float(model.tendon_frictionloss[tendon]) / spring
+        held = pull / (pull + spring) * tilt if name == "support" else min(max(tilt, -reach), reach)
+        data.qpos[model.jnt_qposadr[body]] = held
+    for motor, address in enumerate(model.actuator_actadr):
+        bristles = float(model.actuator_dynprm[motor, 5])
+        electric = model.actuator_dyntype[motor] == mujoco.mjtDyn.mjDYN_DCMOTOR
+        if electric and bristles > 0 and model.actuator_trnid[motor, 0] == model.joint(joint).id:
+            reach = float(model.actuator_biasprm[motor, 4]) / bristles
+            data.act[address] = math.copysign(-reach * math.expm1(-abs(tilt) / reach), tilt)

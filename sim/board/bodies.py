@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 Coupling = Literal["equality", "direct"]
 """How the deck's tilt steers the trucks: by a joint equality constraint, or by setting the truck
 angles after each step (`set_trucks`), which puts no load on the tilt joint."""
+Place = tuple[float, float, float]
+"""[m]"""
 
 FREE_JOINT = "board_free_joint"
 TILT_JOINT = "board_tilt_joint"
@@ -91,14 +93,11 @@ def add_chassis(spec: mujoco.MjSpec, board: Board) -> mujoco.MjsBody:
     hanger = _hanger_inertia(truck, geometry["track"].value, geometry["wheel_radius"].value)
     spread = np.array([4 * wheel * wheel_y**2, 0.0, 4 * wheel * wheel_y**2])
     along = (2 * truck + 4 * wheel) * axle_x**2
-    body = spec.worldbody.add_body(
-        name="board",
-        pos=[0.0, 0.0, geometry["wheel_radius"].value - axle_z],
-        mass=2 * truck + 4 * wheel,
-        ipos=[0.0, 0.0, axle_z],
-        inertia=2 * hanger + spread + [0.0, along, along],
-        explicitinertial=True,
+    place, inertia = (
+        (0.0, 0.0, geometry["wheel_radius"].value - axle_z),
+        2 * hanger + spread + [0.0, along, along],
     )
+    body = add_body(spec.worldbody, "board", place, 2 * truck + 4 * wheel, inertia, (0.0, 0.0, axle_z))
     body.add_freejoint(name=FREE_JOINT)
     for end, x in (("front", axle_x), ("rear", -axle_x)):
         _visual(body, f"{end}_baseplate_visual", [0.04, 0.025, -axle_z / 2 - 0.01], [x, 0.0, axle_z / 2])
@@ -109,13 +108,7 @@ def add_chassis(spec: mujoco.MjSpec, board: Board) -> mujoco.MjsBody:
 def add_deck(root: mujoco.MjsBody, board: Board, inertia: float, tilt_range: float) -> mujoco.MjsJoint:
     """Add the deck: a cuboid of this roll inertia [kg*m^2], its centre on the tilt axis."""
     length, width, thickness = (board.geometry[key].value for key in ("length", "width", "thickness"))
-    deck = root.add_body(
-        name="deck",
-        mass=board.mass["deck"].value,
-        ipos=_ORIGIN,
-        inertia=deck_inertia(board, inertia),
-        explicitinertial=True,
-    )
+    deck = add_body(root, "deck", _ORIGIN, board.mass["deck"].value, deck_inertia(board, inertia))
     joint = deck.add_joint(
         name=TILT_JOINT,
         type=mujoco.mjtJoint.mjJNT_HINGE,
@@ -156,45 +149,30 @@ def add_truck(
     sign = 1.0 if end == "front" else -1.0
     radius, track = geometry["wheel_radius"].value, geometry["track"].value
     mass = STEERED_SHARE * board.mass["truck"].value
-    truck = root.add_body(
-        name=f"{end}_truck",
-        pos=[sign * geometry["wheelbase"].value / 2, 0.0, -geometry["truck_height"].value],
-        mass=mass,
-        ipos=_ORIGIN,
-        inertia=_hanger_inertia(mass, track, radius),
-        explicitinertial=True,
-    )
+    axle = (sign * geometry["wheelbase"].value / 2, 0.0, -geometry["truck_height"].value)
+    truck = add_body(root, f"{end}_truck", axle, mass, _hanger_inertia(mass, track, radius))
+    limits = mujoco.mjtLimited
     limit = 1.05 * steering_angle(min(tilt_range, math.pi / 2), geometry["rake"].value)
     truck.add_joint(
         name=f"{end}_truck_joint",
         type=mujoco.mjtJoint.mjJNT_HINGE,
         axis=[0.0, 0.0, -sign],
         # A little more than the full tilt needs, so that it is the tilt joint that ends the motion.
-        limited=mujoco.mjtLimited.mjLIMITED_TRUE
-        if coupling == "equality"
-        else mujoco.mjtLimited.mjLIMITED_FALSE,
+        limited=limits.mjLIMITED_TRUE if coupling == "equality" else limits.mjLIMITED_FALSE,
         range=[-limit, limit],
         armature=_DIRECT_ARMATURE if coupling == "direct" else 0.0,
     )
     _visual(truck, f"{end}_hanger_visual", [0.012, track / 2 - 0.02, 0.012])
+    wheel_mass = STEERED_SHARE * board.mass["wheel"].value
     for side, y in (("left", track / 2), ("right", -track / 2)):
-        _add_wheel(
-            truck, f"{end}_{side}", y, radius, STEERED_SHARE * board.mass["wheel"].value, wheel_friction
-        )
+        _add_wheel(truck, f"{end}_{side}", y, radius, wheel_mass, wheel_friction)
 
 
 def _add_wheel(
     truck: mujoco.MjsBody, name: str, y: float, radius: float, mass: float, friction: Sequence[float]
 ) -> None:
     """Add a wheel: a sphere to touch the ground, since a cylinder's two edges scrub when it steers."""
-    wheel = truck.add_body(
-        name=f"{name}_wheel",
-        pos=[0.0, y, 0.0],
-        mass=mass,
-        ipos=_ORIGIN,
-        inertia=_wheel_inertia(mass, radius),
-        explicitinertial=True,
-    )
+    wheel = add_body(truck, f"{name}_wheel", (0.0, y, 0.0), mass, _wheel_inertia(mass, radius))
     wheel.add_joint(name=f"{name}_wheel_joint", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0.0, 1.0, 0.0])
     wheel.add_geom(
         name=f"{name}_wheel_collision",
@@ -216,6 +194,13 @@ def _add_wheel(
         rgba=list(_WHEEL_COLOUR),
         group=2,
     )
+
+
+def add_body(
+    parent: mujoco.MjsBody, name: str, pos: Place, mass: float, inertia: Array, centre: Place = _ORIGIN
+) -> mujoco.MjsBody:
+    """Add a body at `pos` [m] in its parent, of this mass [kg] and inertia [kg*m^2] about its own axes through `centre` [m]."""
+    return parent.add_body(name=name, pos=pos, mass=mass, ipos=centre, inertia=inertia, explicitinertial=True)
 
 
 def steering_angle(roll: float, rake: float) -> float:
@@ -250,9 +235,8 @@ def reflected_inertia(board: Board) -> float:
     track, radius = board.geometry["track"].value, board.geometry["wheel_radius"].value
     truck = STEERED_SHARE * board.mass["truck"].value
     wheel = STEERED_SHARE * board.mass["wheel"].value
-    steering = _hanger_inertia(truck, track, radius)[2] + 2 * (
-        wheel * track**2 / 4 + _wheel_inertia(wheel, radius)[2]
-    )
+    steering = _hanger_inertia(truck, track, radius)[2]
+    steering += 2 * (wheel * track**2 / 4 + _wheel_inertia(wheel, radius)[2])
     rolling = 4 * _wheel_inertia(wheel, radius)[1] * (track / 2 / radius) ** 2
     return float(math.tan(board.geometry["rake"].value) ** 2 * (2 * steering + rolling))
 
@@ -305,11 +289,10 @@ def _visual(
     )
 
 
-def substituted(board: Board, version: str | None = None) -> tuple[str, ...]:
-    """Say for each effect of a board that a MuJoCo version (the installed one if None) cannot hold what is written."""
-    wanted = version or mujoco.__version__
+def substituted(board: Board) -> tuple[str, ...]:
+    """Say for each effect of a board that MuJoCo cannot hold what is written in its place."""
     return tuple(
-        f"effect '{part.name}' needs MuJoCo {support.since}, for {wanted} it is written as {support.substitute}"
+        f"effect '{part.name}': MuJoCo has {support.written}"
         for part in board.effects
-        if (support := effect(part.name).mujoco).substituted_in(wanted)
+        if (support := effect(part.name).mujoco).substitute
     )

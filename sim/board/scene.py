@@ -40,7 +40,6 @@ def board_spec(
     timestep: float = 0.005,
     integrator: str = "implicitfast",
     friction: Sequence[float] | None = None,
-    exact_effects: bool = True,
 ) -> mujoco.MjSpec:
     """Build the free board from its record, effects included.
 
@@ -52,7 +51,6 @@ def board_spec(
             attaching to another scene (with a prefix of its own), whose options count.
         timestep: Step of the scene [s]; the coupling is as stiff as this step allows.
         friction: Sliding [1], torsional [m] and rolling [m] friction of the wheels; the record's if None.
-        exact_effects: False writes effects that need a MuJoCo newer than 3.11 as their substitutes.
 
     Raises:
         SysidError: The record cannot be built: inertia too small for the deck's mass, rake and tilt
@@ -79,7 +77,7 @@ def board_spec(
         spec.add_exclude(name=f"deck_{wheel}_wheel", bodyname1="deck", bodyname2=f"{wheel}_wheel")
     if coupling == "equality":
         _add_coupling(spec, board, limit, timestep)
-    add_effects(spec, tilt, board, exact=exact_effects)
+    add_effects(spec, tilt, board)
     assert_matches_record(spec, board, coupling)
     return spec
 
@@ -144,14 +142,11 @@ def integrator_name(model: mujoco.MjModel) -> str:
     return {"EULER": "Euler", "RK4": "RK4"}.get(name, name.lower())
 
 
-def add_effects(
-    spec: mujoco.MjSpec, joint: mujoco.MjsJoint, board: Board, *, exact: bool = True
-) -> tuple[str, ...]:
+def add_effects(spec: mujoco.MjSpec, joint: mujoco.MjsJoint, board: Board) -> tuple[str, ...]:
     """Put spring, damper and the record's effects on a tilt joint.
 
     Args:
         spec: The spec; changed in place.
-        exact: False writes effects that need a MuJoCo newer than 3.11 as their substitutes.
 
     Returns:
         One line for each thing that an effect wrote.
@@ -168,7 +163,7 @@ def add_effects(
     lines: list[str] = []
     for part in parts:
         values = {name: quantity.value for name, quantity in part.parameters.items()}
-        lines += effect(part.name).to_mjcf(spec, joint, values, exact=exact)
+        lines += effect(part.name).to_mjcf(spec, joint, values)
     deck = joint.parent
     # An effect that lowers roll inertia makes a narrower deck, which turns more easily about z too.
     deck.inertia[2] = min(deck.inertia[2], 0.999 * (deck.inertia[0] + deck.inertia[1]))

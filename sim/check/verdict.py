@@ -55,37 +55,21 @@ class Verdict:
     def report(self, width: int = WIDTH) -> str:
         """Return each decay's error, the tilt joint that the scene has, and that it is passed where it is."""
         decays, joint = self.case.decays, self.case.parts
-        errors = table(
-            ("log", "release", "from", "to compare", "NRMSE", "RMSE with noise"),
-            [
-                (
-                    release.log,
-                    str(release.number),
-                    release.side,
-                    f"{release.time[-1] - release.time[0]:.2f} s",
-                    f"{100 * release.nrmse:.2f} %",
-                    f"{1e3 * release.rmse:.2f} mrad",
-                )
-                for release in decays.releases
-            ],
-            width=width,
-        )
+        rows: list[tuple[str, ...]] = []
+        for one in decays.releases:
+            errors = f"{100 * one.nrmse:.2f} %", f"{1e3 * one.rmse:.2f} mrad"
+            rows.append((one.log, str(one.number), one.side, f"{one.time[-1] - one.time[0]:.2f} s", *errors))
         held = "all but the joint" if joint is None else "the chassis"
         lines = [
             f"{self.case.kind} {self.case.board.name} in: {self.case.scene.name}; {held} is held, as on a bench",
-            errors,
+            table(("log", "release", "from", "to compare", "NRMSE", "RMSE with noise"), rows, width=width),
         ]
         if joint is not None:
-            rows = [("wanted at this step", joint.wanted), ("the scene as a whole", joint.whole)]
-            rows += [
-                (name if name == DECK else f"contribution of {name}", part) for name, part in joint.parts
-            ]
-            parts = table(
-                ("tilt joint", "stiffness N·m/rad", "damping N·m·s/rad", "inertia kg·m²"),
-                [(name, *(f"{value:.4g}" for value in _rounded(part, joint.wanted))) for name, part in rows],
-                width=width,
-            )
-            lines.append(parts)
+            of = [("wanted at this step", joint.wanted), ("the scene as a whole", joint.whole)]
+            of += [(name if name == DECK else f"contribution of {name}", part) for name, part in joint.parts]
+            parts = [(name, *(f"{value:.4g}" for value in _rounded(part, joint.wanted))) for name, part in of]
+            head = ("tilt joint", "stiffness N·m/rad", "damping N·m·s/rad", "inertia kg·m²")
+            lines.append(table(head, parts, width=width))
         if self.passed:
             lines.append(
                 f"passed: NRMSE {100 * decays.nrmse:.2f} % (tolerance {100 * decays.tolerance:g} %; an error below "

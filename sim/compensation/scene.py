@@ -168,15 +168,12 @@ def compensate(
     timestep: float,
     integrator: str = "implicitfast",
     coupling: Coupling = "equality",
-    exact_effects: bool = True,
 ) -> Compensation:
     """Return the board as it must be written, by what is asked for; the arguments are `compensate_in_scene`'s."""
     if export == "in-scene":
-        return compensate_in_scene(
-            board, timestep=timestep, integrator=integrator, coupling=coupling, exact_effects=exact_effects
-        )
+        return compensate_in_scene(board, timestep=timestep, integrator=integrator, coupling=coupling)
     make = compensate_step if export == "step-compensated" else uncompensated
-    return make(board, timestep=timestep, integrator=integrator, exact_effects=exact_effects)
+    return make(board, timestep=timestep, integrator=integrator)
 
 
 def compensate_in_scene(
@@ -185,7 +182,6 @@ def compensate_in_scene(
     timestep: float = 0.005,
     integrator: str = "implicitfast",
     coupling: Coupling = "equality",
-    exact_effects: bool = True,
 ) -> Compensation:
     """Return the board as it must be written so that the scene as a whole decays like the record's law.
 
@@ -194,12 +190,11 @@ def compensate_in_scene(
 
     Args:
         timestep: [s].
-        exact_effects: False builds effects that need a MuJoCo newer than 3.11 as their substitutes.
 
     Raises:
         SysidError: The board cannot be built or the step is too long for it.
     """
-    build = _builder(board, timestep, integrator, coupling, exact_effects)
+    build = _builder(board, timestep, integrator, coupling)
     wide = 0.95 * board.tilt["range"].value
     amplitudes = (wide, -0.7 * wide, 0.4 * wide)
     after_step = _set_trucks(board) if coupling == "direct" else None
@@ -210,12 +205,10 @@ def compensate_in_scene(
 
 
 def _builder(
-    board: Board, timestep: float, integrator: str, coupling: Coupling, exact_effects: bool
+    board: Board, timestep: float, integrator: str, coupling: Coupling
 ) -> Callable[[Board], mujoco.MjModel]:
     """Return what compiles candidates in the pose into which the first one has sunk."""
-    built = partial(
-        board_spec, timestep=timestep, integrator=integrator, coupling=coupling, exact_effects=exact_effects
-    )
+    built = partial(board_spec, timestep=timestep, integrator=integrator, coupling=coupling)
     first = built(board)
     pose = _settled_pose(first, first.joint(FREE_JOINT))
 

@@ -84,19 +84,16 @@ class Compensation:
         )
 
 
-def compensate_step(
-    board: Board, *, timestep: float, integrator: str = "implicitfast", exact_effects: bool = True
-) -> Compensation:
+def compensate_step(board: Board, *, timestep: float, integrator: str = "implicitfast") -> Compensation:
     """Return the board whose bench, stepped by MuJoCo, decays as the record's law does in continuous time.
 
     Args:
         timestep: [s].
-        exact_effects: False builds effects that need a MuJoCo newer than 3.11 as their substitutes.
 
     Raises:
         SysidError: The step is too long for this board, or the integrator damps more than the board.
     """
-    build = _bench(timestep, integrator, exact_effects)
+    build = _bench(timestep, integrator)
     first = closed_form(board, timestep=timestep, integrator=integrator)
     plain = all(effect(part.name).role in ("measurement", "record") for part in board.effects)
     amplitudes = release_amplitudes(board)
@@ -106,19 +103,15 @@ def compensate_step(
     return evaluate(board, fitted, build, amplitudes, "compensated numerically")
 
 
-def uncompensated(
-    board: Board, *, timestep: float, integrator: str = "implicitfast", exact_effects: bool = True
-) -> Compensation:
+def uncompensated(board: Board, *, timestep: float, integrator: str = "implicitfast") -> Compensation:
     """Return the board as recorded, with the errors that this integrator and step (and substitutes) make."""
-    build = _bench(timestep, integrator, exact_effects)
+    build = _bench(timestep, integrator)
     return evaluate(board, board, build, release_amplitudes(board), "physical parameters")
 
 
-def _bench(timestep: float, integrator: str, exact_effects: bool) -> Callable[[Board], mujoco.MjModel]:
+def _bench(timestep: float, integrator: str) -> Callable[[Board], mujoco.MjModel]:
     """Return what compiles the bench of a candidate."""
-    return lambda board: rig_spec(
-        board, timestep=timestep, integrator=integrator, exact_effects=exact_effects
-    ).compile()
+    return lambda board: rig_spec(board, timestep=timestep, integrator=integrator).compile()
 
 
 def closed_form(board: Board, *, timestep: float, integrator: str = "implicitfast") -> Board:

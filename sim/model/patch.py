@@ -168,7 +168,7 @@ def _write(setup: Setup, spec: mujoco.MjSpec, joint: mujoco.MjsJoint, board: Boa
         found = effect(part.name)
         values = {name: quantity.value for name, quantity in part.parameters.items()}
         if not found.is_known:
-            remarks += found.to_mjcf(spec, joint, values)
+            remarks += found.to_mjcf(spec, joint, values, native=True)
         elif values.get("scale", 1.0) != 1.0:
             remarks.append(
                 f"the weight on the joint is {values['scale']:.4g} times what the masses of the model make; they are left as "

@@ -47,14 +47,8 @@ def job_key(job: Job, workspace: Path) -> str:
     files = [
         f for log in job.logs for f in (sorted(log.rglob("*")) if log.is_dir() else [log]) if f.is_file()
     ]
-    asked = [
-        job.task,
-        job.effects,
-        sorted(job.reading.items()),
-        record,
-        [sha256(f) for f in files],
-        version("husky-sysid"),
-    ]
+    digests, options = [sha256(f) for f in files], sorted(job.reading.items())
+    asked = [job.task, job.effects, options, record, digests, version("husky-sysid")]
     return hashlib.sha256(json.dumps(asked).encode()).hexdigest()
 
 

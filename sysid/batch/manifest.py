@@ -17,10 +17,6 @@ Task = Literal["decay", "fit", "compare", "diagnose"]
 """What is asked of the logs of a job, by the command's name."""
 
 
-def _number(value: Any) -> float:
-    return float(value)
-
-
 def _numbers(value: Any) -> tuple[float, ...]:
     return tuple(map(float, value if isinstance(value, list) else str(value).split(";")))
 
@@ -39,11 +35,11 @@ READING: Mapping[str, tuple[str, Callable[[Any], Any]]] = {
     "column": ("column", str),
     "unit": ("unit", str),
     "axis": ("axis", str),
-    "rate": ("rate", _number),
+    "rate": ("rate", float),
     "time-column": ("time_column", str),
     "source": ("source", str),
-    "from": ("start", _number),
-    "to": ("stop", _number),
+    "from": ("start", float),
+    "to": ("stop", float),
     "release": ("release", _numbers),
 }
 """How logs are read: the option of the commands, what `Recording.read` calls it, and what it is."""
@@ -110,11 +106,7 @@ def _toml(path: Path, text: str) -> tuple[list[Mapping[str, Any]], Mapping[str, 
             f"{path}: unknown field '{unknown[0]}'.{hint} A manifest has [defaults] and [[job]]."
         )
     jobs, defaults = content.get("job", []), content.get("defaults", {})
-    if (
-        not isinstance(defaults, dict)
-        or not isinstance(jobs, list)
-        or not all(isinstance(j, dict) for j in jobs)
-    ):
+    if not (isinstance(jobs, list) and all(isinstance(table, dict) for table in (defaults, *jobs))):
         raise SysidError(f"{path}: expected one table [defaults] and tables [[job]].")
     return jobs, defaults
 
@@ -172,10 +164,8 @@ def _logs(where: str, folder: Path, patterns: tuple[str, ...]) -> tuple[Path, ..
     found: dict[Path, None] = {}
     for pattern in patterns:
         plain = Path(os.path.normpath(folder / pattern))
-        base, part = (
-            (Path(plain.anchor), plain.relative_to(plain.anchor)) if plain.anchor else (Path(), plain)
-        )
-        matches = [plain] if plain.exists() else sorted(base.glob(str(part)))
+        base = Path(plain.anchor)
+        matches = [plain] if plain.exists() else sorted(base.glob(str(plain.relative_to(base))))
         if not matches:
             raise SysidError(f"{where}: no log is called {plain}.")
         found.update(dict.fromkeys(matches))
@@ -186,7 +176,7 @@ def _logs(where: str, folder: Path, patterns: tuple[str, ...]) -> tuple[Path, ..
 
 _KINDS: Mapping[Callable[[Any], Any], str] = {
     str: "a text",
-    _number: "a number",
+    float: "a number",
     _numbers: "numbers",
     _words: "a list of texts",
     _flag: "true or false",

@@ -21,7 +21,6 @@ def mjcf(
     integrator: str = "implicitfast",
     export: Literal["physical", "step-compensated", "in-scene"] | None = None,
     coupling: Literal["equality", "direct"] = "equality",
-    substitutes: Flag = False,
     common: Common = Common(),
 ) -> int:
     """Write a board as MJCF.
@@ -37,9 +36,7 @@ def mjcf(
             this step; 'in-scene' those that make it right with wheels and coupling too. By default in-scene
             for a scene, and for a bench physical up to 1 ms and step-compensated above.
         coupling: How tilt steers the trucks: a joint equality, or trucks set from outside after each step.
-        substitutes: Write effects that need a newer MuJoCo than 3.11 as the nearest that 3.11 has.
     """
-    from sim.board.bodies import substituted
     from sim.mjcf import board_mjcf
     from sysid.cli.bars import working
     from sysid.progress import stage
@@ -59,7 +56,6 @@ def mjcf(
             integrator=integrator,
             export=export,
             coupling=coupling,
-            exact_effects=not substitutes,
         )
     done = made.compensation
     error = f"the unloaded decay of this {kind} is {100 * done.decay_error:.1f} % off the board's"
@@ -71,11 +67,7 @@ def mjcf(
     for line in done.lines():
         printer.say(f"  {line}")
     for line in made.substitutes:
-        remedy = "install that version" if substituted(record) else "leave out --substitutes"
-        printer.warn(
-            f"{line}. The unloaded decay of this file is off by {100 * done.decay_error:.1f} %; for the exact one "
-            f"{remedy}."
-        )
+        printer.warn(f"{line}. The unloaded decay of this file is off by {100 * done.decay_error:.1f} %.")
     if done.decay_error > DOUBTFUL and not made.substitutes:
         printer.warn(f"{error}. {why}")
     printer.result(

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sysid.quantity import Quantity
-from sysid.releases.phases import log_phases
+from sysid.releases.phases import Phase, log_phases
 from sysid.text import WIDTH, linear_law, table
 
 if TYPE_CHECKING:
@@ -32,32 +32,22 @@ def report(decay: "FreeDecay", width: int = WIDTH) -> str:
         for roll in (recording.roll for recording in decay.recordings)
     ]
     several = len(decay.recordings) > 1
-    releases = table(
-        ("release", "t [s]", "side", "first amplitude", "held before", "until", "end", "peaks"),
-        [
-            (
-                f"{Path(release.log).name} {release.number}" if several else str(release.number),
-                f"{release.start:.3f}",
-                release.side,
-                f"{release.amplitude:.4f} {'m' if decay.slides else 'rad'} ({decay.position.scale * release.amplitude:.2f}{decay.position.unit})",
-                f"{release.hold:.2f} s" if release.hold else "moving",
-                f"{release.time[-1]:.3f}",
-                {"rest": "at rest", "caught": "caught", "log": "log ends"}[release.end],
-                str(len(peaks)),
-            )
-            for release, peaks in zip(decay.releases, decay.peaks, strict=True)
-        ],
-        width=width,
-    )
+    shown, si = decay.position, "m" if decay.slides else "rad"
+    rows: list[tuple[str, ...]] = []
+    for one, peaks in zip(decay.releases, decay.peaks, strict=True):
+        name = f"{Path(one.log).name} {one.number}" if several else str(one.number)
+        size = f"{one.amplitude:.4f} {si} ({shown.scale * one.amplitude:.2f}{shown.unit})"
+        hold = f"{one.hold:.2f} s" if one.hold else "moving"
+        end = {"rest": "at rest", "caught": "caught", "log": "log ends"}[one.end]
+        rows.append(
+            (name, f"{one.start:.3f}", one.side, size, hold, f"{one.time[-1]:.3f}", end, str(len(peaks)))
+        )
+    head = ("release", "t [s]", "side", "first amplitude", "held before", "until", "end", "peaks")
+    releases = table(head, rows, width=width)
     value = "value ± 95 %" if decay.linear else "value ± 95 % of a linear decay, which this is not"
     quantities = table(("quantity", value, "unit", "how"), _rows(decay), width=width)
-    lines += [
-        releases,
-        "peaks: turning points that stand above the noise",
-        quantities,
-        equation(decay),
-        verdict(decay),
-    ]
+    standing = "peaks: turning points that stand above the noise"
+    lines += [releases, standing, quantities, equation(decay), verdict(decay)]
     if not decay.has_inertia:
         lines.append(
             "k and d need the roll inertia I about the tilt axis: k = I ω_n², d = 2 ζ ω_n I (husky-sysid inertia)"
@@ -99,9 +89,8 @@ def verdict(decay: "FreeDecay") -> str:
     if not decay.known:
         return "✗ this log does not tell k and d: their intervals are wider than themselves; see the warnings"
     if any(found.hidden_by_linear_fit for found in decay.nonlinearities):
-        levels = ", ".join(
-            f"{decay.position.scale * rest.value:+.2f}{decay.position.unit}" for rest in decay.rest_angles[:6]
-        )
+        scale, unit = decay.position.scale, decay.position.unit
+        levels = ", ".join(f"{scale * rest.value:+.2f}{unit}" for rest in decay.rest_angles[:6])
         return (
             f"✗ not a linear decay: it rests at {levels}, where a spring and a damper come back to one angle; k and d "
             "do not hold, run `husky-sysid diagnose`"
@@ -111,7 +100,7 @@ def verdict(decay: "FreeDecay") -> str:
             f"✗ not a linear decay: the residual is {ratio:.3g} × the estimated sensor noise; see the warnings, and run "
             "`husky-sysid diagnose`"
         )
-    share = inertia_share(decay)
+    share = inertia_share(decay.numbers.inertia, decay.numbers.stiffness)
     closing = f"; {100 * share:.0f} % of k's variance comes from I" if share > 0.5 else ""
     wider = f"; the intervals are {decay.wider:.2g} × wider for it" if decay.wider > 1.05 else ""
     if ratio > 1.15:
@@ -124,9 +113,8 @@ def verdict(decay: "FreeDecay") -> str:
     return f"✓ linear decay: the residual is {ratio:.2f} × the estimated sensor noise{closing}"
 
 
-def inertia_share(decay: "FreeDecay") -> float:
-    """Return which share of the variance of k the roll inertia brings in."""
-    inertia, stiffness = decay.numbers.inertia, decay.numbers.stiffness
+def inertia_share(inertia: Quantity, stiffness: Quantity) -> float:
+    """Return which share of the variance of the stiffness the roll inertia brings in; 0 where one of them is exact."""
     if not (inertia.std > 0 and stiffness.std > 0):
         return 0.0
     return (inertia.std / inertia.value * stiffness.value / stiffness.std) ** 2
@@ -135,13 +123,9 @@ def inertia_share(decay: "FreeDecay") -> float:
 def to_json(decay: "FreeDecay") -> dict[str, Any]:
     """Return the binding result of the command: SI, radians, each quantity with its interval."""
     logs = [recording.roll.log for recording in decay.recordings]
-    phases = [
-        phase
-        for recording in decay.recordings
-        for phase in log_phases(
-            recording.roll, [release for release in decay.releases if release.log == recording.roll.log]
-        )
-    ]
+    phases: list[Phase] = []
+    for roll in (recording.roll for recording in decay.recordings):
+        phases += log_phases(roll, [release for release in decay.releases if release.log == roll.log])
     return {
         "board": decay.board,
         "logs": logs,

@@ -171,36 +171,30 @@ class MujocoSupport:
     means: str
     """What is written into the MJCF."""
     since: str
-    """First MuJoCo version that runs it exactly ('' where it belongs to the log, not the model)."""
+    """First MuJoCo version that runs it exactly ('' where none does, or it belongs to the log, not the model)."""
     warp: bool
     """Whether MuJoCo Warp of that version runs it."""
     substitute: str = ""
-    """The nearest that MuJoCo 3.11 has, where `since` is newer; '' where not needed."""
+    """The nearest that MuJoCo has, where nothing in it is the effect; '' where not needed."""
 
-    def exact_in(self, version: str) -> bool:
-        """Return whether that MuJoCo version runs the effect exactly."""
-        return bool(self.since) and _numbers(version) >= _numbers(self.since)
-
-    def substituted_in(self, version: str) -> bool:
-        """Return whether that MuJoCo version gets the substitute."""
-        return bool(self.substitute) and not self.exact_in(version)
-
-
-def _numbers(version: str) -> tuple[int, ...]:
-    return tuple(int(part) for part in version.split(".")[:2])
+    @property
+    def written(self) -> str:
+        """What is written, in words."""
+        return f"{self.means}; the nearest is: {self.substitute}" if self.substitute else self.means
 
 
 class ToMjcf(Protocol):
     """Writes an effect into a spec."""
 
     def __call__(
-        self, spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True
+        self, spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False
     ) -> tuple[str, ...]:
         """Add the effect to `joint` of `spec`, in place.
 
         The joint's `stiffness[0]`, `damping[0]` and `springref` hold the linear law already, its parent
-        body carries the roll inertia, and its axis is "1 0 0". `exact=False` writes the substitute
-        that MuJoCo 3.11 runs, where there is one.
+        body carries the roll inertia, and its axis is "1 0 0". What is written runs in
+        every MuJoCo from 3.11 on; `native=True` takes what the installed one has instead where that spares the model
+        a body or an input.
 
         Returns:
             One line for each thing written, for the comments of the MJCF file.
@@ -226,7 +220,7 @@ def unchanged(m: Algebra, reading: Reading, parameters: Values, states: Sequence
 
 
 def belongs_to_log(
-    spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True
+    spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False
 ) -> tuple[str, ...]:
     """Write nothing: the effect is in the measurement and must not go into the model."""
     return ()

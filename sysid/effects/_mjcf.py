@@ -11,6 +11,8 @@ from sysid.errors import SysidError
 
 FAR = 10.0
 """Tilt that no joint reaches [rad]: a tendon that is slack up to there never pulls on that side."""
+_NO_MOTOR = 1e-9
+"""Constant of a motor that is there for its friction alone [N*m/A]; MuJoCo 3.11 wants one above zero."""
 
 
 def spec_angle(spec: MjSpec, angle: float) -> float:
@@ -32,6 +34,18 @@ def add_tendon(spec: MjSpec, joint: MjsJoint, name: str, stiffness: float, slack
     return tendon
 
 
+def set_friction(holder: Any, torque: float) -> None:
+    """Give a joint or a tendon dry friction [N*m], its constraint hardened.
+
+    MuJoCo's default friction constraint yields like a damper near the turning points: it takes out
+    85 to 93 % of the true loss at these frequencies, and creeps instead of sticking. A time constant
+    of 2 ms and an impedance of 0.9999 make both right to 0.1 %.
+    """
+    holder.frictionloss = torque
+    holder.solref_friction = [0.002, 1.0]
+    holder.solimp_friction = [0.9999, 0.9999, 0.001, 0.5, 2.0]
+
+
 def polynomial(effect: str, of: Literal["stiffness", "damping"], power: int, **limits: Any) -> dict[str, Any]:
     """Return fields of an effect whose one parameter is a coefficient of the joint's spring or damping polynomial.
 
@@ -44,7 +58,7 @@ def polynomial(effect: str, of: Literal["stiffness", "damping"], power: int, **l
     unit = f"N*m/rad^{power}" if of == "stiffness" else f"N*m*s^{power}/rad^{power}"
     place = ("first", "second", "third")[power - 1]
 
-    def write(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
+    def write(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
         getattr(joint, of)[power - 1] += parameters["coefficient"]
         return (f"{effect}: {place} {of} coefficient {parameters['coefficient']:.6g} {unit}",)
 
@@ -69,7 +83,7 @@ def polynomial(effect: str, of: Literal["stiffness", "damping"], power: int, **l
 def refusing(reason: str) -> ToMjcf:
     """Return what refuses to write an effect that a bench of one body cannot have, unless its parameters are all zero."""
 
-    def write(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
+    def write(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
         if any(parameters.values()):
             raise SysidError(reason)
         return ()
@@ -77,18 +91,19 @@ def refusing(reason: str) -> ToMjcf:
     return write
 
 
-def has_passive_motor() -> bool:
-    """Return whether this MuJoCo, from 3.12 on, has a motor without an input."""
-    import mujoco
+def add_passive_motor(spec: MjSpec, joint: MjsJoint, name: str, *, native: bool, **constants: Any) -> None:
+    """Add a motor to the joint that nobody drives, with these constants of `set_to_dcmotor`, a winding only where they say so.
 
-    return hasattr(getattr(mujoco, "mjtCtrlInput", None), "mjINPUT_NONE")
+    Its input is a voltage that stays zero, which every MuJoCo from 3.11 on can have.
 
-
-def add_passive_motor(spec: MjSpec, joint: MjsJoint, name: str, **constants: Any) -> None:
-    """Add a motor without an input to the joint, with these constants of `set_to_dcmotor`."""
+    Args:
+        native: Leave the input out where the installed MuJoCo, from 3.12 on, can.
+    """
     import mujoco
 
     motor = spec.add_actuator(
         name=f"{joint.name}_{name}", target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT
     )
-    motor.set_to_dcmotor(ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_NONE), **constants)
+    motor.set_to_dcmotor(**{"motorconst": [_NO_MOTOR, _NO_MOTOR], "resistance": 1.0, **constants})
+    if native and hasattr(mujoco, "mjtCtrlInput"):
+        motor.ctrlspec = int(mujoco.mjtCtrlInput.mjINPUT_NONE)

@@ -11,7 +11,7 @@ def added(joint: LinearJoint, parameters: Values) -> LinearJoint:
     return replace(joint, inertia=joint.inertia + parameters["inertia"])
 
 
-def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
     """Add to the joint's armature."""
     joint.armature += parameters["inertia"]
     return (f"armature: {parameters['inertia']:+.6g} kg*m^2",)

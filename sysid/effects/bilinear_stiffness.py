@@ -12,7 +12,7 @@ def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[
     return -parameters["difference"] * m.abs(motion.tilt)
 
 
-def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
     """Leave the softer spring in the joint and write the rest as a tendon that pulls on the stiffer side only."""
     difference, rest = parameters["difference"], rest_of(spec, joint)
     joint.stiffness[0] -= abs(difference)

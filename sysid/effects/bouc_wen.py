@@ -2,9 +2,11 @@
 
 from collections.abc import Sequence
 
-from sysid.effects import hysteresis
+import numpy as np
+
 from sysid.effects._algebra import Algebra, Numbers, Value, Values
 from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, State, TorqueEffect
+from sysid.effects.dahl import write_bristles
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
@@ -24,13 +26,16 @@ def held(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Val
     return side * (1 - m.exp(-m.abs(tilt) / parameters["reach"]))
 
 
-def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
-    """Write the slider that starts as steeply and yields at the same torque: its corners are sharp."""
-    slider = {"torque": parameters["torque"], "stiffness": parameters["torque"] / parameters["reach"]}
-    return (
-        "bouc-wen: as a slider with sharp corners, which MuJoCo has",
-        *hysteresis.to_mjcf(spec, joint, slider, exact=exact),
-    )
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
+    """Write the bristles that yield at the same torque and lose as much in a wide swing.
+
+    From a turning point to where it has yielded again the law loses T (s + a + W) less than dry friction: s is the way back to
+    z = 0, T W what that gives back. Bristles of the reach b lose 2 T b less.
+    """
+    share = (np.arange(1000) + 0.5) / 1000
+    back = np.mean((1 + share) / (1 + (2 * parameters["unloading"] - 1) * share))  # (s + W) / a
+    reach = parameters["reach"] * float(1 + back) / 2
+    return write_bristles(spec, joint, "bouc-wen", parameters["torque"], reach, native=native)
 
 
 EFFECT = TorqueEffect(
@@ -48,8 +53,8 @@ EFFECT = TorqueEffect(
     look_alikes=("hysteresis", "dahl", "coulomb", "viscoelastic"),
     experiment="Release from 1°, 3° and 10°: the loss a swing, over its amplitude, is largest in the middle.",
     mujoco=MujocoSupport(
-        means="nothing that has round corners", since="", warp=False,
-        substitute="a slider of the same first stiffness and yield torque",
+        means="nothing that unloads so", since="", warp=True,
+        substitute="LuGre bristles of the same torque and loss of a wide swing",
     ),
     to_mjcf=to_mjcf,
     example=(0.3, 0.02, 0.5),

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from sysid.effects._algebra import Algebra, Numbers, Value, Values
 from sysid.effects._base import MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
+from sysid.effects._mjcf import set_friction
 
 
 def friction(m: Algebra, speed: Value, parameters: Values) -> Value:
@@ -11,16 +12,9 @@ def friction(m: Algebra, speed: Value, parameters: Values) -> Value:
     return parameters["torque"] + 0 * speed
 
 
-def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
-    """Write frictionloss with a hardened constraint.
-
-    MuJoCo's default friction constraint yields like a damper near the turning points: it takes out
-    85 to 93 % of the true loss at these frequencies, and creeps instead of sticking. A time constant
-    of 2 ms and an impedance of 0.9999 make both right to 0.1 %.
-    """
-    joint.frictionloss = parameters["torque"]
-    joint.solref_friction = [0.002, 1.0]
-    joint.solimp_friction = [0.9999, 0.9999, 0.001, 0.5, 2.0]
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
+    """Write frictionloss with a hardened constraint."""
+    set_friction(joint, parameters["torque"])
     return (
         f"coulomb: frictionloss {parameters['torque']:.6g} N*m; hardened (solreffriction, solimpfriction) "
         "so that it neither yields nor creeps",

@@ -6,10 +6,9 @@ other three numbers show where the rate stays small, and a swing passes zero rat
 
 from collections.abc import Sequence
 
-from sysid.effects import coulomb
 from sysid.effects._algebra import Algebra, Numbers, Value, Values
 from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, State, TorqueEffect
-from sysid.effects._mjcf import add_passive_motor, has_passive_motor
+from sysid.effects._mjcf import add_passive_motor
 from sysid.effects.stribeck import bristle_stiffness
 
 _SPEED = 1.0
@@ -32,17 +31,22 @@ def held(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Val
     return dragged(m, 0.0, tilt, parameters)
 
 
-def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
-    """Write a LuGre element of equal friction at all speeds, or plain dry friction where MuJoCo is older than 3.12."""
-    torque, wanted = parameters["torque"], parameters["torque"] / parameters["reach"]
-    if torque <= 0 or not exact or not has_passive_motor():
-        coulomb.to_mjcf(spec, joint, {"torque": torque})
-        return (f"dahl: frictionloss {torque:.6g} N*m only (this MuJoCo has no passive LuGre element)",)
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
+    """Write a LuGre element of equal friction at all speeds."""
+    return write_bristles(spec, joint, "dahl", parameters["torque"], parameters["reach"], native=native)
+
+
+def write_bristles(
+    spec: MjSpec, joint: MjsJoint, name: str, torque: float, reach: float, *, native: bool
+) -> tuple[str, ...]:
+    """Write a LuGre element of one torque [N*m] at all speeds that is reached by e in each reach [rad]."""
+    if torque <= 0:
+        return ()
+    wanted = torque / reach
     stiffness = min(wanted, bristle_stiffness(spec, joint))
-    bristles = [stiffness, 0.0, torque, torque, _SPEED]
-    add_passive_motor(spec, joint, "dahl", motorconst=[0.0, 0.0], resistance=1.0, lugre=bristles)
+    add_passive_motor(spec, joint, name, native=native, lugre=[stiffness, 0.0, torque, torque, _SPEED])
     softer = f", softer than its {wanted:.6g}: the step bears no more" if stiffness < wanted else ""
-    return (f"dahl: LuGre element {torque:.6g} N*m on bristles of {stiffness:.6g} N*m/rad{softer}",)
+    return (f"{name}: LuGre element {torque:.6g} N*m on bristles of {stiffness:.6g} N*m/rad{softer}",)
 
 
 def as_coulomb(parameters: Values) -> list[dict[str, float]]:
@@ -64,10 +68,9 @@ EFFECT = TorqueEffect(
     look_alikes=("coulomb", "bouc-wen", "hysteresis"),
     experiment="Release from 0.5° and 1°: dry friction stops there at once, friction that gives way swings on.",
     mujoco=MujocoSupport(
-        means="passive dcmotor with LuGre friction that is the same at all speeds",
-        since="3.12",
+        means="dcmotor without power, with LuGre friction that is the same at all speeds",
+        since="3.11",
         warp=True,
-        substitute="coulomb at the same torque",
     ),
     to_mjcf=to_mjcf,
     example=(0.15, 0.01),

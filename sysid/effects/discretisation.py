@@ -4,7 +4,7 @@ from sysid.effects._algebra import Numbers
 from sysid.effects._base import MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
 
 
-def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
     """Set that step and implicitfast, the integrator of most training scenes."""
     import mujoco
 

@@ -23,7 +23,7 @@ def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[
     return -parameters["stiffness"] * beyond - parameters["damping"] * motion.rate * touching
 
 
-def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
     """Write a spring tendon with a dead band of ±a; MuJoCo has no damper that acts on one side only."""
     rest = rest_of(spec, joint)
     slack = (rest - parameters["angle"], rest + parameters["angle"])

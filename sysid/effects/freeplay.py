@@ -13,7 +13,7 @@ def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[
     return motion.stiffness * m.maximum(-gap, m.minimum(gap, motion.tilt))
 
 
-def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
     """Replace the joint's linear spring by a tendon with a dead band."""
     rest = rest_of(spec, joint)
     gap = parameters["half_width"]

@@ -13,7 +13,7 @@ def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[
     return -parameters["moment"] * m.sin(motion.roll)
 
 
-def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
     """Lower the centre of mass of the joint's body, keeping its inertia about the axis.
 
     Raises:

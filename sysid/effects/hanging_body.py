@@ -43,7 +43,7 @@ def settles(parameters: Numbers) -> float:
     return parameters["damping_ratio"] * parameters["frequency"]
 
 
-def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
     """Add the body to the deck, on a hinge of the same axis with its spring and damper."""
     import mujoco
 

@@ -2,10 +2,9 @@
 
 from collections.abc import Sequence
 
-from sysid.effects import coulomb
 from sysid.effects._algebra import Algebra, Numbers, Value, Values
 from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, State, TorqueEffect
-from sysid.effects._mjcf import add_tendon, rest_of
+from sysid.effects._mjcf import add_tendon, rest_of, set_friction
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
@@ -24,16 +23,34 @@ def held(m: Algebra, tilt: Value, hold: Value, stiffness: Value, parameters: Val
     return slip(m, 0.0, tilt, parameters)
 
 
-def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
-    """Write a tendon that yields, or dry friction where MuJoCo is older than 4.0."""
-    stiffness, limit = parameters["stiffness"], parameters["torque"]
-    if not exact or not hasattr(joint, "springyield"):
-        coulomb.to_mjcf(spec, joint, {"torque": limit})
-        return (f"hysteresis: frictionloss {limit:.6g} N*m only (springyield needs MuJoCo 4.0)",)
-    rest = rest_of(spec, joint)
-    tendon = add_tendon(spec, joint, "hysteresis", stiffness, (rest, rest))
-    tendon.springyield = limit / stiffness
-    return (f"hysteresis: tendon of {stiffness:.6g} N*m/rad that yields at {limit:.6g} N*m",)
+_SHARE, _DAMPING_RATIO = 3e-4, 0.7
+"""Inertia of the slider's body, as a share of the joint's own, and its damping ratio on its spring [1]."""
+
+
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
+    """Write a small body on the spring, which the joint drags along by dry friction, or a tendon that yields (MuJoCo 4.0)."""
+    import mujoco
+
+    stiffness, limit, rest = parameters["stiffness"], parameters["torque"], rest_of(spec, joint)
+    if stiffness <= 0:
+        return ()
+    if native and hasattr(joint, "springyield"):
+        tendon = add_tendon(spec, joint, "hysteresis", stiffness, (rest, rest))
+        tendon.springyield = limit / stiffness
+        return (f"hysteresis: tendon of {stiffness:.6g} N*m/rad that yields at {limit:.6g} N*m",)
+    # As light as friction can hold and the step bears on such a spring; damped, it is at rest soon after it slips.
+    inertia = max(_SHARE * float(joint.parent.inertia[0]), stiffness * float(spec.option.timestep) ** 2)
+    slider = joint.parent.parent.add_body(name=f"{joint.name}_slider", pos=list(joint.parent.pos))
+    slider.explicitinertial, slider.mass, slider.inertia = True, 1e-3, [inertia] * 3
+    slider.ipos = [0.0, 0.0, 0.0]  # left out, MjSpec takes the position of the body
+    hinge = slider.add_joint(name=f"{joint.name}_slider_joint", axis=list(joint.axis))
+    hinge.type = mujoco.mjtJoint.mjJNT_HINGE
+    hinge.stiffness[0], hinge.damping[0] = stiffness, 2 * _DAMPING_RATIO * (stiffness * inertia) ** 0.5
+    tendon = spec.add_tendon(name=f"{joint.name}_on_slider")
+    tendon.wrap_joint(joint.name, 1.0)
+    tendon.wrap_joint(hinge.name, -1.0)
+    set_friction(tendon, limit)
+    return (f"hysteresis: a body on {stiffness:.6g} N*m/rad that the joint drags along with {limit:.6g} N*m",)
 
 
 def as_coulomb(parameters: Values) -> list[dict[str, float]]:
@@ -55,10 +72,7 @@ EFFECT = TorqueEffect(
     look_alikes=("coulomb", "stribeck"),
     experiment="Release from 1°: a slider behind a spring swings on, dry friction stops.",
     mujoco=MujocoSupport(
-        means="fixed tendon with springyield",
-        since="4.0",
-        warp=True,
-        substitute="coulomb at the slipping torque",
+        means="a small body on a spring, dragged along by a tendon's dry friction", since="3.11", warp=True
     ),
     to_mjcf=to_mjcf,
     example=(8.0, 0.2),

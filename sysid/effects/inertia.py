@@ -11,7 +11,7 @@ def scaled(joint: LinearJoint, parameters: Values) -> LinearJoint:
     return replace(joint, inertia=joint.inertia * parameters["ratio"])
 
 
-def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
     """Scale the roll inertia of the joint's body."""
     body = joint.parent
     body.inertia[0] *= parameters["ratio"]

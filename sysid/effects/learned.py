@@ -95,7 +95,7 @@ NUMERIC = "_learned_torque"
 """Of a model's custom numbers, after the joint's name: rest angle, the damper's polynomial that stands for g, support and tables."""
 
 
-def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
     """Write f as slack tendons, the nearest that a damper's polynomial comes to g, and the tables for `Remainder`."""
     rest = rest_of(spec, joint)
     at, torques = _bends(parameters)
@@ -192,7 +192,7 @@ def as_table(law: Callable[[Algebra, JointState, Values, Sequence[Value]], Value
         law: An effect's torque; zero at rest.
     """
 
-    def write(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
+    def write(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
         """Write the law as tables over the joint's range."""
         limited = float(np.abs(joint.range).max()) if any(joint.range) else 0.0
         reach = np.radians(limited) if spec.compiler.degree else limited
@@ -212,7 +212,7 @@ def as_table(law: Callable[[Algebra, JointState, Values, Sequence[Value]], Value
             )
         edges: dict[str, float] = dict(zip(SUPPORT, (-reach, reach, -speed, speed), strict=True))
         values = [*edges.values(), *tabulated(at, edges)]
-        return to_mjcf(spec, joint, EFFECT.named([float(value) for value in values]), exact=exact)
+        return to_mjcf(spec, joint, EFFECT.named([float(value) for value in values]), native=native)
 
     return write
 

@@ -52,7 +52,7 @@ def smoothness() -> Smoothness:
     return Smoothness(names=STRETCH, tables=("stretch",), forms=(bending(KNOTS),), linear={})
 
 
-def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
     """Write nothing: MuJoCo has no such arm."""
     return ("learned-memory: left out, MuJoCo has no joint that forgets",)
 

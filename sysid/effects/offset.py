@@ -12,7 +12,7 @@ def moved(joint: LinearJoint, parameters: Values) -> LinearJoint:
     return replace(joint, rest_angle=joint.rest_angle + parameters["angle"])
 
 
-def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
     """Move the spring's reference."""
     joint.springref += spec_angle(spec, parameters["angle"])
     return (f"offset: springref moved by {parameters['angle']:.6g} rad",)

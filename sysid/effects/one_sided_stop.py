@@ -23,7 +23,7 @@ def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[
     return end_stop.torque(m, here, {**parameters, "angle": m.maximum(side * angle, NEAREST)}, states)
 
 
-def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
     """Write a spring tendon that is slack up to the stop; MuJoCo has no damper that acts on one side only."""
     angle, rest = parameters["angle"], rest_of(spec, joint)
     slack = (rest - FAR, rest + angle) if angle > 0 else (rest + angle, rest + FAR)

@@ -15,7 +15,7 @@ def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[
     return parameters["torque"] + 0 * motion.tilt
 
 
-def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
     """Pull with a very long, very soft tendon: a constant torque that adds no actuator."""
     length = parameters["torque"] / SOFT
     add_tendon(spec, joint, "preload", SOFT, (length, length))

@@ -27,7 +27,7 @@ def settles(parameters: Numbers) -> float:
     return min(0.5 * damping / parameters["inertia"], parameters["stiffness"] / damping)
 
 
-def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
     """Add the support as a body of its own, tied to the deck by a tendon of their difference.
 
     The joint's own spring, damper and friction move to that tendon, so write this effect last.

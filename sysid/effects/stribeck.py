@@ -3,7 +3,7 @@
 from sysid.effects import coulomb
 from sysid.effects._algebra import Algebra, Numbers, Value, Values
 from sysid.effects._base import MjsJoint, MjSpec, MujocoSupport, Parameter, TorqueEffect
-from sysid.effects._mjcf import add_passive_motor, has_passive_motor
+from sysid.effects._mjcf import add_passive_motor
 
 BRISTLE_STIFFNESS = 5000.0
 """Of the LuGre model that stands in for a hard stick in MuJoCo, at most [N*m/rad]; its own damping is none."""
@@ -20,22 +20,21 @@ def friction(m: Algebra, speed: Value, parameters: Values) -> Value:
     return parameters["torque"] + extra * m.exp(-((speed / parameters["velocity"]) ** 2))
 
 
-def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
-    """Write a LuGre element without an input, or plain dry friction where MuJoCo is older than 3.12."""
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
+    """Write a LuGre element beside plain dry friction."""
     import mujoco
 
     sliding, static, velocity = (parameters[name] for name in ("torque", "static_torque", "velocity"))
     static = max(static, sliding)
-    if static <= sliding or not exact or not has_passive_motor():
-        coulomb.to_mjcf(spec, joint, {"torque": sliding})
-        return (f"stribeck: frictionloss {sliding:.6g} N*m only (this MuJoCo has no passive LuGre element)",)
+    if static <= sliding:
+        return coulomb.to_mjcf(spec, joint, {"torque": sliding})
     explicit = spec.option.integrator == mujoco.mjtIntegrator.mjINT_RK4
     if not explicit:
         # What the element need not hold, the constraint holds exactly; an explicit step bears only one of them.
         coulomb.to_mjcf(spec, joint, {"torque": sliding})
         sliding, static = _VANISHING * (static - sliding), static - sliding
     bristles = [bristle_stiffness(spec, joint), 0.0, sliding, static, velocity]
-    add_passive_motor(spec, joint, "stribeck", motorconst=[0.0, 0.0], resistance=1.0, lugre=bristles)
+    add_passive_motor(spec, joint, "stribeck", native=native, lugre=bristles)
     beside = "" if explicit else f" beside frictionloss {parameters['torque']:.6g} N*m"
     return (f"stribeck: LuGre element {sliding:.6g} / {static:.6g} N*m, {velocity:.6g} rad/s{beside}",)
 
@@ -99,12 +98,7 @@ EFFECT = TorqueEffect(
     does="Slow swings lose more than dry friction alone would take, and the deck stops early and off rest.",
     look_alikes=("coulomb", "hysteresis"),
     experiment="Pull the deck slowly with a spring balance: stiction shows as a jerk when it lets go.",
-    mujoco=MujocoSupport(
-        means="passive dcmotor with LuGre friction",
-        since="3.12",
-        warp=True,
-        substitute="coulomb at the sliding torque",
-    ),
+    mujoco=MujocoSupport(means="dcmotor without power, with LuGre friction", since="3.11", warp=True),
     to_mjcf=to_mjcf,
     example=(0.08, 0.25, 0.5),
     friction=friction,

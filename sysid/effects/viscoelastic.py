@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from sysid.effects._algebra import Algebra, Numbers, Value, Values
 from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, Parameter, State, TorqueEffect
-from sysid.effects._mjcf import add_passive_motor, has_passive_motor
+from sysid.effects._mjcf import add_passive_motor
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
@@ -27,16 +27,13 @@ def settles(parameters: Numbers) -> float:
     return 1.0 / parameters["time_constant"]
 
 
-def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
     """Write a passive motor winding: K²/L is the arm's stiffness, L/R its time constant."""
     stiffness, time_constant = parameters["stiffness"], parameters["time_constant"]
-    if not exact or not has_passive_motor():
-        joint.stiffness[0] += stiffness
-        return (f"viscoelastic: stiffness raised by {stiffness:.6g} N*m/rad, without the creep",)
-    resistance, inductance = 1.0 / (stiffness * time_constant), [1.0 / stiffness, 0.0]
     add_passive_motor(
-        spec, joint, "viscoelastic", motorconst=[1.0, 1.0], resistance=resistance, inductance=inductance
-    )
+        spec, joint, "viscoelastic", native=native, motorconst=[1.0, 1.0],
+        resistance=1.0 / (stiffness * time_constant), inductance=[1.0 / stiffness, 0.0],
+    )  # fmt: skip
     return (
         f"viscoelastic: shorted winding as a Maxwell arm, {stiffness:.6g} N*m/rad, {time_constant:.6g} s",
     )
@@ -67,12 +64,7 @@ EFFECT = TorqueEffect(
         "like one in a free decay (three releases with 0.1° of noise: χ² of 15 at most while they carry a tenth of "
         "the spring's torque): only how far the deck creeps after holds of 0.1, 1 and 10 s tells them apart."
     ),
-    mujoco=MujocoSupport(
-        means="passive dcmotor: shorted R-L winding",
-        since="3.12",
-        warp=True,
-        substitute="its high-frequency stiffness on the joint's spring",
-    ),
+    mujoco=MujocoSupport(means="dcmotor without power: shorted R-L winding", since="3.11", warp=True),
     to_mjcf=to_mjcf,
     example=(5.0, 0.05),
     torque=torque,

@@ -19,7 +19,7 @@ def slope(parameters: Numbers, roll: float) -> float:
     return -parameters["scale"] * float(slope_of(NUMPY, roll, parameters))
 
 
-def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
+def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
     """Put the centre of mass of a bench's body where it pulls so; a model of the robot has its masses already.
 
     Raises:

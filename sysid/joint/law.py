@@ -37,20 +37,14 @@ class JointLaw:
             stiffness=board.stiffness,
             damping=board.damping,
             rest_angle=board.rest_angle,
-            effects=tuple(
-                (part.name, tuple(q.value for q in part.parameters.values())) for part in board.effects
-            ),
+            effects=tuple((e.name, tuple(q.value for q in e.parameters.values())) for e in board.effects),
         )
 
     @classmethod
     def from_vector(cls, structure: Structure, vector: Array) -> Self:
         """Return the law with the parameters of a structure, shape (p,), in the units of `vector`."""
-        return cls(
-            **dict(zip(LINEAR, map(float, vector), strict=False)),
-            effects=tuple(
-                (part.name, tuple(float(v) for v in vector[where])) for part, where, _ in structure.layout()
-            ),
-        )
+        effects = ((part.name, tuple(map(float, vector[where]))) for part, where, _ in structure.layout())
+        return cls(**dict(zip(LINEAR, map(float, vector), strict=False)), effects=tuple(effects))
 
     @property
     def structure(self) -> Structure:
@@ -80,13 +74,8 @@ class JointLaw:
         Args:
             known: What is other there, by the structure's names (see `Release.known`).
         """
-        return (
-            self
-            if not known
-            else type(self).from_vector(
-                self.structure, np.array([known.get(name, value) for name, value in self.parameters.items()])
-            )
-        )
+        values = [known.get(name, value) for name, value in self.parameters.items()]
+        return type(self).from_vector(self.structure, np.array(values)) if known else self
 
     @property
     def frequency(self) -> float:

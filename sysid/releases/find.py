@@ -23,16 +23,12 @@ FEWEST = 8
 """Samples of a decay."""
 FELT = 0.15
 """Periods for which a hand that catches a deck is felt before it is seen: up to 20 ms of a swing of 0.2 s in random logs."""
-_Ending = tuple[float, Literal["rest", "caught", "log"]]
-_Seen = tuple[float, float, float, Literal["rest", "caught", "log"]]
+_End = Literal["rest", "caught", "log"]
+_Seen = tuple[float, float, float, _End]
 
 
 def find_releases(
-    roll: Roll,
-    *,
-    start: float | None = None,
-    stop: float | None = None,
-    releases: Sequence[float] = (),
+    roll: Roll, *, start: float | None = None, stop: float | None = None, releases: Sequence[float] = ()
 ) -> list[Release]:
     """Find every free decay in a log.
 
@@ -121,12 +117,7 @@ def _seen(signal: SmoothedSignal, segment: Segment, limit: float | None) -> _See
 
 
 def _release(
-    roll: Roll,
-    signal: SmoothedSignal,
-    segment: Segment,
-    number: int,
-    seen: _Seen,
-    free: Span,
+    roll: Roll, signal: SmoothedSignal, segment: Segment, number: int, seen: _Seen, free: Span
 ) -> Release:
     """Cut one free decay out of the log."""
     begin, hold, finish, end = seen
@@ -148,11 +139,8 @@ def _let_go(signal: SmoothedSignal, segment: Segment) -> tuple[float, float]:
     """Return when the deck was let go and how long it had been held still before [s]."""
     swing = segment.swings[0]
     width = max(5, round(0.25 * segment.pace / float(signal.time[1] - signal.time[0])))
-    before = np.convolve(
-        np.pad(signal.roll[: swing.left + 1], (width // 2, width - 1 - width // 2), "edge"),
-        np.ones(width) / width,
-        "valid",
-    )
+    wide = np.pad(signal.roll[: swing.left + 1], (width // 2, width - 1 - width // 2), "edge")
+    before = np.convolve(wide, np.ones(width) / width, "valid")
     still = np.abs(before - swing.origin) <= max(3.0 * signal.noise, STILL * segment.sizes[0])
     last = int(np.flatnonzero(still)[-1]) if still.any() else swing.left
     moving = np.flatnonzero(~still[:last])
@@ -173,9 +161,8 @@ def _onset(signal: SmoothedSignal, swing: HalfCycle, level: float) -> float:
     root. Fitted between 8 and 40 % of the way, clear of noise and smoothing, two terms come out early and
     three late; mixed as here they are right to 0.3 % of a period for ζ from 0.02 to 0.8.
     """
-    way = (signal.roll[swing.left : swing.finish + 1] - level) * math.copysign(
-        1.0, swing.target - swing.origin
-    )
+    side = math.copysign(1.0, swing.target - swing.origin)
+    way = side * (signal.roll[swing.left : swing.finish + 1] - level)
     time = signal.time[swing.left : swing.finish + 1]
     size = abs(swing.target - level)
     shares = np.linspace(max(0.08, min(0.3, 3.0 * signal.noise / size)), 0.4, 14)
@@ -186,7 +173,7 @@ def _onset(signal: SmoothedSignal, swing: HalfCycle, level: float) -> float:
     return min(max(start, float(signal.time[swing.left]) - swing.duration), float(times[0]))
 
 
-def _ending(signal: SmoothedSignal, segment: Segment, begin: float) -> _Ending:
+def _ending(signal: SmoothedSignal, segment: Segment, begin: float) -> tuple[float, _End]:
     """Return when the free decay ends [s], and why."""
     last = segment.swings[-1]
     stop = len(signal.time) - 1 if segment.after is None else segment.after.left
@@ -227,11 +214,10 @@ def _followed(signal: SmoothedSignal, segment: Segment, turn: int) -> float:
     decay, omega = -math.log(min(ratio, 0.99)) / half, math.pi / half
     later = signal.time[turn:] - signal.time[turn]
     later = later[later <= half]
+    seen = signal.roll[turn : turn + len(later)] - segment.rest
     size = float(signal.roll[turn]) - segment.rest
     wave = np.cos(omega * later) + decay / omega * np.sin(omega * later)
-    error = np.abs(
-        signal.roll[turn : turn + len(later)] - segment.rest - size * np.exp(-decay * later) * wave
-    )
+    error = np.abs(seen - size * np.exp(-decay * later) * wave)
     off = np.flatnonzero(error > max(4.0 * signal.noise, 0.08 * abs(size)))
     reach = float(later[off[0]]) - 0.12 * half if len(off) else float(later[-1])
     return float(signal.time[turn]) + max(0.0, reach)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -100,46 +100,34 @@ class SyntheticLog:
 
     def truth(self) -> dict[str, Any]:
         """Return everything that is true of the log, as JSON-ready data."""
-        law, sensor = self.law, self.options.sensor
+        law = self.law
         parameters = {
             "inertia": {"value": law.inertia, "unit": "kg*m^2"},
             "stiffness": {"value": law.stiffness, "unit": "N*m/rad"},
             "damping": {"value": law.damping, "unit": "N*m*s/rad"},
             "rest_angle": {"value": law.rest, "unit": "rad"},
         }
-        effects = [
-            {
-                "name": name,
-                "parameters": {
-                    parameter.name: {"value": value, "unit": parameter.unit}
-                    for parameter, value in zip(effect(name).parameters, values, strict=True)
-                },
-            }
-            for name, values in self.effects.items()
-        ]
-        options: dict[str, Any] = {
-            name: getattr(self.options, name)
-            for name in self.options.__dataclass_fields__
-            if name not in ("sensor", "seed", "angles")
-        }
+        effects: list[dict[str, Any]] = []
+        for name, values in self.effects.items():
+            of_each = zip(effect(name).parameters, values, strict=True)
+            own = {parameter.name: {"value": value, "unit": parameter.unit} for parameter, value in of_each}
+            effects.append({"name": name, "parameters": own})
+        options = asdict(self.options)
+        seed, angles = options.pop("seed"), options.pop("angles")
+        sensor = options.pop("sensor")
         return {
             "synthetic": True,
             "board": self.board,
             "parameters": parameters,
             "effects": effects,
             "releases": [
-                {
-                    "t_start_s": release.start,
-                    "t_end_s": release.end,
-                    "angle_rad": release.angle,
-                    "rate_rad_s": release.rate,
-                }
-                for release in self.releases
+                {"t_start_s": r.start, "t_end_s": r.end, "angle_rad": r.angle, "rate_rad_s": r.rate}
+                for r in self.releases
             ],
-            "seed": self.options.seed,
+            "seed": seed,
             "samples": len(self.time),
-            "options": {**options, "angles": list(self.options.angles)},
-            "sensor": {name: getattr(sensor, name) for name in sensor.__dataclass_fields__},
+            "options": {**options, "angles": list(angles)},
+            "sensor": sensor,
         }
 
     def save(self, path: Path, command: str = "") -> tuple[Path, Path]:

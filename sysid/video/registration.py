@@ -9,7 +9,7 @@ weights that ignore hands and shine. Four points of the board at these places st
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -77,17 +77,6 @@ class BodyPicture:
     def rough(self, points: Points) -> Array | None:
         """Return the pose, shape (3, 3), by where what was followed is in a frame [px], shape (N, 2)."""
         return pose_between(self.home, project(self.upright, points.astype(np.float64)))
-
-    def with_home(self, points: Sequence[Points], poses: Sequence[Array | None]) -> "BodyPicture":
-        """Return it with the mean of what was followed in some frames, (N, 2) [px] each, as its pose in each says."""
-        both = zip(points, poses, strict=True)
-        back = [
-            project(_inverse(pose) @ self.upright, seen.astype(np.float64))
-            for seen, pose in both
-            if pose is not None
-        ]
-        count = np.isfinite(back).sum(axis=0)
-        return replace(self, home=np.where(count, np.nansum(back, axis=0) / np.maximum(count, 1), np.nan))
 
     def filmed(self, pose: Array | None, points: Array) -> Points:
         """Return where a frame shows points of home [px], both of shape (N, 2), by its pose there; NaN without one."""

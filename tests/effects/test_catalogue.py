@@ -158,12 +158,8 @@ def test_mujoco_moves_as_the_law_does(name):
         data.qpos[1] = 0.15 * law.stiffness / (law.stiffness + effect(name).example[1])
     if name == "dahl":  # its bristles bent as far as they go
         data.act[0] = effect(name).example[1]
-    if name == "hysteresis":  # dragged from rest, as a hand does
-        for angle in np.linspace(0.0, 0.15, 400):
-            data.qpos[0] = angle
-            data.qvel[0] = 0.0
-            mujoco.mj_step(model, data)
-        data.qpos[0], data.qvel[0], data.time = 0.15, 0.0, 0.0
+    if name == "hysteresis":  # the slider as far as its spring lets the deck drag it
+        data.qpos[1] = effect(name).example[1] / effect(name).example[0]
     time, roll = [], []
     while data.time < 0.3:
         time.append(data.time)
@@ -175,7 +171,7 @@ def test_mujoco_moves_as_the_law_does(name):
     error = np.sqrt(np.mean((path.roll - np.array(roll)) ** 2))
     size = np.sqrt(np.mean((path.roll - plain.roll) ** 2))
     # MuJoCo's dry friction is a stiff constraint, not a sign: a few per cent of the effect differ.
-    share = 0.06 if effect(name).slides else 0.02
+    share = 0.06 if effect(name).slides or name == "hysteresis" else 0.02
     assert error < max(share * size, 5e-5), (error, size)
 
 
@@ -189,21 +185,6 @@ def test_measurement_effects_are_never_written_into_the_model():
     assert joint.springref == before
     assert not spec.tendons
     assert not spec.actuators
-
-
-def test_substitutes_run_without_what_is_new_in_mujoco_4():
-    for name in NAMES:
-        part = effect(name)
-        if part.mujoco.substitute:
-            spec = mujoco.MjSpec()
-            body = spec.worldbody.add_body()
-            body.mass, body.inertia, body.explicitinertial = 1.0, [0.01] * 3, True
-            joint = body.add_joint(name="j", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[1, 0, 0])
-            lines = part.to_mjcf(spec, joint, parameters_from(name, part.example), exact=False)
-            assert lines
-            assert not spec.actuators
-            assert not part.mujoco.exact_in("3.11")
-            spec.compile()
 
 
 def test_gravity_that_the_inertia_cannot_hold_is_refused():

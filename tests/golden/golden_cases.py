@@ -172,7 +172,6 @@ _SCENES = [
     ), needs="mujoco"),
     Case("mjcf-with-effects", (
         "fit logs/cubic_stiffness.csv --board pink --effect cubic-stiffness",
-        "mjcf --board pink --bench --substitutes -o W/bench.xml --json J",
         "mjcf --board pink --bench -o W/bench.xml --json J",
     ), needs="mujoco"),
 ]  # fmt: skip

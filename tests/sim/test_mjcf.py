@@ -91,18 +91,6 @@ def test_every_effect_is_written_and_loads(name: str, kind: str):
     assert model.joint("board_tilt_joint").axis[0] == 1.0
 
 
-@pytest.mark.parametrize("name", ["viscoelastic", "stribeck", "hysteresis"])
-def test_substitutes_need_nothing_newer_than_mujoco_3_11(name: str):
-    found, rich = catalogue()[name], with_example(name)
-    exact, older = (
-        board_mjcf(rich, "bench", export="physical", exact_effects=exact).xml for exact in (True, False)
-    )
-    assert "substitute for MuJoCo 3.11" in older
-    assert ("substitute" in exact) is not found.mujoco.exact_in(mujoco.__version__)
-    for newer in ("dcmotor", "springyield", "lugre"):
-        assert newer not in older
-
-
 def with_example(name: str) -> Board:
     board = load_board(shipped_data() / "boards" / "pink.toml")
     found = catalogue()[name]
@@ -110,46 +98,29 @@ def with_example(name: str) -> Board:
     return replace(board, effects=(BoardEffect(name, {p.name: Quantity(v, 0.0, p.unit) for p, v in pairs}),))
 
 
-MEANS = {"viscoelastic": 'dyntype="dcmotor"', "stribeck": 'dyntype="dcmotor"', "hysteresis": "springyield="}
+@pytest.mark.parametrize("name", ["bouc-wen", "dahl", "hysteresis", "stribeck", "viscoelastic"])
+def test_a_file_needs_nothing_newer_than_mujoco_3_11(name: str):
+    """What MuJoCo 3.12 (`input`) and 4.0 (`springyield`) have stands in no file; this test runs in both."""
+    xml = board_mjcf(with_example(name), "bench", timestep=0.001).xml
+    assert catalogue()[name].mujoco.means in xml
+    assert " input=" not in xml
+    assert "springyield=" not in xml
 
 
-@pytest.mark.parametrize("name", sorted(MEANS))
-def test_the_comment_states_the_model_that_this_mujoco_writes(name: str):
-    """Asked for the exact effect, an older MuJoCo still writes the substitute: the file must say so."""
-    made = board_mjcf(with_example(name), "bench", export="physical")
-    support = catalogue()[name].mujoco
-    written = MEANS[name] in made.xml
-    assert written is support.exact_in(mujoco.__version__)
-    assert ("; substitute for MuJoCo" in made.xml) is not written
-    assert bool(made.substitutes) is not written
-
-
-def test_a_substitute_costs_what_the_file_says():
-    board = with_example("hysteresis")
-    exact, older = (board_mjcf(board, "bench", timestep=0.001, exact_effects=e) for e in (True, False))
-    assert older.compensation.decay_error > 0.05
-    if catalogue()["hysteresis"].mujoco.exact_in(mujoco.__version__):
-        assert exact.compensation.decay_error < 0.01
-    (line,) = older.substitutes
-    assert "needs MuJoCo 4.0" in line
-    assert "for 3.11 it is written as coulomb" in line
-
-
-def test_substitutes_are_warned_of_and_named_by_check(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-):
+def test_what_mujoco_cannot_hold_is_said_with_its_cost(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     from sysid.cli.check import check
     from sysid.errors import QualityGateError
 
-    save_board(with_example("hysteresis"), tmp_path / "data" / "boards" / "pink.toml")
+    save_board(with_example("bouc-wen"), tmp_path / "data" / "boards" / "pink.toml")
     common = Common(json=str(tmp_path / "out.json"), workspace=tmp_path)
     path = tmp_path / "board.xml"
-    assert mjcf(board="pink", output=path, bench=True, timestep=0.001, substitutes=True, common=common) == 0
-    assert "warning: effect 'hysteresis' needs MuJoCo 4.0" in (said := capsys.readouterr().err)
-    assert "is off by" in said
-    assert "4.0" in json.loads((tmp_path / "out.json").read_text())["substitutes"][0]
-    monkeypatch.setattr(mujoco, "__version__", "3.11.0")
-    with pytest.raises(QualityGateError, match=r"Why: effect 'hysteresis' needs MuJoCo 4\.0"):
+    assert mjcf(board="pink", output=path, bench=True, timestep=0.001, common=common) == 0
+    assert "warning: effect 'bouc-wen': MuJoCo has nothing that unloads so" in (
+        said := capsys.readouterr().err
+    )
+    assert "is off by 3" in said
+    assert "LuGre" in json.loads((tmp_path / "out.json").read_text())["substitutes"][0]
+    with pytest.raises(QualityGateError, match=r"Why: .*bouc-wen"):
         check([shipped_data() / "decays" / "pink.csv"], subject=Subject(board="pink"), common=common)
 
 
@@ -248,7 +219,7 @@ def test_mujoco_warp_decays_the_same(board: Board, kind: str):
     ],
 )
 def test_a_file_decays_the_same_in_every_mujoco(kind: str, expected: tuple[float, ...]):
-    """Files written under MuJoCo 4.0 (`husky-sysid mjcf --board black --substitutes`), rolls as stepped there."""
+    """Files written under MuJoCo 4.0 (`husky-sysid mjcf --board black`), rolls as stepped there."""
     model = mujoco.MjModel.from_xml_path(str(Path(__file__).parents[1] / "data" / f"black_{kind}.xml"))
     data = mujoco.MjData(model)
     tilt = model.joint("board_tilt_joint").qposadr[0]

@@ -16,6 +16,8 @@ from sysid.quantity import Quantity
 from sysid.roll import Array
 from sysid.workspace import shipped_data
 
+pytestmark = pytest.mark.train  # in the trainer's MuJoCo too, which is older
+
 
 @pytest.fixture(params=["pink", "black"])
 def board(request: pytest.FixtureRequest) -> Board:
@@ -102,9 +104,8 @@ IN_THE_JOINT = sorted(
 )
 
 
-SUBSTITUTES = {"bouc-wen": 0.05, "dahl": 0.01, "learned-memory": 0.2}
-"""Effects that MuJoCo has only a neighbour of, or none, and how near that comes: a slider's corners are sharp, bristles
-start unbent."""
+SUBSTITUTES = {"bouc-wen": 0.03, "learned-memory": 0.2}
+"""Effects that MuJoCo has only a neighbour of, or none, and how near that comes: bristles unload as they load."""
 
 
 @pytest.mark.parametrize("name", IN_THE_JOINT)

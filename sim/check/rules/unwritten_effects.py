@@ -1,4 +1,4 @@
-"""Effects of the record that the installed MuJoCo cannot hold stand in the scene as their substitutes."""
+"""Effects of the record that MuJoCo cannot hold stand in the scene as their substitutes."""
 
 from sim.board.bodies import substituted
 from sim.check.rules._base import Rule

@@ -67,14 +67,17 @@ class Worlds:
         if max(variation.action_delay, variation.sensor_delay) > (MEMORY - 1) * CONTROL_PERIOD + 1e-9:
             raise ValueError(f"delays reach over at most {MEMORY - 1} policy steps of {CONTROL_PERIOD} s")
         self.variation, self.strength = variation, 1.0
+        self.share = torch.ones((), device=env.device)
+        """The strength where a CUDA graph finds it."""
         self._env = env
         n, device, model = env.num_envs, env.device, env.sim.mj_model
         draw = lambda *shape: torch.rand(n, *shape, device=device)  # noqa: E731
         self._links = [i for i in range(model.nbody) if model.body(i).name.startswith("robot/")]
+        self._servos = [i for i in range(model.nu) if model.actuator(i).name.startswith("robot/")]
         self._wheels = [model.geom(f"board/{wheel}_wheel_collision").id for wheel in WHEELS]
         self._sole = int(model.geom("robot/right_foot1_collision").id)
         self._mass = 2 * draw(len(self._links)) - 1
-        self._gains = 2 * draw(model.nu, 2) - 1
+        self._gains = 2 * draw(len(self._servos), 2) - 1
         self._rolling, self._action_delay, self._sensor_delay = draw(), draw(), draw()
         self._bias = (2 * draw(FRAME_SIZE) - 1) * torch.tensor(_bias_widths(variation), device=device)
         self._measured = torch.tensor([name in _SENSORS for name, size, *_ in PARTS for _ in range(size)])
@@ -114,6 +117,7 @@ class Worlds:
     def set_strength(self, strength: float) -> None:
         """Let worlds differ by this share of the variation, from 0 to 1."""
         self.strength, variation = strength, self.variation
+        self.share.fill_(strength)
         sim = self._env.sim
         model, default = sim.model, sim.get_default_field
         mass = 1 + strength * variation.masses * self._mass
@@ -121,9 +125,10 @@ class Worlds:
         model.body_mass[:, self._links] = default("body_mass")[self._links] * mass
         model.body_inertia[:, self._links] = default("body_inertia")[self._links] * mass[..., None]
         kp, kd = (1 + strength * variation.gains * self._gains).unbind(-1)
-        model.actuator_gainprm[:, :, 0] = default("actuator_gainprm")[:, 0] * kp
-        model.actuator_biasprm[:, :, 1] = default("actuator_biasprm")[:, 1] * kp
-        model.actuator_biasprm[:, :, 2] = default("actuator_biasprm")[:, 2] * kd
+        gains, biases, own = default("actuator_gainprm"), default("actuator_biasprm"), self._servos
+        model.actuator_gainprm[:, own, 0] = gains[own, 0] * kp
+        model.actuator_biasprm[:, own, 1] = biases[own, 1] * kp
+        model.actuator_biasprm[:, own, 2] = biases[own, 2] * kd
         low, high = (math.log(factor) for factor in variation.rolling_friction)
         self.rolling.copy_(strength * (low + (high - low) * self._rolling))
         friction = default("geom_friction")[self._wheels, 2] * self.rolling.exp()[:, None]

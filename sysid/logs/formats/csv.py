@@ -118,11 +118,8 @@ class TextTable:
         try:
             with self.path.open(encoding=self.encoding, errors="replace", newline="") as file:
                 for number, line in enumerate(file, 1):
-                    if (
-                        number <= self.skip
-                        or not line.strip()
-                        or line.lstrip().startswith(self.comment or "\0")
-                    ):
+                    said = line.lstrip().startswith(self.comment or "\0")
+                    if number <= self.skip or not line.strip() or said:
                         continue
                     cells = dialect.split_line(line.rstrip("\r\n"), self.delimiter)
                     for index in wanted:
@@ -169,11 +166,8 @@ def open_csv(path: Path) -> LogFile:
     first = dialect.first_row(rows, delimiter, decimal, width)
     header, units = dialect.find_header(lines, rows, first, delimiter, decimal, width, comment)
     sample = [dialect.split_line(line, delimiter) for _, line in rows[first : first + 50]]
-    while (
-        width > 1
-        and not any(len(row) >= width and row[width - 1] for row in sample)
-        and not (header and header[width - 1])
-    ):
+    shown = [*sample, *([header] if header else [])]
+    while width > 1 and not any(len(row) >= width and row[width - 1] for row in shown):
         width -= 1  # a delimiter at the end of each line
     names = dialect.unique_names(header[:width] if header else [f"column {n}" for n in range(1, width + 1)])
     dates = frozenset(

@@ -89,6 +89,9 @@ _OTHER_WORDS = {"mag", "magnetometer", "magnetic", "magn", "temp", "temperature"
                 "current", "torque", "effort", "force", "latitude", "longitude", "altitude", "heave", "surge", "sway",
                 "area", "px", "frame", "index", "sample", "count", "seq", "id", "row", "accuracy", "absolute", "norm",
                 "covariance", "gravity", "light", "sound", "movement", "label", "height", "width"}  # fmt: skip
+_KNOWN_WORDS = (
+    _TIME_WORDS | _RATE_WORDS | _ACCEL_WORDS | _QUATERNION_WORDS | _ANGLE_WORDS | {"angular", *"wxyz"}
+)
 _STD_WORDS = {"std", "sigma", "stdev", "stddev", "sd"}
 _DOUBTFUL = {"ref", "reference", "truth", "mocap", "optical", "goal", "target", "cmd", "command", "commanded",
              "setpoint", "desired", "des", "raw", "logged", "err", "error", "model", "sim", "simulated", "predicted",
@@ -142,15 +145,7 @@ def parse_column(name: str, unit: str | None = None) -> Column:
         found = None
     axis = _axis(words, kind)
     doubt = sum(word in _DOUBTFUL for word in words)
-    known = (
-        _TIME_WORDS
-        | _RATE_WORDS
-        | _ACCEL_WORDS
-        | _QUATERNION_WORDS
-        | _ANGLE_WORDS
-        | {"angular", "w", "x", "y", "z"}
-    )
-    group = " ".join(word for word in words if word not in known)
+    group = " ".join(word for word in words if word not in _KNOWN_WORDS)
     return Column(name, kind, axis, found, doubt, group, bool(_ROLL_WORDS & set(words)))
 
 

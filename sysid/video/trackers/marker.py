@@ -184,7 +184,7 @@ def _detect(frame: Frame, box: Box, kind: str) -> list[Marker]:
         return []
     dark, times = halved(grey(part), SEARCH_SIDE)
     parameters = cv2.aruco.DetectorParameters()
-    parameters.minMarkerPerimeterRate = 4 * MIN_SIDE / max(dark.shape)
+    parameters.minMarkerPerimeterRate = 4 * MIN_SIDE / times / max(dark.shape)
     # Thresholding windows up to a marker's cell: blurred and small markers both.
     parameters.adaptiveThreshWinSizeMin, parameters.adaptiveThreshWinSizeMax = 5, 37
     parameters.adaptiveThreshWinSizeStep = 16

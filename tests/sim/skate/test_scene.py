@@ -1,6 +1,7 @@
 """The skating scene: the same physics in MuJoCo and in MuJoCo Warp, and what the board does under a load."""
 
 import math
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -10,8 +11,10 @@ from sim.board.scene import TILT_JOINT, TRUCK_JOINTS, board_spec
 from sim.skate.robot import g1
 from sim.skate.world.scene import SceneOptions, skate_spec, standing_state
 from sim.skate.world.terrain import SLOPES_DEG, STEPS, add_terrain
-from sysid.board import load_board
+from sysid.board import BoardEffect, load_board
+from sysid.effects import effect
 from sysid.errors import SysidError
+from sysid.quantity import Quantity
 from sysid.workspace import shipped_data
 
 pytestmark = pytest.mark.train
@@ -68,8 +71,18 @@ def in_warp(model, data, steps):
     return np.array(states)
 
 
+def with_example(name):
+    found = effect(name)
+    pairs = zip(found.parameters, found.example, strict=True)
+    part = BoardEffect(name, {p.name: Quantity(value, 0.0, p.unit) for p, value in pairs})
+    return replace(BOARDS[0], name=name, effects=(part,))
+
+
+REMEMBERING = [with_example(name) for name in ("dahl", "hysteresis", "stribeck", "viscoelastic")]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("board", BOARDS, ids=lambda board: board.name)
+@pytest.mark.parametrize("board", BOARDS + REMEMBERING, ids=lambda board: board.name)
 def test_free_decay_is_the_same_in_warp(board):
     model, data = free_board(board)
     model.opt.gravity[:] = 0  # what decays is the deck on its chassis
