@@ -211,13 +211,16 @@ def _segment(signal: SmoothedSignal, swings: list[HalfCycle], begin: int, finish
     if len(chosen) == 1 and not chosen[0].to_plateau:
         return None
     rest = _rest_angle(chosen)
+    longest = 2.5 * max(swing.duration for swing in chosen[:3])
     # A slow turning point looks like a stay, and close to rest the noise makes a swing grow: neither ends it.
     while finish < len(swings):
         swing = swings[finish]
         homeward = (rest - swing.origin) * swing.way > 0.3 * swing.size**2
         shorter = swing.size < chosen[-1].size + _room(signal, chosen[0], chosen[-1])
         back = swing.way * chosen[-1].way < 0 or swing.size < AGAIN * chosen[0].size
-        goes_on = homeward and back and shorter and _same_pace(signal, chosen[0].duration, swing)
+        stayed = signal.time[swing.left] - signal.time[chosen[-1].reached] > longest
+        stayed &= swing.size > 2.0 * signal.min_movement
+        goes_on = homeward and back and shorter and not stayed and _same_pace(signal, chosen[0].duration, swing)
         away = max(swing.size if homeward else 0.0, abs(swing.target - rest))
         if not goes_on and away > 2.0 * signal.min_movement:
             break
@@ -225,7 +228,7 @@ def _segment(signal: SmoothedSignal, swings: list[HalfCycle], begin: int, finish
         finish += 1
     after = swings[finish] if finish < len(swings) else None
     pause = float(signal.time[-1 if after is None else after.left] - signal.time[chosen[-1].reached])
-    settles = chosen[-1].to_plateau or pause > 2.5 * max(swing.duration for swing in chosen[:3])
+    settles = chosen[-1].to_plateau or pause > longest
     settles = settles or (after is None and chosen[-1].size < 2.0 * signal.min_movement)
     return Segment(tuple(chosen), rest, settles, after)
 

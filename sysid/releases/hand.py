@@ -30,7 +30,7 @@ FINE = 48
 FEWEST = 8
 """Samples under φ."""
 WIDTHS = (0.75, 1.5)
-"""Of φ, in periods: the wider one where the noise is over `CLEAR` of the torque under the other."""
+"""Of φ, in periods: the narrow one sees a hand to its last touch, the wide one a hand on a deck that hardly swings any more."""
 BUMPS = (0.25, 0.35, 0.5)
 """Widths of the bump, in periods: the first under which the median noise is below `DIM` of the largest pull."""
 DIM = 0.12
@@ -43,8 +43,6 @@ LATE = 0.06
 let go at once. Measured on 450 random logs: up to 0.05 for 99 % of those let go from rest, more than 0.09 for 99 % of those pushed."""
 HELD = 0.3
 """Share of its way to rest within which a deck stays that is held."""
-CLEAR = 0.02
-"""A choice: a hand that acts for a tenth of a period then stands ten times above the noise."""
 PUSH = 0.75
 """A hand has left this many periods after the deck left its hold: what follows is free."""
 LEARNED = (2.0, 5.0, np.inf)
@@ -164,7 +162,6 @@ def free_spans(signal: SmoothedSignal, spans: Sequence[Span], period: float) -> 
             _windows(-time[c][::-1], roll[c][::-1] - s.rest, period, width)
             for c, s in zip(cuts, spans, strict=True)
         ]
-        law: _Law | None = None
         for reach in LEARNED:
             known = [(a, min(b, a + reach * period)) for a, b in zip(starts, ends, strict=True)]
             law = _learned(backward, [(-b, -a) for a, b in known])
@@ -172,15 +169,8 @@ def free_spans(signal: SmoothedSignal, spans: Sequence[Span], period: float) -> 
                 _hand(w, law, i, w.width - b)
                 for i, (w, (_, b)) in enumerate(zip(backward, known, strict=True))
             ]
-            ends = [s.end if t is None else min(s.end, -t) for s, t in zip(spans, hands, strict=True)]
-        if law is None:
-            continue
+            ends = [b if t is None else min(b, -t) for b, t in zip(found, hands, strict=True)]
         found = ends
-        torque = [
-            np.abs(w.acceleration[w.inside(-b, -a)]) for w, a, b in zip(backward, begins, ends, strict=True)
-        ]
-        if law.noise < CLEAR * np.concatenate(torque).max(initial=0.0):
-            break
     return [Span(a, max(a, b), s.rest, s.level) for s, a, b in zip(spans, begins, found, strict=True)]
 
 
