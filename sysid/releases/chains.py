@@ -48,8 +48,9 @@ class Segment:
 
     @property
     def pace(self) -> float:
-        """10 to 90 % time of a swing [s]."""
-        return float(np.median([swing.duration for swing in self.swings[:4]]))
+        """10 to 90 % time of a swing [s], of those that are more than noise about where dry friction holds the deck."""
+        wide = [swing for swing in self.swings[:4] if swing.size > AGAIN * self.swings[0].size]
+        return float(np.median([swing.duration for swing in wide]))
 
     @property
     def half_period(self) -> float:
@@ -134,7 +135,21 @@ def _same_board(one: Segment, other: Segment, signal: SmoothedSignal) -> bool:
     """
     share = 1.0 if min(len(one.swings), len(other.swings)) >= MANY else 0.35
     room = max(5.0 * signal.noise, share * min(one.sizes[0], other.sizes[0]))
-    return abs(one.rest - other.rest) < room and 0.6 < one.pace / other.pace < 1.6
+    # Dry friction holds a deck beside its rest: what has swung once or twice shows that no better.
+    room = max([room, *(0.5 * s.swings[-1].size for s in (one, other) if len(s.swings) < 3)])
+    same = abs(one.rest - other.rest) < room and 0.6 < one.pace / other.pace < 1.6
+    return same and _swings_on_alike(one, other, signal) and _swings_on_alike(other, one, signal)
+
+
+def _swings_on_alike(one: Segment, other: Segment, signal: SmoothedSignal) -> bool:
+    """Whether a segment swings on from its first swing if another swings many times: else a hand brought it home."""
+    first, *later = [swing.size for swing in other.swings]
+    sizes = [swing.size for swing in one.swings if swing.size > AGAIN * one.swings[0].size]
+    if len(sizes) < MANY:
+        return True
+    shares = [after / size for size, after in pairwise(sizes) if size <= first] or [sizes[-1] / sizes[-2]]
+    expected = first * shares[0]
+    return expected < 2.0 * signal.min_movement or max(later, default=0.0) > 0.5 * expected
 
 
 def _shrinking_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segment]:
@@ -220,7 +235,9 @@ def _segment(signal: SmoothedSignal, swings: list[HalfCycle], begin: int, finish
         back = swing.way * chosen[-1].way < 0 or swing.size < AGAIN * chosen[0].size
         stayed = signal.time[swing.left] - signal.time[chosen[-1].reached] > longest
         stayed &= swing.size > 2.0 * signal.min_movement
-        goes_on = homeward and back and shorter and not stayed and _same_pace(signal, chosen[0].duration, swing)
+        goes_on = (
+            homeward and back and shorter and not stayed and _same_pace(signal, chosen[0].duration, swing)
+        )
         away = max(swing.size if homeward else 0.0, abs(swing.target - rest))
         if not goes_on and away > 2.0 * signal.min_movement:
             break
