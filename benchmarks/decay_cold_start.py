@@ -18,12 +18,12 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from pages import table, write_result
 
 LIMIT = 2.5
 """Of `decay` with its picture, against its yardstick."""
 IMPORT_LIMIT = 0.06
 """Of `import sysid`, beyond the empty interpreter [s]."""
-ROOT = Path(__file__).parent
 YARDSTICK = "import sys, numpy, pandas, scipy.optimize; pandas.read_csv(sys.argv[1])"
 
 
@@ -77,39 +77,34 @@ def main() -> None:
                 taken[name].append(seconds(command, folder))
     medians = {name: statistics.median(times) for name, times in taken.items()}
     names = list(commands)
-    report = "\n".join(
-        [
-            "# Cold starts",
-            "",
-            f"Processor time, Python {platform.python_version()}, medians of {rounds} rounds, by turns; made by",
-            "`benchmarks/decay_cold_start.py`.",
-            "",
-            *table(medians, names[:4], "import numpy"),
-            "",
-            f"Limit for `import sysid`: {1e3 * IMPORT_LIMIT:.0f} ms more than nothing.",
-            "",
-            "## `husky-sysid decay`",
-            "",
-            "60 s at 1 kHz (60 000 rows), twenty releases.",
-            "",
-            *table(medians, names[4:], "yardstick"),
-            "",
-            f"Limit for `decay` with its picture: {LIMIT}.",
-            "",
-        ]
+    write_result(
+        "decay_cold_start.md",
+        f"""# Cold starts
+
+Processor time, Python {platform.python_version()}, medians of {rounds} rounds, by turns; made by
+`benchmarks/decay_cold_start.py`.
+
+{ratios(medians, names[:4], "import numpy")}
+
+Limit for `import sysid`: {1e3 * IMPORT_LIMIT:.0f} ms more than nothing.
+
+## `husky-sysid decay`
+
+60 s at 1 kHz (60 000 rows), twenty releases.
+
+{ratios(medians, names[4:], "yardstick")}
+
+Limit for `decay` with its picture: {LIMIT}.""",
     )
-    (ROOT / "results").mkdir(exist_ok=True)
-    (ROOT / "results" / "decay_cold_start.md").write_text(report)
-    print(report)
     slow_import = medians["import sysid"] > medians["nothing"] + IMPORT_LIMIT
     if slow_import or medians["decay"] > LIMIT * medians["yardstick"]:
         sys.exit(1)
 
 
-def table(medians: dict[str, float], names: list[str], unit: str) -> list[str]:
-    """Return the rows of a table: seconds, and the ratio to the row `unit`."""
-    rows = (f"| {name} | {medians[name]:.3f} | {medians[name] / medians[unit]:.2f} |" for name in names)
-    return ["| command | seconds | ratio |", "|---|---|---|", *rows]
+def ratios(medians: dict[str, float], names: list[str], unit: str) -> str:
+    """Return a table: seconds, and the ratio to the row `unit`."""
+    rows = ((name, f"{medians[name]:.3f}", f"{medians[name] / medians[unit]:.2f}") for name in names)
+    return table(("command", "seconds", "ratio"), rows)
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 from hidden_truths import TRUTHS, board_of, make
+from pages import table, write_result
 
 from sysid.board import Board, load_board
 from sysid.diagnosis.diagnose import diagnose
@@ -23,19 +24,18 @@ from sysid.releases import find_releases
 from sysid.roll import Release
 from sysid.synth import SynthOptions, synthesise
 
-RESULT = Path(__file__).parent / "results" / "diagnosis_time.md"
 CASES = ("coulomb 0.1", "damper on one side")
 RATES = (125.0, 1000.0)
 MINUTES = 10.0
 SEED = 5
 
 
-def row(what: str, samples: int, releases: Sequence[Release], board: Board, begin: float) -> str:
+def row(what: str, samples: int, releases: Sequence[Release], board: Board, begin: float) -> tuple[str, ...]:
     v = diagnose(releases, board).verdict
     said = " + ".join(v.effects) or v.status
-    line = f"| {what} | {samples} | {len(releases)} | {time.process_time() - begin:.1f} | {said} |"
-    print(line, flush=True)
-    return line
+    cells = what, f"{samples}", f"{len(releases)}", f"{time.process_time() - begin:.1f}", said
+    print(*cells, sep=" | ", flush=True)
+    return cells
 
 
 def long_log(folder: Path, board: Board, rate: float, releases: int) -> Path:
@@ -52,7 +52,7 @@ def main() -> None:
     np.seterr(all="ignore")
     pink = load_board(Path(__file__).parents[1] / "data/boards/pink.toml")
     free = pink.with_tilt(damping=Quantity(2e-4, 1e-6, "N*m*s/rad"))
-    rows: list[str] = []
+    rows: list[tuple[str, ...]] = []
     with TemporaryDirectory() as name:
         folder = Path(name)
         for truth in (t for t in TRUTHS if t.name in CASES):
@@ -68,12 +68,12 @@ def main() -> None:
             roll = read_roll(log)
             what = f"friction, {MINUTES:.0f} min at {rate:.0f} Hz"
             rows.append(row(what, len(roll.time), find_releases(roll), board, begin))
-    lines = [
-        "# Time of a diagnosis", "",
-        f"Processor time of one process on a busy machine, Python {platform.python_version()}; made by `benchmarks/diagnosis_time.py`.",
-        "", "| log | samples | releases | s | verdict |", "|---|---|---|---|---|", *rows,
-    ]  # fmt: skip
-    RESULT.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_result(
+        "diagnosis_time.md",
+        "# Time of a diagnosis\n\n"
+        f"Processor time of one process on a busy machine, Python {platform.python_version()}; made by `benchmarks/diagnosis_time.py`.\n\n"
+        + table(("log", "samples", "releases", "s", "verdict"), rows),
+    )
 
 
 if __name__ == "__main__":

@@ -8,8 +8,6 @@ method starts from 0.7 k and 1.5 d. The first seed warms caches and is dropped. 
 the same unknowns must find the same numbers, or one of them has stopped short of the optimum: that is checked.
 """
 
-import contextlib
-import io
 import math
 import platform
 import statistics
@@ -17,13 +15,14 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import casadi as ca
 import mujoco
 import numpy as np
 from mujoco import rollout
 from mujoco_rollout import rollout_function
+from mujoco_sysid import fit_hinge, hinge
+from pages import table, write_result
 from scipy.optimize import least_squares
 
 from sysid.board import load_board
@@ -60,25 +59,6 @@ def truth(stiffness: float, damping: float) -> np.ndarray:
         * np.exp(-decay * TIME)
         * (np.cos(frequency * TIME) + decay / frequency * np.sin(frequency * TIME))
     )
-
-
-def spec_of(stiffness: float, damping: float) -> mujoco.MjSpec:
-    spec = mujoco.MjSpec()
-    spec.compiler.degree = False
-    spec.option.timestep = 1 / RATE
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    spec.option.gravity = [0.0, 0.0, 0.0]
-    body = spec.worldbody.add_body(name="deck", mass=1.0, ipos=[0.0, 0.0, 0.0], explicitinertial=True)
-    body.inertia = [INERTIA] * 3
-    joint = body.add_joint(name="roll", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[1.0, 0.0, 0.0])
-    joint.stiffness[0], joint.damping[0] = stiffness, damping
-    spec.add_sensor(
-        name="roll_pos",
-        type=mujoco.mjtSensor.mjSENS_JOINTPOS,
-        objtype=mujoco.mjtObj.mjOBJ_JOINT,
-        objname="roll",
-    )
-    return spec
 
 
 def ours(start: np.ndarray, roll: np.ndarray) -> Fitted:
@@ -128,7 +108,7 @@ def make_scipy_rollout() -> Callable[[np.ndarray, np.ndarray], Fitted]:
     """scipy's least squares with finite differences over mujoco.rollout: k, d, start angle and rate."""
 
     def fit(start: np.ndarray, roll: np.ndarray) -> Fitted:
-        model = spec_of(*start).compile()
+        model = hinge(INERTIA, *start, 1 / RATE).compile()
         data = mujoco.MjData(model)
 
         def residual(point: np.ndarray) -> np.ndarray:
@@ -147,30 +127,10 @@ def make_scipy_rollout() -> Callable[[np.ndarray, np.ndarray], Fitted]:
 
 def make_mujoco_sysid(optimizer: str) -> Callable[[np.ndarray, np.ndarray], Fitted]:
     """mujoco.sysid on the qpos channel: k and d, given the exact start, which it cannot fit."""
-    from mujoco import sysid
+    bounds = {"stiffness": (LOW[0], HIGH[0]), "damping": (LOW[1], HIGH[1])}
 
     def fit(start: np.ndarray, roll: np.ndarray) -> Fitted:
-        spec = spec_of(*start)
-        model = spec.compile()
-        parameters = sysid.ParameterDict()
-        for index, name in enumerate(("stiffness", "damping")):
-
-            def modifier(target: mujoco.MjSpec, parameter: object, name: str = name) -> None:
-                getattr(target.joint("roll"), name)[0] = parameter.value[0]
-
-            parameters.add(sysid.Parameter(name, start[index], LOW[index], HIGH[index], modifier=modifier))
-        sensed = sysid.TimeSeries.from_names(
-            TIME, roll[:, None], model, names=[("roll_qpos", sysid.SignalType.MjStateQPos)]
-        )
-        sequence = sysid.ModelSequences(
-            "board", spec, "release", sysid.create_initial_state(model, np.array([ANGLE]), np.zeros(1)),
-            sysid.TimeSeries(TIME, np.zeros((len(TIME), 0))), sensed, allow_missing_sensors=True,
-        )  # fmt: skip
-        residual = sysid.build_residual_fn(
-            models_sequences=[sequence], enabled_observations=[("roll_qpos", sysid.SignalType.MjStateQPos)]
-        )
-        with contextlib.redirect_stdout(io.StringIO()):  # it prints each iteration
-            found, _ = sysid.optimize(parameters, residual, optimizer=optimizer, verbose=False)
+        found = fit_hinge(hinge(INERTIA, *start, 1 / RATE), bounds, [(TIME, roll, ANGLE)], optimizer)
         return Fitted(float(found["stiffness"].value[0]), float(found["damping"].value[0]))
 
     return fit
@@ -214,14 +174,8 @@ def make_multiple_shooting() -> Callable[[np.ndarray, np.ndarray], Fitted]:
         guess = np.stack([roll[::length], np.gradient(roll[::length], length * h)])
         low = np.r_[LOW / np.array(scale).ravel(), -np.inf * np.ones(2 * NODES)]
         high = np.r_[HIGH / np.array(scale).ravel(), np.inf * np.ones(2 * NODES)]
-        found = solver(
-            x0=np.r_[start / np.array(scale).ravel(), guess.T.ravel()],
-            p=roll,
-            lbx=low,
-            ubx=high,
-            lbg=0,
-            ubg=0,
-        )
+        x0 = np.r_[start / np.array(scale).ravel(), guess.T.ravel()]
+        found = solver(x0=x0, p=roll, lbx=low, ubx=high, lbg=0, ubg=0)
         values = np.asarray(found["x"]).ravel()[:2] * np.array(scale).ravel()
         return Fitted(*values)
 
@@ -230,8 +184,8 @@ def make_multiple_shooting() -> Callable[[np.ndarray, np.ndarray], Fitted]:
 
 def measure(
     methods: dict[str, Callable[[np.ndarray, np.ndarray], Fitted]], seeds: int
-) -> tuple[list[str], list[str]]:
-    rows: list[str] = []
+) -> tuple[list[tuple[str, ...]], list[str]]:
+    rows: list[tuple[str, ...]] = []
     notes: list[str] = []
     for board, (stiffness, damping) in BOARDS.items():
         clean = truth(stiffness, damping)
@@ -252,16 +206,12 @@ def measure(
             error = 100 * np.array(errors[name])
             bias, spread = error.mean(axis=0), error.std(axis=0, ddof=1)
             middle = statistics.median(seconds[name])
-            rows.append(
-                f"| {board} | {name} | {1e3 * middle:.1f} | {middle / fastest:.1f} | {bias[0]:+.2f} ({spread[0]:.2f}) | "
-                f"{bias[1]:+.2f} ({spread[1]:.2f}) |"
-            )
-            print(rows[-1], flush=True)
+            off = (f"{b:+.2f} ({s:.2f})" for b, s in zip(bias, spread, strict=True))
+            rows.append((board, name, f"{1e3 * middle:.1f}", f"{middle / fastest:.1f}", *off))
+            print(*rows[-1], sep=" | ", flush=True)
         for pair in SAME_PROBLEM:
             apart = np.abs(np.array(errors[pair[0]]) - np.array(errors[pair[1]])).max()
-            rows_note = f"{board}: '{pair[0]}' and '{pair[1]}' differ by {100 * apart:.1e} % at most."
-            print(rows_note, flush=True)
-            notes.append(rows_note)
+            notes.append(f"- {board}: '{pair[0]}' and '{pair[1]}' differ by {100 * apart:.1e} % at most.")
     return rows, notes
 
 
@@ -276,30 +226,18 @@ def main() -> None:
         "CasADi multiple shooting, ipopt: k, d, start": make_multiple_shooting(),
     }
     rows, notes = measure(methods, seeds)
-    text = "\n".join(
-        [
-            "# One fit of stiffness and damping, beside its peers",
-            "",
-            f"One release of 2 s at 1000 Hz, noise 0.2°; MuJoCo {mujoco.__version__}, Python {platform.python_version()}, "
-            f"medians of {seeds} seeds of CPU time, by turns; made by `benchmarks/fit_peers.py`.",
-            "Bias is the mean error against the truth, in brackets its spread over the seeds, in %.",
-            "",
-            "| board | method | CPU ms | ratio | k bias (sd) % | d bias (sd) % |",
-            "|---|---|---|---|---|---|",
-            *rows,
-            "",
-            "Same model, same unknowns, so the same optimum:",
-            "",
-            *(f"- {note}" for note in notes),
-            "",
-            "The implicit step at 1 ms biases k by h d / 2I where the start is fitted as well: rows with MuJoCo's own step "
-            "show it, the continuous law does not have it. mujoco.sysid cannot fit the start; it is given the true one.",
-            "",
-        ]
+    text = (
+        "# One fit of stiffness and damping, beside its peers",
+        f"One release of 2 s at 1000 Hz, noise 0.2°; MuJoCo {mujoco.__version__}, Python {platform.python_version()}, "
+        f"medians of {seeds} seeds of CPU time, by turns; made by `benchmarks/fit_peers.py`.\n"
+        "Bias is the mean error against the truth, in brackets its spread over the seeds, in %.",
+        table(("board", "method", "CPU ms", "ratio", "k bias (sd) %", "d bias (sd) %"), rows),
+        "Same model, same unknowns, so the same optimum:",
+        "\n".join(notes),
+        "The implicit step at 1 ms biases k by h d / 2I where the start is fitted as well: rows with MuJoCo's own step "
+        "show it, the continuous law does not have it. mujoco.sysid cannot fit the start; it is given the true one.",
     )
-    results = Path(__file__).parent / "results"
-    results.mkdir(exist_ok=True)
-    (results / "fit_peers.md").write_text(text, encoding="utf-8")
+    write_result("fit_peers.md", "\n\n".join(text))
 
 
 if __name__ == "__main__":

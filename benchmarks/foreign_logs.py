@@ -9,22 +9,26 @@ import argparse
 import json
 import sys
 import time
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from suite import command_line
 
 from sysid.board import load_board
 from sysid.diagnosis.diagnose import Diagnosis, diagnose
-from sysid.effects import effect
+from sysid.effects import catalogue
 from sysid.logs import read_roll
 from sysid.releases import find_releases
 
 ROOT = Path(__file__).parents[1]
 
 
-def families(effects: tuple[str, ...]) -> frozenset[str]:
-    return frozenset(effect(name).family for name in effects)
+def kinds(effects: Iterable[str]) -> frozenset[str]:
+    """Return the families of effects; what is none of the catalogue ('unknown') stands for itself."""
+    known = catalogue()
+    return frozenset(known[name].family if name in known else name for name in effects)
 
 
 def verdicts(result: Diagnosis) -> list[frozenset[str]]:
@@ -34,7 +38,7 @@ def verdicts(result: Diagnosis) -> list[frozenset[str]]:
         return [frozenset({"unknown"})]
     if verdict.status == "none-missing":
         return [frozenset()]
-    return [families(verdict.effects), *map(families, verdict.indistinguishable_from)]
+    return [kinds(verdict.effects), *map(kinds, verdict.indistinguishable_from)]
 
 
 def line(name: str, result: Diagnosis, right: bool, expected: str, cpu: float) -> str:
@@ -59,11 +63,8 @@ def foreign(folder: Path, board_name: str, only: str, part: slice) -> None:
             continue
         begin = time.process_time()
         result = diagnose(find_releases(read_roll(folder / f"{name}.csv")), board)
-        wanted = [
-            frozenset("unknown" if e == "unknown" else effect(e).family for e in group)
-            for group in (truth["effects"], *truth["also"])
-        ]
-        right = bool(set(wanted) & set(verdicts(result)))
+        wanted = {kinds(group) for group in (truth["effects"], *truth["also"])}
+        right = bool(wanted & set(verdicts(result)))
         hits += right
         times.append(time.process_time() - begin)
         print(line(name, result, right, ",".join(truth["effects"]) or "-", times[-1]), flush=True)
@@ -75,9 +76,7 @@ def foreign(folder: Path, board_name: str, only: str, part: slice) -> None:
 
 def options_of(description: str | None, option: str, **more: Any) -> argparse.Namespace:
     """Read the command line of a benchmark on a folder of logs, with one option more; end where there is no such folder."""
-    parser = argparse.ArgumentParser(
-        description=description, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(description)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--board", default="pink")
     parser.add_argument("--only", default="", help="part of the name")

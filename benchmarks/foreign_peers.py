@@ -8,7 +8,6 @@ Each gets the releases that `find_releases` cuts; how the peers are asked stands
 steps, so what jitters or lacks rows is interpolated for them. A peer that is not installed is a column that says so.
 """
 
-import argparse
 import json
 import sys
 from collections.abc import Callable, Sequence
@@ -16,16 +15,17 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from hidden_effects_peers import ask_mujoco_sysid, ask_pysindy
+from foreign_logs import kinds
+from hidden_effects_peers import PEERS, ask_mujoco_sysid, ask_pysindy
+from pages import table, write_result
+from suite import command_line
 
 from sysid.board import Board, load_board
-from sysid.effects import catalogue
 from sysid.logs import read_roll
 from sysid.releases import find_releases
 from sysid.roll import Release
 
 ROOT = Path(__file__).parents[1]
-RESULT = Path(__file__).parent / "results" / "foreign_peers.md"
 
 
 def even(release: Release) -> Release:
@@ -65,28 +65,23 @@ def our_verdicts(text: str) -> dict[str, tuple[str, bool]]:
 
 def row(folder: Path, name: str, truth: dict[str, list], ours: str) -> tuple[str, bool, bool]:
     """Return a line of the table, whether pysindy's families are right, and whether the right ones are among them."""
-    board, known = load_board(ROOT / "data/boards/pink.toml"), catalogue()
+    board = load_board(ROOT / "data/boards/pink.toml")
     releases = [even(release) for release in find_releases(read_roll(folder / f"{name}.csv"))]
-    wanted = {
-        frozenset(known[effect].family if effect in known else effect for effect in group)
-        for group in (truth["effects"], *truth["also"])
-    }
+    wanted = {kinds(group) for group in (truth["effects"], *truth["also"])}
     sindy = asked(ask_pysindy, releases, board)
     terms = () if sindy == "nothing" else tuple(sindy.split(" + "))
-    named = frozenset(known[term].family if term in known else term for term in terms)
+    named = kinds(terms)
     among = any(group and group < named for group in wanted)
     peer = asked(ask_mujoco_sysid, releases, board)
     cells = (name, " + ".join(truth["effects"]) or "nothing", ours, peer, sindy)
-    return f"| {' | '.join(cells)} |", named in wanted, among
+    return table(cells, ()).splitlines()[0], named in wanted, among
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("verdicts", type=Path, help="what foreign_logs.py printed")
-    parser.add_argument("--out", type=Path, default=RESULT)
+    parser.add_argument("--out", default="foreign_peers.md", help="in results/")
     options = parser.parse_args()
     if not (options.folder / "truth.json").exists():
         print(f"{options.folder}: no truth.json, nothing to run")
@@ -96,17 +91,18 @@ def main() -> None:
     rows = [
         row(options.folder, name, truths[name], ours.get(name, ("(not asked)", False))[0]) for name in truths
     ]
-    lines = [
-        "# What peers say of logs that nobody here made", "",
-        "Made by `benchmarks/foreign_peers.py`; the same releases for all, even steps for the peers.", "",
+    head = ("log", "hidden", *PEERS)
+    write_result(
+        options.out,
+        "# What peers say of logs that nobody here made\n\n"
+        "Made by `benchmarks/foreign_peers.py`; the same releases for all, even steps for the peers.\n\n"
         f"Families right: husky-sysid {sum(right for _, right in ours.values())} of {len(ours)}, pysindy "
         f"{sum(right for _, right, _ in rows)} of {len(rows)} (in {sum(among for _, _, among in rows)} more they are among those "
-        "that it names); mujoco.sysid names none: it warns of bounds.", "",
-        "| log | hidden | husky-sysid `diagnose` | mujoco.sysid report | pysindy, weak form: terms kept beside k and d |",
-        "|---|---|---|---|---|", *(line for line, _, _ in rows),
-    ]  # fmt: skip
-    options.out.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    print(options.out.read_text(encoding="utf-8"))
+        "that it names); mujoco.sysid names none: it warns of bounds.\n\n"
+        + table(head, ())
+        + "\n"
+        + "\n".join(line for line, _, _ in rows),
+    )
 
 
 if __name__ == "__main__":

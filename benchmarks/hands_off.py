@@ -8,10 +8,10 @@ Run `python benchmarks/hands_off.py`; it takes seconds and writes `results/hands
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 
 import mujoco
 import numpy as np
+from pages import table, write_result
 
 from sim.board.scene import TILT_JOINT, WHEELS, board_spec
 from sim.skate.world.scene import SceneOptions, as_written
@@ -111,17 +111,7 @@ def theoretical_radius(board: Board, roll: float) -> float:
 
 def main() -> None:
     """Write the table."""
-    lines = [
-        "# The board by itself",
-        "",
-        f"A load of {LOAD:g} kg on it, nobody steering; `benchmarks/hands_off.py` writes this file.",
-        "",
-        "Turning: radius of the path against L / (2 tan λ sin tilt), the tilt held by a spring; and how far the",
-        "energy ever rises, as a share of what there is.",
-        "",
-        "| board | tilt [°] | speed [m/s] | radius [m] | theory [m] | off by | energy rises by |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    turns: list[tuple[str, ...]] = []
     records = (load_board(shipped_data() / "boards" / f"{name}.toml") for name in ("pink", "black"))
     boards = [as_written(record, SceneOptions()) for record in records]  # as training has them
     for board in boards:
@@ -129,23 +119,30 @@ def main() -> None:
             for speed in SPEEDS:
                 run = let_go(board, speed=speed, tilt=math.radians(tilt), held=True, time=2.5)
                 radius, theory = run.radius(), theoretical_radius(board, float(run.roll[-1]))
-                lines.append(
-                    f"| {board.name} | {tilt:g} | {speed:g} | {radius:.3f} | {theory:.3f} "
-                    f"| {100 * (radius / theory - 1):+.2f} % | {100 * run.largest_rise() / run.energy[0]:.3f} % |"
-                )
-    lines += [
-        "",
-        "Coasting straight: mean loss of speed in the first second.",
-        "",
-        "| load [kg] | from 0.5 m/s | from 1 m/s | from 2 m/s |",
-        "|---|---|---|---|",
-    ]
+                off, rise = radius / theory - 1, run.largest_rise() / run.energy[0]
+                turns.append(
+                    (board.name, f"{tilt:g}", f"{speed:g}", f"{radius:.3f}", f"{theory:.3f}", f"{100 * off:+.2f} %", f"{100 * rise:.3f} %")
+                )  # fmt: skip
+    coasts: list[tuple[str, ...]] = []
     for load in (0.0, LOAD):
         losses = [let_go(boards[0], load=load, speed=speed, time=1.0).deceleration() for speed in SPEEDS]
-        lines.append(f"| {load:g} | " + " | ".join(f"{loss:.3f} m/s²" for loss in losses) + " |")
-    target = Path(__file__).with_name("results") / "hands_off.md"
-    target.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    print(target.read_text(encoding="utf-8"))
+        coasts.append((f"{load:g}", *(f"{loss:.3f} m/s²" for loss in losses)))
+    head = ("board", "tilt [°]", "speed [m/s]", "radius [m]", "theory [m]", "off by", "energy rises by")
+    write_result(
+        "hands_off.md",
+        f"""# The board by itself
+
+A load of {LOAD:g} kg on it, nobody steering; `benchmarks/hands_off.py` writes this file.
+
+Turning: radius of the path against L / (2 tan λ sin tilt), the tilt held by a spring; and how far the
+energy ever rises, as a share of what there is.
+
+{table(head, turns)}
+
+Coasting straight: mean loss of speed in the first second.
+
+{table(("load [kg]", *(f"from {speed:g} m/s" for speed in SPEEDS)), coasts)}""",
+    )
 
 
 if __name__ == "__main__":

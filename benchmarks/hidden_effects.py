@@ -6,16 +6,17 @@ Rows are appended to `--rows` as they come, so that a run may be stopped (or giv
 later: cases whose row is there already are not run again.
 """
 
-import argparse
 import time
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 from hidden_truths import AGAINST_RECORD, TRUTHS, VISIBLE, Truth, board_of, make, visibility
+from pages import table, write_between
+from suite import Row, command_line, run_suite
 
-from sysid.batch.runner import read_rows, run_all
 from sysid.diagnosis.diagnose import Diagnosis, diagnose
 from sysid.effects import effect
 
@@ -53,12 +54,9 @@ def beyond_sight(truth: Truth, seed: int, result: Diagnosis) -> float:
     )
 
 
-Row = dict[str, object]
-
-
-def run(case: tuple[str, int]) -> Row:
+def run(name: str, seed: int) -> Row:
     """Diagnose one log and return one row of the result."""
-    truth, seed = next(t for t in TRUTHS if t.name == case[0]), case[1]
+    truth = next(t for t in TRUTHS if t.name == name)
     row: Row = {
         "truth": truth.name, "seed": seed, "inside": truth.outside is None and bool(truth.effects),
         "none": not truth.effects and truth.outside is None,
@@ -86,27 +84,24 @@ def run(case: tuple[str, int]) -> Row:
     }  # fmt: skip
 
 
-def table(rows: Sequence[Row]) -> str:
+def said_in(row: Row) -> str:
+    """Return what was said of a log: the effects, and those that look alike."""
+    if row["status"] != "missing":
+        return str(row["status"])
+    return " / ".join(" + ".join(group) for group in [row["effects"], *row["alike"]])
+
+
+def report(rows: Sequence[Row]) -> str:
     """Return the confusion matrix and the targets as Markdown."""
-
-    def text(row: Row) -> str:
-        if row["status"] != "missing":
-            return str(row["status"])
-        said = [row["effects"], *row["alike"]]  # type: ignore[misc]
-        return " / ".join(" + ".join(group) for group in said)
-
-    lines = ["| hidden | verdicts | right | error / noise before | after |", "|---|---|---|---|---|"]
+    cells: list[tuple[str, ...]] = []
     for name in dict.fromkeys(t.name for t in TRUTHS if any(r["truth"] == t.name for r in rows)):
         mine = [row for row in rows if row["truth"] == name]
-        answers: dict[str, int] = {}
-        for row in mine:
-            answers[text(row)] = answers.get(text(row), 0) + 1
-        ordered = sorted(answers.items(), key=lambda item: -item[1])
-        said = "; ".join(f"{count} x {answer}" for answer, count in ordered)
+        said = "; ".join(f"{count} x {answer}" for answer, count in Counter(map(said_in, mine)).most_common())
         hits = sum(bool(row["right"]) for row in mine)
-        before, after = (np.mean([float(row[key]) for row in mine]) for key in ("before", "after"))  # type: ignore[arg-type]
-        lines.append(f"| {name} | {said} | {hits} of {len(mine)} | {before:.2f} | {after:.3f} |")
-    return "\n".join((*summary(rows), "", *lines))
+        before, after = (np.mean([row[key] for row in mine]) for key in ("before", "after"))
+        cells.append((name, said, f"{hits} of {len(mine)}", f"{before:.2f}", f"{after:.3f}"))
+    head = ("hidden", "verdicts", "right", "error / noise before", "after")
+    return "\n".join((*summary(rows), "", table(head, cells)))
 
 
 def summary(rows: Sequence[Row]) -> list[str]:
@@ -118,7 +113,7 @@ def summary(rows: Sequence[Row]) -> list[str]:
         "'unexplained' outside the catalogue": [r for r in rows if not r["inside"] and not r["none"]],
     }
     lines = [f"- {name}: {_rate(group)}" for name, group in groups.items() if group]
-    fell = [float(r["after"]) <= 1.15 for r in inside]  # type: ignore[arg-type]
+    fell = [r["after"] <= 1.15 for r in inside]
     if fell:
         lines.append(f"- error after at most 1.15 times the noise floor: {sum(fell)} of {len(fell)}")
     return lines
@@ -134,15 +129,13 @@ def _rate(rows: Sequence[Row]) -> str:
     )
 
 
-def write(path: Path, rows: Sequence[Row]) -> None:
-    """Put the table between the marks of a document."""
-    text = path.read_text(encoding="utf-8")
-    begin, end = text.index("<!-- suite -->") + len("<!-- suite -->"), text.index("<!-- end -->")
-    path.write_text(f"{text[:begin]}\n{table(rows)}\n{text[end:]}", encoding="utf-8")
+def say(row: Row) -> None:
+    mark = "ok " if row["right"] else "?  " if row["hidden"] else "BAD"
+    print(mark, row["truth"], row["seed"], row["status"], row["effects"], "~", row["alike"], f"{row['before']:.2f} -> {row['after']:.3f}", f"{row['cpu']:.1f} s", flush=True)  # fmt: skip
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = command_line(__doc__)
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--only", default="", help="part of the name of the truths")
@@ -160,19 +153,12 @@ def main() -> None:
         if options.only in truth.name
     ]
     np.random.default_rng(0).shuffle(cases)  # a run that is stopped has then seen all kinds
-    rows = [dict(row) for row in read_rows(options.rows)] if options.rows else []
-    done = {(row["truth"], row["seed"]) for row in rows}
-    waiting = [((str(name), int(seed)),) for name, seed in cases if (name, int(seed)) not in done]
-    end = time.monotonic() + options.budget
-    for row in run_all(run, waiting, options.rows, workers=options.workers):
-        rows.append(dict(row))
-        mark = "ok " if row["right"] else "?  " if row["hidden"] else "BAD"
-        print(mark, row["truth"], row["seed"], row["status"], row["effects"], "~", row["alike"], f"{row['before']:.2f} -> {row['after']:.3f}", f"{row['cpu']:.1f} s", flush=True)  # fmt: skip
-        if time.monotonic() > end:
-            break
+    rows = run_suite(
+        run, cases, ("truth", "seed"), options.rows, workers=options.workers, seconds=options.budget, say=say
+    )
     print("\n".join(summary(rows)))
     if options.write:
-        write(options.write, rows)
+        write_between(options.write, "suite", report(rows))
 
 
 if __name__ == "__main__":

@@ -21,7 +21,11 @@ from tempfile import TemporaryDirectory
 
 import mujoco
 import numpy as np
+from hidden_effects import said_in
 from hidden_truths import TRUTHS, Truth, board_of, make
+from mujoco_sysid import fit_hinge, hinge
+from pages import table, write_result
+from suite import Row
 
 from sysid.board import Board
 from sysid.roll import Release
@@ -37,47 +41,18 @@ TERMS = {
 }  # fmt: skip
 """pysindy's library, and the effect of the catalogue that each term is."""
 THRESHOLD = 0.02
-RESULT = Path(__file__).parent / "results" / "hidden_effects_peers.md"
+PEERS = ("husky-sysid `diagnose`", "mujoco.sysid report", "pysindy, weak form: terms kept beside k and d")
+"""Heads of the columns."""
 
 
 def ask_mujoco_sysid(releases: Sequence[Release], board: Board) -> str:
     """Return the titles of mujoco.sysid's insights, and the residual over the noise that it does not mention."""
-    from mujoco import sysid
     from mujoco.sysid.report.sections.insights import AutomatedInsights
 
-    spec = mujoco.MjSpec()
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    spec.option.gravity = [0, 0, 0]
     step = float(np.median(np.diff(releases[0].time)))
-    spec.option.timestep = step
-    body = spec.worldbody.add_body(mass=1.0, inertia=[board.inertia.value] * 3)
-    joint = body.add_joint(name="roll", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[1, 0, 0])
-    joint.stiffness[0], joint.damping[0] = board.stiffness, board.damping
-    model = spec.compile()
-    parameters = sysid.ParameterDict()
-    for name, start in (("stiffness", board.stiffness), ("damping", board.damping)):
-
-        def modifier(target: mujoco.MjSpec, parameter: object, name: str = name) -> None:
-            getattr(target.joint("roll"), name)[0] = parameter.value[0]
-
-        parameters.add(
-            sysid.Parameter(name, start, 1e-3, 200.0 if name == "stiffness" else 5.0, modifier=modifier)
-        )
-    channel = ("roll_qpos", sysid.SignalType.MjStateQPos)
-    sequences = []
-    for release in releases:
-        time = step * np.arange(len(release.time))
-        sensed = sysid.TimeSeries.from_names(time, release.roll[:, None], model, names=[channel])
-        start = sysid.create_initial_state(model, np.array([release.roll[0]]), np.zeros(1))
-        still = sysid.TimeSeries(time, np.zeros((len(time), 0)))
-        sequences.append(
-            sysid.ModelSequences(
-                "board", spec, f"release{release.number}", start, still, sensed, allow_missing_sensors=True
-            )
-        )
-    residual = sysid.build_residual_fn(models_sequences=sequences, enabled_observations=[channel])
-    with contextlib.redirect_stdout(io.StringIO()):
-        found, _ = sysid.optimize(parameters, residual, optimizer="scipy", verbose=False)
+    spec = hinge(board.inertia.value, board.stiffness, board.damping, step)
+    logs = [(step * np.arange(len(r.time)), r.roll, float(r.roll[0])) for r in releases]
+    found = fit_hinge(spec, {"stiffness": (1e-3, 200.0), "damping": (1e-3, 5.0)}, logs, "scipy")
     return "; ".join(insight["title"] for insight in AutomatedInsights("Log", found)._insights)
 
 
@@ -93,14 +68,8 @@ def ask_pysindy(releases: Sequence[Release], board: Board) -> set[str]:
     states = []
     for release in releases:
         roll = release.roll[:count] - release.rest
-        states.append(
-            np.column_stack(
-                [
-                    savgol_filter(roll, width, 4),
-                    savgol_filter(roll, width, 4, deriv=1, delta=step) / frequency,
-                ]
-            )
-        )
+        rate = savgol_filter(roll, width, 4, deriv=1, delta=step)
+        states.append(np.column_stack([savgol_filter(roll, width, 4), rate / frequency]))
     functions = [
         lambda x, v: x, lambda x, v: v, lambda x, v: 0 * x + 0.1, lambda x, v: x * x / 0.2, lambda x, v: x**3 / 0.04,
         lambda x, v: v * np.abs(v) / 0.2, lambda x, v: v**3 / 0.04, lambda x, v: 0.1 * np.sign(v), lambda x, v: x * np.abs(x) / 0.2,
@@ -117,34 +86,32 @@ def ask_pysindy(releases: Sequence[Release], board: Board) -> set[str]:
     return {name for name, used in zip(TERMS.values(), kept, strict=True) if used and name}
 
 
-def row(truth: Truth, ours: dict[str, object]) -> str:
-    """Return one line of the table."""
+def row(truth: Truth, ours: Row) -> tuple[str, ...]:
+    """Return one row of the table."""
     with TemporaryDirectory() as folder:
-        releases = make(truth, int(ours["seed"]), Path(folder))  # type: ignore[call-overload]
+        releases = make(truth, ours["seed"], Path(folder))
     board = board_of(truth)
     try:
         sindy = " + ".join(sorted(ask_pysindy(releases, board))) or "nothing"
     except ValueError as error:
         sindy = f"(fails: {error})"
-    said = ours["status"] if ours["status"] != "missing" else " / ".join(
-        " + ".join(group) for group in [ours["effects"], *ours["alike"]]  # type: ignore[misc]
-    )  # fmt: skip
-    return f"| {truth.name} | {said} | {ask_mujoco_sysid(releases, board)} | {sindy} |"
+    return truth.name, said_in(ours), ask_mujoco_sysid(releases, board), sindy
 
 
 def main() -> None:
     rows = [json.loads(line) for line in Path(sys.argv[1]).read_text().splitlines()]
-    lines = [
-        "# What peers say of the same logs", "",
-        f"Made by `benchmarks/hidden_effects_peers.py`; MuJoCo {mujoco.__version__}; one seed each, the same releases for all.", "",
-        "| hidden | husky-sysid `diagnose` | mujoco.sysid report | pysindy, weak form: terms kept beside k and d |", "|---|---|---|---|",
-    ]  # fmt: skip
+    cells: list[tuple[str, ...]] = []
     for name in SHOWN:
         ours = next((r for r in rows if r["truth"] == name), None)
         if ours is not None:
-            lines.append(row(next(t for t in TRUTHS if t.name == name), ours))
-            print(lines[-1], flush=True)
-    RESULT.write_text("\n".join(lines) + "\n", encoding="utf-8")
+            cells.append(row(next(t for t in TRUTHS if t.name == name), ours))
+            print(*cells[-1], sep=" | ", flush=True)
+    write_result(
+        "hidden_effects_peers.md",
+        "# What peers say of the same logs\n\n"
+        f"Made by `benchmarks/hidden_effects_peers.py`; MuJoCo {mujoco.__version__}; one seed each, the same releases for all.\n\n"
+        + table(("hidden", *PEERS), cells),
+    )
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ random instant on, so releases fall between samples. The tool then finds the rel
     python benchmarks/interval_coverage.py --seeds 200 --draws 200 --only coulomb --workers 12
 """
 
-import argparse
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,8 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pages import table, write_result
+from suite import command_line, run_suite
 
-from sysid.batch.runner import read_rows, run_all
 from sysid.board import Board, load_board
 from sysid.effects import effect
 from sysid.errors import SysidError
@@ -25,7 +25,6 @@ from sysid.quantity import Quantity
 from sysid.roll import Array, Roll
 
 ROOT = Path(__file__).parents[1]
-OUT = ROOT / "benchmarks/results/interval_coverage.md"
 NOISE = float(np.radians(0.1))
 RATE, FINE = 500, 10_000
 """Sampling rates of the logs and of the truth behind them [Hz]."""
@@ -102,15 +101,15 @@ def truths(row: Row) -> dict[str, float]:
     return values
 
 
-def one(case: tuple[int, int, bool, int]) -> dict[str, Any]:
+def one(number: int, seed: int, profile: bool, draws: int) -> dict[str, Any]:
     """Fit one log; return value, deviation and whether each interval holds the truth, by parameter."""
     from sysid.fitting.bootstrap import bootstrap
     from sysid.fitting.joint import fit_joint
     from sysid.fitting.profile import profiles
     from sysid.releases import find_releases
 
-    row, seed, profile, draws = ROWS[case[0]], *case[1:]
-    found: dict[str, Any] = {"row": case[0], "seed": seed}
+    row = ROWS[number]
+    found: dict[str, Any] = {"row": number, "seed": seed}
     try:
         fit = fit_joint(
             find_releases(recorded(row, seed)), true_board(row), [name for name, _ in row.effects]
@@ -131,14 +130,11 @@ def one(case: tuple[int, int, bool, int]) -> dict[str, Any]:
 KINDS = ("Jacobian", "profile", "bootstrap")
 
 
-def table(results: Sequence[dict[str, Any]]) -> str:
+def coverage(results: Sequence[dict[str, Any]]) -> str:
     """Return the coverage of each parameter, with the binomial error of one standard deviation."""
     shown = [k for k in range(3) if any(r["stiffness"][2 + k] is not None for r in results if "rmse" in r)]
     heads = [f"{KINDS[k]} covers %" for k in shown]
-    lines = [
-        f"| board | effect | noise | logs | parameter | {' | '.join(heads)} | spread / stated | bias / spread |",
-        "|" + "---|" * (7 + len(heads)),
-    ]
+    lines: list[tuple[str, ...]] = []
     for index, row in enumerate(ROWS):
         mine = [r for r in results if r["row"] == index and "refused" not in r]
         refused = sum(r["row"] == index and "refused" in r for r in results)
@@ -149,11 +145,10 @@ def table(results: Sequence[dict[str, Any]]) -> str:
             )  # one odd log must not rule it
             cells = [_share([bool(r[name][2 + k]) for r in mine]) for k in shown]
             logs = f"{len(mine)}" + (f" ({refused} refused)" if refused else "")
-            lines.append(
-                f"| {row.label} | {logs} | {name} | {' | '.join(cells)} | {spread / float(np.median(std)):.3f} | "
-                f"{(float(np.median(value)) - truth) / spread:+.3f} |"
-            )
-    return "\n".join(lines)
+            off = spread / float(np.median(std)), (float(np.median(value)) - truth) / spread
+            lines.append((row.label, logs, name, *cells, f"{off[0]:.3f}", f"{off[1]:+.3f}"))
+    head = ("board", "effect", "noise", "logs", "parameter", *heads, "spread / stated", "bias / spread")
+    return table(head, lines)
 
 
 def _share(inside: Sequence[bool]) -> str:
@@ -163,7 +158,7 @@ def _share(inside: Sequence[bool]) -> str:
 
 def main() -> None:
     """Run the rows and write the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = command_line(__doc__)
     parser.add_argument("--seeds", type=int, default=1000)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--only", default="")
@@ -171,32 +166,23 @@ def main() -> None:
     parser.add_argument("--draws", type=int, default=0)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--rows", type=Path, help="JSON lines: read what is there, append what is new")
-    parser.add_argument("--out", type=Path, default=OUT)
+    parser.add_argument("--out", default="interval_coverage.md", help="in results/")
     options = parser.parse_args()
     os.environ["OMP_NUM_THREADS"] = "1"
     # Seed by seed over all rows, so that what an interrupted run leaves is whole.
     chosen = [i for i, row in enumerate(ROWS) if options.only in row.label]
-    results = [dict(row) for row in read_rows(options.rows)] if options.rows else []
-    done = {(row["row"], row["seed"]) for row in results}
-    cases = [
-        ((i, s, options.profile, options.draws),)
-        for s in range(options.first, options.first + options.seeds)
-        for i in chosen
-        if (i, s) not in done
-    ]
-    results += map(dict, run_all(one, cases, options.rows, workers=options.workers))
-    text = (
+    seeds = range(options.first, options.first + options.seeds)
+    cases = [(i, s, options.profile, options.draws) for s in seeds for i in chosen]
+    results = run_suite(one, cases, ("row", "seed"), options.rows, workers=options.workers)
+    write_result(
+        options.out,
         "# How often the 95 % intervals hold the truth\n\n"
         f"Three releases at {RATE} Hz, noise 0.1°, found and fitted as `husky-sysid fit` does; "
         f"{options.seeds} logs a row; made by `benchmarks/interval_coverage.py`.\n"
         "Covered: ± one binomial standard deviation. 'Spread / stated' compares the scatter of the values "
         "with the deviation that the tool states (1 is right); 'bias / spread' is 0 without bias.\n\n"
-        + table(results)
-        + "\n"
+        + coverage(results),
     )
-    options.out.parent.mkdir(parents=True, exist_ok=True)
-    options.out.write_text(text)
-    print(table(results))
 
 
 if __name__ == "__main__":

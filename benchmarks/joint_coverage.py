@@ -7,7 +7,6 @@ for each seed and fitted as `fit --model` does.
 python benchmarks/joint_coverage.py --processes 16 --minutes 9 -o joint_coverage.json
 """
 
-import argparse
 import json
 import sys
 import tempfile
@@ -21,6 +20,8 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from pages import table
+from suite import command_line
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "support"))
 import robots
@@ -34,8 +35,6 @@ from sysid.fit_mjcf import fit
 from sysid.roll import Array, Release
 from sysid.synth import SynthOptions, synthesise
 from sysid.synth.sensors import Sensor
-
-G = 9.81
 
 
 @dataclass(frozen=True)
@@ -187,9 +186,7 @@ def run(
 
 def main() -> None:
     """Print the table, and write it where it is asked for."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__)
     parser.add_argument("--seeds", type=int, default=200)
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--minutes", type=float, default=60.0)
@@ -197,12 +194,12 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path)
     arguments = parser.parse_args()
     result = run(arguments.case or list(CASES), arguments.seeds, arguments.processes, arguments.minutes)
-    print("| joint | parameter | trials | inside 95 % | mean error / std |\n|---|---|---|---|---|")
-    for name, keys in result.items():
-        for key, row in keys.items():
-            print(
-                f"| {name} | {key} | {row['trials']} | {100 * row['coverage']:.1f} % | {row['bias_in_std']:+.2f} |"
-            )
+    rows = [
+        (name, key, f"{row['trials']}", f"{100 * row['coverage']:.1f} %", f"{row['bias_in_std']:+.2f}")
+        for name, keys in result.items()
+        for key, row in keys.items()
+    ]
+    print(table(("joint", "parameter", "trials", "inside 95 %", "mean error / std"), rows))
     if arguments.output:
         arguments.output.write_text(json.dumps(result, indent=1) + "\n")
 

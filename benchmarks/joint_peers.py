@@ -22,6 +22,7 @@ from statistics import median
 import joint_coverage as joints
 import mujoco
 import numpy as np
+from pages import table, write_result
 
 from sim.model.scene import scene_of
 from sim.model.setup import Setup
@@ -29,7 +30,6 @@ from sysid import diagnose
 from sysid.fit_mjcf import fit
 from sysid.roll import Array
 
-RESULT = Path(__file__).parent / "results" / "joint_peers.md"
 USUAL = 0.02
 """Inertia of a joint for which the bounds below are wide [kg*m^2]; those of a smaller one shrink with it."""
 BOUNDS = {
@@ -192,17 +192,15 @@ def ours(name: str, seed: int, *, without: str = "") -> Answer:
     )
 
 
-def row(name: str, tool: str, lines: int, answers: list[Answer], says: str) -> str:
-    """Return a line of the table: medians over the seeds."""
+def row(name: str, tool: str, lines: int, answers: list[Answer], says: str) -> tuple[str, ...]:
+    """Return a row of the table: medians over the seeds."""
     keys = answers[0].errors
     errors = ", ".join(
         f"{key.split('.')[0]} {100 * median(a.errors[key] for a in answers):.2g} %" for key in keys
     )
     held = sum(held for answer in answers for held in answer.held.values())
-    return (
-        f"| {name} | {tool} | {lines} | {median(a.seconds for a in answers):.2g} | {errors} | "
-        f"{held} of {len(answers) * len(keys)} | {says} |"
-    )
+    seconds = f"{median(a.seconds for a in answers):.2g}"
+    return name, tool, f"{lines}", seconds, errors, f"{held} of {len(answers) * len(keys)}", says
 
 
 def main() -> None:
@@ -211,7 +209,7 @@ def main() -> None:
     seeds = int(sys.argv[1]) if len(sys.argv) > 1 else 3
     body = inspect.getsource(identify).split('"""')[2]
     lines = sum(bool(line.strip()) and not line.strip().startswith("#") for line in body.splitlines())
-    table: list[str] = []
+    rows: list[tuple[str, ...]] = []
     for name, case in joints.CASES.items():
         file = joints.model_of(case)
         if file is None:
@@ -221,16 +219,19 @@ def main() -> None:
         for tool, ask, count in (("mujoco.sysid", theirs, lines), ("husky-sysid", ours, OURS)):
             answers = [ask(name, seed) for seed in range(seeds)]
             says = ask(name, 0, without=LEFT_OUT[name]).says
-            table.append(row(name, tool, count, answers, says))
-            print(table[-1], flush=True)
+            rows.append(row(name, tool, count, answers, says))
+            print(*rows[-1], sep=" | ", flush=True)
     left = "; ".join(f"{name}: {part.split('.')[0] or 'nothing'}" for name, part in LEFT_OUT.items())
-    text = [
-        "# Joints of MuJoCo models, beside mujoco.sysid", "",
-        f"Made by `benchmarks/joint_peers.py`; MuJoCo {mujoco.__version__}, medians of {seeds} seeds.", "",
-        "| joint | tool | lines to write | seconds | error | 95 % intervals that hold the truth | says is missing, one part left out |",
-        "|---|---|---|---|---|---|---|", *table, "", f"Left out: {left}.",
-    ]  # fmt: skip
-    RESULT.write_text("\n".join(text) + "\n", encoding="utf-8")
+    head = (
+        "joint", "tool", "lines to write", "seconds", "error", "95 % intervals that hold the truth",
+        "says is missing, one part left out",
+    )  # fmt: skip
+    write_result(
+        "joint_peers.md",
+        "# Joints of MuJoCo models, beside mujoco.sysid\n\n"
+        f"Made by `benchmarks/joint_peers.py`; MuJoCo {mujoco.__version__}, medians of {seeds} seeds.\n\n"
+        f"{table(head, rows)}\n\nLeft out: {left}.",
+    )
 
 
 if __name__ == "__main__":

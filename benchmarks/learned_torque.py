@@ -8,7 +8,6 @@ three releases of its own, from angles within what it has seen, with only their 
 appended as they come; cases whose row is there are not run again.
 """
 
-import argparse
 import os
 import time
 from dataclasses import replace
@@ -19,9 +18,9 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")  # each process is one of many
 
 import numpy as np
 from hidden_truths import TRUTHS, board_of, make
-from pages import write_between
+from pages import table, write_between
+from suite import Row, command_line, run_suite
 
-from sysid.batch.runner import read_rows, run_all
 from sysid.errors import SysidError
 from sysid.fitting.formula import formula_of
 from sysid.fitting.initial_state import fit_initial_states
@@ -47,12 +46,12 @@ NEAR = 1.15
 """Noise floors up to which unseen motion is predicted well."""
 
 
-def run(name: str, seed: int) -> dict[str, object]:
+def run(name: str, seed: int) -> Row:
     """Learn one log of a truth and return one row."""
     truth, begin = next(t for t in TRUTHS if t.name == name), time.process_time()
     with TemporaryDirectory() as folder:
         releases = make(truth, seed, Path(folder))
-    row: dict[str, object] = {"truth": name, "seed": seed}
+    row: Row = {"truth": name, "seed": seed}
     try:
         fit = fit_joint(releases, board_of(truth), ["learned"])
     except SysidError as error:
@@ -96,43 +95,41 @@ def _unseen(truth: object, seed: int, folder: Path) -> list:
     return _integrated(replace(truth), angles, 1000.0, noise, rng, quiet=False)
 
 
-def summary(rows: list[dict]) -> list[str]:
-    """Return the table and the counts of some rows as Markdown."""
-    lines: list[str] = []
+def summary(rows: list[Row]) -> str:
+    """Return the counts and the table of some rows as Markdown."""
     torque = [r for r in rows if r["truth"] in KINDS and KINDS[r["truth"]] and "error" not in r]
     near = [r for r in torque if r["unseen"] <= NEAR]
     clean = [r for r in rows if r["truth"] in CLEAN]
     still = [r for r in clean if "nothing was learned" in r.get("refused", "")]
     right = [name for name in KINDS if _named(name, [r for r in rows if r["truth"] == name])]
-    lines += [
+    lines = [
         f"- unseen releases within {NEAR} noise floors: {len(near)} of {len(torque)} logs "
         f"({100 * len(near) / max(len(torque), 1):.0f} %)",
         f"- right shape in most logs: {len(right)} of {len(KINDS)} kinds",
         f"- clean logs of which nothing is learned: {len(still)} of {len(clean)} "
         f"({100 * len(still) / max(len(clean), 1):.1f} %)",
         "",
-        "| truth | logs | unseen / noise before | learned: median, 90 % | right words | memory | CPU s | e.g. |",
-        "|---|---|---|---|---|---|---|---|",
     ]
+    head = (
+        "truth", "logs", "unseen / noise before", "learned: median, 90 %", "right words", "memory", "CPU s", "e.g.",
+    )  # fmt: skip
+    cells: list[tuple[str, ...]] = []
     for name in (*KINDS, *CLEAN):
         mine = [r for r in rows if r["truth"] == name and "error" not in r]
         if not mine:
             continue
         before, after = (np.array([r[key] for r in mine if key in r]) for key in ("before", "unseen"))
-        errors = (
-            f"{np.median(before):.2f} | {np.median(after):.3f}, {np.quantile(after, 0.9):.3f}"
-            if len(after)
-            else " | "
-        )
-        memory = sum(len(r["effects"]) > 1 for r in mine)
-        says = sum(_right(name, r) for r in mine)
-        lines.append(
-            f"| {name} | {len(mine)} | {errors} | {says} | {memory} | {np.median([r['seconds'] for r in mine]):.0f} | {mine[0]['words'] or 'nothing learned'} |"
-        )
-    return lines
+        errors = ("", "")
+        if len(after):
+            errors = f"{np.median(before):.2f}", f"{np.median(after):.3f}, {np.quantile(after, 0.9):.3f}"
+        memory, says = sum(len(r["effects"]) > 1 for r in mine), sum(_right(name, r) for r in mine)
+        seconds = np.median([r["seconds"] for r in mine])
+        words = mine[0]["words"] or "nothing learned"
+        cells.append((name, f"{len(mine)}", *errors, f"{says}", f"{memory}", f"{seconds:.0f}", words))
+    return "\n".join((*lines, table(head, cells)))
 
 
-def _right(name: str, row: dict) -> bool:
+def _right(name: str, row: Row) -> bool:
     if name in CLEAN:
         return "nothing was learned" in row["refused"]
     if not KINDS[name]:
@@ -141,16 +138,14 @@ def _right(name: str, row: dict) -> bool:
     return memory in KINDS[name] or set(row["shapes"]) in KINDS[name]
 
 
-def _named(name: str, rows: list[dict]) -> bool:
+def _named(name: str, rows: list[Row]) -> bool:
     known = [r for r in rows if "error" not in r]
     return bool(known) and sum(_right(name, r) for r in known) > len(known) / 2
 
 
 def main() -> None:
     """Run what is missing and print the table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__)
     parser.add_argument("--seeds", type=int, default=0, help="logs of each truth")
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--clean", type=int, default=0, help="logs of each clean kind; as many as seeds if 0")
@@ -159,18 +154,19 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("learned_torque.jsonl"))
     parser.add_argument("--write", type=Path, help="page with <!-- suite --> marks to write the table into")
     options = parser.parse_args()
-    rows = list(read_rows(options.out))
-    done = {(r["truth"], r["seed"]) for r in rows}
     last, clean = options.first + options.seeds, options.first + (options.clean or options.seeds)
     cases = [(name, seed) for seed in range(options.first, last) for name in KINDS]
     cases += [(name, seed) for seed in range(options.first, clean) for name in CLEAN]
-    cases = [case for case in cases if case not in done]
-    end = time.monotonic() + 60 * options.minutes
-    for row in run_all(run, cases, options.out, workers=options.processes):
-        rows.append(row)
-        if time.monotonic() > end:
-            break
-    text = "\n".join(summary(rows))
+    text = summary(
+        run_suite(
+            run,
+            cases,
+            ("truth", "seed"),
+            options.out,
+            workers=options.processes,
+            seconds=60 * options.minutes,
+        )
+    )
     print(text)
     if options.write:
         write_between(options.write, "suite", text)

@@ -7,9 +7,6 @@ One row a log in JSON lines. Seeds whose row is there already are not run again,
 and ranges of seeds may be run on several machines.
 """
 
-import argparse
-import json
-import multiprocessing
 import os
 import time
 from collections.abc import Sequence
@@ -19,6 +16,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 from random_truths import STIFFNESS, Case, Motion, draw, move, read, sizes, visible, weight, write
+from suite import Row, command_line, run_suite
 
 from sysid.board import Board, load_board
 from sysid.diagnosis.diagnose import diagnose
@@ -35,7 +33,6 @@ from sysid.roll import Release
 ROOT = Path(__file__).parents[1]
 RECORD_STD = 0.003
 """Relative deviation of a record that knows stiffness and damping."""
-Row = dict[str, object]
 
 
 def board_of(case: Case) -> Board:
@@ -135,10 +132,17 @@ def run(seed: int) -> Row:
     }  # fmt: skip
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+def say(row: Row) -> None:
+    said = ", ".join(row.get("effects", ())) or row["status"]
+    print(
+        f"{row['seed']:>6} {row['kind']:8s}{row['truth']:32s} -> {said} {row.get('confidence', 0.0):.2f} "
+        f"{row.get('after', 0.0):.3f} {row.get('seconds', 0.0):.1f} s {row.get('error', '')}",
+        flush=True,
     )
+
+
+def main() -> None:
+    parser = command_line(__doc__)
     parser.add_argument("--seeds", default="0:500", help="FIRST:END")
     parser.add_argument(
         "--kind", choices=("clean", "inside", "outside"), help="of these seeds, only those of one kind"
@@ -150,36 +154,12 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=float("inf"), help="after which no more is run")
     options = parser.parse_args()
     first, end = map(int, options.seeds.split(":"))
-    done = (
-        {json.loads(line)["seed"] for line in options.out.read_text().splitlines()}
-        if options.out.exists()
-        else set()
-    )
-    seeds = [s for s in range(first, end) if s not in done and options.kind in (None, draw(s).kind)]
+    seeds = [(s,) for s in range(first, end) if options.kind in (None, draw(s).kind)]
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")  # a process a log, and each loads numpy anew
-    stop = time.monotonic() + 60 * options.minutes
-    context = multiprocessing.get_context("spawn")
-    with (
-        context.Pool(options.processes, maxtasksperchild=50) as pool,
-        options.out.open("a", encoding="utf-8") as file,
-    ):
-        answers = pool.imap_unordered(run, seeds)
-        for number in range(len(seeds)):
-            try:
-                row = answers.next(timeout=max(stop - time.monotonic(), 0.01) if np.isfinite(stop) else None)
-            except multiprocessing.TimeoutError:
-                print(f"stopped after {options.minutes:g} minutes: {number} of {len(seeds)} done")
-                break
-            file.write(json.dumps(row) + "\n")
-            file.flush()
-            said = ", ".join(map(str, row.get("effects", ()))) or row["status"]  # type: ignore[arg-type]
-            print(
-                f"{row['seed']:>6} {row['kind']:8s}{row['truth']:32s} -> {said} {row.get('confidence', 0.0):.2f} "
-                f"{row.get('after', 0.0):.3f} {row.get('seconds', 0.0):.1f} s {row.get('error', '')}",
-                flush=True,
-            )
-        pool.terminate()
+    run_suite(
+        run, seeds, ("seed",), options.out, workers=options.processes, seconds=60 * options.minutes, say=say
+    )
 
 
 if __name__ == "__main__":

@@ -17,8 +17,8 @@ import time
 from pathlib import Path
 
 import numpy as np
+from pages import table, write_result
 
-RESULTS = Path(__file__).parent / "results" / "read_speed.md"
 PANDAS = "import pandas\nread = lambda path: pandas.read_csv(path)"
 OURS = (
     "import pathlib, numpy, pandas, scipy.ndimage\nfrom sysid.logs import read_roll\n"
@@ -80,19 +80,18 @@ def main() -> None:
         statistics.median(run[who][what] for run in runs) for who in (0, 1) for what in (0, 1)
     )
     cold_pandas, cold_ours = (statistics.median(start[who] for start in starts) for who in (0, 1))
-    text = (
+    rows = [
+        (f"{arguments.rows:,} rows ({size / 1e6:.0f} MB), warm", pandas_s, ours_s, ".2f", "s"),
+        ("peak memory of the same", pandas_b / 1e6, ours_b / 1e6, ".0f", "MB"),
+        ("60 s at 1 kHz from a cold start (pandas with numpy and scipy.optimize)", cold_pandas, cold_ours, ".2f", "s"),
+    ]  # fmt: skip
+    cells = [(n, f"{a:{form}} {unit}", f"{b:{form}} {unit}", f"{b / a:.2f}") for n, a, b, form, unit in rows]
+    write_result(
+        "read_speed.md",
         "# Reading speed\n\n"
         f"`benchmarks/read_speed.py`, medians of {arguments.repeats} runs in turn on {processor()}.\n\n"
-        "| what | pandas | read_roll | ratio |\n|---|---|---|---|\n"
-        f"| {arguments.rows:,} rows ({size / 1e6:.0f} MB), warm | {pandas_s:.2f} s | {ours_s:.2f} s | "
-        f"{ours_s / pandas_s:.2f} |\n"
-        f"| peak memory of the same | {pandas_b / 1e6:.0f} MB | {ours_b / 1e6:.0f} MB | {ours_b / pandas_b:.2f} |\n"
-        f"| 60 s at 1 kHz from a cold start (pandas with numpy and scipy.optimize) | {cold_pandas:.2f} s | "
-        f"{cold_ours:.2f} s | {cold_ours / cold_pandas:.2f} |\n"
+        + table(("what", "pandas", "read_roll", "ratio"), cells),
     )
-    RESULTS.parent.mkdir(exist_ok=True)
-    RESULTS.write_text(text, encoding="utf-8")
-    print(text)
 
 
 def processor() -> str:

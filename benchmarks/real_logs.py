@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 from foreign_logs import options_of, verdicts
-from pages import write_between
+from pages import table, write_between
 
 from sysid.board import load_board
 from sysid.diagnosis.diagnose import Diagnosis, diagnose
@@ -70,10 +70,16 @@ def main() -> None:
     )
     np.seterr(all="ignore")
     board = load_board(ROOT / f"data/boards/{options.board}.toml")
-    rows = [
-        "| log | named | error / noise: linear | named | learned | held out | learned from tilt and rate, it |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    head = (
+        "log",
+        "named",
+        "error / noise: linear",
+        "named",
+        "learned",
+        "held out",
+        "learned from tilt and rate, it",
+    )
+    rows: list[tuple[str, ...]] = []
     for name, (needed, known) in LOGS.items():
         if options.only not in name:
             continue
@@ -92,26 +98,16 @@ def main() -> None:
         learned = result.learned
         if learned is None and result.best.rmse > NEAR * noise:
             learned = learn(releases, board, fittable(v.effects), signal="auto", fixed=dict(result.held))
-        told = (
-            ("", "", "nothing")
-            if learned is None
-            else (
-                f"{learned.error_after / noise:.2f}",
-                f"{learned.heldout_rmse / noise:.2f}",
-                learned.text.partition(", it ")[2].replace("|", "\\|"),
-            )
-        )
-        rows.append(
-            f"| {name} | {', '.join(v.effects) or v.status} | {v.error_before / noise:.2f} | {result.best.rmse / noise:.2f} | "
-            f"{' | '.join(told)} |"
-        )
-        said = "ok " if right else "BAD"
-        print(
-            f"{said} {rows[-1]} {alike} | {v.confidence:.2f} | {seconds:.0f} s",
-            flush=True,
-        )
+        told = ("", "", "nothing")
+        if learned is not None:
+            errors = (f"{error / noise:.2f}" for error in (learned.error_after, learned.heldout_rmse))
+            told = (*errors, learned.text.partition(", it ")[2].replace("|", "\\|"))
+        before = (f"{error / noise:.2f}" for error in (v.error_before, result.best.rmse))
+        rows.append((name, ", ".join(v.effects) or v.status, *before, *told))
+        said = ("ok " if right else "BAD", *rows[-1], alike, f"{v.confidence:.2f}", f"{seconds:.0f} s")
+        print(*said, sep=" | ", flush=True)
     if options.write:
-        write_between(options.write, "real logs", "\n".join(rows))
+        write_between(options.write, "real logs", table(head, rows))
 
 
 if __name__ == "__main__":

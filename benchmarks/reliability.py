@@ -7,8 +7,8 @@ Of every twenty seeds the first ten may shape `CALIBRATION` in `sysid/diagnosis/
 table of the confidence are of the others only.
 """
 
-import argparse
 import json
+from collections import Counter
 from collections.abc import Sequence
 from itertools import pairwise, zip_longest
 from pathlib import Path
@@ -16,16 +16,16 @@ from typing import Any
 
 import numpy as np
 from hidden_truths import VISIBLE
+from pages import table, write_between
+from suite import Row, command_line
 
 from sysid.diagnosis.importance import ENERGY, SIGNAL, TORQUE
 from sysid.diagnosis.judgement import CALIBRATION, calibrated, log_odds
 
-Row = dict[str, Any]
 OTHERWISE = {"rest", "drift", "lowpass", "clock", "inertia"}
 """Families that are no torque: their strength is what they change."""
 EDGES = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)
 """Of the diagram's bins of confidence."""
-MARKS = "<!-- random suite -->", "<!-- end of random suite -->"
 
 
 def right(row: Row) -> bool:
@@ -63,11 +63,11 @@ def wilson(hits: int, count: int) -> tuple[float, float]:
     return float(max(middle - half, 0.0) / (1 + z * z / count)), float((middle + half) / (1 + z * z / count))
 
 
-def rate(rows: Sequence[Row], hit: Any = right) -> str:
-    """Return 'hits of count (share, interval)'."""
+def rate(rows: Sequence[Row], hit: Any) -> tuple[str, str, str]:
+    """Return 'hits of count', the share, and its interval."""
     hits = sum(map(hit, rows))
     low, high = wilson(hits, len(rows))
-    return f"{hits} of {len(rows)} | {hits / max(len(rows), 1):.1%} | {low:.1%} to {high:.1%}"
+    return f"{hits} of {len(rows)}", f"{hits / max(len(rows), 1):.1%}", f"{low:.1%} to {high:.1%}"
 
 
 def evidence(rows: Sequence[Row]) -> Any:
@@ -115,24 +115,25 @@ def report(rows: Sequence[Row]) -> str:
             f"unexplained outside, {name}": ([r for r in mine if r["kind"] == "outside" and shows(r)], right),
         }
     seconds = [row["seconds"] for row in read]
-    lines = [
-        f"{len(made)} logs, {len(made) - len(read)} of them refused; {np.median(seconds):.0f} s in the median.", "",
-        "| | logs | share | 95 % |", "|---|---|---|---|",
-        *(f"| {name} | {rate(group, hit)} |" for name, (group, hit) in groups.items() if group),
-        "", "| hidden | families right (those that show) | where they are not |", "|---|---|---|",
-    ]  # fmt: skip
+    shares = [(name, *rate(group, hit)) for name, (group, hit) in groups.items() if group]
+    kinds: list[tuple[str, ...]] = []
     for truth in sorted({row["truth"] for row in read}):
         mine = [row for row in read if row["truth"] == truth and (row["kind"] == "clean" or shows(row))]
-        wrong: dict[str, int] = {}
-        for row in mine:
-            if not right(row):
-                said = " + ".join(row["said"]) if row["status"] == "missing" else row["status"]
-                wrong[said] = wrong.get(said, 0) + 1
-        most = "; ".join(f"{n} x {said}" for said, n in sorted(wrong.items(), key=lambda item: -item[1])[:3])
-        lines.append(f"| {truth} | {sum(map(right, mine))} of {len(mine)} | {most} |")
-    for name in SHOWN:
-        lines += ["", *reliability([row for row in read if HANDS[name](row)], name)]
-    return "\n".join(lines)
+        wrong = Counter(
+            " + ".join(row["said"]) if row["status"] == "missing" else row["status"]
+            for row in mine
+            if not right(row)
+        )
+        most = "; ".join(f"{n} x {said}" for said, n in wrong.most_common(3))
+        kinds.append((truth, f"{sum(map(right, mine))} of {len(mine)}", most))
+    return "\n\n".join(
+        (
+            f"{len(made)} logs, {len(made) - len(read)} of them refused; {np.median(seconds):.0f} s in the median.",
+            table(("", "logs", "share", "95 %"), shares),
+            table(("hidden", "families right (those that show)", "where they are not"), kinds),
+            *(reliability([row for row in read if HANDS[name](row)], name) for name in SHOWN),
+        )
+    )
 
 
 def shaping(row: Row) -> bool:
@@ -140,19 +141,16 @@ def shaping(row: Row) -> bool:
     return row["seed"] // 10 % 2 == 0
 
 
-def reliability(rows: Sequence[Row], name: str) -> list[str]:
+def reliability(rows: Sequence[Row], name: str) -> str:
     """Return the table of confidence and what it deserves, of the seeds that did not shape the calibration."""
     before, after, hits = judged(rows)
-    lines = [f"| confidence, {name} | right | before calibration | right |", "|---|---|---|---|"]
-    for cells in zip_longest(bins(after, hits), bins(before, hits)):
-        lines.append(
-            "| " + " | ".join(f"{c[0]:.2f} | {c[1]} of {c[2]}" if c else " | " for c in cells) + " |"
-        )
-    return [
-        *lines,
-        "",
-        f"Brier score {brier(after, hits):.3f}, before calibration {brier(before, hits):.3f}.",
+    cells = [
+        [cell for c in pair for cell in ((f"{c[0]:.2f}", f"{c[1]} of {c[2]}") if c else ("", ""))]
+        for pair in zip_longest(bins(after, hits), bins(before, hits))
     ]
+    head = (f"confidence, {name}", "right", "before calibration", "right")
+    scores = f"Brier score {brier(after, hits):.3f}, before calibration {brier(before, hits):.3f}."
+    return f"{table(head, cells)}\n\n{scores}"
 
 
 def judged(rows: Sequence[Row]) -> tuple[Any, Any, Any]:
@@ -178,15 +176,11 @@ def brier(confidence: Any, hits: Any) -> float:
 
 def picture(rows: Sequence[Row], path: Path) -> None:
     """Draw the share of verdicts that is right against their confidence."""
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
-    from reports.figures.decay import STYLE
     from reports.figures.palette import REAL, SIM
+    from reports.figures.style import styled
 
     read = [row for row in rows if row["status"] not in ("void", "error")]
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(4.6, 4.2), layout="constrained")
+    with styled(4.6, 4.2) as figure:
         axes = figure.add_subplot()
         axes.plot([0, 1], [0, 1], color="0.6", linewidth=1, label="deserved")
         for name, colour in zip(SHOWN, (SIM, REAL), strict=True):
@@ -203,9 +197,7 @@ def picture(rows: Sequence[Row], path: Path) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__)
     parser.add_argument("rows", type=Path, nargs="+")
     parser.add_argument("--write", type=Path, help="a document with the marks of this table")
     parser.add_argument("--picture", type=Path)
@@ -219,9 +211,7 @@ def main() -> None:
     if options.picture:
         picture(rows, options.picture)
     if options.write:
-        document = options.write.read_text(encoding="utf-8")
-        begin, end = document.index(MARKS[0]) + len(MARKS[0]), document.index(MARKS[1])
-        options.write.write_text(f"{document[:begin]}\n{text}\n{document[end:]}", encoding="utf-8")
+        write_between(options.write, "random suite", text)
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pages import table, write_result
 
 from policy_runtime.evaluation.metrics import METRICS
 from policy_runtime.evaluation.plain import Protocol, evaluate_policy, riders
@@ -128,26 +129,24 @@ def report() -> None:
         values = np.array([row[name] for row in cells[cell] if row.get(name) is not None])
         return text(mean_over([np.array([v]) for v in values], METRICS[name]))
 
-    lines = [
-        "# How far each policy goes",
-        "",
-        "`benchmarks/robustness.py` writes this file: plain MuJoCo, standing rides left out, 95 % intervals in brackets.",
-        "",
-        f"| condition | policy | rides | E_succ | {' | '.join(f'{name} [{METRICS[name]}]' for name in ERRORS)} |",
-        "|---|---|---|---|" + "---|" * len(ERRORS),
-    ]
     suite = [(name, policy) for name, _ in SUITE for policy in policies if (name, policy) in share]
-    for name, policy in suite:
-        cell = name, policy
-        errors = " | ".join(error(cell, one) for one in ERRORS)
-        rides = sum(row["rides"] for row in cells[cell])
-        lines.append(f"| {name} | {policy} | {rides} | {text(share[cell])} | {errors} |")
+    rides = {cell: sum(row["rides"] for row in cells[cell]) for cell in suite}
+    head = ("condition", "policy", "rides", "E_succ", *(f"{name} [{METRICS[name]}]" for name in ERRORS))
+    shown = [
+        (*cell, f"{rides[cell]}", text(share[cell]), *(error(cell, name) for name in ERRORS))
+        for cell in suite
+    ]
+    parts = [
+        "# How far each policy goes",
+        "`benchmarks/robustness.py` writes this file: plain MuJoCo, standing rides left out, 95 % intervals in brackets.",
+        table(head, shown),
+    ]
     pictures = ROOT / "docs" / "pictures"
     suite_figure(
         [(name, p, share[name, p]) for name, p in suite], "Rides that last", pictures / "robustness.png"
     )
     for name, factors in (("k", STIFFNESS), ("rake", RAKE)):
-        rows: list[str] = []
+        rows: list[tuple[str, ...]] = []
         grids: dict[tuple[str, float], list[list[float]]] = {}
         for policy in policies:
             for delay in DELAY:
@@ -157,20 +156,17 @@ def report() -> None:
                     if not all(key in share for key in keys):
                         continue
                     grid.append([share[key].value for key in keys])
-                    shares = " | ".join(text(share[key]) for key in keys)
-                    rows.append(f"| {policy} | {delay:g} | {speed:g} | {shares} |")
+                    rows.append((policy, f"{delay:g}", f"{speed:g}", *(text(share[key]) for key in keys)))
                 if len(grid) == len(SPEED):
                     grids[policy, delay] = grid
         if rows:
-            head = f"| policy | delay | speed | {' | '.join(f'{factor:g}' for factor in factors)} |"
+            head = ("policy", "delay", "speed", *(f"{factor:g}" for factor in factors))
             title = f"E_succ over {name}, of the record's, for each speed [m/s] and delay [s]:"
-            lines += ["", title, "", head, "|---|---|---|" + "---|" * len(factors), *rows]
+            parts += [title, table(head, rows)]
         if grids:
             label = "stiffness" if name == "k" else "rake"
             map_figure(grids, factors, SPEED, pictures / f"robustness-{name}.png", label=label)
-    target = ROWS.with_suffix(".md")
-    target.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    print(target)
+    write_result("robustness.md", "\n\n".join(parts))
 
 
 def main() -> None:

@@ -7,12 +7,13 @@ them (tolerance 0), started as in a ride from the last acceleration. The differe
 error: of the robot's joints and of the deck [rad/s]. How much time they save: `skate_throughput.py --iterations`.
 """
 
-import argparse
 import copy
 from pathlib import Path
 
 import mujoco
 import numpy as np
+from pages import table
+from suite import command_line
 
 from policy_runtime.evaluation.plain import Protocol, policy_named, run_episode
 from policy_runtime.loop.world import make_world
@@ -65,9 +66,7 @@ class Probe:
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_line(__doc__)
     parser.add_argument("--policy", default="data/policies/pink.onnx")
     parser.add_argument("--board", default="pink")
     parser.add_argument("--episodes", type=int, default=6)
@@ -79,17 +78,10 @@ def main():
         run_episode(world, probe, Protocol(), np.random.default_rng([0, episode]))
     errors = np.array(probe.errors)  # (t, tried, joints or deck)
     print(f"{len(errors)} states of {options.episodes} rides; error of velocity after 5 ms [rad/s]")
-    print("| iterations | of line search | joints, RMS | joints, 99.9 % | deck, RMS | deck, 99.9 % |")
-    print("|---|---|---|---|---|---|")
-    for k, (iterations, line_search) in enumerate(TRIED):
-        joints, deck = errors[:, k, 0], errors[:, k, 1]
-        cells = [
-            np.sqrt((joints**2).mean()),
-            np.quantile(joints, 0.999),
-            np.sqrt((deck**2).mean()),
-            np.quantile(deck, 0.999),
-        ]
-        print(f"| {iterations} | {line_search} | " + " | ".join(f"{cell:.2g}" for cell in cells) + " |")
+    head = ("iterations", "of line search", "joints, RMS", "joints, 99.9 %", "deck, RMS", "deck, 99.9 %")
+    sizes = np.stack([np.sqrt((errors**2).mean(axis=0)), np.quantile(errors, 0.999, axis=0)], axis=-1)
+    rows = zip(TRIED, sizes.reshape(len(TRIED), 4), strict=True)
+    print(table(head, [(*map(str, tried), *(f"{size:.2g}" for size in row)) for tried, row in rows]))
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ scene, wheels on the ground, against the noisy log, less the noise.
     python benchmarks/training_scene_loop.py
 """
 
-import argparse
 import contextlib
 import io
 import json
@@ -21,6 +20,8 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import mujoco
+from pages import table, write_result
+from suite import command_line
 
 from sysid.board import Board, BoardEffect, load_board
 from sysid.effects import effect
@@ -28,7 +29,6 @@ from sysid.errors import SysidError
 from sysid.quantity import Quantity
 
 ROOT = Path(__file__).parents[1]
-OUT = ROOT / "benchmarks/results/training_scene_loop.md"
 NOISE_DEG = 0.1
 TIMESTEP = 0.005
 """[s]."""
@@ -78,35 +78,30 @@ def run(case: Case) -> dict[str, Any]:
     from sysid.cli.console import Common
     from sysid.cli.fit import fit
     from sysid.cli.mjcf import mjcf
+    from sysid.cli.subject import Subject
     from sysid.cli.synth import synth
 
     with TemporaryDirectory() as folder, contextlib.redirect_stdout(io.StringIO()):
         space = Path(folder)
         log, answers = space / "log.csv", Common(json=str(space / "answer.json"), workspace=space)
+        subject = Subject(board=case.board)
 
         def answer() -> dict[str, Any]:
             return json.loads((space / "answer.json").read_text())
 
         hidden = (f"{case.effect}={','.join(map(str, case.values))}",) if case.effect else ()
-        synth(
-            board=case.board,
-            output=log,
-            effect=hidden,
-            releases=4,
-            seed=1,
-            noise_deg=NOISE_DEG,
-            common=Common(workspace=space),
-        )
+        made = {"releases": 4, "seed": 1, "noise_deg": NOISE_DEG, "common": Common(workspace=space)}
+        synth(board=case.board, output=log, effect=hidden, **made)
         row: dict[str, Any] = {"case": case}
         try:
-            fit([log], board=case.board, effect=(case.effect,) if case.effect else (), common=answers)
+            fit([log], subject=subject, effect=(case.effect,) if case.effect else (), common=answers)
             row["fit"] = answer()
             mjcf(board=case.board, output=space / "bench.xml", bench=True, timestep=TIMESTEP, common=answers)
             row["bench"] = bench_error(case, space / "bench.xml")
             row["uncompensated"] = answer()["decay_nrmse_uncompensated"]
             row["step"] = answer()["decay_nrmse"]
             with contextlib.suppress(SysidError):  # the gate's no is a result too
-                check([log], board=case.board, tolerance=0.01, common=answers)
+                check([log], subject=subject, tolerance=0.01, common=answers)
             row["scene"] = answer()["nrmse"]
         except SysidError as error:
             row["refused"] = str(error)
@@ -122,12 +117,12 @@ def bench_error(case: Case, file: Path) -> float:
     return decay_error(truth, mujoco.MjModel.from_xml_path(str(file)), release_amplitudes(within))
 
 
-def line(row: dict[str, Any]) -> str:
+def cells(row: dict[str, Any]) -> tuple[str, ...]:
     """Return one row of the table."""
     case: Case = row["case"]
     what = f"{case.effect} {', '.join(f'{v:g}' for v in case.values)}".strip() or "-"
     if "refused" in row:
-        return f"| {case.board} | {what} | refused: {row['refused']} | | | | | | | |"
+        return case.board, what, f"refused: {row['refused']}", *[""] * 7
     found = row["fit"]["parameters"]
     truth = true_board(case)
     errors = [100 * (found[n]["value"] / truth.tilt[n].value - 1) for n in ("stiffness", "damping")]
@@ -135,35 +130,34 @@ def line(row: dict[str, Any]) -> str:
     own = [found[f"{case.effect}.{n}"]["value"] for n in names if f"{case.effect}.{n}" in found]
     shown = ", ".join(f"{value:.4g}" for value in own) or "-"
     met = "yes" if row["bench"] <= case.limit and row["scene"] <= 0.01 else "NO"
-    return (
-        f"| {case.board} | {what} | {errors[0]:+.2f} | {errors[1]:+.2f} | {shown} | "
-        f"{100 * row['uncompensated']:.2f} | {100 * row['step']:.2f} | {100 * row['bench']:.2f} | {100 * row['scene']:.2f} | {met} |"
-    )
+    nrmse = (f"{100 * row[name]:.2f}" for name in ("uncompensated", "step", "bench", "scene"))
+    return case.board, what, f"{errors[0]:+.2f}", f"{errors[1]:+.2f}", shown, *nrmse, met
 
 
 def main() -> None:
     """Run all cases and write the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = command_line(__doc__)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--only", default="")
-    parser.add_argument("--out", type=Path, default=OUT)
+    parser.add_argument("--out", default="training_scene_loop.md", help="in results/")
     options = parser.parse_args()
     chosen = [case for case in CASES if options.only in f"{case.board} {case.effect}"]
-    lines: list[str] = []
+    rows: list[tuple[str, ...]] = []
     with ProcessPoolExecutor(options.workers) as pool:
         for row in pool.map(run, chosen):
-            lines.append(line(row))
-            print(lines[-1], flush=True)
-    text = (
+            rows.append(cells(row))
+            print(*rows[-1], sep=" | ", flush=True)
+    head = (
+        "board", "hidden", "k error %", "d error %", "effect fitted", "typed in", "step", "bench", "scene", "met",
+    )  # fmt: skip
+    write_result(
+        options.out,
         "# From a log to a training scene that decays like the board\n\n"
         f"{__doc__.split('    python')[0].split(chr(10), 2)[2].strip()}\n\n"
         f"Step {1e3 * TIMESTEP:g} ms, implicitfast, MuJoCo {mujoco.__version__}. NRMSE in %; wanted: bench at most 0.5 "
         "(1 with an effect), scene at most 1. Made by `benchmarks/training_scene_loop.py`.\n\n"
-        "| board | hidden | k error % | d error % | effect fitted | typed in | step | bench | scene | met |\n"
-        "|---|---|---|---|---|---|---|---|---|---|\n" + "\n".join(lines) + "\n"
+        + table(head, rows),
     )
-    options.out.parent.mkdir(parents=True, exist_ok=True)
-    options.out.write_text(text)
 
 
 if __name__ == "__main__":

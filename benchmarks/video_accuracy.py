@@ -22,6 +22,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from pages import table, write_result
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 from film import Camera, film
@@ -122,10 +123,13 @@ def main() -> None:
     ]
     make(jobs, arguments.rolls, arguments.processes, arguments.seconds)
     rows = [row(list(take), arguments.rolls) for take in grouped(jobs)]
-    for cells in rows:
-        print("| " + " | ".join(cells) + " |", flush=True)
-    if not arguments.only and not arguments.cases:
-        write(rows)
+    head = (
+        "film", "method", "takes", "frames", "RMSE [°]", "largest [°]", "95 % covers", "k off [%]", "d off [%]", "k, d held",
+    )  # fmt: skip
+    if arguments.only or arguments.cases:
+        print(table(head, rows))
+    else:
+        write_result("video_accuracy.md", HEAD + table(head, rows))
 
 
 def every(takes: int) -> Iterator[Job]:
@@ -293,15 +297,6 @@ def k_and_d(roll: Roll, motion: Motion, board: Board) -> tuple[tuple[float, floa
     pairs = ((film.stiffness, true.stiffness), (film.damping, true.damping))
     holds = [bool(seen.ci95[0] <= truth.value <= seen.ci95[1]) for seen, truth in pairs]
     return (pairs[0][0].value / pairs[0][1].value, pairs[1][0].value / pairs[1][1].value), holds
-
-
-def write(rows: list[tuple[str, ...]]) -> None:
-    head = (
-        "film", "method", "takes", "frames", "RMSE [°]", "largest [°]", "95 % covers", "k off [%]", "d off [%]", "k, d held",
-    )  # fmt: skip
-    lines = ["| " + " | ".join(cells) + " |" for cells in (head, ["---"] * len(head), *rows)]
-    output = Path(__file__).parent / "results" / "video_accuracy.md"
-    output.write_text(HEAD + "\n".join(lines) + "\n")
 
 
 HEAD = f"""# Roll from rendered films

@@ -15,6 +15,7 @@ import tempfile
 from pathlib import Path
 
 import av
+from pages import table, write_result
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 from film import Camera, film
@@ -22,7 +23,6 @@ from film_set import rock
 
 from sysid.workspace import Workspace
 
-RESULTS = Path(__file__).parent / "results" / "video_cost.md"
 DECODE = """
 import cv2
 def work(path):
@@ -58,16 +58,16 @@ def main() -> None:
         # It begins and ends level, so that it can be repeated without a jump.
         film(short, board, rock(board, 4.0, ((0.1, 0.0), (1.0, 0.4))), "marker", camera)
         repeat(short, long, arguments.repeats)
-        lines = ["| film | followed | | decoding | reading | ratio |", "|---|---|---|---|---|---|"]
+        cells: list[tuple[str, ...]] = []
         for method in ("marker", "features"):
-            lines += rows("4 s", short, method, arguments.rounds)
-            lines += rows(f"{4 * arguments.repeats} s", long, method, 1)
-    head = (
+            cells += rows("4 s", short, method, arguments.rounds)
+            cells += rows(f"{4 * arguments.repeats} s", long, method, 1)
+    write_result(
+        "video_cost.md",
         "# What reading a film costs\n\n`benchmarks/video_cost.py`: 1920x1080, 60 frames/s, H.264, rendered by "
         "`tests/support/film.py`; decoding is OpenCV's alone.\nBest of several processes in turn; both may use all cores.\n\n"
+        + table(("film", "followed", "", "decoding", "reading", "ratio"), cells),
     )
-    RESULTS.write_text(head + "\n".join(lines) + "\n")
-    print(RESULTS.read_text())
 
 
 def repeat(film: Path, path: Path, times: int) -> None:
@@ -87,7 +87,7 @@ def repeat(film: Path, path: Path, times: int) -> None:
                     packet.dts = (packet.dts or 0) + span
 
 
-def rows(name: str, film: Path, method: str, rounds: int) -> list[str]:
+def rows(name: str, film: Path, method: str, rounds: int) -> list[tuple[str, ...]]:
     """Return the rows of one film: time, processor time and memory, of decoding and of reading."""
     works = (DECODE, FOLLOW.replace("{method}", method))
     both = zip(
@@ -96,7 +96,7 @@ def rows(name: str, film: Path, method: str, rounds: int) -> list[str]:
     )
     best = [tuple(min(values) for values in zip(*quantity, strict=True)) for quantity in both]
     return [
-        f"| {name} | {method} | {what} | {bare:.3g} {unit} | {whole:.3g} {unit} | {whole / bare:.2f} |"
+        (name, method, what, f"{bare:.3g} {unit}", f"{whole:.3g} {unit}", f"{whole / bare:.2f}")
         for (what, unit), (bare, whole) in zip(
             (("time", "s"), ("processor time", "s"), ("peak memory", "MB")), best, strict=True
         )

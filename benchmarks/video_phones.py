@@ -20,7 +20,7 @@ from pathlib import Path
 import cv2
 import mujoco
 import numpy as np
-from pages import write_between
+from pages import table, write_between, write_result
 
 from sysid.errors import SysidError
 from sysid.free_decay import fit_decay
@@ -29,7 +29,6 @@ from sysid.releases import find_releases
 from sysid.roll import Array, Roll
 from sysid.video_roll import roll_from_video
 
-RESULTS = Path(__file__).parent / "results" / "video_phones.md"
 PAGE = Path(__file__).parents[1] / "docs" / "video.md"
 WIDTH, HEIGHT, RATE, SECONDS = 960, 540, 120, 1.5
 HELD = 0.25
@@ -267,23 +266,19 @@ def write(rows: list[list[str]]) -> None:
         "k, d held",
     ]  # fmt: skip
     held = [int(cells[-1][0]) for cells in rows if cells[-1]]
-    RESULTS.write_text(
+    write_result(
+        "video_phones.md",
         f"""# Roll from films as phones write them
 
 `benchmarks/video_phones.py`: boards of k {STIFFNESS} N*m/rad and d {DAMPING} N*m*s/rad, let go once, in a scene of MuJoCo's own, {WIDTH}x{HEIGHT} at {RATE} frames/s,
 written by ffmpeg at 12 (H.264) or 8 Mbit/s (HEVC); nothing is told to the tool but the file. RMSE without the clock's offset and
 the level; k and d of `decay` against those of the model, and whether their 95 % intervals hold them: {sum(held)} of {2 * len(held)} in all.
 
-{table(titles, rows)}
-"""
+{table(titles, rows)}""",
     )
     found = {(cells[0], cells[1]): f"{cells[3]}°, {cells[7]} %" if cells[7] else "refused" for cells in rows}
     short = [[film, *(found.get((board, film), "") for board in BOARDS)] for film in FILMS]
     write_between(PAGE, "phones", table(["RMSE of roll, d off", *BOARDS], short))
-
-
-def table(titles: list[str], rows: list[list[str]]) -> str:
-    return "\n".join("| " + " | ".join(cells) + " |" for cells in (titles, ["---"] * len(titles), *rows))
 
 
 if __name__ == "__main__":

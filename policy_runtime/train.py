@@ -308,7 +308,7 @@ def save(
 
 
 def export(folder: RunFolder, config: RunConfig, algorithm: "AmpPPO") -> None:
-    """Write the policy as it is now."""
+    """Write the mean of the policy on its way (`policy_runtime.learning.mean_actor`)."""
     from policy_runtime.learning.onnx_export import export_policy, policy_metadata
 
     metadata = policy_metadata(
@@ -317,7 +317,7 @@ def export(folder: RunFolder, config: RunConfig, algorithm: "AmpPPO") -> None:
         folder.path.name,
         turn_feedback=config.task.turn_feedback,
     )
-    export_policy(algorithm.get_policy(), folder.policy, metadata)
+    export_policy(algorithm.mean_actor.module, folder.policy, metadata)
 
 
 def _learn(

@@ -36,7 +36,8 @@ def javascript(function: Any, name: str) -> str:
     offsets = [0]
     for index in range(function.n_out()):
         offsets.append(offsets[-1] + function.numel_out(index))
-    places = [_dense(function.sparsity_out(index)) for index in range(function.n_out())]
+    # Where each structural nonzero of an output is in its dense form, column by column.
+    places = [list(map(int, function.sparsity_out(index).find())) for index in range(function.n_out())]
     for k in range(function.n_instructions()):
         code = function.instruction_id(k)
         into, read = function.instruction_output(k), function.instruction_input(k)
@@ -61,8 +62,3 @@ def javascript(function: Any, name: str) -> str:
 
 def _number(value: float) -> str:
     return repr(value).replace("inf", "Infinity").replace("nan", "NaN")
-
-
-def _dense(sparsity: Any) -> list[int]:
-    """Return where each structural nonzero of an output is in its dense form, column by column."""
-    return [int(place) for place in sparsity.find()]

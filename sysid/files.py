@@ -9,8 +9,12 @@ import tempfile
 from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from sysid.errors import SysidError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 RECORDS = "data/boards/*.toml"
 """Where a workspace keeps the records of its boards."""
@@ -139,6 +143,17 @@ def refuse_overwriting(inputs: Iterable[Path], outputs: Mapping[str, Path | None
                 raise SysidError(
                     f"{option} {output}: {where} is read here; it would be overwritten. Choose another name."
                 )
+
+
+def write_figure(path: Path, figure: "Figure", *, dpi: int = 140) -> Path:
+    """Write a figure in one step and return its path.
+
+    Raises:
+        SysidError: The folder cannot be written to.
+    """
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=dpi)
+    return path
 
 
 def write_atomically(path: Path, content: str | bytes, *, is_record: bool = False) -> None:

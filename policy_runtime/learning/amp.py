@@ -22,6 +22,7 @@ from torch import nn
 
 from policy_runtime.learning.fused_update import FusedUpdate, plain_state, use_rate
 from policy_runtime.learning.graphs import Graphed
+from policy_runtime.learning.mean_actor import mean_actor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,6 +135,7 @@ class AmpPPO(PPO):
         self._scores = torch.zeros(3, device=self.device)
         self._teach = Graphed(self._teach_discriminator, self.device, enabled=graphs, side_stream=True)
         self._fused = FusedUpdate(self) if graphs else None
+        self.mean_actor = mean_actor(self._raw_actor)
 
     def process_env_step(self, obs: Any, rewards: torch.Tensor, dones: torch.Tensor, extras: Any) -> None:
         """Add the style reward and record the step."""
@@ -152,6 +154,8 @@ class AmpPPO(PPO):
         if self.is_multi_gpu:
             for model in (self._raw_actor, self._raw_critic):
                 average_normaliser(model.obs_normalizer)
+        with torch.inference_mode():  # in which rsl_rl updates the normalisers
+            self.mean_actor.update_parameters(self._raw_actor)
         return losses
 
     def _update_discriminator(self) -> dict[str, float]:
@@ -199,6 +203,7 @@ class AmpPPO(PPO):
             "optimizer_state_dict": plain_state(self.optimizer),
             "discriminator": self.discriminator.state_dict(),
             "amp_optimiser": plain_state(self.amp_optimiser),
+            "mean_actor": self.mean_actor.state_dict(),
         }
 
     def judges_alike(self, loaded_dict: dict[str, Any]) -> bool:
@@ -214,7 +219,13 @@ class AmpPPO(PPO):
             self.amp_optimiser.load_state_dict(loaded_dict["amp_optimiser"])
         if "optimizer_state_dict" not in loaded_dict:
             load_cfg = {"actor": True, "critic": True, "iteration": True}
-        return super().load(loaded_dict, load_cfg, strict)
+        loaded = super().load(loaded_dict, load_cfg, strict)
+        if "mean_actor" in loaded_dict:
+            self.mean_actor.load_state_dict(loaded_dict["mean_actor"], strict=strict)
+        else:
+            self.mean_actor.module.load_state_dict(self._raw_actor.state_dict())
+            self.mean_actor.n_averaged.fill_(loaded_dict["iteration"])
+        return loaded
 
     def broadcast_parameters(self) -> None:
         """Give all processes the weights of the first."""

@@ -4,6 +4,7 @@
 | key | content |
 |---|---|
 | actor_state_dict, critic_state_dict | networks with their normalisers |
+| mean_actor | mean of the actor's weights on their way, with its count |
 | optimizer_state_dict | PPO's optimiser, its adaptive rate included |
 | discriminator, amp_optimiser | of the style reward |
 | iteration, samples, step_counter | done so far: iterations, steps of all worlds, steps of each |

@@ -35,7 +35,7 @@ LONGEST = 5 / 6 * min(Clock().push, Clock().steer)
 """Patience of a beginner [policy steps]: a stretch in the wrong stance ends an episode."""
 PATIENCE_ENDS = 16.0
 """Ends a minute at which the patience stays as it is: more than one leg alone brings about."""
-STRENGTH_ENDS = 3.0
+STRENGTH_ENDS = 4.0
 """Ends a minute at which the strength stays as it is."""
 GAIN = 0.03
 """Step for ends that are off by a factor of e."""

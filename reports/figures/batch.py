@@ -30,16 +30,8 @@ def batch_figure(rows: "Sequence[Mapping[str, Any]]", key: str) -> "Figure":
         for place, row in enumerate(group):
             value, low, high = (row[column(key, end)] for end in ENDS)
             inside = "none" if row.get("verdict") == "not linear" else SIM
-            axes.errorbar(
-                value,
-                place,
-                xerr=[[value - low], [high - value]],
-                fmt="o",
-                color=SIM,
-                mfc=inside,
-                markersize=4.5,
-                capsize=2,
-            )
+            reach = [[value - low], [high - value]]
+            axes.errorbar(value, place, xerr=reach, fmt="o", color=SIM, mfc=inside, ms=4.5, capsize=2)
         axes.set_yticks(range(len(group)), [row["job"] for row in group])
         axes.set_ylim(len(group) - 0.5, -0.5)
         axes.set_title(board, loc="left")

@@ -3,8 +3,8 @@
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
-from reports.figures.decay import STYLE
 from reports.figures.palette import NOISE, REAL, SIM
+from reports.figures.style import styled
 from reports.figures.svg import thin
 from reports.story import release_name
 from sysid.comparison.compare import Comparison
@@ -29,12 +29,8 @@ def compare_figure(result: Comparison, title: str) -> "Figure":
         result: What was compared.
         title: Heading.
     """
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
     shown = result.releases[:MOST]
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(9.6, 7.4), layout="constrained")
+    with styled(9.6, 7.4) as figure:
         count = len(result.releases)
         left_out = f" ({MOST} of {count} releases drawn)" if count > MOST else ""
         heading = figure.suptitle(f"{title}{left_out}\n{result.summary}", fontsize=10)

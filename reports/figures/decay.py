@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from reports.figures.palette import BAD, NOISE, REAL, SIM
+from reports.figures.style import styled
 from reports.figures.svg import thin
 from sysid.decay.linear_fit import FittedTrace
 from sysid.free_decay import FreeDecay
@@ -16,19 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-STYLE: dict[Any, Any] = {
-    "font.size": 9,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.alpha": 0.25,
-    "grid.linewidth": 0.6,
-    "axes.titlesize": 9.5,
-    "axes.titlelocation": "left",
-    "legend.frameon": False,
-    "legend.fontsize": 8,
-    "path.simplify": True,
-}
 LEFT = 0.095
 """Margin as a share of the figure, wide enough for a label beside ticks of five figures."""
 MOST_LOGS = 4
@@ -45,26 +33,13 @@ def decay_figure(rolls: Sequence[Roll], decay: FreeDecay, title: str) -> "Figure
         decay: What was identified from them.
         title: Board and log, for the heading.
     """
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(9.0, 7.2))
-        # Fixed margins: finding them by trial would draw everything twice.
+    # Fixed margins: finding them by trial would draw everything twice.
+    sides = {"left": LEFT, "right": 0.985}
+    below = {"top": 0.585, "bottom": 0.065, "hspace": 0.2, "wspace": 0.2}
+    with styled(9.0, 7.2, layout=None) as figure:
         shown = rolls[:MOST_LOGS]
-        upper = figure.add_gridspec(1, len(shown), left=LEFT, right=0.985, top=0.93, bottom=0.71)
-        lower = figure.add_gridspec(
-            2,
-            2,
-            left=LEFT,
-            right=0.985,
-            top=0.585,
-            bottom=0.065,
-            hspace=0.2,
-            wspace=0.2,
-            height_ratios=(1.6, 1),
-            width_ratios=(1.75, 1),
-        )
+        upper = figure.add_gridspec(1, len(shown), **sides, top=0.93, bottom=0.71)
+        lower = figure.add_gridspec(2, 2, **sides, **below, height_ratios=(1.6, 1), width_ratios=(1.75, 1))
         figure.suptitle(title, x=0.01, y=0.985, ha="left", fontsize=11)
         for column, roll in enumerate(shown):
             axes = draw_log(figure.add_subplot(upper[0, column]), roll, decay)
@@ -86,25 +61,16 @@ def draw_log(axes: "Axes", roll: Roll, decay: FreeDecay) -> "Axes":
     for release, group in mine:
         axes.axvspan(release.start, float(release.time[-1]), color=SIM, alpha=0.08, lw=0)
         if len(mine) <= MOST_MARKED:
-            axes.annotate(
-                f"{release.number} {release.side}",
-                (release.start, 1.0),
-                xycoords=("data", "axes fraction"),
-                xytext=(2, 2),
-                textcoords="offset points",
-                fontsize=7.5,
-                color=SIM,
-            )
-        level = np.interp([peak.time for peak in group], roll.time, roll.roll)
-        axes.plot(
-            [peak.time for peak in group],
-            decay.position.scale * level,
-            "o",
-            ms=3.8,
-            mfc="white",
-            mec=REAL,
-            mew=0.9,
-        )
+            corner: dict[str, Any] = {
+                "xycoords": ("data", "axes fraction"),
+                "xytext": (2, 2),
+                "textcoords": "offset points",
+            }
+            label = f"{release.number} {release.side}"
+            axes.annotate(label, (release.start, 1.0), **corner, fontsize=7.5, color=SIM)
+        at = [peak.time for peak in group]
+        level = decay.position.scale * np.interp(at, roll.time, roll.roll)
+        axes.plot(at, level, "o", ms=3.8, mfc="white", mec=REAL, mew=0.9)
     axes.set(xlabel="time [s]", ylabel=decay.position.axis, xlim=(roll.time[0], roll.time[-1]))
     return axes
 
@@ -129,10 +95,10 @@ def draw_traces(axes: "Axes", decay: FreeDecay) -> "Axes":
         modelled = scale * (fitted.modelled - level)
         axes.plot(*thin(since, modelled), color=SIM, lw=0.9, label=None if i else "linear decay")
         if fitted is largest:
-            envelope = scale * _envelope(fitted, since, decay_rate)
+            reach = scale * envelope(fitted, since, decay_rate)
             middle = scale * (fitted.level - level)
-            axes.plot(*thin(since, middle + envelope), color=NOISE, lw=0.8, ls=(0, (4, 3)), label="envelope")
-            axes.plot(*thin(since, middle - envelope), color=NOISE, lw=0.8, ls=(0, (4, 3)))
+            axes.plot(*thin(since, middle + reach), color=NOISE, lw=0.8, ls=(0, (4, 3)), label="envelope")
+            axes.plot(*thin(since, middle - reach), color=NOISE, lw=0.8, ls=(0, (4, 3)))
     about = " about rest" if decay.trace.signal == "roll" else ""
     axes.set(ylabel=f"{decay.show.name}{about} [{unit}]", xlim=(0, shown))
     axes.set_ylim(-1.15 * height, 1.15 * height)
@@ -184,25 +150,11 @@ def draw_peak_line(axes: "Axes", decay: FreeDecay) -> "Axes":
         amplitude = scale * np.array([peak.amplitude for peak in group])
         std = scale * np.array([math.hypot(peak.std, decay.rest_angles[i].std) for peak in group])
         error = np.minimum(2 * std, 0.98 * amplitude)
-        axes.errorbar(
-            number,
-            amplitude,
-            yerr=error,
-            fmt="o",
-            ms=3.5,
-            color=REAL,
-            ecolor=REAL,
-            elinewidth=0.8,
-            label="peaks ±2σ" if i == used[0][0] else None,
-        )
+        label = "peaks ±2σ" if i == used[0][0] else None
+        axes.errorbar(number, amplitude, yerr=error, fmt="o", ms=3.5, color=REAL, elinewidth=0.8, label=label)
         if decay.line is not None and slope is not None and len(group) > 1:
-            axes.plot(
-                number,
-                scale * np.exp(decay.line.intercepts[i] + slope * number),
-                color=SIM,
-                lw=1.0,
-                label="line through the peaks" if i == used[0][0] else None,
-            )
+            line = scale * np.exp(decay.line.intercepts[i] + slope * number)
+            axes.plot(number, line, color=SIM, lw=1.0, label=label and "line through the peaks")
     axes.set_yscale("log")
     smallest = min(peak.amplitude for _, group in used for peak in group)
     axes.set_ylim(bottom=max(axes.get_ylim()[0], scale * smallest / 3))
@@ -237,7 +189,7 @@ def _unit(decay: FreeDecay) -> tuple[float, str]:
     return decay.show.scale, decay.show.unit.strip()
 
 
-def _envelope(fitted: FittedTrace, since: Array, rate: float) -> Array:
+def envelope(fitted: FittedTrace, since: Array, rate: float) -> Array:
     """Return the exponential that touches the fitted decay, from its largest excursions on."""
     swing = np.abs(fitted.modelled - fitted.level) * np.exp(rate * (since - since[0]))
     early = since - since[0] < 4.0 / max(rate, 1e-9)

@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reports.figures.decay import STYLE
 from reports.figures.palette import REAL, SIM
+from reports.figures.style import styled
 from sysid.effects._base import Effect, TorqueEffect
 from sysid.joint import JointLaw, simulate
 
@@ -20,17 +20,11 @@ STIFF = JointLaw(inertia=7.15e-3, stiffness=34.85, damping=0.54)
 
 def effect_figure(effect: Effect) -> "Figure":
     """Draw the decay with the effect (real, orange) and without (sim, blue)."""
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
-    base = (
-        STIFF if isinstance(effect, TorqueEffect) and effect.timestep else PLAIN
-    )  # a step shows on a strong damper
+    base = STIFF if isinstance(effect, TorqueEffect) and effect.timestep else PLAIN
     time = np.linspace(0.0, 0.25 if base is STIFF else 1.0, 800)
     real = simulate(base.with_effect(effect.name, *effect.example), time, 0.17)
     sim = simulate(base, time, 0.17)
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(6.4, 2.5), layout="constrained")
+    with styled(6.4, 2.5) as figure:
         axes = figure.add_subplot()
         axes.plot(time, np.degrees(real.roll), color=REAL, linewidth=2.4, label=f"with {effect.name}")
         axes.plot(time, np.degrees(sim.roll), color=SIM, linewidth=1.2, label="without")

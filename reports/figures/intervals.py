@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reports.figures.decay import STYLE
 from reports.figures.palette import NOISE, REAL, SIM
+from reports.figures.style import styled
 from sysid.fitting.bootstrap import Bootstrap
 from sysid.fitting.profile import Profile
 from sysid.quantity import Z95, Quantity
@@ -33,15 +33,11 @@ def interval_figure(
         bootstrap: Draws, if any were made.
         title: Heading.
     """
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
     shapes = {shape.name: shape for shape in profiles}
     names = list(shapes) or list(bootstrap.names if bootstrap else ())
     columns = 2 if len(names) == 4 else min(3, len(names))
     rows = -(-len(names) // columns)
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(3.1 * columns + 0.4, 2.7 * rows + 0.6), layout="constrained")
+    with styled(3.1 * columns + 0.4, 2.7 * rows + 0.6) as figure:
         figure.suptitle(title, fontsize=10, x=0.01, ha="left")
         for number, name in enumerate(names):
             axes = figure.add_subplot(rows, columns, number + 1)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from reports.figures.palette import HELD_OUT, NOISE, SIM
+from reports.figures.style import styled
 from reports.story import STOOD, Step, times
 
 if TYPE_CHECKING:
@@ -68,13 +69,7 @@ def ladder_figure(steps: Sequence[Step], noise: tuple[float, float], title: str)
         noise: 95 % interval of the noise floor, in multiples of it.
         title: Heading.
     """
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
-    from reports.figures.decay import STYLE
-
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(5.6, 1.5 + 0.45 * len(steps)), layout="constrained")
+    with styled(5.6, 1.5 + 0.45 * len(steps)) as figure:
         axes = figure.add_subplot()
         draw_ladder(axes, steps, noise)
         axes.set_title(title)

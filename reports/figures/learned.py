@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reports.figures.decay import STYLE
 from reports.figures.palette import NOISE, REAL, SIM
+from reports.figures.style import styled
 from sysid.fitting.formula import Formula, motion_of
 from sysid.fitting.learned_torque import learned_torque
 from sysid.quantity import Z95
@@ -26,12 +26,8 @@ def learned_figure(fit: "JointFit", formula: Formula | None, title: str, *, slid
         title: Heading.
         slides: Whether the joint is a slide.
     """
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
     tilts, rates = motion_of(fit)
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(8.8, 3.9), layout="constrained")
+    with styled(8.8, 3.9) as figure:
         axes = figure.subplots(2, 2, sharex="col", height_ratios=(4, 1))
         for column, values in enumerate((tilts, rates)):
             show = display(is_rate=column == 1, slides=slides, angle="tilt")
@@ -46,16 +42,9 @@ def learned_figure(fit: "JointFit", formula: Formula | None, title: str, *, slid
             above.plot(scale * at, torque, color=SIM, linewidth=1.8, label="learned, with 95 %")
             if formula is not None:
                 line = formula.torque(x, v)
-                plain = np.polyfit(
-                    at, torque - line, 1, w=1 / np.maximum(std, 1e-3 * np.abs(torque).max() + 1e-12)
-                )
-                above.plot(
-                    scale * at,
-                    line + np.polyval([plain[0], 0.0], at),
-                    color=REAL,
-                    linestyle="--",
-                    label=formula.law,
-                )
+                weight = 1 / np.maximum(std, 1e-3 * np.abs(torque).max() + 1e-12)
+                slope = np.polyfit(at, torque - line, 1, w=weight)[0]
+                above.plot(scale * at, line + slope * at, color=REAL, linestyle="--", label=formula.law)
             above.axhline(0.0, color=NOISE, linewidth=0.8)
             below.hist(scale * values, bins=60, color=NOISE)
             below.set_xlabel(show.axis)

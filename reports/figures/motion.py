@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from policy_runtime.motion.motions import Motion
 from sim.skate.robot.g1 import JOINTS
-from sysid.files import atomic_path
+from sysid.files import write_figure
 
 ROWS = (
     ("left leg", ("left_hip_pitch", "left_knee", "left_ankle_pitch")),
@@ -52,5 +52,4 @@ def motion_figure(motions: Sequence[Motion], planted: Sequence[npt.NDArray[np.bo
             if column == len(motions) - 1:
                 axes.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
         grid[-1, column].set_xlabel("time [s]; grey: left foot on the ground", fontsize=8)
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=110)
+    write_figure(path, figure, dpi=110)

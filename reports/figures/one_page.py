@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
-from reports.figures.decay import STYLE
 from reports.figures.story import draw_panels
+from reports.figures.style import styled
 from reports.story import Story
 
 if TYPE_CHECKING:
@@ -35,9 +35,6 @@ def one_page(
         story: For the panels.
         provenance: Where all of it comes from.
     """
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
     said = "\n".join(
         fill(f"{question} {answer}", LINE, subsequent_indent="    ") for question, answer, _ in answers
     )
@@ -45,12 +42,13 @@ def one_page(
         fill(f"{name}: {value}", LINE + 20, subsequent_indent="    ") for name, value in provenance
     )
     heights = (1.3 + said.count("\n"), 2.4 + len(table), 34.0, 1.5 + made.count("\n"))
-    with mpl.rc_context({**STYLE, "font.size": 8, "axes.titlesize": 8, "legend.fontsize": 7}):
-        figure = Figure(figsize=A4, layout="constrained")
+    small = {"font.size": 8, "axes.titlesize": 8, "legend.fontsize": 7}
+    with styled(*A4, style=small) as figure:
         figure.suptitle(title, fontsize=14, x=0.02, ha="left")
         parts: Any = figure.subfigures(4, 1, height_ratios=heights)
         parts[0].text(0.02, 0.98, said, va="top", fontsize=9, linespacing=1.4)
-        parts[1].text(0.02, 0.97, _in_maths(law), va="top", fontsize=11)
+        dotted = law.replace("φ̈", r"$\ddot{\varphi}$").replace("φ̇", r"$\dot{\varphi}$")
+        parts[1].text(0.02, 0.97, dotted, va="top", fontsize=11)
         for row, (name, value) in enumerate(table):
             at = 0.97 - (row + 2.0) / heights[1]
             parts[1].text(0.02, at, name, va="top", fontsize=9)
@@ -58,8 +56,3 @@ def one_page(
         draw_panels(parts[2], story, columns=2)
         parts[3].text(0.02, 0.95, made, va="top", fontsize=6.5, color="#444444")
     return figure
-
-
-def _in_maths(law: str) -> str:
-    """Return a law with its dots set over the letter."""
-    return law.replace("φ̈", r"$\ddot{\varphi}$").replace("φ̇", r"$\dot{\varphi}$")

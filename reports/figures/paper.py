@@ -2,18 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from reports.figures.palette import BAD, SERIES, SIM
-from sysid.files import atomic_path
+from sysid.files import write_figure
 from sysid.roll import Array
-
-
-def _save(figure: Any, path: Path) -> None:
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=120)
 
 
 def trajectories_figure(panels: Sequence[tuple[str, Sequence[Array]]], path: Path) -> None:
@@ -42,7 +36,7 @@ def trajectories_figure(panels: Sequence[tuple[str, Sequence[Array]]], path: Pat
         axis.set(xlabel="x [m]", ylabel="y [m]")
         axis.set_aspect("equal", adjustable="box")
         axis.grid(alpha=0.3)
-    _save(figure, path)
+    write_figure(path, figure, dpi=120)
 
 
 def curves_figure(
@@ -72,7 +66,7 @@ def curves_figure(
     for axis in axes[-1]:
         axis.set_xlabel("iteration")
     axes.flat[0].legend(fontsize=8, frameon=False)
-    _save(figure, path)
+    write_figure(path, figure, dpi=120)
 
 
 def map_figure(
@@ -105,15 +99,8 @@ def map_figure(
         axis = axes[policies.index(policy), delays.index(delay)]
         image = axis.imshow(np.asarray(grid), vmin=0, vmax=1, cmap="cividis", aspect="auto", origin="lower")
         for (i, j), share in np.ndenumerate(np.asarray(grid)):
-            axis.text(
-                j,
-                i,
-                f"{share:.2f}",
-                ha="center",
-                va="center",
-                fontsize=8,
-                color="black" if share > 0.5 else "white",
-            )
+            ink = "black" if share > 0.5 else "white"
+            axis.text(j, i, f"{share:.2f}", ha="center", va="center", fontsize=8, color=ink)
         axis.set_title(f"{policy}, {delay * 1e3:.0f} ms", loc="left", fontsize=10)
         axis.set_xticks(range(len(stiffness)), [f"{k:g}" for k in stiffness])
         axis.set_yticks(range(len(speed)), [f"{v:g}" for v in speed])
@@ -123,4 +110,4 @@ def map_figure(
         axis.set_ylabel("speed [m/s]")
     if image is not None:
         figure.colorbar(image, ax=axes, label="share of rides that last", shrink=0.9)
-    _save(figure, path)
+    write_figure(path, figure, dpi=120)

@@ -9,7 +9,7 @@ from policy_runtime.evaluation.recording import Recording
 from reports.figures.palette import BAD, GOOD, NOISE, SERIES, SIM
 from sim.skate.cycle.clock import STILL_SPEED
 from sim.skate.robot.g1 import servos
-from sysid.files import atomic_path
+from sysid.files import write_figure
 from sysid.quantity import Quantity
 from sysid.roll import Array
 
@@ -53,14 +53,16 @@ def ride_figure(recording: Recording, title: str, path: Path) -> None:
     _speed(rows[0], recording)
     _heading(rows[1], recording)
     _tilt(rows[2], recording)
-    _height(rows[3], recording)
+    lean = np.degrees(np.arccos(np.clip(recording.column("upright"), -1, 1)))
+    rows[3].plot(recording.time, lean, color=SIM, lw=1.5)
+    rows[3].set_ylabel("pelvis lean\n[°]")
+    rows[3].set_ylim(bottom=0)
     _feet(rows[4], recording)
     for axes in rows:
         _shade(axes, recording)
         axes.margins(x=0)
     rows[-1].set_xlabel("time [s]")
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=120)
+    write_figure(path, figure, dpi=120)
 
 
 def _path(axes: "Axes", recording: Recording) -> None:
@@ -110,13 +112,6 @@ def _tilt(axes: "Axes", recording: Recording) -> None:
     axes.legend(fontsize=8, frameon=False, ncols=2)
 
 
-def _height(axes: "Axes", recording: Recording) -> None:
-    lean = np.degrees(np.arccos(np.clip(recording.column("upright"), -1, 1)))
-    axes.plot(recording.time, lean, color=SIM, lw=1.5)
-    axes.set_ylabel("pelvis lean\n[°]")
-    axes.set_ylim(bottom=0)
-
-
 def _feet(axes: "Axes", recording: Recording) -> None:
     ground, deck = recording.column("foot_on_ground"), recording.column("foot_on_deck")
     wheels = recording.column("wheel_on_ground").all(axis=1)
@@ -138,24 +133,13 @@ def _spans(time: Array, flags: Array) -> list[tuple[float, float]]:
 def _shade(axes: "Axes", recording: Recording) -> None:
     step, clock = recording.step.astype(int), recording.clock
     moving = recording.command[:, 0] >= STILL_SPEED
-    flags = {
-        "push": clock.pushing(step),
-        "mount": clock.mounting(step),
-        "steer": clock.steering(step),
-        "dismount": clock.dismounting(step),
-    }
-    for name, colour in STRETCHES.items():
-        for start, end in _spans(recording.time, flags[name] & moving):
+    flags = (clock.pushing, clock.mounting, clock.steering, clock.dismounting)
+    for (name, colour), flag in zip(STRETCHES.items(), flags, strict=True):
+        for start, end in _spans(recording.time, flag(step) & moving):
             axes.axvspan(start, end, color=colour, zorder=0, lw=0)
             if axes.get_subplotspec().is_first_row():  # pyright: ignore[reportOptionalMemberAccess]
-                axes.text(
-                    (start + end) / 2,
-                    1.02,
-                    name,
-                    transform=axes.get_xaxis_transform(),
-                    fontsize=7,
-                    ha="center",
-                )
+                above = axes.get_xaxis_transform()
+                axes.text((start + end) / 2, 1.02, name, transform=above, fontsize=7, ha="center")
 
 
 def paths_figure(paths: tuple[Array, ...], headings: Array, title: str, path: Path) -> None:
@@ -191,8 +175,7 @@ def paths_figure(paths: tuple[Array, ...], headings: Array, title: str, path: Pa
     right.set(title="turns", xlabel="asked for [°]", ylabel="achieved [°]")
     right.legend(fontsize=8, frameon=False)
     right.grid(alpha=0.3)
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=120)
+    write_figure(path, figure, dpi=120)
 
 
 def suite_figure(shares: list[tuple[str, str, Quantity]], title: str, path: Path) -> None:
@@ -230,5 +213,4 @@ def suite_figure(shares: list[tuple[str, str, Quantity]], title: str, path: Path
     axes.grid(axis="x", alpha=0.3)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=120)
+    write_figure(path, figure, dpi=120)

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from sysid.errors import SysidError
-from sysid.files import atomic_path
+from sysid.files import write_figure
 from sysid.progress import steps
 from sysid.roll import Array
 
@@ -41,8 +41,7 @@ def film_strip(model: mujoco.MjModel, qpos: Array, times: Array, path: Path, *, 
     for axes, image, index in zip(grid.flat, images, chosen, strict=False):
         axes.imshow(image)
         axes.set_title(f"{times[index]:.2f} s", fontsize=9)
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=110)
+    write_figure(path, figure, dpi=110)
 
 
 def render(model: mujoco.MjModel, qpos: Array) -> list[Array]:

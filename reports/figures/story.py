@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from reports.figures.compare import draw_profile
-from reports.figures.decay import STYLE
 from reports.figures.ladder import draw_ladder
 from reports.figures.palette import NOISE, REAL, SIM, STOOD
+from reports.figures.style import styled
 from reports.figures.svg import thin
 from reports.story import TIED, Missing, Ranked, Story, times
 from sysid.effects import effect
 from sysid.quantity import Z95
+from sysid.roll import Array
 from sysid.text import Display, display, effort
 
 if TYPE_CHECKING:
@@ -90,12 +91,8 @@ def story_figure(story: Story, title: str) -> "Figure":
         story: What to draw.
         title: Heading.
     """
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
     rows = -(-len(panels(story)) // 3)
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(12.6, 3.5 * rows + 0.4), layout="constrained")
+    with styled(12.6, 3.5 * rows + 0.4) as figure:
         figure.suptitle(title, fontsize=11, x=0.01, ha="left")
         draw_panels(figure, story, columns=3)
     return figure
@@ -120,27 +117,15 @@ def draw_decay(axes: "Axes", story: Story) -> None:
     """Draw one release: the raw measurement, the record as it stood, and the law with what was missing."""
     after = story.after
     release, scale = after.releases[story.shown], after.show.scale
-    axes.plot(
-        *thin(release.time, scale * release.measured),
-        ".",
-        color=REAL,
-        ms=4,
-        label="measured",
-        gid="series:measured",
-    )
+
+    def draw(label: str, time: Array, curve: Array, **style: Any) -> None:
+        axes.plot(*thin(time, scale * curve), label=label, gid=f"series:{label}", **style)
+
+    draw("measured", release.time, release.measured, color=REAL, ls="", marker=".", ms=4)
     if story.before is not None:
         former = story.before.releases[story.shown]
-        axes.plot(
-            *thin(former.time, scale * former.simulated), color=STOOD, lw=1.4, ls="--", label=story.labels[0],
-            gid=f"series:{story.labels[0]}",
-        )  # fmt: skip
-    axes.plot(
-        *thin(release.time, scale * release.simulated),
-        color=SIM,
-        lw=1.4,
-        label=story.labels[1],
-        gid=f"series:{story.labels[1]}",
-    )
+        draw(story.labels[0], former.time, former.simulated, color=STOOD, lw=1.4, ls="--")
+    draw(story.labels[1], release.time, release.simulated, color=SIM, lw=1.4)
     axes.set(xlabel="time since release [s]", ylabel=after.show.axis)
     axes.legend(loc="best")
 
@@ -149,14 +134,8 @@ def draw_missing(axes: "Axes", missing: Missing, show: Display, named: str, *, s
     """Draw the torque beyond spring and damper with its 95 % band, and the named effect's law over it."""
     draw_profile(axes, missing.seen, show, slides=slides)
     if len(missing.at):
-        axes.plot(
-            show.scale * missing.at,
-            missing.law,
-            color=SIM,
-            lw=1.6,
-            label=f"law of {named}",
-            gid=f"series:law of {named}",
-        )
+        label = f"law of {named}"
+        axes.plot(show.scale * missing.at, missing.law, color=SIM, lw=1.6, label=label, gid=f"series:{label}")
         axes.legend(loc="best")
     axes.set_ylabel(effort(slides=slides))
 

@@ -10,9 +10,11 @@ import re
 from collections.abc import Sequence
 from contextlib import contextmanager
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from reports.figures.style import PLAIN
 
 if TYPE_CHECKING:
     from collections.abc import Generator
@@ -34,23 +36,15 @@ def page_style() -> "Generator[None]":
     """Draw figures for a page: real text, no background, stable identifiers."""
     import matplotlib as mpl
 
-    with mpl.rc_context(
-        {
-            "svg.fonttype": "none",
-            "svg.hashsalt": "husky-sysid",
-            "font.family": "sans-serif",
-            "font.size": 10,
-            "legend.fontsize": 10,
-            "axes.spines.top": False,
-            "axes.spines.right": False,
-            "axes.grid": True,
-            "grid.alpha": 0.25,
-            "grid.linewidth": 0.6,
-            "legend.frameon": False,
-            "figure.constrained_layout.use": True,
-            "path.simplify": True,
-        }
-    ):
+    page: dict[Any, Any] = {
+        "svg.fonttype": "none",
+        "svg.hashsalt": "husky-sysid",
+        "font.family": "sans-serif",
+        "font.size": 10,
+        "legend.fontsize": 10,
+        "figure.constrained_layout.use": True,
+    }
+    with mpl.rc_context(PLAIN | page):
         yield
 
 
@@ -126,14 +120,10 @@ def _hover_data(figure: "Figure") -> list[dict[str, object]]:
         if not lines:
             continue
         box = axes.get_window_extent()
+        sides = box.x0 * scale, height - box.y1 * scale, box.width * scale, box.height * scale
         panels.append(
             {
-                "box": [
-                    round(box.x0 * scale, 2),
-                    round(height - box.y1 * scale, 2),
-                    round(box.width * scale, 2),
-                    round(box.height * scale, 2),
-                ],
+                "box": [round(side, 2) for side in sides],
                 "x": axes.get_xlabel(),
                 "y": axes.get_ylabel(),
                 "series": [_series(axes, line, height, scale) for line in lines],

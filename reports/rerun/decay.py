@@ -14,20 +14,23 @@ import numpy as np
 import numpy.typing as npt
 
 from reports.evidence import Evidence
+from reports.figures.decay import envelope
 from reports.figures.palette import NOISE, REAL, SIM
 from reports.rerun.stream import (
     TIMELINE,
+    Look,
     log_model,
     log_points,
     log_poses,
     log_properties,
     log_series,
     log_states,
+    log_summary,
     recording,
 )
 from sysid.board import Board
 from sysid.comparison.compare import ComparedRelease, Comparison
-from sysid.decay.peaks import find_peaks
+from sysid.decay.peaks import Peak, find_peaks
 from sysid.free_decay import FreeDecay
 from sysid.releases import Phase, log_phases
 from sysid.roll import Array, Release, Roll
@@ -45,6 +48,7 @@ MOST_BOARDS = 6
 POSES = 50.0
 """Poses a second of the slow tail; while the deck moves, all samples are kept [Hz]."""
 ENVELOPE = "#777777"
+MEASURED, SIMULATED = Look("real", REAL, 3.5), Look("sim", SIM, 1.4)
 PHASES = {"rest": "#555555", "held": REAL, "free": SIM, "caught": "#CC79A7"}
 MILLI = 1e3
 """From SI to thousandths, the factor in which residuals are shown."""
@@ -93,12 +97,8 @@ def decay_recording(path: Path, roll: Roll, decay: FreeDecay, summary: str) -> N
         _log_whole_log(stream, "log", roll, phases, first)
         for i, (release, peaks) in enumerate(zip(decay.releases, decay.peaks, strict=True)):
             _log_fitted(stream, f"release{release.number}", decay, i)
-            if peaks:
-                times = np.array([peak.time for peak in peaks])
-                values = np.array([peak.roll for peak in peaks])
-                where = f"log/roll/peaks{release.number}"
-                log_points(stream, where, times - first, values, name="peaks", colour=REAL)
-        _log_summary(stream, summary)
+            _log_peaks(stream, f"log/roll/peaks{release.number}", peaks, first)
+        log_summary(stream, summary)
         rests = [rest.value for rest in decay.rest_angles]
         log_properties(stream, {"log": roll.log, "rest_angles": rests, **_values(decay.numbers.to_json())})
 
@@ -106,30 +106,25 @@ def decay_recording(path: Path, roll: Roll, decay: FreeDecay, summary: str) -> N
 def _log_fitted(stream: "rr.RecordingStream", root: str, decay: FreeDecay, number: int) -> None:
     """Log one release with the linear decay fitted to it, its envelope, residual and peaks."""
     release, fitted = decay.releases[number], decay.trace.releases[number]
-    peaks = decay.peaks[number]
-    measured = _signal(release, decay.trace.signal)
-    log_series(
-        stream, f"{root}/signal/measured", release.time - release.start, measured,
-        name="real", colour=REAL, width=3.5,
-    )  # fmt: skip
-    since = fitted.trace.time - release.start
-    log_series(
-        stream, f"{root}/signal/model", since, fitted.modelled, name="linear decay", colour=SIM, width=1.4
-    )  # its entity comes after 'measured': curves are drawn in that order
+    measured, since = _signal(release, decay.trace.signal), fitted.trace.time - release.start
+    signal = f"{root}/signal"
+    log_series(stream, f"{signal}/measured", release.time - release.start, measured, MEASURED)
+    # Its entity comes after 'measured': curves are drawn in that order.
+    log_series(stream, f"{signal}/model", since, fitted.modelled, SIMULATED._replace(name="linear decay"))
     _log_band(stream, root, since, -fitted.residual, decay.floor.std, "linear decay - real")
-    rate = decay.trace.omega_n * decay.trace.damping_ratio
-    swing = np.abs(fitted.modelled - fitted.level) * np.exp(rate * (since - since[0]))
-    reach = float(swing[since - since[0] < 4 / max(rate, 1e-9)].max())
-    envelope = reach * np.exp(-rate * (since - since[0]))
-    for sign, name in ((1, "above"), (-1, "below")):
-        log_series(
-            stream, f"{root}/signal/envelope_{name}", since, fitted.level + sign * envelope,
-            name=f"envelope {name}", colour=ENVELOPE, width=0.8,
-        )  # fmt: skip
-    if peaks and decay.trace.signal == "roll":
-        times = np.array([peak.time - release.start for peak in peaks])
-        values = np.array([peak.roll for peak in peaks])
-        log_points(stream, f"{root}/signal/peaks", times, values, name="peaks", colour=REAL)
+    reach = envelope(fitted, since, decay.trace.omega_n * decay.trace.damping_ratio)
+    for name, curve in (("above", fitted.level + reach), ("below", fitted.level - reach)):
+        look = Look(f"envelope {name}", ENVELOPE, 0.8)
+        log_series(stream, f"{signal}/envelope_{name}", since, curve, look)
+    if decay.trace.signal == "roll":
+        _log_peaks(stream, f"{signal}/peaks", decay.peaks[number], release.start)
+
+
+def _log_peaks(stream: "rr.RecordingStream", entity: str, peaks: Sequence[Peak], first: float) -> None:
+    """Log turning points, if there are any; their time counts from the first release's [s]."""
+    if peaks:
+        times, values = np.array([(peak.time - first, peak.roll) for peak in peaks]).T
+        log_points(stream, entity, times, values, name="peaks", colour=REAL)
 
 
 def comparison_recording(
@@ -181,13 +176,13 @@ def comparison_recording(
         for i, (roll, phases) in enumerate(zip(evidence.rolls, evidence.phases, strict=True)):
             _log_whole_log(stream, f"log{i + 1}", roll, phases, _first(evidence, roll))
         for i, release in enumerate(result.releases):
-            _log_release(stream, f"release{i + 1}", release, result, evidence, i)
+            _log_release(stream, f"release{i + 1}", release, evidence, i)
         if evidence.board.geometry:
             _log_boards(stream, evidence)
         _log_missing(stream, result)
         for i, film in enumerate(films):
             film.log(stream, f"film{i + 1}")
-        _log_summary(stream, summary)
+        log_summary(stream, summary)
         log_properties(stream, _board_properties(evidence))
 
 
@@ -197,43 +192,28 @@ def _first(evidence: Evidence, roll: Roll) -> float:
 
 
 def _log_release(
-    stream: "rr.RecordingStream",
-    root: str,
-    release: ComparedRelease,
-    result: Comparison,
-    evidence: Evidence,
-    number: int,
+    stream: "rr.RecordingStream", root: str, release: ComparedRelease, evidence: Evidence, number: int
 ) -> None:
-    log_series(
-        stream, f"{root}/signal/measured", release.time, release.measured, name="real", colour=REAL, width=3.5
-    )
+    signal, result, measured = f"{root}/signal", evidence.comparison, evidence.releases[number]
+    log_series(stream, f"{signal}/measured", release.time, release.measured, MEASURED)
     for j, rung in enumerate(evidence.ladder[:-1]):
-        log_series(
-            stream, f"{root}/signal/model{j}", release.time, rung.simulated[number],
-            name=rung.label, colour=LADDER[j % len(LADDER)], width=1.0,
-        )  # fmt: skip
-    log_series(
-        stream, f"{root}/signal/simulated", release.time, release.simulated, name="sim", colour=SIM, width=1.4
-    )
+        look = Look(rung.label, LADDER[j % len(LADDER)], 1.0)
+        log_series(stream, f"{signal}/model{j}", release.time, rung.simulated[number], look)
+    log_series(stream, f"{signal}/simulated", release.time, release.simulated, SIMULATED)
     _log_band(stream, root, release.time, release.residual, result.noise.std)
-    if result.is_rate:
-        return
-    peaks = _peaks(evidence.releases[number], result)
-    if peaks:
-        times, values = np.array(peaks).T
-        log_points(stream, f"{root}/signal/peaks", times, values, name="peaks", colour=REAL)
+    if not result.is_rate:
+        _log_peaks(stream, f"{signal}/peaks", _peaks(measured, result), measured.start)
 
 
-def _peaks(release: Release, result: Comparison) -> list[tuple[float, float]]:
-    """Return time since the release [s] and roll [rad] of the measured turning points."""
+def _peaks(release: Release, result: Comparison) -> list[Peak]:
+    """Return the measured turning points."""
     law = result.law
     decay = law.damping / (2 * law.inertia)
     if decay >= law.frequency:
         return []
     damped = float(np.sqrt(law.frequency**2 - decay**2))
     rest = law.rest_angle if release.zero == "known" else release.rest
-    found = find_peaks(release, rest, law.frequency, damped, result.noise.std)
-    return [(peak.time - release.start, peak.roll) for peak in found]
+    return find_peaks(release, rest, law.frequency, damped, result.noise.std)
 
 
 def _log_band(
@@ -245,19 +225,17 @@ def _log_band(
     name: str = "sim - real",
 ) -> None:
     """Log a residual over the band of ±2σ of the sensor's noise, in thousandths: Rerun's axis labels are short."""
-    log_series(stream, f"{root}/residual/error", time, MILLI * residual, name=name, colour=SIM, width=1.0)
+    log_series(stream, f"{root}/residual/error", time, MILLI * residual, Look(name, SIM, 1.0))
     ends = np.array([time[0], time[-1]])
     for sign, side in ((2, "upper"), (-2, "lower")):
-        log_series(
-            stream, f"{root}/residual/noise_{side}", ends, np.full(2, sign * MILLI * noise),
-            name=f"noise {sign:+d}σ", colour=NOISE, width=1.2,
-        )  # fmt: skip
+        look = Look(f"noise {sign:+d}σ", NOISE, 1.2)
+        log_series(stream, f"{root}/residual/noise_{side}", ends, np.full(2, sign * MILLI * noise), look)
 
 
 def _log_whole_log(
     stream: "rr.RecordingStream", root: str, roll: Roll, phases: Sequence[Phase], first: float
 ) -> None:
-    log_series(stream, f"{root}/roll/measured", roll.time - first, roll.roll, name="roll", colour=REAL)
+    log_series(stream, f"{root}/roll/measured", roll.time - first, roll.roll, Look("roll", REAL))
     log_states(stream, f"{root}/phase", [(phase.start - first, phase.kind) for phase in phases], PHASES)
 
 
@@ -322,18 +300,10 @@ def _log_missing(stream: "rr.RecordingStream", result: Comparison) -> None:
         draw_profile(axes, profile, show, slides=result.slides)
     picture = io.BytesIO()
     figure.savefig(picture, format="png", dpi=130, facecolor="white")
-    stream.log(
-        "missing_torque", rr.EncodedImage(contents=picture.getvalue(), media_type="image/png"), static=True
-    )
-    stream.log(
-        "missing_torque_values", rr.Tensor(result.missing.torque, dim_names=["tilt", "rate"]), static=True
-    )
-
-
-def _log_summary(stream: "rr.RecordingStream", summary: str) -> None:
-    import rerun as rr
-
-    stream.log("summary", rr.TextDocument(summary, media_type="text/markdown"), static=True)
+    image = rr.EncodedImage(contents=picture.getvalue(), media_type="image/png")
+    stream.log("missing_torque", image, static=True)
+    values = rr.Tensor(result.missing.torque, dim_names=["tilt", "rate"])
+    stream.log("missing_torque_values", values, static=True)
 
 
 def _release_tab(
@@ -345,23 +315,28 @@ def _release_tab(
     unit = "rad" if kind == "roll" else "rad/s"
     low, high = float(measured.min()), float(measured.max())
     pad = 0.08 * (high - low)
-    return rrb.Vertical(
-        rrb.TimeSeriesView(
-            origin=f"{root}/signal",
-            name=f"{kind} [{unit}]",
-            axis_x=_axis(span),
-            axis_y=rrb.ScalarAxis(range=(low - pad, high + pad)),
-            plot_legend=rrb.Corner2D.RightTop,
-        ),
-        rrb.TimeSeriesView(
-            origin=f"{root}/residual",
-            name=f"residual [m{unit}]",
-            axis_x=_axis(span),
-            axis_y=rrb.ScalarAxis(range=(-1.15 * MILLI * error, 1.15 * MILLI * error)),
-            plot_legend=rrb.Corner2D.RightTop,
-        ),
-        row_shares=[3, 1],
+    reach = 1.15 * MILLI * error
+    views = (
+        _curves(f"{root}/signal", f"{kind} [{unit}]", span, (low - pad, high + pad)),
+        _curves(f"{root}/residual", f"residual [m{unit}]", span, (-reach, reach)),
+    )
+    return rrb.Vertical(*views, row_shares=[3, 1], name=name)
+
+
+def _curves(
+    origin: str, name: str, span: tuple[float, float], heights: tuple[float, float]
+) -> "rrb.TimeSeriesView":
+    """Return a view of curves between two times [s] and two heights."""
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+    start, end = (rr.TimeRangeBoundary.absolute(rr.TimeInt(seconds=at)) for at in span)
+    return rrb.TimeSeriesView(
+        origin=origin,
         name=name,
+        axis_x=rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=end)),
+        axis_y=rrb.ScalarAxis(range=heights),
+        plot_legend=rrb.Corner2D.RightTop,
     )
 
 
@@ -376,15 +351,9 @@ def _log_views(root: str, roll: Roll, first: float) -> "list[rrb.View]":
     import rerun.blueprint as rrb
 
     reach = 1.1 * float(np.abs(roll.roll).max())
-    return [
-        rrb.TimeSeriesView(
-            origin=f"{root}/roll",
-            name="whole log: roll [rad]",
-            axis_x=_axis((float(roll.time[0]) - first, float(roll.time[-1]) - first)),
-            axis_y=rrb.ScalarAxis(range=(-reach, reach)),
-        ),
-        rrb.StateTimelineView(origin=f"{root}/phase", name="phases"),
-    ]
+    span = float(roll.time[0]) - first, float(roll.time[-1]) - first
+    whole = _curves(f"{root}/roll", "whole log: roll [rad]", span, (-reach, reach))
+    return [whole, rrb.StateTimelineView(origin=f"{root}/phase", name="phases")]
 
 
 def _blueprint(left: "rrb.Tabs", right: "rrb.Container", end: float) -> "rrb.Blueprint":
@@ -392,32 +361,19 @@ def _blueprint(left: "rrb.Tabs", right: "rrb.Container", end: float) -> "rrb.Blu
     import rerun as rr
     import rerun.blueprint as rrb
 
+    played = rrb.components.AbsoluteTimeRange(min=rr.TimeInt(seconds=0.0), max=rr.TimeInt(seconds=end))
     return rrb.Blueprint(
         rrb.Horizontal(left, right, column_shares=[3, 2]),
         rrb.TimePanel(
             timeline=TIMELINE,
             state="collapsed",
-            time_selection=rrb.components.AbsoluteTimeRange(
-                min=rr.TimeInt(seconds=0.0), max=rr.TimeInt(seconds=end)
-            ),
+            time_selection=played,
             loop_mode="selection",
             playback_speed=min(end / SHOWN_IN, 1.0),
             play_state="playing",
         ),
         rrb.SelectionPanel(state="collapsed"),
         rrb.BlueprintPanel(state="collapsed"),
-    )
-
-
-def _axis(span: tuple[float, float]) -> "rrb.TimeAxis":
-    import rerun as rr
-    import rerun.blueprint as rrb
-
-    start, end = (rr.TimeInt(seconds=seconds) for seconds in span)
-    return rrb.TimeAxis(
-        view_range=rr.TimeRange(
-            start=rr.TimeRangeBoundary.absolute(start), end=rr.TimeRangeBoundary.absolute(end)
-        )
     )
 
 
@@ -437,11 +393,8 @@ def _spacing(board: Board) -> float:
 
 def _shown(release: ComparedRelease, result: Comparison) -> tuple[float, float]:
     """Return the times between which the measured or the simulated deck moves [s]: a wrong law may rest long before."""
-    spans = (
-        _window(release.time, release.simulated),
-        _window(release.time, release.measured, CLEAR * result.noise.std),
-    )
-    return spans[0][0], max(end for _, end in spans)
+    begin, end = _window(release.time, release.simulated)
+    return begin, max(end, _window(release.time, release.measured, CLEAR * result.noise.std)[1])
 
 
 def _window(time: Array, motion: Array, least: float = 0.0) -> tuple[float, float]:

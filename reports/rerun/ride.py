@@ -10,7 +10,7 @@ import numpy as np
 from policy_runtime.evaluation.recording import Recording
 from policy_runtime.motion.motions import Motion
 from reports.figures.palette import NOISE, REAL, SIM
-from reports.rerun.stream import body_entity, log_model, log_poses, log_series, log_states, recording
+from reports.rerun.stream import Look, body_entity, log_model, log_poses, log_series, log_states, recording
 from sim.skate.robot.g1 import JOINTS
 from sim.skate.world.scene import ROBOT
 from sysid.roll import Array
@@ -62,7 +62,7 @@ def ride_recording(model: mujoco.MjModel, ride: Recording, name: str, path: Path
             ("contact/left_deck", ride.column("foot_on_deck")[:, 0] * 0.9, "left foot on deck", SIM),
             ("contact/right_deck", ride.column("foot_on_deck")[:, 1] * 0.8, "right foot on deck", NOISE),
         ):
-            log_series(stream, entity, ride.time, np.asarray(values, dtype=float), name=label, colour=colour)
+            log_series(stream, entity, ride.time, np.asarray(values, dtype=float), Look(label, colour))
         log_states(stream, "stretch", _stretches(ride))
 
 
@@ -97,7 +97,7 @@ def motion_recording(model: mujoco.MjModel, motions: list[Motion], path: Path) -
             log_poses(stream, f"world/{motion.name}", model, time, qpos)
             for joint, colour in (("left_hip_pitch", SIM), ("left_knee", REAL), ("right_knee", NOISE)):
                 values = motion.joints[:, JOINTS.index(f"{joint}_joint")]
-                log_series(stream, f"joints/{motion.name}/{joint}", time, values, name=joint, colour=colour)
+                log_series(stream, f"joints/{motion.name}/{joint}", time, values, Look(joint, colour))
         _ground(stream, np.vstack([motion.position for motion in motions]))
 
 

@@ -9,7 +9,7 @@ import re
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -57,12 +57,15 @@ def recording(path: Path, recording_id: str, blueprint: "rrb.Blueprint") -> "Gen
     need_rerun()
     import rerun as rr
 
+    application = re.sub(
+        r"[^A-Za-z0-9_\- ]", "-", f"{APPLICATION} {recording_id}"
+    )  # letters that Rerun allows
     was_strict = rr.strict_mode()
     rr.set_strict_mode(True)
     try:
         with (
             atomic_path(path) as temporary,
-            rr.RecordingStream(_application(recording_id), recording_id=recording_id) as stream,
+            rr.RecordingStream(application, recording_id=recording_id) as stream,
         ):
             temporary.write_bytes(bytes(HEADROOM))  # where its first write fails, Rerun waits for ever
             stream.save(temporary)
@@ -78,21 +81,18 @@ def recording(path: Path, recording_id: str, blueprint: "rrb.Blueprint") -> "Gen
         rr.set_strict_mode(was_strict)
 
 
-def _application(recording_id: str) -> str:
-    """Return an application id in the letters that Rerun allows for one."""
-    return re.sub(r"[^A-Za-z0-9_\- ]", "-", f"{APPLICATION} {recording_id}")
+class Look(NamedTuple):
+    """How a curve is drawn."""
+
+    name: str
+    """Shown in the legend."""
+    colour: str
+    """'#RRGGBB'."""
+    width: float = 1.5
+    """[points]."""
 
 
-def log_series(
-    stream: "rr.RecordingStream",
-    entity: str,
-    time: Array,
-    values: Array,
-    *,
-    name: str,
-    colour: str,
-    width: float = 1.5,
-) -> None:
+def log_series(stream: "rr.RecordingStream", entity: str, time: Array, values: Array, look: Look) -> None:
     """Log one curve with its style.
 
     Args:
@@ -100,29 +100,21 @@ def log_series(
         entity: Its path in the recording.
         time: Time on the recording's time line [s], shape (n,).
         values: Shape (n,).
-        name: Shown in the legend.
-        colour: '#RRGGBB'.
-        width: Line width [points].
+        look: How it is drawn.
     """
     import rerun as rr
 
-    _send(stream, entity, time, values, rr.SeriesLines(colors=[rgb(colour)], names=[name], widths=[width]))
+    style = rr.SeriesLines(colors=[rgb(look.colour)], names=[look.name], widths=[look.width])
+    _send(stream, entity, time, values, style)
 
 
 def log_points(
-    stream: "rr.RecordingStream",
-    entity: str,
-    time: Array,
-    values: Array,
-    *,
-    name: str,
-    colour: str,
-    size: float = 5,
+    stream: "rr.RecordingStream", entity: str, time: Array, values: Array, *, name: str, colour: str
 ) -> None:
     """Log separate points (peaks) with their style; arguments as in `log_series`."""
     import rerun as rr
 
-    style = rr.SeriesPoints(colors=[rgb(colour)], names=[name], marker_sizes=[size])
+    style = rr.SeriesPoints(colors=[rgb(colour)], names=[name], marker_sizes=[5.0])
     _send(stream, entity, time, values, style)
 
 
@@ -132,11 +124,8 @@ def _send(
     import rerun as rr
 
     stream.log(entity, style, static=True)
-    stream.send_columns(
-        entity,
-        indexes=[rr.TimeColumn(TIMELINE, duration=time)],
-        columns=rr.Scalars.columns(scalars=values),
-    )
+    times = rr.TimeColumn(TIMELINE, duration=time)
+    stream.send_columns(entity, indexes=[times], columns=rr.Scalars.columns(scalars=values))
 
 
 def log_states(
@@ -185,6 +174,7 @@ def log_model(
         base = rgb(tint) if tint else tuple(int(255 * c) for c in own[:3])
         colour = (*base, int(255 * alpha * own[3]))
         size = model.geom_size[geom]
+        solid: dict[str, Any] = {"colors": [colour], "fill_mode": "solid"}
         place = rr.Transform3D(
             translation=model.geom_pos[geom],
             quaternion=rr.Quaternion(xyzw=np.roll(model.geom_quat[geom], -1)),
@@ -192,31 +182,21 @@ def log_model(
         shape: rr.AsComponents
         match mjtGeom(model.geom_type[geom]):
             case mjtGeom.mjGEOM_BOX:
-                shape = rr.Boxes3D(half_sizes=[size], colors=[colour], fill_mode="solid")
+                shape = rr.Boxes3D(half_sizes=[size], **solid)
             case mjtGeom.mjGEOM_SPHERE:
-                shape = rr.Ellipsoids3D(radii=[size[0]], colors=[colour], fill_mode="solid")
+                shape = rr.Ellipsoids3D(radii=[size[0]], **solid)
             case mjtGeom.mjGEOM_CYLINDER:
-                shape = rr.Cylinders3D(
-                    lengths=[2 * size[1]], radii=[size[0]], colors=[colour], fill_mode="solid"
-                )
+                shape = rr.Cylinders3D(lengths=[2 * size[1]], radii=[size[0]], **solid)
             case mjtGeom.mjGEOM_CAPSULE:
                 # Rerun's capsule starts at the origin and goes along +z; MuJoCo's is centred.
-                shape = rr.Capsules3D(
-                    lengths=[2 * size[1]],
-                    radii=[size[0]],
-                    translations=[(0, 0, -size[1])],
-                    colors=[colour],
-                    fill_mode="solid",
-                )
+                low = [(0, 0, -size[1])]
+                shape = rr.Capsules3D(lengths=[2 * size[1]], radii=[size[0]], translations=low, **solid)
             case mjtGeom.mjGEOM_MESH:
                 mesh = int(model.geom_dataid[geom])
-                vertices = slice(
-                    model.mesh_vertadr[mesh], model.mesh_vertadr[mesh] + model.mesh_vertnum[mesh]
-                )
-                faces = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
+                vertex, face = model.mesh_vertadr[mesh], model.mesh_faceadr[mesh]
                 shape = rr.Mesh3D(
-                    vertex_positions=model.mesh_vert[vertices],
-                    triangle_indices=model.mesh_face[faces],
+                    vertex_positions=model.mesh_vert[vertex : vertex + model.mesh_vertnum[mesh]],
+                    triangle_indices=model.mesh_face[face : face + model.mesh_facenum[mesh]],
                     albedo_factor=colour,
                 )
             case _:
@@ -248,14 +228,17 @@ def log_poses(
         mujoco.mj_kinematics(model, data)
         translations[i] = data.xpos
         quaternions[i] = np.roll(data.xquat, -1, axis=1)  # MuJoCo wxyz, Rerun xyzw
+    times = rr.TimeColumn(TIMELINE, duration=time)
     for body in range(1, model.nbody):
-        stream.send_columns(
-            f"{root}/{body_entity(model, body)}",
-            indexes=[rr.TimeColumn(TIMELINE, duration=time)],
-            columns=rr.Transform3D.columns(
-                translation=translations[:, body], quaternion=quaternions[:, body]
-            ),
-        )
+        moves = rr.Transform3D.columns(translation=translations[:, body], quaternion=quaternions[:, body])
+        stream.send_columns(f"{root}/{body_entity(model, body)}", indexes=[times], columns=moves)
+
+
+def log_summary(stream: "rr.RecordingStream", text: str) -> None:
+    """Log a text in Markdown that holds for all of the recording."""
+    import rerun as rr
+
+    stream.log("summary", rr.TextDocument(text, media_type="text/markdown"), static=True)
 
 
 def log_properties(stream: "rr.RecordingStream", properties: Mapping[str, object]) -> None:

@@ -37,9 +37,11 @@ class Variation:
     rolling_friction: tuple[float, float] = (0.5, 4.0)
     """Factors of the wheels' rolling friction, evenly spread in their logarithm."""
     slope: float = math.radians(4.0)
-    """Steepest long slope [rad], up and down along the start's direction; half of it across."""
+    """Steepest long slope [rad], up or down, ahead within 45°."""
     descent: float = math.radians(10.0)
     """Steepest short way down, ahead within 45° [rad]."""
+    ledge: float = 0.06
+    """Highest ledge to roll down [m]."""
     gyro_bias: float = 0.03
     """[rad/s]"""
     gravity_bias: float = 0.02
@@ -56,6 +58,7 @@ NOMINAL = Variation(
     rolling_friction=(1.0, 1.0),
     slope=0.0,
     descent=0.0,
+    ledge=0.0,
     gyro_bias=0.0,
     gravity_bias=0.0,
     encoder_bias=0.0,
@@ -99,6 +102,11 @@ class SkateOptions:
     """Time in pushing without the left foot on the ground after which an episode ends [s]; 0 for never."""
     speed: tuple[float, float] = (0.0, 1.5)
     """Range of the commanded speed [m/s]."""
+    standing: float = 0.25
+    """Share of the episodes from rest that are told to stand, besides the range's and the slow ones' own: in all one episode
+    in six, where one in thirty settled nothing."""
+    slow: float = 0.2
+    """Share told to go at up to 0.4 m/s, besides the range's own: on slopes it is they who fall."""
     turn: float = math.pi / 4
     """Largest commanded change of heading to either side [rad]."""
     start: Start = field(default_factory=Start)
@@ -130,6 +138,8 @@ class SkateOptions:
             "foot_place": (STANDING_PLACE, STANDING_PLACE),
             "boards": 0,
             "pushes": 0.0,
+            "standing": 0.0,
+            "slow": 0.0,
             "noise": False,
             "variation": NOMINAL,
             "stance_patience": 0,

@@ -62,7 +62,12 @@ def skate_env_cfg(
     from sim.skate.mdp.learned_torque import LearnedTorqueCfg
     from sim.skate.mdp.trucks import TruckSetterCfg
 
-    scene = SceneOptions(coupling=options.coupling, steered=options.steered, terrain=options.terrain)
+    scene = SceneOptions(
+        coupling=options.coupling,
+        steered=options.steered,
+        terrain=options.terrain,
+        ledge=options.terrain == "flat" and options.variation.ledge > 0,
+    )
     command = skate_command_cfg(board, options)
     draws = _draws(board, options, scene, seed)
     delayed = options.variation != NOMINAL
@@ -106,6 +111,8 @@ def skate_command_cfg(board: Board, options: SkateOptions) -> "SkateCommandCfg":
     )
     return SkateCommandCfg(
         speed=options.speed,
+        standing=options.standing,
+        slow=options.slow,
         turn=(-options.turn, options.turn),
         turn_feedback=options.turn_feedback,
         turn_spread=options.turn_spread,

@@ -86,7 +86,7 @@ COMMANDS = {
     ),
     "rollout": Command(
         "Measure rake and rolling resistance from a board that rolls by itself.",
-        ("rollout film.csv --board pink", "rollout imu.csv --board pink --slope-deg 2 --save"),
+        ("rollout film.csv --board pink", "rollout imu.csv --board pink --slope-deg -2 --save"),
         "boards.md",
     ),
     "effects": Command(

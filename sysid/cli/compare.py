@@ -6,11 +6,11 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sysid.cli.console import OUTPUT, Common, Printer, require_share, write_figure
+from sysid.cli.console import OUTPUT, Common, Printer, require_share
 from sysid.cli.log_options import LogArguments, refuse_overwriting_logs
 from sysid.cli.subject import Subject
 from sysid.cli.view import read_logs, write_recording
-from sysid.files import write_json
+from sysid.files import write_figure, write_json
 
 
 def compare(

@@ -12,14 +12,12 @@ from rich.console import Console
 
 from sysid.cli.streams import one_line
 from sysid.errors import SysidError
-from sysid.files import atomic_path, refuse_overwriting, write_json
+from sysid.files import refuse_overwriting, write_json
 from sysid.quantity import Quantity
 from sysid.text import table
 from sysid.workspace import Workspace
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from sysid.recording import Recording
 
 
@@ -150,13 +148,6 @@ class Printer:
         else:
             write_json(Path(self.common.json), content)
             self.note(f"written: {self.common.json}")
-
-
-def write_figure(path: Path, figure: "Figure", *, dpi: int = 140) -> Path:
-    """Write a figure in one step and return its path."""
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=dpi)
-    return path
 
 
 def require_share(option: str, value: float) -> None:

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from sysid.cli.console import OUTPUT, Common, Printer, write_figure
+from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.cli.log_options import LogArguments, load_recordings, refuse_overwriting_logs
 from sysid.cli.subject import Subject
 from sysid.errors import SysidError
-from sysid.files import write_json
+from sysid.files import write_figure, write_json
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

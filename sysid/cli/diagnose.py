@@ -5,11 +5,11 @@ from typing import Annotated
 
 from cyclopts import Parameter, validators
 
-from sysid.cli.console import FIT, Common, Printer, write_figure
+from sysid.cli.console import FIT, Common, Printer
 from sysid.cli.log_options import LogArguments, load_recordings
 from sysid.cli.parameter_options import parse_fixed
 from sysid.cli.subject import Subject
-from sysid.files import write_json
+from sysid.files import write_figure, write_json
 
 
 def diagnose(

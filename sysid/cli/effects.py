@@ -5,9 +5,9 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sysid.cli.console import Common, Printer, write_figure
+from sysid.cli.console import Common, Printer
 from sysid.errors import SysidError
-from sysid.files import write_atomically
+from sysid.files import write_atomically, write_figure
 
 
 def effects(

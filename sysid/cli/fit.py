@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from sysid.board import Board
-from sysid.cli.console import FIT, OUTPUT, Common, Printer, write_figure
+from sysid.cli.console import FIT, OUTPUT, Common, Printer
 from sysid.cli.fit_intervals import show_intervals
 from sysid.cli.log_options import LogArguments, load_recordings
 from sysid.cli.parameter_options import SHORT, parse_bounds, parse_fixed
 from sysid.cli.subject import Subject
-from sysid.files import refuse_overwriting, write_atomically
+from sysid.files import refuse_overwriting, write_atomically, write_figure
 from sysid.quantity import Z95
 
 if TYPE_CHECKING:

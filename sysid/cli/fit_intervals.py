@@ -3,7 +3,8 @@
 from typing import TYPE_CHECKING, Any
 
 from sysid.board import Board
-from sysid.cli.console import Common, Printer, write_figure
+from sysid.cli.console import Common, Printer
+from sysid.files import write_figure
 from sysid.progress import stage
 
 if TYPE_CHECKING:

@@ -8,12 +8,12 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sysid.cli.console import OUTPUT, Common, Printer, write_figure
+from sysid.cli.console import OUTPUT, Common, Printer
 from sysid.cli.log_options import LogArguments
 from sysid.cli.subject import Subject
 from sysid.cli.view import logs_of, no_logs, read_logs
 from sysid.errors import SysidError
-from sysid.files import write_atomically
+from sysid.files import write_atomically, write_figure
 
 
 def report(

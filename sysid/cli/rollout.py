@@ -38,7 +38,7 @@ def rollout(
             more; y is left of x, roll is positive with the right edge down. From an IMU on the board, which stands
             still at first: time_s,forward_m_s2,yaw_rate_rad_s,roll_rad, left turns positive.
         board: The board; its wheelbase counts.
-        slope_deg: Gradient of the ground along the way, downhill positive [degrees].
+        slope_deg: Gradient of the ground along the way, uphill positive, as in `evaluate` [degrees].
         rest: IMU: for how long the board stands still at the beginning [s].
         free: IMU: after how long it rolls freely [s].
         save: Put both into the board's record; scene and training follow.
@@ -56,7 +56,9 @@ def rollout(
     found = roll_out(runs, record.geometry["wheelbase"], math.radians(slope_deg))
     rows = [(f"loss of speed at {found.at_speed:.2g} m/s", found.deceleration)]
     if found.rake is None:
-        printer.warn("the deck was not tilted enough to tell the rake; tilt it by a weight beside the axis.")
+        printer.warn(
+            "the board turned too little to tell the rake; tilt its deck more, by a weight beside the axis."
+        )
     else:
         rows.insert(0, ("rake", found.rake))
     printer.quantities(rows, f"{record.name}: {len(runs)} roll-out{'s' * (len(runs) > 1)}")

@@ -125,11 +125,9 @@ def decay_from_peaks(
             f"inertia {inertia.value:.4g} kg·m² are no decay: all must be positive and the second peak smaller "
             "than the first. Measure both peaks on the same side, about the rest angle."
         )
-    delta = math.log(first_peak.value / second_peak.value)
-    delta_std = math.hypot(first_peak.std / first_peak.value, second_peak.std / second_peak.value)
-    omega_n, zeta, jacobian = _from_decrement(delta, period.value)
-    covariance = jacobian @ np.diag([delta_std**2, period.std**2]) @ jacobian.T
-    return decay_numbers(omega_n, zeta, covariance, inertia, method="two peaks on the same side")
+    std = math.hypot(first_peak.std / first_peak.value, second_peak.std / second_peak.value)
+    delta = Quantity(math.log(first_peak.value / second_peak.value), std, "1")
+    return numbers_from_decrement(delta, period, inertia, method="two peaks on the same side")
 
 
 def numbers_from_decrement(

@@ -15,7 +15,6 @@ from sysid.effects._base import TorqueEffect
 from sysid.fitting.covariance import parameter_covariance
 from sysid.joint.sampled import sampled_k_d
 from sysid.joint.structure import structure_of
-from sysid.least_squares import minimise
 from sysid.noise.floor import pooled_step
 from sysid.noise.whiteness import correlation_length
 from sysid.text import display
@@ -121,10 +120,7 @@ def _worse(model: Candidate, rest_angle: float, *more: str) -> float:
         held.start({**known, **{name: share * known[name] for name in rough}})
         for share in ((0.6, 0.8, 1.0, 1.25, 1.6) if rough else (1.0,))
     ]
-    costs = [
-        minimise(held.normal, start, *held.bounds(), iterations=25, tolerance=1e-6).normal.cost
-        for start in starts
-    ]
+    costs = [held.fitted(start, 25, 1e-6).normal.cost for start in starts]
     unit = max(model.chi2 / model.samples, 0.25) * max(1.0, correlation_length(model.residuals))
     return (2 * min(costs) - 2 * model.minimum.normal.cost) / unit
 
@@ -184,10 +180,7 @@ def _faithful(model: Candidate, board: Board) -> list[tuple[str, float]]:
             )
             for start in parameter.starts
         ]
-        costs = [
-            minimise(richer.normal, start, *richer.bounds(), iterations=25, tolerance=1e-6).normal.cost
-            for start in starts
-        ]
+        costs = [richer.fitted(start, 25, 1e-6).normal.cost for start in starts]
         found.append((name, float(np.sqrt(max(2 * (min(costs) - model.minimum.normal.cost), 0.0)))))
     return found
 

@@ -19,7 +19,7 @@ from sysid.fitting.problem import Problem
 from sysid.fitting.records import Bias, Record
 from sysid.fitting.search import first_swings, search
 from sysid.joint.structure import structure_of
-from sysid.least_squares import Minimum, minimise
+from sysid.least_squares import Minimum
 from sysid.roll import Array
 
 COARSE, FINE = 24, 32
@@ -206,7 +206,7 @@ class Search:
         )  # fmt: skip
         if known is not None:
             start = inherited(problem, known)
-            other = minimise(problem.normal, start, *problem.bounds(), iterations=15, tolerance=1e-5)
+            other = problem.fitted(start, 15, 1e-5)
             minimum = min(minimum, other, key=lambda m: m.normal.cost)
         return Candidate(effects=tuple(sorted(effects)), problem=problem, minimum=minimum)
 
@@ -226,26 +226,22 @@ class Search:
             left = FRICTIONLESS if structure_of(tuple(new)).has_dry_friction else 1.0
             damping = left * known.parameters["damping"]
             starts += [{**little, **known.parameters, "damping": damping} for little in self._little(new)]
-        bounds = problem.bounds()
         # A start that is a little off is far off after many swings, so the first ones rank starts better, and sooner.
         early = problem.with_(records=[first_swings(r, self.scales, EARLY) for r in self.records])
-        first = [
-            minimise(early.normal, early.start(completed(early, start)), *bounds, iterations=1)
-            for start in starts
-        ]
+        first = [early.fitted(early.start(completed(early, start)), 1, 1e-7) for start in starts]
         first.sort(key=lambda trial: trial.normal.cost)
         points = [*(trial.point for trial in first[:2]), inherited(problem, one), inherited(problem, other)]
-        trials = [minimise(problem.normal, point, *bounds, iterations=4, tolerance=1e-3) for point in points]
+        trials = [problem.fitted(point, 4, 1e-3) for point in points]
         return Candidate(effects=effects, problem=problem, minimum=min(trials, key=lambda m: m.normal.cost))
 
     def finished(self, model: Candidate) -> Candidate:
         """Return a model that was only begun with its fit brought to an end."""
         problem = model.problem
-        minimum = minimise(
-            problem.normal, model.minimum.point, *problem.bounds(), iterations=16, known=model.minimum.normal,
-            tolerance=lambda cost: max(0.2 / problem.samples, problem.unnoticed(cost)),  # at the noise, a tenth of what chance gains
-        )  # fmt: skip
-        return replace(model, minimum=minimum)
+
+        def small(cost: float) -> float:  # at the noise, a tenth of what chance gains
+            return max(0.2 / problem.samples, problem.unnoticed(cost))
+
+        return replace(model, minimum=problem.fitted(model.minimum.point, 16, small, model.minimum.normal))
 
     def _little(self, effects: Iterable[str]) -> list[dict[str, float]]:
         """Return the catalogue's starts of effects that join a model, a few where there are several valleys."""
@@ -379,7 +375,7 @@ class Search:
         for changed in changes:
             start = problem.start(completed(problem, {**model.parameters, **changed}))
             _take_motion(problem, start, model)
-            found.append(minimise(problem.normal, start, *problem.bounds(), iterations=20, tolerance=1e-5))
+            found.append(problem.fitted(start, 20, 1e-5))
         return Candidate(effects=effects, problem=problem, minimum=min(found, key=lambda m: m.normal.cost))
 
     def finalists(self, models: Iterable[Candidate]) -> list[Candidate]:
@@ -441,19 +437,13 @@ class Search:
             old.structure, self.records, self.scales, bias=self.bias, fixed=old.fixed, free_states=old.free_states,
             steps_per_period=int(FINE * old.structure.sharpness), average=self.average if average is None else average,
         )  # fmt: skip
-
-        def fitted(start: Array) -> Minimum:
-            return minimise(
-                problem.normal, start, *problem.bounds(), iterations=30, tolerance=problem.unnoticed
-            )
-
-        best = fitted(model.minimum.point)
+        best = problem.fitted(model.minimum.point, 30)
         walk = walk and average is None and old.structure.nonsmooth
         if walk and best.normal.cost > 0.55 * problem.samples:
-            best = _walked(problem, best, fitted)
+            best = _walked(problem, best)
         for known in parents:
             if known.minimum.normal.cost < best.normal.cost:  # else it ends in no better valley
-                best = min(best, fitted(inherited(problem, known)), key=lambda m: m.normal.cost)
+                best = min(best, problem.fitted(inherited(problem, known), 30), key=lambda m: m.normal.cost)
         return _freed(replace(model, problem=problem, minimum=best, heldout=None))
 
 
@@ -463,14 +453,7 @@ def _freed(model: Candidate) -> Candidate:
     if not states or model.problem.free_states:
         return model
     problem = model.problem.with_(free_states=True)
-    begun = inherited(problem, model)
-    freed = replace(
-        model,
-        problem=problem,
-        minimum=minimise(
-            problem.normal, begun, *problem.bounds(), iterations=20, tolerance=problem.unnoticed
-        ),
-    )
+    freed = replace(model, problem=problem, minimum=problem.fitted(inherited(problem, model), 20))
     pays = freed.cost < model.cost - UNSETTLED * states
     return freed if pays and _could_begin_so(freed) else model
 
@@ -489,32 +472,27 @@ def _could_begin_so(model: Candidate) -> bool:
     return bool(np.all((np.abs(begins - settled) <= most) | (rates == 0.0)))
 
 
-def _walked(problem: Problem, found: Minimum, fitted: Callable[[Array], Minimum]) -> Minimum:
+def _walked(problem: Problem, found: Minimum) -> Minimum:
     """Return the best fit from points aside of one: on the coarse grid a kink fell between two steps.
 
     Args:
         problem: On the fine grid.
         found: Where a fit ended.
-        fitted: The fit from a start.
     """
     kinks = [f"{e.name}.{p.name}" for e in problem.structure.parts if e.nonsmooth for p in e.parameters]
     # The first swings are wide enough to show a better valley, and in them no start is out of step yet.
     early = problem.with_(records=[first_swings(r, problem.scales, EARLY) for r in problem.records])
-
-    def begun(point: Array) -> Minimum:
-        return minimise(early.normal, point, *early.bounds(), iterations=6, tolerance=1e-3)
-
-    here = begun(found.point)
+    here = early.fitted(found.point, 6, 1e-3)
     trials = [here]
     for name, factor in itertools.product(kinks, ASIDE):
         if name in problem.names:
             point = found.point.copy()
             point[problem.names.index(name)] *= factor
-            trials.append(begun(point))
+            trials.append(early.fitted(point, 6, 1e-3))
     best = min(trials, key=lambda m: m.normal.cost)
     if best.normal.cost > AHEAD * here.normal.cost:
         return found
-    return min(found, fitted(best.point), key=lambda m: m.normal.cost)
+    return min(found, problem.fitted(best.point, 30), key=lambda m: m.normal.cost)
 
 
 def _hopeless(best: Candidate) -> float:

@@ -15,7 +15,7 @@ from sysid.effects._base import JointState, Parameter, Scales, TorqueEffect
 from sysid.effects._unlisted import CLOCK, from_zero, unlisted
 from sysid.fitting.problem import Problem
 from sysid.joint.structure import Structure
-from sysid.least_squares import Minimum, minimise
+from sysid.least_squares import Minimum
 from sysid.roll import Array
 
 Shape = Callable[[Algebra, Value, Value, Value], Value]
@@ -126,11 +126,7 @@ def _starts(problem: Problem, model: Candidate) -> list[Array]:
 
 
 def _best(problem: Problem, starts: Sequence[Array]) -> Minimum:
-    found = [
-        minimise(problem.normal, p, *problem.bounds(), iterations=20, tolerance=problem.unnoticed)
-        for p in starts
-    ]
-    return min(found, key=lambda m: m.normal.cost)
+    return min((problem.fitted(start, 20) for start in starts), key=lambda m: m.normal.cost)
 
 
 def _in_step(problem: Problem, before: Candidate) -> Array:

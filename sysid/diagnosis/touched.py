@@ -5,11 +5,11 @@ reaches the noise of all releases together. A board that changed before a releas
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from sysid.diagnosis.search import Candidate
-from sysid.least_squares import minimise
 
 FEWEST = 3
 """Releases from which two agree against one."""
@@ -49,9 +49,5 @@ def _error(model: Candidate) -> float:
 
 def _refitted(model: Candidate, kept: Sequence[int]) -> float:
     """Return the error over the noise of a model that is fitted to some of its releases."""
-    problem = model.problem.with_(records=[model.problem.records[i] for i in kept])
-    start = np.r_[
-        model.minimum.point[: len(problem.names)], model.problem.own(model.minimum.point)[kept].ravel()
-    ]
-    found = minimise(problem.normal, start, *problem.bounds(), iterations=20, tolerance=problem.unnoticed)
-    return float(np.sqrt(2 * found.normal.cost / problem.samples))
+    problem, start = model.problem.of(kept, model.minimum.point)
+    return _error(replace(model, problem=problem, minimum=problem.fitted(start, 20)))

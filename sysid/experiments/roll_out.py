@@ -3,7 +3,7 @@
 Two things are read of it over time: how fast it goes, and where it heads; beside them the roll of its deck, which a weight
 beside the axis or a hand's push gives it. Both trucks steer by tan σ = tan λ sin γ, so the heading turns by
 2 tan λ sin γ / L for every metre rolled: tan λ is the slope of a line through heading against ∫ sin γ ds. On ground of gradient θ
-along its way a board loses a₀ + a₁ v of speed a second, less g sin θ: a₀ and a₁ are slopes of speed against time and path.
+along its way, uphill positive, a board loses a₀ + a₁ v + g sin θ of speed a second: a₀ and a₁ are slopes of speed against time and path.
 
 Both lines are drawn through increments over stretches of a quarter of a second, in which the noise of sensor and
 smoothing has died away; the intervals are a block jackknife's, which needs no model of that noise.
@@ -49,7 +49,7 @@ class Rolling:
     """What roll-outs tell."""
 
     rake: Quantity | None
-    """λ [rad]; None where the deck was never tilted enough to tell."""
+    """λ [rad]; None where the board turned too little to tell."""
     deceleration: Quantity
     """Loss of speed on level ground at 1 m/s, or at the nearest speed that was rolled [m/s^2]."""
     at_speed: float
@@ -121,10 +121,10 @@ def roll_out(runs: Sequence[RollOut], wheelbase: Quantity, slope: float = 0.0) -
     Args:
         runs: At least one; in all at least `BLOCKS` stretches.
         wheelbase: L [m].
-        slope: Gradient of the ground along the way, downhill positive [rad].
+        slope: Gradient of the ground along the way, uphill positive [rad].
 
     Raises:
-        SysidError: They are too short, or the board did not roll.
+        SysidError: They are too short, the board did not roll, or it gained speed that no slope accounts for.
     """
     turns: list[Array] = []
     losses: list[Array] = []
@@ -135,7 +135,7 @@ def roll_out(runs: Sequence[RollOut], wheelbase: Quantity, slope: float = 0.0) -
         differences = [np.diff(values[at]) for values in (run.time, path, run.speed, bent, run.heading)]
         time, way, gain, curve, turn = differences
         turns.append(np.column_stack([-curve, turn]))  # right edge down turns right
-        losses.append(np.column_stack([time, way, gravity_share(slope) * time - gain]))
+        losses.append(np.column_stack([time, way, -GRAVITY * math.sin(slope) * time - gain]))
     turned, lost = np.concatenate(turns), np.concatenate(losses)
     if len(lost) < BLOCKS:
         raise SysidError(
@@ -158,18 +158,18 @@ def roll_out(runs: Sequence[RollOut], wheelbase: Quantity, slope: float = 0.0) -
 
     count = f"{len(runs)} roll-out{'s' * (len(runs) > 1)}"
     deceleration = _jackknife(loss, lost, "m/s^2", f"{count}, {len(lost)} stretches")
+    if deceleration.ci95[1] < 0:
+        raise SysidError(
+            f"the board gains {-deceleration.value:.2g} m/s^2 beyond its slope of {math.degrees(slope):g} degrees. Downhill is "
+            "negative: --slope-deg -2 where it rolls down 2 degrees."
+        )
     bend = _jackknife(steering, turned, "1/m", count) if np.any(turned[:, 0]) else None
     return Rolling(rake=_rake(bend, wheelbase), deceleration=deceleration, at_speed=at_speed)
 
 
-def gravity_share(slope: float) -> float:
-    """Return the acceleration that a gradient gives [m/s^2]."""
-    return GRAVITY * math.sin(slope)
-
-
 def _rake(bend: Quantity | None, wheelbase: Quantity) -> Quantity | None:
     """Return λ of 2 tan λ / L, where that stands clear of zero."""
-    if bend is None or bend.value < 3 * bend.std:
+    if bend is None or bend.value <= 3 * bend.std:
         return None
     tangent = bend.value * wheelbase.value / 2
     half = (bend.ci95[1] - bend.ci95[0]) / 2

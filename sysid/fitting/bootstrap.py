@@ -19,7 +19,6 @@ from sysid.errors import SysidError
 from sysid.fitting.covariance import noise_behind, torque_like
 from sysid.fitting.problem import Problem
 from sysid.fitting.result import JointFit
-from sysid.least_squares import minimise
 from sysid.noise.autoregression import ResidualNoise
 from sysid.progress import steps
 from sysid.quantity import Z95
@@ -102,15 +101,15 @@ def bootstrap(
     whole = len(fit.records) >= ENOUGH_RELEASES
     noise = noise_behind(fit.problem, fit.minimum, fit.residuals)
     block = 0 if whole else block_length(noise, fit.problem.samples)
-    low, high = fit.problem.bounds()
     count = len(fit.problem.names)
     found: list[Array] = []
     for _ in steps(range(draws)):
         if whole:
-            again, start, bounds = _of_releases(fit, rng)
+            drawn = rng.integers(0, len(fit.records), len(fit.records))
+            again, start = fit.problem.of(drawn.tolist(), fit.minimum.point)
         else:
-            again, start, bounds = _of_blocks(fit, noise, block, rng), fit.minimum.point, (low, high)
-        minimum = minimise(again.normal, start, *bounds, iterations=40, tolerance=1e-6)
+            again, start = _of_blocks(fit, noise, block, rng), fit.minimum.point
+        minimum = again.fitted(start, 40, 1e-6)
         if np.isfinite(minimum.normal.cost):
             found.append(minimum.point[:count] * again.sizes()[:count])
     if len(found) < max(FEWEST_DRAWS, draws // 2):
@@ -187,12 +186,3 @@ def blocks(pool: Sequence[Array], count: int, length: int, rng: np.random.Genera
         begin = int(place - ends[which] + places[which])
         picked.append(pool[which][begin : begin + length])
     return np.concatenate(picked)[:count]
-
-
-def _of_releases(fit: JointFit, rng: np.random.Generator) -> tuple[Problem, Array, tuple[Array, Array]]:
-    """Return the problem on releases drawn with replacement, with its start and bounds."""
-    drawn = rng.integers(0, len(fit.records), len(fit.records))
-    again = fit.problem.with_(records=[fit.records[i] for i in drawn])
-    point = fit.minimum.point
-    start = np.r_[point[: len(fit.problem.names)], fit.problem.own(point)[drawn].ravel()]
-    return again, start, again.bounds()

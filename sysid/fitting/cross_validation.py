@@ -64,11 +64,8 @@ def _trained(
 ) -> tuple[Problem, Minimum, Array]:
     """Return the fit to all releases but one, and that one's own unknowns as they were, in units of their sizes."""
     others = [i for i in range(len(problem.records)) if i != index]
-    training = problem.with_(records=[problem.records[i] for i in others])
-    own = problem.own(minimum.point)
-    start = np.r_[minimum.point[: len(problem.names)], own[others].ravel()]
-    fitted = minimise(training.normal, start, *training.bounds(), iterations=10, tolerance=tolerance)
-    return training, fitted, own[index]
+    training, start = problem.of(others, minimum.point)
+    return training, training.fitted(start, 10, tolerance), problem.own(minimum.point)[index]
 
 
 def _left_out(problem: Problem, minimum: Minimum, index: int) -> Array:
@@ -76,8 +73,7 @@ def _left_out(problem: Problem, minimum: Minimum, index: int) -> Array:
     training, fitted, start = _trained(problem, minimum, index, 1e-5)
     known = {**problem.fixed, **training.parameters(fitted.point)}
     held = problem.with_(records=[problem.records[index]], fixed=known, average=1)
-    found = minimise(held.normal, start, *held.bounds(), iterations=12)
-    return held.residuals(found.point)[0]
+    return held.residuals(held.fitted(start, 12, 1e-7).point)[0]
 
 
 def _forecast(problem: Problem, minimum: Minimum) -> Array:
@@ -86,8 +82,7 @@ def _forecast(problem: Problem, minimum: Minimum) -> Array:
     half = len(record.time) // 2
     first = replace(record, time=record.time[:half], signal=record.signal[:half])
     training = problem.with_(records=[first])
-    fitted = minimise(training.normal, minimum.point, *training.bounds(), iterations=25)
-    return problem.residuals(fitted.point)[0][half:]
+    return problem.residuals(training.fitted(minimum.point, 25, 1e-7).point)[0][half:]
 
 
 def _within_noise(problem: Problem, minimum: Minimum, index: int) -> Array:
@@ -115,9 +110,7 @@ def _interrupted(problem: Problem, minimum: Minimum) -> Array:
         hidden = np.zeros(count)
         hidden[begin:end] = 1.0
         training = problem.with_(weights=[1.0 - hidden])
-        fitted = minimise(
-            training.normal, minimum.point, *training.bounds(), iterations=15, tolerance=training.unnoticed
-        )
+        fitted = training.fitted(minimum.point, 15)
         known = _information(fitted, len(fitted.point))
         held = problem.with_(weights=[hidden])
         missed[begin:end] = _predicted(held, fitted.point, known, minimum.point)[begin:end]

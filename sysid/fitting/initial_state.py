@@ -10,7 +10,6 @@ from sysid.errors import SysidError
 from sysid.fitting.problem import Problem
 from sysid.fitting.records import Bias, Record
 from sysid.joint import JointLaw
-from sysid.least_squares import minimise
 from sysid.progress import steps
 from sysid.roll import Array
 
@@ -38,7 +37,7 @@ def fit_initial_states(
     residuals: list[Array] = []
     starts: list[tuple[float, float]] = []
     for problem in steps(problems_of_law(law, records, bias=bias)):
-        found = minimise(problem.normal, problem.start(problem.fixed), *problem.bounds(), iterations=30)
+        found = problem.fitted(problem.start(problem.fixed), 30, 1e-7)
         if not np.isfinite(found.normal.cost):
             raise SysidError(
                 "the record's law moves without bound from the measured release. Refit it (husky-sysid fit)."

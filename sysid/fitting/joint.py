@@ -16,7 +16,7 @@ from sysid.fitting.result import JointFit, summarise
 from sysid.fitting.search import scales_of, search
 from sysid.fitting.smoothing import is_table, learn
 from sysid.joint.structure import Structure, structure_of
-from sysid.least_squares import Minimum, minimise
+from sysid.least_squares import Minimum
 from sysid.noise.floor import noise_floor
 from sysid.noise.whiteness import correlation_length
 from sysid.roll import Release
@@ -214,7 +214,7 @@ def _plainest(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimum, int
                 continue
             simpler = problem.with_(fixed={**problem.fixed, name: parameter.default})
             start = np.delete(minimum.point, problem.names.index(name))
-            without = minimise(simpler.normal, start, *simpler.bounds())
+            without = simpler.fitted(start, tolerance=1e-7)
             evaluations += without.evaluations
             noise = 2 * minimum.normal.cost / max(1, problem.samples - len(minimum.point))
             if 2 * (without.normal.cost - minimum.normal.cost) < np.log(problem.samples) * max(noise, 1.0):
@@ -241,7 +241,7 @@ def _springless(problem: Problem, minimum: Minimum, board: Board) -> tuple[Probl
         bias="per-release" if zeros else problem.bias,
     )
     start = simpler.start({**known, added[0]: known[added[0]] + known["stiffness"]})
-    without = minimise(simpler.normal, start, *simpler.bounds())
+    without = simpler.fitted(start, tolerance=1e-7)
     # Residuals that follow the motion count once in their correlation length.
     noise = 2 * minimum.normal.cost / max(1, problem.samples - len(minimum.point))
     unit = max(noise, 1.0) * max(correlation_length(problem.residuals(minimum.point)), 1.0)
@@ -259,7 +259,7 @@ def _without_damper(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimu
     """Hold the damper at zero where it came out driving: other effects take all of the loss."""
     simpler = problem.with_(fixed={**problem.fixed, "damping": 0.0})
     start = np.delete(minimum.point, problem.names.index("damping"))
-    return simpler, minimise(simpler.normal, start, *simpler.bounds())
+    return simpler, simpler.fitted(start, tolerance=1e-7)
 
 
 def _robust(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimum]:
@@ -269,7 +269,7 @@ def _robust(problem: Problem, minimum: Minimum) -> tuple[Problem, Minimum]:
         spread = 1.4826 * float(np.median(np.abs(np.concatenate(residuals))))
         weights = [np.minimum(1.0, 1.345 * spread / np.maximum(np.abs(r), 1e-300)) for r in residuals]
         problem.weights = weights
-        following = minimise(problem.normal, minimum.point, *problem.bounds())
+        following = problem.fitted(minimum.point, tolerance=1e-7)
         done = float(np.max(np.abs(following.point - minimum.point))) < 1e-6
         minimum = following
         if done:

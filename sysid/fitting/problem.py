@@ -4,7 +4,7 @@ All releases share the physics; each has its own roll and rate at release, its o
 on request its own sensor bias. Unknowns are scaled by their sizes, so that one is a large change of any.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -18,7 +18,7 @@ from sysid.joint.hermite import hermite_matrix
 from sysid.joint.integrator import build_stepper, steps_for
 from sysid.joint.sensor import at_samples, clock_ratio, reader
 from sysid.joint.structure import Structure
-from sysid.least_squares import Normal
+from sysid.least_squares import Minimum, Normal, minimise
 from sysid.roll import Array, Release
 
 _FORBIDDEN = 1e8
@@ -84,6 +84,32 @@ class Problem:
     def with_(self, **changes: Any) -> "Problem":
         """Return the problem with some of its fields changed; weights belong to the records and do not go along."""
         return replace(self, **{"weights": None, **changes})
+
+    def of(self, kept: Sequence[int], point: Array) -> tuple["Problem", Array]:
+        """Return the problem of some of its records, and the same point in it.
+
+        Args:
+            kept: Indices of the records.
+            point: In units of its unknowns' sizes, shape (p,).
+        """
+        some = self.with_(records=[self.records[i] for i in kept])
+        return some, np.r_[point[: len(self.names)], self.own(point)[kept].ravel()]
+
+    def fitted(
+        self, start: Array, iterations: int = 60, tolerance: float | Callable[[float], float] | None = None,
+        known: Normal | None = None,
+    ) -> Minimum:  # fmt: skip
+        """Return the minimum that a search from some unknowns reaches.
+
+        Args:
+            start: In units of their sizes, shape (p,).
+            iterations: Steps tried at most.
+            tolerance: Relative fall of the cost at which it ends [1], or what says it of a cost; `unnoticed` if left out.
+            known: Normal equations at the start, where an earlier search has them.
+        """
+        small = self.unnoticed if tolerance is None else tolerance
+        low, high = self.bounds()
+        return minimise(self.normal, start, low, high, iterations=iterations, tolerance=small, known=known)
 
     @property
     def step(self) -> float:

@@ -63,7 +63,7 @@ def _linear_scales(records: Sequence[Record], known: Scales, bias: Bias) -> Scal
         fixed = {"rest_angle": rest} if bias == "per-release" else {}
         problem = Problem(Structure(), records, rough, bias=bias, fixed=fixed, steps_per_period=30)
         start = problem.start({"stiffness": rough.stiffness, "damping": rough.damping, "rest_angle": rest})
-        minimum = minimise(problem.normal, start, *problem.bounds(), iterations=25)
+        minimum = problem.fitted(start, 25, 1e-7)
         found = problem.parameters(minimum.point)
         if found["stiffness"] <= 0:
             continue
@@ -214,10 +214,10 @@ def search(
         for start in steps(starts):
             point = coarse.start({**start, "rest_angle": start.get("rest_angle") or rest})
             for problem in early:
-                first = minimise(problem.normal, point, *problem.bounds(), iterations=12, tolerance=1e-4)
+                first = problem.fitted(point, 12, 1e-4)
                 evaluations += first.evaluations
                 point = first.point
-            second = minimise(coarse.normal, point, *coarse.bounds(), iterations=15, tolerance=1e-5)
+            second = coarse.fitted(point, 15, 1e-5)
             evaluations += second.evaluations
             found.append((second.normal.cost, second.point))
     found.sort(key=lambda item: item[0])
@@ -231,9 +231,7 @@ def search(
         for cost, point in steps(found[:tried]):
             if best is not None and cost > near * found[0][0]:
                 break
-            minimum = minimise(
-                fine.normal, point, *fine.bounds(), iterations=60, tolerance=1e-7 if exact else fine.unnoticed
-            )
+            minimum = fine.fitted(point, tolerance=1e-7 if exact else None)
             evaluations += minimum.evaluations
             if best is None or minimum.normal.cost < best.normal.cost:
                 best = minimum
@@ -273,7 +271,7 @@ def scan_rough_parameters(problem: Problem, found: tuple[float, Array]) -> tuple
                     problem.normal, found[1], pinned_low, pinned_high, iterations=8, tolerance=1e-3
                 )
                 if held.normal.cost < found[0]:
-                    freed = minimise(problem.normal, held.point, low, high, iterations=12, tolerance=1e-4)
+                    freed = problem.fitted(held.point, 12, 1e-4)
                     best = min(best, (freed.normal.cost, freed.point), key=lambda item: item[0])
             if best[0] > 0.98 * found[0]:
                 break
@@ -283,7 +281,6 @@ def scan_rough_parameters(problem: Problem, found: tuple[float, Array]) -> tuple
 
 def _restarted(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]:
     """Search again from where effects say that a search which ended there has to."""
-    low, high = problem.bounds()
     best = found
     for part in problem.structure.torques:
         names = [f"{part.name}.{name}" for name in part.parameter_names]
@@ -293,7 +290,7 @@ def _restarted(problem: Problem, found: tuple[float, Array]) -> tuple[float, Arr
         for start in part.restarts(part.named([float(value) for value in found[1][where]])):
             point = found[1].copy()
             point[where] = [start[name] for name in part.parameter_names]
-            again = minimise(problem.normal, point, low, high, iterations=15, tolerance=1e-5)
+            again = problem.fitted(point, 15, 1e-5)
             best = min(best, (again.normal.cost, again.point), key=lambda item: item[0])
     return best
 

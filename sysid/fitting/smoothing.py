@@ -102,7 +102,7 @@ def learn(
         if richer is not problem and gain(problem, found, richer, there) > CLEAR:
             problem, found = richer, there
     fine = problem.with_(steps_per_period=steps_per_period, average=1)
-    minimum = minimise(fine.normal, found.point, *fine.bounds(), iterations=30, tolerance=fine.unnoticed)
+    minimum = fine.fitted(found.point, 30)
     return fine, minimum, evaluations + minimum.evaluations
 
 
@@ -146,8 +146,7 @@ def _learned(
         problem = problem.with_(smoothing=here.smoothing)
         if periods in _FIRST and _in_vain(here, cost):
             break
-    found = minimise(problem.normal, point, *problem.bounds(), iterations=10, tolerance=problem.unnoticed)
-    return problem, found, evaluations
+    return problem, problem.fitted(point, 10), evaluations
 
 
 def _in_vain(problem: Problem, cost: float) -> bool:
@@ -177,8 +176,8 @@ def fit_instead(
     point = extended(simpler, start, problem, point)
     for periods in (2.5, 6.0):
         short = simpler.with_(records=[first_swings(r, problem.scales, periods) for r in problem.records])
-        point = minimise(short.normal, point, *short.bounds(), iterations=20, tolerance=1e-5).point
-    return simpler, minimise(simpler.normal, point, *simpler.bounds(), iterations=20)
+        point = short.fitted(point, 20, 1e-5).point
+    return simpler, simpler.fitted(point, 20, 1e-7)
 
 
 def directions(problem: Problem, minimum: Minimum) -> float:

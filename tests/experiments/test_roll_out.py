@@ -96,12 +96,11 @@ def test_a_known_slope_is_taken_off():
     friction, slope = (1.0, 0.001, 0.002), math.radians(1.5)
     level = roll_out([filmed(speed=1.2, tilts=(0.0,), friction=friction)], WHEELBASE)
     run = filmed(speed=1.0, tilts=(0.0,), slope=slope, friction=friction)
-    down = roll_out([run], WHEELBASE, slope)
+    down = roll_out([run], WHEELBASE, -slope)
     assert down.deceleration.value == pytest.approx(level.deceleration.value, abs=0.04)
     assert down.deceleration.value > 0.18
-    assert (
-        roll_out([run], WHEELBASE).deceleration.value < 0.05
-    )  # what is not known is taken for less resistance
+    with pytest.raises(SysidError, match=r"gains 0\.\d+ m/s\^2 beyond its slope of 1\.5 degrees"):
+        roll_out([run], WHEELBASE, slope)
 
 
 def test_an_imu_that_rests_first_tells_the_same():
@@ -145,6 +144,8 @@ def test_what_tells_nothing_is_refused_in_words():
     with pytest.raises(SysidError, match=r"stretches of 0\.25 s in all; it takes 10"):
         roll_out([filmed(time=1.5)], WHEELBASE)
     t = np.arange(0, 5, 0.01)
+    straight = from_path(t, np.column_stack([t - 0.05 * t**2, 0 * t]), 0.05 * np.sin(t))
+    assert roll_out([straight], WHEELBASE).rake is None  # it did not turn at all
     still = from_path(t, np.zeros((len(t), 2)), np.zeros_like(t))
     with pytest.raises(SysidError, match="hardly rolls"):
         roll_out([still], WHEELBASE)

@@ -329,7 +329,8 @@ def test_reference_windows_of_a_batch_are_of_the_stretches_of_the_policys():
 @pytest.mark.slow
 def test_training_runs_resumes_and_exports_a_policy_that_answers(started):
     pytest.importorskip("mjlab")
-    ort = pytest.importorskip("onnxruntime")
+    ort, onnx = (pytest.importorskip(name) for name in ("onnxruntime", "onnx"))
+    torch = pytest.importorskip("torch")
     run(started.path)
     assert [path.name for path in started.checkpoints()] == ["model_2.pt", "model_3.pt"]
     before = started.policy.read_bytes()
@@ -344,6 +345,13 @@ def test_training_runs_resumes_and_exports_a_policy_that_answers(started):
     answer = session.run(["actions"], {"obs": np.zeros((1, 390), dtype=np.float32)})[0]
     assert answer.shape == (1, 23)
     assert session.get_modelmeta().custom_metadata_map["board"] == "pink"
+    kept = torch.load(started.checkpoint(4), weights_only=True)
+    exported = {
+        t.name: onnx.numpy_helper.to_array(t) for t in onnx.load(str(started.policy)).graph.initializer
+    }
+    name = "mlp.0.weight"
+    assert np.array_equal(exported[name], kept["mean_actor"][f"module.{name}"])
+    assert not np.array_equal(exported[name], kept["actor_state_dict"][name])
 
 
 def tensors(content, where=""):
@@ -517,7 +525,7 @@ def test_two_processes_hold_the_same_weights_normalisers_and_discriminator(start
     first, second = (
         torch.load(started.path / "checkpoints" / f"process_{rank}.pt", weights_only=True) for rank in (0, 1)
     )
-    for part in ("actor_state_dict", "critic_state_dict", "discriminator"):
+    for part in ("actor_state_dict", "critic_state_dict", "discriminator", "mean_actor"):
         assert first[part].keys() == second[part].keys()
         for name, value in first[part].items():
             torch.testing.assert_close(value, second[part][name], rtol=0, atol=1e-6, msg=f"{part} {name}")

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from mjlab.envs import ManagerBasedRlEnv
 
 T = TypeVar("T")
+SLOW_SPEED = 0.4
+"""What a slow ride is told at most [m/s]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,6 +45,10 @@ class SkateCommandCfg(CommandTermCfg):
 
     speed: tuple[float, float] = (0.0, 1.5)
     """Range of the commanded speed [m/s]."""
+    standing: float = 0.0
+    """Share of the episodes from rest that are told to stand, besides the range's own."""
+    slow: float = 0.0
+    """Share told to go at up to `SLOW_SPEED`, besides the range's own."""
     turn: tuple[float, float] = (-np.pi / 4, np.pi / 4)
     """Range of the commanded heading relative to the board's at the time of the command [rad]."""
     clock: Clock = field(default_factory=Clock)
@@ -232,8 +238,12 @@ class SkateCommand(CommandTerm):
         """
         drawn = torch.empty(2, self.num_envs, device=self.device)
         speed, turn = drawn[0].uniform_(*self.cfg.speed), drawn[1].uniform_(*self.cfg.turn)
+        chance, share = torch.rand(2, self.num_envs, device=self.device)
+        speed = torch.where(chance > 1 - self.cfg.slow, SLOW_SPEED * share, speed)
         # An episode that begins in motion is one that was told to move.
-        speed = torch.where(self.step > 0, speed.clamp(min=STILL_SPEED), speed)
+        rolls = self.step > 0
+        speed = torch.where(rolls, speed.clamp(min=STILL_SPEED), speed)
+        speed = torch.where(~rolls & (chance < self.cfg.standing), STILL_SPEED * share, speed)
         target = wrap_angle(self.reading.board_heading() + turn)
         return torch.stack((speed, turn), dim=-1), target, rotation.yaw(self.reading.robot_quaternion())
 

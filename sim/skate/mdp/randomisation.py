@@ -8,7 +8,7 @@
 | friction of the soles (and with it of the robot on the ground) | × 0.3 to 1.6, even in the logarithm | once a world |
 | friction of the deck | × U(0.8, 2.0) | once a world |
 | tilt joint, roll inertia and rake | the record's posterior, see `sim.skate.world.posterior` | once a world |
-| delays, gains, masses, rolling friction, sensors' bias, slope | see `sim.skate.mdp.worlds` | led by the curriculum |
+| delays, gains, masses, rolling friction, sensors' bias, slopes, ledges | see `sim.skate.mdp.worlds` | led by the curriculum |
 | place of the right foot along the deck | `SkateOptions.foot_place` | every reset |
 | pelvis beside the board | ±2 cm | every reset |
 | joints | ±0.01 rad | every reset |

@@ -17,22 +17,24 @@ from sim.board.scene import WHEELS
 from sim.skate import rotation
 from sim.skate.cycle.clock import CONTROL_PERIOD
 from sim.skate.mdp.actor_observation import FRAME_SIZE, PARTS
+from sim.skate.mdp.ledges import Ledges
 from sim.skate.options import Variation
 from sim.skate.world.scene import DECIMATION, TIMESTEP
+from sim.skate.world.terrain import LEDGE
 
 if TYPE_CHECKING:
     from mjlab.envs import ManagerBasedRlEnv
 
 MEMORY = 3
 """Policy steps that delays reach over, the present one included."""
-LEVEL_SHARE, DESCENT_SHARE = 0.25, 0.5
+LEVEL_SHARE, DESCENT_SHARE = 0.3, 0.3
 """Shares of the stretches of ground that are level and that are short ways down; the others are long slopes. Of the way,
 two fifths are level: a rider who hardly sees the slope must not take every ground for one."""
-LONG, SHORT = (3.0, 20.0), (0.4, 3.5)
-"""How long stretches of ground are, evenly spread in the logarithm: level ones and long slopes, short ways down [m]; the
-shortest is a ledge under a wheelbase."""
+LONG, SHORT = (3.0, 20.0), (1.0, 4.0)
+"""How long stretches of ground are, evenly spread in the logarithm: level ones and long slopes, short ways down [m]. Where
+one ends, a ledge lies ahead."""
 OBLIQUE = math.pi / 4
-"""Largest angle between a short way down and where the board points [rad]: after a turn, one wheel goes first."""
+"""Largest angle between a slope and where the board points at its beginning [rad]."""
 EDGE = 0.1
 """Way within which the ground goes over from one stretch to the next [m]."""
 KNOWN = 7
@@ -93,7 +95,8 @@ class Worlds:
         """The gradient that it goes over to within `EDGE`."""
         self._remaining = torch.zeros(n, device=device)
         """Length of the present stretch of ground that is left [m], (n,)."""
-        self._steepest = variation.slope * torch.tensor((1.0, 0.5), device=device)
+        self.ledges = Ledges(env) if LEDGE in (model.geom(i).name for i in range(model.ngeom)) else None
+        """None where the ground has a form of its own."""
         self._board_q = model.joint("board/board_free_joint").qposadr[0]
         self._board_v = model.joint("board/board_free_joint").dofadr[0]
         self._world = torch.arange(n, device=device)
@@ -136,18 +139,21 @@ class Worlds:
         gradient, length = self._stretch()
         for kept, new in ((self.slope, gradient), (self._coming, gradient), (self._remaining, length)):
             kept[ids] = new[ids]
+        if self.ledges is not None:
+            self.ledges.clear(ids)
         self._gravity.copy_(-self._weight * self.up())
 
     def roll_on(self) -> None:
         """Let the ground change under boards that have rolled on for a policy step."""
         velocity = self._env.sim.data.qvel[:, self._board_v : self._board_v + 2]
-        way = CONTROL_PERIOD * torch.nan_to_num(
-            velocity.norm(dim=-1)
-        )  # what has broken down is about to begin anew
+        # What has broken down is about to begin anew.
+        way = CONTROL_PERIOD * torch.nan_to_num(velocity.norm(dim=-1))
         self._remaining -= way
         over, (gradient, length) = self._remaining < 0, self._stretch()
         self._coming.copy_(torch.where(over[:, None], gradient, self._coming))
         self._remaining.copy_(torch.where(over, length, self._remaining))
+        if self.ledges is not None:
+            self.ledges.roll_on(*self._board(), over, self.strength * self.variation.ledge)
         self.slope += (way / EDGE).clamp(max=1.0)[:, None] * (self._coming - self.slope)
         self._gravity.copy_(-self._weight * self.up())
 
@@ -156,16 +162,19 @@ class Worlds:
         n, device = len(self.slope), self.slope.device
         chance, drawn = torch.rand(n, device=device), 2 * torch.rand(n, 2, device=device) - 1
         level, descent = chance < LEVEL_SHARE, chance > 1 - DESCENT_SHARE
-        heading = rotation.yaw(self._env.sim.data.qpos[:, self._board_q + 3 : self._board_q + 7])
-        heading = torch.nan_to_num(heading) + OBLIQUE * drawn[:, 1]
-        ahead = torch.stack((heading.cos(), heading.sin()), dim=-1)
-        slope = (
-            self._steepest * drawn.sign() * drawn.abs().sqrt()
-        )  # the steeper, the more often: they are harder
-        slope = torch.where(descent[:, None], -self.variation.descent * drawn[:, :1].abs() * ahead, slope)
+        towards = self._board()[1] + OBLIQUE * drawn[:, 1]
+        ahead = torch.stack((towards.cos(), towards.sin()), dim=-1)
+        steepness = drawn[:, 0].abs().sqrt()  # the steeper, the more often: they are harder
+        slope = self.variation.slope * drawn[:, 0].sign() * steepness
+        slope = torch.where(descent, -self.variation.descent * steepness, slope)
         low, high = (torch.where(descent, short, long) for short, long in zip(SHORT, LONG, strict=True))
         length = low * (high / low) ** torch.rand(n, device=device)
-        return torch.where(level[:, None], 0.0, self.strength * slope), length
+        return torch.where(level, 0.0, self.strength * slope)[:, None] * ahead, length
+
+    def _board(self) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return place in the plane [m], (n, 2), and heading [rad], (n,), of boards; 0 of what has broken down."""
+        pose = torch.nan_to_num(self._env.sim.data.qpos[:, self._board_q : self._board_q + 7])
+        return pose[:, :2], rotation.yaw(pose[:, 3:])
 
     def up(self) -> torch.Tensor:
         """Return the vertical as a unit vector in the frame of the ground, (n, 3)."""

@@ -16,7 +16,7 @@ import numpy as np
 from sim.board.scene import Coupling, board_spec, integrator_value
 from sim.compensation.scene import compensate_in_scene
 from sim.skate.robot import g1
-from sim.skate.world.terrain import Terrain, add_terrain
+from sim.skate.world.terrain import Terrain, add_ledge, add_terrain
 from sysid.board import Board
 from sysid.roll import Array
 
@@ -52,6 +52,8 @@ class SceneOptions:
     steered: bool = True
     """Whether tilt steers at all; without it the trucks are held straight."""
     terrain: Terrain = "flat"
+    ledge: bool = False
+    """Whether there is a slab that can be laid under riders (mjlab only)."""
     timestep: float = TIMESTEP
     """[s]."""
 
@@ -179,7 +181,7 @@ def mjlab_scene(board: Board, options: SceneOptions, environments: int) -> "Scen
         terrain=TerrainEntityCfg(terrain_type="plane"),
         entities={"robot": robot, "board": skateboard},
         sensors=contact_sensors(),
-        spec_fn=_terrain_editor(options.terrain),
+        spec_fn=_terrain_editor(options),
         extent=EXTENT,
     )
 
@@ -220,8 +222,10 @@ def _board_child(board: Board, options: SceneOptions) -> mujoco.MjSpec:
     return spec
 
 
-def _terrain_editor(terrain: Terrain) -> Callable[[Any], None] | None:
-    return None if terrain == "flat" else lambda spec: add_terrain(spec, terrain)
+def _terrain_editor(options: SceneOptions) -> Callable[[Any], None] | None:
+    if options.ledge:
+        return add_ledge
+    return None if options.terrain == "flat" else lambda spec: add_terrain(spec, options.terrain)
 
 
 def _joints_by_motor() -> dict[g1.Motor, list[str]]:

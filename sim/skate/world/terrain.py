@@ -19,6 +19,13 @@ STEPS = (0.03, 0.04, 0.05, 0.06)
 """Heights of successive ledges [m], with 5 m of level ground before each. A wheel of 3 cm radius cannot
 climb them: the lane goes down."""
 
+LEDGE = "ledge"
+"""Name of the slab that is laid under riders in training."""
+LEDGE_SIZE = (10.0, 10.0, 0.5)
+"""Half its length, width and height [m]: more than a rider rolls before he is over its edge."""
+_LEDGE_BIT = 2
+"""Contact bit of the slab and of what touches it."""
+
 _HALF_WIDTH = 60.0
 """Half the width of the lane [m]: straight to the side at the largest speed, 1.5 m/s, for twice the paper's episode of 20 s."""
 _COLOUR = (0.32, 0.36, 0.40, 1.0)
@@ -43,6 +50,21 @@ def add_terrain(spec: mujoco.MjSpec, terrain: Terrain) -> None:
         spec.delete(plane)
     for i, (start, end, top, drop) in enumerate(profile):
         _slab(body, f"terrain_{i}", start, end, top, drop)
+
+
+def add_ledge(spec: mujoco.MjSpec) -> None:
+    """Add a slab, out of reach until `sim.skate.mdp.ledges` lays it; it bears soles and wheels only, which is fast."""
+    spec.body("terrain").add_geom(
+        name=LEDGE,
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=list(LEDGE_SIZE),
+        contype=0,
+        conaffinity=_LEDGE_BIT,
+        rgba=list(_COLOUR),
+    )
+    for geom in spec.geoms:
+        if geom.name.endswith("_collision") and ("_foot" in geom.name or "_wheel" in geom.name):
+            geom.contype |= _LEDGE_BIT
 
 
 def _descents(angles: Sequence[float], run: float, level: float) -> list[tuple[float, float, float, float]]:

@@ -1,0 +1,82 @@
+# pyright: reportMissingImports=false, reportUnknownParameterType=false
+"""Ledges to roll down, one after the other: a slab that is laid under a rider and ends ahead of him.
+
+Its top is level with the ground on which he rides, and the ground sinks at the same moment; once he is over the edge
+he rides on the ground again, and the slab can be laid anew. Both are static in MuJoCo Warp, which computes their places
+when the worlds are made and never again: they are moved by writing there.
+"""
+
+import math
+from typing import TYPE_CHECKING
+
+import torch
+import warp as wp
+
+from sim.skate.world.terrain import LEDGE, LEDGE_SIZE
+
+if TYPE_CHECKING:
+    from mjlab.envs import ManagerBasedRlEnv
+
+OBLIQUE = math.pi / 3
+"""Largest angle between the way down and where the board points [rad]: after a turn, one wheel goes first."""
+AHEAD = (0.6, 1.0)
+"""How far from the middle of the board an edge is laid [m]: beyond nose and pushing foot."""
+BEHIND = 1.0
+"""How far behind an edge is out of reach [m]."""
+AWAY = -1000.0
+"""Height at which a slab is out of reach [m]."""
+
+
+class Ledges:
+    """The slab and the ground of every world."""
+
+    def __init__(self, env: "ManagerBasedRlEnv") -> None:
+        """Find both."""
+        n, device, model, data = env.num_envs, env.device, env.sim.mj_model, env.sim.wp_data
+        slab, ground = (int(model.geom(name).id) for name in (LEDGE, "terrain"))
+        places = wp.to_torch(data.geom_xpos)
+        self.slab, self.axes = places[:, slab], wp.to_torch(data.geom_xmat)[:, slab]
+        """Middle of the slab [m], (n, 3), and its axes as columns, (n, 3, 3)."""
+        self.height = places[:, ground, 2]
+        """Of the ground beyond the edge [m], (n,)."""
+        self.normal = torch.zeros(n, 2, device=device)
+        """The way down, a unit vector in the plane, (n, 2)."""
+        self.edge = torch.zeros(n, device=device)
+        """Where the edge is along it [m], (n,)."""
+        self.clear(torch.arange(n, device=device))
+
+    def clear(self, ids: torch.Tensor) -> None:
+        """Put some worlds on level ground at a height of 0."""
+        self.height[ids] = 0.0
+        self.slab[ids, 2] = AWAY
+
+    def roll_on(
+        self, position: torch.Tensor, heading: torch.Tensor, wanted: torch.Tensor, highest: float
+    ) -> None:
+        """Take away the slabs of those who are over the edge, and lay an edge ahead of those who want one and have none.
+
+        Args:
+            position: Of the board in the plane [m], (n, 2).
+            heading: Of the board [rad], (n,).
+            wanted: By whom, bool (n,).
+            highest: Ledge to be drawn [m].
+        """
+        behind = (position * self.normal).sum(-1) - self.edge > BEHIND
+        self.slab[:, 2] = torch.where(behind, AWAY, self.slab[:, 2])
+        wanted = wanted & (self.slab[:, 2] < AWAY / 2)
+        chance = torch.rand(3, len(heading), device=heading.device)
+        towards = heading + OBLIQUE * (2 * chance[0] - 1)
+        cosine, sine = towards.cos(), towards.sin()
+        normal = torch.stack((cosine, sine), dim=-1)
+        ahead = AHEAD[0] + (AHEAD[1] - AHEAD[0]) * chance[1]
+        middle = position + (ahead - LEDGE_SIZE[0])[:, None] * normal
+        nothing, one = torch.zeros_like(sine), torch.ones_like(sine)
+        axes = torch.stack((cosine, -sine, nothing, sine, cosine, nothing, nothing, nothing, one), dim=-1)
+        for kept, new in (
+            (self.normal, normal),
+            (self.edge, (position * normal).sum(-1) + ahead),
+            (self.slab, torch.cat((middle, (self.height - LEDGE_SIZE[2])[:, None]), dim=-1)),
+            (self.axes, axes.view(-1, 3, 3)),
+            (self.height, self.height - highest * chance[2].sqrt()),  # the higher, the more often
+        ):
+            kept.copy_(torch.where(wanted.view(-1, *[1] * (kept.ndim - 1)), new, kept))

@@ -1,0 +1,62 @@
+"""The mean of an actor's weights on their way, which is what a run exports."""
+
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.train
+
+torch = pytest.importorskip("torch", reason="learners need torch (extra 'train')")
+
+
+class Actor(torch.nn.Module):
+    """One weight, one statistic of a normaliser, one count."""
+
+    def __init__(self):
+        super().__init__()
+        self.weight = torch.nn.Parameter(torch.zeros(1))
+        self.register_buffer("deviation", torch.zeros(1))
+        self.register_buffer("count", torch.tensor(0))
+
+    def become(self, value):
+        with torch.inference_mode():
+            self.weight.fill_(value)
+            self.deviation.fill_(2 * value)
+            self.count.fill_(int(value))
+
+
+def mean_after(values, begun=0):
+    from policy_runtime.learning.mean_actor import mean_actor
+
+    actor = Actor()
+    mean = mean_actor(actor)
+    mean.n_averaged.fill_(begun)
+    for value in values:
+        actor.become(value)
+        with torch.inference_mode():
+            mean.update_parameters(actor)
+    return mean.module
+
+
+def test_iterations_weigh_by_a_power_of_their_number():
+    from policy_runtime.learning.mean_actor import ETA
+
+    values = np.cumsum(np.random.default_rng(1).normal(size=400)) + 50
+    mean = mean_after(values)
+    # Iteration t is taken in with (η + 1) / (t + η), and all before it shrink by the rest.
+    share = (ETA + 1) / (np.arange(1, 401) + ETA)
+    weights = share * np.append(np.cumprod((1 - share)[::-1])[-2::-1], 1.0)
+    assert weights.sum() == pytest.approx(1.0)
+    assert mean.weight.item() == pytest.approx(weights @ values, rel=1e-4)
+    assert mean.deviation.item() == pytest.approx(2 * weights @ values, rel=1e-4)
+    assert mean.count.item() == int(values[-1])
+    age = 400 - weights @ np.arange(1, 401)
+    assert age / 400 == pytest.approx(1 / (ETA + 2), abs=0.005)
+
+
+def test_a_shaking_actor_comes_to_rest():
+    shaking = np.tile([1.0, 3.0], 500)
+    assert mean_after(shaking).weight.item() == pytest.approx(2.0, abs=0.02)
+
+
+def test_a_run_that_goes_on_takes_its_last_weights_for_what_it_was():
+    assert mean_after([1.0], begun=999).weight.item() == pytest.approx(17 / 1016)
