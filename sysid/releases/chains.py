@@ -48,9 +48,13 @@ class Segment:
 
     @property
     def pace(self) -> float:
-        """10 to 90 % time of a swing [s], of those that are more than noise about where dry friction holds the deck."""
-        wide = [swing for swing in self.swings[:4] if swing.size > AGAIN * self.swings[0].size]
-        return float(np.median([swing.duration for swing in wide]))
+        """10 to 90 % time of a swing [s]."""
+        return float(np.median([swing.duration for swing in self.swings[:4]]))
+
+    @property
+    def wide(self) -> list[HalfCycle]:
+        """Its swings that are more than noise about where dry friction holds the deck."""
+        return [swing for swing in self.swings if swing.size > AGAIN * self.swings[0].size]
 
     @property
     def half_period(self) -> float:
@@ -137,14 +141,15 @@ def _same_board(one: Segment, other: Segment, signal: SmoothedSignal) -> bool:
     room = max(5.0 * signal.noise, share * min(one.sizes[0], other.sizes[0]))
     # Dry friction holds a deck beside its rest: what has swung once or twice shows that no better.
     room = max([room, *(0.5 * s.swings[-1].size for s in (one, other) if len(s.swings) < 3)])
-    same = abs(one.rest - other.rest) < room and 0.6 < one.pace / other.pace < 1.6
+    paces = [float(np.median([swing.duration for swing in s.wide[:4]])) for s in (one, other)]
+    same = abs(one.rest - other.rest) < room and 0.6 < paces[0] / paces[1] < 1.6
     return same and _swings_on_alike(one, other, signal) and _swings_on_alike(other, one, signal)
 
 
 def _swings_on_alike(one: Segment, other: Segment, signal: SmoothedSignal) -> bool:
     """Whether a segment swings on from its first swing if another swings many times: else a hand brought it home."""
     first, *later = [swing.size for swing in other.swings]
-    sizes = [swing.size for swing in one.swings if swing.size > AGAIN * one.swings[0].size]
+    sizes = [swing.size for swing in one.wide]
     if len(sizes) < MANY:
         return True
     shares = [after / size for size, after in pairwise(sizes) if size <= first] or [sizes[-1] / sizes[-2]]

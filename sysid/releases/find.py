@@ -217,31 +217,38 @@ def _last_swing_is_cut(signal: SmoothedSignal, segment: Segment) -> bool:
     usual = max(0.0, *before)
     final = segment.swings[-1]  # no free deck jumps from where it stays to where it stays again
     taken = final.from_plateau and final.to_plateau and final.duration < 0.2 * segment.pace
-    taken = taken and final.size > signal.min_movement
+    taken = taken and final.size > still
     held = segment.settles and abs(turns[-1] - middle) > 0.65 * usual + still + 0.01 * sizes[0]
-    return taken or held or last > 1.6 * usual + signal.min_movement
+    braked = last > 1.6 * usual + signal.min_movement
+    return taken or ((held or braked) and not _stands_at_its_turn(signal, segment))
+
+
+def _stands_at_its_turn(signal: SmoothedSignal, segment: Segment) -> bool:
+    """Whether the last swing is half a cosine to where the deck then stays: dry friction holds it there, and no hand has taken it."""
+    turn, target, half = segment.swings[-1].begin, segment.swings[-1].target, segment.half_period
+    later = signal.time[turn:] - signal.time[turn]
+    later = later[later <= half]
+    here = signal.roll[turn : turn + len(later)]
+    path = target + (here[0] - target) * (1 + np.cos(math.pi / half * later)) / 2
+    beside = 0.5 * math.pi / half * float(signal.time[1] - signal.time[0])  # a turn is between two samples
+    room = max(4.0 * signal.noise, (STUCK + beside) * abs(float(here[0]) - segment.rest))
+    return segment.settles and bool(np.all(np.abs(here - path) <= room))
 
 
 def _followed(signal: SmoothedSignal, segment: Segment, turn: int) -> float:
-    """Return how long the deck goes on as predicted after its last good turning point [s].
-
-    Or as half a cosine to where it then stays: dry friction moves the middle of a swing, and holds the deck at its turn.
-    """
+    """Return how long the deck goes on as predicted after its last good turning point [s]."""
     half = segment.half_period
     sizes = [size for size in segment.sizes if size > 3.0 * signal.noise]
     ratio = (sizes[-1] / sizes[0]) ** (1 / max(1, len(sizes) - 1)) if len(sizes) > 1 else 0.1
     decay, omega = -math.log(min(ratio, 0.99)) / half, math.pi / half
     later = signal.time[turn:] - signal.time[turn]
     later = later[later <= half]
-    begin, end = float(signal.roll[turn]), segment.swings[-1].target
+    size = float(signal.roll[turn]) - segment.rest
     wave = np.cos(omega * later) + decay / omega * np.sin(omega * later)
-    here, size = signal.roll[turn : turn + len(later)], abs(begin - segment.rest)
-    beside = 0.5 * omega * float(signal.time[1] - signal.time[0])  # a turn is between two samples
-    stuck = (begin + end) / 2 + (begin - end) / 2 * np.cos(omega * later)
-    if np.all(np.abs(here - stuck) <= max(4.0 * signal.noise, (STUCK + beside) * size)):
-        return float(signal.time[turn] + later[-1])
-    predicted = segment.rest + (begin - segment.rest) * np.exp(-decay * later) * wave
-    off = np.flatnonzero(np.abs(here - predicted) > max(4.0 * signal.noise, 0.08 * size))
+    error = np.abs(
+        signal.roll[turn : turn + len(later)] - segment.rest - size * np.exp(-decay * later) * wave
+    )
+    off = np.flatnonzero(error > max(4.0 * signal.noise, 0.08 * abs(size)))
     reach = float(later[off[0]]) - 0.12 * half if len(off) else float(later[-1])
     return float(signal.time[turn]) + max(0.0, reach)
 
