@@ -140,7 +140,9 @@ def _same_board(one: Segment, other: Segment, signal: SmoothedSignal) -> bool:
     share = 1.0 if min(len(one.swings), len(other.swings)) >= MANY else 0.35
     room = max(5.0 * signal.noise, share * min(one.sizes[0], other.sizes[0]))
     # Dry friction holds a deck beside its rest: what has swung once or twice shows that no better.
-    room = max([room, *(0.5 * s.swings[-1].size for s in (one, other) if len(s.swings) < 3)])
+    room = max(
+        [room, *(0.5 * min(swing.size for swing in s.swings) for s in (one, other) if len(s.swings) < 3)]
+    )
     paces = [float(np.median([swing.duration for swing in s.wide[:4]])) for s in (one, other)]
     same = abs(one.rest - other.rest) < room and 0.6 < paces[0] / paces[1] < 1.6
     return same and _swings_on_alike(one, other, signal) and _swings_on_alike(other, one, signal)
