@@ -49,7 +49,11 @@ def untouched(models: Sequence[Candidate], base: Sequence[str]) -> tuple[list[Re
     if beyond > REACHED**2 - 1:
         for cut in CUTS:
             kept = [part for record in models[0].problem.records for part in _middle(record, asked[-1], *cut)]
-            if kept and min(_refitted_to(m, kept) for m in asked) ** 2 - 1 < LEFT * beyond:
+            error = min((_refitted_to(m, kept) for m in asked if kept), default=np.inf)
+            holds = (
+                len(kept) == len(releases) or error < REACHED
+            )  # a release too short to be cut goes for a law only
+            if holds and error**2 - 1 < LEFT * beyond:
                 where = " and ".join(
                     name for name, length in zip(("beginnings", "ends"), cut, strict=True) if length
                 )

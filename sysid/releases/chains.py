@@ -228,7 +228,7 @@ def _segment(signal: SmoothedSignal, swings: list[HalfCycle], begin: int, finish
     Returns None where that angle is not to be seen.
     """
     chosen = swings[begin:finish]
-    if len(chosen) > 4 and not chosen[0].from_plateau and _first_swing_is_odd(chosen):
+    if len(chosen) > 4 and not _was_held(signal, chosen[0]) and _first_swing_is_odd(chosen):
         chosen = chosen[1:]
     if len(chosen) == 1 and not chosen[0].to_plateau:
         return None
@@ -269,6 +269,13 @@ def _rest_angle(swings: list[HalfCycle]) -> float:
     a, b, c = turns[:-2], turns[1:-1], turns[2:]
     bend = a + c - 2 * b
     return float(np.sum(bend * (a * c - b * b)) / np.sum(bend**2))
+
+
+def _was_held(signal: SmoothedSignal, swing: HalfCycle) -> bool:
+    """Whether the deck stayed, up to a tremor, for longer than a swing lasts before it left."""
+    since = float(signal.time[swing.left]) - 2 * swing.duration
+    before = signal.roll[(signal.time >= since) & (signal.time <= signal.time[swing.left])]
+    return since >= signal.time[0] and bool(np.abs(before - swing.origin).max() < AGAIN * swing.size)
 
 
 def _first_swing_is_odd(swings: list[HalfCycle]) -> bool:
