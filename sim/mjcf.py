@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import mujoco
 
@@ -72,24 +72,10 @@ def board_mjcf(
         raise SysidError(
             "--export in-scene compensates for wheels and coupling, which a bench has not. Add --scene."
         )
-    done = compensate(
-        board,
-        export,
-        timestep=timestep,
-        integrator=integrator,
-        coupling=coupling,
-        exact_effects=exact_effects,
-    )
-    if kind == "scene":
-        spec = board_spec(
-            done.board,
-            timestep=timestep,
-            integrator=integrator,
-            coupling=coupling,
-            exact_effects=exact_effects,
-        )
-    else:
-        spec = rig_spec(done.board, timestep=timestep, integrator=integrator, exact_effects=exact_effects)
+    step: dict[str, Any] = {"timestep": timestep, "integrator": integrator, "exact_effects": exact_effects}
+    done = compensate(board, export, coupling=coupling, **step)
+    written = done.board
+    spec = board_spec(written, coupling=coupling, **step) if kind == "scene" else rig_spec(written, **step)
     version = mujoco.__version__ if exact_effects else OLDEST
     comments = _comments(board, done, kind, export, coupling, version)
     return Mjcf(_commented(spec, comments), done, export, substituted(board, version))

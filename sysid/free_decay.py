@@ -28,7 +28,7 @@ from sysid.noise.whiteness import ljung_box
 from sysid.quantity import Quantity
 from sysid.recording import Data, Recording, reading_warnings, unpack
 from sysid.roll import Array, Release, shown
-from sysid.text import WIDTH, Display, display, quantity_frame
+from sysid.text import WIDTH, Display, count, display, quantity_frame
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -167,14 +167,14 @@ def _fit(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
     floor = noise_floor(releases, rate=trace.signal == "rate")
     _refuse_nonsense(releases, trace)
     trace, wider = inflate_covariance(trace, floor)
-    count = f"{len(releases)} release{'s' if len(releases) > 1 else ''}"
+    freedom, method = trace.degrees_of_freedom, f"whole trace of {count(len(releases), 'release')}"
     numbers = decay_numbers(
         trace.omega_n,
         trace.damping_ratio,
         trace.covariance,
         inertia,
-        degrees_of_freedom=trace.degrees_of_freedom,
-        method=f"whole trace of {count}",
+        degrees_of_freedom=freedom,
+        method=method,
     )
     steady, rests, noise = _rest_angles(releases, trace, floor)
     peaks = [
@@ -186,6 +186,13 @@ def _fit(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
     line = fit_peak_line(peaks, [rest.std for rest in rests])
     levels = rests if trace.signal == "roll" else ()
     nonlinearities = tuple(find_nonlinearities(steady, peaks, noise, levels))
+    from_line = None
+    if line is not None:
+        from_line = numbers_from_decrement(
+            line.log_decrement, line.period, inertia, degrees_of_freedom=line.degrees_of_freedom,
+            method=line.log_decrement.method,
+        )  # fmt: skip
+    pairs = (log_decrement_two_peaks(group, rest.std) for group, rest in zip(peaks, rests, strict=True))
     linear = _is_linear(trace, floor) and not any(found.hidden_by_linear_fit for found in nonlinearities)
     decay = FreeDecay(
         releases=tuple(steady),
@@ -193,8 +200,8 @@ def _fit(releases: Sequence[Release], inertia: Quantity) -> FreeDecay:
         trace=trace,
         peaks=tuple(tuple(group) for group in peaks),
         line=line,
-        from_line=None if line is None else _from_line(line, inertia),
-        two_peaks=_two_peaks(peaks, rests),
+        from_line=from_line,
+        two_peaks=next((delta for delta in pairs if delta is not None), None),
         rest_angles=tuple(rests),
         floor=floor,
         nonlinearities=nonlinearities,
@@ -275,21 +282,6 @@ def _level(time: Array, roll: Array, trace: TraceFit) -> tuple[float, float, Arr
     coefficients = inverse @ roll
     residual = roll - basis @ coefficients
     return float(coefficients[2]), float(np.std(residual)) * float(np.linalg.norm(inverse[2])), residual
-
-
-def _from_line(line: PeakLine, inertia: Quantity) -> DecayNumbers:
-    return numbers_from_decrement(
-        line.log_decrement,
-        line.period,
-        inertia,
-        degrees_of_freedom=line.degrees_of_freedom,
-        method=line.log_decrement.method,
-    )
-
-
-def _two_peaks(peaks: Sequence[Sequence[Peak]], rests: Sequence[Quantity]) -> Quantity | None:
-    found = (log_decrement_two_peaks(group, rest.std) for group, rest in zip(peaks, rests, strict=True))
-    return next((delta for delta in found if delta is not None), None)
 
 
 def _is_linear(trace: TraceFit, floor: NoiseFloor) -> bool:

@@ -104,7 +104,8 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
         notes.append(f"frames: {filled} lost ones filled in from their neighbours")
     if not followed.turns:
         warnings.append(
-            f"what is followed turns by {np.degrees(np.ptp(signal.roll)):.2g}° in all: is it the board? Look at --overlay"
+            f"what is followed turns by {np.degrees(np.ptp(signal.roll)):.2g}° in all, less than a release or than its noise: these "
+            "angles are no measurement of a board. Look at --overlay; then give the board's region with --roi, or film a release"
         )
     if dropped:
         warnings.append(

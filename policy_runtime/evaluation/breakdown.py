@@ -50,20 +50,12 @@ class Table:
         if (self.title, self.columns) != (other.title, other.columns):
             raise SysidError(f"tables '{self.title}' and '{other.title}' do not add up.")
         nothing = ((0.0, 0),) * len(self.columns)
-        labels = {**self.rows, **other.rows}
-        return Table(
-            self.title,
-            self.columns,
-            {
-                label: tuple(
-                    (a + c, b + d)
-                    for (a, b), (c, d) in zip(
-                        self.rows.get(label, nothing), other.rows.get(label, nothing), strict=True
-                    )
-                )
-                for label in labels
-            },
-        )
+        rows = {
+            label: zip(self.rows.get(label, nothing), other.rows.get(label, nothing), strict=True)
+            for label in {**self.rows, **other.rows}
+        }
+        added = {label: tuple((a + c, b + d) for (a, b), (c, d) in cells) for label, cells in rows.items()}
+        return Table(self.title, self.columns, added)
 
     def mean(self, row: str, column: str) -> float:
         """Return the mean of one cell; NaN where no step falls into it."""

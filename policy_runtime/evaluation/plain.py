@@ -6,10 +6,11 @@ when anything but a foot touches ground or board, or when both feet have left th
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
+from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Literal
@@ -179,34 +180,21 @@ def policy_named(name: str, board: Board | None, *, force: bool = False) -> Poli
     return OnnxPolicy(open_policy(Path(name), board, force=force))
 
 
-@dataclass(frozen=True, slots=True)
-class _Job:
-    board: Board
-    policy: str
-    protocol: Protocol
-    seed: int
-    first: int
-    count: int
-    force: bool
-
-
-def _work(job: _Job) -> Part:
+def _work(name: str, board: Board, protocol: Protocol, force: bool, seed: int, episodes: range) -> Part:
     """Ride some episodes of one seed in a process of its own."""
-    world = protocol_world(job.board, job.protocol)
-    policy = policy_named(job.policy, job.board, force=job.force)
+    world = protocol_world(board, protocol)
+    policy = policy_named(name, board, force=force)
     rides: list[Rides] = []
     endings: list[str] = []
     paths: list[Array] = []
-    for episode in range(job.first, job.first + job.count):
-        recording, ending = run_episode(
-            world, policy, job.protocol, np.random.default_rng([job.seed, episode])
-        )
+    for episode in episodes:
+        recording, ending = run_episode(world, policy, protocol, np.random.default_rng([seed, episode]))
         rides.append(recording.rides(succeeded=ending == TIME_LIMIT))
         endings.append(ending)
         if episode < PATHS:
             where = recording.column("board_position")[:, :2]
             paths.append(np.column_stack([where, recording.column("board_heading")]))
-    return part_of(job.seed, Rides.join(rides), endings, paths)
+    return part_of(seed, Rides.join(rides), endings, paths)
 
 
 def evaluate_policy(
@@ -239,16 +227,15 @@ def evaluate_policy(
         raise SysidError("worlds drawn as in training are mjlab's. Add --simulator mjlab.")
     name = policy_named(policy, board, force=force).name
     size = max(1, min(10, math.ceil(episodes * len(seeds) / (4 * workers))))
-    jobs = [
-        _Job(board, policy, protocol, seed, first, min(size, episodes - first), force)
-        for seed in seeds
-        for first in range(0, episodes, size)
-    ]
+    spans = [range(first, min(first + size, episodes)) for first in range(0, episodes, size)]
+    jobs = [(seed, span) for seed in seeds for span in spans]
     parts: list[Part] = []
-    for part in _results(jobs, workers, pool):
-        parts.append(part)
-        if progress is not None:
-            progress(len(part.endings))
+    with nullcontext(pool) if pool is not None else riders(workers) as there:
+        work = partial(_work, policy, board, protocol, force)
+        for part in (map if there is None else there.map)(work, *zip(*jobs, strict=True)):
+            parts.append(part)
+            if progress is not None:
+                progress(len(part.endings))
     return summarise(parts, name, board.name)
 
 
@@ -258,8 +245,3 @@ def riders(workers: int) -> AbstractContextManager[Executor | None]:
     Forking a process with threads (Rerun, onnxruntime) can hang; spawned ones start clean.
     """
     return nullcontext() if workers == 1 else ProcessPoolExecutor(workers, mp_context=get_context("spawn"))
-
-
-def _results(jobs: list[_Job], workers: int, pool: Executor | None) -> Iterator[Part]:
-    with nullcontext(pool) if pool is not None else riders(workers) as there:
-        yield from (map if there is None else there.map)(_work, jobs)

@@ -1,6 +1,8 @@
 """What many measured episodes say: success, errors with their intervals, endings, and where errors come from."""
 
 import math
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -111,34 +113,26 @@ def summarise(parts: list[Part], policy: str, board: str) -> Evaluation:
     """Put what all parts say together; at least one part."""
     seeds = tuple(sorted({part.seed for part in parts}))
 
-    def by_seed(values: dict[int, list[Array]]) -> list[Array]:
-        return [np.concatenate(values[seed]) for seed in seeds]
+    def by_seed(values: Callable[[Part], Array]) -> list[Array]:
+        return [np.concatenate([values(part) for part in parts if part.seed == seed]) for seed in seeds]
 
-    errors: dict[str, dict[int, list[Array]]] = {key: {seed: [] for seed in seeds} for key in METRICS}
-    durations: dict[int, list[Array]] = {seed: [] for seed in seeds}
-    endings: dict[str, int] = {}
-    lasted = {stood: [0, 0] for stood in (False, True)}
-    for part in parts:
-        for key, values in part.errors.items():
-            errors[key][part.seed].append(values)
-        durations[part.seed].append(part.durations)
-        for ending in part.endings:
-            endings[ending] = endings.get(ending, 0) + 1
-        for stood, ending in zip(part.stood.tolist(), part.endings, strict=True):
-            lasted[stood][0] += ending == TIME_LIMIT
-            lasted[stood][1] += 1
-    episodes = sum(endings.values())
-    rode = np.concatenate([part.durations[~part.stood] for part in parts])
+    endings = [ending for part in parts for ending in part.endings]
+    stood = np.concatenate([part.stood for part in parts])
+    lasted = np.array([ending == TIME_LIMIT for ending in endings], dtype=bool)
+    rode = np.concatenate([part.durations for part in parts])[~stood]
     return Evaluation(
         policy=policy,
         board=board,
-        episodes=round(episodes / len(seeds)),
+        episodes=round(len(endings) / len(seeds)),
         seeds=seeds,
-        success=proportion(*lasted[False]),
-        standing=proportion(*lasted[True]),
-        errors={key: mean_over(by_seed(errors[key]), unit) for key, unit in METRICS.items()},
-        endings=dict(sorted(endings.items())),
-        duration=mean_over(by_seed(durations), "s"),
+        success=proportion(int(lasted[~stood].sum()), int((~stood).sum())),
+        standing=proportion(int(lasted[stood].sum()), int(stood.sum())),
+        errors={
+            key: mean_over(by_seed(lambda part, key=key: part.errors[key]), unit)
+            for key, unit in METRICS.items()
+        },
+        endings=dict(sorted(Counter(endings).items())),
+        duration=mean_over(by_seed(lambda part: part.durations), "s"),
         median_duration=float(np.median(rode)) if len(rode) else math.nan,
         headings=np.concatenate([part.headings for part in parts]),
         tables=add_up([part.tables for part in parts]),

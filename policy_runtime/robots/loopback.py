@@ -119,14 +119,10 @@ class SimulatedG1:
         message.tick = round(own.time * 1e3)
         message.imu_state.quaternion = own.quaternion.tolist()
         message.imu_state.gyroscope = own.angular_velocity.tolist()
-        for i, slot in enumerate(POLICY_MOTORS):
+        measured = np.column_stack([own.joint_position, own.joint_velocity, own.joint_torque]).tolist()
+        for slot, values in zip(POLICY_MOTORS, measured, strict=True):
             motor = message.motor_state[slot]
-            motor.mode = 1
-            motor.q, motor.dq, motor.tau_est = (
-                float(own.joint_position[i]),
-                float(own.joint_velocity[i]),
-                float(own.joint_torque[i]),
-            )
+            motor.mode, (motor.q, motor.dq, motor.tau_est) = 1, values
         for slot, angle in zip(WRIST_MOTORS, self.wrists.tolist(), strict=True):
             message.motor_state[slot].q = angle
         message.wireless_remote = self._messages.handset_bytes(self.pressed)

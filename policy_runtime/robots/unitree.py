@@ -91,14 +91,10 @@ class UnitreeG1:
         """Make this the command that is sent from now on."""
         message = self._messages.empty_command()
         message.mode_pr, message.mode_machine = PITCH_ROLL, self._state.mode_machine
-        for i, slot in enumerate(POLICY_MOTORS):
+        asked = np.column_stack([command.position, command.stiffness, command.damping]).tolist()
+        for slot, values in zip(POLICY_MOTORS, asked, strict=True):
             motor = message.motor_cmd[slot]
-            motor.mode = 1
-            motor.q, motor.kp, motor.kd = (
-                float(command.position[i]),
-                float(command.stiffness[i]),
-                float(command.damping[i]),
-            )
+            motor.mode, (motor.q, motor.kp, motor.kd) = 1, values
         braking = not np.any(command.stiffness)
         wrists = self._lead_wrists(braking)
         for slot, angle in zip(WRIST_MOTORS, wrists, strict=True):

@@ -232,9 +232,8 @@ def law_of(board: Board) -> "JointLaw":
 
 def inertia_ratio(board: Board) -> float:
     """Return by how much the record's effects multiply its roll inertia."""
-    return (
-        law_of(board).inertia_ratio if board.effects else 1.0
-    )  # only boards with effects need the catalogue
+    # Only boards with effects need the catalogue.
+    return law_of(board).inertia_ratio if board.effects else 1.0
 
 
 def inertia_gain(board: Board) -> float:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.board.bench import swing
 from sim.compensation.scene import ClampedScene
 from sysid.board import Board
 from sysid.errors import SysidError
@@ -73,9 +72,7 @@ class SceneCheck:
     @property
     def nrmse(self) -> float:
         """RMS of all residuals over RMS of all measured roll about rest, both without noise."""
-        weights = [len(release.time) for release in self.releases]
-        error = np.average([release.error_power for release in self.releases], weights=weights)
-        return math.sqrt(max(float(error), 0.0)) / self.motion
+        return math.sqrt(max(self._mean([r.error_power for r in self.releases]), 0.0)) / self.motion
 
     @property
     def hidden(self) -> float:
@@ -98,18 +95,17 @@ class SceneCheck:
     @property
     def only_rest_is_off(self) -> bool:
         """Whether the scene would pass if it rested where the log does: it moves right, about another angle."""
-        weights = [len(release.time) for release in self.releases]
-        moving = [release.error_power - release.rest_error**2 for release in self.releases]
-        return (
-            self.nrmse > self.tolerance
-            and float(np.average(moving, weights=weights)) <= (self.tolerance * self.motion) ** 2
-        )
+        moving = self._mean([release.error_power - release.rest_error**2 for release in self.releases])
+        return self.nrmse > self.tolerance and moving <= (self.tolerance * self.motion) ** 2
 
     @property
     def motion(self) -> float:
         """RMS of the measured roll about rest over all releases, without noise [rad]."""
-        weights = [len(release.time) for release in self.releases]
-        return math.sqrt(float(np.average([release.power for release in self.releases], weights=weights)))
+        return math.sqrt(self._mean([release.power for release in self.releases]))
+
+    def _mean(self, values: Sequence[float]) -> float:
+        """Return the mean over all samples of what each release has."""
+        return float(np.average(values, weights=[len(release.time) for release in self.releases]))
 
 
 def check_scene(
@@ -146,15 +142,7 @@ def _compare(board: Board, scene: ClampedScene, release: Release) -> ReleaseChec
 
     def simulated(unknown: Array) -> Array:
         angle, rate, zero = unknown
-        move = swing(
-            scene.model,
-            angle,
-            rate,
-            duration / clock,
-            joint=scene.joint,
-            after_step=scene.after_step,
-            begin=scene.begin,
-        )
+        move = scene.swing(angle, rate, duration / clock)
         return zero + sense(law, time, move.at((time - time[0]) / clock))
 
     zero = release.rest - rest

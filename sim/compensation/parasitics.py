@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import mujoco
 import numpy as np
 
-from sim.board.bench import rig_spec, swing
+from sim.board.bench import rig_spec
 from sim.board.scene import integrator_name
 from sim.compensation.scene import ClampedScene
 from sim.compensation.step import compensate_step
@@ -107,7 +107,9 @@ def measure(board: Board, scene: ClampedScene) -> TiltJoint:
     Raises:
         SysidError: The scene does not move, or blows up.
     """
-    scene = replace(scene, model=_frictionless(scene.model, scene.joint))
+    smooth = copy.copy(scene.model)  # a small decay with dry friction in the tilt joint has no poles
+    smooth.dof_frictionloss[smooth.joint(scene.joint).dofadr[0]] = 0.0
+    scene = replace(scene, model=smooth, begin=None)
     torque = LOAD * board.stiffness * board.tilt["range"].value
     tilt = (_static(scene, torque) - _static(scene, -torque)) / 2
     if not tilt > 0:
@@ -116,9 +118,7 @@ def measure(board: Board, scene: ClampedScene) -> TiltJoint:
     rest = (_static(scene, torque) + _static(scene, -torque)) / 2
     duration = 3 * math.pi * math.sqrt(board.inertia.value / board.stiffness)
     h = float(scene.model.opt.timestep)
-    path = swing(
-        scene.model, rest + SMALL, 0.0, max(duration, 24 * h), joint=scene.joint, after_step=scene.after_step
-    )
+    path = scene.swing(rest + SMALL, 0.0, max(duration, 24 * h))
     roll = path.roll[2:] - rest  # the first steps fill contacts and constraints
     (trace, determinant), *_ = np.linalg.lstsq(
         np.stack([roll[1:-1], -roll[:-2]], axis=1), roll[2:], rcond=None
@@ -129,13 +129,6 @@ def measure(board: Board, scene: ClampedScene) -> TiltJoint:
         trace = min(float(trace), 1 + determinant - 1e-12)
     inertia, damping = joint_of_map(float(trace), float(determinant), stiffness, h, integrator)
     return TiltJoint(stiffness, damping, inertia)
-
-
-def _frictionless(model: mujoco.MjModel, joint: str) -> mujoco.MjModel:
-    """Return the model without dry friction in the tilt joint: a small decay with it has no poles."""
-    smooth = copy.copy(model)
-    smooth.dof_frictionloss[smooth.joint(joint).dofadr[0]] = 0.0
-    return smooth
 
 
 def _static(scene: ClampedScene, torque: float) -> float:

@@ -7,13 +7,14 @@ seven degrees), so a measured decay is never that of a loose board.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
 import mujoco
 import numpy as np
 
-from sim.board.bench import AfterStep, Begin, rig_spec, stable
+from sim.board.bench import AfterStep, Begin, Swing, rig_spec, stable, swing
 from sim.board.bodies import FREE_JOINT, TILT_JOINT, Coupling
 from sim.board.scene import board_spec, integrator_name, set_trucks
 from sim.compensation.step import (
@@ -46,6 +47,12 @@ class ClampedScene:
     after_step: AfterStep | None = None
     begin: Begin | None = None
     """Brings a robot's model to a release; its limits then act as MuJoCo has them, instead of ending what is compared."""
+
+    def swing(self, angle: float, rate: float, duration: float) -> Swing:
+        """Release the joint, see `sim.board.bench.swing`."""
+        return swing(
+            self.model, angle, rate, duration, joint=self.joint, after_step=self.after_step, begin=self.begin
+        )
 
     @property
     def tilt_range(self) -> float:
@@ -206,16 +213,9 @@ def _builder(
     board: Board, timestep: float, integrator: str, coupling: Coupling, exact_effects: bool
 ) -> Callable[[Board], mujoco.MjModel]:
     """Return what compiles candidates in the pose into which the first one has sunk."""
-
-    def built(candidate: Board) -> mujoco.MjSpec:
-        return board_spec(
-            candidate,
-            timestep=timestep,
-            integrator=integrator,
-            coupling=coupling,
-            exact_effects=exact_effects,
-        )
-
+    built = partial(
+        board_spec, timestep=timestep, integrator=integrator, coupling=coupling, exact_effects=exact_effects
+    )
     first = built(board)
     pose = _settled_pose(first, first.joint(FREE_JOINT))
 

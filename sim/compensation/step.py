@@ -72,16 +72,14 @@ class Compensation:
     def lines(self) -> tuple[str, ...]:
         """Return what was done and both errors, for people and for the comments of a file."""
         where = f"{self.how}, for {self.integrator} at {1e3 * self.timestep:g} ms"
-        if self.inertia_ratio == 1 and self.damping_ratio == 1:
-            return (
-                f"{where}: as recorded",
-                f"unloaded decay: NRMSE {100 * self.decay_error:.3f} %",
-                f"static stiffness: {100 * self.static_error:+.3f} %",
-            )
+        what, before = "as recorded", ""
+        if self.inertia_ratio != 1 or self.damping_ratio != 1:
+            inertia, damping = 100 * (self.inertia_ratio - 1), 100 * (self.damping_ratio - 1)
+            what = f"roll inertia {inertia:+.1f} %, damping {damping:+.1f} %, stiffness kept"
+            before = f" ({100 * self.decay_error_before:.2f} % without it)"
         return (
-            f"{where}: roll inertia {100 * (self.inertia_ratio - 1):+.1f} %, damping "
-            f"{100 * (self.damping_ratio - 1):+.1f} %, stiffness kept",
-            f"unloaded decay: NRMSE {100 * self.decay_error:.3f} % ({100 * self.decay_error_before:.2f} % without it)",
+            f"{where}: {what}",
+            f"unloaded decay: NRMSE {100 * self.decay_error:.3f} %{before}",
             f"static stiffness: {100 * self.static_error:+.3f} %",
         )
 
@@ -98,12 +96,7 @@ def compensate_step(
     Raises:
         SysidError: The step is too long for this board, or the integrator damps more than the board.
     """
-
-    def build(candidate: Board) -> mujoco.MjModel:
-        return rig_spec(
-            candidate, timestep=timestep, integrator=integrator, exact_effects=exact_effects
-        ).compile()
-
+    build = _bench(timestep, integrator, exact_effects)
     first = closed_form(board, timestep=timestep, integrator=integrator)
     plain = all(effect(part.name).role in ("measurement", "record") for part in board.effects)
     amplitudes = release_amplitudes(board)
@@ -117,13 +110,15 @@ def uncompensated(
     board: Board, *, timestep: float, integrator: str = "implicitfast", exact_effects: bool = True
 ) -> Compensation:
     """Return the board as recorded, with the errors that this integrator and step (and substitutes) make."""
-
-    def build(candidate: Board) -> mujoco.MjModel:
-        return rig_spec(
-            candidate, timestep=timestep, integrator=integrator, exact_effects=exact_effects
-        ).compile()
-
+    build = _bench(timestep, integrator, exact_effects)
     return evaluate(board, board, build, release_amplitudes(board), "physical parameters")
+
+
+def _bench(timestep: float, integrator: str, exact_effects: bool) -> Callable[[Board], mujoco.MjModel]:
+    """Return what compiles the bench of a candidate."""
+    return lambda board: rig_spec(
+        board, timestep=timestep, integrator=integrator, exact_effects=exact_effects
+    ).compile()
 
 
 def closed_form(board: Board, *, timestep: float, integrator: str = "implicitfast") -> Board:
@@ -195,20 +190,14 @@ def fit_inertia_and_damping(
     def misfit(knobs: Array) -> Array:
         next(tries, None)
         model = build(_knobs(start, knobs))
-        return np.concatenate(
-            [
-                _residual(model, release, rate * release.speed, after_step)
-                for release, rate in zip(truth, knobs[turned:], strict=True)
-            ]
-        )
+        pairs = zip(truth, knobs[turned:], strict=True)
+        return np.concatenate([_residual(model, each, rate * each.speed, after_step) for each, rate in pairs])
 
     lag = -build(start).opt.timestep / 2
-    guess = [
-        *(0.0 for _ in range(turned)),
-        *(lag * release.deceleration / release.speed for release in truth),
-    ]
+    rates = [lag * release.deceleration / release.speed for release in truth]
+    guess = [0.0] * turned + rates
     # A stop pushes harder than the spring, and half a step of its push can be more than the board's own speed.
-    reach = [*(1.5 for _ in range(turned)), *(max(1.0, 2 * abs(rate)) for rate in guess[turned:])]
+    reach = [1.5] * turned + [max(1.0, 2 * abs(rate)) for rate in rates]
     bounds = (-np.array(reach), reach)
     tries = iter(steps(range(USUAL_STEPS * (len(guess) + 1))))
     found = least_squares(misfit, guess, bounds=bounds, diff_step=1e-4, xtol=1e-7, ftol=1e-9, max_nfev=25)
@@ -290,18 +279,10 @@ def _truth(board: Board, amplitudes: Sequence[float]) -> list[_Release]:
     releases: list[_Release] = []
     for amplitude in amplitudes:
         angle = law.rest_angle + amplitude
-        path = simulate(law, time, angle, 0.0)
-        fine = simulate(law, np.array([0.0, 1e-4]), angle, 0.0)
-        releases.append(
-            _Release(
-                angle,
-                time,
-                path.roll - law.rest_angle,
-                law.rest_angle,
-                abs(amplitude) * law.frequency,
-                float(fine.rate[-1] / 1e-4),
-            )
-        )
+        about_rest = simulate(law, time, angle, 0.0).roll - law.rest_angle
+        begun = float(simulate(law, np.array([0.0, 1e-4]), angle, 0.0).rate[-1] / 1e-4)
+        speed = abs(amplitude) * law.frequency
+        releases.append(_Release(angle, time, about_rest, law.rest_angle, speed, begun))
     return releases
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter, validators
 
-from sysid.cli.console import OUTPUT, Common, Printer
+from sysid.cli.console import Common, Output, Printer
 from sysid.files import locked, write_atomically, write_json
 from sysid.text import count
 
@@ -17,7 +17,7 @@ def batch(
     manifest: Path,
     /,
     *,
-    output: Annotated[Path | None, Parameter(name=("--output", "-o"), group=OUTPUT)] = None,
+    output: Output | None = None,
     workers: Annotated[int | None, Parameter(validator=validators.Number(gte=1))] = None,
     cluster: str | None = None,
     common: Common = Common(),
@@ -62,15 +62,10 @@ def batch(
     write_atomically(folder / "table.csv", _csv(COLUMNS, table))
     write_json(folder / "table.json", table)
     write_atomically(folder / "page.html", batch_page(manifest.name, table))
-    printer.table(
-        ("job", "task", "board", "k [N·m/rad]", "d [N·m·s/rad]", "f [Hz]", "verdict"),
-        [_shown(row) for row in table],
-    )
+    printer.records([_shown(row) for row in table])
     failed = sum(row["state"] == "failed" for row in table)
     printer.say(f"{len(table) - failed} of {count(len(table), 'job')} done, {failed} failed")
-    printer.say(
-        "written: " + ", ".join(str(folder / name) for name in ("table.csv", "table.json", "page.html"))
-    )
+    printer.written(*(folder / name for name in ("table.csv", "table.json", "page.html")))
     printer.result({"jobs": table, "failed": failed, "table": str(folder / "table.csv")})
     return int(failed > 0)
 
@@ -83,7 +78,7 @@ def _csv(columns: Sequence[str], table: Sequence[Mapping[str, Any]]) -> str:
     return text.getvalue()
 
 
-def _shown(row: Mapping[str, Any]) -> tuple[str, ...]:
+def _shown(row: Mapping[str, Any]) -> dict[str, str]:
     from sysid.batch.jobs import ENDS, column
 
     def interval(name: str) -> str:
@@ -94,12 +89,12 @@ def _shown(row: Mapping[str, Any]) -> tuple[str, ...]:
 
     frequency = f"{row['omega_n_rad_s'] / 6.283185307179586:.3g}" if "omega_n_rad_s" in row else "-"
     said = " ".join(filter(None, (row.get("verdict"), row.get("effects")))) or row["state"]
-    return (
-        row["job"],
-        row["task"],
-        row.get("board", "-"),
-        interval("stiffness"),
-        interval("damping"),
-        frequency,
-        said if row["state"] == "done" else "failed",
-    )
+    return {
+        "job": row["job"],
+        "task": row["task"],
+        "board": row.get("board", "-"),
+        "k [N·m/rad]": interval("stiffness"),
+        "d [N·m·s/rad]": interval("damping"),
+        "f [Hz]": frequency,
+        "verdict": said if row["state"] == "done" else "failed",
+    }

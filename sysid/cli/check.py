@@ -1,18 +1,14 @@
 """`husky-sysid check`: the gate between a measured board and training."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Literal
 
 from sysid.cli.console import Common, Printer, require_share
 from sysid.cli.log_options import LogArguments, load_recordings, refuse_overwriting_logs
 from sysid.cli.subject import Subject
 from sysid.errors import QualityGateError, SysidError
-
-if TYPE_CHECKING:
-    from sim.check.verdict import Verdict
 
 
 def check(
@@ -76,19 +72,13 @@ def check(
         step = timestep or 0.005
         alone = not record.geometry
         with working(printer), stage(0.0, 1.0, "compensating the step"):
-            written = compensate(
-                record,
-                "step-compensated" if alone and export == "in-scene" else export,
-                timestep=step,
-                integrator=integrator,
-                coupling=coupling,
-            )
+            kind = "step-compensated" if alone and export == "in-scene" else export
+            written = compensate(record, kind, timestep=step, integrator=integrator, coupling=coupling)
         printer.note("; ".join(written.lines()))
-        scene = (
-            bench_scene(written.board, timestep=step, integrator=integrator)
-            if alone
-            else training_scene(written.board, timestep=step, integrator=integrator, coupling=coupling)
-        )
+        if alone:
+            scene = bench_scene(written.board, timestep=step, integrator=integrator)
+        else:
+            scene = training_scene(written.board, timestep=step, integrator=integrator, coupling=coupling)
     with working(printer), stage(0.0, 1.0, "letting go in the scene"):
         verdict = judge(record, scene, releases, tolerance=tolerance)
     for note in verdict.notes:
@@ -98,7 +88,16 @@ def check(
     if subject.model is not None:
         printer.note("no record is changed: the model itself was checked")
     elif scene_file is None:
-        path = common.space.save_board(record.checked(_entry(verdict, logs)), since=record)
+        decays = verdict.case.decays
+        entry = {
+            "passed": verdict.passed,
+            "nrmse": float(f"{decays.nrmse:.4g}"),
+            "tolerance": decays.tolerance,
+            "scene": verdict.case.scene.name,
+            "logs": [str(log) for log in logs],
+            "date": date.today().isoformat(),
+        }
+        path = common.space.save_board(record.checked(entry), since=record)
         printer.note(f"written into {path}")
     else:
         printer.note("the board record is unchanged: its [check] speaks of the scene that the tool builds")
@@ -106,14 +105,3 @@ def check(
         raise QualityGateError(verdict.refusal())
     printer.warnings(verdict.warnings)
     return 0
-
-
-def _entry(verdict: "Verdict", logs: Sequence[Path]) -> dict[str, Any]:
-    return {
-        "passed": verdict.passed,
-        "nrmse": float(f"{verdict.case.decays.nrmse:.4g}"),
-        "tolerance": verdict.case.decays.tolerance,
-        "scene": verdict.case.scene.name,
-        "logs": [str(log) for log in logs],
-        "date": date.today().isoformat(),
-    }

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sysid.cli.console import OUTPUT, Common, Printer, require_share
+from sysid.cli.console import OUTPUT, Common, Made, Printer, require_share
 from sysid.cli.log_options import LogArguments, refuse_overwriting_logs
 from sysid.cli.subject import Subject
 from sysid.cli.view import read_logs, write_recording
@@ -20,7 +20,7 @@ def compare(
     subject: Subject = Subject(),
     tolerance: float = 0.02,
     picture: Annotated[bool, Parameter(group=OUTPUT)] = True,
-    rerun: Annotated[Path | None, Parameter(group=OUTPUT)] = None,
+    rerun: Made | None = None,
     arguments: LogArguments = LogArguments(),
     common: Common = Common(),
 ) -> int:
@@ -67,6 +67,6 @@ def compare(
         write_recording(rerun, record, files, material, printer, tolerance=tolerance)
         written.append(rerun)
     printer.say(result.report(printer.width))
-    printer.say("written: " + ", ".join(str(path) for path in written))
+    printer.written(*written)
     printer.result(content)
     return 0

@@ -25,6 +25,14 @@ LOG, FILM, FIT, OUTPUT = (
     Group(name, sort_key=place) for place, name in enumerate(("Log", "Film", "Fit", "Output"), 1)
 )
 """What options belong to, in the order of a command's help."""
+Output = Annotated[Path, Parameter(name=("--output", "-o"), group=OUTPUT)]
+Made = Annotated[Path, Parameter(group=OUTPUT)]
+"""Another file that is written if it is named."""
+BoardName = Annotated[str, Parameter(name=("--board", "-b"))]
+Flag = Annotated[bool, Parameter(negative="")]
+FitFlag = Annotated[bool, Parameter(negative="", group=FIT)]
+FitTexts = Annotated[tuple[str, ...], Parameter(negative="", group=FIT, show_default=False)]
+"""An option that may be repeated."""
 
 
 @Parameter(name="*", group=OUTPUT)
@@ -105,6 +113,10 @@ class Printer:
         """Print a result line on stdout."""
         self._stdout.print(text, markup=False)
 
+    def written(self, *paths: Path) -> None:
+        """Say which files were written."""
+        self.say(f"written: {', '.join(map(str, paths))}")
+
     def warn(self, text: str) -> None:
         """Print a warning on stderr."""
         self._stderr.print(f"warning: {one_line(text)}", markup=False, style="yellow")
@@ -130,6 +142,10 @@ class Printer:
     def table(self, columns: Sequence[str], rows: Sequence[Sequence[str]], title: str | None = None) -> None:
         """Print a table on stdout."""
         self.say(table(columns, rows, title, width=self.width))
+
+    def records(self, rows: Sequence[Mapping[str, str]], title: str | None = None) -> None:
+        """Print a table whose rows name their columns; at least one row."""
+        self.table(list(rows[0]), [list(row.values()) for row in rows], title)
 
     def quantities(self, rows: Sequence[tuple[str, Quantity]], title: str | None = None) -> None:
         """Print quantities as a table: name, value ± 95 %, how."""

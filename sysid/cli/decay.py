@@ -1,20 +1,15 @@
 """`husky-sysid decay`: a log of a rocking board in, its stiffness and damping out."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import Parameter
 
-from sysid.cli.console import OUTPUT, Common, Printer
+from sysid.cli.console import OUTPUT, Common, Made, Printer
 from sysid.cli.log_options import LogArguments, load_recordings, refuse_overwriting_logs
 from sysid.cli.subject import Subject
 from sysid.errors import SysidError
 from sysid.files import write_figure, write_json
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from sysid.free_decay import FreeDecay
 
 
 def decay(
@@ -23,7 +18,7 @@ def decay(
     *,
     subject: Subject = Subject(),
     picture: Annotated[bool, Parameter(group=OUTPUT)] = True,
-    rerun: Annotated[Path | None, Parameter(group=OUTPUT)] = None,
+    rerun: Made | None = None,
     arguments: LogArguments = LogArguments(),
     common: Common = Common(),
 ) -> int:
@@ -60,27 +55,20 @@ def decay(
         written.append(folder / "decay.json")
         write_json(written[-1], content)
         if picture:
-            written.append(write_figure(folder / "decay.png", _figure(result)))
+            from reports.figures.decay import decay_figure
+
+            names = ", ".join(recording.path.name for recording in recordings)
+            rolls = [recording.roll for recording in recordings]
+            figure = decay_figure(rolls, result, f"{result.board}: free decay in {names}")
+            written.append(write_figure(folder / "decay.png", figure))
     if rerun is not None:
         from reports.page.summary import decay_summary
         from reports.rerun.decay import decay_recording
 
-        decay_recording(
-            rerun,
-            recordings[0].roll,
-            result,
-            decay_summary("a board" if record is None else record.name, result),
-        )
+        summary = decay_summary("a board" if record is None else record.name, result)
+        decay_recording(rerun, recordings[0].roll, result, summary)
         written.append(rerun)
     if written:
-        printer.say("written: " + ", ".join(str(path) for path in written))
+        printer.written(*written)
     printer.result(content)
     return 0
-
-
-def _figure(result: "FreeDecay") -> "Figure":
-    from reports.figures.decay import decay_figure
-
-    names = ", ".join(recording.path.name for recording in result.recordings)
-    rolls = [recording.roll for recording in result.recordings]
-    return decay_figure(rolls, result, f"{result.board}: free decay in {names}")

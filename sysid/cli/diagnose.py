@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter, validators
 
-from sysid.cli.console import FIT, Common, Printer
+from sysid.cli.console import FIT, Common, FitTexts, Printer
 from sysid.cli.log_options import LogArguments, load_recordings
 from sysid.cli.parameter_options import parse_fixed
 from sysid.cli.subject import Subject
@@ -17,7 +17,7 @@ def diagnose(
     /,
     *,
     subject: Subject = Subject(),
-    fix: Annotated[tuple[str, ...], Parameter(negative="", group=FIT, show_default=False)] = (),
+    fix: FitTexts = (),
     workers: Annotated[int, Parameter(group=FIT, validator=validators.Number(gte=1))] = 2,
     arguments: LogArguments = LogArguments(),
     common: Common = Common(),
@@ -51,6 +51,6 @@ def diagnose(
     write_json(folder / "diagnose.json", {**content, **for_report(result, record)})
     picture = story_figure(story_of_diagnosis(result, record), f"{record.name}: {headline(result)}")
     write_figure(folder / "diagnose.png", picture, dpi=110)
-    printer.say(f"written: {folder / 'diagnose.json'}, {folder / 'diagnose.png'}")
+    printer.written(folder / "diagnose.json", folder / "diagnose.png")
     printer.result(content)
     return 0

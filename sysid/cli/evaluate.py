@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
 
-from sysid.cli.console import OUTPUT, Common, Printer
+from sysid.cli.console import BoardName, Common, Output, Printer
 from sysid.errors import SysidError
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def evaluate(
     policy: str,
     /,
     *others: str,
-    board: Annotated[str, Parameter(name=["--board", "-b"])],
+    board: BoardName,
     episodes: int = 100,
     seeds: int = 5,
     condition: Condition = Condition(),
@@ -98,7 +98,7 @@ def evaluate(
     simulator: Literal["mujoco", "mjlab"] = "mujoco",
     workers: int | None = None,
     breakdown: bool = False,
-    output: Annotated[Path | None, Parameter(name=["--output", "-o"], group=OUTPUT)] = None,
+    output: Output | None = None,
     force: bool = False,
     common: Common = Common(),
 ) -> int:
@@ -142,14 +142,9 @@ def evaluate(
         for name, protocol in SUITE if suite else (("as asked for", given),):
             for one in policies:
                 task = progress.add_task(f"{Path(one).stem}, {name}", total=episodes * seeds)
+                tell, every = partial(progress.advance, task), tuple(range(seeds))
                 result = measure(
-                    one,
-                    record,
-                    episodes=episodes,
-                    seeds=tuple(range(seeds)),
-                    protocol=protocol,
-                    force=force,
-                    progress=partial(progress.advance, task),
+                    one, record, episodes=episodes, seeds=every, protocol=protocol, force=force, progress=tell
                 )
                 rides.append((name, result))
     folder = output or common.space.outputs(record.name)
@@ -173,19 +168,17 @@ def _report_table(
     errors = ("E_vel", "E_yaw", "E_contact", "E_course", "E_tilt", "E_still")
     policies = list(dict.fromkeys(one.policy for _, one in rides))
     rows = [
-        (
-            name,
-            one.policy,
-            text(one.success),
-            text(one.standing),
-            f"{one.median_duration:.0f} s",
-            *(text(one.errors[error]) for error in errors),
-        )
+        {
+            "condition": name,
+            "policy": one.policy,
+            "E_succ": text(one.success),
+            "standing": text(one.standing),
+            "median": f"{one.median_duration:.0f} s",
+            **{f"{error} [{METRICS[error]}]": text(one.errors[error]) for error in errors},
+        }
         for name, one in rides
     ]
-    named = (f"{error} [{METRICS[error]}]" for error in errors)
-    head = ("condition", "policy", "E_succ", "standing", "median", *named)
-    printer.table(head, rows, f"{', '.join(policies)} on {title}")
+    printer.records(rows, f"{', '.join(policies)} on {title}")
     picture = folder / f"suite-{'-'.join(policies)}.png"
     suite_figure([(name, one.policy, one.success) for name, one in rides], title, picture)
     printer.say(f"picture: {picture}")

@@ -1,18 +1,16 @@
 """`husky-sysid export`: pack scene, policy and board record into one folder."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
-from cyclopts import Parameter
-
-from sysid.cli.console import OUTPUT, Common, Printer
+from sysid.cli.console import BoardName, Common, Output, Printer
 
 
 def export(
     *,
-    board: Annotated[str, Parameter(name=["--board", "-b"])],
+    board: BoardName,
     policy: Path | None = None,
-    output: Annotated[Path | None, Parameter(name=["--output", "-o"], group=OUTPUT)] = None,
+    output: Output | None = None,
     coupling: Literal["equality", "direct"] = "equality",
     terrain: Literal["flat", "slopes", "steps"] = "flat",
     force: bool = False,

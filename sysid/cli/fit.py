@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from sysid.board import Board
-from sysid.cli.console import FIT, OUTPUT, Common, Printer
+from sysid.cli.console import FIT, Common, FitFlag, FitTexts, Output, Printer
 from sysid.cli.fit_intervals import show_intervals
 from sysid.cli.log_options import LogArguments, load_recordings
 from sysid.cli.parameter_options import SHORT, parse_bounds, parse_fixed
@@ -25,17 +25,17 @@ def fit(
     /,
     *,
     subject: Subject = Subject(),
-    effect: Annotated[tuple[str, ...], Parameter(negative="", group=FIT, show_default=False)] = (),
-    fix: Annotated[tuple[str, ...], Parameter(negative="", group=FIT, show_default=False)] = (),
-    bound: Annotated[tuple[str, ...], Parameter(negative="", group=FIT, show_default=False)] = (),
-    prior: Annotated[tuple[str, ...], Parameter(negative="", group=FIT, show_default=False)] = (),
-    plain: Annotated[bool, Parameter(negative="", group=FIT)] = False,
-    robust: Annotated[bool, Parameter(negative="", group=FIT)] = False,
-    in_scene: Annotated[bool, Parameter(negative="", group=FIT)] = False,
-    profile: Annotated[bool, Parameter(negative="", group=FIT)] = False,
+    effect: FitTexts = (),
+    fix: FitTexts = (),
+    bound: FitTexts = (),
+    prior: FitTexts = (),
+    plain: FitFlag = False,
+    robust: FitFlag = False,
+    in_scene: FitFlag = False,
+    profile: FitFlag = False,
     bootstrap: Annotated[int, Parameter(group=FIT)] = 0,
-    any_period: Annotated[bool, Parameter(negative="", group=FIT)] = False,
-    output: Annotated[Path | None, Parameter(name=("--output", "-o"), group=OUTPUT)] = None,
+    any_period: FitFlag = False,
+    output: Output | None = None,
     arguments: LogArguments = LogArguments(),
     common: Common = Common(),
 ) -> int:
@@ -125,7 +125,7 @@ def fit(
         written += copies
     # Last: what fails or is broken off before leaves the record as it was.
     written.insert(0, subject.save(new, record, common))
-    printer.say(f"written: {', '.join(map(str, written))}")
+    printer.written(*written)
     content = {**result.to_json(), **intervals}
     printer.result({**content, "in_scene": scene.entry()} if scene else content)
     return 0

@@ -1,15 +1,11 @@
 """`husky-sysid history`: how a board's record came about."""
 
-from typing import Annotated
-
-from cyclopts import Parameter
-
 from sysid.cli.boards import plain
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import BoardName, Common, Printer
 from sysid.text import count
 
 
-def history(*, board: Annotated[str, Parameter(name=("--board", "-b"))], common: Common = Common()) -> int:
+def history(*, board: BoardName, common: Common = Common()) -> int:
     """Show how a board's record came about: one line a fit, and how far `undo` can go back.
 
     Args:

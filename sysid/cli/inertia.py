@@ -187,13 +187,9 @@ def added_mass(
         "bare": parse_or_read(bare, *OMEGA, "--bare"),
         "loaded": parse_or_read(loaded, *OMEGA, "--loaded"),
     }
-    for name, text, zero in (
-        ("mass", mass, False),
-        ("offset", offset, False),
-        ("height", height, True),
-        ("own", own, True),
-    ):
-        quantities[name] = parse_quantity(text, UNITS.get(name, "m"), f"--{name}", positive=not zero)
+    for name, text in (("mass", mass), ("offset", offset), ("height", height), ("own", own)):
+        positive = name in ("mass", "offset")
+        quantities[name] = parse_quantity(text, UNITS.get(name, "m"), f"--{name}", positive=positive)
     result = methods.added_mass(**quantities)
     return _finish("added-mass", result, outcome, quantities, error_budget(methods.added_mass, quantities))
 
@@ -225,9 +221,8 @@ def static_tilt(
     worst = max(test.residuals, key=abs)
     printer.say(f"largest distance of a reading from the line: {math.degrees(worst):+.3f} degrees")
     # 95 % of all lines through good readings scatter less than this (Wilson and Hilferty).
-    limit = (
-        1 - 2 / (9 * test.degrees_of_freedom) + 1.645 * math.sqrt(2 / (9 * test.degrees_of_freedom))
-    ) ** 3
+    spread = 2 / (9 * test.degrees_of_freedom)
+    limit = (1 - spread + 1.645 * math.sqrt(spread)) ** 3
     if test.chi_square > limit * test.degrees_of_freedom:
         printer.warn(
             "the readings scatter more than their uncertainties say: friction, a spring that is not linear, or "
@@ -275,11 +270,9 @@ def combine(*estimates: Text, outcome: Outcome = Outcome()) -> int:
     verdict = "agree" if result.agree else "disagree"
     text = f"the methods {verdict}: χ² = {result.chi_square:.2f} for {result.degrees_of_freedom}, p = {result.p_value:.2g}"
     if not result.agree:
-        odd = (
-            f"'{result.odd_one}' stands out"
-            if result.odd_one
-            else "with two methods nobody can say which is wrong"
-        )
+        odd = "with two methods nobody can say which is wrong"
+        if result.odd_one:
+            odd = f"'{result.odd_one}' stands out"
         printer.warn(f"{text}; {odd}. The interval was widened by the scatter.")
     else:
         printer.say(text)

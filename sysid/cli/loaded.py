@@ -4,7 +4,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import BoardName, Common, Printer
 from sysid.cli.parameter_options import parse_or_read
 from sysid.errors import SysidError
 from sysid.quantity import parse_quantity
@@ -12,7 +12,7 @@ from sysid.quantity import parse_quantity
 
 def loaded(
     *,
-    board: Annotated[str, Parameter(name=["--board", "-b"])],
+    board: BoardName,
     reading: Annotated[tuple[str, ...], Parameter(negative="")] = (),
     rider: float = 33.3,
     common: Common = Common(),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from sysid.cli.console import FILM, LOG, Printer
+from sysid.cli.console import FILM, LOG, Flag, Printer
 from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
 from sysid.logs.sources.registry import sources
@@ -39,9 +39,9 @@ class VideoArguments:
     """Where the deck's axis points, to the right and down from the line of sight, in degrees."""
     pivot: _Pair = None
     """Point in px that a single dot turns about."""
-    no_shake: Annotated[bool, Parameter(negative="")] = False
+    no_shake: Flag = False
     """The camera stands still; take no shake out."""
-    front: Annotated[bool, Parameter(negative="")] = False
+    front: Flag = False
     """Taken from the front of the board, not from behind."""
     overlay: Path | None = None
     """Write a film in which what was followed is drawn."""

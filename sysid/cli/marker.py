@@ -1,17 +1,14 @@
 """`husky-sysid marker`: a page with markers to print."""
 
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
-
-from sysid.cli.console import OUTPUT, Common, Printer
+from sysid.cli.console import Common, Output, Printer
 from sysid.errors import SysidError
 
 
 def marker(
     *,
-    output: Annotated[Path, Parameter(name=("--output", "-o"), group=OUTPUT)] = Path("marker.pdf"),
+    output: Output = Path("marker.pdf"),
     number: int = 0,
     common: Common = Common(),
 ) -> int:

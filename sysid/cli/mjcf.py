@@ -1,11 +1,8 @@
 """`husky-sysid mjcf`: a board as an MJCF file."""
 
-from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
-from cyclopts import Parameter
-
-from sysid.cli.console import OUTPUT, Common, Printer
+from sysid.cli.console import BoardName, Common, Flag, Output, Printer
 from sysid.errors import SysidError
 from sysid.files import write_atomically
 
@@ -16,15 +13,15 @@ written [1]."""
 
 def mjcf(
     *,
-    board: Annotated[str, Parameter(name=("--board", "-b"))],
-    output: Annotated[Path, Parameter(name=("--output", "-o"), group=OUTPUT)],
-    bench: Annotated[bool, Parameter(negative="")] = False,
-    scene: Annotated[bool, Parameter(negative="")] = False,
+    board: BoardName,
+    output: Output,
+    bench: Flag = False,
+    scene: Flag = False,
     timestep: float = 0.005,
     integrator: str = "implicitfast",
     export: Literal["physical", "step-compensated", "in-scene"] | None = None,
     coupling: Literal["equality", "direct"] = "equality",
-    substitutes: Annotated[bool, Parameter(negative="")] = False,
+    substitutes: Flag = False,
     common: Common = Common(),
 ) -> int:
     """Write a board as MJCF.

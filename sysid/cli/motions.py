@@ -2,11 +2,9 @@
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-from cyclopts import Parameter
-
-from sysid.cli.console import OUTPUT, Common, Printer
+from sysid.cli.console import Common, Made, Printer
 from sysid.errors import SysidError
 
 if TYPE_CHECKING:
@@ -15,8 +13,8 @@ if TYPE_CHECKING:
 
 def motions(
     *motion: Path,
-    plot: Annotated[Path | None, Parameter(group=OUTPUT)] = None,
-    rerun: Annotated[Path | None, Parameter(group=OUTPUT)] = None,
+    plot: Made | None = None,
+    rerun: Made | None = None,
     common: Common = Common(),
 ) -> int:
     """List reference motions and what they do; draw them, or play them in Rerun.
@@ -39,17 +37,7 @@ def motions(
     facts = {clip.name: motion_facts(clip, model) for clip in clips}
     if len(facts) < len(clips):
         raise SysidError("two motions have the same name; give them one at a time.")
-    columns = (
-        "motion",
-        "length",
-        "speed",
-        "period",
-        "on ground",
-        "slide",
-        "peak joint speed",
-        "limit margin",
-    )
-    printer.table(columns, [_row(name, fact) for name, fact in facts.items()])
+    printer.records([_row(name, fact) for name, fact in facts.items()])
     if not motion:
         folder = transition_folder()
         printer.note(
@@ -74,33 +62,29 @@ def motions(
     return 0
 
 
-def _row(name: str, fact: "MotionFacts") -> tuple[str, ...]:
-    return (
-        name,
-        f"{fact.frames} frames, {fact.duration:.2f} s",
-        f"{fact.speed:.2f} m/s",
-        f"{fact.period:.2f} s" if math.isfinite(fact.period) else "none",
-        f"{100 * fact.stance:.0f} %",
-        f"{fact.slide * 1e3:.0f} mm/s",
-        f"{fact.peak_speed:.1f} rad/s ({fact.peak_speed_joint})",
-        f"{fact.limit_margin:.3f} rad",
-    )
+def _row(name: str, fact: "MotionFacts") -> dict[str, str]:
+    return {
+        "motion": name,
+        "length": f"{fact.frames} frames, {fact.duration:.2f} s",
+        "speed": f"{fact.speed:.2f} m/s",
+        "period": f"{fact.period:.2f} s" if math.isfinite(fact.period) else "none",
+        "on ground": f"{100 * fact.stance:.0f} %",
+        "slide": f"{fact.slide * 1e3:.0f} mm/s",
+        "peak joint speed": f"{fact.peak_speed:.1f} rad/s ({fact.peak_speed_joint})",
+        "limit margin": f"{fact.limit_margin:.3f} rad",
+    }
 
 
 def _json(name: str, fact: "MotionFacts", joints: tuple[str, ...]) -> dict[str, object]:
     finite = {"period": fact.period, "support_margin": fact.support_margin}
+    as_they_are = (
+        "speed", "stance", "slide", "penetration", "limit_margin", "peak_speed", "peak_speed_joint", "self_contacts",
+    )  # fmt: skip
     return {
         "name": name,
         "frames": fact.frames,
         "duration_s": fact.duration,
-        "speed": fact.speed,
-        "stance": fact.stance,
-        "slide": fact.slide,
-        "penetration": fact.penetration,
-        "limit_margin": fact.limit_margin,
-        "peak_speed": fact.peak_speed,
-        "peak_speed_joint": fact.peak_speed_joint,
-        "self_contacts": fact.self_contacts,
+        **{key: getattr(fact, key) for key in as_they_are},
         **{key: value if math.isfinite(value) else None for key, value in finite.items()},
         "ranges": {
             joint: [float(low), float(high)]

@@ -3,11 +3,9 @@
 import os
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from cyclopts import Parameter
-
-from sysid.cli.console import OUTPUT, Common, Printer
+from sysid.cli.console import Common, Output, Printer
 from sysid.errors import SysidError
 
 if TYPE_CHECKING:
@@ -29,7 +27,7 @@ def paper(
     seeds: int = 5,
     workers: int | None = None,
     force: bool = False,
-    output: Annotated[Path | None, Parameter(name=["--output", "-o"], group=OUTPUT)] = None,
+    output: Output | None = None,
     common: Common = Common(),
 ) -> int:
     """Make the paper's tables and figures, the paper's own figures beside ours; what has not been trained is said.

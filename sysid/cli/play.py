@@ -1,12 +1,7 @@
 """`husky-sysid play`: show a policy in Rerun or in the MuJoCo viewer."""
 
-from pathlib import Path
-from typing import Annotated
-
-from cyclopts import Parameter
-
 from sysid.cli.bars import working
-from sysid.cli.console import OUTPUT, Common, Printer
+from sysid.cli.console import Common, Output, Printer
 from sysid.cli.ride_options import RideOptions, SafetyOptions, choose_renderer, prepare, write_ride
 from sysid.progress import stage
 
@@ -17,7 +12,7 @@ def play(
     *,
     options: RideOptions = RideOptions(),
     safety: SafetyOptions = SafetyOptions(),
-    output: Annotated[Path | None, Parameter(name=["--output", "-o"], group=OUTPUT)] = None,
+    output: Output | None = None,
     viewer: bool = False,
     common: Common = Common(),
 ) -> int:

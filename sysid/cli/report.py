@@ -8,7 +8,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sysid.cli.console import OUTPUT, Common, Printer
+from sysid.cli.console import OUTPUT, Common, Output, Printer
 from sysid.cli.log_options import LogArguments
 from sysid.cli.subject import Subject
 from sysid.cli.view import logs_of, no_logs, read_logs
@@ -19,7 +19,7 @@ from sysid.files import write_atomically, write_figure
 def report(
     *logs: Path,
     subject: Subject = Subject(),
-    output: Annotated[Path | None, Parameter(name=("--output", "-o"), group=OUTPUT)] = None,
+    output: Output | None = None,
     one_page: Annotated[bool, Parameter(negative="", group=OUTPUT)] = False,
     tolerance: float = 0.02,
     arguments: LogArguments = LogArguments(),

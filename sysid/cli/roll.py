@@ -4,12 +4,10 @@ import shlex
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-from cyclopts import Parameter
 
-from sysid.cli.console import OUTPUT, Common, Printer
+from sysid.cli.console import Common, Flag, Output, Printer
 from sysid.cli.log_options import LogArguments, load_roll, refuse_overwriting_logs
 from sysid.errors import SysidError
 from sysid.files import atomic_path
@@ -23,9 +21,9 @@ def roll(
     log: Path,
     /,
     *,
-    output: Annotated[Path, Parameter(name=("--output", "-o"), group=OUTPUT)],
+    output: Output,
     align: Path | None = None,
-    preview: Annotated[bool, Parameter(negative="")] = False,
+    preview: Flag = False,
     arguments: LogArguments = LogArguments(),
     common: Common = Common(),
 ) -> int:

@@ -2,12 +2,11 @@
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from cyclopts import Parameter
 
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import BoardName, Common, Printer
 from sysid.errors import SysidError
 from sysid.files import regular
 
@@ -22,7 +21,7 @@ IMU = ("time_s", "forward_m_s2", "yaw_rate_rad_s", "roll_rad")
 
 def rollout(
     *log: Path,
-    board: Annotated[str, Parameter(name=["--board", "-b"])],
+    board: BoardName,
     slope_deg: float = 0.0,
     rest: float = 1.0,
     free: float = 2.0,

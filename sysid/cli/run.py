@@ -5,22 +5,23 @@ from collections.abc import Generator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
 from cyclopts import Group, Parameter
 
-from sysid.cli.console import OUTPUT, Common, Printer
+from sysid.cli.console import Common, Output, Printer
 from sysid.cli.ride_options import Ride, RideOptions, SafetyOptions, choose_renderer, prepare, write_ride
 from sysid.errors import QualityGateError, SysidError
 
 if TYPE_CHECKING:
-    from policy_runtime.evaluation.recording import Recorder
     from policy_runtime.loop.commands import CommandSource
+    from policy_runtime.loop.preparation import Preparation
     from policy_runtime.loop.ranges import RangeCheck
+    from policy_runtime.loop.world import World
     from policy_runtime.robots import Robot
     from policy_runtime.robots.loopback import SimulatedG1
     from policy_runtime.robots.simulated import SimulatedRobot
-    from policy_runtime.runtime import Event, RunResult, Runtime, Tick
+    from policy_runtime.runtime import Event, RunResult, Tick
 
 
 @Parameter(name="*", group=Group("Start", sort_key=1))
@@ -37,6 +38,18 @@ class StartOptions:
     dry_run: bool = False
     """Hold the start pose, send nothing of what the policy answers, and compare what it sees with its training."""
 
+    def preparation(self, world: "World") -> "Preparation":
+        """Return how a robot comes to where a world's ride starts."""
+        from policy_runtime.loop.preparation import Preparation
+
+        return Preparation(
+            pose=world.start_joints,
+            ramp=self.ramp,
+            tolerance=self.pose_tolerance,
+            handset=self.handset,
+            dry=self.dry_run,
+        )
+
 
 def run(
     policy: str,
@@ -51,7 +64,7 @@ def run(
     keyboard: bool = False,
     viewer: bool = False,
     record: bool = False,
-    output: Annotated[Path | None, Parameter(name=["--output", "-o"], group=OUTPUT)] = None,
+    output: Output | None = None,
     common: Common = Common(),
 ) -> int:
     """Run a policy in real time: 50 decisions a second over servos at 500 Hz.
@@ -74,6 +87,9 @@ def run(
         output: Folder for them and for the log; reports/BOARD of the workspace if not given.
     """
     choose_renderer()
+    from policy_runtime.evaluation.recording import Recorder
+    from policy_runtime.runtime import Runtime
+
     printer = Printer(common)
     ride = prepare(policy, options, printer, visuals=viewer or record)
     if beginning.dry_run and robot == "simulated":
@@ -92,9 +108,39 @@ def run(
             )
     commands = _keyboard(options, printer) if keyboard else ride.commands
     folder = output or common.space.outputs(ride.board.name)
+    simulated = ride.world.robot
+    recorder = Recorder(simulated) if record else None
     try:
-        runtime, recorder, ranges = _runtime(ride, commands, options, beginning, safety, robot, record)
-        result = _drive(runtime, ride, options.duration, robot, interface, domain, viewer, printer)
+        ranges = _ranges(ride) if beginning.dry_run else None
+
+        def on_tick(tick: "Tick") -> None:
+            if recorder is not None:
+                recorder.add(tick)
+            if ranges is not None:
+                ranges.add(tick.state, tick.target)
+
+        runtime = Runtime(
+            robot=simulated,
+            policy=ride.policy,
+            commands=commands,
+            limits=safety.limits(ride.world),
+            real_time=robot == "simulated",  # the others wait by themselves
+            on_tick=on_tick,
+            preparation=None if robot == "simulated" else beginning.preparation(ride.world),
+            hold_heading=options.hold_heading,
+        )
+        with (
+            _ended_from_outside(),
+            _driven(simulated, robot, interface, domain, viewer) as (driven, rehearsed),
+        ):
+
+            def on_event(event: "Event") -> None:
+                printer.note(f"{event.time:8.2f} s  {event.kind}: {event.text}")
+                if rehearsed is not None:
+                    rehearsed.assist(event.kind)
+
+            runtime.robot, runtime.on_event = driven, on_event
+            result = runtime.run(options.duration)
     finally:
         commands.close()
     files = {} if recorder is None else write_ride(ride, recorder.recording(), folder, printer)
@@ -112,81 +158,14 @@ def _keyboard(options: RideOptions, printer: Printer) -> "CommandSource":
     return source
 
 
-def _runtime(
-    ride: Ride,
-    commands: "CommandSource",
-    options: RideOptions,
-    beginning: StartOptions,
-    safety: SafetyOptions,
-    robot: str,
-    record: bool,
-) -> "tuple[Runtime, Recorder | None, RangeCheck | None]":
-    """Return the loop, and what collects its ticks: a recorder, or the comparison of a dry run."""
-    from policy_runtime.evaluation.recording import Recorder
+def _ranges(ride: Ride) -> "RangeCheck":
+    """Return what compares all that a policy sees with its training."""
     from policy_runtime.loop.policy import OnnxPolicy
-    from policy_runtime.loop.preparation import Preparation
     from policy_runtime.loop.ranges import RangeCheck
-    from policy_runtime.runtime import Runtime
 
-    simulated = ride.world.robot
-    recorder = Recorder(simulated) if record else None
-    ranges = None
-    if beginning.dry_run:
-        if not isinstance(ride.policy, OnnxPolicy):
-            raise SysidError(
-                f"--dry-run: '{ride.policy.name}' was not trained on anything. Give an ONNX file."
-            )
-        ranges = RangeCheck(ride.policy)
-    preparation = None
-    if robot != "simulated":
-        preparation = Preparation(
-            pose=ride.world.start_joints,
-            ramp=beginning.ramp,
-            tolerance=beginning.pose_tolerance,
-            handset=beginning.handset,
-            dry=beginning.dry_run,
-        )
-
-    def on_tick(tick: "Tick") -> None:
-        if recorder is not None:
-            recorder.add(tick)
-        if ranges is not None:
-            ranges.add(tick.state, tick.target)
-
-    runtime = Runtime(
-        robot=simulated,
-        policy=ride.policy,
-        commands=commands,
-        limits=safety.limits(ride.world),
-        real_time=robot == "simulated",  # the others wait by themselves
-        on_tick=on_tick,
-        preparation=preparation,
-        hold_heading=options.hold_heading,
-    )
-    return runtime, recorder, ranges
-
-
-def _drive(
-    runtime: "Runtime",
-    ride: Ride,
-    duration: float,
-    robot: str,
-    interface: str | None,
-    domain: int,
-    viewer: bool,
-    printer: Printer,
-) -> "RunResult":
-    """Run until the end and let go of the robot."""
-    simulated = ride.world.robot
-    with _ended_from_outside(), _driven(simulated, robot, interface, domain, viewer) as (driven, rehearsed):
-
-        def on_event(event: "Event") -> None:
-            printer.note(f"{event.time:8.2f} s  {event.kind}: {event.text}")
-            if rehearsed is not None:
-                rehearsed.assist(event.kind)
-
-        runtime.robot, runtime.on_event = driven, on_event
-        return runtime.run(duration)
+    if not isinstance(ride.policy, OnnxPolicy):
+        raise SysidError(f"--dry-run: '{ride.policy.name}' was not trained on anything. Give an ONNX file.")
+    return RangeCheck(ride.policy)
 
 
 @contextmanager
@@ -261,16 +240,16 @@ def _report_ranges(ranges: "RangeCheck", printer: Printer) -> None:
     """Print what the policy saw beside what it was trained on: all that is outside, else the furthest."""
     outside = ranges.outside()
     rows = [
-        (
-            n.name,
-            f"{n.live[0]:.3g} … {n.live[1]:.3g}",
-            f"{n.mean:.3g} ± {n.std:.2g}",
-            f"{n.worst:.1f}",
-            f"{n.far:.1%}",
-        )
+        {
+            "the policy's input": n.name,
+            "live": f"{n.live[0]:.3g} … {n.live[1]:.3g}",
+            "in training": f"{n.mean:.3g} ± {n.std:.2g}",
+            "worst [std]": f"{n.worst:.1f}",
+            "far": f"{n.far:.1%}",
+        }
         for n in outside or ranges.seen()[:5]
     ]
-    printer.table(("the policy's input", "live", "in training", "worst [std]", "far"), rows, "Dry run")
+    printer.records(rows, "Dry run")
     joint, move = ranges.first_move
     printer.say(f"the first answer would have moved {joint} by {move:+.2f} rad")
     printer.say(

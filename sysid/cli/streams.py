@@ -8,23 +8,10 @@ import sys
 from types import FrameType
 
 WORDS = {
-    "·": "*",
-    "×": "x",
-    "±": "+-",
-    "²": "^2",
-    "−": "-",
-    "→": "->",
-    "✓": "ok:",
-    "✗": "no:",
-    "°": " deg",
-    "≤": "<=",
-    "≥": ">=",
-    "…": "...",
-}
-DOTS = {"\u0307": "'", "\u0308": "''"}
-"""Combining dots, which stand for derivatives."""
-
-
+    "·": "*", "×": "x", "±": "+-", "²": "^2", "−": "-", "→": "->", "✓": "ok:", "✗": "no:", "°": " deg", "≤": "<=",
+    "≥": ">=", "…": "...", "\u0307": "'", "\u0308": "''",
+}  # fmt: skip
+"""The last two are combining dots, which stand for derivatives."""
 AGAIN = 1.0
 """Time after which a command that goes on after a signal is interrupted again [s]."""
 _received: list[int] = []
@@ -101,4 +88,4 @@ def _word(sign: str) -> str:
         word = name.split("LETTER ")[-1].split(" ")[0].lower()
         return word.capitalize() if "CAPITAL" in name else word
     plain = unicodedata.normalize("NFKD", sign).encode("ascii", "ignore").decode()
-    return WORDS.get(sign) or DOTS.get(sign) or plain or "?"
+    return WORDS.get(sign) or plain or "?"

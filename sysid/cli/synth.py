@@ -3,32 +3,28 @@
 import math
 import shlex
 import sys
-from dataclasses import replace
-from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
-from sysid.cli.console import OUTPUT, Common, Printer
+from sysid.cli.console import BoardName, Common, Output, Printer
 from sysid.errors import SysidError
 from sysid.synth import SynthOptions, synthesise
 from sysid.synth.effects import complete_effects, parse_effect
 from sysid.synth.sensors import Dialect, Sensor
 
+Texts = Annotated[tuple[str, ...], Parameter(negative="", show_default=False)]
+LeverArm = Annotated[tuple[float, float, float], Parameter(negative="", allow_leading_hyphen=True)]
 DEFAULT_ANGLE = 0.87
 """First release angle as a share of the board's range: 10 degrees of 0.2 rad."""
 
 
 def synth(
     *,
-    board: Annotated[str, Parameter(name=["--board", "-b"])],
-    output: Annotated[Path, Parameter(name=["--output", "-o"], group=OUTPUT)],
-    effect: Annotated[
-        tuple[str, ...], Parameter(name=["--effect", "-e"], negative="", show_default=False)
-    ] = (),
-    release_angle: Annotated[
-        tuple[str, ...], Parameter(negative="", allow_leading_hyphen=True, show_default=False)
-    ] = (),
+    board: BoardName,
+    output: Output,
+    effect: Annotated[Texts, Parameter(name=["--effect", "-e"])] = (),
+    release_angle: Annotated[Texts, Parameter(allow_leading_hyphen=True)] = (),
     releases: int | None = None,
     rate: float | None = None,
     duration: float = 2.0,
@@ -39,11 +35,7 @@ def synth(
     dropout: float = 0.0,
     seed: int = 0,
     dialect: Dialect = "angle",
-    lever_arm: Annotated[tuple[float, float, float], Parameter(negative="", allow_leading_hyphen=True)] = (
-        0.1,
-        0.03,
-        0.05,
-    ),
+    lever_arm: LeverArm = (0.1, 0.03, 0.05),
     gyro_bias: float = 0.01,
     gyro_noise: float = 0.003,
     accelerometer_noise: float = 0.03,
@@ -98,8 +90,8 @@ def synth(
         noise=math.radians(noise_deg), quantisation=math.radians(quantisation_deg), lever_arm=lever_arm,
         gyro_bias=gyro_bias, gyro_noise=gyro_noise, accelerometer_noise=accelerometer_noise,
     )  # fmt: skip
-    options = replace(
-        SynthOptions(), angles=angles, rate=rate, duration=duration, hold=hold, jitter=jitter,
+    options = SynthOptions(
+        angles=angles, rate=rate, duration=duration, hold=hold, jitter=jitter,
         dropout=dropout, seed=seed, dialect=dialect, hand=hand, sensor=sensor,
     )  # fmt: skip
     log = synthesise(record, effects, options)
@@ -132,17 +124,8 @@ def _angles(given: tuple[str, ...], count: int | None, limit: float) -> tuple[fl
 
 
 def _angle(text: str) -> float:
-    number, scale = text, math.radians(1)
-    for unit, factor in (
-        ("degrees", math.radians(1)),
-        ("deg", math.radians(1)),
-        ("°", math.radians(1)),
-        ("rad", 1),
-    ):
-        if text.endswith(unit):
-            number, scale = text.removesuffix(unit), factor
-            break
+    unit = next((unit for unit in ("degrees", "deg", "°", "rad") if text.endswith(unit)), "")
     try:
-        return float(number) * scale
+        return float(text.removesuffix(unit)) * (1 if unit == "rad" else math.radians(1))
     except ValueError:
         raise SysidError(f"release angle '{text}' is not an angle; write 10, 10deg or 0.17rad.") from None

@@ -134,13 +134,8 @@ class Machines:
                 f"--nodes {self.nodes} --node {self.node} --rendezvous {self.rendezvous}: expected machines 0 to "
                 f"{self.nodes - 1} and where machine 0 is to be met, HOST:PORT."
             )
-        return [
-            f"--nnodes={self.nodes}",
-            f"--node-rank={self.node}",
-            f"--master-addr={host}",
-            f"--master-port={port}",
-            processes,
-        ]
+        here = [f"--nnodes={self.nodes}", f"--node-rank={self.node}"]
+        return [*here, f"--master-addr={host}", f"--master-port={port}", processes]
 
 
 def train(
@@ -194,7 +189,8 @@ def train(
         count = folder.gpus() if gpus is None else int(gpus)
         _require_gpus(count)
         _say_unused(variant, learner, {"output": output, "motions": motions}, config, printer)
-        _go_on(folder, config, learner, count, minutes, printer, machines)
+        if _has_more_to_do(folder, config, learner, printer):
+            _run(folder, count, minutes, printer, machines)
     else:
         count = 1 if gpus is None else int(gpus)
         _require_gpus(count)
@@ -296,16 +292,8 @@ def _join(path: Path | None, gpus: int, minutes: float, machines: Machines, prin
     return 0
 
 
-def _go_on(
-    folder: RunFolder,
-    config: RunConfig,
-    learner: Learner,
-    gpus: int,
-    minutes: float,
-    printer: Printer,
-    machines: Machines,
-) -> None:
-    """Go on with a run to its end, or to the new total that was given."""
+def _has_more_to_do(folder: RunFolder, config: RunConfig, learner: Learner, printer: Printer) -> bool:
+    """Return whether a run is short of its end, or of the new total that was given, which is then written down."""
     if not folder.checkpoints():
         raise SysidError(
             f"{folder.path}: holds no checkpoint to go on from (checkpoints/model_N.pt). Put them back, or begin a "
@@ -324,8 +312,7 @@ def _go_on(
         printer.warn(
             f"{folder.path}: all of its {total} iterations are done; go on with a larger --iterations."
         )
-        return
-    _run(folder, gpus, minutes, printer, machines)
+    return folder.done() < total
 
 
 def _require_readable(checkpoints: list[Path]) -> None:

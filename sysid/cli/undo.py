@@ -1,14 +1,10 @@
 """`husky-sysid undo`: a board's record as it was before the last change."""
 
-from typing import Annotated
-
-from cyclopts import Parameter
-
-from sysid.cli.console import Common, Printer
+from sysid.cli.console import BoardName, Common, Printer
 from sysid.text import count
 
 
-def undo(*, board: Annotated[str, Parameter(name=("--board", "-b"))], common: Common = Common()) -> int:
+def undo(*, board: BoardName, common: Common = Common()) -> int:
     """Put a board's record back to what it was before the last change of it: a fit, an inertia, a check.
 
     Args:

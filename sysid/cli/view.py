@@ -5,12 +5,10 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING
 
 from sysid.board import Board
-from sysid.cli.console import OUTPUT, Common, Printer
+from sysid.cli.console import Common, Output, Printer
 from sysid.cli.log_options import (
     LogArguments,
     load_roll,
@@ -32,7 +30,7 @@ if TYPE_CHECKING:
 def view(
     *logs: Path,
     subject: Subject = Subject(),
-    output: Annotated[Path | None, Parameter(name=("--output", "-o"), group=OUTPUT)] = None,
+    output: Output | None = None,
     arguments: LogArguments = LogArguments(),
     common: Common = Common(),
 ) -> int:

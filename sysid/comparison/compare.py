@@ -95,17 +95,8 @@ class Comparison:
         """Return one row a release: log, number, rmse [rad, or rad/s where the rate was compared], error / noise."""
         import pandas as pd
 
-        return pd.DataFrame(
-            [
-                {
-                    "log": r.log,
-                    "release": r.number,
-                    "rmse": r.rmse,
-                    "error_over_noise": r.rmse / self.noise.std,
-                }
-                for r in self.releases
-            ]
-        )
+        rows = [(r.log, r.number, r.rmse, r.rmse / self.noise.std) for r in self.releases]
+        return pd.DataFrame(rows, columns=pd.Index(["log", "release", "rmse", "error_over_noise"]))
 
     def verdict(self) -> str:
         """Return the error beyond the noise, with its interval where that decides, and what is allowed."""

@@ -160,7 +160,7 @@ def _period(peaks: Sequence[Sequence[Peak]]) -> Nonlinearity | None:
         return None
     square, half, std = np.array(points).T
     intercept, _, slope = _line(square, half, std)
-    slope_std = _slope_std(square, half, std)
+    slope_std = math.sqrt(float(_weighted(square, half, std)[1][1, 1]))
     change = slope * float(np.ptp(square)) / intercept
     if abs(slope) < CERTAIN * slope_std or abs(change) < 0.004:
         return None
@@ -222,10 +222,6 @@ def _line(x: Array, y: Array, std: Array) -> tuple[float, float, float]:
     """Fit y = c + m x; return c, its std (widened by scatter beyond the noise) and m."""
     solution, covariance = _weighted(x, y, std)
     return float(solution[0]), math.sqrt(float(covariance[0, 0])), float(solution[1])
-
-
-def _slope_std(x: Array, y: Array, std: Array) -> float:
-    return math.sqrt(float(_weighted(x, y, std)[1][1, 1]))
 
 
 def _weighted(x: Array, y: Array, std: Array) -> tuple[Array, Array]:

@@ -6,7 +6,8 @@ from typing import Any, Literal
 import numpy as np
 
 from sysid.effects._algebra import Numbers
-from sysid.effects._base import FromMjcf, MjsJoint, MjSpec, ToMjcf
+from sysid.effects._base import MjsJoint, MjSpec, MujocoSupport, Parameter, Scales, ToMjcf
+from sysid.errors import SysidError
 
 FAR = 10.0
 """Tilt that no joint reaches [rad]: a tendon that is slack up to there never pulls on that side."""
@@ -31,10 +32,16 @@ def add_tendon(spec: MjSpec, joint: MjsJoint, name: str, stiffness: float, slack
     return tendon
 
 
-def polynomial(
-    effect: str, of: Literal["stiffness", "damping"], power: int, unit: str
-) -> tuple[ToMjcf, FromMjcf]:
-    """Return what writes the parameter `coefficient` into the joint's spring or damping polynomial, and reads it back."""
+def polynomial(effect: str, of: Literal["stiffness", "damping"], power: int, **limits: Any) -> dict[str, Any]:
+    """Return fields of an effect whose one parameter is a coefficient of the joint's spring or damping polynomial.
+
+    Args:
+        effect: Its name.
+        of: Which polynomial.
+        power: Which coefficient, 1 to 3.
+        limits: As `Parameter` has them.
+    """
+    unit = f"N*m/rad^{power}" if of == "stiffness" else f"N*m*s^{power}/rad^{power}"
     place = ("first", "second", "third")[power - 1]
 
     def write(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
@@ -45,7 +52,29 @@ def polynomial(
         value = float(getattr(joint, of)[power - 1])
         return (value,) if value else ()
 
-    return write, read
+    def size(scales: Scales) -> float:
+        if of == "stiffness":
+            return scales.stiffness / scales.amplitude ** (power - 1)
+        return scales.torque / scales.rate**power
+
+    means = f"joint {of} polynomial, {place} coefficient"
+    return {
+        "parameters": (Parameter("coefficient", unit, size, **limits),),
+        "mujoco": MujocoSupport(means=means, since="3.7", warp=True),
+        "to_mjcf": write,
+        "from_mjcf": read,
+    }
+
+
+def refusing(reason: str) -> ToMjcf:
+    """Return what refuses to write an effect that a bench of one body cannot have, unless its parameters are all zero."""
+
+    def write(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
+        if any(parameters.values()):
+            raise SysidError(reason)
+        return ()
+
+    return write
 
 
 def has_passive_motor() -> bool:

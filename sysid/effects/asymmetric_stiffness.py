@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect
+from sysid.effects._base import JointState, TorqueEffect
 from sysid.effects._mjcf import polynomial
 
 
@@ -12,30 +12,17 @@ def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[
     return -parameters["coefficient"] * motion.tilt**2
 
 
-_WRITE, _READ = polynomial("asymmetric-stiffness", "stiffness", 2, "N*m/rad^2")
 EFFECT = TorqueEffect(
     name="asymmetric-stiffness",
     title="left and right springs differ",
     family="asymmetry",
-    parameters=(
-        Parameter(
-            "coefficient",
-            "N*m/rad^2",
-            lambda s: s.stiffness / s.amplitude,
-            low=-0.9,
-            high=0.9,
-            starts=(0.05, -0.05),
-        ),
-    ),
     law="τ = -b x²; b > 0 is stiffer with the right edge down",
     formula="{coefficient} φ²",
     source="Nayfeh and Mook, Nonlinear Oscillations (1979), quadratic nonlinearity",
     does="Swings to one side are wider and longer than to the other; the middle drifts with amplitude.",
     look_alikes=("offset", "preload", "sensor-bias"),
     experiment="Release once from each side, and from 3° and 12°: only unequal springs treat them unequally.",
-    mujoco=MujocoSupport(means="joint stiffness polynomial, second coefficient", since="3.7", warp=True),
-    to_mjcf=_WRITE,
-    from_mjcf=_READ,
+    **polynomial("asymmetric-stiffness", "stiffness", 2, low=-0.9, high=0.9, starts=(0.05, -0.05)),
     example=(25.0,),
     torque=torque,
 )

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect
+from sysid.effects._base import JointState, TorqueEffect
 from sysid.effects._mjcf import polynomial
 
 
@@ -12,30 +12,17 @@ def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[
     return -parameters["coefficient"] * motion.rate**3
 
 
-_WRITE, _READ = polynomial("cubic-damping", "damping", 3, "N*m*s^3/rad^3")
 EFFECT = TorqueEffect(
     name="cubic-damping",
     title="cubic damping",
     family="drag",
-    parameters=(
-        Parameter(
-            "coefficient",
-            "N*m*s^3/rad^3",
-            lambda s: s.torque / s.rate**3,
-            low=0.0,
-            high=10.0,
-            starts=(0.05, 0.5),
-        ),
-    ),
     law="τ = -c v³",
     formula="{coefficient} φ̇³",
     source="Dalzell, J. Ship Research 22 (1978): cubic in place of quadratic roll damping",
     does="The damping ratio falls with the square of the amplitude; small swings are damped linearly.",
     look_alikes=("quadratic-damping",),
     experiment="Release from 3°, 7° and 12°: damping rises with amplitude for v|v|, with its square for v³.",
-    mujoco=MujocoSupport(means="joint damping polynomial, third coefficient", since="3.7", warp=True),
-    to_mjcf=_WRITE,
-    from_mjcf=_READ,
+    **polynomial("cubic-damping", "damping", 3, low=0.0, high=10.0, starts=(0.05, 0.5)),
     example=(0.02,),
     torque=torque,
     decay_signs=(("growing loss", 2),),

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect
+from sysid.effects._base import JointState, TorqueEffect
 from sysid.effects._mjcf import polynomial
 
 
@@ -12,30 +12,17 @@ def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[
     return -parameters["coefficient"] * motion.tilt**3
 
 
-_WRITE, _READ = polynomial("cubic-stiffness", "stiffness", 3, "N*m/rad^3")
 EFFECT = TorqueEffect(
     name="cubic-stiffness",
     title="hardening or softening spring",
     family="hardening",
-    parameters=(
-        Parameter(
-            "coefficient",
-            "N*m/rad^3",
-            lambda s: s.stiffness / s.amplitude**2,
-            low=-0.95,
-            high=20.0,
-            starts=(0.05, -0.2, 0.5),
-        ),
-    ),
     law="τ = -c x³; c > 0 hardens, c < 0 softens",
     formula="{coefficient} φ³",
     source="Duffing 1918; Nayfeh and Mook, Nonlinear Oscillations (1979): ω = ω₀(1 + 3c a²/8k)",
     does="The period changes with amplitude: shorter when wide for hardening, longer for softening.",
     look_alikes=("gravity", "end-stop", "freeplay"),
     experiment="Release from 3°, 7° and 12°: a cubic changes the period with the square of the amplitude.",
-    mujoco=MujocoSupport(means="joint stiffness polynomial, third coefficient", since="3.7", warp=True),
-    to_mjcf=_WRITE,
-    from_mjcf=_READ,
+    **polynomial("cubic-stiffness", "stiffness", 3, low=-0.95, high=20.0, starts=(0.05, -0.2, 0.5)),
     example=(200.0,),
     torque=torque,
     decay_signs=(("longer period", 2), ("shorter period", 1)),

@@ -1,28 +1,14 @@
 """An inertia that changes along the way, as that of a joint in a loop of others does: known from a model."""
 
-from sysid.effects._algebra import Algebra, Numbers, Value, Values
-from sysid.effects._base import MjsJoint, MjSpec, MujocoSupport, TorqueEffect
+from sysid.effects._algebra import Algebra, Value, Values
+from sysid.effects._base import MujocoSupport, TorqueEffect
 from sysid.effects._harmonics import FORMULA, HARMONICS, held, slope_of, value_of
-from sysid.errors import SysidError
+from sysid.effects._mjcf import refusing
 
 
 def changing(m: Algebra, roll: Value, parameters: Values) -> tuple[Value, Value]:
     """Return what it adds to the inertia at a roll [kg*m^2], and the derivative of that."""
     return value_of(m, roll, parameters), slope_of(m, roll, parameters)
-
-
-def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
-    """Refuse a bench: one body on a hinge has one inertia.
-
-    Raises:
-        SysidError: Unless nothing changes.
-    """
-    if any(parameters.values()):
-        raise SysidError(
-            "a bench of one body has one inertia, and this joint's changes along its way. Release it in its own model "
-            "(--model, --joint)."
-        )
-    return ()
 
 
 EFFECT = TorqueEffect(
@@ -37,7 +23,10 @@ EFFECT = TorqueEffect(
     look_alikes=("cubic-stiffness", "gravity"),
     experiment="Open the loop: without it the inertia is the same everywhere.",
     mujoco=MujocoSupport(means="the loop of the model (equality constraints)", since="3.0", warp=True),
-    to_mjcf=to_mjcf,
+    to_mjcf=refusing(
+        "a bench of one body has one inertia, and this joint's changes along its way. Release it in its own model "
+        "(--model, --joint)."
+    ),
     example=(0.0,) * len(HARMONICS),
     changing=changing,
     identifiable_from_decay=False,

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 
 from sysid.effects._algebra import NUMPY, Algebra, Numbers, Value, Values
-from sysid.effects._base import JointState, MjsJoint, MjSpec, MujocoSupport, TorqueEffect
+from sysid.effects._base import JointState, MujocoSupport, TorqueEffect
 from sysid.effects._harmonics import FORMULA, HARMONICS, held, slope_of, value_of
-from sysid.errors import SysidError
+from sysid.effects._mjcf import refusing
 
 
 def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[Value]) -> Value:
@@ -16,19 +16,6 @@ def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[
 def slope(parameters: Numbers, roll: float) -> float:
     """Return the stiffness that it is for small motions about a roll [N*m/rad]."""
     return -float(slope_of(NUMPY, roll, parameters))
-
-
-def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, exact: bool = True) -> tuple[str, ...]:
-    """Refuse a bench: the mass was there for a measurement only.
-
-    Raises:
-        SysidError: Unless nothing pulls.
-    """
-    if any(parameters.values()):
-        raise SysidError(
-            "a payload belongs to a measurement, not to a bench. Release the joint in its own model (--model, --joint, --payload)."
-        )
-    return ()
 
 
 EFFECT = TorqueEffect(
@@ -43,7 +30,9 @@ EFFECT = TorqueEffect(
     look_alikes=("gravity", "weight"),
     experiment="Take it off: what changes is known in kg and m.",
     mujoco=MujocoSupport(means="nothing: it was there for the measurement", since="", warp=False),
-    to_mjcf=to_mjcf,
+    to_mjcf=refusing(
+        "a payload belongs to a measurement, not to a bench. Release the joint in its own model (--model, --joint, --payload)."
+    ),
     example=(0.0,) * len(HARMONICS),
     torque=torque,
     grounded=True,

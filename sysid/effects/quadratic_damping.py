@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from sysid.effects._algebra import Algebra, Value, Values
-from sysid.effects._base import JointState, MujocoSupport, Parameter, TorqueEffect
+from sysid.effects._base import JointState, TorqueEffect
 from sysid.effects._mjcf import polynomial
 
 
@@ -12,30 +12,17 @@ def torque(m: Algebra, motion: JointState, parameters: Values, states: Sequence[
     return -parameters["coefficient"] * motion.rate * m.abs(motion.rate)
 
 
-_WRITE, _READ = polynomial("quadratic-damping", "damping", 2, "N*m*s^2/rad^2")
 EFFECT = TorqueEffect(
     name="quadratic-damping",
     title="quadratic damping",
     family="drag",
-    parameters=(
-        Parameter(
-            "coefficient",
-            "N*m*s^2/rad^2",
-            lambda s: s.torque / s.rate**2,
-            low=0.0,
-            high=5.0,
-            starts=(0.05, 0.5),
-        ),
-    ),
     law="τ = -c v|v|",
     formula="{coefficient} φ̇|φ̇|",
     source="Froude 1874; ITTC 7.5-02-07-04.5, roll decay: p₁ + p₂|v|",
     does="The damping ratio falls in proportion to amplitude: fast decay at first, slow later.",
     look_alikes=("cubic-damping",),
     experiment="Release from 3°, 7° and 12°: damping rises with amplitude for v|v|, with its square for v³.",
-    mujoco=MujocoSupport(means="joint damping polynomial, second coefficient", since="3.7", warp=True),
-    to_mjcf=_WRITE,
-    from_mjcf=_READ,
+    **polynomial("quadratic-damping", "damping", 2, low=0.0, high=5.0, starts=(0.05, 0.5)),
     example=(0.06,),
     torque=torque,
     decay_signs=(("growing loss", 1),),

@@ -126,11 +126,14 @@ def roll_out(runs: Sequence[RollOut], wheelbase: Quantity, slope: float = 0.0) -
     Raises:
         SysidError: They are too short, the board did not roll, or it gained speed that no slope accounts for.
     """
+    from scipy.integrate import cumulative_trapezoid
+
     turns: list[Array] = []
     losses: list[Array] = []
     for run in runs:
         every = max(1, round(STRETCH / _step(run.time)))
-        path, bent = (_integral(run.time, f) for f in (run.speed, run.speed * np.sin(run.roll)))
+        rates = run.speed, run.speed * np.sin(run.roll)
+        path, bent = (cumulative_trapezoid(rate, run.time, initial=0) for rate in rates)
         at = np.arange(0, len(run.time), every)
         differences = [np.diff(values[at]) for values in (run.time, path, run.speed, bent, run.heading)]
         time, way, gain, curve, turn = differences
@@ -188,11 +191,6 @@ def _jackknife(estimate: Callable[[Array], float], rows: Array, unit: str, metho
     std = math.sqrt((BLOCKS - 1) / BLOCKS * float(np.sum((left - left.mean()) ** 2)))
     half = t95(BLOCKS - 1) * std
     return Quantity(value, std, unit, method, (value - half, value + half))
-
-
-def _integral(time: Array, values: Array) -> Array:
-    steps = np.diff(time) * (values[1:] + values[:-1]) / 2
-    return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def _step(time: Array) -> float:

@@ -51,17 +51,8 @@ def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
     data = log.read(names)
     try:
         clock, data, cleaned = _clean(choice, time, data, options)
-        roll = source.to_roll(
-            Reading(
-                log=str(path),
-                choice=choice,
-                time=clock.time,
-                signals=tuple(data[name] for name in choice.columns),
-                std=data[choice.std] if choice.std else None,
-                options=options,
-            )
-        )
-        roll = _checked(roll)
+        signals, std = tuple(data[name] for name in choice.columns), data[choice.std] if choice.std else None
+        roll = _checked(source.to_roll(Reading(str(path), choice, clock.time, signals, std, options)))
     except SysidError as error:
         raise SysidError(f"{path}: {error}") from None
     rate = 1 / usual_step(roll.time)

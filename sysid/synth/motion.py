@@ -16,7 +16,8 @@ of the catalogue's laws follow.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -204,6 +205,20 @@ class _Motion:
         return free and self.locks() and self.modes.friction == 0
 
 
+@contextmanager
+def _followed() -> Generator[None]:
+    """Turn what numbers outside the range of floats raise into an error for people."""
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    except (ArithmeticError, ValueError) as error:
+        raise SysidError(
+            f"the true motion cannot be followed ({error}): it grows without bound, chatters or is far too stiff. "
+            "Use milder effects."
+        ) from error
+
+
+@_followed()
 def simulate(
     law: TrueLaw,
     start: Condition,
@@ -234,27 +249,6 @@ def simulate(
     Raises:
         SysidError: The motion grows without bound, chatters or is far too stiff.
     """
-    try:
-        with np.errstate(all="ignore"):
-            return _simulate(law, start, begin, end, times, hand, accelerations, rtol, atol)
-    except (ArithmeticError, ValueError) as error:  # a number left the range of floats
-        raise SysidError(
-            f"the true motion cannot be followed ({error}): it grows without bound, chatters or is far too stiff. "
-            "Use milder effects."
-        ) from error
-
-
-def _simulate(
-    law: TrueLaw,
-    start: Condition,
-    begin: float,
-    end: float,
-    times: Array,
-    hand: Hand | None,
-    accelerations: bool,
-    rtol: float,
-    atol: float,
-) -> tuple[Array, Condition]:
     from scipy.integrate import DOP853
 
     motion = _Motion(law, start.modes, hand)

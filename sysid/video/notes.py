@@ -9,7 +9,7 @@ from sysid.video.film.frames import Clip
 from sysid.video.film.track import Track
 from sysid.video.options import VideoOptions
 from sysid.video.pose.angle import AngleTrack
-from sysid.video.pose.camera_state import CameraState
+from sysid.video.pose.camera_state import READOUT, CameraState
 from sysid.video.trackers._base import Target
 
 SHUTTER_SEEN = 0.5
@@ -65,10 +65,10 @@ def _stands_still(track: Track) -> bool:
 
 def shutter_note(before: CameraState, after: CameraState, *, given: bool) -> str:
     """Say where the read-out time comes from."""
-    if not before.std[3]:
+    if not before.std[READOUT]:
         return f"read-out: {after.readout * 1e3:.3g} ms, as {'given' if given else 'the phone notes in the file'}"
-    if after.std[3] < SHUTTER_SEEN * before.std[3]:
-        return f"read-out: {after.readout * 1e3:.3g} ± {2 * after.std[3] * 1e3:.2g} ms, from how moving points are sheared"
+    if after.std[READOUT] < SHUTTER_SEEN * before.std[READOUT]:
+        return f"read-out: {after.readout * 1e3:.3g} ± {2 * after.std[READOUT] * 1e3:.2g} ms, from how moving points are sheared"
     return (
         f"read-out: not seen in the film, anything up to {before.readout_limit * 1e3:.2g} ms is within the "
         "uncertainty (--readout)"

@@ -8,24 +8,23 @@ numbers of an affine motion (Lucas and Kanade, 1981; the gradients are the mean'
 weights that ignore hands and shine. Four points of the board at these places stand for it from then on.
 """
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from sysid.roll import Array
-from sysid.video.film.frames import Frame, grey
+from sysid.video.film.frames import Frame, grey, halved
 from sysid.video.film.track import Track
 from sysid.video.pose.rectify import project
-from sysid.video.pose.rigid_group import similarities
-from sysid.video.types import Box, Points
+from sysid.video.types import Box, Mask, Points
 
 Image = npt.NDArray[np.float32]
 
-MAX_SIDE = 480
-"""Longer side of the board's picture; larger ones are made smaller [px]."""
+MAX_SIDE = 720
+"""Longer side of the board's picture; larger ones are halved [px]."""
 BLUR = 0.8
 """Standard deviation of the smoothing before gradients are taken [px]."""
 ATTITUDE_STEP = np.radians(1.0)
@@ -38,8 +37,8 @@ MIN_SPREAD = 4.0
 """Least standard deviation of the body's pixels about their middle, across its narrow side [px]."""
 MIN_PICTURES, MIN_TURN = 5, np.radians(1.0)
 """Pictures, and turn among them [rad], that tell the body from the rest."""
-MAX_PICTURES = 40
-"""Pictures that are averaged at most, evenly spread: most of them at rest, where compression leaves the least out."""
+ROUNDS, MAX_PICTURES = 2, 32
+"""Times that they are averaged, each time turned back better, and how many at most, evenly spread: most of them at rest, where compression leaves the least out."""
 MIDDLE_GREY = np.float32(128.0)
 """About which brightness is squared, so that single precision does [grey levels]."""
 MAX_ROUNDS, CONVERGED = 5, 0.02
@@ -51,80 +50,61 @@ MIN_TRUST = 0.35
 
 
 @dataclass(frozen=True, slots=True)
-class Cutout:
-    """The part of the pictures in which the board moves, made small, as a camera along the axis would take it."""
+class BodyPicture:
+    """What the board looks like to a camera along the axis, at the attitude of a home picture."""
 
     box: Box
-    scale: float
-    """Its pixels in one of the film."""
-    inward: Array
-    """Map from places in the film [px] to places in it [px], homogeneous, shape (3, 3)."""
-    size: tuple[int, int]
-    """Its width and height [px]."""
-
-    def of(self, frame: Frame) -> Image:
-        """Return the part of a frame, smoothed [grey levels], shape (h, w)."""
-        part, corner = frame.part(self.box)
-        small = cv2.resize(grey(part), None, fx=self.scale, fy=self.scale, interpolation=cv2.INTER_AREA)
-        onward = self.inward @ np.linalg.inv(_shrinking(self.scale, corner))
-        flat = cv2.warpPerspective(
-            small, onward, self.size, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
-        )
-        return np.asarray(cv2.GaussianBlur(flat.astype(np.float32), (0, 0), BLUR), np.float32)
-
-    def places(self, points: Points) -> Points:
-        """Return places in it [px] of points in the film [px], both of shape (N, 2)."""
-        return project(self.inward, points.astype(np.float64)).astype(np.float32)
-
-
-def _cutout(box: Box, upright: Array) -> Cutout:
-    """Return the cutout of a box [px]; `upright`, shape (3, 3), takes the film's places to those that a camera along the axis sees."""
-    left, top, right, bottom = box
-    ends = project(upright, np.array([[left, top], [right, top], [right, bottom], [left, bottom]]))
-    low, high = ends.min(axis=0), ends.max(axis=0)
-    scale = min(1.0, MAX_SIDE / float((high - low).max()))
-    width, height = np.ceil(scale * (high - low)).astype(int).tolist()
-    return Cutout(box, scale, _shrinking(scale, low) @ upright, (width, height))
-
-
-def _shrinking(scale: float, corner: Sequence[float] | Array) -> Array:
-    """Map from places [px] to those in a picture that begins at a corner [px] and is made small, shape (3, 3)."""
-    # Pixels are squares: one that is made of several has their middle for its own.
-    left, top = 0.5 * (scale - 1) - scale * np.asarray(corner, np.float64)
-    return np.array([[scale, 0, left], [0, scale, top], [0, 0, 1.0]])
-
-
-@dataclass(frozen=True, slots=True)
-class BodyPicture:
-    """What the board looks like, at the attitude of a home picture."""
-
-    home: Points
-    """The points that were followed, there, in the cutout [px], shape (N, 2)."""
-    cutout: Cutout
+    """Part of the film in which it moves [px]."""
+    upright: Array
+    """Takes places in the film [px] to those that a camera along the axis sees [px], homogeneous, shape (3, 3)."""
+    home: Array
+    """The points that were followed, at home, along the axis [px], shape (N, 2)."""
     places: Array
-    """The board's pixels that tell most, in the cutout [px], shape (m, 2)."""
+    """The board's pixels that tell most, at home [px], shape (m, 2)."""
     bright: Image
     """Their brightness, shape (m,)."""
     corners: Array
-    """Four points of the board, as wide apart as its pixels are on average, in the cutout [px], shape (4, 2)."""
+    """Four points of the board, as wide apart as its pixels are on average, at home [px], shape (4, 2)."""
     unit: float
     """Length by which places are divided, so that all six numbers are of one size [px]."""
     slopes: Image
     """Change of brightness with each of the six numbers, gain and offset, at these pixels, shape (m, 8)."""
 
-    def find(self, frame: Frame, points: Points) -> Points:
-        """Return the four points of the board in a frame [px], shape (4, 2); NaN where it is not made out.
+    def lay(self, frame: Frame, rough: Array | None) -> Array | None:
+        """Return its pose in a frame, near a rough one, both of shape (3, 3); None where it is not made out."""
+        return None if rough is None else lay_onto(self, *seen_upright(frame, self.box, self.upright), rough)
 
-        Args:
-            frame: The frame.
-            points: Where what was followed is in it [px], shape (N, 2).
-        """
-        rough = pose_between(self.home, self.cutout.places(points))
-        pose = None if rough is None else lay_onto(self, self.cutout.of(frame), rough)
+    def rough(self, points: Points) -> Array | None:
+        """Return the pose, shape (3, 3), by where what was followed is in a frame [px], shape (N, 2)."""
+        return pose_between(self.home, project(self.upright, points.astype(np.float64)))
+
+    def with_home(self, points: Sequence[Points], poses: Sequence[Array | None]) -> "BodyPicture":
+        """Return it with the mean of what was followed in some frames, (N, 2) [px] each, as its pose in each says."""
+        both = zip(points, poses, strict=True)
+        back = [
+            project(_inverse(pose) @ self.upright, seen.astype(np.float64))
+            for seen, pose in both
+            if pose is not None
+        ]
+        count = np.isfinite(back).sum(axis=0)
+        return replace(self, home=np.where(count, np.nansum(back, axis=0) / np.maximum(count, 1), np.nan))
+
+    def filmed(self, pose: Array | None, points: Array) -> Points:
+        """Return where a frame shows points of home [px], both of shape (N, 2), by its pose there; NaN without one."""
         if pose is None:
-            return np.full((4, 2), np.nan, np.float32)
-        outward = np.asarray(np.linalg.inv(self.cutout.inward), np.float64)
-        return project(outward, project(pose, self.corners)).astype(np.float32)
+            return np.full(points.shape, np.nan, np.float32)
+        return project(_inverse(self.upright), project(pose, points)).astype(np.float32)
+
+
+def seen_upright(frame: Frame, box: Box, upright: Array) -> tuple[Image, Array]:
+    """Return a part of a frame, small and smoothed [grey levels], and the map to it of places along the axis, shape (3, 3)."""
+    part, corner = frame.part(box)
+    small, times = halved(grey(part), MAX_SIDE)
+    # Pixels are squares: one that is made of several has their middle for its own.
+    left, top = 0.5 * (1 / times - 1) - np.array(corner) / times
+    inward = np.array([[1 / times, 0, left], [0, 1 / times, top], [0, 0, 1.0]])
+    smooth = cv2.GaussianBlur(small.astype(np.float32), (0, 0), BLUR)
+    return np.asarray(smooth, np.float32), inward @ _inverse(upright)
 
 
 def picture_of_body(frames: Sequence[Frame], box: Box, track: Track, upright: Array) -> BodyPicture | None:
@@ -140,49 +120,61 @@ def picture_of_body(frames: Sequence[Frame], box: Box, track: Track, upright: Ar
     rows = rows[np.isfinite(track.points[rows]).all(axis=2).sum(axis=1) >= 2]
     if len(rows) < MIN_PICTURES:
         return None
-    cutout = _cutout(box, upright)
-    places = {row: cutout.places(track.points[row]) for row in rows}
+    # The upright picture begins where the box does, and is as small as what is looked at.
+    left, top, right, bottom = box
+    ends = project(upright, np.array([[left, top], [right, top], [right, bottom], [left, bottom]]))
+    times = halved(np.zeros((bottom - top, right - left), np.uint8), MAX_SIDE)[1]
+    low, size = ends.min(axis=0), np.ceil(np.ptp(ends, axis=0) / times).astype(int)
+    upright = np.array([[1, 0, -low[0]], [0, 1, -low[1]], [0, 0, times]]) @ upright
+    places = {row: project(upright, track.points[row].astype(np.float64)) for row in rows}
     seen = [(row, pose_between(places[rows[0]], places[row])) for row in rows]
-    turns = {row: float(np.arctan2(pose[1, 0], pose[0, 0])) for row, pose in seen if pose is not None}
+    turns = {row: turn_of(pose) for row, pose in seen if pose is not None}
     some = sorted(turns, key=turns.__getitem__)
     if len(some) < MIN_PICTURES or turns[some[-1]] - turns[some[0]] < MIN_TURN:
         return None
     home = places[some[len(some) // 2]]
-    placed = [(cutout.of(frames[row]), pose_between(home, places[row])) for row in some]
+    shown = [(*seen_upright(frames[row], box, upright), pose_between(home, places[row])) for row in some]
+    good = [(picture, inward, pose) for picture, inward, pose in shown if pose is not None]
+    across, down = size.tolist()
+    _, usual = _mean_and_spread(good, (across, down), back=False)
     body = None
-    for _ in range(2):  # by the points' poses, and by its own
-        good = [(picture, pose) for picture, pose in placed if pose is not None]
+    for _ in range(ROUNDS):  # by the points' poses, then by its own
+        mean, spread = _mean_and_spread(good, (across, down))
+        if (found := _board_in(mean, spread < AGREEMENT * usual)) is None:
+            return None
+        body = BodyPicture(box, upright, home, *found)
+        laid = [(picture, inward, lay_onto(body, picture, inward, pose)) for picture, inward, pose in good]
+        good = [(picture, inward, pose) for picture, inward, pose in laid if pose is not None]
         if len(good) < MIN_PICTURES:
             return None
-        body = _mean_of(home, cutout, [picture for picture, _ in good], [pose for _, pose in good])
-        if body is None:
-            return None
-        placed = [(picture, lay_onto(body, picture, pose)) for picture, pose in good]
     return body
 
 
-def pose_between(home: Points, points: Points) -> Array | None:
+def pose_between(home: Array, points: Array) -> Array | None:
     """Return the similarity, shape (3, 3), from points (N, 2) [px] to others; None with fewer than two."""
-    one, other = (np.asarray(places[:, 0] + 1j * places[:, 1], np.complex128) for places in (home, points))
-    both = np.isfinite(one) & np.isfinite(other)
+    both = np.isfinite(home + points).all(axis=1)
     if both.sum() < 2:
         return None
-    (turn,), (shift,) = similarities(one, other[None], both[None])
+    one, other = (places[both] @ np.array([1, 1j]) for places in (home, points))
+    arm = one - one.mean()
+    turn = np.vdot(arm, other) / max(float(np.vdot(arm, arm).real), 1e-9)
+    shift = other.mean() - turn * one.mean()
     return np.array([[turn.real, -turn.imag, shift.real], [turn.imag, turn.real, shift.imag], [0, 0, 1.0]])
 
 
-def _mean_of(home: Points, cutout: Cutout, pictures: list[Image], poses: list[Array]) -> BodyPicture | None:
-    """Turn cutouts back by their poses, shape (3, 3) each, and average them where they agree."""
-    # A film keeps what stands still as it is, its noise as well: many pictures of one attitude count as one.
-    turn = np.round(np.array([np.arctan2(pose[1, 0], pose[0, 0]) for pose in poses]) / ATTITUDE_STEP)
-    _, same, count = np.unique(turn, return_inverse=True, return_counts=True)
-    share = 1 / (count[same] * len(count))
-    mean, spread = _mean_and_spread(map(_turned_back, pictures, poses), share)
-    _, usual = _mean_and_spread(pictures, share)
-    agree = cv2.morphologyEx(
-        (spread < AGREEMENT * usual).astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8)
-    )
-    mask = np.asarray(cv2.erode(agree, np.ones((3, 3), np.uint8)) > 0, np.bool_)
+def _inverse(homography: Array) -> Array:
+    return np.asarray(np.linalg.inv(homography), np.float64)
+
+
+def turn_of(pose: Array) -> float:
+    """Turn of a pose, shape (3, 3) [rad]."""
+    return float(np.arctan2(pose[1, 0], pose[0, 0]))
+
+
+def _board_in(mean: Image, agree: Mask) -> tuple[Array, Image, Array, float, Image] | None:
+    """Return what `BodyPicture` holds from `places` on, of a mean picture and where pictures agree, both of shape (h, w)."""
+    closed = cv2.morphologyEx(agree.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8))
+    mask = np.asarray(cv2.erode(closed, np.ones((3, 3), np.uint8)) > 0, np.bool_)
     mask[:3], mask[-3:], mask[:, :3], mask[:, -3:] = False, False, False, False
     if mask.sum() < MIN_PIXELS:
         return None
@@ -197,56 +189,48 @@ def _mean_of(home: Points, cutout: Cutout, pictures: list[Image], poses: list[Ar
         return None
     corners = middle + (np.array([[-1, -1], [-1, 1], [1, 1], [1, -1]]) * lengths) @ axes.T
     unit = float(lengths[1])
-    (x, y), (across, down) = ((places - middle) / unit).T.astype(np.float32), slope.T
-    columns = [
-        across,
-        across * x,
-        across * y,
-        down,
-        down * x,
-        down * y,
-        bright - bright.mean(),
-        np.ones_like(bright),
-    ]
-    slopes = np.asarray(np.stack(columns, axis=1), np.float32)
-    return BodyPicture(home, cutout, places, bright, corners, unit, slopes)
+    arm = np.column_stack([np.ones(len(places)), (places - middle) / unit]).astype(np.float32)
+    both = [slope[:, [0]] * arm, slope[:, [1]] * arm]
+    slopes = np.hstack([*both, (bright - bright.mean())[:, None], np.ones((len(bright), 1))])
+    return places, bright, corners, unit, slopes.astype(np.float32)
 
 
-def _mean_and_spread(pictures: Iterable[Image], share: Array) -> tuple[Image, Image]:
-    """Return the mean of pictures (h, w) with weights (n,), and their smoothed standard deviation [grey levels]."""
-    sums = [np.float32(0.0), np.float32(0.0)]
-    for picture, weight in zip(pictures, share.astype(np.float32), strict=True):
-        some = weight * (picture - MIDDLE_GREY)
-        sums = [sums[0] + some, sums[1] + some * (picture - MIDDLE_GREY)]
-    variance = np.maximum(sums[1] - sums[0] ** 2, 0)
-    spread = cv2.GaussianBlur(np.sqrt(variance), (0, 0), 2.0)
-    return np.asarray(sums[0] + MIDDLE_GREY, np.float32), np.asarray(spread, np.float32)
+def _mean_and_spread(
+    seen: Sequence[tuple[Image, Array, Array]], size: tuple[int, int], *, back: bool = True
+) -> tuple[Image, Image]:
+    """Return the mean of pictures, by what map they show an upright one and with what pose, and their smoothed spread.
 
-
-def _turned_back(picture: Image, pose: Array) -> Image:
+    They are turned back by their poses, or left as they were filmed.
+    """
+    # A film keeps what stands still as it is, its noise as well: many pictures of one attitude count as one.
+    turn = np.round(np.array([turn_of(pose) for _, _, pose in seen]) / ATTITUDE_STEP)
+    _, same, count = np.unique(turn, return_inverse=True, return_counts=True)
     flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
-    size = picture.shape[::-1]
-    return np.asarray(
-        cv2.warpAffine(picture, pose[:2], size, flags=flags, borderMode=cv2.BORDER_REPLICATE), np.float32
-    )
+    first = second = np.zeros((size[1], size[0]), np.float32)
+    for (picture, inward, pose), share in zip(seen, (1 / (count[same] * len(count))).tolist(), strict=True):
+        there = inward @ pose if back else inward
+        flat = cv2.warpPerspective(picture, there, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
+        some = np.asarray(flat, np.float32) - MIDDLE_GREY
+        first, second = first + np.float32(share) * some, second + np.float32(share) * some**2
+    spread = cv2.GaussianBlur(np.sqrt(np.maximum(second - first**2, 0)), (0, 0), 2.0)
+    return first + MIDDLE_GREY, np.asarray(spread, np.float32)
 
 
-def lay_onto(body: BodyPicture, picture: Image, rough: Array) -> Array | None:
+def lay_onto(body: BodyPicture, picture: Image, inward: Array, rough: Array) -> Array | None:
     """Return the affine pose that lays the board onto a picture, shape (3, 3); None where it is not to be seen.
 
     Args:
         body: The board.
-        picture: A cutout [grey levels], shape (h, w).
-        rough: The pose roughly, of places in the cutout [px], shape (3, 3).
+        picture: What is seen [grey levels], shape (h, w).
+        inward: Where it shows places along the axis, shape (3, 3).
+        rough: The pose roughly, of places along the axis [px], shape (3, 3).
     """
     pose, middle = rough, body.corners.mean(axis=0)
     rest, scale = np.zeros(1, np.float32), 1.0
     for _ in range(MAX_ROUNDS):
-        there = project(pose, body.places).astype(np.float32)
-        seen = cv2.remap(
-            picture, there[None, :, 0], there[None, :, 1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
-        )
-        rest = np.asarray(seen, np.float32).ravel() - body.bright
+        x, y = project(inward @ pose, body.places).astype(np.float32).T[:, None]
+        seen = cv2.remap(picture, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+        rest = seen.ravel() - body.bright
         rest -= np.median(rest[::4])
         scale = max(1.4826 * float(np.median(np.abs(rest[::4]))), 1.0)
         weighted = body.slopes * (1 / (1 + (rest / (2.5 * scale)) ** 2) ** 2)[:, None]

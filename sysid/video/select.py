@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -11,7 +10,6 @@ import numpy as np
 from sysid.errors import SysidError
 from sysid.roll import Array
 from sysid.video import trackers
-from sysid.video.film.frames import ahead
 from sysid.video.film.reel import Reel
 from sysid.video.film.track import Track
 from sysid.video.follow import MIN_SEEN_SHARE, follow, follow_all, track_of
@@ -21,9 +19,8 @@ from sysid.video.pose.camera_state import CameraState, before_looking
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.rectify import longer, upright
 from sysid.video.pose.view import View
-from sysid.video.registration import picture_of_body
+from sysid.video.registration import BodyPicture, picture_of_body
 from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, rests_at
-from sysid.video.types import Points
 
 MAX_LOST = 0.9
 """Share of the frames from which on what is lost in them was nothing [1]."""
@@ -38,13 +35,13 @@ MIN_SWING = np.radians(1.0)
 MAX_STRAY, MIN_STRAY = 0.3, 0.01
 """How far a point may be from a circle about a fixed pivot, as a share of its own motion and of the picture's width: beyond
 both it was carried, not turned."""
-CLEARLY = 0.8
-"""What is tried first is left for another one only if that has less than this share of its uncertainty."""
-WHOLE_BODY = 2.5
+CLEARLY = 0.7
+"""What shows level is left for another one only if that has less than this share of its uncertainty."""
+WHOLE_BODY = 3.0
 """The whole body is preferred even where it states so many times the uncertainty: it states what lasts (`BODY_FLOOR`),
 which a few points do not know of. In rendered films it takes off most of the error of texture and half of that of dots; a
 marker on a bare deck, which is sure of its corners, reads damping with less bias alone."""
-BODY_FLOOR = 0.05
+BODY_FLOOR = 0.04
 """Least standard deviation of the body's points [px]: what compression does to a picture lasts as long as the board is
 held there, and shifts all of it. With this, 95 % intervals hold the truth in 30 rendered films of 0.18 bit a pixel."""
 MAX_ASKEW = np.radians(20.0)
@@ -120,30 +117,38 @@ def follow_board(reel: Reel) -> Followed:
 
 
 def _to_the_end(reel: Reel, led: Followed) -> Followed:
-    """Follow a target through the rest of the film, and everything that turns as it does."""
+    """Follow a target through the rest of the film; where everything that turns with it tells the angle, that leads the way."""
     target, points = led.target, list(led.track.points)
     stamps = [(frame.index, frame.time) for frame in reel.kept]
     camera = led.found.camera_state.value
     flat = upright(longer(reel.lens.matrix, camera[2]), camera[0], camera[1])
     body = picture_of_body(reel.kept, reel.look.box, led.track, flat) if target.shows_body else None
-    corners: list[Points] = []
+    poses: list[Array | None] = []
+    whole = None
     if body is not None:
         with ThreadPoolExecutor() as pool:
-            corners = list(pool.map(body.find, reel.kept, points))
-    rest = ((frame, follow(target.follower, frame)) for frame in reel.others())
-    with closing(ahead(rest, 1)) as others:
-        for frame, places in others:
-            stamps.append((frame.index, frame.time))
-            points.append(places)
-            if body is not None:
-                corners.append(body.find(frame, places))
+            lay, rough = body.lay, body.rough
+            poses = list(pool.map(lambda frame, seen: lay(frame, rough(seen)), reel.kept, points))
+        whole = _whole_body(reel, led, body, poses)
+        body = None if whole is None else body.with_home(points, poses)
+    for frame in reel.others():
+        stamps.append((frame.index, frame.time))
+        pose = None
+        if body is not None and poses[-1] is not None and poses[-2] is not None:
+            pose = body.lay(frame, poses[-1] @ np.linalg.inv(poses[-2]) @ poses[-1])
+        if body is not None and pose is not None:
+            points.append(body.filmed(pose, body.home))
+        else:  # it swings on otherwise, or a hand is before it
+            points.append(follow(target.follower, frame))
+            pose = None if body is None else body.lay(frame, body.rough(points[-1]))
+        poses.append(pose)
     if len(points) > len(led.track.points):
         track = track_of(reel, stamps, np.array(points))
         all_of_it = _followed(reel, target, track)
         if isinstance(all_of_it, str):
             raise SysidError(f"{reel.clip.path}: {all_of_it}. {ADVICE}")
         led = all_of_it
-    whole = _whole_body(reel, led, replace(led.track, points=np.array(corners))) if corners else None
+        whole = None if body is None else _whole_body(reel, led, body, poses)
     return led if whole is None else whole
 
 
@@ -153,7 +158,9 @@ def _best(usable: list[Followed]) -> Followed:
         return usable[0]
     first = next((one for one in usable if one.target.shows_level), usable[0])
     agreeing = [one for one in usable if _same_swing(one, first)]
-    best = min(agreeing, key=lambda one: one.std * (CLEARLY if one is first else 1.0))
+    best = min(
+        agreeing, key=lambda one: one.std * (CLEARLY if one is first and one.target.shows_level else 1.0)
+    )
     others = ", ".join(
         f"{one.target.what} ±{2 * np.degrees(one.std):.2g}°" for one in usable if one is not best
     )
@@ -231,7 +238,9 @@ def _strays(track: Track, angle: Array) -> bool:
     return stray > max(MAX_STRAY * moved, MIN_STRAY * 2 * track.shake.centre.real)
 
 
-def _whole_body(reel: Reel, led: Followed, whole: Track) -> Followed | None:
+def _whole_body(
+    reel: Reel, led: Followed, picture: BodyPicture, poses: list[Array | None]
+) -> Followed | None:
     """Let everything that turns with a target tell the angle, if that contradicts it nowhere and tells it as well."""
     target = led.target
     body = replace(
@@ -242,7 +251,8 @@ def _whole_body(reel: Reel, led: Followed, whole: Track) -> Followed | None:
         zero=lambda _: 0.0,
         joined=((0, 1), (1, 2), (2, 3), (3, 0)),
     )
-    own = _followed(reel, body, whole)
+    corners = np.array([picture.filmed(pose, picture.corners) for pose in poses])
+    own = _followed(reel, body, replace(led.track, points=corners))
     if isinstance(own, str) or not _same_swing(own, led):
         return None
     return own if own.std < WHOLE_BODY * led.std else None

@@ -22,7 +22,6 @@ from sysid.video.pose.rigid_group import rigid_group
 from sysid.video.pose.view import View
 from sysid.video.select import Followed, _fault
 from sysid.video.trackers.dots import Dot, DotFollower
-from sysid.video.trackers.edge.slope import best_path
 
 TIME = np.arange(90) / 60
 ROLL = np.where(TIME < 0.3, 0.4, 0.4 * np.exp(-4 * (TIME - 0.3)) * np.cos(25 * (TIME - 0.3)))
@@ -73,17 +72,6 @@ def test_compression_makes_small_swings_less_certain_than_large_ones():
     left_out = np.sqrt(own**2 - plain**2)
     assert left_out[75:].min() > 3 * left_out[22:35].max()
     assert left_out[80] * np.abs(shape - shape.mean()).max() == pytest.approx(0.15 / np.sqrt(3), rel=0.2)
-
-
-def test_the_slope_of_the_deck_is_told_by_the_whole_film():
-    slope = np.stack([ROLL, np.full(90, -0.3)], axis=1)
-    score = np.tile([1.0, 0.4], (90, 1))
-    score[[40, 41]] = [0.5, 1.0]  # another line is the better one here,
-    slope[60] = np.nan  # and none is seen there
-    path = best_path(slope, score)
-    good = np.arange(90) != 60
-    np.testing.assert_allclose(path[good], ROLL[good])
-    assert path[60] == pytest.approx(ROLL[59])
 
 
 def test_a_film_whose_stamps_are_garbled_is_refused():

@@ -48,7 +48,8 @@ def error(film, homography):
     frames, track = film
     body = picture_of_body(frames, (0, 0, 640, 480), track, homography)
     assert body is not None
-    found = np.array([body.find(frame, points) for frame, points in zip(frames, track.points, strict=True)])
+    poses = [body.lay(frame, body.rough(seen)) for frame, seen in zip(frames, track.points, strict=True)]
+    found = np.array([body.filmed(pose, body.corners) for pose in poses])
     z = rectify(found.astype(np.float64), MATRIX, *DIRECTION)
     z = z - z.mean(axis=1, keepdims=True)
     angle = np.angle((z * z[10].conj()).sum(axis=1))
@@ -66,4 +67,5 @@ def test_points_that_are_not_seen_show_no_body(film):
     frames, track = film
     body = picture_of_body(frames, (0, 0, 640, 480), track, np.eye(3))
     assert body is not None
-    assert np.isnan(body.find(frames[0], np.full((4, 2), np.nan, np.float32))).all()
+    assert body.rough(np.full((4, 2), np.nan, np.float32)) is None
+    assert np.isnan(body.filmed(None, body.corners)).all()

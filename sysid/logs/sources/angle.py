@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from sysid.logs.sources.registry import Reading, Source
-from sysid.logs.table.choose import Choice, std_of
+from sysid.logs.table.choose import Choice, chosen, std_of
 from sysid.logs.table.names import ANGLE_UNITS, Column, unit_kind
 from sysid.logs.table.remarks import Remarks, note, warning
 from sysid.noise.sensor import estimate_noise, saturated
@@ -19,26 +19,12 @@ def find_angle(columns: Sequence[Column], axis: str, sign: float) -> list[Choice
 
     def rank(column: Column) -> tuple[object, ...]:
         aside = not axis and column.axis in ("y", "z")
-        return (
-            column.doubt,
-            aside,
-            not column.is_roll,
-            column.unit != "rad",
-            column.unit is None,
-            len(column.name),
-        )
+        odd = column.doubt, aside, not column.is_roll, column.unit != "rad", column.unit is None
+        return (*odd, len(column.name))
 
     angles.sort(key=rank)
     choices = [
-        Choice(
-            columns=(column.name,),
-            unit=column.unit,
-            sign=sign,
-            doubt=column.doubt,
-            std=std_of(column, columns),
-            remarks=note("roll", f"from '{column.name}'"),
-        )
-        for column in angles
+        chosen([column], "", sign, f"from '{column.name}'", std=std_of(column, columns)) for column in angles
     ]
     if len(angles) > 1:
         rivals = ", ".join(repr(column.name) for column in angles[1:5])
@@ -73,13 +59,9 @@ def _why(best: Column, other: Column) -> str:
 
 def angle_from(column: Column, columns: Sequence[Column], sign: float) -> Choice:
     """Return one column that the user names, as an angle."""
-    return Choice(
-        columns=(column.name,),
-        unit=column.unit if unit_kind(column.unit) == "angle" else None,
-        sign=sign,
-        std=std_of(column, columns),
-        remarks=note("roll", f"from '{column.name}'"),
-    )
+    unit = column.unit if unit_kind(column.unit) == "angle" else None
+    choice = chosen([column], "", sign, f"from '{column.name}'", std=std_of(column, columns))
+    return replace(choice, unit=unit, doubt=0)
 
 
 def angle_scale(angle: Array, choice: Choice) -> tuple[float, Remarks]:
@@ -93,9 +75,8 @@ def angle_scale(angle: Array, choice: Choice) -> tuple[float, Remarks]:
     unit = "deg" if reach > np.pi else "rad"
     why = f"'{name}' names no unit; taken as {unit}, because it reaches {reach:.3g} from its median"
     unsure = 0.9 < reach < 30
-    return ANGLE_UNITS[unit], warning(f"{why}. That can be wrong: say it with --unit") if unsure else note(
-        "unit", why
-    )
+    doubt = warning(f"{why}. That can be wrong: say it with --unit")
+    return ANGLE_UNITS[unit], doubt if unsure else note("unit", why)
 
 
 def roll_from_angle(reading: Reading) -> Roll:
@@ -120,15 +101,7 @@ def roll_from_angle(reading: Reading) -> Roll:
             f"'{choice.columns[0]}' is saturated in {np.count_nonzero(excess)} samples (at {np.rad2deg(roll.min()):.3g}° or "
             f"{np.rad2deg(roll.max()):.3g}°): they count for little, and amplitudes near there are lower bounds"
         )
-    return Roll(
-        log=reading.log,
-        time=reading.time,
-        roll=roll,
-        std=std,
-        origin="angle",
-        notes=remarks.notes,
-        warnings=remarks.warnings,
-    )
+    return reading.as_roll(roll, std, "angle", remarks)
 
 
 def _unwrapped(roll: Array) -> tuple[Array, Remarks]:

@@ -1,13 +1,13 @@
 """Roll from a rate gyro alone: its unit, its offset, and the integral."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sysid.logs.sources.axis import find_roll_axis
 from sysid.logs.sources.registry import Reading, Source
-from sysid.logs.table.choose import Choice, triple
+from sysid.logs.table.choose import Choice, chosen, triple
 from sysid.logs.table.names import RATE_UNITS, Column, unit_kind
 from sysid.logs.table.remarks import Remarks, note, warning
 from sysid.noise.sensor import estimate_noise, saturated
@@ -35,37 +35,19 @@ def find_gyro(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]
     """Return the three rates of one gyro, or else the one rate whose name is the plainest."""
     gyro = triple(columns, "rate", "xyz")
     if gyro is not None:
-        choice = Choice(
-            columns=tuple(column.name for column in gyro),
-            unit=gyro[0].unit,
-            doubt=gyro[0].doubt,
-            axis=axis,
-            sign=sign,
-            remarks=note("roll", f"from gyro '{gyro[0].name}'..., integrated"),
-        )
-        return [choice]
+        return [chosen(gyro, axis, sign, f"from gyro '{gyro[0].name}'..., integrated")]
     rates = [c for c in columns if c.kind == "rate" and (not axis or (c.axis or "x") == axis)]
     if not rates:
         return []
     rates.sort(key=lambda c: (c.doubt, c.axis in ("y", "z"), not c.is_roll, c.unit is None))
-    choice = Choice(
-        columns=(rates[0].name,),
-        unit=rates[0].unit,
-        doubt=rates[0].doubt,
-        sign=sign,
-        remarks=note("roll", f"from the rate '{rates[0].name}', integrated"),
-    )
-    return [choice]
+    return [chosen(rates[:1], "", sign, f"from the rate '{rates[0].name}', integrated")]
 
 
 def gyro_from(column: Column, columns: Sequence[Column], sign: float) -> Choice:
     """Return one column that the user names, as a rotation rate."""
-    return Choice(
-        columns=(column.name,),
-        unit=column.unit if unit_kind(column.unit) == "rate" else None,
-        sign=sign,
-        remarks=note("roll", f"from the rate '{column.name}', integrated"),
-    )
+    unit = column.unit if unit_kind(column.unit) == "rate" else None
+    choice = chosen([column], "", sign, f"from the rate '{column.name}', integrated")
+    return replace(choice, unit=unit, doubt=0)
 
 
 def roll_from_gyro(reading: Reading) -> Roll:
@@ -129,21 +111,11 @@ def roll_from_rate(reading: Reading, rate: Array, remarks: Remarks) -> Roll:
             "no rest and no oscillation to find the gyro's offset from: taken as 0, roll may drift"
         )
     remarks += note("offset", f"{np.mean(bias.value):.3g} rad/s ± {bias.std:.1g} {bias.how}")
-    remarks += note("noise", f"{noise.std:.2g} rad/s of the gyro") + note(
-        "zero", "at rest: a gyro knows no vertical"
-    )
-    return Roll(
-        log=reading.log,
-        time=time,
-        roll=angle,
-        std=np.maximum(walk, noise.std * float(np.median(steps))),
-        origin="gyro",
-        zero="drifting",
-        measured="rate",
-        rate=free,
-        rate_std=rate_std,
-        notes=remarks.notes,
-        warnings=remarks.warnings,
+    remarks += note("noise", f"{noise.std:.2g} rad/s of the gyro")
+    remarks += note("zero", "at rest: a gyro knows no vertical")
+    std = np.maximum(walk, noise.std * float(np.median(steps)))
+    return reading.as_roll(
+        angle, std, "gyro", remarks, zero="drifting", measured="rate", rate=free, rate_std=rate_std
     )
 
 
@@ -167,9 +139,8 @@ def estimate_bias(time: Array, rate: Array, noise: float) -> Bias:
     if len(rests) == 2:
         (t0, b0, s0), (t1, b1, s1) = rests
         if abs(b1 - b0) > 5 * np.hypot(s0, s1):
-            return Bias(
-                np.interp(time, (t0, t1), (b0, b1)), max(s0, s1), "from the rest at both ends, drifting"
-            )
+            line = np.interp(time, (t0, t1), (b0, b1))
+            return Bias(line, max(s0, s1), "from the rest at both ends, drifting")
         weights = np.array((s0, s1)) ** -2.0
         value = float(np.average((b0, b1), weights=weights))
         return Bias(np.full(rate.size, value), float(weights.sum() ** -0.5), "from the rest at both ends")

@@ -8,7 +8,7 @@ import numpy as np
 from sysid.logs.sources.axis import ONE_AXIS, RollAxis, angle_about, find_roll_axis
 from sysid.logs.sources.gyro import find_rest, rate_scale, roll_from_rate
 from sysid.logs.sources.registry import Reading, Source
-from sysid.logs.table.choose import Choice, triple
+from sysid.logs.table.choose import Choice, chosen, triple
 from sysid.logs.table.names import ACCEL_UNITS, Column
 from sysid.logs.table.options import LogOptions
 from sysid.logs.table.remarks import Remarks, note, warning
@@ -26,18 +26,8 @@ def find_imu(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]:
     gyro, accel = triple(columns, "rate", "xyz"), triple(columns, "accel", "xyz")
     if gyro is None or accel is None:
         return []
-    choice = Choice(
-        columns=tuple(column.name for column in (*gyro, *accel)),
-        unit=gyro[0].unit,
-        accel_unit=accel[0].unit,
-        doubt=gyro[0].doubt,
-        axis=axis,
-        sign=sign,
-        remarks=note(
-            "roll", f"from gyro '{gyro[0].name}'... and accelerometer '{accel[0].name}'..., smoothed together"
-        ),
-    )
-    return [choice]
+    how = f"from gyro '{gyro[0].name}'... and accelerometer '{accel[0].name}'..., smoothed together"
+    return [chosen((*gyro, *accel), axis, sign, how, accel_unit=accel[0].unit)]
 
 
 def roll_from_imu(reading: Reading) -> Roll:
@@ -70,18 +60,12 @@ def roll_from_imu(reading: Reading) -> Roll:
     remarks += zero + _saturation(choice, columns)
     remarks += note("offset", f"({offset}) rad/s of the gyro")
     remarks += note("noise", f"{noise:.2g} rad/s of the gyro")
-    return Roll(
-        log=reading.log,
-        time=time,
-        roll=roll,
-        std=np.maximum(gravity.std, noise * float(np.median(np.diff(time)))),
-        origin="imu",
-        zero="drifting",
-        rate=gravity.rate @ axis.vector,
-        rate_std=np.full(roll.size, noise),
-        notes=remarks.notes,
-        warnings=remarks.warnings,
+    std, rate_std = (
+        np.maximum(gravity.std, noise * float(np.median(np.diff(time)))),
+        np.full(roll.size, noise),
     )
+    rate = gravity.rate @ axis.vector
+    return reading.as_roll(roll, std, "imu", remarks, zero="drifting", rate=rate, rate_std=rate_std)
 
 
 def _gravity(time: Array, rates: Array, accel: Array, axis: RollAxis, options: LogOptions) -> "Gravity":
@@ -109,9 +93,8 @@ def accel_in_si(accel: Array, choice: Choice) -> tuple[Array | None, Remarks]:
     if choice.accel_unit is not None:
         scale = ACCEL_UNITS[choice.accel_unit]
     else:
-        known = {
-            unit: size for unit, size in ACCEL_UNITS.items() if 0.8 < norm * size / STANDARD_GRAVITY < 1.25
-        }
+        usual = 0.8 * STANDARD_GRAVITY, 1.25 * STANDARD_GRAVITY
+        known = {unit: size for unit, size in ACCEL_UNITS.items() if usual[0] < norm * size < usual[1]}
         scale = next(iter(known.values()), STANDARD_GRAVITY / norm if norm > 100 else 1.0)
         unit = next(iter(known), f"counts of {scale:.3g} m/s²")
         remarks += note("accelerometer", f"in {unit}, because they rest at {norm:.4g}")

@@ -7,7 +7,7 @@ import numpy as np
 from sysid.errors import SysidError
 from sysid.logs.sources.axis import angle_about, find_roll_axis
 from sysid.logs.sources.registry import Reading, Source
-from sysid.logs.table.choose import Choice, triple
+from sysid.logs.table.choose import Choice, chosen, triple
 from sysid.logs.table.names import Column
 from sysid.logs.table.remarks import note
 from sysid.noise.sensor import estimate_noise
@@ -19,14 +19,7 @@ def find_quaternion(columns: Sequence[Column], axis: str, sign: float) -> list[C
     found = triple(columns, "quaternion", "wxyz")
     if found is None:
         return []
-    choice = Choice(
-        columns=tuple(column.name for column in found),
-        doubt=found[0].doubt,
-        axis=axis,
-        sign=sign,
-        remarks=note("roll", f"from the orientation '{found[0].name}'..., taken as sensor to earth"),
-    )
-    return [choice]
+    return [chosen(found, axis, sign, f"from the orientation '{found[0].name}'..., taken as sensor to earth")]
 
 
 def roll_from_quaternion(reading: Reading) -> Roll:

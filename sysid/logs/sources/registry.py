@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from types import MappingProxyType
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from sysid.logs.table.clock import MIN_SAMPLES, time_scale, typical_step
 from sysid.logs.table.file import LogFile
 from sysid.logs.table.names import ANGLE_UNITS, RATE_UNITS, Column, parse_unit, unit_kind
 from sysid.logs.table.options import LogOptions
-from sysid.logs.table.remarks import note, warning
+from sysid.logs.table.remarks import Remarks, note, warning
 from sysid.logs.table.rows import LARGEST
 from sysid.roll import Array, Roll
 
@@ -53,10 +53,16 @@ class Reading:
     def counted(self) -> slice:
         """The rows between `LogOptions.start` and `.stop`; all where too few lie there."""
         low = 0 if self.options.start is None else int(np.searchsorted(self.time, self.options.start))
-        high = (
-            None if self.options.stop is None else int(np.searchsorted(self.time, self.options.stop, "right"))
-        )
+        stop = self.options.stop
+        high = None if stop is None else int(np.searchsorted(self.time, stop, "right"))
         return slice(low, high) if self.time[low:high].size >= MIN_SAMPLES else slice(None)
+
+    def as_roll(self, roll: Array, std: Array, origin: str, remarks: Remarks, **more: Any) -> Roll:
+        """Return roll and its standard deviation [rad], shape (n,) each, with what is to be said of them."""
+        return Roll(
+            log=self.log, time=self.time, roll=roll, std=std, origin=origin, notes=remarks.notes,
+            warnings=remarks.warnings, **more,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

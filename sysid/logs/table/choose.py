@@ -2,12 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from sysid.errors import SysidError, did_you_mean
 from sysid.logs.table.file import LogFile
 from sysid.logs.table.names import Column, Kind, parse_column
 from sysid.logs.table.options import LogOptions
-from sysid.logs.table.remarks import Remarks
+from sysid.logs.table.remarks import Remarks, note
 
 AXIS_NAMES = {"roll": "x", "pitch": "y", "yaw": "z", "x": "x", "y": "y", "z": "z"}
 
@@ -38,6 +39,14 @@ class Choice:
         return replace(self, remarks=self.remarks + remarks)
 
 
+def chosen(columns: Sequence[Column], axis: str, sign: float, how: str, **more: Any) -> Choice:
+    """Return columns as a choice, of unit and doubt as the first of them; the note on roll says `how` it is made."""
+    return Choice(
+        columns=tuple(column.name for column in columns), unit=columns[0].unit, doubt=columns[0].doubt, axis=axis,
+        sign=sign, remarks=note("roll", how), **more,
+    )  # fmt: skip
+
+
 def columns_of(log: LogFile, options: LogOptions) -> tuple[Column | None, list[Column]]:
     """Return the column of time, None where the user gives the rate, and the others with what is known of them.
 
@@ -60,19 +69,14 @@ def find_column(log: LogFile, wanted: str, columns: Sequence[Column], option: st
         SysidError: There is none.
     """
     text = wanted.strip()
-    for column in columns:
-        if column.name == text:
-            return column
-    for column in columns:
-        if column.name.lower() == text.lower():
-            return column
-    if text.isdigit() and 1 <= int(text) <= len(log.names):
-        name = log.names[int(text) - 1]
-        text = name
-        for column in columns:
-            if column.name == name:
-                return column
-    if text in log.names:
+    named = {column.name: column for column in columns}
+    in_any_case = {column.name.lower(): column for column in reversed(columns)}
+    counted = text.isdigit() and 1 <= int(text) <= len(log.names)
+    numbered = log.names[int(text) - 1] if counted else text
+    found = named.get(text) or in_any_case.get(text.lower()) or named.get(numbered)
+    if found is not None:
+        return found
+    if numbered in log.names:
         raise SysidError(
             f"{log.path}: {option} '{wanted}' is the column of time. If it is not, name the time with --time-column."
         )
@@ -122,27 +126,17 @@ def time_column(log: LogFile, columns: Sequence[Column], options: LogOptions) ->
 
 def std_of(column: Column, columns: Sequence[Column]) -> str | None:
     """Return the column of the same name and unit with 'std' in it."""
-    for other in columns:
-        same = (
-            other.axis == column.axis
-            and other.is_roll == column.is_roll
-            and (other.unit or column.unit) == column.unit
-        )
-        if other.kind == "std" and same:
-            return other.name
-    return None
+    own = column.axis, column.is_roll, column.unit
+    stds = (other for other in columns if other.kind == "std")
+    return next((s.name for s in stds if (s.axis, s.is_roll, s.unit or column.unit) == own), None)
 
 
 def triple(columns: Sequence[Column], kind: Kind, axes: str) -> tuple[Column, ...] | None:
     """Return the columns x, y, z (or w, x, y, z) of one sensor: the least doubtful complete set."""
     groups: dict[tuple[int, str, str | None], dict[str, Column]] = {}
     for column in columns:
-        if (
-            column.kind == kind
-            and column.axis
-            and column.axis in axes
-            and not (kind == "rate" and column.is_roll)
-        ):
+        is_roll_rate = kind == "rate" and column.is_roll
+        if column.kind == kind and column.axis and column.axis in axes and not is_roll_rate:
             groups.setdefault((column.doubt, column.group, column.unit), {}).setdefault(column.axis, column)
     complete = [(key, members) for key, members in groups.items() if len(members) == len(axes)]
     if not complete:

@@ -1,38 +1,35 @@
 """Patches all over the picture, followed from frame to frame: those that stand still show how the camera shakes; and cuts."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from sysid.errors import SysidError
 from sysid.roll import Array
 from sysid.video.film.camera import Lens
-from sysid.video.film.frames import Frame, crop, grey
-from sysid.video.film.shake import MIN_FRAMES_SEEN, MIN_PATCHES, Shake, fit_rotations, still, whole_shake
-from sysid.video.types import Complex, Mask, Picture
+from sysid.video.film.frames import Frame, grey, halved
+from sysid.video.film.shake import MIN_FRAMES_SEEN, MIN_PATCHES, Shake, find_shake, still
+from sysid.video.film.survey import SMALL_SIDE
+from sysid.video.types import Mask, Picture, Points
 
 PATCH_GRID, CELL_PATCHES = (8, 6), 2
 """At most so many patches in each cell of a grid this wide and high: one may lie on the board."""
-HALF_PATCH = 12
-"""Half a patch [px]."""
-MAX_STEP = 24
-"""How far a patch may move between two frames, against what the last frame suggests [px]."""
-SIZE = 2 * (HALF_PATCH + MAX_STEP) + 1
-"""Width and height of what is looked through for a patch [px]."""
-BATCH_FRAMES = 256
-"""Frames that are worked out at once: that takes little longer than one."""
+WINDOW, APART = 15, 9
+"""Side of a patch, and how far apart two are [px of the small picture]."""
+MIN_QUALITY = 1e-4
+"""Least eigenvalue of brightness' second moments that is more than noise, in OpenCV's unit."""
+MAX_STEP = 12
+"""How far a patch may go otherwise than most from one frame to the next [px of the small picture]."""
 CUT_CHANGE = 12.0
 """Mean change of brightness from frame to frame above which a cut is suspected [grey levels]."""
-CUT_LIKENESS, CUT_SIDE = 0.5, 160
-"""Correlation of two neighbouring frames, one shifted onto the other, below which the scene has been cut; and the long side
-of the small pictures that are compared [px]."""
+CUT_LIKENESS = 0.5
+"""Correlation of two neighbouring frames, one shifted onto the other, below which the scene has been cut."""
 MAX_GOING = 0.5
 """Correlation of a patch's steps with the board's turn from frame to frame above which it lies on the board, or in its shadow."""
 MAX_ROUGHNESS = 2.0
 """A patch that jumps so many times as far from frame to frame as the few best ones shows noise."""
-FLOW_CRITERIA = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 15, 0.01)
 
 
 @dataclass(slots=True)
@@ -40,18 +37,20 @@ class Background:
     """Follows patches, always against the first frame, so that nothing drifts."""
 
     lens: Lens
-    _anchors: Array = field(default_factory=lambda: np.zeros((0, 2)))
-    _reference: Picture | None = None
-    _places: Array = field(default_factory=lambda: np.zeros((0, 2)))
-    """Where the patches were seen last [px]."""
-    _seen: list[npt.NDArray[np.float32]] = field(default_factory=list)
-    """Places in each frame [px], each (m, 2)."""
+    _anchors: Points = field(default_factory=lambda: np.zeros((0, 2), np.float32))
+    """Middles of the patches in the first frame [px of the small picture], shape (m, 2)."""
+    _first: Picture | None = None
+    """The first frame, small and in grey."""
+    _before: Picture | None = None
+    """The frame before."""
+    _seen: list[Points] = field(default_factory=list)
+    """Places in each frame [px], each (m, 2); NaN where one is not found, or not looked for."""
+    _went: Array = field(default_factory=lambda: np.zeros(2))
+    """How far most patches had moved in the last frame [px]."""
     _followed: Mask | None = None
     """Which patches are looked for; all as long as it is not known where the board moves."""
     _still: Mask | None = None
     """Which patches lie where nothing moves, as far as that is known."""
-    _before: Picture | None = None
-    """The frame before."""
 
     def update(self, frame: Frame) -> Array:
         """Take in one more frame; return how far most patches have moved since the first one [px], shape (2,).
@@ -59,17 +58,27 @@ class Background:
         Raises:
             SysidError: The picture changes all at once.
         """
-        self._refuse_cut(frame)
-        if self._reference is None:
-            self._choose(frame.picture)
-        self._seen.append(self._follow(frame.picture).astype(np.float32))
-        return self.shift(len(self._seen) - 1)
+        picture, scale = halved(frame.picture, SMALL_SIDE)
+        small = grey(picture)
+        if self._before is None:
+            self._first, self._anchors = small, _corners(small)
+        elif _is_cut(self._before, small):
+            raise SysidError(
+                f"the whole picture changes at {frame.time:.2f} s (frame {frame.index}): a cut. "
+                "Give one uncut take; trim the film first."
+            )
+        self._before = small
+        self._seen.append(
+            self._follow(small, (self._went / scale).astype(np.float32)) * scale + (scale - 1) / 2
+        )
+        self._went = self.shift(-1)
+        return self._went
 
     def shift(self, number: int) -> Array:
         """Return how far most patches have moved from the first frame to another one [px], shape (2,)."""
-        moved = (self._seen[number] - self._anchors)[self._still if self._still is not None else slice(None)]
-        moved = moved[np.isfinite(moved).all(axis=1)]
-        return np.median(moved, axis=0) if len(moved) >= MIN_PATCHES else np.zeros(2)
+        moved = (self._seen[number] - self._seen[0])[self._still if self._still is not None else slice(None)]
+        moved = np.sort(moved[np.isfinite(moved[:, 0])], axis=0)  # many times faster than numpy's median
+        return moved[len(moved) // 2].astype(np.float64) if len(moved) >= MIN_PATCHES else np.zeros(2)
 
     def leave_out(self, spare: Mask, first: int = 0, turn: Array | None = None) -> None:
         """Let no patch count from now on that reaches into the board, moves with it, or holds but noise.
@@ -79,8 +88,11 @@ class Background:
             first: Number of the first of n frames.
             turn: The board's turn in them [rad], shape (n,).
         """
-        near = cv2.boxFilter(spare.astype(np.uint8), -1, (SIZE, SIZE), normalize=False) > 0
-        x, y = self._anchors.T.astype(int)
+        assert self._first is not None
+        scale = spare.shape[0] // self._first.shape[0]
+        reach = scale * (WINDOW + 4)  # and a little: it moves on
+        near = cv2.boxFilter(spare.astype(np.uint8), -1, (reach, reach), normalize=False) > 0
+        x, y = (scale * self._anchors.T).astype(int)
         alone = self._followed = np.asarray(~near[y, x], np.bool_)
         if turn is not None and alone.any():
             alone = self._apart(np.array(self._seen[first : first + len(turn)], np.float64), alone, turn)
@@ -103,109 +115,58 @@ class Background:
 
     def shake(self, first: int, stop: int) -> Shake:
         """Return the motion of the frames from number `first` up to `stop`, against the first of the film."""
+        matrix = self.lens.matrix
+        focal, centre = float(matrix[0, 0]), complex(matrix[0, 2], matrix[1, 2])
         if self._still is None or self._still.sum() < MIN_PATCHES:
-            return still(stop - first, self._focal, self._centre)
-        still_ones = self._still
-        home = self._about_middle(self.lens.straighten(self._anchors[still_ones]))
-        sights = [
-            fit_rotations(
-                home, self._about_middle(self.lens.straighten(np.array(some)[:, still_ones].astype(float))), self._focal
+            return still(stop - first, focal, centre)
+        home, seen = (
+            places[..., 0] + 1j * places[..., 1] - centre
+            for places in (
+                self.lens.straighten(some[..., self._still, :])
+                for some in (self._seen[0], np.array(self._seen[first:stop]))
             )
-            for some in (self._seen[at : min(at + BATCH_FRAMES, stop)] for at in range(first, stop, BATCH_FRAMES))
-        ]  # fmt: skip
-        return whole_shake(sights, self._focal, self._centre, known=self.lens.known)
-
-    def _about_middle(self, places: Array) -> Complex:
-        return places[..., 0] + 1j * places[..., 1] - self._centre
-
-    @property
-    def _focal(self) -> float:
-        return float(self.lens.matrix[0, 0])
-
-    @property
-    def _centre(self) -> complex:
-        return complex(self.lens.matrix[0, 2], self.lens.matrix[1, 2])
-
-    def _refuse_cut(self, frame: Frame) -> None:
-        before, self._before = self._before, frame.picture
-        if before is None:
-            return
-        step = max(frame.picture.shape[0] // 36, 1)
-        sample = (slice(step // 2, None, step), slice(step // 2, None, step), 1)
-        change = np.abs(frame.picture[sample].astype(np.float32) - before[sample])
-        if change.mean() < CUT_CHANGE:
-            return
-        scale = CUT_SIDE / max(frame.picture.shape[:2])
-        now, then = (
-            cv2.resize(grey(one), None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-            for one in (frame.picture, before)
         )
-        height, width = (side // 5 for side in now.shape)  # a camera that pans shows most of it again
-        inner = now[height : now.shape[0] - height, width : now.shape[1] - width]
-        if float(cv2.matchTemplate(then, inner, cv2.TM_CCOEFF_NORMED).max()) < CUT_LIKENESS:
-            raise SysidError(
-                f"the whole picture changes at {frame.time:.2f} s (frame {frame.index}): a cut. "
-                "Give one uncut take; trim the film first."
-            )
+        return find_shake(home, seen, focal, centre, known=self.lens.known)
 
-    def _choose(self, picture: Picture) -> None:
-        height, width = picture.shape[:2]
-        dark = grey(picture)
-        scale = max(1, width // 640)
-        small = cv2.resize(dark, (width // scale, height // scale), interpolation=cv2.INTER_AREA)
-        quality = cv2.cornerMinEigenVal(cv2.GaussianBlur(small, (0, 0), 1.0), 7)
-        margin = (HALF_PATCH + MAX_STEP) // scale + 2
-        quality[:margin], quality[-margin:], quality[:, :margin], quality[:, -margin:] = 0, 0, 0, 0
-        anchors: list[tuple[int, int]] = []
-        for rows in np.array_split(np.arange(quality.shape[0]), PATCH_GRID[1]):
-            for columns in np.array_split(np.arange(quality.shape[1]), PATCH_GRID[0]):
-                cell = quality[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-                for _ in range(CELL_PATCHES):
-                    row, column = np.unravel_index(np.argmax(cell), cell.shape)
-                    if cell[row, column] > 1e-4:
-                        anchors.append((int((columns[0] + column) * scale), int((rows[0] + row) * scale)))
-                    apart = 2 * HALF_PATCH // scale
-                    cell[
-                        max(row - apart, 0) : row + apart + 1, max(column - apart, 0) : column + apart + 1
-                    ] = 0
-        self._anchors = np.array(anchors, np.float64).reshape(-1, 2)
-        self._places = self._anchors.copy()
-        self._reference = self._mosaic(picture, self._anchors)
-
-    def _follow(self, picture: Picture) -> Array:
-        """Find patches near where they were last, shape (m, 2) [px]; NaN where one is not found, or looked for."""
+    def _follow(self, small: Picture, went: Points) -> Points:
+        """Find patches near where most were last, shape (m, 2) [px of the small picture]; NaN where one is not found."""
         places = np.full_like(self._anchors, np.nan)
-        followed = self._followed  # told by another thread, some time
-        some = np.arange(len(places)) if followed is None else np.flatnonzero(followed)
-        if not len(some):
-            return places
-        centre = np.round(self._places[some])
-        inside = np.all((centre >= 0) & (centre < np.array(picture.shape[1::-1])), axis=1)
-        assert self._reference is not None
-        reference = self._reference.reshape(SIZE, -1, SIZE)[:, some].reshape(SIZE, -1)
-        start = (np.arange(len(some))[:, None] * [SIZE, 0] + SIZE // 2).astype(np.float32)[:, None]
-        moved, good, _ = cv2.calcOpticalFlowPyrLK(
-            reference, self._mosaic(picture, centre), start, start.copy(),
-            winSize=(2 * HALF_PATCH + 1, 2 * HALF_PATCH + 1), maxLevel=2,
-            criteria=FLOW_CRITERIA, flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
-        )  # fmt: skip
-        step = (moved - start)[:, 0].astype(np.float64)
-        found = (good.ravel() > 0) & inside & (np.abs(step).max(axis=1) < MAX_STEP)
-        seen = centre + step
-        if found.any():
-            # The camera takes all along: one that is lost is looked for where the others went.
-            went = np.sort((seen - self._places[some])[found], axis=0)[found.sum() // 2]
-            self._places[some] = np.where(found[:, None], seen, self._places[some] + went)
-        places[some] = np.where(found[:, None], seen, np.nan)
+        some = slice(None) if self._followed is None else self._followed  # told by another thread, some time
+        start = self._anchors[some]
+        if len(start):
+            flow: Any = cv2.calcOpticalFlowPyrLK  # its stubs do not know the type of points
+            moved, good, _ = flow(
+                self._first, small, start, start + went, winSize=(WINDOW, WINDOW), maxLevel=1, flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+                criteria=(cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 15, 0.01),
+            )  # fmt: skip
+            near = np.abs(moved - start - went).max(axis=1) < MAX_STEP
+            places[some] = np.where((good.ravel() > 0)[:, None] & near[:, None], moved, np.nan)
         return places
 
-    def _mosaic(self, picture: Picture, centres: Array) -> Picture:
-        """Put the surroundings of every place side by side, in grey."""
-        reach = SIZE // 2
-        mosaic = np.zeros((SIZE, SIZE * len(centres), *picture.shape[2:]), np.uint8)
-        for number, (x, y) in enumerate(centres.astype(int).tolist()):
-            part, (left, top) = crop(picture, (x - reach, y - reach, x + reach + 1, y + reach + 1))
-            if part.size:
-                row, column = top - (y - reach), number * SIZE + left - (x - reach)
-                mosaic[row : row + part.shape[0], column : column + part.shape[1]] = part
-        return grey(mosaic)
+
+def _corners(small: Picture) -> Points:
+    """Return what can be followed best in each part of a picture in grey [px], shape (m, 2)."""
+    smooth = cv2.GaussianBlur(small, (0, 0), 1.0)
+    mask = (cv2.cornerMinEigenVal(smooth, 7) > MIN_QUALITY).astype(np.uint8)
+    found: list[Points] = []
+    corners_in: Any = cv2.goodFeaturesToTrack  # its stubs do not know that it may find none
+    for top, bottom in zip(*_parts(small.shape[0], PATCH_GRID[1]), strict=True):
+        for left, right in zip(*_parts(small.shape[1], PATCH_GRID[0]), strict=True):
+            cell = slice(top, bottom), slice(left, right)
+            best = corners_in(smooth[cell], CELL_PATCHES, 0.01, APART, mask=mask[cell])
+            found += [] if best is None else [best.reshape(-1, 2) + np.array([left, top], np.float32)]
+    return np.concatenate([np.zeros((0, 2), np.float32), *found])
+
+
+def _parts(length: int, count: int) -> tuple[list[int], list[int]]:
+    """Begin and end of so many parts [px], without a margin in which a patch is not whole."""
+    edges = np.linspace(WINDOW, length - WINDOW, count + 1).astype(int).tolist()
+    return edges[:-1], edges[1:]
+
+
+def _is_cut(before: Picture, now: Picture) -> bool:
+    if cv2.absdiff(before, now).mean() < CUT_CHANGE:
+        return False
+    height, width = (side // 5 for side in now.shape)  # a camera that pans shows most of it again
+    inner = now[height:-height, width:-width]
+    return float(cv2.matchTemplate(before, inner, cv2.TM_CCOEFF_NORMED).max()) < CUT_LIKENESS

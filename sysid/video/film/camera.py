@@ -3,6 +3,7 @@
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -12,8 +13,9 @@ from sysid.files import regular
 from sysid.roll import Array
 from sysid.video.film.frames import Clip, grey, open_clip
 from sysid.video.options import is_film
-from sysid.video.types import Picture
+from sysid.video.types import Picture, Points
 
+Places = TypeVar("Places", Array, Points)
 USUAL_FOCAL = 0.9
 """Focal length of a phone's main camera in film mode, over the long side of the picture (58 degrees)."""
 FOCAL_SPREAD = 0.25
@@ -37,7 +39,7 @@ class Lens:
     note: str
     """Where it comes from, for people."""
 
-    def straighten(self, points: Array) -> Array:
+    def straighten(self, points: Places) -> Places:
         """Return points [px], shape (N, 2) or (n, N, 2), as a lens without distortion shows them; NaN stays NaN."""
         if not np.any(self.distortion):
             return points

@@ -11,7 +11,7 @@ patches on one side tell another rotation than those on the other. Where the foc
 κ is found from how all frames bend.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -36,24 +36,10 @@ DISTORTION_DOUBT = 0.1
 what a first coefficient of 0.03, usual in phones, does."""
 CORRELATED_FRAMES = 10.0
 """[frames] In a row, whose patches err alike, so that they count as one where κ is concerned."""
-
-
-@dataclass(frozen=True, slots=True)
-class Sights:
-    """How the background of n frames moved against the first frame of the film."""
-
-    motion: Array
-    """a, b [px], θ [rad] and z, shape (n, 4); NaN where too few patches agree."""
-    bend: Array
-    """Derivative of θ with respect to κ at the same picture, and those of a, b and z, shape (n, 4)."""
-    variance: Array
-    """Variance of a patch's place, in each direction [px²], shape (n,)."""
-    freedom: Array
-    """Degrees of freedom behind it, shape (n,)."""
-    spread: Array
-    """Variance of a and of θ for patches of variance 1 px², shape (n, 2)."""
-    kappa: Array
-    """Information on a change of κ, and that times the change, for patches of variance 1 px²; shape (n, 2)."""
+ROUNDS = 6
+"""Times that patches are weighed anew by how far they are off."""
+BATCH_FRAMES = 100
+"""Frames that are worked out at once: that takes little longer than one; and that tell κ at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,87 +128,39 @@ def _turned(place: Complex, motion: Array, focal: float) -> Complex:
         return focal * (across + 1j * down) / depth
 
 
-def fit_rotations(home: Complex, seen: Complex, focal: float) -> Sights:
-    """Fit the camera's motion to patches of background, ignoring those that move on their own.
+def find_shake(home: Complex, seen: Complex, focal: float, centre: complex, *, known: bool) -> Shake:
+    """Fit the camera's motion to patches of background, with one focal length for all frames.
 
     Args:
-        home: Places of the patches in the first frame, about the picture's middle [px], shape (m,).
+        home: Places of the patches in the first frame of the film, about the picture's middle [px], shape (m,).
         seen: Their places in n frames [px], shape (n, m); NaN where one is not found.
-        focal: Focal length [px].
-    """
-    found = np.isfinite(seen)
-    seen = np.where(found, seen, home)
-    motion = np.zeros((len(seen), 4))
-    motion[:, 0] = _middle(np.where(found, (seen - home).real, np.nan))
-    motion[:, 1] = _middle(np.where(found, (seen - home).imag, np.nan))
-    motion[~np.isfinite(motion)] = 0.0
-    gap, design = _against(home, seen, motion, focal)
-    scale = np.zeros(len(seen))
-    for _ in range(6):
-        distance = np.abs(gap)
-        # 1.18: the median of a Rayleigh distribution.
-        scale = np.nan_to_num(_middle(np.where(found, distance, np.nan))) / 1.18 + 0.02
-        motion = motion + _solve(design, found / (1 + (distance / (2.5 * scale[:, None])) ** 2), gap)[0]
-        gap, design = _against(home, seen, motion, focal)
-    # Those that agree, once more with equal weights: their scatter is then that of a patch.
-    good = (found & (np.abs(gap) < 3.5 * scale[:, None])).astype(np.float64)
-    step, inverse = _solve(design, good, gap)
-    motion = motion + step
-    rest = np.where(good, gap - (design @ step[:, :, None])[..., 0], 0)
-    bent = (motion[:, :1] * home.real + motion[:, 1:2] * home.imag) * home * good
-    bend = -(inverse @ _inner(design, bent)[:, :, None])[..., 0]
-    own = bent + (design @ bend[:, :, None])[..., 0] * good
-    freedom = 2.0 * good.sum(axis=1) - 4
-    lost = (good.sum(axis=1) < MIN_PATCHES) | (scale > MAX_SCATTER)
-    motion[lost] = np.nan
-    return Sights(
-        motion,
-        bend,
-        (np.abs(rest) ** 2).sum(axis=1) / np.maximum(freedom, 1),
-        freedom,
-        np.stack([inverse[:, 0, 0], inverse[:, 2, 2]], axis=1),
-        np.stack([(np.abs(own) ** 2).sum(axis=1), (own.conj() * rest).real.sum(axis=1)], axis=1),
-    )
-
-
-def whole_shake(sights: list[Sights], focal: float, centre: complex, *, known: bool) -> Shake:
-    """Gather what all frames show, with one focal length for all unless it is known.
-
-    Args:
-        sights: What the film shows, some frames each.
-        focal: Focal length with which they were fitted [px].
+        focal: Focal length, as far as it is known beforehand [px].
         centre: Middle of the picture [px].
-        known: The lens is calibrated.
+        known: The lens is calibrated: the focal length is not to be found.
     """
-    motion, bend, own, freedom, spread, kappa = (
-        np.concatenate([getattr(sight, field.name) for sight in sights]) for field in fields(Sights)
-    )
-    seen = np.asarray(np.isfinite(motion).all(axis=1), np.bool_)
-    if seen.mean() <= MIN_FRAMES_SEEN:
+
+    def fitted(kappa: float) -> list[Array]:
+        parts = [seen[at : at + BATCH_FRAMES] for at in range(0, len(seen), BATCH_FRAMES)]
+        found = [fit_rotations(home, part, kappa**-0.5) for part in parts]
+        return [np.concatenate(each) for each in zip(*found, strict=True)]
+
+    kappa, doubt = (1 / focal**2, 0.0) if known else _bending(home, seen, 1 / focal**2)
+    motion, square, freedom, spread, _ = fitted(kappa)
+    good = np.asarray(np.isfinite(motion).all(axis=1), np.bool_)
+    if good.mean() <= MIN_FRAMES_SEEN:
         return still(len(seen), focal, centre)
-    before = 1 / focal**2
-    change, doubt, left = 0.0, 0.0, own[seen]
-    for _ in range(0 if known else 3):  # the scatter about the right bend is less
-        mean = max(float(np.average(left, weights=freedom[seen])), 1e-4)
-        information = kappa[seen].sum(axis=0) / (CORRELATED_FRAMES * mean)
-        prior = 1 / (KAPPA_SPREAD * before) ** 2
-        change = float(np.clip(information[1] / (information[0] + prior), -0.9 * before, 3 * before))
-        doubt = float(1 / np.sqrt(information[0] + prior))
-        less = (change**2 * kappa[seen, 0] - 2 * change * kappa[seen, 1]) / freedom[seen]
-        left = np.maximum(own[seen] + less, 0)
-    mean = float(np.average(left, weights=freedom[seen]))
-    variance = (freedom[seen] * left + POOLED_FREEDOM * mean) / (freedom[seen] + POOLED_FREEDOM)
-    std = np.zeros(len(seen))
-    std[seen] = np.hypot(np.sqrt(variance * spread[seen, 1]), doubt * bend[seen, 2])
-    motion = motion + change * bend
+    mean = max(float(square[good].sum() / freedom[good].sum()), 1e-4)
+    std = np.sqrt((square + POOLED_FREEDOM * mean) / (freedom + POOLED_FREEDOM) * spread[:, 1])
+    if doubt:
+        std = np.hypot(std, np.abs(fitted(kappa + doubt)[0][:, 2] - motion[:, 2]))
     # Where the background is hidden: carried on, and as uncertain as the camera is restless.
-    std[~seen] = np.hypot(std[seen].max(), np.std(motion[seen, 2]))
-    number, known_at = np.arange(len(seen)), np.flatnonzero(seen)
-    motion = np.stack([np.interp(number, known_at, column[seen]) for column in motion.T], axis=1)
-    shift_std = float(np.sqrt(mean * np.median(spread[seen, 0])))
-    kappa_found = before + change
-    focal_std = 0.0 if known else float(np.hypot(doubt / kappa_found / 2, DISTORTION_DOUBT))
-    return Shake(motion, std, shift_std, float(kappa_found**-0.5), focal_std, centre, True)
+    good &= np.isfinite(std)
+    std[~good] = np.hypot(std[good].max(), np.std(motion[good, 2]))
+    number, known_at = np.arange(len(seen)), np.flatnonzero(good)
+    motion = np.stack([np.interp(number, known_at, column[good]) for column in motion.T], axis=1)
+    shift_std = float(np.sqrt(mean * np.median(spread[good, 0])))
+    focal_std = 0.0 if known else float(np.hypot(doubt / kappa / 2, DISTORTION_DOUBT))
+    return Shake(motion, std, shift_std, float(kappa**-0.5), focal_std, centre, True)
 
 
 def still(count: int, focal: float, centre: complex, *, found: bool = False) -> Shake:
@@ -230,25 +168,62 @@ def still(count: int, focal: float, centre: complex, *, found: bool = False) -> 
     return Shake(np.zeros((count, 4)), np.zeros(count), 0.0, focal, np.inf, centre, found)
 
 
-def _against(home: Complex, seen: Complex, motion: Array, focal: float) -> tuple[Complex, Complex]:
-    """What `motion` leaves open, shape (n, m), and the derivatives of the places seen, shape (n, m, 4)."""
-    place = seen_places(home, motion[:, None], focal)
-    bend = place / focal**2
-    columns = np.stack([1 + place.real * bend, 1j + place.imag * bend, 1j * place, place], axis=-1)
-    return seen - place, columns
+def _bending(home: Complex, seen: Complex, before: float) -> tuple[float, float]:
+    """Find κ by how all frames bend, with its standard deviation, both [1/px²]."""
+    some = seen[np.unique(np.linspace(0, len(seen) - 1, BATCH_FRAMES).astype(int))]
+    kappa, doubt, prior = before, KAPPA_SPREAD * before, (KAPPA_SPREAD * before) ** -2
+    for _ in range(3):  # the scatter about the right bend is less
+        motion, square, freedom, _, tells = fit_rotations(home, some, kappa**-0.5)
+        if not (good := np.isfinite(motion[:, 0])).any():
+            break
+        unit = CORRELATED_FRAMES * max(float(square[good].sum() / freedom[good].sum()), 1e-4)
+        information, pull = tells[good].sum(axis=0) / unit
+        step = (pull - prior * (kappa - before)) / (information + prior)
+        kappa, doubt = float(np.clip(kappa + step, 0.1 * before, 4 * before)), (information + prior) ** -0.5
+    return kappa, doubt
 
 
-def _solve(design: Complex, weight: Array, rest: Complex) -> tuple[Array, Array]:
-    """Least squares of each frame: the step, shape (n, 4), and the inverse of the normal matrix."""
-    weighted = design * weight[..., None]
-    normal = (weighted.conj().transpose(0, 2, 1) @ design).real
-    # A hair's breadth of damping, so that frames which show nothing are no error.
-    inverse = np.asarray(np.linalg.inv(normal + np.diag([1e-6, 1e-6, 1e-2, 1e-2])), np.float64)
-    return (inverse @ _inner(weighted, rest)[:, :, None])[..., 0], inverse
+def fit_rotations(home: Complex, seen: Complex, focal: float) -> tuple[Array, Array, Array, Array, Array]:
+    """Fit a camera's motion to each of n frames, ignoring patches that move on their own.
 
+    Args:
+        home: Places of the patches in the first frame, about the picture's middle [px], shape (m,).
+        seen: Their places in n frames [px], shape (n, m); NaN where one is not found.
+        focal: Focal length [px].
 
-def _inner(design: Complex, values: Complex) -> Array:
-    return (design.conj().transpose(0, 2, 1) @ values[:, :, None]).real[..., 0]
+    Returns:
+        Motion, shape (n, 4), NaN where too few patches agree; sum of squares that is left [px²], and degrees of freedom behind
+        it, shape (n,); variance of a and of θ for patches of variance 1 px², shape (n, 2); information on a change of κ, and that
+        times the change, for such patches, shape (n, 2).
+    """
+    found = np.isfinite(seen)
+    seen = np.where(found, seen, home)
+    motion, weight = np.zeros((len(seen), 4)), found.astype(np.float64)
+    gap = step = scale = design = weighted = inverse = np.zeros(0)
+    for last in (*[False] * ROUNDS, True):
+        place = seen_places(home, motion[:, None], focal)
+        bend, gap = place / focal**2, seen - place
+        design = np.stack([1 + place.real * bend, 1j + place.imag * bend, 1j * place, place], axis=-1)
+        distance = np.abs(gap)
+        # 1.18: the median of a Rayleigh distribution.
+        scale = np.nan_to_num(_middle(np.where(found, distance, np.nan))) / 1.18 + 0.02
+        share = distance / scale[:, None]
+        # Those that agree, at last with equal weights: their scatter is then that of a patch.
+        weight = found * ((share < 3.5) if last else 1 / (1 + (share / 2.5) ** 2))
+        weighted = (design * weight[..., None]).conj().transpose(0, 2, 1)
+        # A hair's breadth of damping, so that frames which show nothing are no error.
+        normal = (weighted @ design).real + np.diag([1e-6, 1e-6, 1e-2, 1e-2])
+        inverse = np.asarray(np.linalg.inv(normal), np.float64)
+        step = (inverse @ (weighted @ gap[:, :, None]).real)[..., 0]
+        motion = motion + step
+    rest = weight * (gap - (design @ step[:, :, None])[..., 0])
+    bent = (motion[:, :1] * home.real + motion[:, 1:2] * home.imag) * home
+    own = weight * (bent - (design @ (inverse @ (weighted @ bent[:, :, None]).real))[..., 0])
+    tells = np.stack([(np.abs(own) ** 2).sum(axis=1), (own.conj() * rest).real.sum(axis=1)], axis=1)
+    motion[(weight.sum(axis=1) < MIN_PATCHES) | (scale > MAX_SCATTER)] = np.nan
+    freedom = np.maximum(2 * weight.sum(axis=1) - 4, 1)
+    spread = np.stack([inverse[:, 0, 0], inverse[:, 2, 2]], axis=1)
+    return motion, (np.abs(rest) ** 2).sum(axis=1), freedom, spread, tells
 
 
 def _middle(values: Array) -> Array:

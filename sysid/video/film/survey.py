@@ -7,11 +7,11 @@ import numpy as np
 import numpy.typing as npt
 
 from sysid.errors import SysidError
-from sysid.video.film.frames import Clip, Frame, grey
+from sysid.video.film.frames import Clip, Frame, grey, halved
 from sysid.video.types import Box, Mask, Picture
 
-SURVEY_SIDE = 480
-"""Long side of the pictures in which motion is looked for [px]."""
+SMALL_SIDE = 640
+"""Longer side of the pictures in which motion is looked for, and patches of the background are followed [px]."""
 MAX_SHAKE = 0.05
 """Share of the picture's long side by which a camera may shake; one that moves further pans."""
 MIN_CHANGE = 18.0
@@ -50,12 +50,8 @@ class Motion:
     def add(self, frame: Frame) -> None:
         """Take in one more whole frame."""
         self._shape = frame.picture.shape[:2]
-        scale = min(1.0, SURVEY_SIDE / max(self._shape))
-        size = (round(scale * self._shape[1]), round(scale * self._shape[0]))
-        step = max(1, int(0.5 / scale))  # of a large picture each second pixel will do
-        small = np.asarray(
-            cv2.resize(frame.picture[::step, ::step], size, interpolation=cv2.INTER_AREA), np.uint8
-        )
+        small, times = halved(frame.picture, SMALL_SIDE)
+        scale = 1 / times
         if self._start is None:
             self._start = grey(small)
             self._low = self._high = small.astype(np.float32)
@@ -65,7 +61,7 @@ class Motion:
 
     def _held(self, small: Picture, shift: npt.NDArray[np.float64]) -> npt.NDArray[np.float32]:
         """Shift a small picture onto the first one; a shift that makes the whole less alike is none of the camera's."""
-        if not 0.05 < np.abs(shift).max() < MAX_SHAKE * SURVEY_SIDE:
+        if not 0.05 < np.abs(shift).max() < MAX_SHAKE * SMALL_SIDE:
             return small.astype(np.float32)
         move = np.array([[1, 0, -shift[0]], [0, 1, -shift[1]]])
         size = (small.shape[1], small.shape[0])
@@ -83,7 +79,7 @@ class Motion:
     def pans(self) -> bool:
         """Whether most of the picture changes, and the camera went far or nothing stands out."""
         everywhere = float(np.median((self._high - self._low).max(axis=2))) > MIN_CHANGE
-        return everywhere and (self._furthest > MAX_SHAKE * SURVEY_SIDE or not self.mask(None).any())
+        return everywhere and (self._furthest > MAX_SHAKE * SMALL_SIDE or not self.mask(None).any())
 
 
 def survey(

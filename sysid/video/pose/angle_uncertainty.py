@@ -5,7 +5,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from sysid.roll import Array
 from sysid.video.pose.body import angle_slopes
-from sysid.video.pose.camera_state import SHUTTER_DOUBT, rate_of
+from sysid.video.pose.camera_state import READOUT, SHUTTER_DOUBT, rate_of
 from sysid.video.pose.placed_body import Found, in_view
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.view import View
@@ -55,7 +55,9 @@ def common_variance(view: View, angle: Array, matrix: Array, found: Found) -> Ar
     def slopes_of(rows: Rows) -> Array:
         seen, mask = in_view(view, rows, matrix, found)
         slopes = angle_slopes(seen.angle, seen.turned, mask, seen.slopes)
-        if 3 in found.camera_state.free:  # a frame that is read later shows a later angle: that is no error
+        if (
+            READOUT in found.camera_state.free
+        ):  # a frame that is read later shows a later angle: that is no error
             slopes[:, -1] -= rate[rows]
         return slopes
 
@@ -66,7 +68,7 @@ def common_variance(view: View, angle: Array, matrix: Array, found: Found) -> Ar
         slopes = slopes_of(rows) - rest
         variance[rows] = np.einsum("ni,ij,nj->n", slopes, found.covariance, slopes, optimize=True)
         shutter[rows] = slopes[:, -1]
-    if 3 not in found.camera_state.free:
+    if READOUT not in found.camera_state.free:
         return variance
     # The shutter's correction takes velocities from neighbouring frames: it is as good as they are alike.
     jump = np.abs(np.diff(shutter, prepend=shutter[:1], append=shutter[-1:]))

@@ -10,6 +10,8 @@ from sysid.roll import Array
 from sysid.video.film.camera import FOCAL_SPREAD, Lens
 from sysid.video.film.track import Track
 
+READOUT = 3
+"""Where the read-out stands among the four unknowns of a `CameraState`."""
 READOUT_CEILING = 1 / 30
 """No sensor takes longer for a frame [s]."""
 SHUTTER_DOUBT = 0.3
@@ -42,7 +44,7 @@ class CameraState:
     @property
     def readout(self) -> float:
         """Time from the sensor's first to its last row [s]."""
-        return float(self.value[3])
+        return float(self.value[READOUT])
 
     def stepped(self, number: int) -> tuple[Array, float]:
         """Return values with one of them moved on by a step that stays within its limits, and the step.
@@ -50,8 +52,8 @@ class CameraState:
         Values are [rad, rad, 1, s], shape (4,), and the step is in the unit of the one that moves.
         """
         step = float(DIFFERENCE_STEPS[number])
-        if number == 3 and self.value[3] + step > self.readout_limit:
-            step = -min(step, float(self.value[3]))
+        if number == READOUT and self.value[READOUT] + step > self.readout_limit:
+            step = -min(step, float(self.value[READOUT]))
         moved = self.value.copy()
         moved[number] += step
         return moved, step
@@ -59,7 +61,7 @@ class CameraState:
     def at(self, value: Array) -> "CameraState":
         """Return these with other values [rad, rad, 1, s], shape (4,), within the limits."""
         value = value.copy()
-        value[3] = np.clip(value[3], 0.0, self.readout_limit)
+        value[READOUT] = np.clip(value[READOUT], 0.0, self.readout_limit)
         return replace(self, value=value)
 
 
@@ -83,12 +85,12 @@ def spread_by(
     for number in camera_state.free:
         moved, step = camera_state.stepped(number)
         change = np.angle(np.exp(1j * (angle_at(moved) - angle))) / step if step else np.zeros(len(angle))
-        if number == 3:  # a frame that is read later shows a later angle: that is no error
+        if number == READOUT:  # a frame that is read later shows a later angle: that is no error
             change = change - rate_of(time, angle) * (share - np.mean(share))
         change = change - np.nanmedian(change)
         change = np.where(np.isfinite(change), change, np.nanmax(np.abs(change)))
         columns.append(change)
-        if number == 3:
+        if number == READOUT:
             # The correction takes velocities from neighbouring frames: it is as good as they are alike.
             jump = np.abs(np.diff(change, prepend=change[:1], append=change[-1:]))
             rough = SHUTTER_DOUBT * np.fmax(jump[1:], jump[:-1]) * camera_state.readout

@@ -11,7 +11,7 @@ from sysid.video.types import Mask, Rows
 
 MAX_REPEATS = 4
 """Frames of a still picture that are used at most."""
-MAX_KEYFRAMES = 300
+MAX_KEYFRAMES = 200
 """Frames that are used at most to find what is unknown of the camera; the angle is found in all."""
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from sysid.roll import Array
 from sysid.video.pose.body import Body
-from sysid.video.pose.camera_state import CameraState
+from sysid.video.pose.camera_state import READOUT, CameraState
 
 SQUARE_SQUEEZE = 0.0075
 """Standard deviation of a printed square's squareness: one that stands 7 degrees off looks 0.75 % narrower."""
@@ -79,7 +79,9 @@ def add_priors(
     if free := before.free:
         information = np.linalg.inv(before.covariance[np.ix_(free, free)])
         moved = now.value[free] - before.value[free]
-        moved[[number == 3 for number in free]] = 0.0  # a read-out is as likely anywhere within its limits
+        moved[[number == READOUT for number in free]] = (
+            0.0  # a read-out is as likely anywhere within its limits
+        )
         normal[4 * size :, 4 * size :] += information
         pull[4 * size :] -= information @ moved
         cost += float(moved @ information @ moved)

@@ -13,7 +13,7 @@ from sysid.video.film.frames import Frame
 from sysid.video.film.reel import Reel
 from sysid.video.film.survey import Survey
 from sysid.video.pose.angle import AngleTrack, fit_angle
-from sysid.video.pose.camera_state import CameraState, spread_by
+from sysid.video.pose.camera_state import READOUT, CameraState, spread_by
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.rectify import longer, rectify, smear, unwrap
 from sysid.video.pose.view import View
@@ -80,8 +80,8 @@ class DotFollower:
     confined: bool = False
     """Whether dots outside the box are not looked at: the user gave it."""
     _places: Array = field(init=False)
-    _velocity: Array = field(init=False)
-    _time: float | None = None
+    _step: Array = field(init=False)
+    """How far they went from the last but one frame to the last one [px]."""
     _lost: int = 0
     _size: Array = field(init=False)
     """How much dot there is of each, in pixels; NaN before it was seen."""
@@ -90,7 +90,7 @@ class DotFollower:
         """Start where the dots were found."""
         self._size = np.full(len(self.dots), np.nan)
         self._places = np.array([dot.place for dot in self.dots])
-        self._velocity = np.zeros_like(self._places)
+        self._step = np.zeros_like(self._places)
 
     @property
     def points(self) -> int:
@@ -99,9 +99,8 @@ class DotFollower:
 
     def update(self, frame: Frame) -> Array | None:
         """Return the dots' centres [px], shape (N, 2); None unless all are seen."""
-        interval = 0.0 if self._time is None else frame.time - self._time
         # What moves on is expected further on, what was lost is looked for where it was.
-        predicted = self._places + (self._velocity * interval if self._lost < 2 else 0.0)
+        predicted = self._places + self._step * (1 + self._lost) * (self._lost < 2)
         places = np.full_like(self._places, np.nan)
         sizes = self._size.copy()
         for number, dot in enumerate(self.dots):
@@ -119,11 +118,8 @@ class DotFollower:
         if not np.isfinite(places).all() or not self._plausible(places):
             self._lost += 1
             return None
-        if self._lost == 0 and interval > 0:
-            self._velocity = (places - self._places) / interval
-        elif interval > 0:
-            self._velocity[:] = 0
-        self._places, self._time, self._lost = places, frame.time, 0
+        self._step = (places - self._places) * (self._lost == 0)
+        self._places, self._lost = places, 0
         self._size = np.where(np.isfinite(self._size), 0.9 * self._size + 0.1 * sizes, sizes)
         return places
 
@@ -184,7 +180,7 @@ def fit_pivot(
     def arm_and_pivot(value: Array) -> tuple[Complex, Array]:
         """From the pivot to the dot, shape (n,), and the pivot's covariance, in the rectified picture."""
         camera = longer(matrix, value[2])
-        z = rectify(view.all_points(value[3])[:, 0], camera, value[0], value[1])
+        z = rectify(view.all_points(value[READOUT])[:, 0], camera, value[0], value[1])
         if pivot is not None:
             return z - complex(rectify(np.array(pivot, float), camera, value[0], value[1])), np.zeros((2, 2))
         centre, covariance = _centre(z[np.isfinite(z)], 3 / camera[0, 0])
@@ -299,8 +295,8 @@ def _find(reel: Reel) -> Target | None:
         why=f"one coloured dot ({size}) about a {'fitted' if options.pivot is None else 'given'} pivot",
         solve=partial(fit_pivot, pivot=options.pivot),
         zero=_level_arm,
-        zero_note="where the dot is straight below, above or beside the pivot in the picture if it swings about that, else "
-        "where it is at the end of the film",
+        zero_note="straight below, above or beside the pivot in the picture, if the dot swings to within "
+        f"{np.degrees(MAX_ASIDE):.0f}° about that; else where it is at the end of the film",
         shows_level=False,
         shows_body=False,
         finds_direction=False,

@@ -23,9 +23,9 @@ from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.rigid_group import rigid_group, similarities
 from sysid.video.pose.view import View
 from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, rests_at
-from sysid.video.types import Complex, Mask, Picture
+from sysid.video.types import Box, Complex, Picture
 
-MAX_FEATURES, MIN_FEATURES = 60, 10
+MAX_FEATURES, MIN_FEATURES = 40, 10
 """Patches that are followed at most, and at least."""
 WINDOW = 21
 """Side of a patch [px]."""
@@ -78,24 +78,21 @@ class FeatureFollower:
     """The first frame."""
     places: Array
     """Centres of the patches in it [px], shape (N, 2)."""
-    box: tuple[int, int, int, int]
+    box: Box
     _pose: Complex = field(default_factory=lambda: np.array([1 + 0j, 0j]))
-    """The body's motion since the reference, x' = pose[0] x + pose[1] in complex pixels."""
-    _rate: Array = field(default_factory=lambda: np.zeros(2))
-    """AngleTrack rate [rad/s], and nothing more: the shift follows from the middle's velocity."""
-    _velocity: complex = 0j
-    _time: float | None = None
+    """The body's motion since the reference: it turns by pose[0], its middle is shifted by pose[1], in complex pixels."""
+    _step: Complex = field(default_factory=lambda: np.zeros(2, np.complex128))
+    """How far it turned in the last frame, as i times the angle [rad], and how far it was shifted [px]."""
     _usual: int = 0
     """Patches that were found last; if the expected turn shows about as many, no other is tried."""
-    _corner: tuple[int, int] = (0, 0)
     _patch: Picture = field(init=False)
+    _corner: Array = field(init=False)
 
     def __post_init__(self) -> None:
         """Cut the board out of the reference."""
-        margin = 3 * WINDOW
-        low, high = self.places.min(axis=0) - margin, self.places.max(axis=0) + margin
-        patch, self._corner = self.reference.part((int(low[0]), int(low[1]), int(high[0]), int(high[1])))
-        self._patch = grey(patch)
+        low, high = self.places.min(axis=0) - 3 * WINDOW, self.places.max(axis=0) + 3 * WINDOW
+        patch, corner = self.reference.part((int(low[0]), int(low[1]), int(high[0]), int(high[1])))
+        self._patch, self._corner = grey(patch), np.array(corner)
 
     @property
     def points(self) -> int:
@@ -110,95 +107,75 @@ class FeatureFollower:
 
     def update(self, frame: Frame) -> Array | None:
         """Return the patches' centres [px], shape (N, 2), NaN where one is not found; None if most are not."""
-        interval = 0.0 if self._time is None else frame.time - self._time
-        middle = complex(*self.places.mean(axis=0))
-        now = self._pose[0] * middle + self._pose[1]
-        best: tuple[int, Complex, Array] | None = None
+        turn, shift = self._pose
+        best, pose, points = 0, self._pose, self.places
         for guess in TURN_GUESSES:
-            turn = self._pose[0] * np.exp(1j * (self._rate[0] * interval + guess))
-            pose = np.array([turn, now + self._velocity * interval - turn * middle])
-            found = self._measure(frame, pose)
-            if found is not None and (best is None or found[0] > best[0]):
-                best = found
-            if best is not None and (best[0] > 0.6 * len(self.places) or best[0] >= 0.8 * self._usual > 0):
+            expected = turn * np.exp(self._step[0] + 1j * guess), shift + self._step[1]
+            for _ in range(2):  # once more if it turns otherwise
+                found = self._match(frame, *expected)
+                if found is None:
+                    break
+                near = int(np.isfinite(found[1]).all(axis=1).sum())
+                if near > best:
+                    best, (pose, points) = near, found
+                if abs(np.angle(found[0][0] / expected[0])) < AS_EXPECTED:
+                    break
+                expected = complex(found[0][0]), complex(found[0][1])
+            if best > 0.6 * len(self.places) or best >= 0.8 * self._usual > 0:
                 break
-        if best is None or best[0] < max(MIN_FEATURES // 2, 0.3 * len(self.places)):
-            self._rate[:], self._velocity = 0, 0j
+        if best < max(MIN_FEATURES // 2, 0.3 * len(self.places)):
+            self._step[:] = 0
             return None
-        self._usual, pose, points = best
-        if interval > 0:
-            self._rate[0] = np.angle(pose[0] / self._pose[0]) / interval
-            self._velocity = (pose[0] * middle + pose[1] - now) / interval
-        self._pose, self._time = pose, frame.time
+        self._step = np.array([1j * np.angle(pose[0] / turn), pose[1] - shift])
+        self._usual, self._pose = best, pose
         return points
 
-    def _measure(self, frame: Frame, pose: Complex) -> tuple[int, Complex, Array] | None:
-        """Find the patches near an expected pose, again if they turn otherwise; return their number, pose and places."""
-        good, seen = np.zeros(len(self.places), bool), np.zeros(len(self.places), complex)
-        near = good
-        for _ in range(2):
-            matches = self._match(frame, pose)
-            if matches is None or matches[0].sum() < MIN_FEATURES // 2:
-                return None
-            good, seen = matches
-            home = self.places[:, 0] + 1j * self.places[:, 1]
-            expected, (pose, near) = pose[0], _rigid(home, seen, good)
-            if near.sum() < MIN_FEATURES // 2:
-                return None
-            if abs(np.angle(pose[0] / expected)) < AS_EXPECTED:
-                break
-        places = np.stack([np.real(seen), np.imag(seen)], axis=1)
-        points = np.where(near[:, None], places, np.nan)
-        return int(near.sum()), pose, points
-
-    def _match(self, frame: Frame, pose: Complex) -> tuple[Mask, Complex] | None:
-        """Turn the picture back by `pose` and measure where each patch is; in picture coordinates."""
+    def _match(self, frame: Frame, turn: complex, shift: complex) -> tuple[Complex, Array] | None:
+        """Turn the picture back and measure where each patch is; return the pose on which most agree, and their places."""
         height, width = self._patch.shape
-        a, b = pose
-        corner = complex(*self._corner)
-        # Reference patch pixel p is at a (p + corner) + b in the picture; cut that part out first.
-        ends = a * (np.array([0, width, 1j * height, width + 1j * height]) + corner) + b
-        box = (
-            int(ends.real.min()) - 4,
-            int(ends.imag.min()) - 4,
-            int(ends.real.max()) + 5,
-            int(ends.imag.max()) + 5,
+        middle = complex(*self.places.mean(axis=0))
+        # From pixels of the reference's patch to those of the frame.
+        offset = middle + shift + turn * (complex(*self._corner) - middle)
+        ends = offset + turn * np.array([0, width, 1j * height, width + 1j * height])
+        low, high = ends.real.min() + 1j * ends.imag.min(), ends.real.max() + 1j * ends.imag.max()
+        part, corner = frame.part(
+            (int(low.real) - 4, int(low.imag) - 4, int(high.real) + 5, int(high.imag) + 5)
         )
-        part, shift = frame.part(box)
         if min(part.shape[:2]) < WINDOW:
             return None
-        offset = a * corner + b - complex(*shift)
-        move = np.array([[a.real, -a.imag, offset.real], [a.imag, a.real, offset.imag]])
+        begin = offset - complex(*corner)
+        move = np.array([[turn.real, -turn.imag, begin.real], [turn.imag, turn.real, begin.imag]])
+        flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
         turned = cv2.warpAffine(
-            grey(part), move, (width, height), flags=cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REPLICATE
-        )  # fmt: skip
-        start = (self.places - np.array(self._corner)).astype(np.float32)[:, None]
+            grey(part), move, (width, height), flags=flags, borderMode=cv2.BORDER_REPLICATE
+        )
+        start = (self.places - self._corner).astype(np.float32)
+        flow: Any = cv2.calcOpticalFlowPyrLK  # its stubs do not know the type of points
         criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.01)
-        moved, status, error = cv2.calcOpticalFlowPyrLK(
-            self._patch, turned, start, start.copy(), winSize=(WINDOW, WINDOW), maxLevel=2, criteria=criteria,
-            flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
-        )  # fmt: skip
-        found = moved[:, 0].astype(np.float64) + np.array(self._corner)
+        there, status, error = flow(
+            self._patch, turned, start, None, winSize=(WINDOW, WINDOW), criteria=criteria, maxLevel=2
+        )
         good = (status.ravel() > 0) & (error.ravel() < 40)
-        return good, a * (found[:, 0] + 1j * found[:, 1]) + b
-
-
-def _rigid(home: Complex, seen: Complex, good: Mask) -> tuple[Complex, Mask]:
-    """Similarity that most patches agree on (random pairs, then least squares), and who they are."""
-    pose, best = np.array([1 + 0j, 0j]), np.zeros(len(home), bool)
-    one, other = (np.stack([place[good].real, place[good].imag], axis=1) for place in (home, seen))
-    estimate: Any = cv2.estimateAffinePartial2D  # its stubs do not know that it may find nothing
-    found, agree = estimate(one, other, ransacReprojThreshold=2 * INLIER_DISTANCE)
-    if found is None or not 0.8 < float(np.hypot(found[0, 0], found[1, 0])) < 1.25:
-        return pose, best
-    best[np.flatnonzero(good)[agree.ravel() > 0]] = True
-    if best.sum() < 3:
-        return pose, best
-    (turn,), (shift,) = similarities(home, seen[None], best[None])
-    # The body is deep and the camera near: patches may leave the common motion a little.
-    distance = np.abs(seen - turn * home - shift)
-    near = good & (distance < max(INLIER_DISTANCE, 3 * float(np.median(distance[best]))))
-    return np.array([turn, shift]), near
+        if good.sum() < MIN_FEATURES // 2:
+            return None
+        estimate: Any = cv2.estimateAffinePartial2D  # its stubs do not know that it may find nothing
+        found, agree = estimate(start[good], there[good], ransacReprojThreshold=2 * INLIER_DISTANCE)
+        if (
+            found is None
+            or not 0.8 < np.hypot(found[0, 0], found[1, 0]) < 1.25
+            or agree.sum() < MIN_FEATURES // 2
+        ):
+            return None
+        group = np.zeros(len(good), np.bool_)
+        group[np.flatnonzero(good)[agree.ravel() > 0]] = True
+        home = np.asarray(self.places @ np.array([1, 1j]), np.complex128)
+        seen = offset + turn * (there.astype(np.float64) @ np.array([1, 1j]))
+        (own,), (went,) = similarities(home, seen[None], group[None])
+        # The body is deep and the camera near: patches may leave the common motion a little.
+        off = np.abs(seen - own * home - went)
+        near = good & (off < max(INLIER_DISTANCE, 3 * float(np.median(off[group]))))
+        points = np.where(near[:, None], np.stack([seen.real, seen.imag], axis=1), np.nan)
+        return np.array([own, went + (own - 1) * middle]), points
 
 
 def count_alike(places: Array) -> float:

@@ -1,6 +1,6 @@
 """An ArUco or AprilTag marker on the deck's end: found once, then followed edge by edge."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -9,13 +9,13 @@ import numpy as np
 import numpy.typing as npt
 
 from sysid.roll import Array
-from sysid.video.film.frames import Frame, grey
+from sysid.video.film.frames import Frame, grey, halved
 from sysid.video.film.reel import Reel
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.trackers._base import Target, Tracker, level_angle
 from sysid.video.trackers._edge_profile import corners, find_pieces
-from sysid.video.types import Box, Picture
+from sysid.video.types import Box
 
 DICTIONARIES = {
     "ArUco 4x4": cv2.aruco.DICT_4X4_50,
@@ -25,7 +25,9 @@ DICTIONARIES = {
     "AprilTag 16h5": cv2.aruco.DICT_APRILTAG_16h5,
     "AprilTag 25h9": cv2.aruco.DICT_APRILTAG_25h9,
 }
-SEARCH_FRAMES = 10
+SEARCH_SIDE = 1280
+"""Longer side of what is looked through for a marker, that takes time; a larger picture is halved [px]."""
+SEARCH_FRAMES = 5
 """Frames in which a marker is looked for."""
 SEARCH_MARGIN = 40
 """What is looked at beside what moves, for the white about a marker [px]."""
@@ -58,15 +60,10 @@ def find_marker(frame: Frame, region: Box) -> Marker | None:
         frame: The frame.
         region: Left, top, right and bottom [px] of where to look.
     """
-    part, corner = frame.part(region)
-    dark = grey(part)
-    found: list[Marker] = []
-    for kind, dictionary in DICTIONARIES.items():
-        found += _detect(dark, kind, dictionary)
-        if found:  # a marker of one dictionary may look like a poor one of another
-            break
-    largest = max(found, key=lambda marker: float(np.ptp(marker.corners, axis=0).max()), default=None)
-    return None if largest is None else replace(largest, corners=largest.corners + corner)
+    every = (_detect(frame, region, kind) for kind in DICTIONARIES)
+    # A marker of one dictionary may look like a poor one of another: the first that has any.
+    found = next((some for some in every if some), [])
+    return max(found, key=lambda marker: float(np.ptp(marker.corners, axis=0).max()), default=None)
 
 
 @dataclass(slots=True)
@@ -80,9 +77,9 @@ class MarkerFollower:
     """Brightness of the marker's cells, border included, less its mean, in standard deviations."""
     _middles: npt.NDArray[np.float32] = field(init=False)
     """Where the cells' middles are, in cells."""
-    _corners: Array | None = None
-    _velocity: Array = field(default_factory=lambda: np.zeros((4, 2)))
-    _time: float = 0.0
+    _corners: Array = field(init=False)
+    _step: Array = field(default_factory=lambda: np.zeros((4, 2)))
+    """How far the corners went from the last but one frame to the last one [px]."""
     _lost: int = 0
     _miss: float = 3.0
     """How far the corners were from where they were expected in the last frame [px]."""
@@ -112,41 +109,30 @@ class MarkerFollower:
 
     def update(self, frame: Frame) -> Array | None:
         """Return the corners in this frame [px], shape (4, 2), or None where the marker is not seen."""
-        interval = frame.time - self._time
-        found = predicted = None
-        if self._corners is not None:
-            predicted = self._corners + self._velocity * interval
-            found = self._refine(frame, predicted)
-            if found is None:
-                found = self._search_near(frame, predicted)
+        predicted = self._corners + self._step
+        found = self._refine(frame, predicted)
+        if found is None:
+            found = self._search_near(frame, predicted)
         if found is None and self._lost % FULL_SEARCH_EVERY == 0:
             found = self._detect_in(frame, self.region)
         if found is None:
-            self._lost += 1
+            self._lost, self._step = self._lost + 1, np.zeros((4, 2))
             return None
-        self._miss = 3.0 if predicted is None else float(np.abs(found - predicted).max())
-        if self._corners is not None and self._lost == 0 and interval > 0:
-            self._velocity = (found - self._corners) / interval
-        else:
-            self._velocity = np.zeros((4, 2))
-        self._corners, self._time, self._lost = found, frame.time, 0
+        self._miss = float(np.abs(found - predicted).max())
+        self._step = (found - self._corners) * (self._lost == 0)
+        self._corners, self._lost = found, 0
         return found
 
     def _search_near(self, frame: Frame, predicted: Array) -> Array | None:
-        assert self._corners is not None
         both = np.concatenate([predicted, self._corners])
         margin = 0.8 * np.ptp(self._corners, axis=0).max() * (1 + self._lost)
         low, high = both.min(axis=0) - margin, both.max(axis=0) + margin
         return self._detect_in(frame, (int(low[0]), int(low[1]), int(high[0]), int(high[1])))
 
     def _detect_in(self, frame: Frame, box: Box) -> Array | None:
-        kind = self.marker.kind
-        part, corner = frame.part(box)
-        if min(part.shape[:2]) < MIN_SIDE:
-            return None
-        for marker in _detect(grey(part), kind, DICTIONARIES[kind]):
+        for marker in _detect(frame, box, self.marker.kind):
             if marker.number == self.marker.number:
-                return self._refine(frame, marker.corners + corner)
+                return self._refine(frame, marker.corners)
         return None
 
     def _refine(self, frame: Frame, rough: Array) -> Array | None:
@@ -192,19 +178,25 @@ class MarkerFollower:
         return float(seen @ self.cells.ravel() / (len(seen) * max(float(seen.std()), 1e-9)))
 
 
-def _detect(dark: Picture, kind: str, dictionary: int) -> list[Marker]:
+def _detect(frame: Frame, box: Box, kind: str) -> list[Marker]:
+    part, corner = frame.part(box)
+    if min(part.shape[:2]) < MIN_SIDE:
+        return []
+    dark, times = halved(grey(part), SEARCH_SIDE)
     parameters = cv2.aruco.DetectorParameters()
     parameters.minMarkerPerimeterRate = 4 * MIN_SIDE / max(dark.shape)
     # Thresholding windows up to a marker's cell: blurred and small markers both.
     parameters.adaptiveThreshWinSizeMin, parameters.adaptiveThreshWinSizeMax = 5, 37
     parameters.adaptiveThreshWinSizeStep = 16
-    detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(dictionary), parameters)
-    found: Any = detector.detectMarkers(dark)  # the stubs say that there always are numbers
-    places, numbers, _ = found
+    dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARIES[kind])
+    found: Any = cv2.aruco.ArucoDetector(dictionary, parameters).detectMarkers(dark)
+    places, numbers, _ = found  # the stubs say that there always are numbers
     if numbers is None:
         return []
     return [
-        Marker(kind, int(number), np.asarray(place, np.float64).reshape(4, 2))
+        Marker(
+            kind, int(number), np.reshape(place, (4, 2)).astype(np.float64) * times + (times - 1) / 2 + corner
+        )
         for place, number in zip(places, np.ravel(numbers), strict=True)
     ]
 

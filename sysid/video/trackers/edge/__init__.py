@@ -7,13 +7,12 @@ from sysid.video.trackers._base import Target, Tracker, level_angle
 from sysid.video.trackers._edge_profile import PIECES
 from sysid.video.trackers.edge.find import find_deck_end
 from sysid.video.trackers.edge.follower import EdgeFollower
-from sysid.video.trackers.edge.slope import deck_slopes
 from sysid.video.trackers.edge.turn import fit_direction
 
 
 def _find(reel: Reel) -> Target | None:
     look = reel.look
-    end = find_deck_end(look, deck_slopes(reel.kept, look))
+    end = find_deck_end(look)
     if end is None:
         return None
     count = len(end.ends)

@@ -13,6 +13,7 @@ import numpy as np
 from sysid.roll import Array
 from sysid.video.film.survey import Survey
 from sysid.video.trackers.edge.brightness_steps import Steps, steps_of, without_still
+from sysid.video.types import Box
 
 MIN_LENGTH = 0.06
 """Shortest edge that is followed, as a share of the picture's width."""
@@ -39,6 +40,8 @@ MIN_ALONG_SHARE = 0.3
 """Share of what an edge shows at its best that it must show anywhere along it."""
 MAX_TURN = np.radians(40.0)
 """Largest slope that is looked for [rad]."""
+ALWAYS_THERE = 0.2
+"""Quantile of the pictures that tells what lines are in nearly all of them."""
 HALF_RIDGE = 3
 """Half the width of the ridge that an edge is when all pictures are laid on each other, in steps of the grid."""
 MIN_SPACING = 4
@@ -57,16 +60,11 @@ class DeckEnd:
     """Slope of the lines in each picture [rad]."""
 
 
-def find_deck_end(look: Survey, slopes: Array) -> DeckEnd | None:
-    """Return the edges of the deck's end; None where there are none.
-
-    Args:
-        look: Pictures of the film.
-        slopes: Rough slope of the lines across the deck in each of them [rad], shape (n,).
-    """
+def find_deck_end(look: Survey) -> DeckEnd | None:
+    """Return the edges of the deck's end in pictures of a film; None where there are none."""
     shifts = np.array([frame.shift - look.frames[0].shift for frame in look.frames])
     every = without_still([steps_of(frame) for frame in look.frames], shifts)
-    width, turns = look.moving.shape[1], slopes
+    width, turns = look.moving.shape[1], _rough_slopes(every, look.box)
     box = _usual_box(every, turns, look.box)
     if box is None:
         return None
@@ -107,9 +105,22 @@ def find_deck_end(look: Survey, slopes: Array) -> DeckEnd | None:
     return DeckEnd(pivot, ends, turns) if len(ends) else None
 
 
-def _usual_box(
-    every: list[Steps], slopes: Array, box: tuple[int, int, int, int]
-) -> tuple[float, float, float, float] | None:
+def _rough_slopes(every: list[Steps], box: Box) -> Array:
+    """Slope of most of what steps across the pictures and moves [rad]: several edges of the deck are parallel, no long sides are."""
+    edges = np.arange(-MAX_TURN, MAX_TURN, np.radians(0.5))
+    counts: list[Array] = []
+    for one in every:
+        left, top, right, bottom = np.round((np.array(box) - one.corner * 2) * one.scale).astype(int)
+        part = slice(max(top, 0), bottom), slice(max(left, 0), right)
+        across, down = one.right[part], one.down[part]
+        slope = np.arctan2(-across * np.sign(down), np.abs(down))
+        count, _ = np.histogram(slope, edges, weights=np.minimum(np.hypot(across, down), MAX_SLOPE))
+        counts.append(np.convolve(count, np.hanning(9), mode="same"))
+    always = np.quantile(counts, ALWAYS_THERE, axis=0)  # the horizon, in a camera that shakes
+    return edges[np.argmax(counts - always, axis=1)] + np.radians(0.25)
+
+
+def _usual_box(every: list[Steps], slopes: Array, box: Box) -> tuple[float, float, float, float] | None:
     """Where brightness steps across the lines of the deck: a hand that passes widens the box of what moves.
 
     The horizon is as level as a deck at rest, so that pictures of a tilted one tell.

@@ -7,7 +7,7 @@ import numpy as np
 
 from sysid.roll import Array
 from sysid.video.pose.angle import AngleTrack
-from sysid.video.pose.camera_state import CameraState, rate_of, spread_by
+from sysid.video.pose.camera_state import READOUT, CameraState, rate_of, spread_by
 from sysid.video.pose.rectify import longer, rectify, smear, unwrap
 from sysid.video.pose.view import View
 from sysid.video.trackers._edge_profile import PIECES
@@ -54,7 +54,7 @@ def fit_direction(view: View, matrix: Array, before: CameraState, *, pivot: Arra
 
     def angle_at(value: Array) -> Array:
         place = _along_axis(still, matrix, value)
-        return body.angle + _turned(place - _moved(body, place, time, late * value[3]), edge, body)
+        return body.angle + _turned(place - _moved(body, place, time, late * value[READOUT]), edge, body)
 
     seen = angle_at(before.value)
     unknown = spread_by(_of_known_direction(before), seen, angle_at, view.share, time)
