@@ -38,7 +38,7 @@ from sysid.diagnosis.search import FEW, PARENTS, Progress, Search, best_families
 from sysid.diagnosis.search import Candidate as Model
 from sysid.diagnosis.stretches import judged_stretches
 from sysid.diagnosis.surrogates import LAWS, in_words, surrogates
-from sysid.diagnosis.touched import touched_release
+from sysid.diagnosis.touched import untouched
 from sysid.diagnosis.wording import (
     experiment_in_words,
     is_or_are,
@@ -261,13 +261,11 @@ def diagnose(
             fixed=held, pool=pool, progress=progress,
         )  # fmt: skip
         started, (search, models, final) = search, _searched(search)
-        touched = touched_release(final, search.base)
-        if touched is not None:
-            warnings.append(
-                f"release {judged[touched].number} is left out: the others are by one law, and it is by none, as if a hand was on the deck"
-            )
-            judged = [release for i, release in enumerate(judged) if i != touched]
-            records = tuple(record for i, record in enumerate(records) if i != touched)
+        free = untouched(final, search.base)
+        if free is not None:
+            judged, left_out = free
+            warnings.append(left_out)
+            records = make_records(judged, noise.std, rate=use_rate)
             search, models, final = _searched(replace(started, records=records))
         first = Field(final, search.base, period, noise.std)
         learning = partial(learn, judged, board, signal=signal, fixed=fixed)

@@ -52,6 +52,11 @@ class Segment:
         return float(np.median([swing.duration for swing in self.swings[:4]]))
 
     @property
+    def wide(self) -> list[HalfCycle]:
+        """Its swings that are more than noise about where dry friction holds the deck."""
+        return [swing for swing in self.swings if swing.size > AGAIN * self.swings[0].size]
+
+    @property
     def half_period(self) -> float:
         """Half a period, lightly damped [s]."""
         return self.pace / SHARE_OF_HALF
@@ -134,7 +139,24 @@ def _same_board(one: Segment, other: Segment, signal: SmoothedSignal) -> bool:
     """
     share = 1.0 if min(len(one.swings), len(other.swings)) >= MANY else 0.35
     room = max(5.0 * signal.noise, share * min(one.sizes[0], other.sizes[0]))
-    return abs(one.rest - other.rest) < room and 0.6 < one.pace / other.pace < 1.6
+    # Dry friction holds a deck beside its rest: what has swung once or twice shows that no better.
+    room = max(
+        [room, *(0.5 * min(swing.size for swing in s.swings) for s in (one, other) if len(s.swings) < 3)]
+    )
+    paces = [float(np.median([swing.duration for swing in s.wide[:4]])) for s in (one, other)]
+    same = abs(one.rest - other.rest) < room and 0.6 < paces[0] / paces[1] < 1.6
+    return same and _swings_on_alike(one, other, signal) and _swings_on_alike(other, one, signal)
+
+
+def _swings_on_alike(one: Segment, other: Segment, signal: SmoothedSignal) -> bool:
+    """Whether a segment swings on from its first swing if another swings many times: else a hand brought it home."""
+    first, *later = [swing.size for swing in other.swings]
+    sizes = [swing.size for swing in one.wide]
+    if len(sizes) < MANY:
+        return True
+    shares = [after / size for size, after in pairwise(sizes) if size <= first] or [sizes[-1] / sizes[-2]]
+    expected = first * shares[0]
+    return expected < 2.0 * signal.min_movement or max(later, default=0.0) > 0.5 * expected
 
 
 def _shrinking_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segment]:
@@ -206,18 +228,23 @@ def _segment(signal: SmoothedSignal, swings: list[HalfCycle], begin: int, finish
     Returns None where that angle is not to be seen.
     """
     chosen = swings[begin:finish]
-    if len(chosen) > 4 and not chosen[0].from_plateau and _first_swing_is_odd(chosen):
+    if len(chosen) > 4 and not _was_held(signal, chosen[0]) and _first_swing_is_odd(chosen):
         chosen = chosen[1:]
     if len(chosen) == 1 and not chosen[0].to_plateau:
         return None
     rest = _rest_angle(chosen)
+    longest = 2.5 * max(swing.duration for swing in chosen[:3])
     # A slow turning point looks like a stay, and close to rest the noise makes a swing grow: neither ends it.
     while finish < len(swings):
         swing = swings[finish]
         homeward = (rest - swing.origin) * swing.way > 0.3 * swing.size**2
         shorter = swing.size < chosen[-1].size + _room(signal, chosen[0], chosen[-1])
         back = swing.way * chosen[-1].way < 0 or swing.size < AGAIN * chosen[0].size
-        goes_on = homeward and back and shorter and _same_pace(signal, chosen[0].duration, swing)
+        stayed = signal.time[swing.left] - signal.time[chosen[-1].reached] > longest
+        stayed &= swing.size > 2.0 * signal.min_movement
+        goes_on = (
+            homeward and back and shorter and not stayed and _same_pace(signal, chosen[0].duration, swing)
+        )
         away = max(swing.size if homeward else 0.0, abs(swing.target - rest))
         if not goes_on and away > 2.0 * signal.min_movement:
             break
@@ -225,7 +252,7 @@ def _segment(signal: SmoothedSignal, swings: list[HalfCycle], begin: int, finish
         finish += 1
     after = swings[finish] if finish < len(swings) else None
     pause = float(signal.time[-1 if after is None else after.left] - signal.time[chosen[-1].reached])
-    settles = chosen[-1].to_plateau or pause > 2.5 * max(swing.duration for swing in chosen[:3])
+    settles = chosen[-1].to_plateau or pause > longest
     settles = settles or (after is None and chosen[-1].size < 2.0 * signal.min_movement)
     return Segment(tuple(chosen), rest, settles, after)
 
@@ -242,6 +269,13 @@ def _rest_angle(swings: list[HalfCycle]) -> float:
     a, b, c = turns[:-2], turns[1:-1], turns[2:]
     bend = a + c - 2 * b
     return float(np.sum(bend * (a * c - b * b)) / np.sum(bend**2))
+
+
+def _was_held(signal: SmoothedSignal, swing: HalfCycle) -> bool:
+    """Whether the deck stayed, up to a tremor, for longer than a swing lasts before it left."""
+    since = float(signal.time[swing.left]) - 2 * swing.duration
+    before = signal.roll[(signal.time >= since) & (signal.time <= signal.time[swing.left])]
+    return since >= signal.time[0] and bool(np.abs(before - swing.origin).max() < AGAIN * swing.size)
 
 
 def _first_swing_is_odd(swings: list[HalfCycle]) -> bool:

@@ -23,6 +23,8 @@ FEWEST = 8
 """Samples of a decay."""
 FELT = 0.15
 """Periods for which a hand that catches a deck is felt before it is seen: up to 20 ms of a swing of 0.2 s in random logs."""
+STUCK = 0.03
+"""Share of a swing by which it may differ from half a cosine to where dry friction holds the deck: a choice."""
 _End = Literal["rest", "caught", "log"]
 _Seen = tuple[float, float, float, _End]
 
@@ -202,8 +204,22 @@ def _last_swing_is_cut(signal: SmoothedSignal, segment: Segment) -> bool:
     usual = max(0.0, *before)
     final = segment.swings[-1]  # no free deck jumps from where it stays to where it stays again
     taken = final.from_plateau and final.to_plateau and final.duration < 0.2 * segment.pace
+    taken = taken and final.size > still
     held = segment.settles and abs(turns[-1] - middle) > 0.65 * usual + still + 0.01 * sizes[0]
-    return taken or held or last > 1.6 * usual + signal.min_movement
+    braked = last > 1.6 * usual + signal.min_movement
+    return taken or ((held or braked) and not _stands_at_its_turn(signal, segment))
+
+
+def _stands_at_its_turn(signal: SmoothedSignal, segment: Segment) -> bool:
+    """Whether the last swing is half a cosine to where the deck then stays: dry friction holds it there, and no hand has taken it."""
+    turn, target, half = segment.swings[-1].begin, segment.swings[-1].target, segment.half_period
+    later = signal.time[turn:] - signal.time[turn]
+    later = later[later <= half]
+    here = signal.roll[turn : turn + len(later)]
+    path = target + (here[0] - target) * (1 + np.cos(math.pi / half * later)) / 2
+    beside = 0.5 * math.pi / half * float(signal.time[1] - signal.time[0])  # a turn is between two samples
+    room = max(4.0 * signal.noise, (STUCK + beside) * abs(float(here[0]) - segment.rest))
+    return segment.settles and bool(np.all(np.abs(here - path) <= room))
 
 
 def _followed(signal: SmoothedSignal, segment: Segment, turn: int) -> float:

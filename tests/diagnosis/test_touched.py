@@ -1,4 +1,4 @@
-"""A release that no law shares with the others is left out; a board that changed is not."""
+"""What a hand has touched is left out: ends, beginnings, or a release; a board that changed, or a law that nobody knows, is not."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import pytest
 
 from sysid.board import load_board
 from sysid.diagnosis.search import Search
-from sysid.diagnosis.touched import touched_release
+from sysid.diagnosis.touched import untouched
 from sysid.fitting.records import make_records
 from sysid.fitting.search import scales_of
 from sysid.joint import JointLaw, simulate
@@ -40,22 +40,64 @@ def touched(*rolls):
     board = load_board(shipped_data() / "boards" / "pink.toml")
     records = make_records(releases, NOISE, rate=False)
     search = Search(records=records, scales=scales_of(records, board), bias="shared")
-    return touched_release([search.single(()), search.single(("coulomb",))], ())
+    return untouched([search.single(()), search.single(("coulomb",))], ())
 
 
 FREE, WIDE = decay(-0.14), decay(0.17)
 STIFFER = decay(0.12, replace(LAW, stiffness=18.0))
 
 
+def taken_home(angle):
+    """A hand is on it from the start, and takes it home."""
+    return angle * np.cos(np.pi * np.minimum(TIME / 0.8, 1.0)) * np.exp(-3 * TIME)
+
+
+def pushed(angle):
+    """Moved on its way for a tenth of a second before it is free."""
+    return np.where(TIME < 0.03, angle, np.interp(TIME - 0.03, TIME, decay(angle)))
+
+
+def grown(angle):
+    """A spring of the fifth power, which no effect is."""
+    time = np.linspace(0, TIME[-1], 20001)
+    step, x, v, roll = time[1], angle, 0.0, np.empty_like(time)
+    for i in range(len(time)):
+        roll[i] = x
+        v -= step * (14.684 * x * (1 + 2e3 * x**4) + 0.05 * v) / 8.7e-3
+        x += step * v
+    return np.interp(TIME, time, roll)
+
+
 @pytest.mark.parametrize(
-    ("rolls", "odd"),
+    ("rolls", "left"),
     [
-        ((WIDE, caught(0.12), FREE), 1),
+        ((WIDE, taken_home(0.12), FREE), "release 2"),
+        ((WIDE, caught(0.12), caught(-0.14)), "the ends"),
+        ((caught(0.17), caught(-0.14)), "the ends"),
+        ((pushed(0.17), pushed(-0.14)), "the beginnings"),
         ((WIDE, FREE, decay(0.1)), None),
         ((WIDE, FREE, STIFFER), None),
-        ((WIDE, caught(0.12)), None),
+        ((grown(0.18), grown(-0.15)), None),
     ],
-    ids=["a hand in one of three", "all free", "a spring that changed", "one against one"],
+    ids=[
+        "one of three",
+        "one end",
+        "the ends",
+        "the beginnings",
+        "none",
+        "a spring that changed",
+        "an unknown law",
+    ],
 )
-def test_what_is_by_no_law_beside_others_that_agree(rolls, odd):
-    assert touched(*rolls) == odd
+def test_what_no_law_follows_is_left_out_where_one_follows_the_rest(rolls, left):
+    found = touched(*rolls)
+    assert (found is None) == (left is None)
+    if found is not None:
+        releases, text = found
+        assert text.startswith(left)
+        assert len(releases) == len(rolls) - left.startswith("release")
+        touched_until = 0.03 if left == "the beginnings" else 0.0
+        assert all(release.time[0] >= touched_until for release in releases)
+        assert all(
+            release.time[-1] < 0.6 for release in releases if left == "the ends" and release.number != 1
+        )

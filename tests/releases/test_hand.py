@@ -82,6 +82,27 @@ def test_a_push_is_cut_where_dry_friction_leaves_a_swing_or_two_to_tell_it_from(
 
 
 @pytest.mark.parametrize("push", [0.0, 0.06])
+def test_a_push_is_told_from_a_hold_under_noise(push):
+    roll, free = handled(LAWS["linear"], push=push, swings=9.0, noise=0.25 * DEGREE)
+    found = find_releases(roll)
+    assert [release.hold > 0 for release in found] == [push == 0] * 3
+    for release, (begin, _) in zip(found, free, strict=True):
+        assert -0.05 < (release.start - begin) / PERIOD < 0.25
+
+
+def test_a_deck_that_dry_friction_stops_at_once_is_a_release_like_the_others():
+    roll, free = handled(
+        lambda x, v: -(OMEGA**2) * (x + 0.06 * np.tanh(v / 0.05)) - 1.6 * v,
+        push=0.0,
+        swings=9.0,
+        noise=0.1 * DEGREE,
+    )
+    found = find_releases(roll)
+    assert [r.start for r in found] == pytest.approx([begin for begin, _ in free], abs=0.1 * PERIOD)
+    assert all(release.time[-1] - release.start > PERIOD for release in found)
+
+
+@pytest.mark.parametrize("push", [0.0, 0.06])
 def test_between_two_hands_a_linear_decay_is_linear_to_the_noise(push):
     roll, _ = handled(LAWS["linear"], push=push, swings=6.3)
     fit = fit_traces(find_releases(roll))
