@@ -103,8 +103,8 @@ class SkateOptions:
     speed: tuple[float, float] = (0.0, 1.5)
     """Range of the commanded speed [m/s]."""
     standing: float = 0.25
-    """Share of the episodes from rest that are told to stand, besides the range's and the slow ones' own: in all one episode
-    in six, where one in thirty settled nothing."""
+    """Share of the episodes from rest that are told to stand at full strength, besides the range's and the slow ones' own: in
+    all one episode in six, where one in thirty settled nothing."""
     slow: float = 0.2
     """Share told to go at up to 0.4 m/s, besides the range's own: on slopes it is they who fall."""
     turn: float = math.pi / 4

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from sysid.workspace import shipped_data
+
 pytestmark = pytest.mark.train
 
 torch = pytest.importorskip("torch", reason="learners need torch (extra 'train')")
@@ -60,3 +62,19 @@ def test_a_shaking_actor_comes_to_rest():
 
 def test_a_run_that_goes_on_takes_its_last_weights_for_what_it_was():
     assert mean_after([1.0], begun=999).weight.item() == pytest.approx(17 / 1016)
+
+
+@pytest.mark.parametrize("board", ["pink", "black"])
+def test_what_ships_is_the_mean_in_its_newest_weights(board):
+    onnx = pytest.importorskip("onnx", reason="policies are read with onnx (extra 'train')")
+    policies = shipped_data() / "policies"
+    newest = max((policies / board).glob("model_*.pt"), key=lambda path: int(path.stem.split("_")[1]))
+    mean = torch.load(newest, map_location="cpu", weights_only=True)["mean_actor"]
+    shipped = {t.name: t for t in onnx.load(str(policies / f"{board}.onnx")).graph.initializer}
+    compared = [name for name in shipped if f"module.{name}" in mean]
+    assert len(compared) >= 8
+    for name in compared:  # the kept weights hold half precision
+        kept = mean[f"module.{name}"].float().numpy()
+        np.testing.assert_allclose(
+            onnx.numpy_helper.to_array(shipped[name]), kept, rtol=2e-3, atol=2e-4, err_msg=name
+        )

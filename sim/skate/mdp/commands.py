@@ -16,6 +16,7 @@ from sim.skate.cycle.tilt_guidance import TiltGuidance
 from sim.skate.cycle.transitions import KEY_BODIES, TransitionPath
 from sim.skate.mdp.actor_observation import still_to_turn
 from sim.skate.mdp.reading import Reading
+from sim.skate.mdp.worlds import worlds
 
 if TYPE_CHECKING:
     from mjlab.envs import ManagerBasedRlEnv
@@ -239,11 +240,14 @@ class SkateCommand(CommandTerm):
         drawn = torch.empty(2, self.num_envs, device=self.device)
         speed, turn = drawn[0].uniform_(*self.cfg.speed), drawn[1].uniform_(*self.cfg.turn)
         chance, share = torch.rand(2, self.num_envs, device=self.device)
-        speed = torch.where(chance > 1 - self.cfg.slow, SLOW_SPEED * share, speed)
+        differing = worlds(self._env)
+        # Who stands falls seldom, and lives on: a beginner would do little else, and be led on for it.
+        led = 1.0 if differing is None else differing.share
+        speed = torch.where(chance > 1 - led * self.cfg.slow, SLOW_SPEED * share, speed)
         # An episode that begins in motion is one that was told to move.
         rolls = self.step > 0
         speed = torch.where(rolls, speed.clamp(min=STILL_SPEED), speed)
-        speed = torch.where(~rolls & (chance < self.cfg.standing), STILL_SPEED * share, speed)
+        speed = torch.where(~rolls & (chance < led * self.cfg.standing), STILL_SPEED * share, speed)
         target = wrap_angle(self.reading.board_heading() + turn)
         return torch.stack((speed, turn), dim=-1), target, rotation.yaw(self.reading.robot_quaternion())
 

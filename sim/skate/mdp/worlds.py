@@ -67,6 +67,8 @@ class Worlds:
         if max(variation.action_delay, variation.sensor_delay) > (MEMORY - 1) * CONTROL_PERIOD + 1e-9:
             raise ValueError(f"delays reach over at most {MEMORY - 1} policy steps of {CONTROL_PERIOD} s")
         self.variation, self.strength = variation, 1.0
+        self.share = torch.ones((), device=env.device)
+        """The strength where a CUDA graph finds it."""
         self._env = env
         n, device, model = env.num_envs, env.device, env.sim.mj_model
         draw = lambda *shape: torch.rand(n, *shape, device=device)  # noqa: E731
@@ -115,6 +117,7 @@ class Worlds:
     def set_strength(self, strength: float) -> None:
         """Let worlds differ by this share of the variation, from 0 to 1."""
         self.strength, variation = strength, self.variation
+        self.share.fill_(strength)
         sim = self._env.sim
         model, default = sim.model, sim.get_default_field
         mass = 1 + strength * variation.masses * self._mass

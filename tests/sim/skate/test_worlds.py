@@ -170,12 +170,17 @@ def test_a_board_stands_on_the_slab_and_falls_when_it_is_gone(env, worlds):
 
 
 @pytest.mark.slow
-def test_one_in_six_is_told_to_stand_and_one_in_five_to_go_slowly(env):
+def test_one_in_six_is_told_to_stand_and_one_in_five_to_go_slowly_by_the_strength(env, worlds):
     from sim.skate.mdp.observations import skate_command
 
     env.reset()
     command = skate_command(env)
     rests = command.step == 0
+    worlds.set_strength(0.0)
+    speed = torch.stack([command.draw()[0][:, 0] for _ in range(200)])
+    assert 0.05 < float((speed[:, rests] < 0.1).float().mean()) < 0.09  # 0.1 / 1.5: a beginner rides
+    assert 0.23 < float((speed[:, ~rests] < 0.4).float().mean()) < 0.30
+    worlds.set_strength(1.0)
     speed = torch.stack([command.draw()[0][:, 0] for _ in range(200)])
     still = speed < 0.1
     assert not still[:, ~rests].any()
