@@ -90,7 +90,7 @@ def test_free_decay_is_the_same_in_warp(board):
     data.qpos[column] = 0.1
     start = data.qpos.copy()
     ours = in_mujoco(model, data, 80)[:, column]
-    data.qpos[:], data.qvel[:] = start, 0
+    data.qpos[:], data.qvel[:], data.act[:] = start, 0, 0
     theirs = in_warp(model, data, 80)[:, column]
     assert np.abs(ours).max() > 0.03
     assert np.sqrt(np.mean((ours - theirs) ** 2) / np.mean(ours**2)) < 1e-3
