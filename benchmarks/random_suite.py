@@ -21,6 +21,7 @@ from suite import Row, command_line, run_suite
 from sysid.board import Board, load_board
 from sysid.diagnosis.diagnose import diagnose
 from sysid.diagnosis.judgement import CALIBRATION
+from sysid.diagnosis.report import fittable
 from sysid.diagnosis.search import Search
 from sysid.effects import effect
 from sysid.fitting.records import make_records, signal_of
@@ -83,8 +84,9 @@ def missed(case: Case, motion: Motion, releases: Sequence[Release], said: Sequen
         records=records, scales=scales_of(records, board_of(case)), bias=signal["bias"], fixed=held
     )
     linear = search.single(())
-    for effects in said:
-        parts = [search.single((name,), linear) for name in effects]
+    for effects in map(fittable, said):
+        # Another number of the record moves as the linear joint does.
+        parts = [search.single((name,), linear) for name in effects] or [linear]
         model = parts[0] if len(parts) == 1 else search.union(*parts[:2])
         nearest = min(nearest, search.fine(model).cost)
     return nearest
