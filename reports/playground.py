@@ -341,7 +341,9 @@ def _code(structure: Structure, *, free_states: bool) -> str:
         "output": ca.Function("f", [y, p], [ca.vertcat(*filtered(equations, y))]),
     }
     if structure.has_dry_friction:
-        whole, _, turned = equations.sliding_step(y, h)
+        slide = equations.sliding(y)
+        whole, _ = equations.rk4(y, h, slide)
+        turned = equations.turned(y, whole, slide)
         functions["step"] = ca.Function("f", [y, p, h], ca.cse([ca.densify(whole), turned]))
         functions["cut"] = ca.Function("f", [y, p, h], ca.cse([ca.densify(equations.event_step(y, h))]))
     else:

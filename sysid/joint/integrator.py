@@ -204,7 +204,7 @@ class Buffered:
             self.write(index, values)
 
     def write(self, index: int, values: Array) -> None:
-        """Let an output be written into other memory, contiguous, column by column."""
+        """Let an output be written into other memory, contiguous, column by column, shape (n,), in the units of the output."""
         self._buffer.set_res(index, values.data)
 
 

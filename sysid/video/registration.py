@@ -71,7 +71,7 @@ class BodyPicture:
     """Change of brightness with each of the six numbers, gain and offset, at these pixels, shape (m, 8)."""
 
     def lay(self, frame: Frame, rough: Array | None) -> Array | None:
-        """Return its pose in a frame, near a rough one, both of shape (3, 3); None where it is not made out."""
+        """Return its pose [px] in a frame, near a rough one, both of shape (3, 3); None where it is not made out."""
         return None if rough is None else lay_onto(self, *seen_upright(frame, self.box, self.upright), rough)
 
     def rough(self, points: Points) -> Array | None:

@@ -227,7 +227,7 @@ def grey(picture: Picture) -> Picture:
 
 
 def halved(picture: Picture, side: int) -> tuple[Picture, int]:
-    """Halve a picture until its longer side is no more than `side` [px]; return it, and the pixels of the film in one of it."""
+    """Halve a picture, shape (h, w) or (h, w, 3), until its longer side is at most `side` [px]; return it, and the film's px in one of it."""
     scale = 1
     while (
         max(picture.shape[:2]) > side

@@ -41,7 +41,7 @@ MIN_ALONG_SHARE = 0.3
 MAX_TURN = np.radians(40.0)
 """Largest slope that is looked for [rad]."""
 ALWAYS_THERE = 0.2
-"""Quantile of the pictures that tells what lines are in nearly all of them."""
+"""Quantile of the pictures that tells what lines are in nearly all of them: a share."""
 HALF_RIDGE = 3
 """Half the width of the ridge that an edge is when all pictures are laid on each other, in steps of the grid."""
 MIN_SPACING = 4
