@@ -79,7 +79,7 @@ class Learner:
     environments: Annotated[int, Parameter(validator=Number(gte=1))] = 4096
     """Worlds on each GPU."""
     iterations: Annotated[int | None, Parameter(validator=Number(gte=1))] = None
-    """Iterations in all: 3000 for a new run; with --resume the new total."""
+    """Iterations in all: 3000 for a new run, and with --from as many beyond that checkpoint; with --resume the new total."""
     seed: Annotated[int, Parameter(validator=Number(gte=0))] = 1
     """Seed of everything random."""
     learning_rate: Annotated[float, Parameter(validator=Number(gt=0))] = 1e-3
@@ -100,9 +100,13 @@ class Learner:
     graphs: bool = True
     """Whether to launch many small operations as one CUDA graph."""
 
-    def options(self) -> LearnOptions:
-        """Return the learner's options."""
-        iterations = LearnOptions().iterations if self.iterations is None else self.iterations
+    def options(self, done: int = 0) -> LearnOptions:
+        """Return the learner's options, for a run that begins after so many iterations."""
+        iterations = done + LearnOptions().iterations if self.iterations is None else self.iterations
+        if iterations <= done:
+            raise SysidError(
+                f"--iterations {iterations}: that checkpoint has done {done} already, and this is the number in all."
+            )
         ours: dict[str, Any] = {"iterations": iterations, "curriculum": self.curriculum == "on"}
         return LearnOptions(**(vars(self) | ours))
 
@@ -195,8 +199,8 @@ def train(
         count = 1 if gpus is None else int(gpus)
         _require_gpus(count)
         folder = _new_run(record, output, common, printer)
-        _require_readable([] if start_from is None else [start_from])
-        config = RunConfig(task=variant.options(), learn=learner.options())
+        done = 0 if start_from is None else _iterations_of(start_from)
+        config = RunConfig(task=variant.options(), learn=learner.options(done))
         clips = [] if motions is None else [motions]
         folder.begin(config, common.space.board_path(board), start_from, gpus=count, motions=clips)
         try:
@@ -299,7 +303,7 @@ def _has_more_to_do(folder: RunFolder, config: RunConfig, learner: Learner, prin
             f"{folder.path}: holds no checkpoint to go on from (checkpoints/model_N.pt). Put them back, or begin a "
             "new run without --resume."
         )
-    _require_readable(folder.checkpoints()[-1:])
+    _iterations_of(folder.checkpoints()[-1])
     total = config.learn.iterations if learner.iterations is None else learner.iterations
     if learner.iterations is not None and total < folder.done():
         raise SysidError(
@@ -315,12 +319,11 @@ def _has_more_to_do(folder: RunFolder, config: RunConfig, learner: Learner, prin
     return folder.done() < total
 
 
-def _require_readable(checkpoints: list[Path]) -> None:
-    """Read what the run shall go on from here, where what is wrong with it can be said in one line."""
+def _iterations_of(checkpoint: Path) -> int:
+    """Read what a run shall go on from here, where what is wrong with it can be said in one line; return what it has done."""
     from policy_runtime.learning.checkpoint import read_checkpoint
 
-    for path in checkpoints:
-        read_checkpoint(path)
+    return int(read_checkpoint(checkpoint)["iteration"])
 
 
 def _new_run(record: Board, output: Path | None, common: Common, printer: Printer) -> RunFolder:

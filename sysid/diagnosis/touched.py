@@ -24,12 +24,15 @@ REACHED, SHARE = 1.15, 0.1
 BROKEN = 1.5
 """Error over that, or over the noise, from which no law holds."""
 CUTS = ((0.0, 1.0), (0.35, 0.0), (0.35, 1.0))
-"""Periods that are left out of each release after its beginning, and before the end of what moves: a push lasts for a third of one."""
+"""Periods that are left out of each release after its beginning, and before the end of what moves: a push lasts for a third of one.
+Where equally simple models hold, the first counts."""
 STILL = 0.1
 """Share of the largest swing below which a deck may be held still."""
 LEFT = 0.2
 """Share of the squared error beyond the noise that may be left without ends that held hands: of fourteen random logs, those with
 hands kept at most 0.14, those whose law the catalogue lacks, and which were not at the noise, 0.4 or more."""
+NEARLY = 1.05
+"""Error of a model that is as good as the best, over that one's."""
 SHORTEST, SAMPLES = 0.6, 24
 """Periods and samples of a release that is too short for a verdict."""
 
@@ -47,20 +50,25 @@ def untouched(models: Sequence[Candidate], base: Sequence[str]) -> tuple[list[Re
     asked = [*simple, min(models, key=_error)]
     beyond = _error(asked[-1]) ** 2 - 1
     if beyond > REACHED**2 - 1:
-        for cut in CUTS:
+        found: list[tuple[bool, float, int, list[Release]]] = []
+        for index, cut in enumerate(CUTS):
             kept = [part for record in models[0].problem.records for part in _middle(record, asked[-1], *cut)]
-            error = min((_refitted_to(m, kept) for m in asked if kept), default=np.inf)
-            holds = (
-                len(kept) == len(releases) or error < REACHED
-            )  # a release too short to be cut goes for a law only
-            if holds and error**2 - 1 < LEFT * beyond:
-                where = " and ".join(
-                    name for name, length in zip(("beginnings", "ends"), cut, strict=True) if length
-                )
-                return (
-                    kept,
-                    f"the {where} of the releases are left out: no law holds there, as if a hand was on the deck",
-                )
+            if kept:
+                effects, error = _simplest(asked, kept)
+                holds = error < REACHED
+                # A release too short to be cut goes for a law only.
+                if (holds or len(kept) == len(releases)) and error**2 - 1 < LEFT * beyond:
+                    found.append((not holds, effects if holds else error, index, kept))
+        if found:
+            # Fewest effects first: where a push is left in, one more may follow it.
+            *_, index, kept = min(found, key=lambda one: one[:3])
+            where = " and ".join(
+                name for name, length in zip(("beginnings", "ends"), CUTS[index], strict=True) if length
+            )
+            return (
+                kept,
+                f"the {where} of the releases are left out: no law holds there, as if a hand was on the deck",
+            )
     odd = touched_release(simple, _error(asked[-1]))
     if odd is None:
         return None
@@ -68,6 +76,13 @@ def untouched(models: Sequence[Candidate], base: Sequence[str]) -> tuple[list[Re
         [release for i, release in enumerate(releases) if i != odd],
         f"release {releases[odd].number} is left out: the others are by one law, and it is by none, as if a hand was on the deck",
     )
+
+
+def _simplest(models: Sequence[Candidate], releases: Sequence[Release]) -> tuple[int, float]:
+    """Return how many effects the simplest model has that is nearly as good as the best, fitted to parts of its releases, and its error."""
+    errors = [_refitted_to(model, releases) for model in models]
+    near = [(len(m.effects), e) for m, e in zip(models, errors, strict=True) if e < NEARLY * min(errors)]
+    return min(near)
 
 
 def _middle(record: Record, model: Candidate, begin: float, end: float) -> Iterator[Release]:

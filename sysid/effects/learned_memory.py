@@ -54,7 +54,7 @@ def smoothness() -> Smoothness:
 
 def to_mjcf(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
     """Write nothing: MuJoCo has no such arm."""
-    return ("learned-memory: left out, MuJoCo has no joint that forgets",)
+    return ("learned-memory: left out, MuJoCo has no joint that remembers",)
 
 
 EFFECT = TorqueEffect(
@@ -77,7 +77,9 @@ EFFECT = TorqueEffect(
     does="The torque depends on where the deck came from: creep, slip, a second body.",
     look_alikes=("viscoelastic", "hysteresis", "bouc-wen", "second-mode"),
     experiment="Hold for 0.2 s and for 5 s before the release, and release from small and wide angles.",
-    mujoco=MujocoSupport(means="nothing: MuJoCo has no joint that forgets", since="", warp=False),
+    mujoco=MujocoSupport(
+        means="nothing that remembers so", since="", warp=False, substitute="the joint without it"
+    ),
     to_mjcf=to_mjcf,
     example=(0.02, 0.0, *(-0.16 * knots(KNOTS, GRADING)).tolist()),
     torque=torque,

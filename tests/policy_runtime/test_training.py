@@ -134,6 +134,15 @@ def with_checkpoint(folder, iteration):
     folder.add_to_curves({"iteration": iteration, "samples": 1, "survival": 1, "speed_error": 1})
 
 
+def test_a_run_from_a_checkpoint_goes_as_far_beyond_it_as_a_new_one():
+    from sysid.cli.train import Learner
+
+    assert Learner().options().iterations == 3000
+    assert Learner().options(4421).iterations == 7421
+    with pytest.raises(SysidError, match="--iterations 100: that checkpoint has done 200 already"):
+        Learner(iterations=100).options(200)
+
+
 @pytest.fixture
 def begun(tmp_path, monkeypatch):
     """A run that began on the CPU, and what the command would start: the number of GPUs of each start."""
@@ -142,7 +151,7 @@ def begun(tmp_path, monkeypatch):
 
     starts = []
     monkeypatch.setattr(curves, "draw_curves", lambda rows, picture, title: picture)
-    for name in ("_require_mjlab", "_require_gpus", "_require_readable"):
+    for name in ("_require_mjlab", "_require_gpus", "_iterations_of"):
         monkeypatch.setattr(command, name, lambda *given: None)
     monkeypatch.setattr(command, "_run", lambda folder, gpus, *given: starts.append(gpus))
     folder = RunFolder(tmp_path / "run")
