@@ -59,6 +59,13 @@ def find_releases(
         )
     if releases:
         segments = [given_segment(signal, swings, time, roll.log) for time in sorted(releases)]
+        for (one, a), (other, b) in pairwise(zip(segments, sorted(releases), strict=True)):
+            if one.swings[0] == other.swings[0]:
+                left = signal.time[one.swings[0].left]
+                raise SysidError(
+                    f"{roll.log}: {a:.6g} and {b:.6g} s are times of one release: the deck leaves the hold at {left:.4g} s. "
+                    "Give one of them."
+                )
     else:
         segments = free_segments(signal, swings)
     seen, free = _spans(signal, segments) if segments else ([], [])

@@ -287,6 +287,13 @@ def test_a_release_given_in_the_hold_is_the_one_that_follows():
     assert given[0].hold > 0.9
 
 
+def test_two_times_within_one_hold_are_refused_with_the_release_that_both_mean():
+    roll = lightly_damped(0.05, 0.5, 500.0, 2e-4, 0.0)
+    (found,) = find_releases(roll)
+    with pytest.raises(SysidError, match=rf"0.5 and 0.6 s are times of one release: .* {found.start:.3g}"):
+        find_releases(roll, releases=(0.6, 0.5))
+
+
 @pytest.mark.parametrize("late", [0.012, 0.02, 0.05])
 def test_a_release_given_late_keeps_its_decay(late):
     """The swing that it cuts is shorter than the next one, which no hand has made."""
