@@ -63,7 +63,7 @@ def find_releases(
             if one.swings[0] == other.swings[0]:
                 left = signal.time[one.swings[0].left]
                 raise SysidError(
-                    f"{roll.log}: {a:.6g} and {b:.6g} s are times of one release: the deck leaves the hold at {left:.4g} s. "
+                    f"{roll.log}: {a:.6g} and {b:.6g} s are times of one release: the deck has left the hold by {left:.4g} s. "
                     "Give one of them."
                 )
     else:

@@ -289,8 +289,7 @@ def test_a_release_given_in_the_hold_is_the_one_that_follows():
 
 def test_two_times_within_one_hold_are_refused_with_the_release_that_both_mean():
     roll = lightly_damped(0.05, 0.5, 500.0, 2e-4, 0.0)
-    (found,) = find_releases(roll)
-    with pytest.raises(SysidError, match=rf"0.5 and 0.6 s are times of one release: .* {found.start:.3g}"):
+    with pytest.raises(SysidError, match=r"0.5 and 0.6 s are times of one release: .* by 1.0"):
         find_releases(roll, releases=(0.6, 0.5))
 
 
