@@ -34,7 +34,7 @@ def task(**options):
     start = Start(standing=1.0, pushing=0.0, steering=0.0)
     settings = SkateOptions(
         start=start, foot_place=(STANDING_PLACE,) * 2, boards=0, pushes=0.0, noise=False, variation=NOMINAL,
-        speed=(0.5, 0.5), **options,
+        speed=(0.5, 0.5), standing=0.0, slow=0.0, **options,
     )  # fmt: skip
     with contextlib.redirect_stdout(sys.stderr):
         env = ManagerBasedRlEnv(skate_env_cfg(pink(), settings, environments=2, seed=0), device="cpu")
