@@ -1,7 +1,8 @@
 """How policies cross ledges: from the suite's rides on them, every crossing by height, speed, angle and stretch of the cycle.
 
 Run `python benchmarks/ledge_crossings.py [--episodes 40] [--workers 16] [--policies data/policies/pink.onnx …]`. A crossing
-is a board's middle that passes an edge; it ends the ride if that ends within 3 s.
+is a front axle that passes an edge; it ends the ride if that ends within 3 s. Who has turned back, by more than 90° in all,
+rides against a ledge, which nobody can climb: such ends are counted apart.
 """
 
 import argparse
@@ -43,10 +44,11 @@ class Crossing:
     fatal: bool
 
 
-def crossings(recording: Recording, ended: bool) -> list[Crossing]:
+def crossings(recording: Recording, wheelbase: float, ended: bool) -> list[Crossing]:
     """Return every crossing of a ride."""
-    x, clock = recording.column("board_position")[:, 0], recording.clock
     heading, speed = recording.column("board_heading"), recording.column("board_speed")
+    x = recording.column("board_position")[:, 0] + wheelbase / 2 * np.cos(heading)
+    clock = recording.clock
     found: list[Crossing] = []
     for number, height in enumerate(STEPS, start=1):
         passed = np.flatnonzero(x > number * STEP_LENGTH)
@@ -61,8 +63,8 @@ def crossings(recording: Recording, ended: bool) -> list[Crossing]:
     return found
 
 
-def cross(policy: Path, episode: int) -> tuple[bool, list[Crossing]] | None:
-    """Return whether a ride lasted, and its crossings; None of one that was told to stand."""
+def cross(policy: Path, episode: int) -> tuple[str, list[Crossing]] | None:
+    """Return whether a ride 'lasted', 'ended', or ended 'back'wards, and its crossings; None of one that was told to stand."""
     board = Workspace(Path("/nonexistent")).load_board("black" if policy.stem.startswith("black") else "pink")
     protocol = Protocol(terrain="steps")
     rider = policy_named(str(policy), board)
@@ -71,8 +73,10 @@ def cross(policy: Path, episode: int) -> tuple[bool, list[Crossing]] | None:
     )
     if recording.command[0, 0] < STILL_SPEED:
         return None
-    lasted = ending == TIME_LIMIT
-    return lasted, crossings(recording, not lasted)
+    ended = ending != TIME_LIMIT
+    back = math.cos(recording.column("board_heading")[-1]) < 0
+    found = crossings(recording, board.geometry["wheelbase"].value, ended and not back)
+    return "lasted" if not ended else "back" if back else "ended", found
 
 
 def by(found: list[Crossing]) -> list[tuple[str, list[Crossing]]]:
@@ -102,8 +106,12 @@ def main() -> None:
         for policy in options.policies:
             rides = (map if pool is None else pool.map)(partial(cross, policy), range(options.episodes))
             rode = [ride for ride in rides if ride is not None]
-            lasted = sum(ok for ok, _ in rode)
-            column = {"rides that last": f"{lasted} of {len(rode)}, {text(proportion(lasted, len(rode)))}"}
+            how = [said for said, _ in rode]
+            lasted, back = how.count("lasted"), how.count("back")
+            column = {
+                "rides that last": f"{lasted} of {len(rode)}, {text(proportion(lasted, len(rode)))}",
+                "of the others, facing back up": f"{back} of {len(rode) - lasted}",
+            }
             for name, some in by([crossing for _, found in rode for crossing in found]):
                 column[name] = f"{sum(c.fatal for c in some)} of {len(some)}"
             columns.append(column)
