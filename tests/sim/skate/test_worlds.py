@@ -110,6 +110,7 @@ def test_ground_is_level_sloped_or_goes_down_ahead_for_a_while(env, worlds):
     aside = torch.atan2(gradient[~level, 1], gradient[~level, 0]) - 0.3
     forward = gradient[:, 0] * math.cos(0.3) + gradient[:, 1] * math.sin(0.3)
     upwards = forward[~level] > 0
+    assert 0.31 < float(upwards.float().mean()) < 0.41
     down = torch.atan2(aside.sin(), aside.cos()).abs()
     down = torch.where(upwards, down, math.pi - down)
     assert 0.77 < float(down.max()) <= math.pi / 4 + 1e-4
