@@ -410,8 +410,11 @@ class Search:
             done[model.effects] = min(done[model.effects], model, key=lambda m: m.cost)
         ranked = sorted(done.values(), key=lambda m: m.cost)
         hopeless = _hopeless(ranked[0])
+        # Of coloured noise many numbers more take much away: what the best one holds may be as likely.
         running = [
-            m for i, m in enumerate(ranked) if i < BEATEN or m.cost < hopeless or m.effects == self.base
+            m
+            for i, m in enumerate(ranked)
+            if i < BEATEN or m.cost < hopeless or set(m.effects) < set(ranked[0].effects)
         ]
         for model in self.each("predicting", Search.predicted, [(m,) for m in running], 0.93, 0.98):
             done[model.effects] = model
