@@ -47,6 +47,8 @@ ASIDE = (0.7, 1.5)
 """Factors of a nonsmooth effect's parameters from which it is searched again on the fine grid, where it is not at the noise."""
 UNSETTLED = 8.0
 """Fall of χ² for each internal state of each release from which the hold before it has not settled that."""
+ASTRAY = 2.0
+"""Squared error over the least after a few steps up to which a start's promise is believed: a choice."""
 TREMOR = 0.03
 """Share of the most that a state can be by which a hand that trembles keeps moved what would have settled while it held the deck: a choice."""
 TRIED = 8
@@ -214,10 +216,10 @@ class Search:
 
     def union(self, one: Candidate, other: Candidate) -> Candidate:
         """Fit the union of two models."""
-        return self.finished(self.begun(one, other))
+        return self.finished(self.begun(one, other), one, other)
 
     def begun(self, one: Candidate, other: Candidate) -> Candidate:
-        """Return the union of two models after a few steps from the better of its starts."""
+        """Return the union of two models after a few steps from the start that promises most: what adds nothing is soon at its best."""
         effects = tuple(sorted({*one.effects, *other.effects}))
         free = one.problem.free_states or other.problem.free_states
         problem = self.problem(effects, free_states=free)
@@ -231,19 +233,26 @@ class Search:
         # A start that is a little off is far off after many swings, so the first ones rank starts better, and sooner.
         early = problem.with_(records=[first_swings(r, self.scales, EARLY) for r in self.records])
         first = [early.fitted(early.start(completed(early, start)), 1, 1e-7) for start in starts]
-        first.sort(key=lambda trial: trial.normal.cost)
-        points = [*(trial.point for trial in first[:2]), inherited(problem, one), inherited(problem, other)]
+        chosen = [min(group, key=lambda m: m.normal.cost) for group in (first[:2], first[2:]) if group]
+        points = [*(trial.point for trial in chosen), inherited(problem, one), inherited(problem, other)]
         trials = [problem.fitted(point, 4, 1e-3) for point in points]
-        return Candidate(effects=effects, problem=problem, minimum=min(trials, key=lambda m: m.normal.cost))
+        enough = ASTRAY * min(m.normal.cost for m in trials)
+        near = [m for m in trials if m.normal.cost <= enough]
+        return Candidate(effects=effects, problem=problem, minimum=min(near, key=_promise))
 
-    def finished(self, model: Candidate) -> Candidate:
-        """Return a model that was only begun with its fit brought to an end."""
+    def finished(self, model: Candidate, *parents: Candidate) -> Candidate:
+        """Return a model that was only begun with its fit brought to an end, no worse than what it contains."""
         problem = model.problem
 
         def small(cost: float) -> float:  # at the noise, a tenth of what chance gains
             return max(0.2 / problem.samples, problem.unnoticed(cost))
 
-        return replace(model, minimum=problem.fitted(model.minimum.point, 16, small, model.minimum.normal))
+        found = problem.fitted(model.minimum.point, 16, small, model.minimum.normal)
+        for known in parents:
+            if known.minimum.normal.cost < found.normal.cost:
+                again = problem.fitted(inherited(problem, known), 16, small)
+                found = min(found, again, key=lambda m: m.normal.cost)
+        return replace(model, minimum=found)
 
     def _little(self, effects: Iterable[str]) -> list[dict[str, float]]:
         """Return the catalogue's starts of effects that join a model, a few where there are several valleys."""
@@ -302,6 +311,7 @@ class Search:
         waiting = sorted(
             self.each("pair", Search.begun, wanted, begin, half), key=lambda m: _promise(m.minimum)
         )
+        parents = {tuple(sorted({*a.effects, *b.effects})): (a, b) for a, b in wanted}
         total, done = len(waiting), list[Candidate]()
         batch = max(4, total // 8)
         while waiting:
@@ -310,7 +320,7 @@ class Search:
                 break
             now, waiting = waiting[:batch], waiting[batch:]
             share = half + (end - half) * len(done) / total
-            done += self.each("pair", Search.finished, [(m,) for m in now], share, share)
+            done += self.each("pair", Search.finished, [(m, *parents[m.effects]) for m in now], share, share)
         return [*done, *waiting]
 
     def added(self, model: Candidate) -> tuple[str, ...]:
