@@ -336,6 +336,9 @@ class Search:
     def pairs(self, singles: Sequence[Candidate], count: int) -> list[Candidate]:
         """Fit the pairs of the best single effects, that many, with all others."""
         best = best_of(leaders(singles[1:], frugality), count)
+        if count > FEW:  # alone, a richer law takes over what another effect does beside the simpler one
+            simpler = {name for part in best[0].problem.structure.parts for name, _ in part.limiting_cases}
+            best += [m for m in singles[1:] if set(self.added(m)) <= simpler]
         wanted = {
             tuple(sorted({*a.effects, *b.effects})): (a, b)
             for a in best for b in singles[1:] if a is not b and _sensible(a, b)
