@@ -392,8 +392,9 @@ def _searched(search: Search) -> tuple[Search, list[Model], list[Model]]:
     reached = search.at_noise(singles)
     pairs = search.pairs(singles, FEW if reached else PARENTS)
     best = min(pairs, key=lambda m: m.cost)
-    near = [] if reached else search.neighbours(best, [*singles, *pairs])
-    models = [*singles, *pairs, *near]
+    near = [] if reached else [*search.neighbours(best, [*singles, *pairs]), *search.kinked(singles)]
+    models = sorted([*singles, *pairs, *near], key=lambda m: m.cost, reverse=True)
+    models = list({m.effects: m for m in models}.values())
     large = sorted([*pairs, *near], key=lambda m: m.cost)[:4]
     models = search.reduced(large, models)
     models = [reached if reached and m.effects == reached.effects else m for m in models]

@@ -171,3 +171,14 @@ def test_a_pendulum_is_searched_without_a_spring():
     assert (hung.effects, coulomb.effects) == (("gravity",), ("coulomb", "gravity"))
     assert hung.parameters["gravity.moment"] == pytest.approx(0.6, rel=1e-3)
     assert not {"stiffness"} & {*hung.problem.names, *coulomb.problem.names}
+
+
+def test_a_gap_beside_friction_is_searched_anew(search):
+    """Both with what they are alone, friction beside which the gap does nothing is all that a union finds."""
+    law = JointLaw(inertia=8.7e-3, stiffness=33.0, damping=0.026)
+    law = law.with_effect("coulomb", 0.71).with_effect("freeplay", 0.0334)
+    both = replace(search, records=(record_of(0.108, 1, law), record_of(-0.085, 2, law)))
+    singles = [both.single(()), *(both.single((name,)) for name in ("coulomb", "cubic-stiffness", "freeplay"))]
+    found = both.kinked(singles)
+    assert [model.effects for model in found] == [("coulomb", "freeplay")]
+    assert found[0].rmse < 1.2 * NOISE
