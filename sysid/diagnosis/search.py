@@ -48,7 +48,7 @@ ASIDE = (0.7, 1.5)
 UNSETTLED = 8.0
 """Fall of χ² for each internal state of each release from which the hold before it has not settled that."""
 ASTRAY = 2.0
-"""Squared error over the least after a few steps up to which a start's promise is believed: a choice."""
+"""Squared error over the least after a few steps [1] up to which a start's promise is believed: a choice."""
 TREMOR = 0.03
 """Share of the most that a state can be by which a hand that trembles keeps moved what would have settled while it held the deck: a choice."""
 TRIED = 8

@@ -25,7 +25,7 @@ OWN_TIMES = 1e5
 """Times are kept as the log has them up to here [s], a day and a bit; later ones (since the epoch, since a robot was
 switched on last week) have too many digits to be typed, and count from the first sample."""
 SURE = 0.4
-"""Samples by which a step may be off a whole number of them that it surely spans."""
+"""Share [1] of a sample by which a step may be off a whole number of them that it surely spans."""
 WINDOW = 64
 """Rows over which the step of the stamps is averaged before it is judged: longer than most bursts."""
 
