@@ -29,7 +29,6 @@ from mjlab.sim.sim import _suspend_gc
 from policy_runtime.learning.graphs import Graphed
 from sim.skate.mdp import measuring
 from sim.skate.mdp.observations import skate_command
-from sim.skate.mdp.worlds import worlds
 
 
 class FusedRewards(RewardManager):
@@ -180,9 +179,6 @@ class SkateEnv(ManagerBasedRlEnv):
         begin: Any = self.event_manager.get_term_cfg("begin").func
         for term in (begin, skate_command(self)):
             term.draw = Graphed(term.draw, device, enabled=graphs)
-        differing = worlds(self)
-        if differing is not None:
-            differing.roll_on = Graphed(differing.roll_on, device, enabled=graphs)
         self._first_half = HalfStep(self.sim, mujoco_warp.step1)
         self._second_half = HalfStep(self.sim, mujoco_warp.step2)
         self._judge = Graphed(self._judge_state, device, enabled=graphs)

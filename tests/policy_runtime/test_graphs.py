@@ -79,7 +79,6 @@ def lasting(env):
     holders = {
         "command": env.command_manager.get_term("skate"),
         "worlds": env.event_manager.get_term_cfg("worlds").func,
-        "ledges": env.event_manager.get_term_cfg("worlds").func.ledges,
         "rewards": env.reward_manager,
         "terminations": env.termination_manager,
         "actions": env.action_manager,
@@ -135,8 +134,7 @@ def test_a_graph_of_the_worlds_asks_nothing_of_the_host(env, part):
     assert asked_of_the_host(getattr(env, part)) == []
 
 
-def test_drawing_how_episodes_begin_and_the_ground_ask_nothing_of_the_host(env):
-    assert asked_of_the_host(env.event_manager.get_term_cfg("worlds").func.roll_on) == []
+def test_drawing_how_episodes_begin_asks_nothing_of_the_host(env):
     begin, command = env.event_manager.get_term_cfg("begin").func, env.command_manager.get_term("skate")
     assert asked_of_the_host(begin.draw) == []
     assert asked_of_the_host(command.draw, 25) == []

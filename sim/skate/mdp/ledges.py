@@ -52,7 +52,7 @@ class Ledges:
         self.slab[ids, 2] = AWAY
 
     def roll_on(
-        self, position: torch.Tensor, heading: torch.Tensor, wanted: torch.Tensor, highest: torch.Tensor
+        self, position: torch.Tensor, heading: torch.Tensor, wanted: torch.Tensor, highest: float
     ) -> None:
         """Take away the slabs of those who are over the edge, and lay an edge ahead of those who want one and have none.
 
@@ -60,7 +60,7 @@ class Ledges:
             position: Of the board in the plane [m], (n, 2).
             heading: Of the board [rad], (n,).
             wanted: By whom, bool (n,).
-            highest: Ledge to be drawn [m], (); at 0 none is laid.
+            highest: Ledge to be drawn [m]; at 0 none is laid.
         """
         behind = (position * self.normal).sum(-1) - self.edge > BEHIND
         self.slab[:, 2] = torch.where(behind, AWAY, self.slab[:, 2])

@@ -149,7 +149,7 @@ class Worlds:
         self._gravity.copy_(-self._weight * self.up())
 
     def roll_on(self) -> None:
-        """Let the ground change under boards that have rolled on for a policy step; what lasts is written in place."""
+        """Let the ground change under boards that have rolled on for a policy step."""
         velocity = self._env.sim.data.qvel[:, self._board_v : self._board_v + 2]
         # What has broken down is about to begin anew.
         way = CONTROL_PERIOD * torch.nan_to_num(velocity.norm(dim=-1))
@@ -158,7 +158,7 @@ class Worlds:
         self._coming.copy_(torch.where(over[:, None], gradient, self._coming))
         self._remaining.copy_(torch.where(over, length, self._remaining))
         if self.ledges is not None:
-            self.ledges.roll_on(*self._board(), over, self.share * self.variation.ledge)
+            self.ledges.roll_on(*self._board(), over, self.strength * self.variation.ledge)
         self.slope += (way / EDGE).clamp(max=1.0)[:, None] * (self._coming - self.slope)
         self._gravity.copy_(-self._weight * self.up())
 
@@ -174,7 +174,7 @@ class Worlds:
         slope = torch.where(chance < LEVEL_SHARE + ASCENT_SHARE, steepness, -steepness) * steepest
         low, high = (torch.where(descent, short, long) for short, long in zip(SHORT, LONG, strict=True))
         length = low * (high / low) ** far
-        return torch.where(level, 0.0, self.share * slope)[:, None] * ahead, length
+        return torch.where(level, 0.0, self.strength * slope)[:, None] * ahead, length
 
     def _board(self) -> tuple[torch.Tensor, torch.Tensor]:
         """Return place in the plane [m], (n, 2), and heading [rad], (n,), of boards; 0 of what has broken down."""

@@ -127,13 +127,13 @@ def test_ground_is_level_sloped_or_goes_down_ahead_for_a_while(env, worlds):
 @pytest.mark.slow
 def test_a_ledge_lies_ahead_where_a_stretch_ends_until_it_is_far_behind(env, worlds):
     env.reset()
-    ledges, everyone, highest = worlds.ledges, torch.ones(32, dtype=torch.bool), torch.tensor(0.06)
+    ledges, everyone = worlds.ledges, torch.ones(32, dtype=torch.bool)
     here, heading = torch.tensor([[3.0, -2.0]]).expand(32, 2), torch.full((32,), 0.5)
-    ledges.roll_on(here, heading, ~everyone, highest)
+    ledges.roll_on(here, heading, ~everyone, 0.06)
     assert not ledges.height.any()
-    ledges.roll_on(here, heading, everyone, 0 * highest)
+    ledges.roll_on(here, heading, everyone, 0.0)
     assert (ledges.slab[:, 2] < -100).all()  # where worlds do not differ there is nothing to roll over
-    ledges.roll_on(here, heading, everyone, highest)
+    ledges.roll_on(here, heading, everyone, 0.06)
     height, edge = ledges.height.clone(), ledges.edge.clone()
     assert -0.06 <= height.min() < -0.055
     assert -0.05 < height.mean() < -0.03
@@ -147,9 +147,9 @@ def test_a_ledge_lies_ahead_where_a_stretch_ends_until_it_is_far_behind(env, wor
     torch.testing.assert_close((end[:, :2] * ledges.normal).sum(-1), edge)
     torch.testing.assert_close(end[:, 2], torch.zeros(32), atol=1e-6, rtol=0)
     beyond = here + (away + 0.99)[:, None] * ledges.normal
-    ledges.roll_on(beyond, heading, everyone, highest)
+    ledges.roll_on(beyond, heading, everyone, 0.06)
     torch.testing.assert_close(ledges.height, height)  # one at a time
-    ledges.roll_on(here + (away + 1.01)[:, None] * ledges.normal, heading, everyone, highest)
+    ledges.roll_on(here + (away + 1.01)[:, None] * ledges.normal, heading, everyone, 0.06)
     assert (ledges.height <= height).all()
     assert float(ledges.height.mean()) < 1.5 * float(height.mean())
     env.reset()
@@ -160,7 +160,7 @@ def test_a_ledge_lies_ahead_where_a_stretch_ends_until_it_is_far_behind(env, wor
 def test_a_board_stands_on_the_slab_and_falls_when_it_is_gone(env, worlds):
     env.reset()
     ledges, board = worlds.ledges, env.sim.data.qpos[:, worlds._board_q + 2]
-    ledges.roll_on(*worlds._board(), torch.ones(32, dtype=torch.bool), torch.tensor(0.06))
+    ledges.roll_on(*worlds._board(), torch.ones(32, dtype=torch.bool), 0.06)
     before = board.clone()
     for _ in range(20):
         env.sim.step()
