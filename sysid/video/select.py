@@ -124,17 +124,18 @@ def _to_the_end(reel: Reel, led: Followed) -> Followed:
     camera = led.found.camera_state.value
     flat = upright(reel.lens.matrix, camera)
     body = picture_of_body(reel.kept, reel.look.box, led.track, flat) if target.shows_body else None
-    poses: list[Array | None] = []
+    whole, poses = None, list[Array | None]()
     if body is not None:
         with ThreadPoolExecutor() as pool:
             lay, rough = body.lay, body.rough
             poses = list(pool.map(lambda frame, seen: lay(frame, rough(seen)), reel.kept, points))
+        whole = _whole_body(reel, led, body, poses)
     rest = ((frame, follow(target.follower, frame)) for frame in reel.others())
     with closing(ahead(rest, 1)) as others:
         for frame, seen in others:
             stamps.append((frame.index, frame.time))
             points.append(seen)
-            if body is not None:
+            if body is not None and whole is not None:
                 poses.append(body.lay(frame, body.rough(seen)))
     if len(points) > len(led.track.points):
         track = track_of(reel, stamps, np.array(points))
@@ -142,8 +143,9 @@ def _to_the_end(reel: Reel, led: Followed) -> Followed:
         if isinstance(all_of_it, str):
             raise SysidError(f"{reel.clip.path}: {all_of_it}. {ADVICE}")
         led = all_of_it
-    whole = None if body is None else _whole_body(reel, led, body, poses)
-    return led if whole is None else whole
+        if body is not None and whole is not None:
+            whole = _whole_body(reel, led, body, poses)
+    return whole or led
 
 
 def _best(usable: list[Followed]) -> Followed:

@@ -7,6 +7,7 @@ of the distances in the pictures, with what is known beforehand; where a body li
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -84,7 +85,8 @@ def placed(points: Array, shear: Array, matrix: Array, camera: Array, body: Body
     seen = points + camera[..., READOUT, None, None, None] * shear
     there = project(flat, seen)
     angle, model = body.laid(there[..., 0] + 1j * there[..., 1])
-    back = project(np.linalg.inv(flat), np.stack([model.real, model.imag], axis=-1))
+    aside = np.asarray(np.linalg.inv(flat), np.float64)
+    back = project(aside, np.stack([model.real, model.imag], axis=-1))
     return angle, seen - back
 
 
@@ -101,7 +103,9 @@ def fit_circles(
         prior: What is known of the body.
         start: Camera from which the search sets out, shape (4,).
     """
-    from scipy.optimize import least_squares
+    from scipy import optimize
+
+    least_squares: Any = optimize.least_squares  # its stubs do not know of functions for `jac`
 
     points, shear, focal = view.points[some.rows], view.shear[some.rows], float(matrix[0, 0])
     unknowns = Unknowns(before, points.shape[1], focal)

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.film.frames import Frame, grey
+from sysid.video.film.frames import Frame, grey, halved
 from sysid.video.film.reel import Reel
 from sysid.video.film.survey import Survey
 from sysid.video.pose.angle import AngleTrack, fit_angle
@@ -28,6 +28,8 @@ MAX_FEATURES, MIN_FEATURES = 40, 10
 """Patches that are followed at most, and at least."""
 WINDOW = 21
 """Side of a patch [px]."""
+PATCH_SIDE = 720
+"""Longer side of what is looked at of the board, that takes time; a larger picture is halved [px]."""
 SHAKE_MARGIN = 40
 """What is looked at beside what moves, for a camera that shakes [px]."""
 STATIC_LIKENESS = 0.75
@@ -87,13 +89,15 @@ class FeatureFollower:
     _usual: int = 0
     """Patches that were found last; if the expected turn shows about as many, no other is tried."""
     _patch: Picture = field(init=False)
-    _corner: Array = field(init=False)
+    _cut: Array = field(init=False)
+    """Takes places in the patch [px], which is halved if it is large, to those in the reference."""
 
     def __post_init__(self) -> None:
         """Cut the board out of the reference."""
         low, high = self.places.min(axis=0) - 3 * WINDOW, self.places.max(axis=0) + 3 * WINDOW
         patch, corner = self.reference.part((int(low[0]), int(low[1]), int(high[0]), int(high[1])))
-        self._patch, self._corner = grey(patch), np.array(corner)
+        self._patch, times = halved(grey(patch), PATCH_SIDE)
+        self._cut = shifted(np.array(corner) + (times - 1) / 2) @ np.diag([times, times, 1.0])
         self._home = principal_corners(self.places, np.ones(len(self.places)))[0]
 
     def update(self, frame: Frame) -> Array | None:
@@ -122,16 +126,16 @@ class FeatureFollower:
     def _match(self, frame: Frame, expected: Array) -> tuple[Array, int]:
         """Turn the picture back and measure where each patch is; return the pose on which most agree, and how many do."""
         height, width = self._patch.shape
-        begin = expected @ shifted(self._corner)  # from pixels of the reference's patch to those of the film
+        begin = expected @ self._cut
         ends = project(begin, np.array([[0, 0], [width, 0], [0, height], [width, height]], float))
         low, high = ends.min(axis=0).astype(int) - 4, ends.max(axis=0).astype(int) + 5
         part, corner = frame.part((int(low[0]), int(low[1]), int(high[0]), int(high[1])))
         if min(part.shape[:2]) < WINDOW:
             return expected, 0
-        flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         move = (shifted(-np.array(corner)) @ begin)[:2]
         back = cv2.warpAffine(grey(part), move, (width, height), flags=flags, borderMode=cv2.BORDER_REPLICATE)
-        start = (self.places - self._corner).astype(np.float32)
+        start = project(np.asarray(np.linalg.inv(self._cut), np.float64), self.places).astype(np.float32)
         flow: Any = cv2.calcOpticalFlowPyrLK  # its stubs do not know the type of points
         criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.01)
         there, status, error = flow(
