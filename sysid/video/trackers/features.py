@@ -132,7 +132,7 @@ class FeatureFollower:
         part, corner = frame.part((int(low[0]), int(low[1]), int(high[0]), int(high[1])))
         if min(part.shape[:2]) < WINDOW:
             return expected, 0
-        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
         move = (shifted(-np.array(corner)) @ begin)[:2]
         back = cv2.warpAffine(grey(part), move, (width, height), flags=flags, borderMode=cv2.BORDER_REPLICATE)
         start = project(np.asarray(np.linalg.inv(self._cut), np.float64), self.places).astype(np.float32)
