@@ -28,7 +28,7 @@ class Body:
     """c, shape (..., N)."""
 
     def laid(self, z: Complex) -> tuple[Array, Complex]:
-        """Return angle [rad], shape (..., n), and places [px], (..., n, N), where the body fits z (..., n, N) [px] best."""
+        """Return angle [rad], shape (n,), and places [px], shape (n, N), for one body or more, where the body fits z [px], as they, best."""
         shape = self.shape - self.shape.mean(axis=-1, keepdims=True)
         place = z - self.centre[..., None, :]
         shift = place.mean(axis=-1, keepdims=True)

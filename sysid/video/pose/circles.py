@@ -40,7 +40,7 @@ class Unknowns:
     """[px]"""
 
     def split(self, x: Array) -> tuple[Array, Body]:
-        """Return camera values (..., 4) and the body of numbers (..., p + 4N)."""
+        """Return camera values [rad, rad, 1, s], shape (4,), and the body of numbers, shape (p + 4N,), or of rows of them."""
         free = self.before.free
         camera = np.broadcast_to(self.before.value, (*x.shape[:-1], 4)).copy()
         camera[..., free] = x[..., : len(free)]
@@ -50,7 +50,7 @@ class Unknowns:
         )
 
     def joined(self, camera: Array, body: Body) -> Array:
-        """Return the numbers of camera values (4,) and a body."""
+        """Return the numbers, shape (p + 4N,), of camera values [rad, rad, 1, s], shape (4,), and a body."""
         parts = [body.centre.real, body.centre.imag, body.shape.real, body.shape.imag]
         return np.concatenate([camera[self.before.free], np.concatenate(parts) / self.focal])
 

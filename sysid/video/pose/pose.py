@@ -6,19 +6,19 @@ from sysid.roll import Array
 
 
 def shifted(by: Array) -> Array:
-    """Return the pose that shifts by (2,) [px]."""
+    """Return the pose that shifts by some [px], shape (2,)."""
     return np.array([[1.0, 0.0, by[0]], [0.0, 1.0, by[1]], [0.0, 0.0, 1.0]])
 
 
 def turned_about(middle: Array, turn: float) -> Array:
-    """Return the pose that turns about (2,) [px] by an angle [rad], clockwise in the picture."""
+    """Return the pose that turns about a place [px], shape (2,), by an angle [rad], clockwise in the picture."""
     cosine, sine = np.cos(turn), np.sin(turn)
     turning = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
     return shifted(middle) @ turning @ shifted(-middle)
 
 
 def turn_of(pose: Array) -> float:
-    """Return the turn of a pose [rad]."""
+    """Return the turn of a pose, shape (3, 3) [rad]."""
     return float(np.arctan2(pose[1, 0] - pose[0, 1], pose[0, 0] + pose[1, 1]))
 
 

@@ -26,13 +26,13 @@ def upright(matrix: Array, camera: Array) -> Array:
 
 
 def rectify(points: Array, matrix: Array, camera: Array) -> Complex:
-    """Return points (..., 2) [px] as a camera along the axis sees them, x + i y [px] (y down); the rest as in `upright`."""
+    """Return points [px], shape (n, 2) or (m, n, 2), as a camera along the axis sees them, x + i y (y down); the rest as in `upright`."""
     place = project(upright(matrix, camera), points)
     return place[..., 0] + 1j * place[..., 1]
 
 
 def project(homography: Array, points: Array) -> Array:
-    """Return where homographies, shape (..., 3, 3), take points (..., 2), as the result, to [their own unit]; NaN stays NaN."""
+    """Return where homographies, shape (..., 3, 3), take points, shape (n, 2) or (m, n, 2), to [their own unit]; NaN stays NaN."""
     there = points @ np.swapaxes(homography[..., :2], -1, -2) + homography[..., None, :, 2]
     with np.errstate(invalid="ignore"):
         return there[..., :2] / there[..., 2:]
