@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
 from sysid.fitting.problem import Problem
 from sysid.least_squares import Minimum, Normal, minimise
@@ -101,7 +102,7 @@ def _within_noise(problem: Problem, minimum: Minimum, index: int, together: Arra
     return _predicted(held, np.r_[fitted.point[:shared], point[shared:]], known, point, here, together)
 
 
-def _without(whole: Normal, part: Normal, where: Array, shared: int) -> Normal:
+def _without(whole: Normal, part: Normal, where: npt.NDArray[np.intp], shared: int) -> Normal:
     """Return normal equations of all releases without those of one, of which only the first unknowns are the others' too.
 
     Args:
