@@ -37,9 +37,6 @@ STARTS = 3
 """Starts tried of an effect that joins another."""
 EARLY = 4.0
 """Periods of each release by which starts are ranked."""
-RACE = ((3, 1), (2, 3))
-"""How many of the best starts of a union go on, in turn, and for how many iterations: a choice. Of 317 unions of eight logs 9 came out worse
-than if all four had gone on for four, none of them a model that was named."""
 FRICTIONLESS = 0.4
 """Share of a model's damping that is left to it where dry friction joins."""
 HANGS = 1.1
@@ -236,10 +233,7 @@ class Search:
         first = [early.fitted(early.start(completed(early, start)), 1, 1e-7) for start in starts]
         first.sort(key=lambda trial: trial.normal.cost)
         points = [*(trial.point for trial in first[:2]), inherited(problem, one), inherited(problem, other)]
-        trials = [problem.fitted(point, 0) for point in points]
-        for count, iterations in RACE:
-            trials.sort(key=lambda trial: trial.normal.cost)
-            trials = [problem.fitted(t.point, iterations, 1e-3, t.normal) for t in trials[:count]]
+        trials = [problem.fitted(point, 4, 1e-3) for point in points]
         return Candidate(effects=effects, problem=problem, minimum=min(trials, key=lambda m: m.normal.cost))
 
     def finished(self, model: Candidate) -> Candidate:

@@ -14,6 +14,7 @@ from sysid.fitting.records import Bias, Record
 from sysid.joint.structure import Structure
 from sysid.least_squares import Minimum, minimise
 from sysid.progress import stage, steps
+from sysid.roll import Array
 
 _LONG = (1.25, 4.0)
 _SHORT = (0.6, 1.25, 2.5, 4.0)
@@ -21,8 +22,6 @@ _SHORT = (0.6, 1.25, 2.5, 4.0)
 when the next one begins, and whoever looks at all of them at once sees false valleys only."""
 
 
-_MET = 0.003
-"""Difference of all unknowns, in units of their sizes, below which two searches have met."""
 _VISCOUS = (0.6, 0.2)
 """Shares of the loss left to the damper from which a joint with dry friction is searched."""
 _WIDEST = 6
@@ -210,27 +209,29 @@ def search(
         for periods in horizons
     ]
     evaluations = 0
-    points = [coarse.start({**s, "rest_angle": s.get("rest_angle") or rest}) for s in starts]
-    found: list[Minimum] = []
+    found: list[tuple[float, Array]] = []
     with stage(0.0, 0.5):
-        for problem in steps([*early, coarse]):
-            end = (15, 1e-5) if problem is coarse else (12, 1e-4)
-            ends = [problem.fitted(point, *end) for point in points]
-            evaluations += sum(minimum.evaluations for minimum in ends)
-            found = _apart(ends)
-            points = [minimum.point for minimum in found]
+        for start in steps(starts):
+            point = coarse.start({**start, "rest_angle": start.get("rest_angle") or rest})
+            for problem in early:
+                first = problem.fitted(point, 12, 1e-4)
+                evaluations += first.evaluations
+                point = first.point
+            second = coarse.fitted(point, 15, 1e-5)
+            evaluations += second.evaluations
+            found.append((second.normal.cost, second.point))
+    found.sort(key=lambda item: item[0])
     with stage(0.5, 0.7):
         found[0] = scan_rough_parameters(coarse, _restarted(coarse, found[0]))
-    fine = coarse if steps_per_period == coarse_steps else coarse.with_(steps_per_period=steps_per_period)
+    fine = coarse.with_(steps_per_period=steps_per_period)
     best: Minimum | None = None
     # On the coarse grid a kink falls between two points, so its costs rank neighbours only roughly.
     tried, near = (4, 3.0) if nonsmooth else (2, 1.2)
     with stage(0.7, 1.0):
-        for begin in steps(found[:tried]):
-            if best is not None and begin.normal.cost > near * found[0].normal.cost:
+        for cost, point in steps(found[:tried]):
+            if best is not None and cost > near * found[0][0]:
                 break
-            known = begin.normal if fine is coarse else None
-            minimum = fine.fitted(begin.point, tolerance=1e-7 if exact else None, known=known)
+            minimum = fine.fitted(point, tolerance=1e-7 if exact else None)
             evaluations += minimum.evaluations
             if best is None or minimum.normal.cost < best.normal.cost:
                 best = minimum
@@ -238,24 +239,11 @@ def search(
     return fine, best, evaluations
 
 
-def _apart(found: Sequence[Minimum]) -> list[Minimum]:
-    """Return minima, the best first, without those that have met a better one: from there on both would do the same."""
-    kept: list[Minimum] = []
-    for one in sorted(found, key=_cost):
-        if all(np.abs(one.point - other.point).max() > _MET for other in kept):
-            kept.append(one)
-    return kept
-
-
-def _cost(minimum: Minimum) -> float:
-    return minimum.normal.cost
-
-
 _SHARES = (0.6, 0.75, 0.87, 1.15, 1.35, 1.65)
 """Shares of a rough parameter at which it is held on the way out of a false valley: a choice."""
 
 
-def scan_rough_parameters(problem: Problem, found: Minimum) -> Minimum:
+def scan_rough_parameters(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]:
     """Walk along rough parameters out of a false valley: hold one elsewhere, let the rest follow, then free it.
 
     The cost is rough along a friction, because it decides in which half swing each release stops; a
@@ -263,34 +251,35 @@ def scan_rough_parameters(problem: Problem, found: Minimum) -> Minimum:
 
     Args:
         problem: The problem.
-        found: Where a search ended.
+        found: Cost [1] and unknowns in units of their sizes, shape (p,).
 
     Returns:
-        The best that was met.
+        The best cost and unknowns met, likewise.
     """
     names = [problem.names.index(name) for name in problem.structure.rough if name in problem.names]
     low, high = problem.bounds()
     for index in names:
         for _ in range(4):
-            if found.normal.cost < 0.55 * problem.samples:
+            if found[0] < 0.55 * problem.samples:
                 return found
             best = found
             for factor in _SHARES:
                 pinned_low, pinned_high = low.copy(), high.copy()
-                value = np.clip(found.point[index] * factor, low[index], high[index])
+                value = np.clip(found[1][index] * factor, low[index], high[index])
                 pinned_low[index] = pinned_high[index] = value
                 held = minimise(
-                    problem.normal, found.point, pinned_low, pinned_high, iterations=8, tolerance=1e-3
+                    problem.normal, found[1], pinned_low, pinned_high, iterations=8, tolerance=1e-3
                 )
-                if held.normal.cost < found.normal.cost:
-                    best = min(best, problem.fitted(held.point, 12, 1e-4, held.normal), key=_cost)
-            if best.normal.cost > 0.98 * found.normal.cost:
+                if held.normal.cost < found[0]:
+                    freed = problem.fitted(held.point, 12, 1e-4)
+                    best = min(best, (freed.normal.cost, freed.point), key=lambda item: item[0])
+            if best[0] > 0.98 * found[0]:
                 break
             found = best
     return found
 
 
-def _restarted(problem: Problem, found: Minimum) -> Minimum:
+def _restarted(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]:
     """Search again from where effects say that a search which ended there has to."""
     best = found
     for part in problem.structure.torques:
@@ -298,10 +287,11 @@ def _restarted(problem: Problem, found: Minimum) -> Minimum:
         if part.restarts is None or any(name not in problem.names for name in names):
             continue
         where = [problem.names.index(name) for name in names]
-        for start in part.restarts(part.named([float(value) for value in found.point[where]])):
-            point = found.point.copy()
+        for start in part.restarts(part.named([float(value) for value in found[1][where]])):
+            point = found[1].copy()
             point[where] = [start[name] for name in part.parameter_names]
-            best = min(best, problem.fitted(point, 15, 1e-5), key=_cost)
+            again = problem.fitted(point, 15, 1e-5)
+            best = min(best, (again.normal.cost, again.point), key=lambda item: item[0])
     return best
 
 
