@@ -35,8 +35,6 @@ STILL = 0.1
 LEFT = 0.2
 """Share of the squared error beyond the noise that may be left without ends that held hands: of fourteen random logs, those with
 hands kept at most 0.14, those whose law the catalogue lacks, and which were not at the noise, 0.4 or more."""
-HOPELESS = 2.0
-"""Squared error beyond the noise, over `LEFT` of it, that the best model may leave where the others are still asked: a choice."""
 NEARLY = 1.05
 """Error of a model that is as good as the best, over that one's."""
 SHORTEST, SAMPLES = 0.6, 24
@@ -60,7 +58,7 @@ def untouched(models: Sequence[Candidate], base: Sequence[str]) -> tuple[list[Re
         for index, cut in enumerate(CUTS):
             kept = [part for record in models[0].problem.records for part in _middle(record, asked[-1], *cut)]
             if kept:
-                effects, error = _simplest(asked, kept, 1 + HOPELESS * LEFT * beyond)
+                effects, error = _simplest(asked, kept)
                 holds = error < REACHED
                 # A release too short to be cut goes for a law only.
                 if (holds or len(kept) == len(releases)) and error**2 - 1 < LEFT * beyond:
@@ -96,22 +94,10 @@ def untouched(models: Sequence[Candidate], base: Sequence[str]) -> tuple[list[Re
     )
 
 
-def _simplest(models: Sequence[Candidate], releases: Sequence[Release], most: float) -> tuple[int, float]:
-    """Return how many effects the simplest model has that is nearly as good as the best, fitted to parts of its releases, and its error.
-
-    Args:
-        models: The last one is the best on all releases: where it leaves far too much, no other is asked.
-        releases: The parts.
-        most: Squared error over the noise from which it does.
-    """
-    errors = [_refitted_to(models[-1], releases)]
-    if errors[0] ** 2 < most:
-        errors[:0] = [_refitted_to(model, releases) for model in models[:-1]]
-    near = [
-        (len(m.effects), e)
-        for m, e in zip(models[-len(errors) :], errors, strict=True)
-        if e < NEARLY * min(errors)
-    ]
+def _simplest(models: Sequence[Candidate], releases: Sequence[Release]) -> tuple[int, float]:
+    """Return how many effects the simplest model has that is nearly as good as the best, fitted to parts of its releases, and its error."""
+    errors = [_refitted_to(model, releases) for model in models]
+    near = [(len(m.effects), e) for m, e in zip(models, errors, strict=True) if e < NEARLY * min(errors)]
     return min(near)
 
 
