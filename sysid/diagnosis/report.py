@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from sysid.diagnosis.judgement import TIE
 from sysid.effects import effect
 from sysid.text import WIDTH, count, display, percent, table
 
@@ -12,6 +13,8 @@ if TYPE_CHECKING:
 
 SHOWN = 8
 """Models in the table."""
+TIED = 2 * TIE
+"""Score up to which two models are not told apart: it is twice a log-likelihood [1]."""
 
 
 def fittable(names: Sequence[str]) -> tuple[str, ...]:
@@ -30,7 +33,9 @@ def report(result: "Diagnosis", width: int = WIDTH) -> str:
     lines = [
         f"{result.board} · {count(result.releases, 'release')} · sensor noise {show(floor.std, 3)}, {floor.how}",
         table(("missing", "error / noise", "held out / noise", "score"), rows, width=width),
-        "held out: error on releases that a model had not seen; score: 0 is best, from 8 on a model is ruled out",
+        "held out: error on releases that a model had not seen; score: how much worse it predicts them than the best does",
+        f"up to a score of {TIED:g}, or more where periods disagree or no model is exact, models are not told apart: the simplest counts, "
+        "if what it adds matters",
         f"Result: {headline(result)} (confidence {percent(verdict.confidence)})",
         verdict.explanation,
         _predicted(result),
