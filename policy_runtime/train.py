@@ -348,8 +348,7 @@ def _learn(
         began = time.monotonic()
         obs = collect(env, algorithm, obs, learn.steps, progress)
         numbers = progress.read()  # waits for the device
-        if numbers["end/not_finite"] > 0:
-            _say_broken(progress.broken(), process, done.iterations)
+        _say_broken(progress.broken(), process, done.iterations)
         check_rewards(env.unwrapped, done.iterations)
         collected = time.monotonic()
         numbers |= algorithm.update()

@@ -18,8 +18,9 @@ there is no band in which nothing moves.
 The longest patience is shorter than any stretch in which the stance counts. Where it was 400, every run came down to
 134 and stood there for 400 iterations and more: steering has 135 steps, above which one leg never ends an episode,
 and just below which it does once a cycle, 10 a minute, more than the 8 at which the patience then stayed. Who rides
-on one leg is ended 10 to 15 times a minute, whatever else he can; the balance must be above that. With 8 a
-run stood at a patience of 100 until iteration 1,000, with 16 another left it at 400 and came to 20 at 950.
+on one leg is ended 15 to 17 times a minute of riding, whatever else he can; the balance must be above that, and below the
+18 to 23 of one who rides on one leg at a patience of 20, who must be let up again. With 8 of all minutes a run stood at a
+patience of 100 until iteration 1,000; with 16, which was 18 of riding, another left it at 400 and came to 20 at 950.
 """
 
 import math
@@ -33,10 +34,10 @@ if TYPE_CHECKING:
 
 LONGEST = 5 / 6 * min(Clock().push, Clock().steer)
 """Patience of a beginner [policy steps]: a stretch in the wrong stance ends an episode."""
-PATIENCE_ENDS = 16.0
-"""Ends a minute at which the patience stays as it is: more than one leg alone brings about."""
-STRENGTH_ENDS = 4.0
-"""Ends a minute at which the strength stays as it is."""
+PATIENCE_ENDS = 18.0
+"""Ends a minute of riding at which the patience stays as it is: more than one leg alone brings about."""
+STRENGTH_ENDS = 4.5
+"""Ends a minute of riding at which the strength stays as it is."""
 GAIN = 0.03
 """Step for ends that are off by a factor of e."""
 HARDER, EASIER = 0.03, 0.01

@@ -30,7 +30,7 @@ def test_patience_falls_by_three_percent_at_most_and_rises_by_one():
     level = Level(patience=60.0)
     assert level.after(0.5, own=20).patience == pytest.approx(60 * math.exp(-0.03))
     assert level.after(60.0, own=20).patience == pytest.approx(60 * math.exp(0.01))
-    assert level.after(12.0, own=20).patience == pytest.approx(60 * (12 / 16) ** 0.03)
+    assert level.after(14.0, own=20).patience == pytest.approx(60 * (14 / 18) ** 0.03)
     assert level.after(0.5, own=20).strength == 0.0
 
 
@@ -46,7 +46,7 @@ def test_a_whole_stretch_in_the_wrong_stance_ends_an_episode_however_patient():
 def test_strength_begins_where_the_patience_ends_and_goes_first_when_it_gets_too_hard():
     level = Level(patience=20.0).after(1.0, own=20)
     assert asdict(level) == {"patience": 20.0, "strength": pytest.approx(0.03)}
-    assert level.after(4.0, own=20) == level
+    assert level.after(4.5, own=20) == level
     easier = level.after(60.0, own=20)
     assert asdict(easier) == {"patience": 20.0, "strength": pytest.approx(0.02)}
     gone = Level(patience=20.0, strength=0.005).after(60.0, own=20)

@@ -59,11 +59,11 @@ class Ledges:
             position: Of the board in the plane [m], (n, 2).
             heading: Of the board [rad], (n,).
             wanted: By whom, bool (n,).
-            highest: Ledge to be drawn [m].
+            highest: Ledge to be drawn [m]; at 0 none is laid.
         """
         behind = (position * self.normal).sum(-1) - self.edge > BEHIND
         self.slab[:, 2] = torch.where(behind, AWAY, self.slab[:, 2])
-        wanted = wanted & (self.slab[:, 2] < AWAY / 2)
+        wanted = wanted & (self.slab[:, 2] < AWAY / 2) & (highest > 0)
         chance = torch.rand(3, len(heading), device=heading.device)
         towards = heading + OBLIQUE * (2 * chance[0] - 1)
         cosine, sine = towards.cos(), towards.sin()

@@ -9,7 +9,7 @@ import pytest
 
 from sim.board.scene import TILT_JOINT, TRUCK_JOINTS, board_spec
 from sim.skate.robot import g1
-from sim.skate.world.scene import SceneOptions, skate_spec, standing_state
+from sim.skate.world.scene import ITERATIONS, LINE_SEARCH_ITERATIONS, SceneOptions, skate_spec, standing_state
 from sim.skate.world.terrain import SLOPES_DEG, STEPS, add_terrain
 from sysid.board import BoardEffect, load_board
 from sysid.effects import effect
@@ -63,7 +63,7 @@ def in_mujoco(model, data, steps):
 def in_warp(model, data, steps):
     mujoco_warp = pytest.importorskip("mujoco_warp")
     warp_model = mujoco_warp.put_model(model)
-    warp_data = mujoco_warp.put_data(model, data, nworld=1, nconmax=32, njmax=128)
+    warp_data = mujoco_warp.put_data(model, data, nworld=1, nconmax=64, njmax=256)
     states = []
     for _ in range(steps):
         mujoco_warp.step(warp_model, warp_data)
@@ -92,6 +92,28 @@ def test_free_decay_is_the_same_in_warp(board):
     ours = in_mujoco(model, data, 80)[:, column]
     data.qpos[:], data.qvel[:], data.act[:] = start, 0, 0
     theirs = in_warp(model, data, 80)[:, column]
+    assert np.abs(ours).max() > 0.03
+    assert np.sqrt(np.mean((ours - theirs) ** 2) / np.mean(ours**2)) < 1e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["coulomb", "hysteresis"])
+def test_a_deck_with_friction_moves_alike_under_the_solver_of_training_and_of_rides(needs_g1, name):
+    model = skate_spec(with_example(name)).compile()
+    data = mujoco.MjData(model)
+    board, pelvis, tilt = (
+        model.joint(joint).qposadr[0]
+        for joint in ("board/board_free_joint", "robot/floating_base_joint", f"board/{TILT_JOINT}")
+    )
+    data.qpos[board : board + 3] = 0.0, 0.0, model.body("board/board").pos[2]
+    data.qpos[pelvis : pelvis + 3] = -15.0, 0.0, 1.0  # out of the way
+    data.qpos[tilt] = 0.1
+    start = data.qpos.copy()
+    ours = in_mujoco(model, data, 80)[:, tilt]
+    mujoco.mj_resetData(model, data)
+    data.qpos[:] = start
+    model.opt.iterations, model.opt.ls_iterations = ITERATIONS, LINE_SEARCH_ITERATIONS
+    theirs = in_warp(model, data, 80)[:, tilt]
     assert np.abs(ours).max() > 0.03
     assert np.sqrt(np.mean((ours - theirs) ** 2) / np.mean(ours**2)) < 1e-3
 

@@ -223,6 +223,28 @@ def test_fused_rewards_are_mjlabs_to_the_last_bit(monkeypatch):
         env.step(torch.zeros(WORLDS, 23))
 
 
+def test_ends_are_counted_a_minute_of_riding_and_told_to_stand_is_none():
+    import torch
+
+    from policy_runtime.learning.progress import Progress
+    from sim.skate.mdp.observations import skate_command
+
+    with worlds(start=STANDING, speed=(0.5, 1.5), standing=0.0, slow=0.0) as env:
+        progress, command = Progress(env), skate_command(env)
+        command._command[:4, 0] = 0.0
+        lying = torch.tensor([0.0, 1.0, 0.0, 0.0])
+        fallen = [0, 1, 2, 6, 7]
+        env.sim.data.qpos[fallen, command.reading.robot_q + 3 : command.reading.robot_q + 7] = lying
+        env.sim.forward()
+        step(env)
+        assert env.termination_manager.get_term("fallen").nonzero().flatten().tolist() == fallen
+        progress.add(torch.zeros(()))
+        numbers = progress.read()
+        assert numbers["falls_per_minute"] == pytest.approx(2 / (4 * 0.02 / 60))
+        assert numbers["end/fallen"] == numbers["falls_per_minute"]
+        assert numbers["survival"] == 0.0
+
+
 def test_a_world_that_breaks_down_is_ended_named_and_not_counted(capfd):
     import torch
 

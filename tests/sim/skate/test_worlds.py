@@ -130,6 +130,8 @@ def test_a_ledge_lies_ahead_where_a_stretch_ends_until_it_is_far_behind(env, wor
     here, heading = torch.tensor([[3.0, -2.0]]).expand(32, 2), torch.full((32,), 0.5)
     ledges.roll_on(here, heading, ~everyone, 0.06)
     assert not ledges.height.any()
+    ledges.roll_on(here, heading, everyone, 0.0)
+    assert (ledges.slab[:, 2] < -100).all()  # where worlds do not differ there is nothing to roll over
     ledges.roll_on(here, heading, everyone, 0.06)
     height, edge = ledges.height.clone(), ledges.edge.clone()
     assert -0.06 <= height.min() < -0.055
