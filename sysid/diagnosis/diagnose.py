@@ -138,7 +138,7 @@ class Diagnosis:
     doubts: tuple[str, ...]
     """What is odd about the releases for this board, or doubtful about the verdict."""
     heldout_before: tuple[float, ...]
-    """Error of predicting each release from the others, over its RMS motion: without what is missing."""
+    """Error of predicting each release or stretch from the others, over its RMS motion: without what is missing."""
     heldout_after: tuple[float, ...]
     """The same with the model that the verdict rests on."""
     best: Model = field(repr=False)
@@ -151,7 +151,9 @@ class Diagnosis:
     option: str
     """How the command line names the joint."""
     releases: int
-    """How many were judged."""
+    """How many were given."""
+    is_cut: bool
+    """Whether stretches of releases were judged."""
     recordings: tuple[Recording, ...] = ()
     """The logs, where they were given whole."""
     logs: tuple[str, ...]
@@ -331,6 +333,7 @@ def diagnose(
         board=board.name,
         option=board.option,
         releases=len(releases),
+        is_cut=not {_span(release) for release in judged} <= {_span(release) for release in releases},
         recordings=recordings,
         logs=tuple(dict.fromkeys(release.log for release in releases)),
         heldout_before=heldout_nrmse(everything.base.model),
@@ -361,6 +364,10 @@ def check_releases(releases: Sequence[Release], board: Board, period: float) -> 
             "from different angles, to both sides, make a much stronger test"
         )
     return warnings
+
+
+def _span(release: Release) -> tuple[str, float, float]:
+    return release.log, float(release.time[0]), float(release.time[-1])
 
 
 def heldout_nrmse(model: Model) -> tuple[float, ...]:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from sysid.diagnosis.judgement import TIE
+from sysid.diagnosis.wording import rounded
 from sysid.effects import effect
 from sysid.text import WIDTH, count, display, percent, table
 
@@ -78,16 +79,13 @@ def _row(candidate: "Candidate", floor: float) -> tuple[str, ...]:
 
 
 def _predicted(result: "Diagnosis") -> str:
-    """Say how well releases are predicted that were left out, each in its turn."""
+    """Say how well releases or stretches of them are predicted that were left out, each in its turn."""
     before, after = (
-        ", ".join(f"{100 * error:.2g}" for error in errors)
+        ", ".join(rounded(100 * error) for error in errors)
         for errors in (result.heldout_before, result.heldout_after)
     )
-    what = (
-        "each release, predicted from the others,"
-        if len(result.heldout_before) > 1
-        else "each third, predicted from the others,"
-    )
+    part = "third" if len(result.heldout_before) == 1 else "stretch" if result.is_cut else "release"
+    what = f"each {part}, predicted from the others,"
     if result.status == "none-missing" or result.heldout_after == result.heldout_before:
         return f"{what} is off by {before} % of its RMS motion"
     with_it = "with the nearest effects"
