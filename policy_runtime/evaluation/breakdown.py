@@ -121,11 +121,17 @@ def break_down(rides: Rides, clock: Clock | None = None) -> tuple[Table, ...]:
     turns = [*_classes(np.abs(turn), TURN_EDGES, "rad"), ("left", turn > 0), ("right", turn < 0)]
     ends = (("", steer.inside), (", at the end", at_the_end))
     by_turn = [(f"{label}{name}", chosen & one) for label, one in turns for name, chosen in ends]
+    pushed = push.inside & (push.place == push.length - 1)
+    turned = _means({"to the left": wrap_angle(rides.heading - _at_begin(rides.heading, push))})
     by_stretch = "heading by steering stretch and by commanded speed, rad, m/s"
     return (
         speed("speed by pushing stretch, m/s", push.and_all()),
         speed("speed by command, in the first and in later pushing stretches, m/s", by_speed),
         *(_speed_by_time(rides, push, speeds, name, chosen) for name, chosen in which),
+        turned(
+            "how far a pushing stretch turns the board, rad",
+            ((label, where & pushed) for label, where in push.and_all(speeds)),
+        ),
         pushing("feet in pushing, shares of steps, by stretch and by command", push.and_all(speeds)),
         pushing("feet by time in pushing, shares of steps", push.parts()),
         steering("feet by time in steering, shares of steps", steer.parts()),
@@ -227,8 +233,12 @@ def _headings(rides: Rides, steer: _Stretches) -> dict[str, Any]:
 
 def _turn(rides: Rides, steer: _Stretches) -> Array:
     """Return the turn asked for in each stretch [rad], (t, n): the error at its first step."""
-    start = np.take_along_axis(rides.heading, steer.begin, axis=0)
-    return np.where(steer.inside, wrap_angle(rides.target_heading - start), 0.0)
+    return np.where(steer.inside, wrap_angle(rides.target_heading - _at_begin(rides.heading, steer)), 0.0)
+
+
+def _at_begin(values: Array, stretches: _Stretches) -> Array:
+    """Return values of (t, n) as they were at the first step of the stretch that a step is in."""
+    return np.take_along_axis(values, stretches.begin, axis=0)
 
 
 def _heading_by_time(rides: Rides, steer: _Stretches) -> Table:

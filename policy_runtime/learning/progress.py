@@ -57,16 +57,14 @@ class Progress:
         self._sums: dict[str, torch.Tensor] = {}
         self._steps = 0
         self._broken = torch.zeros(env.num_envs, dtype=torch.bool, device=env.device)
-        self._rode = torch.zeros_like(self._broken)
 
     def add(self, style: torch.Tensor) -> None:
         """Take the environments' last step into account; call before the next one."""
         env = self._env
-        state = measure(env)
+        state = measure(env)  # as it was before ended episodes began anew
         broken = env.termination_manager.get_term("not_finite")
         self._broken |= broken
         steers, pushes, rides = state.steering & ~broken, state.pushing & ~broken, ~state.still
-        rode, self._rode = self._rode, rides  # whose episode has ended is told something new by now
         steering, pushing = steers.float(), pushes.float()
         speed = (state.board_velocity[:, 0] - state.commanded_speed).abs()
         heading = wrap_angle(state.board_heading - state.target_heading).abs()
@@ -90,7 +88,7 @@ class Progress:
             "style": style,
             "reward": env.reward_manager._step_reward.mean(dim=0),
             "end": torch.stack(
-                [(env.termination_manager.get_term(name) & rode).sum() for name in self._ends]
+                [(env.termination_manager.get_term(name) & rides).sum() for name in self._ends]
             ).float(),
         }
         for name, value in sums.items():

@@ -400,8 +400,9 @@ def _searched(search: Search) -> tuple[Search, list[Model], list[Model]]:
     reached = search.at_noise(singles)
     pairs = search.pairs(singles, FEW if reached else PARENTS)
     best = min(pairs, key=lambda m: m.cost)
-    near = [] if reached else search.neighbours(best, [*singles, *pairs])
-    models = [*singles, *pairs, *near]
+    near = [] if reached else [*search.neighbours(best, [*singles, *pairs]), *search.kinked(singles)]
+    models = sorted([*singles, *pairs, *near], key=lambda m: m.cost, reverse=True)
+    models = list({m.effects: m for m in models}.values())
     large = sorted([*pairs, *near], key=lambda m: m.cost)[:4]
     models = search.reduced(large, models)
     models = [reached if reached and m.effects == reached.effects else m for m in models]
@@ -416,19 +417,26 @@ def _searched(search: Search) -> tuple[Search, list[Model], list[Model]]:
 def _material(search: Search, tried: Field, final: list[Model]) -> tuple[Model, list[Model], frozenset[str]]:
     """Return the winner without those of its effects that do not matter, all finalists, and the families left out."""
     winner, left_out = tried.winner().model, frozenset[str]()
+
+    def less(name: str) -> Model:
+        rest = tuple(n for n in winner.effects if n != name)
+        known = [m for m in final if m.effects == rest]
+        return min([*known, search.finalist(search.without(winner, rest, [{}]))], key=lambda m: m.cost)
+
+    def idles(name: str) -> bool:
+        # What a sensor adds is the error that it alone takes away.
+        beside = less(name) if effect(name).role == "measurement" else tried.base.model
+        return not importance(winner, [name], beside).matters
+
     while len(named := search.added(winner)) > 1:
-        idle = [n for n in named if not importance(winner, [n], tried.base.model).matters]
-        if not idle:
+        idle = next(filter(idles, named), None)
+        if idle is None:
             break
-        rest = tuple(n for n in winner.effects if n != idle[0])
-        known = next((m for m in final if m.effects == rest), None)
-        again = search.finalist(search.without(winner, rest, [{}]))
-        if known is None or again.cost < known.cost:
-            known = again
-            final = [*(m for m in final if m.effects != rest), known]
+        known = less(idle)
+        final = [*(m for m in final if m.effects != known.effects), known]
         if tried.left(tried.score(known)) > max(MATERIAL, 1.01 * tried.left(tried.score(winner))):
             break
-        winner, left_out = known, left_out | {effect(idle[0]).family}
+        winner, left_out = known, left_out | {effect(idle).family}
     return winner, final, left_out
 
 

@@ -89,6 +89,7 @@ class Field:
         self.scored = [self.score(model) for model in models]
         self.base = next(s for s in self.scored if s.model.effects == base and not s.model.shape)
         self.best = max(self.scored, key=lambda s: s.score)
+        self.noise = self._noise()
         self.exact = INEXACT * max(floor, self.noise)
         self.inexact = self.best.model.rmse > self.exact
         self.surely_missing = self.left(self.base) > MATERIAL and self._follows_motion()
@@ -153,15 +154,25 @@ class Field:
 
     def _follows_motion(self) -> bool:
         """Return whether the joint as it is errs as no sensor does: in proportion to the motion, or more than another model."""
-        assert self.base.model.heldout is not None
-        steady = replace(self.blocks, amplitude=np.ones_like(self.blocks.amplitude))
-        alone = fit_errors(steady, self.base.model.heldout).log_likelihood
         asked = TIE + (UNMET if self.best.model.shape else 0.0)
-        if self.base.errors.log_likelihood - alone > TIE or self.gap(self.best, self.base) > asked:
+        if self._follows(self.base) or self.gap(self.best, self.base) > asked:
             return True
         # What is no description of the motion, when there is one, is no noise, however many numbers that one takes.
         described = self.left(self.best) < CLOSE < self.left(self.base)
         return described and self._raw_gap(self.best, self.base) > TIE
+
+    def _follows(self, scored: Scored) -> bool:
+        """Return whether errors are in proportion to the motion, as no sensor's are."""
+        assert scored.model.heldout is not None
+        steady = replace(self.blocks, amplitude=np.ones_like(self.blocks.amplitude))
+        return scored.errors.log_likelihood - fit_errors(steady, scored.model.heldout).log_likelihood > TIE
+
+    def _noise(self) -> float:
+        """Return what the best candidate's errors hold of the sensor's own, jitter included [rad]: all, where they are no larger in wide swings."""
+        e = self.best.errors
+        if len(self.blocks.cuts) >= FEWEST_BLOCKS and not self._follows(self.best):
+            return self.best.model.heldout_rmse
+        return float(np.sqrt(e.white**2 + e.coloured**2 + np.mean((e.jitter * self.blocks.rate) ** 2)))
 
     def _possible(self) -> list[Scored]:
         """Return the candidates that may be true.
@@ -239,12 +250,6 @@ class Field:
         squares = np.array([float(np.sum(scored.model.heldout[i][a:b] ** 2)) for i, a, b in self.blocks.cuts])
         lengths = np.array([b - a for _, a, b in self.blocks.cuts])
         return (squares - self.noise**2 * lengths) / lengths.mean()
-
-    @property
-    def noise(self) -> float:
-        """What the best candidate's errors hold of the sensor's own, jitter included [rad]."""
-        e = self.best.errors
-        return float(np.sqrt(e.white**2 + e.coloured**2 + np.mean((e.jitter * self.blocks.rate) ** 2)))
 
     @property
     def motion(self) -> float:

@@ -47,6 +47,8 @@ ASIDE = (0.7, 1.5)
 """Factors of a nonsmooth effect's parameters from which it is searched again on the fine grid, where it is not at the noise."""
 UNSETTLED = 8.0
 """Fall of χ² for each internal state of each release from which the hold before it has not settled that."""
+ASTRAY = 2.0
+"""Squared error over the least after a few steps [1] up to which a start's promise is believed: a choice."""
 TREMOR = 0.03
 """Share of the most that a state can be by which a hand that trembles keeps moved what would have settled while it held the deck: a choice."""
 TRIED = 8
@@ -119,11 +121,16 @@ class Candidate:
     def at_edge(self) -> bool:
         """Whether an effect ended where it is nothing of its own, a stop as a weak bend or an arm that never relaxes: another law is asked for.
 
-        A share may be anything from none to all.
+        So it is where the spring is pushed out of rest, and an arm that never relaxes has its place. A share may be anything from
+        none to all.
         """
         point = dict(zip(self.problem.names, self.minimum.point, strict=False))
         exact = self.rmse < INEXACT * self.problem.records[0].std
-        return any(
+        spring = self.parameters["stiffness"] + sum(
+            part.stiffness_at(self.parameters.get("rest_angle", 0.0), part.of(self.parameters))
+            for part in self.problem.structure.torques
+        )  # fmt: skip
+        return spring < 0 or any(
             p.edged(point[f"{part.name}.{p.name}"], exact=exact)
             for part in self.problem.structure.parts for p in part.parameters if f"{part.name}.{p.name}" in point
         )  # fmt: skip
@@ -214,10 +221,10 @@ class Search:
 
     def union(self, one: Candidate, other: Candidate) -> Candidate:
         """Fit the union of two models."""
-        return self.finished(self.begun(one, other))
+        return self.finished(self.begun(one, other), one, other)
 
     def begun(self, one: Candidate, other: Candidate) -> Candidate:
-        """Return the union of two models after a few steps from the better of its starts."""
+        """Return the union of two models after a few steps from the start that promises most: what adds nothing is soon at its best."""
         effects = tuple(sorted({*one.effects, *other.effects}))
         free = one.problem.free_states or other.problem.free_states
         problem = self.problem(effects, free_states=free)
@@ -231,19 +238,26 @@ class Search:
         # A start that is a little off is far off after many swings, so the first ones rank starts better, and sooner.
         early = problem.with_(records=[first_swings(r, self.scales, EARLY) for r in self.records])
         first = [early.fitted(early.start(completed(early, start)), 1, 1e-7) for start in starts]
-        first.sort(key=lambda trial: trial.normal.cost)
-        points = [*(trial.point for trial in first[:2]), inherited(problem, one), inherited(problem, other)]
+        chosen = [min(group, key=lambda m: m.normal.cost) for group in (first[:2], first[2:]) if group]
+        points = [*(trial.point for trial in chosen), inherited(problem, one), inherited(problem, other)]
         trials = [problem.fitted(point, 4, 1e-3) for point in points]
-        return Candidate(effects=effects, problem=problem, minimum=min(trials, key=lambda m: m.normal.cost))
+        enough = ASTRAY * min(m.normal.cost for m in trials)
+        near = [m for m in trials if m.normal.cost <= enough]
+        return Candidate(effects=effects, problem=problem, minimum=min(near, key=_promise))
 
-    def finished(self, model: Candidate) -> Candidate:
-        """Return a model that was only begun with its fit brought to an end."""
+    def finished(self, model: Candidate, *parents: Candidate) -> Candidate:
+        """Return a model that was only begun with its fit brought to an end, no worse than what it contains."""
         problem = model.problem
 
         def small(cost: float) -> float:  # at the noise, a tenth of what chance gains
             return max(0.2 / problem.samples, problem.unnoticed(cost))
 
-        return replace(model, minimum=problem.fitted(model.minimum.point, 16, small, model.minimum.normal))
+        found = problem.fitted(model.minimum.point, 16, small, model.minimum.normal)
+        for known in parents:
+            if known.minimum.normal.cost < found.normal.cost:
+                again = problem.fitted(inherited(problem, known), 16, small)
+                found = min(found, again, key=lambda m: m.normal.cost)
+        return replace(model, minimum=found)
 
     def _little(self, effects: Iterable[str]) -> list[dict[str, float]]:
         """Return the catalogue's starts of effects that join a model, a few where there are several valleys."""
@@ -302,6 +316,7 @@ class Search:
         waiting = sorted(
             self.each("pair", Search.begun, wanted, begin, half), key=lambda m: _promise(m.minimum)
         )
+        parents = {tuple(sorted({*a.effects, *b.effects})): (a, b) for a, b in wanted}
         total, done = len(waiting), list[Candidate]()
         batch = max(4, total // 8)
         while waiting:
@@ -310,7 +325,7 @@ class Search:
                 break
             now, waiting = waiting[:batch], waiting[batch:]
             share = half + (end - half) * len(done) / total
-            done += self.each("pair", Search.finished, [(m,) for m in now], share, share)
+            done += self.each("pair", Search.finished, [(m, *parents[m.effects]) for m in now], share, share)
         return [*done, *waiting]
 
     def added(self, model: Candidate) -> tuple[str, ...]:
@@ -326,6 +341,9 @@ class Search:
     def pairs(self, singles: Sequence[Candidate], count: int) -> list[Candidate]:
         """Fit the pairs of the best single effects, that many, with all others."""
         best = best_of(leaders(singles[1:], frugality), count)
+        if count > FEW:  # alone, a richer law takes over what another effect does beside the simpler one
+            simpler = {name for part in best[0].problem.structure.parts for name, _ in part.limiting_cases}
+            best += [m for m in singles[1:] if set(self.added(m)) <= simpler]
         wanted = {
             tuple(sorted({*a.effects, *b.effects})): (a, b)
             for a in best for b in singles[1:] if a is not b and _sensible(a, b)
@@ -343,6 +361,18 @@ class Search:
             if (effects := tuple(sorted({*a.effects, *b.effects}))) not in done and a is not b and _sensible(a, b)
         }  # fmt: skip
         return self.unions(list(wanted.values()), 0.7, 0.8)
+
+    def kinked(self, singles: Sequence[Candidate]) -> list[Candidate]:
+        """Search the pairs of the simplest dry friction and a stop or a gap from the catalogue's starts, the first swings first.
+
+        Friction decides in which swing a stop is last met, so alone neither comes near to what it is beside the other.
+        """
+        laws = [(m, structure_of(self.added(m))) for m in singles]
+        rubbed = [m for m, law in laws if law.has_dry_friction]
+        kinked = [m for m, law in laws if law.nonsmooth and not law.has_dry_friction and not law.states]
+        one = min(rubbed, key=lambda m: m.size, default=None)
+        jobs = [((*one.effects, *self.added(m)), one) for m in kinked if _sensible(one, m)] if one else []
+        return self.each("friction and", Search.single, jobs, 0.8, 0.8)
 
     def reduced(self, models: Sequence[Candidate], found: Sequence[Candidate]) -> list[Candidate]:
         """Re-fit every model that is one of `models` with an effect less, or simplified, from what that one found.
@@ -410,8 +440,11 @@ class Search:
             done[model.effects] = min(done[model.effects], model, key=lambda m: m.cost)
         ranked = sorted(done.values(), key=lambda m: m.cost)
         hopeless = _hopeless(ranked[0])
+        # Of coloured noise many numbers more take much away: what the best one holds may be as likely.
         running = [
-            m for i, m in enumerate(ranked) if i < BEATEN or m.cost < hopeless or m.effects == self.base
+            m
+            for i, m in enumerate(ranked)
+            if i < BEATEN or m.cost < hopeless or set(m.effects) < set(ranked[0].effects)
         ]
         for model in self.each("predicting", Search.predicted, [(m,) for m in running], 0.93, 0.98):
             done[model.effects] = model

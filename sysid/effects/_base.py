@@ -15,7 +15,7 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 
-from sysid.effects._algebra import Algebra, Numbers, Value, Values
+from sysid.effects._algebra import NUMPY, Algebra, Numbers, Value, Values
 from sysid.roll import Array
 
 MjSpec = Any
@@ -388,6 +388,19 @@ class TorqueEffect(Effect):
         return (
             parameters.get(self.adds_stiffness, 0.0) if self.slope is None else self.slope(parameters, roll)
         )
+
+    def dragged_stiffness(self, tilt: float, stiffness: float, parameters: Numbers) -> float:
+        """Return how hard its internal states pull where the joint was dragged from rest, over that tilt [rad] [N*m/rad].
+
+        Args:
+            tilt: Where to [rad].
+            stiffness: The joint's own [N*m/rad].
+            parameters: Of the effect.
+        """
+        if not self.states:
+            return 0.0
+        states = [state.start(NUMPY, tilt, 0.0, stiffness, parameters) for state in self.states]
+        return -float(self.torque(NUMPY, JointState(tilt, 0.0, tilt, stiffness), parameters, states)) / tilt
 
     @property
     def slides(self) -> bool:

@@ -138,11 +138,12 @@ def starting_points(
             point["stiffness"] *= 1.0 / (
                 1.0 - linear["stiffness"] / point[f"{part.name}.{part.series_stiffness}"]
             )
-        at, pulling = held.get("rest_angle", 0.0), held.get("stiffness", 0.0)
+        at, pulling, dragged = held.get("rest_angle", 0.0), held.get("stiffness", 0.0), 0.0
         for part in structure.torques:
             own = {p: held.get(f"{part.name}.{p}", point[f"{part.name}.{p}"]) for p in part.parameter_names}
             added = part.stiffness_at(at, own)
             pulling += added
+            dragged += part.dragged_stiffness(scales.amplitude, linear["stiffness"], own)
             point["stiffness"] -= min(added, 0.98 * linear["stiffness"])
             if "stiffness" in held and part.adds_stiffness:  # a spring that is held leaves it the rest
                 point[f"{part.name}.{part.adds_stiffness}"] = linear["stiffness"] - held["stiffness"]
@@ -151,6 +152,10 @@ def starting_points(
                 more = max(pulling / scales.frequency**2 - scales.inertia, -0.9 * scales.inertia)
                 point[f"{part.name}.{part.adds_inertia}"] = more
         points.append(point)
+        if dragged > 0:  # wide swings may be carried by it, or let it yield soon
+            points.append(
+                {**point, "stiffness": max(point["stiffness"] - dragged, 0.02 * linear["stiffness"])}
+            )
     if structure.has_dry_friction:
         # The linear fit gave the damper all of the loss; dry friction takes its share of that, more or less.
         points = [{**point, "damping": share * point["damping"]} for share in _VISCOUS for point in points]

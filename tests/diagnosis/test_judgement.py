@@ -168,6 +168,13 @@ def test_what_explains_nothing_cannot_win_where_something_is_missing(friction, m
     assert field.winner().model.effects == ("coulomb",)
 
 
+def test_what_does_not_fade_with_the_motion_is_the_sensors_noise():
+    """A fit of the noise's five sizes takes some of it for the mark of another law."""
+    _, field = tried(LAW.with_effect("coulomb", 0.08), ("coulomb",), lasting)
+    assert field.noise == pytest.approx(field.best.model.heldout_rmse)
+    assert field.explained(field.winner()) == pytest.approx(1.0, abs=0.02)
+
+
 def test_noise_that_lasts_is_neither_a_law_nor_a_model_that_is_not_exact(friction):
     """It does not fade with the motion, and no model predicts it."""
     _, field = tried(LAW, ("coulomb", "quadratic-damping"), lasting)

@@ -66,7 +66,7 @@ def test_no_pair_of_the_catalogue_is_worse_than_its_halves(search):
     linear = search.single(())
     singles = {name: search.single((name,), linear) for name in names}
     for one, other in itertools.combinations(names, 2):
-        pair = search.begun(singles[one], singles[other])
+        pair = search.union(singles[one], singles[other])
         best = min(singles[one].cost, singles[other].cost)
         assert pair.cost <= best * (1 + 1e-6), (one, other)
 
@@ -75,6 +75,16 @@ def test_a_single_effect_is_no_worse_than_the_joint_without_it(search):
     linear = search.single(())
     for name in ("end-stop", "hysteresis", "cubic-stiffness"):
         assert search.single((name,), linear).cost <= linear.cost * (1 + 1e-6), name
+
+
+def test_a_slider_takes_its_share_of_the_spring(search):
+    """Wide swings drag it along, small ones are carried by it: a linear joint has the spring of both."""
+    law = JointLaw(inertia=8.7e-3, stiffness=18.1, damping=0.013).with_effect("hysteresis", 29.1, 1.08)
+    record = record_of(0.13, 1, law)
+    coarse = replace(record, time=record.time[::3], signal=record.signal[::3])
+    scales = Scales(inertia=8.7e-3, stiffness=46.8, damping=0.055, amplitude=0.12, duration=0.35)
+    model = replace(search, records=(coarse,), scales=scales).single(("hysteresis",))
+    assert model.parameters["hysteresis.torque"] == pytest.approx(1.08, rel=0.05)
 
 
 def test_the_best_are_those_with_the_least_error_and_the_most_frugal(search):
@@ -123,6 +133,18 @@ def test_what_is_far_from_the_best_is_not_predicted(search):
     assert min(done[one].cost for one in left) >= max(running)
 
 
+def test_what_the_best_model_holds_is_predicted(search):
+    """However many richer ones are nearer to a log whose noise lasts."""
+    law = LAW.with_effect("quadratic-damping", 0.01)
+    both = replace(search, records=(record_of(0.15, 1, law), record_of(-0.13, 2, law)))
+    linear = both.single(())
+    friction, drag = (both.single((name,), linear) for name in ("coulomb", "quadratic-damping"))
+    module = "sysid.diagnosis.search"
+    with patch(f"{module}.BEATEN", 1), patch(f"{module}._hopeless", lambda best: best.cost):
+        found = both.finalists([linear, friction, drag, both.union(friction, drag)])
+    assert all(model.heldout is not None for model in found)
+
+
 def test_a_pendulum_is_searched_without_a_spring():
     """Of a swing of 70° the sine shows; then gravity alone does as well as gravity and a spring, in the record or not."""
     board = load_board(shipped_data() / "boards" / "pink.toml")
@@ -149,3 +171,14 @@ def test_a_pendulum_is_searched_without_a_spring():
     assert (hung.effects, coulomb.effects) == (("gravity",), ("coulomb", "gravity"))
     assert hung.parameters["gravity.moment"] == pytest.approx(0.6, rel=1e-3)
     assert not {"stiffness"} & {*hung.problem.names, *coulomb.problem.names}
+
+
+def test_a_gap_beside_friction_is_searched_anew(search):
+    """Both with what they are alone, friction beside which the gap does nothing is all that a union finds."""
+    law = JointLaw(inertia=8.7e-3, stiffness=33.0, damping=0.026)
+    law = law.with_effect("coulomb", 0.71).with_effect("freeplay", 0.0334)
+    both = replace(search, records=(record_of(0.108, 1, law), record_of(-0.085, 2, law)))
+    singles = [both.single(()), *(both.single((name,)) for name in ("coulomb", "cubic-stiffness", "freeplay"))]
+    found = both.kinked(singles)
+    assert [model.effects for model in found] == [("coulomb", "freeplay")]
+    assert found[0].rmse < 1.2 * NOISE

@@ -73,6 +73,15 @@ def test_late_stamps_of_even_samples_are_evened(tmp_path):
     assert any("jitter" in warning for warning in roll.warnings)
 
 
+def test_each_lost_sample_of_jittering_stamps_leaves_its_own_gap(tmp_path):
+    rng = np.random.default_rng(4)
+    kept = rng.random(TRUE.size) > 0.01
+    stamps = (TRUE + 2e-4 * np.clip(rng.standard_normal(TRUE.size), -3, 3))[kept]
+    roll = read(tmp_path, stamps, noisy(TRUE, std=1e-4)[kept])
+    assert any("jitter" in warning for warning in roll.warnings)
+    assert clock_error(roll, TRUE[kept]) < 3e-5
+
+
 def test_times_for_which_a_roll_was_computed_are_kept(tmp_path):
     """Stamps that look late, but beside a deviation for each sample: `roll` has written them."""
     stamps = np.sort(TRUE + np.random.default_rng(1).normal(0, 1.2e-3, TRUE.size))

@@ -98,6 +98,17 @@ def test_a_turn_that_comes_short_is_told_from_one_that_goes_too_far():
     assert by_stretch.mean("stretch 2", "|error|") == 0
 
 
+def test_how_far_a_push_turns_the_board_is_told_by_stretch_and_command():
+    heading = np.zeros((STEPS, 2))
+    heading[: CLOCK.push, 0] = np.linspace(3.1, 3.1 + 0.2, CLOCK.push)  # over the seam at pi
+    heading[CLOCK.period : CLOCK.period + CLOCK.push, 1] = np.linspace(0, -0.4, CLOCK.push)
+    tables = break_down(rides(heading=heading), CLOCK)
+    turned = table(tables, "how far a pushing stretch turns")
+    assert turned.mean("stretch 1", "to the left") == pytest.approx(0.1)
+    assert turned.mean("0.8-1.2 m/s", "to the left") == pytest.approx(-0.2)
+    assert dict(turned.rows)["all"][0][1] == 4
+
+
 def test_means_agree_with_the_metrics():
     rng = np.random.default_rng(3)
     noisy = rides(speed=rng.uniform(0, 1, (STEPS, 2)), heading=rng.uniform(-1, 1, (STEPS, 2)))

@@ -5,7 +5,16 @@ from dataclasses import asdict
 
 import pytest
 
-from policy_runtime.learning.curriculum import EASIER, GAIN, HARDER, LONGEST, Level, step
+from policy_runtime.learning.curriculum import (
+    EASIER,
+    GAIN,
+    HARDER,
+    LONGEST,
+    PATIENCE_ENDS,
+    STRENGTH_ENDS,
+    Level,
+    step,
+)
 from sim.skate.cycle.clock import Clock
 
 pytestmark = pytest.mark.train
@@ -30,7 +39,7 @@ def test_patience_falls_by_three_percent_at_most_and_rises_by_one():
     level = Level(patience=60.0)
     assert level.after(0.5, own=20).patience == pytest.approx(60 * math.exp(-0.03))
     assert level.after(60.0, own=20).patience == pytest.approx(60 * math.exp(0.01))
-    assert level.after(14.0, own=20).patience == pytest.approx(60 * (14 / 18) ** 0.03)
+    assert level.after(14.0, own=20).patience == pytest.approx(60 * (14 / 24) ** 0.03)
     assert level.after(0.5, own=20).strength == 0.0
 
 
@@ -45,20 +54,25 @@ def test_a_whole_stretch_in_the_wrong_stance_ends_an_episode_however_patient():
 
 def test_strength_begins_where_the_patience_ends_and_goes_first_when_it_gets_too_hard():
     level = Level(patience=20.0).after(1.0, own=20)
-    assert asdict(level) == {"patience": 20.0, "strength": pytest.approx(0.03)}
-    assert level.after(4.5, own=20) == level
+    assert asdict(level) == {"patience": 20.0, "strength": pytest.approx(0.03), "ends": 1.0}
+    assert level.after(4.5, own=20).strength == level.strength
     easier = level.after(60.0, own=20)
-    assert asdict(easier) == {"patience": 20.0, "strength": pytest.approx(0.02)}
+    assert asdict(easier) == {"patience": 20.0, "strength": pytest.approx(0.02), "ends": 60.0}
     gone = Level(patience=20.0, strength=0.005).after(60.0, own=20)
-    assert asdict(gone) == {"patience": pytest.approx(20 * math.exp(0.01)), "strength": 0.0}
+    assert asdict(gone) == {"patience": pytest.approx(20 * math.exp(0.01)), "strength": 0.0, "ends": 60.0}
     assert Level(patience=20.0, strength=0.99).after(0.1, own=20).strength == 1.0
 
 
 @pytest.mark.parametrize(
-    ("patience", "weight"), [(100, 0.005), (40, 0.005), (20 * math.sqrt(2), math.sqrt(5e-6)), (20, 0.001)]
-)
-def test_entropy_falls_over_the_last_halving_of_the_patience(patience, weight):
-    assert Level(patience=patience).entropy(20, 0.005, 0.001) == pytest.approx(weight)
+    ("ends", "weight"),
+    [
+        (math.inf, 0.005), (PATIENCE_ENDS, 0.005), (math.sqrt(PATIENCE_ENDS * STRENGTH_ENDS), math.sqrt(5e-6)),
+        (STRENGTH_ENDS, 0.001), (0.0, 0.001),
+    ],
+)  # fmt: skip
+def test_entropy_falls_with_the_ends(ends, weight):
+    for patience in (20.0, 100.0):
+        assert Level(patience=patience, ends=ends).entropy(0.005, 0.001) == pytest.approx(weight)
 
 
 @pytest.fixture(scope="module")
@@ -91,6 +105,7 @@ def test_the_level_is_in_curves_and_checkpoint(led):
     folder, *_, level = led
     rows = folder.read_curves()
     assert rows[0]["patience"] == LONGEST
+    assert rows[0]["entropy_weight"] == 0.005
     expected = Level(patience=LONGEST)
     for row in rows:
         expected = expected.after(row["falls_per_minute"], own=20)
@@ -101,7 +116,7 @@ def test_the_level_is_in_curves_and_checkpoint(led):
 @pytest.mark.filterwarnings("ignore")
 def test_everything_that_hangs_on_the_level_is_set(led):
     _, env, learner, curriculum, _ = led
-    curriculum.set(Level(patience=50.0, strength=0.5))
+    curriculum.set(Level(patience=50.0, strength=0.5, ends=30.0))
     ends = env.termination_manager
     assert float(ends.get_term_cfg("wrong_stance").params["patience"]) == 50.0
     assert float(ends.get_term_cfg("idle_foot").params["patience"]) == pytest.approx(1.2 * 2.5)

@@ -230,7 +230,9 @@ class SkateCommand(CommandTerm):
         drawn = self.draw()
         for kept, new in zip((self._command, self.target_heading, self._yaw_then), drawn, strict=True):
             kept[env_ids] = new[env_ids]
-        self._told[env_ids] = self.step[env_ids]
+        # Until steering begins the course is straight on, as if long told.
+        long_ago = self.clock.period * ~self.clock.steering(self.step)
+        self._told[env_ids] = (self.step - long_ago)[env_ids]
 
     def draw(self) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Draw a command for every world as it stands now: command (n, 2), target heading and yaw [rad], (n,) each.
@@ -248,7 +250,9 @@ class SkateCommand(CommandTerm):
         rolls = self.step > 0
         speed = torch.where(rolls, speed.clamp(min=STILL_SPEED), speed)
         speed = torch.where(~rolls & (chance < led * self.cfg.standing), STILL_SPEED * share, speed)
-        target = wrap_angle(self.reading.board_heading() + turn)
+        # A turn counts from where steering begins; until then the course is straight on.
+        begun = torch.where(self.clock.steering(self.step), turn, 0.0)
+        target = wrap_angle(self.reading.board_heading() + begun)
         return torch.stack((speed, turn), dim=-1), target, rotation.yaw(self.reading.robot_quaternion())
 
     def compute(self, dt: float | torch.Tensor, env_ids: torch.Tensor | None = None) -> None:

@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
 MEMORY = 3
 """Policy steps that delays reach over, the present one included."""
-LEVEL_SHARE, DESCENT_SHARE = 0.3, 0.3
-"""Shares of the stretches of ground that are level and that are short ways down; the others are long slopes. Of the way,
-two fifths are level: a rider who hardly sees the slope must not take every ground for one."""
+LEVEL_SHARE, ASCENT_SHARE, DESCENT_SHARE = 0.3, 0.25, 0.3
+"""Shares of the stretches of ground that are level, long ways up and short ways down; the others are long ways down, on which
+nobody fell. Of the way, two fifths are level: a rider who hardly sees the slope must not take every ground for one."""
 LONG, SHORT = (3.0, 20.0), (1.0, 4.0)
 """How long stretches of ground are, evenly spread in the logarithm: level ones and long slopes, short ways down [m]. Where
 one ends, a ledge lies ahead."""
@@ -165,15 +165,15 @@ class Worlds:
     def _stretch(self) -> tuple[torch.Tensor, torch.Tensor]:
         """Draw gradient [rad], (n, 2), and length [m], (n,), of a stretch of ground for every world."""
         n, device = len(self.slope), self.slope.device
-        chance, drawn = torch.rand(n, device=device), 2 * torch.rand(n, 2, device=device) - 1
+        chance, drawn, aside, far = torch.rand(4, n, device=device)
         level, descent = chance < LEVEL_SHARE, chance > 1 - DESCENT_SHARE
-        towards = self._board()[1] + OBLIQUE * drawn[:, 1]
+        towards = self._board()[1] + OBLIQUE * (2 * aside - 1)
         ahead = torch.stack((towards.cos(), towards.sin()), dim=-1)
-        steepness = drawn[:, 0].abs().sqrt()  # the steeper, the more often: they are harder
-        slope = self.variation.slope * drawn[:, 0].sign() * steepness
-        slope = torch.where(descent, -self.variation.descent * steepness, slope)
+        steepness = drawn.sqrt()  # the steeper, the more often: they are harder
+        steepest = torch.where(descent, self.variation.descent, self.variation.slope)
+        slope = torch.where(chance < LEVEL_SHARE + ASCENT_SHARE, steepness, -steepness) * steepest
         low, high = (torch.where(descent, short, long) for short, long in zip(SHORT, LONG, strict=True))
-        length = low * (high / low) ** torch.rand(n, device=device)
+        length = low * (high / low) ** far
         return torch.where(level, 0.0, self.strength * slope)[:, None] * ahead, length
 
     def _board(self) -> tuple[torch.Tensor, torch.Tensor]:

@@ -16,8 +16,9 @@ Terrain = Literal["flat", "slopes", "steps"]
 SLOPES_DEG = (5.0, 6.0, 8.0, 10.0)
 """Gradients of successive descents [deg], 3 m long each, with 6 m of level ground before each."""
 STEPS = (0.03, 0.04, 0.05, 0.06)
-"""Heights of successive ledges [m], with 5 m of level ground before each. A wheel of 3 cm radius cannot
-climb them: the lane goes down."""
+"""Heights of successive ledges [m]. A wheel of 3 cm radius cannot climb them: the lane goes down."""
+STEP_LENGTH = 5.0
+"""Level ground before each of them [m]."""
 
 LEDGE = "ledge"
 """Name of the slab that is laid under riders in training."""
@@ -44,7 +45,7 @@ def add_terrain(spec: mujoco.MjSpec, terrain: Terrain) -> None:
     if terrain == "slopes":
         profile = _descents([math.radians(angle) for angle in SLOPES_DEG], run=3.0, level=6.0)
     else:
-        profile = _ledges(STEPS, level=5.0)
+        profile = _ledges(STEPS, level=STEP_LENGTH)
     plane = spec.geom("terrain")
     if plane is not None:  # mjlab's own plane; the lane replaces it
         spec.delete(plane)

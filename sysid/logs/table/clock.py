@@ -24,6 +24,8 @@ DAY, HOUR = 86400.0, 3600.0
 OWN_TIMES = 1e5
 """Times are kept as the log has them up to here [s], a day and a bit; later ones (since the epoch, since a robot was
 switched on last week) have too many digits to be typed, and count from the first sample."""
+SURE = 0.4
+"""Share [1] of a sample by which a step may be off a whole number of them that it surely spans."""
 WINDOW = 64
 """Rows over which the step of the stamps is averaged before it is judged: longer than most bursts."""
 
@@ -273,13 +275,19 @@ def _even_out(clock: Clock, signal: Array, steps: Array) -> bool:
 def _even_times(time: Array) -> Array | None:
     """Fit an even clock to stamps that may be late, with whole samples missing here and there.
 
-    A stamp is never early by much, so the lowest of (stamp − index · period) within a window longer than a
+    Where the stamps come in bursts, they are never early by much, so the lowest of (stamp − index · period) within a window longer than a
     burst is the true offset; where that steps up and stays up, samples are missing.
     """
     from scipy.ndimage import minimum_filter1d
 
     count = time.size
     steps = np.diff(time)
+    lengths = steps / float(np.median(steps) or np.inf)
+    whole = np.round(lengths)
+    if whole.min() > 0 and np.abs(lengths - whole).max() < SURE:  # each step says how many samples it spans
+        index = np.append(0.0, np.cumsum(whole))
+        period, start = np.polyfit(index, time, 1)
+        return start + period * index
     positive = steps[steps > 0]
     large = np.flatnonzero(steps > 0.3 * np.percentile(positive, 99))
     burst = int(np.percentile(np.diff(large), 95)) if large.size > 2 else 1

@@ -223,6 +223,27 @@ def test_fused_rewards_are_mjlabs_to_the_last_bit(monkeypatch):
         env.step(torch.zeros(WORLDS, 23))
 
 
+def test_the_course_is_paid_for_from_the_first_push_on_whatever_turn_is_told():
+    import torch
+
+    from sim.skate.mdp.observations import skate_command
+
+    with worlds(start=PUSHING, speed=(0.5, 1.5), pushes=0.0) as env:
+        command = skate_command(env)
+        assert command.command[:, 1].abs().max() > 0.2
+        torch.testing.assert_close(command.target_heading, command.reading.board_heading())
+        command.target_heading[0] += 0.1
+        torch.testing.assert_close(command.heading_reference(), command.target_heading)
+        step(env)
+        assert paid(env, "always/course") == pytest.approx([5 / math.e] + [5.0] * 7, rel=0.15)
+        command.step[:] = command.clock.push + command.clock.mount - 1
+        step(env)
+        assert command.steering.all()
+        assert (paid(env, "always/course") > 0).all()  # the step before was of mounting
+        step(env)
+        assert not paid(env, "always/course").any()
+
+
 def test_ends_are_counted_a_minute_of_riding_and_told_to_stand_is_none():
     import torch
 
