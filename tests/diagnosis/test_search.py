@@ -178,7 +178,10 @@ def test_a_gap_beside_friction_is_searched_anew(search):
     law = JointLaw(inertia=8.7e-3, stiffness=33.0, damping=0.026)
     law = law.with_effect("coulomb", 0.71).with_effect("freeplay", 0.0334)
     both = replace(search, records=(record_of(0.108, 1, law), record_of(-0.085, 2, law)))
-    singles = [both.single(()), *(both.single((name,)) for name in ("coulomb", "cubic-stiffness", "freeplay"))]
+    singles = [
+        both.single(()),
+        *(both.single((name,)) for name in ("coulomb", "cubic-stiffness", "freeplay")),
+    ]
     found = both.kinked(singles)
     assert [model.effects for model in found] == [("coulomb", "freeplay")]
     assert found[0].rmse < 1.2 * NOISE
