@@ -17,6 +17,7 @@ SUITE: tuple[tuple[str, Protocol], ...] = (
     ("soles 0.4", Protocol(stress=Stress(friction=0.4))),
     ("rolling friction × 3", Protocol(stress=Stress(rolling=3.0))),
     ("3° uphill", Protocol(stress=Stress(slope=math.radians(3)))),
+    ("3° uphill, 0.1 to 0.5 m/s", Protocol(speed=(0.1, 0.5), stress=Stress(slope=math.radians(3)))),
     ("3° downhill", Protocol(stress=Stress(slope=-math.radians(3)))),
     ("pushes of 100 N", Protocol(stress=Stress(push=100.0))),
     ("slopes", Protocol(terrain="slopes")),

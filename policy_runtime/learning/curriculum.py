@@ -23,7 +23,7 @@ The longest patience is shorter than any stretch in which the stance counts. Whe
 and just below which it does once a cycle, 10 a minute, more than the 8 at which the patience then stayed. Who rides
 on one leg is ended 15 to 19 times a minute of riding, whatever else he can and however patient the task: the balance must be
 well above that. With 8 of all minutes a run stood at a patience of 100 until iteration 1,000, with 16 another left it at 400 and
-came to 20 at 950; with 18 of riding two stood at 75 from iteration 600 to 950, and rode on two legs as soon as it was below 70.
+came to 20 at 950; with 18 of riding two stood at 75 from iteration 600 to 950, and came onto two legs at 1,000.
 """
 
 import math

@@ -235,7 +235,7 @@ def test_the_course_is_paid_for_from_the_first_push_on_whatever_turn_is_told():
         command.target_heading[0] += 0.1
         torch.testing.assert_close(command.heading_reference(), command.target_heading)
         step(env)
-        assert paid(env, "always/course") == pytest.approx([5 / math.e] + [5.0] * 7, rel=0.15)
+        assert paid(env, "always/course") == pytest.approx([10 * math.exp(-1 / 3)] + [10.0] * 7, rel=0.05)
         command.step[:] = command.clock.push + command.clock.mount - 1
         step(env)
         assert command.steering.all()
