@@ -75,15 +75,16 @@ FAR = 3.0
 UNNOTICED = 0.005
 """Error beyond the noise over the motion, both RMS, that nobody misses an effect by which another would take away: of eleven random
 logs and a bicycle's fork, what is not there took away 0.002 to 0.004, what is there 0.010 or more."""
-WEAK = 2.0
-"""Score [nat] that an effect must gain to be listed as a hint."""
+WEAK = 3.0
+"""Log-likelihood [nat] that an effect must gain to be listed as a hint: in one of 21 logs of linear joints the best of all gained so much by
+chance, and 2 in three."""
 
 Status = Literal["none-missing", "missing", "unexplained"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hint:
-    """An effect that is seen, but too weak to matter or to be sure of."""
+    """An effect that is seen, but does not matter, or that may be there, but not beyond doubt."""
 
     effects: tuple[str, ...]
     size: Importance
@@ -122,7 +123,7 @@ class Candidate:
     heldout_rmse: float | None
     """None where the model was out of the running before it came to that."""
     score: float
-    """Twice the log-likelihood of held-out motion that the best has more: 0 is best, 8 is e⁴ to 1 against."""
+    """Twice the log-likelihood of held-out motion that the best has more."""
     score_std: float | None
     """Standard deviation of that difference, from period to period; None where it was not predicted."""
     parameters: Mapping[str, Quantity]
@@ -142,7 +143,7 @@ class Diagnosis:
     doubts: tuple[str, ...]
     """What is odd about the releases for this board, or doubtful about the verdict."""
     heldout_before: tuple[float, ...]
-    """Error of predicting each release from the others, over its RMS motion: without what is missing."""
+    """Error of predicting each release or stretch from the others, over its RMS motion: without what is missing."""
     heldout_after: tuple[float, ...]
     """The same with the model that the verdict rests on."""
     best: Model = field(repr=False)
@@ -155,7 +156,9 @@ class Diagnosis:
     option: str
     """How the command line names the joint."""
     releases: int
-    """How many were judged."""
+    """How many were given."""
+    is_cut: bool
+    """Whether stretches of releases were judged."""
     recordings: tuple[Recording, ...] = ()
     """The logs, where they were given whole."""
     logs: tuple[str, ...]
@@ -339,6 +342,7 @@ def diagnose(
         board=board.name,
         option=board.option,
         releases=len(releases),
+        is_cut=not {_span(release) for release in judged} <= {_span(release) for release in releases},
         recordings=recordings,
         logs=tuple(dict.fromkeys(release.log for release in releases)),
         heldout_before=heldout_nrmse(everything.base.model),
@@ -369,6 +373,10 @@ def check_releases(releases: Sequence[Release], board: Board, period: float) -> 
             "from different angles, to both sides, make a much stronger test"
         )
     return warnings
+
+
+def _span(release: Release) -> tuple[str, float, float]:
+    return release.log, float(release.time[0]), float(release.time[-1])
 
 
 def heldout_nrmse(model: Model) -> tuple[float, ...]:
@@ -478,7 +486,7 @@ def _judged(
     if outside is not None or (tried.surely_missing and vague):
         return _unexplained(search, tried, chosen, outside, hints, board)
     if size is None or not size.matters or explained < EXPLAINED:
-        return _nothing(search, tried, chosen, hints, board)
+        return _nothing(search, tried, chosen, size, hints, board)
     return _missing(search, tried, chosen, size, hints, board, idle)
 
 
@@ -498,7 +506,7 @@ def _outside(tried: Field, chosen: Scored) -> Scored | None:
 
 
 def _hints(search: Search, tried: Field, chosen: Scored, size: Importance | None) -> tuple[Hint, ...]:
-    """Return single effects that are seen, beside what is named if that matters, but are too weak to be named."""
+    """Return single effects that show, beside what is named if that matters, but are not sure or too weak to be named."""
     beside = chosen if chosen.extra and size is not None and size.matters else tried.base
     hints: list[Hint] = []
     for s in sorted(tried.scored, key=lambda s: -s.score):
@@ -509,7 +517,8 @@ def _hints(search: Search, tried: Field, chosen: Scored, size: Importance | None
             continue
         weight = importance(s.model, names, beside.model)
         if beside is tried.base or weight.matters:
-            text = f"{listed(names)} is seen ({gained:.1f} in the log of the odds). {size_in_words(weight)}"
+            seen = "may be there" if weight.matters or tried.gap(s, beside) <= TIE else "is seen"
+            text = f"{listed(names)} {seen} (score better by {2 * gained:.1f}). {size_in_words(weight)}"
             hints.append(Hint(effects=names, size=weight, text=text))
     return tuple(hints)
 
@@ -556,7 +565,12 @@ def _missing(
 
 
 def _nothing(
-    search: Search, tried: Field, chosen: Scored, hints: tuple[Hint, ...], board: Board
+    search: Search,
+    tried: Field,
+    chosen: Scored,
+    size: Importance | None,
+    hints: tuple[Hint, ...],
+    board: Board,
 ) -> tuple[Verdict, Model]:
     final = search.fine(tried.base.model, average=1)
     deviation = record_deviation(final, board, look_at_linear=True)
@@ -573,8 +587,16 @@ def _nothing(
     else:
         status = "none-missing"
         few = ", too little of too few periods to say of what" if tried.slight else ""
-        text = f"Nothing is missing that matters{few}. {deviation.text}".strip()
+        would = any(hint.size.matters for hint in hints) and not few
+        text = (
+            f"Nothing is missing {'beyond doubt' if would else 'that matters'}{few}. {deviation.text}".strip()
+        )
         seen = {hint.effects for hint in hints}
+        named = search.added(chosen.model)
+        if size is not None and size.matters:
+            text += f" {listed(named)} takes away only {percent(tried.explained(chosen))} of the squared error of prediction."
+        elif size is not None and named not in seen:
+            text += f" {listed(named)} {is_or_are(named)} seen, too weak to matter. {size_in_words(size)}"
         alike = [s for s in tried.scored if search.added(s.model) in seen and not s.model.shape]
         experiment = _experiment(search, tried, tried.base, board, alike) if alike else ""
     for hint in hints:
