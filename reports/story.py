@@ -17,7 +17,7 @@ from sysid.board import Board
 from sysid.comparison.compare import Comparison, compare
 from sysid.comparison.force_surface import TorqueProfile
 from sysid.comparison.release import ComparedRelease
-from sysid.diagnosis.judgement import TIE
+from sysid.diagnosis.report import TIED
 from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.fitting.ladder import PLAIN
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
 
 Z99 = 2.5758
 """Half width of a 99 % interval in standard deviations."""
-TIED = 2 * TIE
-"""Score below which two models are not told apart: it is twice a log-likelihood [1]."""
 STOOD = "as it stood"
 REFITTED = "k and d refitted"
 RECORD = "the record"
@@ -145,7 +143,7 @@ class Story:
             return "the best"
         if chosen.score <= TIED:
             return "the simplest not told from the best"
-        return "the simplest; none is exact"
+        return "the simplest; none is exact" if chosen.effects else "nothing more is sure, or matters"
 
 
 def times(error: float) -> str:

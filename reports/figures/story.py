@@ -12,7 +12,8 @@ from reports.figures.ladder import draw_ladder
 from reports.figures.palette import NOISE, REAL, SIM, STOOD
 from reports.figures.style import styled
 from reports.figures.svg import thin
-from reports.story import TIED, Missing, Ranked, Story, times
+from reports.story import Missing, Ranked, Story, times
+from sysid.diagnosis.report import TIED
 from sysid.effects import effect
 from sysid.quantity import Z95
 from sysid.roll import Array

@@ -95,7 +95,8 @@ def mjcf(
 def _why(kind: str, coupling: str, export: str) -> str:
     """Return what takes a decay away from the board's, and what helps."""
     if export == "physical":
-        return "It holds the record's numbers as they are; without --export physical they are compensated."
+        other = "in-scene" if kind == "scene" else "step-compensated"
+        return f"It holds the record's numbers as they are; --export {other} compensates them."
     if kind == "scene" and coupling == "equality":
         return (
             "The wheels, which the joint equality drags over the ground, damp by more than can be taken off so light a "

@@ -21,7 +21,7 @@ CLEAR = 0.1
 """Share of the largest tilt within which a sign is the noise's."""
 LARGEST_SHARE = 1 / 3
 """The same where samples are few: a parabola over a third of a period takes a tenth off a swing, measured and simulated."""
-FEWEST = 7
+QUARTIC_WINDOW = 7
 """Samples that a local quartic needs to smooth at all; a local parabola makes do with five."""
 
 
@@ -151,7 +151,7 @@ def derivatives(time: Array, roll: Array, window: int) -> tuple[Array, Array, Ar
     """
     from scipy.signal import savgol_filter
 
-    step, order = float(np.median(np.diff(time))), 4 if window >= FEWEST else 2
+    step, order = float(np.median(np.diff(time))), 4 if window >= QUARTIC_WINDOW else 2
     smooth, rate, acceleration = (
         np.asarray(savgol_filter(roll, window, order, deriv=deriv, delta=step)) for deriv in range(3)
     )

@@ -18,7 +18,7 @@ PER_PERIOD = 4.0
 """Independent values in a period: what follows a motion holds its frequency and twice that."""
 FADED = 3.0
 """Decay times after which hardly anything of the motion is left to follow."""
-FEWEST = 1.5
+LEAST_INDEPENDENT = 1.5
 """Independent values that the fit leaves at least; it takes five up in a release alone."""
 
 
@@ -51,7 +51,7 @@ def inflate_covariance(trace: TraceFit, floor: NoiseFloor) -> tuple[TraceFit, fl
         larger = math.sqrt(power / noise)
         return replace(trace, covariance=trace.covariance * larger**2), larger
     size = max(trace.noise**2, *(fitted.trace.known_std**2 for fitted in trace.releases))
-    left = max(values - 2 - 3 * len(trace.releases), FEWEST)
+    left = max(values - 2 - 3 * len(trace.releases), LEAST_INDEPENDENT)
     covariance = trace.white_covariance * (1.0 + (power - noise) / (left * size))
     growth = math.sqrt(float(np.mean(np.diag(covariance) / np.diag(trace.covariance))))
     return (replace(trace, covariance=covariance), growth) if growth > 1.0 else (trace, 1.0)

@@ -70,18 +70,21 @@ FINALISTS = 6
 """How many of the best sets of families, of single effects and of pairs, are predicted."""
 RIVALS = 4
 """How many models that predict as well are listed."""
+FAR = 3.0
+"""Error over the noise from which a model on the coarse grid will not reach the noise on the fine one: a choice; only time depends on it."""
 UNNOTICED = 0.005
 """Error beyond the noise over the motion, both RMS, that nobody misses an effect by which another would take away: of eleven random
 logs and a bicycle's fork, what is not there took away 0.002 to 0.004, what is there 0.010 or more."""
-WEAK = 2.0
-"""Score [nat] that an effect must gain to be listed as a hint."""
+WEAK = 3.0
+"""Log-likelihood [nat] that an effect must gain to be listed as a hint: in one of 21 logs of linear joints the best of all gained so much by
+chance, and 2 in three."""
 
 Status = Literal["none-missing", "missing", "unexplained"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hint:
-    """An effect that is seen, but too weak to matter or to be sure of."""
+    """An effect that is seen, but does not matter, or that may be there, but not beyond doubt."""
 
     effects: tuple[str, ...]
     size: Importance
@@ -120,7 +123,7 @@ class Candidate:
     heldout_rmse: float | None
     """None where the model was out of the running before it came to that."""
     score: float
-    """Twice the log-likelihood of held-out motion that the best has more: 0 is best, 8 is e⁴ to 1 against."""
+    """Twice the log-likelihood of held-out motion that the best has more."""
     score_std: float | None
     """Standard deviation of that difference, from period to period; None where it was not predicted."""
     parameters: Mapping[str, Quantity]
@@ -140,7 +143,7 @@ class Diagnosis:
     doubts: tuple[str, ...]
     """What is odd about the releases for this board, or doubtful about the verdict."""
     heldout_before: tuple[float, ...]
-    """Error of predicting each release from the others, over its RMS motion: without what is missing."""
+    """Error of predicting each release or stretch from the others, over its RMS motion: without what is missing."""
     heldout_after: tuple[float, ...]
     """The same with the model that the verdict rests on."""
     best: Model = field(repr=False)
@@ -153,7 +156,9 @@ class Diagnosis:
     option: str
     """How the command line names the joint."""
     releases: int
-    """How many were judged."""
+    """How many were given."""
+    is_cut: bool
+    """Whether stretches of releases were judged."""
     recordings: tuple[Recording, ...] = ()
     """The logs, where they were given whole."""
     logs: tuple[str, ...]
@@ -263,18 +268,22 @@ def diagnose(
             records=records, scales=scales, bias=bias, base=tuple(sorted(p.name for p in board.effects)),
             fixed=held, pool=pool, progress=progress,
         )  # fmt: skip
-        started, (search, models, final) = search, _searched(search)
+        started, (search, models) = search, _searched(search)
+        learning = partial(learn, judged, board, signal=signal, fixed=fixed)
+        # Begun as soon as it is clear that it will be wanted, while others work on the rest.
+        alone = pool.begin(learning, ()) if _beyond(search, models) else None
+        final = _finalists(search, models)
         free = untouched(final, search.base)
         if free is not None:
             judged, left_out = free
             warnings.append(left_out)
             records = make_records(judged, noise.std, rate=use_rate)
-            search, models, final = _searched(replace(started, records=records))
+            search, models = _searched(replace(started, records=records))
+            final = _finalists(search, models)
+            learning, alone = partial(learn, judged, board, signal=signal, fixed=fixed), None
         first = Field(final, search.base, period, noise.std)
-        learning = partial(learn, judged, board, signal=signal, fixed=fixed)
-        # Begun as soon as it is clear that it will be wanted, while others work on the rest.
-        sure = first.surely_missing and first.winner().model.rmse > REACHED * noise.std
-        alone = pool.begin(learning, ()) if sure else None
+        if first.surely_missing and first.winner().model.rmse > REACHED * noise.std:
+            alone = alone or pool.begin(learning, ())
         winner, final, idle = _material(search, first, final)
         outside = surrogates(search, winner)
         everything = Field([*final, *outside], search.base, period, noise.std)
@@ -333,6 +342,7 @@ def diagnose(
         board=board.name,
         option=board.option,
         releases=len(releases),
+        is_cut=not {_span(release) for release in judged} <= {_span(release) for release in releases},
         recordings=recordings,
         logs=tuple(dict.fromkeys(release.log for release in releases)),
         heldout_before=heldout_nrmse(everything.base.model),
@@ -365,6 +375,10 @@ def check_releases(releases: Sequence[Release], board: Board, period: float) -> 
     return warnings
 
 
+def _span(release: Release) -> tuple[str, float, float]:
+    return release.log, float(release.time[0]), float(release.time[-1])
+
+
 def heldout_nrmse(model: Model) -> tuple[float, ...]:
     """Return the error of prediction over the RMS of the motion about rest, for each release that was left out.
 
@@ -388,8 +402,8 @@ def _fast_starts(model: Model) -> list[str]:
     ]
 
 
-def _searched(search: Search) -> tuple[Search, list[Model], list[Model]]:
-    """Return what searches, all models that were fitted, and those of them that may win, refined and predicted."""
+def _searched(search: Search) -> tuple[Search, list[Model]]:
+    """Return what searches, and all models that were fitted."""
     search, singles = search.hung(search.singles())
     # What is at the noise already needs nothing beside it, so what else could be is asked for in its pairs only.
     reached = search.at_noise(singles)
@@ -400,13 +414,25 @@ def _searched(search: Search) -> tuple[Search, list[Model], list[Model]]:
     models = list({m.effects: m for m in models}.values())
     large = sorted([*pairs, *near], key=lambda m: m.cost)[:4]
     models = search.reduced(large, models)
-    models = [reached if reached and m.effects == reached.effects else m for m in models]
+    return search, [reached if reached and m.effects == reached.effects else m for m in models]
+
+
+def _beyond(search: Search, models: Sequence[Model]) -> bool:
+    """Return whether what is missing matters, and every model is so far from the noise that none will reach it on the fine grid."""
+    linear = next(m for m in models if m.effects == search.base)
+    motion = float(np.sqrt(np.mean((np.concatenate(linear.problem.observed) - rest_of(linear)) ** 2)))
+    best = min(models, key=lambda m: m.cost)
+    return linear.rmse > MATERIAL * motion and best.rmse > FAR * search.records[0].std
+
+
+def _finalists(search: Search, models: Sequence[Model]) -> list[Model]:
+    """Return those models that may win, refined and predicted."""
     linear = next(m for m in models if m.effects == search.base)
     picked = [linear]
     for count in (1, 2):
         extra = [m for m in models if len(m.effects) - len(search.base) == count]
         picked += best_families(extra, FINALISTS)
-    return search, models, [m for m in search.finalists(picked) if m.heldout is not None]
+    return [m for m in search.finalists(picked) if m.heldout is not None]
 
 
 def _material(search: Search, tried: Field, final: list[Model]) -> tuple[Model, list[Model], frozenset[str]]:
@@ -460,7 +486,7 @@ def _judged(
     if outside is not None or (tried.surely_missing and vague):
         return _unexplained(search, tried, chosen, outside, hints, board)
     if size is None or not size.matters or explained < EXPLAINED:
-        return _nothing(search, tried, chosen, hints, board)
+        return _nothing(search, tried, chosen, size, hints, board)
     return _missing(search, tried, chosen, size, hints, board, idle)
 
 
@@ -480,7 +506,7 @@ def _outside(tried: Field, chosen: Scored) -> Scored | None:
 
 
 def _hints(search: Search, tried: Field, chosen: Scored, size: Importance | None) -> tuple[Hint, ...]:
-    """Return single effects that are seen, beside what is named if that matters, but are too weak to be named."""
+    """Return single effects that show, beside what is named if that matters, but are not sure or too weak to be named."""
     beside = chosen if chosen.extra and size is not None and size.matters else tried.base
     hints: list[Hint] = []
     for s in sorted(tried.scored, key=lambda s: -s.score):
@@ -491,7 +517,8 @@ def _hints(search: Search, tried: Field, chosen: Scored, size: Importance | None
             continue
         weight = importance(s.model, names, beside.model)
         if beside is tried.base or weight.matters:
-            text = f"{listed(names)} is seen ({gained:.1f} in the log of the odds). {size_in_words(weight)}"
+            seen = "may be there" if weight.matters or tried.gap(s, beside) <= TIE else "is seen"
+            text = f"{listed(names)} {seen} (score better by {2 * gained:.1f}). {size_in_words(weight)}"
             hints.append(Hint(effects=names, size=weight, text=text))
     return tuple(hints)
 
@@ -538,7 +565,12 @@ def _missing(
 
 
 def _nothing(
-    search: Search, tried: Field, chosen: Scored, hints: tuple[Hint, ...], board: Board
+    search: Search,
+    tried: Field,
+    chosen: Scored,
+    size: Importance | None,
+    hints: tuple[Hint, ...],
+    board: Board,
 ) -> tuple[Verdict, Model]:
     final = search.fine(tried.base.model, average=1)
     deviation = record_deviation(final, board, look_at_linear=True)
@@ -555,8 +587,16 @@ def _nothing(
     else:
         status = "none-missing"
         few = ", too little of too few periods to say of what" if tried.slight else ""
-        text = f"Nothing is missing that matters{few}. {deviation.text}".strip()
+        would = any(hint.size.matters for hint in hints) and not few
+        text = (
+            f"Nothing is missing {'beyond doubt' if would else 'that matters'}{few}. {deviation.text}".strip()
+        )
         seen = {hint.effects for hint in hints}
+        named = search.added(chosen.model)
+        if size is not None and size.matters:
+            text += f" {listed(named)} takes away only {percent(tried.explained(chosen))} of the squared error of prediction."
+        elif size is not None and named not in seen:
+            text += f" {listed(named)} {is_or_are(named)} seen, too weak to matter. {size_in_words(size)}"
         alike = [s for s in tried.scored if search.added(s.model) in seen and not s.model.shape]
         experiment = _experiment(search, tried, tried.base, board, alike) if alike else ""
     for hint in hints:

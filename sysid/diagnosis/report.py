@@ -4,6 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from sysid.diagnosis.judgement import TIE
+from sysid.diagnosis.wording import rounded
 from sysid.effects import effect
 from sysid.text import WIDTH, count, display, percent, table
 
@@ -12,6 +14,8 @@ if TYPE_CHECKING:
 
 SHOWN = 8
 """Models in the table."""
+TIED = 2 * TIE
+"""Score up to which two models are not told apart: it is twice a log-likelihood [1]."""
 
 
 def fittable(names: Sequence[str]) -> tuple[str, ...]:
@@ -30,7 +34,9 @@ def report(result: "Diagnosis", width: int = WIDTH) -> str:
     lines = [
         f"{result.board} · {count(result.releases, 'release')} · sensor noise {show(floor.std, 3)}, {floor.how}",
         table(("missing", "error / noise", "held out / noise", "score"), rows, width=width),
-        "held out: error on releases that a model had not seen; score: 0 is best, from 8 on a model is ruled out",
+        "held out: error on releases that a model had not seen; score: how much worse it predicts them than the best does",
+        f"up to a score of {TIED:g}, or more where periods disagree or no model is exact, models are not told apart: the simplest counts, "
+        "if what it adds matters",
         f"Result: {headline(result)} (confidence {percent(verdict.confidence)})",
         verdict.explanation,
         _predicted(result),
@@ -73,16 +79,13 @@ def _row(candidate: "Candidate", floor: float) -> tuple[str, ...]:
 
 
 def _predicted(result: "Diagnosis") -> str:
-    """Say how well releases are predicted that were left out, each in its turn."""
+    """Say how well releases or stretches of them are predicted that were left out, each in its turn."""
     before, after = (
-        ", ".join(f"{100 * error:.2g}" for error in errors)
+        ", ".join(rounded(100 * error) for error in errors)
         for errors in (result.heldout_before, result.heldout_after)
     )
-    what = (
-        "each release, predicted from the others,"
-        if len(result.heldout_before) > 1
-        else "each third, predicted from the others,"
-    )
+    part = "third" if len(result.heldout_before) == 1 else "stretch" if result.is_cut else "release"
+    what = f"each {part}, predicted from the others,"
     if result.status == "none-missing" or result.heldout_after == result.heldout_before:
         return f"{what} is off by {before} % of its RMS motion"
     with_it = "with the nearest effects"

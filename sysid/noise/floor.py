@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from math import comb
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from sysid.errors import SysidError
 from sysid.noise.sensor import quantisation_step
@@ -20,6 +20,8 @@ _NEIGHBOURS = comb(4 * _ORDERS[-1], 2 * _ORDERS[-1]) / comb(2 * _ORDERS[-1], _OR
 """Σ ρ² of differences of the highest order: so many of them say as much as one independent sample."""
 
 
+_ENOUGH = 8
+"""Differences of a release from which it tells its noise."""
 FROM_SCATTER = "estimated from the sample-to-sample scatter"
 """How a noise floor was found that no smooth motion can have made."""
 
@@ -45,35 +47,47 @@ class NoiseFloor:
         return self.std * max(0.0, 1 - Z95 * self.relative_std)
 
 
-def difference_std(signal: Array) -> float:
-    """Return the noise of a sampled smooth motion from its high-order differences.
+def difference_std(curves: Sequence[tuple[Array, Array]]) -> float:
+    """Return the noise of sampled smooth motions from their high-order differences.
 
-    Differences of order m suppress a motion of frequency f by (2 sin πf/f_s)^m and keep white noise,
-    whose m-th difference has variance C(2m, m) σ². Taken is the lowest order that the next one confirms:
-    the smallest of all orders would be too low by chance, and the first that hardly falls too high.
-    Kinks of the motion are few, so where they rule, a robust spread (median absolute deviation) is taken.
+    Differences of order m suppress a motion of frequency f by (2 sin πf/f_s)^m and keep white noise. Taken is the lowest
+    order that the next one confirms: the smallest of all orders would be too low by chance, and the first that hardly
+    falls too high. Kinks of a motion are few, so where they rule, a robust spread (median absolute deviation) is taken.
 
     Args:
-        signal: Evenly sampled, shape (n,), n > 16.
+        curves: Signals and when they were sampled [s], each pair of shape (n,); steps may differ. Those of less than a dozen
+            samples say nothing.
 
     Returns:
-        Standard deviation in the signal's unit. It holds for noise that is independent from sample to
+        Standard deviation in the signals' unit, inf without any. It holds for noise that is independent from sample to
         sample; a smoothing sensor has more noise than this shows.
     """
-    estimates = [_order_std(signal, order) for order in _ORDERS if len(signal) - order >= 8]
-    for estimate, following in pairwise(estimates):
+    estimate = float("inf")
+    for order in _ORDERS:
+        parts = [_differences(*curve, order) for curve in curves if len(curve[0]) - order >= _ENOUGH]
+        if not parts:
+            break
+        differences = np.concatenate(parts)
+        following = float(np.sqrt(np.mean(differences**2)))
+        robust = 1.4826 * float(np.median(np.abs(differences - np.median(differences))))
+        if following > 1.3 * robust > 0:  # a few kinks or outliers, not the noise
+            following = robust
         if estimate <= _CONFIRMED * following:
-            return estimate
-    return estimates[-1] if estimates else float("inf")
+            break
+        estimate = following
+    return estimate
 
 
-def _order_std(signal: Array, order: int) -> float:
-    differences = np.diff(signal, order)
-    spread = float(np.sqrt(np.mean(differences**2)))
-    robust = 1.4826 * float(np.median(np.abs(differences - np.median(differences))))
-    if robust > 0 and spread > 1.3 * robust:  # a few kinks or outliers, not the noise
-        spread = robust
-    return spread / float(np.sqrt(comb(2 * order, order)))
+def _differences(signal: Array, time: Array, order: int) -> Array:
+    """Return divided differences of a signal, each scaled to the variance of a sample, shape (n - order,)."""
+    stamps = sliding_window_view(time, order + 1)
+    weights = np.empty(stamps.shape)
+    for j in range(order + 1):
+        gaps = stamps - stamps[:, [j]]
+        gaps[:, j] = 1.0
+        weights[:, j] = 1 / np.prod(gaps, axis=1)
+    total = np.sum(weights * sliding_window_view(signal, order + 1), axis=1)
+    return total / np.sqrt(np.sum(weights**2, axis=1))
 
 
 def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloor:
@@ -87,13 +101,17 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
     Raises:
         SysidError: No release has the dozen samples that differences take.
     """
-    squares, still, count, resting = 0.0, 0.0, 0, 0
-    for release in releases:
-        signal = _signal(release, rate=rate)
-        spread = difference_std(signal)
-        if np.isfinite(spread):  # else too short for differences, and the others must do
-            squares += len(signal) * spread**2
-            count += len(signal)
+    curves = [(_signal(release, rate=rate), release.time) for release in releases]
+    count = sum(len(time) for _, time in curves if len(time) - _ORDERS[0] >= _ENOUGH)
+    if not count:
+        longest = max(len(time) for _, time in curves)
+        raise SysidError(
+            f"the longest release has {longest} samples, too few to tell noise from motion. Record at a higher rate, "
+            "until the deck rests."
+        )
+    std = difference_std(curves)
+    still, resting = 0.0, 0
+    for release, (signal, _) in zip(releases, curves, strict=True):
         if release.end == "rest":
             tail = signal[int(0.65 * len(signal)) : int(0.9 * len(signal))]
             wander = _without_swing(tail)
@@ -101,13 +119,6 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
             if power.max(initial=0.0) < 0.25 * power.sum():  # else one frequency rules: it still swings
                 still += float(np.sum(wander**2))
                 resting += len(tail)
-    if not count:
-        longest = max(len(release.time) for release in releases)
-        raise SysidError(
-            f"the longest release has {longest} samples, too few to tell noise from motion. Record at a higher rate, "
-            "until the deck rests."
-        )
-    std = float(np.sqrt(squares / count))
     unit = "rad/s" if rate else "rad"
     level = pooled_step(releases, rate=rate)
     if level / np.sqrt(12) > std:
@@ -121,7 +132,7 @@ def noise_floor(releases: Sequence[Release], *, rate: bool = False) -> NoiseFloo
         )
     return NoiseFloor(
         std,
-        f"{FROM_SCATTER} of {count} samples",
+        f"{FROM_SCATTER} of the {count} samples of the releases",
         float(np.sqrt(0.5 * _NEIGHBOURS / max(count - _ORDERS[-1] * len(releases), 8))),
     )
 

@@ -19,7 +19,7 @@ from sysid.roll import Release, Roll
 
 STILL = 0.03
 """A deck within this share of the first amplitude counts as held still."""
-FEWEST = 8
+FEWEST_SAMPLES = 8
 """Samples of a decay."""
 FELT = 0.15
 """Periods for which a hand that catches a deck is felt before it is seen: up to 20 ms of a swing of 0.2 s in random logs."""
@@ -79,7 +79,7 @@ def find_releases(
     found: list[Release] = []
     for segment, one, span in zip(segments, seen, free, strict=True):
         release = _release(part, signal, segment, len(found) + 1, one, span)
-        if releases or len(release.time) >= FEWEST:  # else hands have left nothing of it
+        if releases or len(release.time) >= FEWEST_SAMPLES:  # else hands have left nothing of it
             found.append(release)
     if not found:
         raise SysidError(
@@ -108,10 +108,10 @@ def _cut(roll: Roll, start: float | None, stop: float | None) -> Roll:
     begin, end = float(roll.time[0]), float(roll.time[-1])
     low, high = begin if start is None else start, end if stop is None else stop
     inside = (roll.time >= low) & (roll.time <= high)
-    if np.count_nonzero(inside) < FEWEST:
+    if np.count_nonzero(inside) < FEWEST_SAMPLES:
         raise SysidError(
             f"{roll.log}: {np.count_nonzero(inside)} samples between {low:.6g} s and {high:.6g} s; the log runs "
-            f"from {begin:.6g} s to {end:.6g} s. A decay needs at least {FEWEST} samples."
+            f"from {begin:.6g} s to {end:.6g} s. A decay needs at least {FEWEST_SAMPLES} samples."
         )
     return roll if inside.all() else roll[inside]
 

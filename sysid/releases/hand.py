@@ -27,7 +27,7 @@ from sysid.roll import Array
 
 FINE = 48
 """Samples a period that are looked at, of more: the signal is smooth over that many."""
-FEWEST = 8
+FEWEST_UNDER_BUMP = 8
 """Samples under φ."""
 WIDTHS = (0.75, 1.5)
 """Of φ, in periods: the narrow one sees a hand to its last touch, the wide one a hand on a deck that hardly swings any more."""
@@ -208,7 +208,7 @@ def _pull_sets_in(signal: SmoothedSignal, span: Span, period: float) -> tuple[fl
     way = (signal.roll - span.level) / (span.rest - span.level)
     last = int(onset + np.flatnonzero(np.append(way[onset:last], 1.0) > NEARLY)[0])
     for width in BUMPS:
-        count = max(FEWEST // 2, round(width * period / step))
+        count = max(FEWEST_UNDER_BUMP // 2, round(width * period / step))
         share = np.arange(1, count + 1) / (count + 1)
         bump = (share * (1 - share)) ** 3
         bump /= bump.sum()
@@ -235,7 +235,7 @@ def _pull_sets_in(signal: SmoothedSignal, span: Span, period: float) -> tuple[fl
 def _windows(time: Array, roll: Array, period: float, width: float) -> _Windows:
     """Put φ over a decay [s], [rad], from each sample on; none where it is shorter than φ."""
     step = float(time[1] - time[0]) if len(time) > 1 else period
-    count = max(FEWEST, round(width * period / step))
+    count = max(FEWEST_UNDER_BUMP, round(width * period / step))
     share, unit = (np.arange(count) + 0.5) / count, period / (2 * np.pi)
     weight = share * (1 - share) ** 3
     slope = (1 - share) ** 2 * (1 - 4 * share) * unit / (count * step)

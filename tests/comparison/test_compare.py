@@ -125,7 +125,7 @@ def few_samples(seed):
 
 
 def test_the_right_law_is_not_blamed_for_a_floor_that_few_samples_tell(pink):
-    """The floor of 140 samples is known to ±25 %: taken for exact, it blames the true law in every fourth log."""
+    """The floor of 140 samples is known to ±25 %: taken for exact, it blames the true law in every eighth log."""
     blamed = passed = inside = located = 0
     for seed in range(60):
         law, releases = few_samples(seed)
@@ -136,7 +136,7 @@ def test_the_right_law_is_not_blamed_for_a_floor_that_few_samples_tell(pink):
         passed += result.passed
         located += bool(result.where)
         inside += result.noise.lowest < np.radians(0.1) < result.noise.highest
-    assert blamed >= 10
+    assert blamed >= 6
     assert passed >= 55
     assert located <= 5
     assert inside >= 54

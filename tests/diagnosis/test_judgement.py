@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import lfilter
 
 from sysid.board import load_board
-from sysid.diagnosis.diagnose import Diagnosis, _outside
+from sysid.diagnosis.diagnose import Diagnosis, _hints, _nothing, _outside
 from sysid.diagnosis.error_model import Fitted
 from sysid.diagnosis.experiment import DECIDED, deciding
 from sysid.diagnosis.importance import importance, reading_share
@@ -108,6 +108,47 @@ def test_of_those_not_told_apart_a_law_of_three_parameters_is_no_simpler_than_tw
         pair = replace(pair, **changes)
         monkeypatch.setattr(field, "possible", [rich, pair])
         assert field.winner() is (rich, pair)[winner]
+
+
+@pytest.mark.parametrize(
+    ("gap", "limit", "head", "hint"),
+    [
+        (TIE - 1, 0.0, "Nothing is missing beyond doubt.", "may be there (score better by"),
+        (TIE - 1, 1.0, "Nothing is missing that matters.", "may be there (score better by"),
+        (TIE + 1, 1.0, "Nothing is missing that matters.", "is seen (score better by"),
+    ],
+)
+def test_what_is_not_named_is_said_to_be_unsure_or_too_weak_to_matter(
+    friction, monkeypatch, gap, limit, head, hint
+):
+    """A hint that would matter, if it is there, leaves open whether something is missing."""
+    search, field = friction
+    monkeypatch.setattr(Field, "gap", lambda self, one, other: gap)
+    for size in ("TORQUE", "ENERGY", "AMPLITUDE"):
+        monkeypatch.setattr(f"sysid.diagnosis.importance.{size}", limit)
+    hints = _hints(search, field, field.base, None)
+    board = load_board(shipped_data() / "boards" / "pink.toml")
+    verdict, _ = _nothing(search, field, field.base, None, hints, board)
+    assert verdict.explanation.startswith(head)
+    assert hint in verdict.explanation
+    assert {"coulomb"} <= {name for hint in verdict.hints for name in hint.effects}
+
+
+def test_a_pair_that_is_left_unnamed_is_said_to_be_weak_or_to_explain_little(friction):
+    search, field = friction
+    board = load_board(shipped_data() / "boards" / "pink.toml")
+    size = importance(field.best.model, ("coulomb",), field.base.model)
+    verdict, _ = _nothing(search, field, field.best, size, (), board)
+    assert "'coulomb' (dry friction) takes away only 1" in verdict.explanation  # of this log nearly all
+    verdict, _ = _nothing(
+        search,
+        field,
+        field.best,
+        replace(size, torque_share=1e-3, energy_share=0.0, amplitude_after_10_periods=0.0),
+        (),
+        board,
+    )
+    assert "'coulomb' (dry friction) is seen, too weak to matter. Coulomb peaks at" in verdict.explanation
 
 
 def test_a_parameter_pays_more_on_a_long_log(friction):

@@ -213,7 +213,25 @@ def test_noise_floor_of_a_quantised_and_of_a_smoothing_sensor():
     smooth = releases_of(HEAVY, 10)
     for release in smooth:
         release.roll[:] = np.convolve(release.roll, np.ones(9) / 9, mode="same")
-    assert noise_floor(smooth).std > 2 * difference_std(smooth[0].roll)
+    assert noise_floor(smooth).std > 2 * difference_std([(smooth[0].roll, smooth[0].time)])
+
+
+def test_noise_floor_of_short_releases_is_theirs_together():
+    """Of one release of 60 samples the spread and its robust double differ by chance, and the lower one was taken."""
+    found = [noise_floor(releases_of(HEAVY, s, noise=1e-3, rate=500.0, duration=0.12)).std for s in range(40)]
+    assert np.mean(found) == pytest.approx(1e-3, rel=0.04)
+
+
+def test_noise_floor_of_uneven_samples():
+    """A motion is smooth on the clock that it was sampled by: taken for even, these steps look like twice the noise and more."""
+    rng = np.random.default_rng(4)
+    time = np.cumsum(rng.uniform(0.004, 0.006, 300))
+    motion = 0.2 * np.exp(-1 * time) * np.cos(40 * time)
+    noisy = motion + rng.normal(0, 2e-4, 300)
+    assert difference_std([(noisy, time)]) == pytest.approx(2e-4, rel=0.15)
+    assert difference_std([(noisy, 0.005 * np.arange(300.0))]) > 4e-4
+    holed = np.delete(np.arange(300), [100, 101, 102, 180])
+    assert difference_std([(noisy[holed], time[holed])]) == pytest.approx(2e-4, rel=0.15)
 
 
 def test_whiteness_tests_tell_noise_from_a_swing():

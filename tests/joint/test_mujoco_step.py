@@ -6,7 +6,7 @@ import casadi as ca
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mujoco_rollout import rollout_function
 from stepped_joint import hinge_from_model, simulate_steps
@@ -117,10 +117,16 @@ def largest_difference(spec: mujoco.MjSpec, start: tuple[float, float], integrat
     return float(np.abs(ours[:, 0] - expected).max())
 
 
+EXACT = settings(
+    max_examples=8, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
+)
+"""The same cases each time, however long a busy machine takes to draw them."""
+
+
 @pytest.mark.parametrize("timestep", STEPS)
 @pytest.mark.parametrize("integrator", [*INTEGRATORS, "discrete"])
 @given(case=cases())
-@settings(max_examples=8, deadline=None, derandomize=True)
+@EXACT
 def test_smooth_joints_equal_mujoco_to_rounding(integrator: str, timestep: float, case: Case):
     if integrator == "discrete" and "mjINT_DISCRETE" not in mujoco.mjtIntegrator.__members__:
         pytest.skip("this MuJoCo has no integrator 'discrete'")
@@ -131,7 +137,7 @@ def test_smooth_joints_equal_mujoco_to_rounding(integrator: str, timestep: float
 @pytest.mark.parametrize("timestep", STEPS)
 @pytest.mark.parametrize("integrator", [*INTEGRATORS, "discrete"])
 @given(case=cases(), friction=st.booleans())
-@settings(max_examples=8, deadline=None, derandomize=True)
+@EXACT
 def test_friction_and_limits_equal_mujoco(integrator: str, timestep: float, case: Case, friction: bool):
     """Through sticking, slipping and hits, for all forms of solref and solimp."""
     if integrator == "discrete" and "mjINT_DISCRETE" not in mujoco.mjtIntegrator.__members__:

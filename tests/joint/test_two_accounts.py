@@ -48,8 +48,8 @@ def test_synthetic_truth_knows_nothing_of_the_model() -> None:
         "synthesise(Workspace(pathlib.Path()).load_board('pink'), {'coulomb': (0.1,)})\n"
         "print(*sys.modules)"
     )
-    modules = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True
-    ).stdout.split()
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    modules = done.stdout.split()
     foreign = ("casadi", "mujoco", "sysid.joint", "sysid.fit")
     assert not [module for module in modules if module.startswith(foreign)]

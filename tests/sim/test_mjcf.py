@@ -193,6 +193,20 @@ def test_a_scene_that_is_known_to_be_wrong_is_not_written_without_a_word(
     assert "2.2 % off the board's" in " ".join(capsys.readouterr().err.split())
 
 
+def test_a_stiff_bench_that_is_physical_by_itself_is_told_what_compensates(tmp_path: Path, capsys):
+    """At 1 ms it was told to leave out an option that was not given."""
+    board = load_board(shipped_data() / "boards" / "black.toml").with_tilt(
+        stiffness=Quantity(2000.0, 0.0, "N*m/rad")
+    )
+    save_board(board, tmp_path / "data" / "boards" / "black.toml")
+    made = {}
+    for flags in ({}, {"export": "step-compensated"}):
+        mjcf(board="black", output=tmp_path / "b.xml", bench=True, timestep=0.001, common=Common(workspace=tmp_path), **flags)  # fmt: skip
+        made[bool(flags)] = " ".join(capsys.readouterr().err.split())
+    assert "--export step-compensated compensates them" in made[False]
+    assert "off the board's" not in made[True]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["bench", "scene"])
 def test_mujoco_warp_decays_the_same(board: Board, kind: str):

@@ -93,7 +93,7 @@ def roll_from_angle(reading: Reading) -> Roll:
     else:
         std = np.full(roll.size, noise.std)
         step = f", quantised in steps of {np.rad2deg(noise.step):.3g}°" if noise.step > noise.std else ""
-        remarks += note("noise", f"{np.rad2deg(noise.std):.3g}° from the signal itself{step}")
+        remarks += note("noise", f"{np.rad2deg(noise.std):.3g}° from the whole signal{step}")
     excess = saturated(roll, noise)
     if excess is not None:
         np.maximum(std, excess, out=std)

@@ -53,7 +53,7 @@ def roll_from_quaternion(reading: Reading) -> Roll:
         roll, zero = about
         remarks += zero
     noise = estimate_noise(roll)
-    remarks += note("noise", f"{np.rad2deg(noise.std):.3g}° from the signal itself")
+    remarks += note("noise", f"{np.rad2deg(noise.std):.3g}° from the whole signal")
     return Roll(
         log=reading.log,
         time=reading.time,
