@@ -14,6 +14,7 @@ Bodies::
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 import mujoco
@@ -295,4 +296,28 @@ def substituted(board: Board) -> tuple[str, ...]:
         f"effect '{part.name}': MuJoCo has {support.written}"
         for part in board.effects
         if (support := effect(part.name).mujoco).substitute
+    ) + left_out(board)
+
+
+def left_out(board: Board) -> tuple[str, ...]:
+    """Say what of a board's effects MuJoCo cannot represent, though it has the rest of them."""
+    return tuple(
+        f"effect '{part.name}': MuJoCo cannot represent its {lost} of {part.parameters[lost].value:.3g} "
+        f"{part.parameters[lost].unit}, which is left out"
+        for part in board.effects
+        if (lost := effect(part.name).mujoco.leaves_out) and part.parameters[lost].value
+    )
+
+
+def as_represented(board: Board) -> Board:
+    """Return the board without what MuJoCo cannot represent of its effects."""
+    parts = [(part, effect(part.name).mujoco.leaves_out) for part in board.effects]
+    return replace(
+        board,
+        effects=tuple(
+            replace(part, parameters={**part.parameters, lost: replace(part.parameters[lost], value=0.0)})
+            if lost
+            else part
+            for part, lost in parts
+        ),
     )

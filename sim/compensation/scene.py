@@ -23,6 +23,7 @@ from sim.compensation.step import (
     compensate_step,
     evaluate,
     fit_inertia_and_damping,
+    release_amplitudes,
     uncompensated,
 )
 from sysid.board import Board
@@ -195,8 +196,7 @@ def compensate_in_scene(
         SysidError: The board cannot be built or the step is too long for it.
     """
     build = _builder(board, timestep, integrator, coupling)
-    wide = 0.95 * board.tilt["range"].value
-    amplitudes = (wide, -0.7 * wide, 0.4 * wide)
+    amplitudes = [0.95 * angle for angle in release_amplitudes(board)]
     after_step = _set_trucks(board) if coupling == "direct" else None
     start = closed_form(board, timestep=timestep, integrator=integrator)
     written = fit_inertia_and_damping(board, start, build, amplitudes, after_step=after_step)

@@ -18,12 +18,12 @@ import mujoco
 import numpy as np
 
 from sim.board.bench import AfterStep, rig_spec, swing
-from sim.board.bodies import TILT_JOINT, inertia_ratio
+from sim.board.bodies import TILT_JOINT, as_represented, inertia_ratio, left_out
 from sim.board.scene import integrator_name
-from sysid.board import Board
+from sysid.board import Board, BoardEffect
 from sysid.effects import effect
 from sysid.effects._algebra import NUMPY
-from sysid.effects._base import JointState, SupportEffect, TorqueEffect
+from sysid.effects._base import JointState, TorqueEffect
 from sysid.errors import SysidError
 from sysid.joint import JointLaw, simulate
 from sysid.joint.sampled import continuous_map, joint_of_map
@@ -32,6 +32,11 @@ from sysid.roll import Array
 
 USUAL_STEPS = 8
 """Steps that a search of this kind mostly takes: what the bar expects."""
+FREE, USUAL = 3.1, 0.3
+"""A tilt range of a full turn is that of a joint whose range nobody knows; it is let go from the usual one of a deck [rad]."""
+BELOW_BARRIER = 0.75
+"""Energy of the widest release over what lets the joint go past where it pulls back: with a spring that softens as x³,
+0.7 of that angle."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,6 +60,10 @@ class Compensation:
     """Relative error of the static stiffness at the full tilt."""
     how: str
     """In words."""
+    left_out: tuple[str, ...] = ()
+    """What MuJoCo cannot represent of the record, in words."""
+    step_error: float = 0.0
+    """NRMSE of the decay against the law without what is left out: what integrator and step alone cost."""
 
     def entry(self) -> dict[str, Any]:
         """Return what was written and both errors, for the board record and for JSON."""
@@ -80,6 +89,10 @@ class Compensation:
         return (
             f"{where}: {what}",
             f"unloaded decay: NRMSE {100 * self.decay_error:.3f} %{before}",
+            *(
+                f"{one}; leaving that aside, the step costs {100 * self.step_error:.3f} %"
+                for one in self.left_out
+            ),
             f"static stiffness: {100 * self.static_error:+.3f} %",
         )
 
@@ -151,11 +164,41 @@ def closed_form(board: Board, *, timestep: float, integrator: str = "implicitfas
 def release_amplitudes(board: Board) -> tuple[float, ...]:
     """Return the angles about rest from which decays are compared [rad]: both sides, wide and narrow.
 
-    Wide is the tilt range: a step's error depends on the amplitude as soon as the joint is not linear, and
-    further the deck does not go.
+    Wide is the tilt range, as far as it is known and the joint comes back: a step's error depends on the amplitude as
+    soon as the joint is not linear, and further the deck does not go.
     """
-    wide = board.tilt["range"].value
+    known = board.tilt["range"].value
+    wide = _comes_back_from(board, known if known < FREE else USUAL)
     return wide, -0.7 * wide, 0.4 * wide
+
+
+def _comes_back_from(board: Board, wide: float) -> float:
+    """Return the widest tilt up to `wide` from which a release stays where the joint pulls back [rad]."""
+    tilt = np.linspace(0.0, 1.2 * wide, 481)[1:]  # a barrier just beyond holds a release up as well
+    pulls = [-side * _static_torque(board, side * tilt) for side in (1.0, -1.0)]
+    energies = [np.cumsum(pull) * tilt[0] for pull in pulls]
+    barrier = math.inf
+    for pull, energy in zip(pulls, energies, strict=True):
+        rounding = 1e-9 * float(np.max(np.abs(pull)))
+        begun = int(
+            np.argmax(pull > rounding)
+        )  # a joint with a preload or play pulls back from some way off only
+        lost = np.flatnonzero(pull[begun:] < -rounding)
+        barrier = min(barrier, float(energy[begun + lost[0]]) if len(lost) else math.inf)
+    beyond = np.flatnonzero(np.max(energies, axis=0) > BELOW_BARRIER * barrier)
+    return min(float(tilt[max(beyond[0] - 1, 0)]), wide) if len(beyond) else wide
+
+
+def _static_torque(board: Board, tilt: Array) -> Array:
+    """Return the law's torque at rest at tilts about the rest angle [N*m]; effects with memory are left out."""
+    motion = JointState(tilt, 0.0 * tilt, board.rest_angle + tilt, board.stiffness)
+    torque = -board.stiffness * tilt
+    for part in board.effects:
+        known = effect(part.name)
+        if isinstance(known, TorqueEffect) and not known.states:
+            values = {name: quantity.value for name, quantity in part.parameters.items()}
+            torque = torque + known.torque(NUMPY, motion, values, ())
+    return torque
 
 
 def fit_inertia_and_damping(
@@ -168,7 +211,8 @@ def fit_inertia_and_damping(
 ) -> Board:
     """Fit roll inertia and damping so that MuJoCo's decay is the law's; start rates are free.
 
-    Where the joint stands on a sprung support, the support's inertia and damping are fitted as well.
+    Of a second body, that it stands on or that hangs on it, the two knobs are fitted as well. What MuJoCo cannot represent
+    is no matter of the step: the joint's own damper would make up for a stop's, and be wrong below the stop.
 
     Args:
         start: The record from which the search starts.
@@ -177,8 +221,8 @@ def fit_inertia_and_damping(
     """
     from scipy.optimize import least_squares
 
-    truth = _truth(board, amplitudes)
-    turned = 2 + 2 * sum(isinstance(effect(part.name), SupportEffect) for part in start.effects)
+    truth = _truth(as_represented(board), amplitudes)
+    turned = 2 + sum(len(effect(part.name).stepped) for part in start.effects)
 
     def misfit(knobs: Array) -> Array:
         next(tries, None)
@@ -208,16 +252,22 @@ def evaluate(
 ) -> Compensation:
     """Measure both errors of a written board in MuJoCo: unloaded decay and static stiffness."""
     model = build(written)
+    error = decay_error(board, model, amplitudes, after_step=after_step)
+    lacking = as_represented(board)
     return Compensation(
         board=written,
         timestep=float(model.opt.timestep),
         integrator=integrator_name(model),
         inertia_ratio=written.inertia.value / board.inertia.value,
         damping_ratio=written.damping / board.damping if board.damping else 1.0,
-        decay_error=decay_error(board, model, amplitudes, after_step=after_step),
+        decay_error=error,
         decay_error_before=decay_error(board, build(board), amplitudes, after_step=after_step),
         static_error=_static_error(board, build, written),
         how=how,
+        left_out=left_out(board),
+        step_error=error
+        if lacking == board
+        else decay_error(lacking, model, amplitudes, after_step=after_step),
     )
 
 
@@ -303,28 +353,21 @@ def _static_error(board: Board, build: Callable[[Board], mujoco.MjModel], writte
         simulated += math.copysign(1.0, x) * float(
             data.qfrc_passive[dof] - data.qfrc_bias[dof] + data.qfrc_actuator[dof]
         )
-        motion = JointState(np.float64(x), np.float64(0.0), np.float64(board.rest_angle + x), board.stiffness)
-        torque = -board.stiffness * x
-        for part in elastic:
-            values = {name: quantity.value for name, quantity in part.parameters.items()}
-            known = effect(part.name)
-            if isinstance(known, TorqueEffect):
-                torque += float(known.torque(NUMPY, motion, values, ()))
-        expected += math.copysign(1.0, x) * torque
+        expected += math.copysign(1.0, x) * float(_static_torque(board, np.array(x)))
     return simulated / expected - 1
 
 
 def _knobs(board: Board, knobs: Array) -> Board:
-    """Turn roll inertia and damping, and those of a support if the joint stands on one."""
-    for index, part in enumerate(board.effects):
-        support = effect(part.name)
-        if not isinstance(support, SupportEffect):
-            continue
-        parameters = dict(part.parameters)
-        for name, knob in zip(support.stepped, knobs[2:4], strict=True):
-            parameters[name] = replace(parameters[name], value=parameters[name].value * math.exp(knob))
-        turned = replace(part, parameters=parameters)
-        board = replace(board, effects=(*board.effects[:index], turned, *board.effects[index + 1 :]))
+    """Turn roll inertia and damping, and what the step changes of effects with a body of their own."""
+    others = iter(knobs[2:])
+    effects: list[BoardEffect] = []
+    for part in board.effects:
+        turned = {
+            name: replace(part.parameters[name], value=part.parameters[name].value * math.exp(next(others)))
+            for name in effect(part.name).stepped
+        }
+        effects.append(replace(part, parameters={**part.parameters, **turned}))
+    board = replace(board, effects=tuple(effects))
     return _with(board, board.inertia.value * math.exp(knobs[0]), board.damping * math.exp(knobs[1]))
 
 

@@ -57,6 +57,7 @@ def check(
     refuse_overwriting_logs([*logs, *([] if scene_file is None else [scene_file])], arguments, printer)
     recordings = load_recordings(logs, arguments, printer)
     releases = [release for recording in recordings for release in recording.releases]
+    written = None
     if scene_file is not None:
         given = {"--integrator": integrator, "--coupling": coupling, "--export": export}
         usual = {"--integrator": "implicitfast", "--coupling": "equality", "--export": "in-scene"}
@@ -81,6 +82,9 @@ def check(
             scene = training_scene(written.board, timestep=step, integrator=integrator, coupling=coupling)
     with working(printer), stage(0.0, 1.0, "letting go in the scene"):
         verdict = judge(record, scene, releases, tolerance=tolerance)
+    if written and not verdict.passed and written.step_error > tolerance / 2:
+        cost = f"the {1e3 * written.timestep:g} ms step and the export alone cost {100 * written.step_error:.1f} %"
+        verdict = replace(verdict, reasons=(*verdict.reasons, f"{cost}: choose a smaller --timestep"))
     for note in verdict.notes:
         printer.note(note)
     printer.say(verdict.report(printer.width))

@@ -176,6 +176,8 @@ class MujocoSupport:
     """Whether MuJoCo Warp of that version runs it."""
     substitute: str = ""
     """The nearest that MuJoCo has, where nothing in it is the effect; '' where not needed."""
+    leaves_out: str = ""
+    """The parameter that is not written, as nothing in MuJoCo is it; '' where all are. The effect without it has a 0 there."""
 
     @property
     def written(self) -> str:
@@ -289,6 +291,8 @@ class Effect:
     """Tilt that a log must reach to tell it from the linear law [rad]."""
     record_direction: tuple[float, float] | None = None
     """In which proportion it changes ln k and ln d against the record; None where it does more than that."""
+    stepped: tuple[str, ...] = ()
+    """The parameters of a body of its own that a time step changes as it does the joint's inertia and damping."""
     decay_signs: tuple[tuple[DecaySign, int], ...] = ()
     """What the peaks of a decay show of it, and its place among the effects that show the same, the likeliest first."""
 
@@ -444,5 +448,3 @@ class SupportEffect(Effect):
     """`acceleration(m, angle, rate, torque, parameters)` of the support [rad/s^2], which the joint turns with -torque."""
     series_stiffness: str
     """The parameter that is a stiffness in series with the joint's."""
-    stepped: tuple[str, str]
-    """The parameters that are its inertia and its damping, which a time step changes as it does the joint's."""

@@ -86,6 +86,7 @@ EFFECT = TorqueEffect(
         means="fixed tendon with a dead band (springlength) and a stiffness (its loss is left out)",
         since="3.0",
         warp=True,
+        leaves_out="damping",
     ),
     to_mjcf=to_mjcf,
     example=(0.1, 60.0, 0.0),

@@ -93,6 +93,7 @@ EFFECT = TorqueEffect(
     to_mjcf=to_mjcf,
     example=(0.001, 30.0, 0.03),
     torque=torque,
+    stepped=("frequency", "damping_ratio"),
     states=(
         State(name="roll", start=held, size=lambda s: s.amplitude, most=4.0, rate=own_rate, settles=settles),
         State(

@@ -56,6 +56,7 @@ EFFECT = TorqueEffect(
         means="fixed tendon with a stiffness, slack up to the stop (its loss is left out)",
         since="3.0",
         warp=True,
+        leaves_out="damping",
     ),
     to_mjcf=to_mjcf,
     example=(0.08, 60.0, 0.0),

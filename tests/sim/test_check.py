@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from sim.check.decays import check_scene, smooth_power
 from sim.check.rules.tilt_joint import departures
 from sim.check.verdict import judge
 from sim.compensation.parasitics import measure, measure_parasitics
-from sim.compensation.scene import compensate_in_scene, scene_from_file, training_scene
+from sim.compensation.scene import bench_scene, compensate_in_scene, scene_from_file, training_scene
 from sim.compensation.step import compensate_step
 from sysid.board import Board, BoardEffect, load_board
 from sysid.cli.check import check
@@ -111,6 +112,23 @@ def test_smooth_power_takes_the_noise_out():
     assert values.std() == pytest.approx(deviations.mean(), rel=0.15)
 
 
+def test_the_loss_of_a_stop_that_is_left_out_is_told_with_its_share():
+    pink = load_board(shipped_data() / "boards" / "pink.toml")
+    values = {"angle": (0.09, "rad"), "stiffness": (60.0, "N*m/rad"), "damping": (0.21, "N*m*s/rad")}
+    stop = BoardEffect(
+        "one-sided-stop", {name: Quantity(value, 0.0, unit) for name, (value, unit) in values.items()}
+    )
+    board = replace(pink, effects=(stop,), geometry={}, mass={})
+    scene = bench_scene(compensate_step(board, timestep=0.005).board, timestep=0.005)
+    below = measured(board, angle=-0.08)
+    assert check_scene(board, scene, [below]).nrmse < 0.005
+    verdict = judge(board, scene, [below, measured(board)])
+    assert not verdict.passed
+    assert "cannot represent its damping of 0.21 N*m*s/rad" in verdict.refusal()
+    share = float(re.findall(r"continuous time, is ([\d.]+) % off", verdict.refusal())[0])
+    assert share == pytest.approx(100 * verdict.case.decays.nrmse, rel=0.2)
+
+
 def test_what_the_scene_adds_is_found_where_it_was_put(board: Board):
     """A spring on both trucks adds 2 k tan²λ, more damping and inertia of the deck show as themselves."""
     spec_scene = training_scene(board, coupling="equality")
@@ -174,7 +192,9 @@ def test_check_writes_its_verdict_into_the_workspace(tmp_path: Path):
     assert board.passed
     assert board.check["nrmse"] < 0.01
     assert "equality coupling" in board.check["scene"]
-    with pytest.raises(QualityGateError, match=r"inertia .* is wanted"):
+    with pytest.raises(
+        QualityGateError, match=r"inertia .* is wanted.*5 ms step and the export alone cost 5\.\d %"
+    ):
         check([DECAYS / "black.csv"], subject=Subject(board="black"), export="physical", common=common)
     assert not Workspace(tmp_path).load_board("black").passed
     assert load_board(shipped_data() / "boards" / "pink.toml").check == {}

@@ -12,6 +12,7 @@ from sim.compensation.step import closed_form, compensate_step, decay_error, rel
 from sysid.board import Board, BoardEffect, load_board
 from sysid.effects import catalogue, effect
 from sysid.errors import SysidError
+from sysid.joint import JointLaw, simulate
 from sysid.quantity import Quantity
 from sysid.roll import Array
 from sysid.workspace import shipped_data
@@ -90,6 +91,7 @@ def test_typed_in_numbers_lose_damping():
         ("viscoelastic", (5.0, 0.05)),
         ("hysteresis", (8.0, 0.2)),
         ("second-mode", (0.004, 60.0, 0.1)),
+        ("hanging-body", (0.002, 22.0, 0.05)),
     ],
 )
 def test_richer_joints_are_compensated_numerically(board: Board, name: str, values: tuple[float, ...]):
@@ -97,6 +99,40 @@ def test_richer_joints_are_compensated_numerically(board: Board, name: str, valu
     assert done.decay_error < 0.01
     assert done.decay_error < 0.5 * done.decay_error_before
     assert abs(done.static_error) < 1e-6
+
+
+@pytest.mark.parametrize(("name", "angle"), [("one-sided-stop", 0.09), ("end-stop", 0.12)])
+def test_the_loss_of_a_stop_is_not_spread_into_the_joint(board: Board, name: str, angle: float):
+    """MuJoCo has none that acts beyond the stop only: the damper would make up for it and be wrong below."""
+    lossy = compensate_step(with_effect(board, name, angle, 60.0, 0.21), timestep=0.005)
+    without = compensate_step(with_effect(board, name, angle, 60.0, 0.0), timestep=0.005)
+    assert lossy.damping_ratio == pytest.approx(without.damping_ratio, rel=1e-6)
+    assert lossy.step_error == pytest.approx(without.decay_error, rel=1e-6)
+    assert lossy.step_error < 0.02 < lossy.decay_error
+    assert f"'{name}': MuJoCo cannot represent its damping of 0.21 N*m*s/rad" in " ".join(lossy.lines())
+    assert not without.left_out
+
+
+def test_a_range_that_nobody_knows_is_no_tilt_to_be_let_go_from(board: Board):
+    free = board.with_tilt(range=Quantity(math.pi, 0.0, "rad"))
+    assert release_amplitudes(free) == pytest.approx((0.3, -0.21, 0.12))
+    # -k/x² at 0.34 rad is where a softening spring lets go; three quarters of the way up are at 1/√2 of it
+    softening = with_effect(free, "cubic-stiffness", -board.stiffness / 0.34**2)
+    assert release_amplitudes(softening)[0] == pytest.approx(0.34 / math.sqrt(2), rel=0.01)
+    assert compensate_step(softening, timestep=0.005).decay_error < 0.005
+    # one that bends the way of x² alone lets go on one side, at 0.2 rad
+    one_way = with_effect(free, "asymmetric-stiffness", board.stiffness / 0.2)
+    assert 0.05 < release_amplitudes(one_way)[0] < 0.2
+    assert compensate_step(one_way, timestep=0.005).decay_error < 0.005
+
+
+def test_what_hangs_on_the_deck_is_at_rest_where_that_is_let_go(board: Board):
+    """Its joint counts from the deck: it must turn back as fast as a deck that has a rate at once."""
+    rich = with_effect(board, "hanging-body", 0.5 * board.inertia.value, 22.0, 0.05)
+    model = rig_spec(rich, timestep=0.0005, integrator="RK4").compile()
+    moved = swing(model, 0.1, 2.0, 0.3)
+    law = simulate(JointLaw.from_board(rich), moved.time, 0.1, 2.0).roll
+    assert np.max(np.abs(moved.roll - law)) < 1e-3 * 0.1
 
 
 IN_THE_JOINT = sorted(
@@ -115,6 +151,7 @@ def test_mujoco_moves_by_the_law_of_every_effect(name: str):
     rich = with_effect(board, name, *catalogue()[name].example)
     model = rig_spec(rich, timestep=0.0002).compile()
     assert decay_error(rich, model, release_amplitudes(rich)) < SUBSTITUTES.get(name, 0.0075)
+    assert release_amplitudes(rich)[0] == board.tilt["range"].value
     other = rig_spec(board, timestep=0.0002).compile()
     assert decay_error(rich, other, release_amplitudes(rich)) > 0.015, "the example must show"
 
