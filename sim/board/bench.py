@@ -209,9 +209,7 @@ def _drag(model: mujoco.MjModel, data: mujoco.MjData, joint: str) -> None:
     """Bring what the deck acts on to where a slow pull from rest to the release leaves it: support, slider, bristles."""
     kinds, own = mujoco.mjtObj, model.joint(joint).qposadr[0]
     hanging = mujoco.mj_name2id(model, kinds.mjOBJ_JOINT, f"{joint}_hanging_joint")
-    if (
-        hanging >= 0
-    ):  # at rest where the deck is let go, whatever rate that has; its joint counts from the deck
+    if hanging >= 0:  # at rest, whatever rate the deck has: its joint counts from the deck
         data.qvel[model.jnt_dofadr[hanging]] = -data.qvel[model.joint(joint).dofadr[0]]
     tilt = float(data.qpos[own] - model.qpos_spring[own])
     for name in ("support", "slider"):

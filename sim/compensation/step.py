@@ -180,9 +180,7 @@ def _comes_back_from(board: Board, wide: float) -> float:
     barrier = math.inf
     for pull, energy in zip(pulls, energies, strict=True):
         rounding = 1e-9 * float(np.max(np.abs(pull)))
-        begun = int(
-            np.argmax(pull > rounding)
-        )  # a joint with a preload or play pulls back from some way off only
+        begun = int(np.argmax(pull > rounding))  # with a preload or play, from some way off only
         lost = np.flatnonzero(pull[begun:] < -rounding)
         barrier = min(barrier, float(energy[begun + lost[0]]) if len(lost) else math.inf)
     beyond = np.flatnonzero(np.max(energies, axis=0) > BELOW_BARRIER * barrier)
@@ -252,8 +250,9 @@ def evaluate(
 ) -> Compensation:
     """Measure both errors of a written board in MuJoCo: unloaded decay and static stiffness."""
     model = build(written)
-    error = decay_error(board, model, amplitudes, after_step=after_step)
-    lacking = as_represented(board)
+    error = step_error = decay_error(board, model, amplitudes, after_step=after_step)
+    if (lacking := as_represented(board)) != board:
+        step_error = decay_error(lacking, model, amplitudes, after_step=after_step)
     return Compensation(
         board=written,
         timestep=float(model.opt.timestep),
@@ -265,9 +264,7 @@ def evaluate(
         static_error=_static_error(board, build, written),
         how=how,
         left_out=left_out(board),
-        step_error=error
-        if lacking == board
-        else decay_error(lacking, model, amplitudes, after_step=after_step),
+        step_error=step_error,
     )
 
 

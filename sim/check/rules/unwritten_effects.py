@@ -14,7 +14,7 @@ def _says(case: Case) -> Iterator[str]:
     yield from substituted(case.board)
     lacking = as_represented(case.board)
     if lacking != case.board:
-        share = _error(case, JointLaw.from_board(lacking).of_joint())
+        share = _error(case, JointLaw.from_board(lacking))
         yield f"the record's law without it, in continuous time, is {100 * share:.1f} % off these logs itself"
 
 
@@ -26,7 +26,9 @@ def _error(case: Case, law: JointLaw) -> float:
     for one in case.decays.releases:
         time, roll = one.time - one.time[0], one.measured - one.zero
         found = least_squares(
-            lambda start, time=time, roll=roll: simulate(law, time, *start).roll - roll,
+            lambda start, one=one, time=time, roll=roll: (
+                simulate(law, time, *start, begin=float(one.time[0])).roll - roll
+            ),
             one.start,
             x_scale=[abs(one.start[0]) + 1e-3, law.frequency * abs(one.start[0]) + 1e-3],
             diff_step=1e-5,
