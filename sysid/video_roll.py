@@ -78,7 +78,7 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
     time = View(track, lens.straighten, clip.row_share).time(found.camera_state.readout)
     shaken = track.shake.std if track.shake.significant else np.zeros(len(found.std))
     std = np.hypot(found.std, shaken)
-    own = std if found.own is None else np.hypot(found.own, shaken)
+    own = np.hypot(found.own, shaken)
     sign = -1.0 if options.front else 1.0
     angle = sign * (found.angle + target.zero(found))
     outliers = outlier_frames(time, angle, std)

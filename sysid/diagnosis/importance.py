@@ -88,6 +88,22 @@ def importance(model: Candidate, names: Sequence[str], base: Candidate) -> Impor
     )
 
 
+def reading_share(model: Candidate, names: Sequence[str]) -> float:
+    """Return how far some effects of the sensor take its reading from the roll, over the motion, both RMS; 0 where none is one's."""
+    problem, point = model.problem, model.minimum.point
+    law = JointLaw.from_vector(problem.structure, problem.vector_of(problem.parameters(point)))
+    sensed = [e for e in law.effects if e[0] in names and effect(e[0]).role == "measurement"]
+    if not sensed:
+        return 0.0
+    true = replace(law, effects=tuple(e for e in law.effects if e not in sensed))
+    off = whole = 0.0
+    for record, start in zip(problem.records, problem.starts(point), strict=True):
+        read, roll = (simulate(one, record.time, *start).roll for one in (law, true))
+        off += float(np.sum((read - roll) ** 2))
+        whole += float(np.sum((roll - law.rest_angle) ** 2))
+    return float(np.sqrt(off / max(whole, 1e-300)))
+
+
 def _does_nothing(law: JointLaw, name: str, scales: Scales) -> bool:
     """Return whether a torque law came out with no strength: it is zero wherever the joint can be."""
     part = effect(name)

@@ -25,8 +25,7 @@ TIE = 6.0
 """Fall of the log-likelihood of held-out motion below which two models are not told apart. An effect that is not there
 gains 1 to 3 by chance as the best of some fifteen."""
 UNMET = 3.0
-"""By which a law that nobody has met must be better than all that people have, where something is missing for sure: one in
-twenty is such a law [nats]."""
+"""Of a law that nobody has met, in the log of the prior odds [nats]: one in twenty is such a law."""
 LAWFUL = 12
 """Independent values in what a model that is not exact leaves of a log."""
 NEGLIGIBLE = 0.01
@@ -60,7 +59,8 @@ class Scored:
     extra: int
     """Effects beyond the board's record, laws outside the catalogue included."""
     choices: int
-    """Those, and the parameters of their laws: a bumper with three is no simpler than drag and a stiffening spring."""
+    """Those, and the parameters of their laws: a bumper with three is no simpler than drag and a stiffening spring. Of a law
+    outside the catalogue what each release has of its own, too."""
     score: float
     """Log-likelihood of held-out motion, less the price of the parameters and of internal states that were fitted [nats]."""
 
@@ -99,7 +99,8 @@ class Field:
         """Score one candidate."""
         assert model.heldout is not None
         extra = len(model.effects) - len(self.base_effects) + bool(model.shape)
-        choices = extra + len(model.problem.names) - self.base_parameters
+        own = model.size if model.shape else len(model.problem.names)
+        choices = extra + own - self.base_parameters
         if np.isfinite(model.heldout_rmse):
             errors = fit_errors(self.blocks, model.heldout)
         else:
@@ -182,7 +183,7 @@ class Field:
         """
         known = [
             s for s in self.scored
-            if np.isfinite(s.score) and not (s.model.shape and self.inexact) and not s.model.at_edge
+            if np.isfinite(s.score) and not (s.model.shape and self.inexact) and not s.model.edged(self.exact)
         ] or self.scored  # fmt: skip
         if not self.surely_missing:
             return known
@@ -255,6 +256,11 @@ class Field:
     def motion(self) -> float:
         """RMS of the held-out motion about rest [rad]."""
         return float(np.sqrt(np.mean(self.blocks.signal_square)))
+
+
+def odds(scored: Scored) -> float:
+    """Return the log of the odds of a candidate, up to a constant of the log [nats]: its likelihood, and what is known before."""
+    return scored.score / TEMPERATURE - PRICE * scored.choices - (UNMET if scored.model.shape else 0.0)
 
 
 def log_odds(share: Array) -> Array:

@@ -119,19 +119,25 @@ class Candidate:
 
     @property
     def at_edge(self) -> bool:
-        """Whether an effect ended where it is nothing of its own, a stop as a weak bend or an arm that never relaxes: another law is asked for.
+        """Whether it is at the edge of what an effect is, as far as the sensor's noise is known before any fit."""
+        return self.edged(INEXACT * self.problem.records[0].std)
+
+    def edged(self, exact: float) -> bool:
+        """Return whether an effect ended where it is nothing of its own, a stop as a weak bend or an arm that never relaxes: another law is asked for.
 
         So it is where the spring is pushed out of rest, and an arm that never relaxes has its place. A share may be anything from
         none to all.
+
+        Args:
+            exact: Error up to which nothing but noise is left [rad or rad/s].
         """
         point = dict(zip(self.problem.names, self.minimum.point, strict=False))
-        exact = self.rmse < INEXACT * self.problem.records[0].std
         spring = self.parameters["stiffness"] + sum(
             part.stiffness_at(self.parameters.get("rest_angle", 0.0), part.of(self.parameters))
             for part in self.problem.structure.torques
         )  # fmt: skip
         return spring < 0 or any(
-            p.edged(point[f"{part.name}.{p.name}"], exact=exact)
+            p.edged(point[f"{part.name}.{p.name}"], exact=self.rmse < exact)
             for part in self.problem.structure.parts for p in part.parameters if f"{part.name}.{p.name}" in point
         )  # fmt: skip
 

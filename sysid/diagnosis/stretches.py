@@ -31,8 +31,8 @@ def judged_stretches(releases: Sequence[Release], period: float) -> tuple[list[R
             chosen,
             f"the decays last {sum(lengths) / period:.0f} periods: their first, middle and last {MOST:.0f} were judged",
         )
-    # Evenly over the amplitudes, the widest and the smallest first.
-    order = sorted(range(len(releases)), key=lambda i: releases[i].amplitude)
+    # Evenly over the amplitudes, the widest and the smallest first; who was pushed is nearer to rest when it is let go.
+    order = sorted(range(len(releases)), key=lambda i: np.abs(releases[i].roll - releases[i].rest).max())
     count = max(PIECES, int(room / float(np.mean(lengths))))
     picked = sorted({order[round(i)] for i in np.linspace(0, len(order) - 1, count)})
     whole = [r for i in picked for r in _pieces(releases[i], room / len(picked))]

@@ -23,9 +23,13 @@ REACHED, SHARE = 1.15, 0.1
 """Error up to which a law holds: over the noise, which may be more than is known of it, or over what all releases leave."""
 BROKEN = 1.5
 """Error over that, or over the noise, from which no law holds."""
-CUTS = ((0.0, 1.0), (0.35, 0.0), (0.35, 1.0))
-"""Periods that are left out of each release after its beginning, and before the end of what moves: a push lasts for a third of one.
+PUSHED = 0.35
+"""Periods after its beginning in which a release may have been pushed: a push lasts for a third of one."""
+CUTS = ((0.0, 1.0), (PUSHED, 0.0), (PUSHED, 1.0))
+"""Periods that are left out of each release after its beginning, and before the end of what moves.
 Where equally simple models hold, the first counts."""
+QUICK = 0.07
+"""For which a push lasts at least, whatever the joint's period [s]: no arm is quicker."""
 STILL = 0.1
 """Share of the largest swing below which a deck may be held still."""
 LEFT = 0.2
@@ -69,6 +73,18 @@ def untouched(models: Sequence[Candidate], base: Sequence[str]) -> tuple[list[Re
                 kept,
                 f"the {where} of the releases are left out: no law holds there, as if a hand was on the deck",
             )
+    elif all(release.hold <= 0 for release in releases):
+        # Nothing is seen of a hold: what is asked for by the beginnings alone may be the hand's that pushed.
+        cut = [
+            part for record in models[0].problem.records for part in _middle(record, asked[-1], PUSHED, 0.0)
+        ]
+        near = min(len(m.effects) for m in asked if _error(m) < NEARLY * _error(asked[-1]))
+        if len(cut) == len(releases) and near > len(base):
+            effects, error = _simplest(asked, cut)
+            if effects < near and error < REACHED:
+                return cut, (
+                    "the beginnings of the releases are left out: the rest is by a simpler law, as if a hand was on the deck"
+                )
     odd = touched_release(simple, _error(asked[-1]))
     if odd is None:
         return None
@@ -92,8 +108,9 @@ def _middle(record: Record, model: Candidate, begin: float, end: float) -> Itera
     wide = np.flatnonzero(swing > max(STILL * float(swing.max()), 5 * record.std))
     last = record.time[wide[-1]] - end * period if end and len(wide) else record.time[-1]
     time = release.time - release.time[0]
-    inside = (time >= begin * period) & (time <= last)
-    if np.count_nonzero(inside) >= SAMPLES and last - begin * period >= SHORTEST * period:
+    first = max(begin * period, QUICK) if begin else 0.0
+    inside = (time >= first) & (time <= last)
+    if np.count_nonzero(inside) >= SAMPLES and last - first >= SHORTEST * period:
         yield replace(release[inside], hold=0.0 if begin else release.hold, end="log" if end else release.end)
 
 

@@ -12,7 +12,6 @@ from sysid.video.film.reel import Reel
 from sysid.video.film.shake import Shake, still
 from sysid.video.film.track import Track
 from sysid.video.options import VideoOptions
-from sysid.video.pose.rigid_group import similarities
 from sysid.video.trackers._base import Follower
 from sysid.video.types import Points
 
@@ -88,10 +87,12 @@ def _turn(points: Points, focal: float) -> Array:
         along = np.exp(0.5j * np.angle(np.sum(path[seen[:, 0]] ** 2)))
         turn, good = np.real(path / along) / focal, seen[:, 0]
     else:
-        home = place[int(np.argmax(seen.sum(axis=1)))]
-        seen &= np.isfinite(home)
+        arm = place - np.where(seen, place, 0).sum(axis=1, keepdims=True) / np.maximum(
+            seen.sum(axis=1, keepdims=True), 1
+        )
+        home = arm[int(np.argmax(seen.sum(axis=1)))]
         good = seen.sum(axis=1) >= 2
         turn = np.full(len(place), np.nan)
-        turn[good] = np.unwrap(np.angle(similarities(home, place[good], seen[good])[0]))
+        turn[good] = np.unwrap(np.angle(np.nansum(arm * home.conj(), axis=1)[good]))
     number = np.arange(len(turn))
     return np.interp(number, number[good], turn[good]) if good.any() else np.zeros(len(turn))

@@ -18,6 +18,7 @@ import numpy.typing as npt
 from sysid.roll import Array
 from sysid.video.film.frames import Frame, grey, halved
 from sysid.video.film.track import Track
+from sysid.video.pose.pose import pose_between, principal_corners, turn_of
 from sysid.video.pose.rectify import project
 from sysid.video.types import Box, Mask, Points
 
@@ -139,25 +140,8 @@ def picture_of_body(frames: Sequence[Frame], box: Box, track: Track, upright: Ar
     return body
 
 
-def pose_between(home: Array, points: Array) -> Array | None:
-    """Return the similarity, shape (3, 3), from points (N, 2) [px] to others; None with fewer than two."""
-    both = np.isfinite(home + points).all(axis=1)
-    if both.sum() < 2:
-        return None
-    one, other = (places[both] @ np.array([1, 1j]) for places in (home, points))
-    arm = one - one.mean()
-    turn = np.vdot(arm, other) / max(float(np.vdot(arm, arm).real), 1e-9)
-    shift = other.mean() - turn * one.mean()
-    return np.array([[turn.real, -turn.imag, shift.real], [turn.imag, turn.real, shift.imag], [0, 0, 1.0]])
-
-
 def _inverse(homography: Array) -> Array:
     return np.asarray(np.linalg.inv(homography), np.float64)
-
-
-def turn_of(pose: Array) -> float:
-    """Turn of a pose, shape (3, 3) [rad]."""
-    return float(np.arctan2(pose[1, 0], pose[0, 0]))
 
 
 def _board_in(mean: Image, agree: Mask) -> tuple[Array, Image, Array, float, Image] | None:
@@ -171,14 +155,11 @@ def _board_in(mean: Image, agree: Mask) -> tuple[Array, Image, Array, float, Ima
     most = np.argsort(-(slope**2).sum(axis=1))[:MAX_PIXELS]
     slope, bright, places = slope[most], mean[mask][most], np.argwhere(mask)[most, ::-1].astype(np.float64)
     weight = (slope**2).sum(axis=1).astype(np.float64) + 1e-6
-    middle = np.average(places, axis=0, weights=weight)
-    variance, axes = np.linalg.eigh(np.cov((places - middle).T, aweights=weight))
-    lengths = np.sqrt(np.maximum(variance, 0.0))
+    corners, lengths = principal_corners(places, weight)
     if lengths[0] < MIN_SPREAD:
         return None
-    corners = middle + (np.array([[-1, -1], [-1, 1], [1, 1], [1, -1]]) * lengths) @ axes.T
     unit = float(lengths[1])
-    arm = np.column_stack([np.ones(len(places)), (places - middle) / unit]).astype(np.float32)
+    arm = np.column_stack([np.ones(len(places)), (places - corners.mean(axis=0)) / unit]).astype(np.float32)
     both = [slope[:, [0]] * arm, slope[:, [1]] * arm]
     slopes = np.hstack([*both, (bright - bright.mean())[:, None], np.ones((len(bright), 1))])
     return places, bright, corners, unit, slopes.astype(np.float32)

@@ -19,7 +19,7 @@ from sysid.video.options import VideoOptions
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.camera_state import CameraState, before_looking
 from sysid.video.pose.prior import BodyPrior
-from sysid.video.pose.rectify import longer, upright
+from sysid.video.pose.rectify import upright
 from sysid.video.pose.view import View
 from sysid.video.registration import BodyPicture, picture_of_body
 from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, rests_at
@@ -100,7 +100,6 @@ def follow_board(reel: Reel) -> Followed:
             places = pool.map(lambda one: follow_all(one.follower, reel.kept), targets)
         for target, points in zip(targets, places, strict=True):
             track = track_of(reel, stamps, np.array(points))
-            track = track if target.settle is None else target.settle(track)
             one = _followed(reel, target, track)
             if isinstance(one, Followed):
                 usable.append(one)
@@ -123,19 +122,20 @@ def _to_the_end(reel: Reel, led: Followed) -> Followed:
     target, points = led.target, list(led.track.points)
     stamps = [(frame.index, frame.time) for frame in reel.kept]
     camera = led.found.camera_state.value
-    flat = upright(longer(reel.lens.matrix, camera[2]), camera[0], camera[1])
+    flat = upright(reel.lens.matrix, camera)
     body = picture_of_body(reel.kept, reel.look.box, led.track, flat) if target.shows_body else None
-    poses: list[Array | None] = []
+    whole, poses = None, list[Array | None]()
     if body is not None:
         with ThreadPoolExecutor() as pool:
             lay, rough = body.lay, body.rough
             poses = list(pool.map(lambda frame, seen: lay(frame, rough(seen)), reel.kept, points))
+        whole = _whole_body(reel, led, body, poses)
     rest = ((frame, follow(target.follower, frame)) for frame in reel.others())
     with closing(ahead(rest, 1)) as others:
         for frame, seen in others:
             stamps.append((frame.index, frame.time))
             points.append(seen)
-            if body is not None:
+            if body is not None and whole is not None:
                 poses.append(body.lay(frame, body.rough(seen)))
     if len(points) > len(led.track.points):
         track = track_of(reel, stamps, np.array(points))
@@ -143,8 +143,9 @@ def _to_the_end(reel: Reel, led: Followed) -> Followed:
         if isinstance(all_of_it, str):
             raise SysidError(f"{reel.clip.path}: {all_of_it}. {ADVICE}")
         led = all_of_it
-    whole = None if body is None else _whole_body(reel, led, body, poses)
-    return led if whole is None else whole
+        if body is not None and whole is not None:
+            whole = _whole_body(reel, led, body, poses)
+    return whole or led
 
 
 def _best(usable: list[Followed]) -> Followed:
@@ -261,8 +262,7 @@ def _solve_whole(led: Followed, view: View, matrix: Array, before: CameraState) 
     points = led.found
     camera = replace(points.camera_state, covariance=np.zeros((4, 4)))
     found = fit_angle(view, matrix, camera, BodyPrior(floor=BODY_FLOOR, dead_zone=DEAD_ZONE))
-    theirs = points.std if points.own is None else points.own
-    own = found.std if found.own is None else found.own
+    theirs, own = points.own, found.own
     common = np.maximum(points.std**2 - theirs**2, 0)
     # The body may be made out where the points contradict each other, as in a blurred frame.
     std = np.sqrt(own**2 + np.where(np.isfinite(common), common, np.nanmax(common)))

@@ -12,7 +12,7 @@ from sysid.board import load_board
 from sysid.diagnosis.diagnose import Diagnosis, _hints, _nothing, _outside
 from sysid.diagnosis.error_model import Fitted
 from sysid.diagnosis.experiment import DECIDED, deciding
-from sysid.diagnosis.importance import importance
+from sysid.diagnosis.importance import importance, reading_share
 from sysid.diagnosis.judgement import FEWEST_BLOCKS, INEXACT, NEGLIGIBLE, TIE, UNMET, Field, families_of
 from sysid.diagnosis.search import Candidate, Search
 from sysid.fitting.records import make_records
@@ -241,6 +241,27 @@ def test_what_ends_at_a_bound_is_not_told_to_be_added(friction):
         assert Diagnosis.ends_at_bound.__get__(SimpleNamespace(best=best)) is ends
 
 
+def test_a_soft_stop_that_leaves_but_noise_that_lasts_is_one(friction):
+    """How large that noise is, the judgement knows; what jumps from sample to sample is less."""
+    search, _ = friction
+    stop = search.single(("end-stop",))
+    point = stop.minimum.point.copy()
+    point[stop.problem.names.index("end-stop.stiffness")] = 0.05
+    point[stop.problem.names.index("end-stop.angle")] = 0.5
+    soft = replace(stop, minimum=replace(stop.minimum, point=point))
+    with patch.object(Candidate, "rmse", 3 * NOISE):
+        assert soft.at_edge
+        assert not soft.edged(INEXACT * 3 * NOISE)
+
+
+def test_a_filter_takes_the_reading_from_the_roll_by_its_lag():
+    """By frequency times time constant of the motion, though a decay that lags decays all the same."""
+    _, field = tried(LAW.with_effect("lowpass", 3e-3), ("lowpass",))
+    (lagging,) = (s.model for s in field.scored if s.model.effects)
+    assert reading_share(lagging, ["lowpass"]) == pytest.approx(41.1 * 3e-3, rel=0.15)
+    assert reading_share(field.base.model, []) == 0.0
+
+
 def test_the_likeliest_families_are_those_that_are_there(friction):
     _, field = friction
     assert field.confidence(frozenset({"friction"})) > 0.99
@@ -323,3 +344,8 @@ def test_a_law_outside_wins_where_no_effect_of_the_catalogue_may_be_true(frictio
     assert _outside(field, coulomb) is outside
     monkeypatch.setattr(field, "possible", [coulomb, outside])
     assert _outside(field, coulomb) is None
+    pair = replace(coulomb, choices=coulomb.choices + 3)
+    monkeypatch.setattr(field, "possible", [pair, outside])
+    assert _outside(field, pair) is outside, (
+        "several effects are no likelier than one law that nobody has met"
+    )

@@ -1,5 +1,7 @@
 """Long recordings are judged by stretches of them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -48,3 +50,10 @@ def test_of_many_releases_the_widest_and_the_smallest_are_among_the_judged():
     assert max(found) == pytest.approx(0.2, rel=0.01)
     assert lasts(pieces) <= MOST
     assert said.startswith("5 of 60")
+
+
+def test_a_deck_that_was_pushed_is_as_wide_as_it_swings():
+    """It is let go near its rest, and fast."""
+    pushed = replace(release(20), roll=0.3 * np.sin(2 * np.pi * release(20).time / PERIOD))
+    pieces, _ = judged_stretches([pushed, *(release(20, a) for a in (0.2, 0.15, 0.1))], PERIOD)
+    assert max(np.abs(p.roll).max() for p in pieces) > 0.25

@@ -28,11 +28,11 @@ def caught(angle):
     return np.where(TIME < 0.4, decay(angle), 0.05 * np.minimum((TIME - 0.4) / 0.3, 1.0))
 
 
-def touched(*rolls):
+def touched(*rolls, hold=1.0, effect="coulomb"):
     rng = np.random.default_rng(3)
     releases = [
         Release(
-            log="x", number=n, time=TIME, roll=roll + NOISE * rng.standard_normal(len(TIME)), rest=0.0, hold=1.0,
+            log="x", number=n, time=TIME, roll=roll + NOISE * rng.standard_normal(len(TIME)), rest=0.0, hold=hold,
             std=np.full(len(TIME), NOISE), origin="angle", end="log",
         )
         for n, roll in enumerate(rolls, start=1)
@@ -40,7 +40,7 @@ def touched(*rolls):
     board = load_board(shipped_data() / "boards" / "pink.toml")
     records = make_records(releases, NOISE, rate=False)
     search = Search(records=records, scales=scales_of(records, board), bias="shared")
-    return untouched([search.single(()), search.single(("coulomb",))], ())
+    return untouched([search.single(()), search.single((effect,))], ())
 
 
 FREE, WIDE = decay(-0.14), decay(0.17)
@@ -101,3 +101,14 @@ def test_what_no_law_follows_is_left_out_where_one_follows_the_rest(rolls, left)
         assert all(
             release.time[-1] < 0.6 for release in releases if left == "the ends" and release.number != 1
         )
+
+
+@pytest.mark.parametrize(
+    ("hold", "effect", "size", "left"),
+    [(0.0, "lowpass", 6e-3, True), (1.0, "lowpass", 6e-3, False), (0.0, "coulomb", 0.1, False)],
+)
+def test_what_only_the_beginnings_ask_for_is_a_hands_where_no_hold_is_seen(hold, effect, size, left):
+    """A filter that lags shows in the first milliseconds, as a push does; friction is asked for without them too."""
+    law = LAW.with_effect(effect, size)
+    found = touched(decay(0.17, law), decay(-0.14, law), hold=hold, effect=effect)
+    assert bool(found and found[1].startswith("the beginnings")) is left

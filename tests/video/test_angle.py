@@ -132,7 +132,7 @@ def test_frames_with_wrong_points_are_left_out():
 
 def test_rectify_makes_circles_round():
     angle = np.linspace(0, 2 * np.pi, 60)
-    z = rectify(picture(angle, 0.2, -0.1, shape=SQUARE[:1]), MATRIX, 0.2, -0.1)[:, 0]
+    z = rectify(picture(angle, 0.2, -0.1, shape=SQUARE[:1]), MATRIX, np.array([0.2, -0.1, 0.0]))[:, 0]
     radius = np.abs(z - z[:-1].mean())
     assert np.ptp(radius) / radius.mean() < 1e-3
 

@@ -11,7 +11,8 @@ from sysid.video.pose.rectify import project, rectify, upright
 from sysid.video.registration import picture_of_body
 
 MATRIX = np.array([[900.0, 0, 320], [0, 900, 240], [0, 0, 1]])
-DIRECTION = np.radians([12.0, -9.0])
+DIRECTION = np.append(np.radians([12.0, -9.0]), 0.0)
+"""Yaw and pitch of the axis [rad], and no other focal length."""
 TURNS = np.radians(np.concatenate([np.linspace(-20, 20, 21), np.full(9, 4.0)]))
 MIDDLE, VANISHING = np.array([300.0, 250.0]), MATRIX[:2, 2]
 
@@ -22,7 +23,7 @@ def film():
     rng = np.random.default_rng(3)
     texture = cv2.GaussianBlur(rng.uniform(0, 255, (480, 640)), (0, 0), 2.5)
     texture = np.clip(128 + 4 * (texture - 128), 0, 255).astype(np.uint8)
-    slanted = np.linalg.inv(upright(MATRIX, *DIRECTION))
+    slanted = np.linalg.inv(upright(MATRIX, DIRECTION))
     points = np.array([[210.0, 265], [400, 265], [400, 295], [210, 295]])
     frames, places = [], []
     for number, turn in enumerate(TURNS):
@@ -50,7 +51,7 @@ def error(film, homography):
     assert body is not None
     poses = [body.lay(frame, body.rough(seen)) for frame, seen in zip(frames, track.points, strict=True)]
     found = np.array([body.filmed(pose, body.corners) for pose in poses])
-    z = rectify(found.astype(np.float64), MATRIX, *DIRECTION)
+    z = rectify(found.astype(np.float64), MATRIX, DIRECTION)
     z = z - z.mean(axis=1, keepdims=True)
     angle = np.angle((z * z[10].conj()).sum(axis=1))
     off = np.degrees(angle - TURNS)
@@ -58,7 +59,7 @@ def error(film, homography):
 
 
 def test_the_body_turns_as_from_straight_behind(film):
-    straight = error(film, upright(MATRIX, *DIRECTION))
+    straight = error(film, upright(MATRIX, DIRECTION))
     assert straight < 0.2
     assert straight < 0.8 * error(film, np.eye(3))
 

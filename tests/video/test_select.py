@@ -66,7 +66,9 @@ def test_a_frame_that_only_the_body_shows_has_a_deviation_as_well(monkeypatch):
     camera = CameraState(np.zeros(4), np.zeros((4, 4)))
     angle, std = np.array([0.2, np.nan, 0.0]), np.array([0.004, np.nan, 0.003])
     points = AngleTrack(angle, std, camera, 0.1, 1, np.ones(4), own=std / 2)
-    body = AngleTrack(np.array([0.2, 0.1, 0.0]), np.full(3, 0.001), camera, 0.1, 0, np.ones(4))
+    body = AngleTrack(
+        np.array([0.2, 0.1, 0.0]), np.full(3, 0.001), camera, 0.1, 0, np.ones(4), np.full(3, 0.001)
+    )
     monkeypatch.setattr(select, "fit_angle", lambda *_: body)
     whole = select._solve_whole(SimpleNamespace(found=points, level=angle), None, None, camera)
     np.testing.assert_allclose(whole.angle, body.angle)

@@ -3,24 +3,28 @@
 A camera that does not look along the axis sees circles as ellipses, and at more depth than one. The
 picture that it would take if it did look along it is a homography of its own, known up to the axis'
 direction and the focal length; in that picture points run on circles (`body`). Direction, focal
-length and read-out of the shutter are what makes the circles round, with what is known beforehand.
+length and read-out of the shutter are what makes the circles round, with what is known beforehand (`circles`).
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from sysid.roll import Array
-from sysid.video.pose.angle_uncertainty import common_variance, left_out, slant_ambiguity
-from sysid.video.pose.camera_state import CameraState
-from sysid.video.pose.circles import fit_circles
-from sysid.video.pose.keyframes import keyframes_of
-from sysid.video.pose.placed_body import in_view
-from sysid.video.pose.point_noise import BLUR_SHARE, enough_points, point_speed
+from sysid.video.pose.camera_state import READOUT, CameraState, spread_by
+from sysid.video.pose.circles import Found, fit_circles, placed
+from sysid.video.pose.keyframes import keyframes_of, point_speed
+from sysid.video.pose.point_noise import BLUR_SHARE
 from sysid.video.pose.prior import POINT_FLOOR, BodyPrior
 from sysid.video.pose.rectify import smear, unwrap
 from sysid.video.pose.view import View
 from sysid.video.types import Complex
+
+DRAWN = 2.0
+"""Motion of which compression leaves out half as much as of the smallest [px/frame], as found in films of a phone's kind."""
+LASTING_FRAMES = 4
+"""Frames for which a motion drawn is good [1]: those about the turn of a swing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +44,12 @@ class AngleTrack:
     """Frames left out because their points do not fit a turning body."""
     shape: Complex
     """The body's points at angle zero, as a camera along the axis sees them, about their middle."""
-    own: Array | None = None
-    """Share of `std` that is not common to all frames [rad], shape (n,); all of it if None."""
+    own: Array
+    """Share of `std` that is not common to all frames [rad], shape (n,)."""
 
 
 def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior | None = None) -> AngleTrack:
-    """Estimate the angle of a rigid body in every frame.
+    """Estimate the angle of a rigid body in every frame that shows all of its points.
 
     Args:
         view: The points.
@@ -58,37 +62,49 @@ def fit_angle(view: View, matrix: Array, before: CameraState, prior: BodyPrior |
     """
     prior = prior or BodyPrior()
     some = keyframes_of(view, prior.still)
-    found = fit_circles(view, some, matrix, before, prior, before)
+    found = fit_circles(view, some, matrix, before, prior, before.value)
     other = None
     if {0, 1} <= set(before.free):
         # From afar, a slant to one side and to the other look alike: the search may have ended in the wrong one.
         away = found.camera_state.value * [-1, -1, 1, 1] + before.value * [2, 2, 0, 0]
-        other = fit_circles(view, some, matrix, before, prior, found.camera_state.at(away))
+        other = fit_circles(view, some, matrix, before, prior, away)
         found, other = (other, found) if other.cost < found.cost else (found, other)
-    n = len(view)
-    angle, misfit, size, speed = np.full(n, np.nan), np.full(n, np.nan), np.ones(n), np.zeros(n)
-    for rows in view.chunks():
-        seen, mask = in_view(view, rows, matrix, found)
-        good = enough_points(mask)
-        angle[rows] = np.where(good, seen.angle, np.nan)
-        square = (np.abs(seen.rest) ** 2).sum(axis=1) / np.maximum(mask.sum(axis=1), 1)
-        misfit[rows] = np.where(good, np.sqrt(square) * seen.scale, np.nan)
-        size[rows] = np.where(good, (np.abs(seen.turned) ** 2).sum(axis=1) * seen.scale**2, 1.0)
-        speed[rows] = point_speed(view, rows)
+
+    def angle_of(one: Found, x: Array) -> Array:
+        return placed(view.points, view.shear, matrix, *one.unknowns.split(x))[0]
+
+    speed = point_speed(view)
+    angle, rest = placed(view.points, view.shear, matrix, *found.unknowns.split(found.x))
+    misfit = np.sqrt((rest**2).sum(axis=2).mean(axis=1))
     wrong = misfit > 12 * (float(np.nanmedian(misfit)) + POINT_FLOOR) + BLUR_SHARE * speed
     angle[wrong] = np.nan
-    variance = found.noise.variance(speed) * prior.alike / size + left_out(speed, found, prior) ** 2
-    variance += smear(angle) ** 2
-    common = common_variance(view, angle, matrix, found)
-    if other is not None:
-        common += slant_ambiguity(view, angle, matrix, found, other)
-    seen = np.isfinite(angle)
+    arm = np.abs(found.body.shape - found.body.shape.mean())
+    variance = found.noise.variance(speed) / np.sum(arm**2) + smear(angle) ** 2
+    variance += (prior.dead_zone / np.sqrt(3) / arm.max()) ** 2 * _left_out(speed)
+    clock = (view.time(found.camera_state.readout), view.share, before.place_of(READOUT))
+    common = spread_by(found.x, found.covariance, angle, lambda x: angle_of(found, x), *clock)
+    if other is not None:  # another slant that fits almost as well
+        share = 1 / (1 + np.exp(min((other.cost - found.cost) / 2, 50.0)))
+        change = np.exp(1j * (angle_of(other, other.x) - angle))
+        common += share * np.nan_to_num(np.angle(change * np.exp(-1j * np.nanmedian(np.angle(change))))) ** 2
+    own = np.where(np.isfinite(angle), np.sqrt(variance), np.nan)
     return AngleTrack(
         unwrap(angle),
-        np.where(seen, np.sqrt(variance + common), np.nan),
+        np.hypot(own, np.sqrt(common)),
         found.camera_state,
         float(np.sqrt(found.noise.rest)),
         int(wrong.sum()),
         found.body.shape,
-        np.where(seen, np.sqrt(variance), np.nan),
+        own,
     )
+
+
+def _left_out(speed: Array) -> Array:
+    """Share of the dead zone's variance that is left, by the points' speed lately [px/frame], both of shape (n,).
+
+    Compression leaves a part of the picture as it is while that changes by little: small swings come out smaller in the
+    film, and a deck that hardly moves stands still.
+    """
+    around = np.pad(speed, LASTING_FRAMES, mode="reflect")
+    lately = sliding_window_view(around, 2 * LASTING_FRAMES + 1).max(axis=1)
+    return (1 + (lately / DRAWN) ** 2) ** -2.0

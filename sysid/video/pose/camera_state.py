@@ -1,7 +1,7 @@
 """What is not known of camera and lens, before and after the film was looked at."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,8 +16,8 @@ READOUT_CEILING = 1 / 30
 """No sensor takes longer for a frame [s]."""
 SHUTTER_DOUBT = 0.3
 """How far the shutter's correction may be off, as a share of its change from frame to frame."""
-DIFFERENCE_STEPS = np.array([1e-4, 1e-4, 1e-4, 1e-4])
-"""Steps of differences: rad, rad, 1, s."""
+DIFFERENCE_STEP = 1e-4
+"""Step of differences, in the unit of each unknown: rad, rad, 1, s; and focal lengths for the body's points."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,64 +41,60 @@ class CameraState:
         """Numbers of those that are not given."""
         return [int(number) for number in np.flatnonzero(np.diag(self.covariance) > 0)]
 
+    def place_of(self, number: int) -> int | None:
+        """Return where one of the four stands among those that are not given."""
+        return self.free.index(number) if number in self.free else None
+
     @property
     def readout(self) -> float:
         """Time from the sensor's first to its last row [s]."""
         return float(self.value[READOUT])
 
-    def stepped(self, number: int) -> tuple[Array, float]:
-        """Return values with one of them moved on by a step that stays within its limits, and the step.
-
-        Values are [rad, rad, 1, s], shape (4,), and the step is in the unit of the one that moves.
-        """
-        step = float(DIFFERENCE_STEPS[number])
-        if number == READOUT and self.value[READOUT] + step > self.readout_limit:
-            step = -min(step, float(self.value[READOUT]))
-        moved = self.value.copy()
-        moved[number] += step
-        return moved, step
-
-    def at(self, value: Array) -> "CameraState":
-        """Return these with other values [rad, rad, 1, s], shape (4,), within the limits."""
+    def within(self, value: Array) -> Array:
+        """Return values [rad, rad, 1, s], shape (4,), within the limits."""
         value = value.copy()
         value[READOUT] = np.clip(value[READOUT], 0.0, self.readout_limit)
-        return replace(self, value=value)
+        return value
 
 
 def spread_by(
-    camera_state: CameraState, angle: Array, angle_at: Callable[[Array], Array], share: Array, time: Array
+    x: Array,
+    covariance: Array,
+    angle: Array,
+    angle_of: Callable[[Array], Array],
+    time: Array,
+    share: Array,
+    readout: int | None,
 ) -> Array:
-    """What is unknown of the camera leaves open of an angle, less what it does at rest.
+    """What unknown numbers leave open of an angle, less what they do at rest.
 
     Args:
-        camera_state: Values and covariance.
-        angle: Angle at these values [rad], shape (n,).
-        angle_at: Angle for other values.
+        x: The numbers, shape (P,).
+        covariance: Of these, shape (P, P).
+        angle: Angle at these [rad], shape (n,).
+        angle_of: Angle at others.
+        time: Times of the frames [s], shape (n,).
         share: Share of the read-out at which each frame is read, shape (n,).
-        time: Times of the frames [s].
+        readout: Which of them is a read-out that is not given [s].
 
     Returns:
-        Variance of the angle, shape (n,).
+        Variance of the angle [rad²], shape (n,).
     """
-    columns: list[Array] = []
+    slopes = np.zeros((len(angle), len(x)))
     rough = np.zeros(len(angle))
-    for number in camera_state.free:
-        moved, step = camera_state.stepped(number)
-        change = np.angle(np.exp(1j * (angle_at(moved) - angle))) / step if step else np.zeros(len(angle))
-        if number == READOUT:  # a frame that is read later shows a later angle: that is no error
+    for number, step in enumerate(DIFFERENCE_STEP * np.eye(len(x))):
+        change = np.angle(np.exp(1j * (angle_of(x + step) - angle))) / DIFFERENCE_STEP
+        if number == readout:  # a frame that is read later shows a later angle: that is no error
             change = change - rate_of(time, angle) * (share - np.mean(share))
         change = change - np.nanmedian(change)
-        change = np.where(np.isfinite(change), change, np.nanmax(np.abs(change)))
-        columns.append(change)
-        if number == READOUT:
+        slopes[:, number] = np.where(np.isfinite(change), change, np.nanmax(np.abs(change)))
+        if number == readout:
             # The correction takes velocities from neighbouring frames: it is as good as they are alike.
-            jump = np.abs(np.diff(change, prepend=change[:1], append=change[-1:]))
-            rough = SHUTTER_DOUBT * np.fmax(jump[1:], jump[:-1]) * camera_state.readout
-    if not columns:
-        return rough**2
-    jacobian = np.stack(columns, axis=1)
-    covariance = camera_state.covariance[np.ix_(camera_state.free, camera_state.free)]
-    return np.einsum("ni,ij,nj->n", jacobian, covariance, jacobian) + rough**2
+            jump = np.abs(
+                np.diff(slopes[:, readout], prepend=slopes[:1, readout], append=slopes[-1:, readout])
+            )
+            rough = SHUTTER_DOUBT * np.fmax(jump[1:], jump[:-1]) * x[readout]
+    return np.einsum("ni,ij,nj->n", slopes, covariance, slopes, optimize=True) + rough**2
 
 
 def rate_of(time: Array, angle: Array) -> Array:

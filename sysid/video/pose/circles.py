@@ -1,47 +1,99 @@
-"""Direction of the axis, lens and shutter with which the points of a turning body run on circles."""
+"""Direction of the axis, lens and shutter with which the points of a turning body run on circles.
 
+A bundle adjustment: what all frames have in common (the camera, and the body's shape and circles) is found by least squares
+of the distances in the pictures, with what is known beforehand; where a body lies in a frame follows from that frame.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.pose.body import Body, common_problem
-from sysid.video.pose.camera_state import CameraState
+from sysid.video.pose.body import Body
+from sysid.video.pose.camera_state import DIFFERENCE_STEP, READOUT, CameraState
 from sysid.video.pose.keyframes import Keyframes
-from sysid.video.pose.placed_body import Found, fit_pose
-from sysid.video.pose.point_noise import BLUR_SHARE, MANY_POINTS, PointNoise, near_ones, point_noise
-from sysid.video.pose.prior import BodyPrior, add_priors
+from sysid.video.pose.point_noise import PointNoise, point_noise
+from sysid.video.pose.prior import BodyPrior
+from sysid.video.pose.rectify import project, upright
 from sysid.video.pose.view import View
-from sysid.video.types import Complex
 
 NOISE_ROUNDS = 3
 """Times that the noise is found anew."""
-MAX_STEPS = 25
-"""Steps of Levenberg and Marquardt at most; they end by `MIN_GAIN` long before where there is an answer."""
-FIXED_WEIGHT = 1e9
-"""Weight that holds what is not to be found, in the unit of the noise [1]."""
-MIN_GAIN = 1e-2
-"""Steps end where they gain less than this of the sum of squares, which is in units of the noise."""
+MAX_EVALUATIONS = 30
+"""Steps of the search at most in each round; it ends long before where there is an answer."""
+SQUARE_SQUEEZE = 0.0075
+"""Standard deviation of a printed square's squareness: one that stands 7 degrees off looks 0.75 % narrower."""
+LEAST_COST = 1e-4
+"""The search ends where a step gains less than this share of the sum of squares."""
 
 
 @dataclass(frozen=True, slots=True)
-class _Trial:
-    """Body and camera, and how well they fit."""
+class Unknowns:
+    """How what all frames have in common stands in a row of numbers: the camera's free ones, then c and q."""
 
-    body: Body
+    before: CameraState
+    points: int
+    focal: float
+    """[px]"""
+
+    def split(self, x: Array) -> tuple[Array, Body]:
+        """Return camera values [rad, rad, 1, s], shape (4,), and the body of numbers, shape (p + 4N,), or of rows of them."""
+        free = self.before.free
+        camera = np.broadcast_to(self.before.value, (*x.shape[:-1], 4)).copy()
+        camera[..., free] = x[..., : len(free)]
+        parts = self.focal * x[..., len(free) :].reshape(*x.shape[:-1], 4, self.points)
+        return camera, Body(
+            parts[..., 2, :] + 1j * parts[..., 3, :], parts[..., 0, :] + 1j * parts[..., 1, :]
+        )
+
+    def joined(self, camera: Array, body: Body) -> Array:
+        """Return the numbers, shape (p + 4N,), of camera values [rad, rad, 1, s], shape (4,), and a body."""
+        parts = [body.centre.real, body.centre.imag, body.shape.real, body.shape.imag]
+        return np.concatenate([camera[self.before.free], np.concatenate(parts) / self.focal])
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What all frames have in common."""
+
+    unknowns: Unknowns
+    x: Array
+    """The numbers, as `unknowns` has them, shape (P,)."""
+    covariance: Array
+    """Of these, shape (P, P)."""
     camera_state: CameraState
-    rest: Complex
-    """What does not fit, shape (m, N)."""
+    body: Body
+    noise: PointNoise
     cost: float
-    normal: Array
-    pull: Array
+    """Sum of squares that is left, weighed as usual noise would have it, and of what is known beforehand."""
+
+
+def placed(points: Array, shear: Array, matrix: Array, camera: Array, body: Body) -> tuple[Array, Array]:
+    """Return where a body fits best: its angle [rad], shape (..., n), and what does not fit [px], (..., n, N, 2).
+
+    Args:
+        points: Points as a straight lens shows them [px], shape (n, N, 2).
+        shear: What to add to them for each second of read-out [px/s], shape (n, N, 2).
+        matrix: Camera matrix [px], shape (3, 3).
+        camera: Yaw, pitch, logarithm of the focal length and read-out, shape (..., 4).
+        body: The body.
+    """
+    flat = upright(matrix, camera)[..., None, :, :]
+    seen = points + camera[..., READOUT, None, None, None] * shear
+    there = project(flat, seen)
+    angle, model = body.laid(there[..., 0] + 1j * there[..., 1])
+    aside = np.asarray(np.linalg.inv(flat), np.float64)
+    back = project(aside, np.stack([model.real, model.imag], axis=-1))
+    return angle, seen - back
 
 
 def fit_circles(
-    view: View, some: Keyframes, matrix: Array, before: CameraState, prior: BodyPrior, start: CameraState
+    view: View, some: Keyframes, matrix: Array, before: CameraState, prior: BodyPrior, start: Array
 ) -> Found:
-    """Find body and camera by damped Gauss-Newton steps; three times, as the noise weighs the frames.
+    """Find body and camera, three times, as the noise weighs the frames.
 
     Args:
         view: The points.
@@ -49,85 +101,72 @@ def fit_circles(
         matrix: Camera matrix [px], shape (3, 3).
         before: What is known of the camera beforehand.
         prior: What is known of the body.
-        start: Camera from which the search sets out.
+        start: Camera from which the search sets out, shape (4,).
     """
-    points, shear = view.points(some.rows), view.shear(some.rows)
-    free = before.free
-    limit = np.array([0.15, 0.15, 0.4, np.inf])[free]
-    now = before.at(start.value)
-    _, body = fit_pose(points, shear, some.mask, matrix, now, None)
+    from scipy import optimize
+
+    least_squares: Any = optimize.least_squares  # its stubs do not know of functions for `jac`
+
+    points, shear, focal = view.points[some.rows], view.shear[some.rows], float(matrix[0, 0])
+    unknowns = Unknowns(before, points.shape[1], focal)
+    now = before.within(start)
+    seen = project(upright(matrix, now), points[len(points) // 2])
+    shape = seen[:, 0] + 1j * seen[:, 1]
+    first = Body(shape - shape.mean(), np.zeros_like(shape))
+    x = unknowns.joined(now, first)
+    beforehand = _priors(unknowns, prior, first)
+
+    def residuals(x: Array, weight: Array) -> Array:
+        camera, body = unknowns.split(x)
+        rest = np.sqrt(weight)[:, None, None] * placed(points, shear, matrix, camera, body)[1]
+        return np.concatenate([rest.reshape(*x.shape[:-1], -1), beforehand(x)], axis=-1)
+
     noise, doubt = PointNoise(0.05**2, 0.0), np.ones(len(points))
-    trial = None
-    lens = 4 * len(body.shape) + free.index(2) if 2 in free and not prior.shows_lens else None
+    low, high, width = np.full(len(x), -np.inf), np.full(len(x), np.inf), np.full(len(x), np.inf)
+    if (at := before.place_of(READOUT)) is not None:  # as likely anywhere within its limits
+        low[at], high[at], width[at] = -1e-9, before.readout_limit + 1e-9, before.std[READOUT]
+    jacobian = np.zeros((0, 0))
     for _ in range(NOISE_ROUNDS):
-        weight = some.share * doubt / (noise.variance(some.speed) * prior.alike)
-
-        at = partial(_try, points, shear, some, matrix, before, prior, weight)
-        trial = at(body, now)
-        damping = 0.0
-        for _ in range(MAX_STEPS):
-            damped = trial.normal + damping * np.diag(np.diag(trial.normal))
-            if lens is not None:
-                damped[lens, lens] *= FIXED_WEIGHT
-            step = np.asarray(np.linalg.solve(damped, trial.pull), np.float64)
-            bold = np.abs(step[len(step) - len(free) :])
-            step *= min(1.0, float(np.min(limit / np.maximum(bold, 1e-12), initial=1.0)))
-            value = trial.camera_state.value.copy()
-            value[free] += step[len(step) - len(free) :]
-            other = at(trial.body.moved(step), now.at(value))
-            # The body once more for this camera: a slant shortens it by more than in proportion.
-            own = 4 * len(body.shape)
-            refit = np.asarray(np.linalg.solve(other.normal[:own, :own], other.pull[:own]), np.float64)
-            settled = at(other.body.moved(refit), other.camera_state)
-            other = settled if settled.cost < other.cost else other
-            gain = trial.cost - other.cost
-            if gain >= 0:
-                trial, damping = other, damping / 10
-            else:
-                damping = max(10 * damping, 1e-3)
-            if not abs(gain) >= MIN_GAIN:
-                break
-        body, now = trial.body, trial.camera_state
-        noise, doubt = point_noise(trial.rest, some.mask, some.share, some.speed, len(free), prior)
-        if len(body.shape) >= MANY_POINTS:
-            some = replace(some, mask=near_ones(some.mask, trial.rest, noise.variance(some.speed)))
-    assert trial is not None
-    covariance = _covariance(trial.normal, lens, before)
+        weighted = partial(residuals, weight=some.share * doubt / noise.variance(some.speed))
+        fit = least_squares(
+            weighted, np.clip(x, low, high), jac=partial(_slopes, weighted), bounds=(low, high), x_scale="jac", ftol=LEAST_COST,
+            max_nfev=MAX_EVALUATIONS,
+        )  # fmt: skip
+        x, jacobian = fit.x, fit.jac
+        rest = placed(points, shear, matrix, *unknowns.split(x))[1]
+        noise, doubt = point_noise(rest, some, len(before.free), prior)
+    covariance = np.asarray(np.linalg.inv(jacobian.T @ jacobian + np.diag(width**-2.0)), np.float64)
+    camera, body = unknowns.split(x)
     unknown = np.zeros((4, 4))
-    unknown[np.ix_(free, free)] = covariance[len(covariance) - len(free) :, len(covariance) - len(free) :]
+    p = len(before.free)
+    unknown[np.ix_(before.free, before.free)] = covariance[:p, :p]
     # One noise for all solutions, so that they can be compared.
-    usual = some.share / (prior.alike * (prior.floor**2 + (BLUR_SHARE * some.speed) ** 2))
-    cost = _try(points, shear, some, matrix, before, prior, usual, body, now).cost
-    return Found(replace(now, covariance=unknown), body, noise, covariance, cost)
+    usual = PointNoise.usual(prior).variance(some.speed)
+    cost = float(np.sum(residuals(x, some.share / usual) ** 2))
+    state = replace(before, value=before.within(camera), covariance=unknown)
+    return Found(unknowns, x, covariance, state, body, noise, cost)
 
 
-def _covariance(normal: Array, lens: int | None, before: CameraState) -> Array:
-    """Of all that is common; a focal length that the points do not tell is as uncertain as it was before."""
-    if lens is None:
-        return np.asarray(np.linalg.inv(normal), np.float64)
-    others = np.delete(np.arange(len(normal)), lens)
-    inverse = np.linalg.inv(normal[np.ix_(others, others)])
-    follow = np.zeros(len(normal))
-    follow[others], follow[lens] = -inverse @ normal[others, lens], 1.0
-    covariance = np.outer(follow, follow) * before.covariance[2, 2]
-    covariance[np.ix_(others, others)] += inverse
-    return covariance
+def _priors(unknowns: Unknowns, prior: BodyPrior, first: Body) -> Callable[[Array], Array]:
+    """Return what is known beforehand as a function of the numbers (..., P): distances in standard deviations."""
+    before, size = unknowns.before, float(np.sqrt(np.mean(np.abs(first.shape) ** 2)))
+    told = [number for number in before.free if number != READOUT]
+    ideal = np.exp(1j * np.pi / 2 * np.arange(len(first.shape))) / np.sqrt(len(first.shape))
+
+    def at(x: Array) -> Array:
+        camera, body = unknowns.split(x)
+        rows = [(camera[..., told] - before.value[told]) / before.std[told]]
+        # The body's own size says nothing of its shape, but that shift and turn are not to be told from it.
+        both = [body.centre / (prior.centre_std * unknowns.focal), (body.shape - first.shape) / size]
+        if prior.square:
+            off = body.shape - (body.shape @ ideal.conj())[..., None] * ideal
+            both.append((off - off.mean(axis=-1, keepdims=True)) / (SQUARE_SQUEEZE * size))
+        return np.concatenate([*rows, *(part for one in both for part in (one.real, one.imag))], axis=-1)
+
+    return at
 
 
-def _try(
-    points: Array,
-    shear: Array,
-    some: Keyframes,
-    matrix: Array,
-    before: CameraState,
-    prior: BodyPrior,
-    weight: Array,
-    body: Body,
-    camera_state: CameraState,
-) -> _Trial:
-    seen, _ = fit_pose(points, shear, some.mask, matrix, camera_state, body)
-    scaled = weight * seen.scale**2
-    normal, pull = common_problem(seen.rest, seen.angle, seen.turned, some.mask, scaled, seen.slopes)
-    cost = float(np.sum(scaled[:, None] * np.abs(seen.rest) ** 2))
-    cost += add_priors(normal, pull, body, camera_state, before, prior, matrix[0, 0])
-    return _Trial(body, camera_state, seen.rest * seen.scale[:, None], cost, normal, pull)
+def _slopes(at: Callable[[Array], Array], x: Array) -> Array:
+    """Differences of a function of rows of numbers, all at once, shape (residuals, P)."""
+    both = at(x + DIFFERENCE_STEP * np.vstack([np.eye(len(x)), np.zeros(len(x))]))
+    return ((both[:-1] - both[-1]) / DIFFERENCE_STEP).T

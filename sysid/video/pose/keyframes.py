@@ -5,13 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.pose.point_noise import MANY_POINTS, all_finite, enough_points, point_speed
 from sysid.video.pose.view import View
-from sysid.video.types import Mask, Rows
+from sysid.video.types import Rows
 
 MAX_REPEATS = 4
 """Frames of a still picture that are used at most."""
-MAX_KEYFRAMES = 200
+MAX_KEYFRAMES = 150
 """Frames that are used at most to find what is unknown of the camera; the angle is found in all."""
 
 
@@ -20,7 +19,6 @@ class Keyframes:
     """The frames that tell where the camera stands, and how much each does."""
 
     rows: Rows
-    mask: Mask
     share: Array
     """One over how many frames show the same still picture, shape (m,)."""
     speed: Array
@@ -28,37 +26,34 @@ class Keyframes:
 
 
 def keyframes_of(view: View, still: float) -> Keyframes:
-    """Choose frames: few of those that show one and the same picture, many of those turned furthest."""
-    run = np.zeros(len(view), int)
-    anchor, number = np.full(view.track.points.shape[1:], np.inf), 0
-    # Freed of the camera's shake: what a lens, a shade or a slant does to a point goes with the body's attitude.
-    steady = np.concatenate([view.points(rows) for rows in view.chunks()])
-    for row in range(len(view)):
-        points = steady[row]
-        with np.errstate(invalid="ignore"):
-            away = np.abs(points - anchor)
-        known = np.isfinite(away)
-        # Of many points some slip: the picture is another one if half of them have moved.
-        moved = np.median if len(points) >= MANY_POINTS else np.max
-        if not known.any() or moved(away[known]) > still:
-            anchor, number = points, number + 1
-        run[row] = number
-    usable = np.flatnonzero(enough_points(all_finite(steady)))
-    if len(usable) > 2:  # a frame without neighbours shows no velocity
-        usable = usable[(usable > 0) & (usable < len(view) - 1)]
-    _, first, count = np.unique(run[usable], return_index=True, return_counts=True)
-    kept = np.concatenate(
-        [
-            usable[begin + np.unique(np.linspace(0, many - 1, min(many, MAX_REPEATS)).astype(int))]
-            for begin, many in zip(first, count, strict=True)
-        ]
-    )
-    if len(kept) > MAX_KEYFRAMES:
-        ends = np.array([points[all_finite(points)][[0, -1]] for points in steady[kept]])
-        direction = np.angle((ends[:, 1] - ends[:, 0]) @ np.array([1, 1j]))
-        away = np.abs(np.angle(np.exp(1j * (direction - np.median(direction)))))
+    """Choose frames: few of those in which no point moves by more than `still` [px], many of those turned furthest."""
+    whole = np.flatnonzero(np.isfinite(view.points).all(axis=(1, 2)))
+    inner = whole[(whole > 0) & (whole < len(view.points) - 1)]  # one without neighbours shows no velocity
+    rows = inner if len(inner) else whole
+    runs: list[list[int]] = []
+    for row in rows:
+        if runs and np.abs(view.points[row] - view.points[runs[-1][0]]).max() <= still:
+            runs[-1].append(int(row))
+        else:
+            runs.append([int(row)])
+    kept = [
+        (run[at], number)
+        for number, run in enumerate(runs)
+        for at in np.unique(np.linspace(0, len(run) - 1, min(len(run), MAX_REPEATS)).astype(int))
+    ]
+    rows, run = np.array(kept, np.intp).T
+    if len(rows) > MAX_KEYFRAMES:
+        arm = (view.points[rows, -1] - view.points[rows, 0]) @ np.array([1, 1j])
+        turn = np.unwrap(np.angle(arm))
+        away = np.abs(turn - np.median(turn))
         far = np.argsort(-away)[: 2 * MAX_KEYFRAMES // 3]
-        even = np.linspace(0, len(kept) - 1, MAX_KEYFRAMES // 3).astype(int)
-        kept = kept[np.unique(np.concatenate([far, even]))]
-    _, inverse, count = np.unique(run[kept], return_inverse=True, return_counts=True)
-    return Keyframes(kept, all_finite(view.points(kept)), 1 / count[inverse], point_speed(view, kept))
+        some = np.union1d(far, np.linspace(0, len(rows) - 1, MAX_KEYFRAMES // 3).astype(int))
+        rows, run = rows[some], run[some]
+    return Keyframes(rows, 1 / np.bincount(run)[run], point_speed(view)[rows])
+
+
+def point_speed(view: View) -> Array:
+    """Mean speed of the points as filmed [px/frame], the larger one of before and after each frame, shape (n,)."""
+    moved = np.linalg.norm(np.diff(view.track.points, axis=0), axis=-1).mean(axis=1)
+    moved = np.pad(np.nan_to_num(moved).astype(np.float64), 1)
+    return np.maximum(moved[1:], moved[:-1])

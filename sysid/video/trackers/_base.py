@@ -9,7 +9,6 @@ import numpy as np
 from sysid.roll import Array
 from sysid.video.film.frames import Frame
 from sysid.video.film.reel import Reel
-from sysid.video.film.track import Track
 from sysid.video.pose.angle import AngleTrack
 from sysid.video.pose.camera_state import CameraState
 from sysid.video.pose.view import View
@@ -65,8 +64,6 @@ class Target:
     warnings: tuple[str, ...] = ()
     shows_body: bool = True
     """Whether two or more of its points stay where they are on the board, so that they tell how all of it moved."""
-    settle: Callable[[Track], Track] | None = None
-    """What to leave out of the track once the whole film is known."""
     joined: tuple[tuple[int, int], ...] = ()
     """Points between which a line is drawn, so that a person sees what they are."""
 

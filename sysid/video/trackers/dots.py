@@ -14,8 +14,8 @@ from sysid.video.film.reel import Reel
 from sysid.video.film.survey import Survey
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.camera_state import READOUT, CameraState, spread_by
-from sysid.video.pose.prior import BodyPrior
-from sysid.video.pose.rectify import longer, rectify, smear, unwrap
+from sysid.video.pose.prior import POINT_FLOOR, BodyPrior
+from sysid.video.pose.rectify import rectify, smear, unwrap
 from sysid.video.pose.view import View
 from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, level_angle, rests_at
 from sysid.video.types import Complex, Picture
@@ -34,6 +34,8 @@ BEST = 1e6
 """Worth of being of one colour, in the unit of a dot's own worth: above all others, so that such a pair always wins."""
 MAX_ASIDE = np.radians(3.0)
 """How far from straight below, above or beside its pivot a single dot may rest and still show level by that [rad]."""
+CIRCLE_SCALE = 3.0
+"""Distance from a circle that counts in full [px]."""
 MIN_UNCOVERED = 0.85
 """A dot of which less than this share is left is covered in part."""
 
@@ -178,44 +180,53 @@ def fit_pivot(
     """
 
     def arm_and_pivot(value: Array) -> tuple[Complex, Array]:
-        """From the pivot to the dot, shape (n,), and the pivot's covariance, in the rectified picture."""
-        camera = longer(matrix, value[2])
-        z = rectify(view.all_points(value[READOUT])[:, 0], camera, value[0], value[1])
+        """From the pivot to the dot, shape (n,), and the pivot's covariance, as a camera along the axis sees them."""
+        z = rectify(view.points[:, 0] + value[READOUT] * view.shear[:, 0], matrix, value)
         if pivot is not None:
-            return z - complex(rectify(np.array(pivot, float), camera, value[0], value[1])), np.zeros((2, 2))
-        centre, covariance = _centre(z[np.isfinite(z)], 3 / camera[0, 0])
+            return z - complex(rectify(np.array([pivot], float), matrix, value)[0]), np.zeros((2, 2))
+        centre, covariance = _centre(z[np.isfinite(z)])
         return z - centre, covariance
 
     arm, covariance = arm_and_pivot(before.value)
     angle, radius = np.angle(arm), np.abs(arm)
-    noise = float(np.nanstd(radius)) + 0.02 / matrix[0, 0]
+    noise = float(np.nanstd(radius)) + POINT_FLOOR
     # d angle / d centre, less what it is at rest, carries the pivot's uncertainty.
     slope = np.stack([arm.imag, -arm.real], axis=1) / radius[:, None] ** 2
     slope = slope - np.nanmedian(slope, axis=0)
-    variance = (noise / np.nanmean(radius)) ** 2 + np.einsum("ni,ij,nj->n", slope, covariance, slope)
-    unknown = spread_by(
-        before, angle, lambda value: np.angle(arm_and_pivot(value)[0]), view.share, view.time(before.readout)
+    own = (noise / np.nanmean(radius)) ** 2 + smear(angle) ** 2 + 0 * angle
+    common = np.einsum("ni,ij,nj->n", slope, covariance, slope)
+    readout = READOUT if READOUT in before.free else None
+    time = view.time(before.readout)
+    common += spread_by(
+        before.value,
+        before.covariance,
+        angle,
+        lambda value: np.angle(arm_and_pivot(value)[0]),
+        time,
+        view.share,
+        readout,
     )
-    std = np.where(np.isfinite(angle), np.sqrt(variance + unknown + smear(angle) ** 2), np.nan)
-    return AngleTrack(unwrap(angle), std, before, noise * matrix[0, 0], 0, np.array([1 + 0j]))
+    return AngleTrack(
+        unwrap(angle), np.sqrt(own + common), before, noise, 0, np.array([1 + 0j]), np.sqrt(own)
+    )
 
 
-def _centre(z: Complex, scale: float) -> tuple[complex, Array]:
-    """Centre of the circle that points (n,) run on, and its covariance: least squares of the distances.
+def _centre(z: Complex) -> tuple[complex, Array]:
+    """Centre of the circle that points (n,) [px] run on, and its covariance: least squares of the distances.
 
-    As Gander, Golub and Strebel (1994), with a loss that ignores what is further off than `scale`.
+    As Gander, Golub and Strebel (1994), with a loss that ignores what is further off.
     """
     from scipy.optimize import least_squares
 
     design = np.stack([z.real, z.imag, np.ones(len(z))], axis=1)
     guess, *_ = np.linalg.lstsq(design, -(np.abs(z) ** 2), rcond=None)
     x, y = -guess[:2] / 2
-    start = [x, y, np.sqrt(max(x**2 + y**2 - guess[2], 1e-6))]
+    start = [x, y, np.sqrt(max(x**2 + y**2 - guess[2], 1.0))]
 
     def distance(circle: Array) -> Array:
         return np.abs(z - complex(circle[0], circle[1])) - circle[2]
 
-    fit = least_squares(distance, start, loss="soft_l1", f_scale=scale, x_scale=0.1)
+    fit = least_squares(distance, start, loss="soft_l1", f_scale=CIRCLE_SCALE, x_scale="jac")
     covariance = np.linalg.inv(fit.jac.T @ fit.jac)[:2, :2] * np.mean(distance(fit.x) ** 2)
     return complex(fit.x[0], fit.x[1]), covariance
 

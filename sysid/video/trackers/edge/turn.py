@@ -1,14 +1,13 @@
 """The angle of the deck from points on the edges of its end, and how well it is known."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
 from sysid.roll import Array
 from sysid.video.pose.angle import AngleTrack
 from sysid.video.pose.camera_state import READOUT, CameraState, rate_of, spread_by
-from sysid.video.pose.rectify import longer, rectify, smear, unwrap
+from sysid.video.pose.rectify import rectify, smear, unwrap
 from sysid.video.pose.view import View
 from sysid.video.trackers._edge_profile import PIECES
 from sysid.video.trackers.edge.body import Edge, EdgeBody, fit_edges, moments
@@ -44,20 +43,22 @@ def fit_direction(view: View, matrix: Array, before: CameraState, *, pivot: Arra
     """
     edge = np.arange(view.track.points.shape[1]) // PIECES
     time = view.time(before.readout)
-    late = view.row_share(view.track.points.astype(np.float64)) - view.share[:, None]
-    still = view.all_points(0.0)
-    z = _along_axis(still, matrix, before.value)
-    about = complex(_along_axis(pivot, matrix, before.value))
+    late, still = view.late, view.points
+    z = rectify(still, matrix, before.value)
+    about = complex(rectify(pivot[None], matrix, before.value)[0])
     body = fit_edges(z, edge, about)
     for _ in range(SHUTTER_ROUNDS if before.readout else 0):
         body = fit_edges(z - _moved(body, z, time, late * before.readout), edge, about)
 
     def angle_at(value: Array) -> Array:
-        place = _along_axis(still, matrix, value)
+        place = rectify(still, matrix, value)
         return body.angle + _turned(place - _moved(body, place, time, late * value[READOUT]), edge, body)
 
     seen = angle_at(before.value)
-    unknown = spread_by(_of_known_direction(before), seen, angle_at, view.share, time)
+    doubt = before.covariance.copy()
+    doubt[:2], doubt[:, :2] = 0.0, 0.0  # of the direction: that is no matter of a derivative
+    readout = READOUT if READOUT in before.free else None
+    unknown = spread_by(before.value, doubt, seen, angle_at, time, view.share, readout)
     unknown += _slant_spread(before, seen, angle_at)
     noise = _variance(body, edge)
     trusted = body.weight.sum(axis=1)
@@ -73,12 +74,6 @@ def fit_direction(view: View, matrix: Array, before: CameraState, *, pivot: Arra
         np.array([1 + 0j]),
         np.where(wrong, np.nan, np.sqrt(own)),
     )
-
-
-def _along_axis(points: Array, matrix: Array, value: Array) -> Complex:
-    """Points as a camera along the axis sees them [px]."""
-    camera = longer(matrix, value[2])
-    return camera[0, 0] * rectify(points, camera, value[0], value[1])
 
 
 def _moved(body: EdgeBody, z: Complex, time: Array, late: Array) -> Complex:
@@ -97,13 +92,6 @@ def _turned(z: Complex, edge: Edge, body: EdgeBody) -> Array:
     )
     total = np.maximum(total, 1e-9)
     return (xy - x * y / total).sum(axis=1) / np.maximum((xx - x**2 / total).sum(axis=1), 1e-9)
-
-
-def _of_known_direction(before: CameraState) -> CameraState:
-    """CameraState but for yaw and pitch."""
-    covariance = before.covariance.copy()
-    covariance[:2], covariance[:, :2] = 0.0, 0.0
-    return replace(before, covariance=covariance)
 
 
 def _slant_spread(before: CameraState, angle: Array, angle_at: Callable[[Array], Array]) -> Array:

@@ -1,0 +1,42 @@
+"""Where a body lies in a picture: affine maps of places at home [px] to places there [px], shape (3, 3)."""
+
+import numpy as np
+
+from sysid.roll import Array
+
+
+def shifted(by: Array) -> Array:
+    """Return the pose that shifts by some [px], shape (2,)."""
+    return np.array([[1.0, 0.0, by[0]], [0.0, 1.0, by[1]], [0.0, 0.0, 1.0]])
+
+
+def turned_about(middle: Array, turn: float) -> Array:
+    """Return the pose that turns about a place [px], shape (2,), by an angle [rad], clockwise in the picture."""
+    cosine, sine = np.cos(turn), np.sin(turn)
+    turning = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    return shifted(middle) @ turning @ shifted(-middle)
+
+
+def turn_of(pose: Array) -> float:
+    """Return the turn of a pose, shape (3, 3) [rad]."""
+    return float(np.arctan2(pose[1, 0] - pose[0, 1], pose[0, 0] + pose[1, 1]))
+
+
+def pose_between(home: Array, points: Array) -> Array | None:
+    """Return the similarity from points (N, 2) [px] to others; None where fewer than two are seen in both."""
+    both = np.isfinite(home + points).all(axis=1)
+    if both.sum() < 2:
+        return None
+    one, other = (places[both] @ np.array([1, 1j]) for places in (home, points))
+    arm = one - one.mean()
+    turn = np.vdot(arm, other) / max(float(np.vdot(arm, arm).real), 1e-9)
+    shift = other.mean() - turn * one.mean()
+    return np.array([[turn.real, -turn.imag, shift.real], [turn.imag, turn.real, shift.imag], [0, 0, 1.0]])
+
+
+def principal_corners(places: Array, weight: Array) -> tuple[Array, Array]:
+    """Return four points, shape (4, 2), as wide apart as places (m, 2) [px] of some weights are on average, and how wide, (2,)."""
+    middle = np.average(places, axis=0, weights=weight)
+    variance, axes = np.linalg.eigh(np.cov((places - middle).T, aweights=weight))
+    lengths = np.sqrt(np.maximum(variance, 0.0))
+    return middle + (np.array([[-1, -1], [-1, 1], [1, 1], [1, -1]]) * lengths) @ axes.T, lengths
