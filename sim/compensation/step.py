@@ -91,7 +91,7 @@ def compensate_step(board: Board, *, timestep: float, integrator: str = "implici
         timestep: [s].
 
     Raises:
-        SysidError: The step is too long for this board, or the integrator damps more than the board.
+        SysidError: The step is too long for this board, the integrator damps more than it, or nothing pulls it back to rest.
     """
     build = _bench(timestep, integrator)
     first = closed_form(board, timestep=timestep, integrator=integrator)
@@ -266,6 +266,11 @@ class _Release:
 
 def _truth(board: Board, amplitudes: Sequence[float]) -> list[_Release]:
     law = JointLaw.from_board(board).of_joint()
+    if law.stiffness + law.stiffness_of_effects <= 0:
+        raise SysidError(
+            f"nothing pulls the joint of '{board.name}' back to rest: its record has a stiffness of {law.stiffness:g} N·m/rad. "
+            f"Was it never fitted? `husky-sysid fit LOG --board {board.name}` measures it."
+        )
     decay = max(law.damping / (2 * law.inertia), 0.02 * law.frequency)
     duration = min(4.0 / decay, 12 * 2 * math.pi / law.frequency)
     time = np.linspace(0.0, duration, 400)

@@ -70,6 +70,8 @@ FINALISTS = 6
 """How many of the best sets of families, of single effects and of pairs, are predicted."""
 RIVALS = 4
 """How many models that predict as well are listed."""
+FAR = 3.0
+"""Error over the noise from which a model on the coarse grid will not reach the noise on the fine one: a choice; only time depends on it."""
 UNNOTICED = 0.005
 """Error beyond the noise over the motion, both RMS, that nobody misses an effect by which another would take away: of eleven random
 logs and a bicycle's fork, what is not there took away 0.002 to 0.004, what is there 0.010 or more."""
@@ -266,18 +268,22 @@ def diagnose(
             records=records, scales=scales, bias=bias, base=tuple(sorted(p.name for p in board.effects)),
             fixed=held, pool=pool, progress=progress,
         )  # fmt: skip
-        started, (search, models, final) = search, _searched(search)
+        started, (search, models) = search, _searched(search)
+        learning = partial(learn, judged, board, signal=signal, fixed=fixed)
+        # Begun as soon as it is clear that it will be wanted, while others work on the rest.
+        alone = pool.begin(learning, ()) if _beyond(search, models) else None
+        final = _finalists(search, models)
         free = untouched(final, search.base)
         if free is not None:
             judged, left_out = free
             warnings.append(left_out)
             records = make_records(judged, noise.std, rate=use_rate)
-            search, models, final = _searched(replace(started, records=records))
+            search, models = _searched(replace(started, records=records))
+            final = _finalists(search, models)
+            learning, alone = partial(learn, judged, board, signal=signal, fixed=fixed), None
         first = Field(final, search.base, period, noise.std)
-        learning = partial(learn, judged, board, signal=signal, fixed=fixed)
-        # Begun as soon as it is clear that it will be wanted, while others work on the rest.
-        sure = first.surely_missing and first.winner().model.rmse > REACHED * noise.std
-        alone = pool.begin(learning, ()) if sure else None
+        if first.surely_missing and first.winner().model.rmse > REACHED * noise.std:
+            alone = alone or pool.begin(learning, ())
         winner, final, idle = _material(search, first, final)
         outside = surrogates(search, winner)
         everything = Field([*final, *outside], search.base, period, noise.std)
@@ -396,8 +402,8 @@ def _fast_starts(model: Model) -> list[str]:
     ]
 
 
-def _searched(search: Search) -> tuple[Search, list[Model], list[Model]]:
-    """Return what searches, all models that were fitted, and those of them that may win, refined and predicted."""
+def _searched(search: Search) -> tuple[Search, list[Model]]:
+    """Return what searches, and all models that were fitted."""
     search, singles = search.hung(search.singles())
     # What is at the noise already needs nothing beside it, so what else could be is asked for in its pairs only.
     reached = search.at_noise(singles)
@@ -408,13 +414,25 @@ def _searched(search: Search) -> tuple[Search, list[Model], list[Model]]:
     models = list({m.effects: m for m in models}.values())
     large = sorted([*pairs, *near], key=lambda m: m.cost)[:4]
     models = search.reduced(large, models)
-    models = [reached if reached and m.effects == reached.effects else m for m in models]
+    return search, [reached if reached and m.effects == reached.effects else m for m in models]
+
+
+def _beyond(search: Search, models: Sequence[Model]) -> bool:
+    """Return whether what is missing matters, and every model is so far from the noise that none will reach it on the fine grid."""
+    linear = next(m for m in models if m.effects == search.base)
+    motion = float(np.sqrt(np.mean((np.concatenate(linear.problem.observed) - rest_of(linear)) ** 2)))
+    best = min(models, key=lambda m: m.cost)
+    return linear.rmse > MATERIAL * motion and best.rmse > FAR * search.records[0].std
+
+
+def _finalists(search: Search, models: Sequence[Model]) -> list[Model]:
+    """Return those models that may win, refined and predicted."""
     linear = next(m for m in models if m.effects == search.base)
     picked = [linear]
     for count in (1, 2):
         extra = [m for m in models if len(m.effects) - len(search.base) == count]
         picked += best_families(extra, FINALISTS)
-    return search, models, [m for m in search.finalists(picked) if m.heldout is not None]
+    return [m for m in search.finalists(picked) if m.heldout is not None]
 
 
 def _material(search: Search, tried: Field, final: list[Model]) -> tuple[Model, list[Model], frozenset[str]]:

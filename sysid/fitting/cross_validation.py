@@ -9,10 +9,11 @@ releases misses, which have one set of parameters.
 """
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
 from sysid.fitting.problem import Problem
 from sysid.least_squares import Minimum, Normal, minimise
@@ -50,30 +51,26 @@ def surprising_residuals(problem: Problem, minimum: Minimum) -> tuple[Array, ...
     Returns:
         Prediction minus measurement [rad or rad/s], shape (n,) for each release.
     """
-    if len(problem.records) == 1:
-        predicted = [_interrupted(problem, minimum)]
-    else:
-        predicted = [_within_noise(problem, minimum, index) for index in range(len(problem.records))]
     together = problem.residuals(minimum.point)
+    if len(problem.records) == 1:
+        predicted = [_interrupted(problem, minimum, together[0])]
+    else:
+        predicted = [_within_noise(problem, minimum, index, t) for index, t in enumerate(together)]
     with np.errstate(all="ignore"):  # a prediction that ran away is worse than any fit
         return tuple(t if t @ t > p @ p else p for p, t in zip(predicted, together, strict=True))
 
 
-def _trained(
-    problem: Problem, minimum: Minimum, index: int, tolerance: float | Callable[[float], float]
-) -> tuple[Problem, Minimum, Array]:
-    """Return the fit to all releases but one, and that one's own unknowns as they were, in units of their sizes."""
-    others = [i for i in range(len(problem.records)) if i != index]
-    training, start = problem.of(others, minimum.point)
-    return training, training.fitted(start, 10, tolerance), problem.own(minimum.point)[index]
+def _training(problem: Problem, point: Array, index: int) -> tuple[Problem, Array]:
+    """Return the problem of all releases but one, and the same point in it."""
+    return problem.of([i for i in range(len(problem.records)) if i != index], point)
 
 
 def _left_out(problem: Problem, minimum: Minimum, index: int) -> Array:
     """Fit the physics to the other releases, then only roll and rate at release to this one."""
-    training, fitted, start = _trained(problem, minimum, index, 1e-5)
-    known = {**problem.fixed, **training.parameters(fitted.point)}
+    training, start = _training(problem, minimum.point, index)
+    known = {**problem.fixed, **training.parameters(training.fitted(start, 10, 1e-5).point)}
     held = problem.with_(records=[problem.records[index]], fixed=known, average=1)
-    return held.residuals(held.fitted(start, 12, 1e-7).point)[0]
+    return held.residuals(held.fitted(problem.own(minimum.point)[index], 12, 1e-7).point)[0]
 
 
 def _forecast(problem: Problem, minimum: Minimum) -> Array:
@@ -85,18 +82,43 @@ def _forecast(problem: Problem, minimum: Minimum) -> Array:
     return problem.residuals(training.fitted(minimum.point, 25, 1e-7).point)[0][half:]
 
 
-def _within_noise(problem: Problem, minimum: Minimum, index: int) -> Array:
-    """Predict one release by physics that may move as far as the noise on the others leaves it open."""
-    _, fitted, start = _trained(problem, minimum, index, problem.unnoticed)
-    shared = len(problem.names)
-    known = np.zeros((shared + len(start), shared + len(start)))
+def _within_noise(problem: Problem, minimum: Minimum, index: int, together: Array) -> Array:
+    """Predict one release by physics that may move as far as the noise on the others leaves it open.
+
+    Args:
+        problem: Of all releases.
+        minimum: Of it.
+        index: Of the release.
+        together: What the fit to all releases misses of it, shape (n,).
+    """
+    training, start = _training(problem, minimum.point, index)
+    held, point = problem.with_(priors={}, smoothing=()).of([index], minimum.point)
+    here, shared = held.normal(point), len(problem.names)
+    fitted = training.fitted(
+        start, 10, known=_without(minimum.normal, here, problem.places[index][0], shared)
+    )
+    known = np.zeros((len(point), len(point)))
     known[:shared, :shared] = _information(fitted, shared)
-    held = problem.with_(records=[problem.records[index]])
-    together = np.r_[minimum.point[:shared], start]
-    return _predicted(held, np.r_[fitted.point[:shared], start], known, together)
+    return _predicted(held, np.r_[fitted.point[:shared], point[shared:]], known, point, here, together)
 
 
-def _interrupted(problem: Problem, minimum: Minimum) -> Array:
+def _without(whole: Normal, part: Normal, where: npt.NDArray[np.intp], shared: int) -> Normal:
+    """Return normal equations of all releases without those of one, of which only the first unknowns are the others' too.
+
+    Args:
+        whole: Of all releases.
+        part: Of the one.
+        where: Its unknowns among all, shape (q,).
+        shared: Number of those.
+    """
+    gradient, hessian = whole.gradient.copy(), whole.hessian.copy()
+    gradient[where] -= part.gradient
+    hessian[np.ix_(where, where)] -= part.hessian
+    kept = np.setdiff1d(np.arange(len(gradient)), where[shared:])
+    return Normal(whole.cost - part.cost, gradient[kept], hessian[np.ix_(kept, kept)])
+
+
+def _interrupted(problem: Problem, minimum: Minimum, together: Array) -> Array:
     """Predict each stretch of one release from what is before and after it, on one motion through all of it.
 
     The first eighth of a period stays: where the motion starts cannot be predicted.
@@ -105,7 +127,7 @@ def _interrupted(problem: Problem, minimum: Minimum) -> Array:
     first = int(
         np.searchsorted(problem.records[0].time[:: problem.average], np.pi / 4 / problem.scales.frequency)
     )
-    missed = problem.residuals(minimum.point)[0].copy()
+    missed = together.copy()
     for begin, end in itertools.pairwise(np.linspace(first, count, PIECES + 1).astype(int)):
         hidden = np.zeros(count)
         hidden[begin:end] = 1.0
@@ -113,7 +135,8 @@ def _interrupted(problem: Problem, minimum: Minimum) -> Array:
         fitted = training.fitted(minimum.point, 15)
         known = _information(fitted, len(fitted.point))
         held = problem.with_(weights=[hidden])
-        missed[begin:end] = _predicted(held, fitted.point, known, minimum.point)[begin:end]
+        here = held.normal(minimum.point)
+        missed[begin:end] = _predicted(held, fitted.point, known, minimum.point, here, together)[begin:end]
     return missed
 
 
@@ -124,27 +147,39 @@ def _information(fitted: Minimum, count: int) -> Array:
     return inner - mixed @ np.linalg.pinv(other) @ mixed.T
 
 
-def _predicted(problem: Problem, expected: Array, known: Array, together: Array) -> Array:
+def _predicted(
+    problem: Problem, expected: Array, known: Array, point: Array, here: Normal, together: Array
+) -> Array:
     """Return what is missed of one release by a motion that stays within what is known of its unknowns.
 
     Args:
         problem: Of the release.
         expected: Its unknowns as the others have them, in units of their sizes, shape (p,).
         known: Inverse covariance of these, shape (p, p).
-        together: The unknowns that fit all releases: a start in the right valley where the others leave that open.
+        point: The unknowns that fit all releases: a start in the right valley where the others leave that open.
+        here: Normal equations of the problem there.
+        together: What is missed there, shape (n,).
     """
 
-    def normal(point: Array) -> Normal:
-        here, off = problem.normal(point), point - expected
+    def with_others(here: Normal, point: Array) -> Normal:
+        off = point - expected
         return Normal(
             here.cost + 0.5 * float(off @ known @ off), here.gradient + known @ off, here.hessian + known
         )
 
-    found = [
-        minimise(normal, start, *problem.bounds(), iterations=12, tolerance=problem.unnoticed)
-        for start in (expected, together)
-    ]
-    return problem.residuals(min(found, key=lambda m: m.normal.cost).point)[0]
+    def search(start: Array, begin: Normal | None = None) -> Minimum:
+        return minimise(
+            lambda p: with_others(problem.normal(p), p), start, *problem.bounds(), iterations=12, tolerance=problem.unnoticed, known=begin,
+        )  # fmt: skip
+
+    begin = with_others(here, point)
+    found = search(point, begin)
+    if begin.cost - found.normal.cost <= problem.unnoticed(begin.cost) * begin.cost:
+        return (
+            together  # what fits all releases is what the others and this one say, as for all that is linear
+        )
+    found = min(found, search(expected), key=lambda m: m.normal.cost)
+    return problem.residuals(found.point)[0]
 
 
 def rms(residuals: Sequence[Array]) -> float:

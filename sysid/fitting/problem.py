@@ -4,7 +4,7 @@ All releases share the physics; each has its own roll and rate at release, its o
 on request its own sensor bias. Unknowns are scaled by their sizes, so that one is a large change of any.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -23,6 +23,8 @@ from sysid.roll import Array, Release
 
 _FORBIDDEN = 1e8
 """Weight of what a table must not do because spring and damper do it."""
+_RUNAWAY = 1e30
+"""Root of the sum of squares, of residuals or of slopes, from which a motion has run away [rad or rad/s]."""
 _ROUGH = 1e-3
 """Relative fall of the cost that is not noticed far above the noise: of a dozen independent values, 0.006 nats."""
 
@@ -119,6 +121,8 @@ class Problem:
     @cached_property
     def _paths(self) -> list[_Path]:
         """Grids, functions and buffers: made when first needed, and left behind when a problem is pickled."""
+        from scipy.sparse import vstack
+
         stepper = build_stepper(self.structure, free_states=self.free_states, sensitivities=True)
         paths: list[_Path] = []
         sensed = bool(at_samples(self.structure))
@@ -128,7 +132,9 @@ class Problem:
             steps = steps_for(float(time[-1]), self.step)
             mean = _averaging(len(time), self.average)
             slopes = (False, True) if sensed else (record.is_rate,)
-            at = [mean @ hermite_matrix(time, self.step, steps, slope=slope) for slope in slopes]
+            at = vstack(
+                [mean @ hermite_matrix(time, self.step, steps, slope=slope) for slope in slopes], "csr"
+            )
             signal = mean @ record.signal
             paths.append(
                 _Path(
@@ -161,7 +167,7 @@ class Problem:
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what is made again from the rest."""
-        made = ("_paths", "_starts", "places", "names", "_sizes", "_columns", "prior", "centre")
+        made = ("_paths", "_starts", "places", "names", "_sizes", "_columns", "_products", "prior", "centre")
         return {key: value for key, value in self.__dict__.items() if key not in made}
 
     @cached_property
@@ -193,6 +199,15 @@ class Problem:
         starts = len(shared) + own * np.arange(len(self.records))
         places = [np.r_[shared, start : start + own] for start in starts]
         return [(where, np.ix_(where, where)) for where in places]
+
+    @cached_property
+    def _products(self) -> list[Array]:
+        """What makes products of a record's rows, residual and columns, products in units of noise and sizes, shape (1 + free + own,) * 2 each."""
+        rows = [
+            np.r_[1.0, self.sizes()[where]] / path.std
+            for path, (where, _) in zip(self._paths, self.places, strict=True)
+        ]
+        return [np.outer(row, row) for row in rows]
 
     @property
     def samples(self) -> int:
@@ -315,26 +330,24 @@ class Problem:
         Returns:
             Residual [rad or rad/s] and Jacobian [the same per unit of each column's unknown] of each record.
         """
+        return [(rows[:, 0], rows[:, 1:]) for rows in self._rows(unknowns)]
+
+    def _rows(self, unknowns: Array) -> Iterator[Array]:
+        """Yield each record's residual beside its Jacobian, as `linearise` has them, shape (n, 1 + free + own)."""
         parameters = self.parameters(unknowns)
-        result: list[tuple[Array, Array]] = []
         own = self.own(unknowns * self.sizes())
         for path, record, mine in zip(self._paths, self.records, own, strict=True):
             vector = self.vector_of(parameters, record)
             at = path.shooting.read(vector, mine[: self._motion], self.step)
             if len(self._columns) < at.shape[1]:
                 at = at[:, self._columns]
-            result.append(self._observed(path, at, mine, vector))
-        return result
-
-    def _observed(self, path: _Path, at: Array, mine: Array, vector: Array) -> tuple[Array, Array]:
-        """Turn what leaves the filters of the sensor into what it reads, and subtract the measurement."""
-        if path.reader is not None:
-            at = self._read(path, at, vector)
-        residual, jacobian = at[:, 0] - path.signal, at[:, 1:]
-        if self.bias == "per-release":
-            residual = residual + mine[-1]
-            jacobian = np.column_stack([jacobian, np.ones(len(residual))])
-        return residual, jacobian
+            if path.reader is not None:
+                at = self._read(path, at, vector)
+            at[:, 0] -= path.signal
+            if self.bias == "per-release":
+                at[:, 0] += mine[-1]
+                at = np.column_stack([at, np.ones(len(at))])
+            yield at
 
     def _read(self, path: _Path, at: Array, vector: Array) -> Array:
         """Apply what the sensor does to samples: from angles above rates, shape (2n, c), to its reading, shape (n, c)."""
@@ -392,21 +405,21 @@ class Problem:
         cost = 0.5 * float((unknowns[:shared] - self.centre) @ known)
         gradient[:shared] += known
         hessian[:shared, :shared] += self.prior
-        for index, (residual, jacobian) in enumerate(self.linearise(unknowns)):
-            if not (np.abs(residual).max() <= 1e30 and np.abs(jacobian).max() <= 1e30):  # NaN is not either
-                return Normal(np.inf, gradient, hessian)
-            where, block = self.places[index]
-            scale = 1.0 / self._paths[index].std
-            r, j = residual * scale, jacobian * (scale * sizes[where])
+        for index, rows in enumerate(self._rows(unknowns)):
             if self.weights is not None:
-                root = np.sqrt(self.weights[index])
-                r, j = r * root, j * root[:, None]
+                rows *= np.sqrt(self.weights[index])[:, None]
+            with np.errstate(all="ignore"):
+                products = rows.T @ rows
+            if not products.diagonal().max() <= _RUNAWAY**2:  # NaN is not either
+                return Normal(np.inf, gradient, hessian)
+            products *= self._products[index]
+            where, block = self.places[index]
             inward, slope = self._inward(index, unknowns)
             rate = where[shared + 1]
-            cost += 0.5 * float(r @ r) + 0.5 * inward**2
-            gradient[where] += j.T @ r
+            cost += 0.5 * float(products[0, 0]) + 0.5 * inward**2
+            gradient[where] += products[0, 1:]
             gradient[rate] += slope * inward
-            hessian[block] += j.T @ j
+            hessian[block] += products[1:, 1:]
             hessian[rate, rate] += slope**2
         return Normal(cost, gradient, hessian)
 
@@ -417,10 +430,12 @@ class Problem:
         towards the rest angle that is too fast counts, beyond what `UNSURE_START` of its acceleration makes.
         Without this a stop that acts in the first milliseconds only would be taken for a push.
         """
-        sign, spread = self.start_limit(index, unknowns)
         at = len(self.names) + index * self.n_local + 1
+        if self._starts[index].inward * unknowns[at] <= 0:
+            return 0.0, 0.0
+        sign, spread = self.start_limit(index, unknowns)
         slope = sign * float(self.sizes()[at]) / spread
-        return (slope * unknowns[at], slope) if slope * unknowns[at] > 0 else (0.0, 0.0)
+        return slope * unknowns[at], slope
 
     def start_limit(self, index: int, unknowns: Array) -> tuple[float, float]:
         """Return the sign of a record's rate towards rest, and by how much it may start so: a deviation [rad/s], inf if pushed.

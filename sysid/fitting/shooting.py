@@ -1,6 +1,5 @@
 """One record against one joint: from parameters and start to what the sensor would have read, with slopes."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,8 +15,8 @@ class Shooting:
 
     stepper: Stepper
     steps: int
-    at: Sequence[Any]
-    """Sparse matrices from grid values and slopes to what is wanted at the samples, shape (n, 2 steps) each."""
+    at: Any
+    """Sparse matrix from grid values and slopes to what is wanted at the samples, shape (n, 2 steps)."""
     hold: float
     """For how long the deck was held before [s]."""
     _begin: Buffered = field(init=False)
@@ -29,7 +28,7 @@ class Shooting:
         self._path = Rollout(self.stepper, self.steps)
 
     def read(self, vector: Array, own: Array, step: float) -> Array:
-        """Return values and sensitivities, shape (n, 1 + columns of the stepper) for each of `at`, one below another.
+        """Return values and sensitivities, shape (n, 1 + columns of the stepper).
 
         Args:
             vector: The structure's parameters, shape (p,).
@@ -41,4 +40,4 @@ class Shooting:
         self._begin.run()
         grid = self._path(self._begin.outputs[0], np.append(vector, step))
         with np.errstate(all="ignore"):
-            return np.concatenate([np.asarray(at @ grid) for at in self.at])
+            return np.asarray(self.at @ grid)

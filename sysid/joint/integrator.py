@@ -201,11 +201,7 @@ class Buffered:
         for index, values in enumerate(self.inputs):
             self._buffer.set_arg(index, values.data)
         for index, values in enumerate(self.outputs):
-            self.write(index, values)
-
-    def write(self, index: int, values: Array) -> None:
-        """Let an output be written into other memory, contiguous, column by column, shape (n,), in the units of the output."""
-        self._buffer.set_res(index, values.data)
+            self._buffer.set_res(index, values.data)
 
 
 class Rollout:
@@ -231,12 +227,11 @@ class Rollout:
         Returns:
             Shape (2 steps, 1 + columns of the stepper); the next call overwrites it.
         """
-        block = self._block
-        block.inputs[0][:], block.inputs[1][:] = start, given
+        run, (here, numbers), (there, read) = self._block.run, self._block.inputs, self._block.outputs
+        here[:], numbers[:] = start, given
         for seen in self._seen:
-            block.write(1, seen)
-            block.run()
-            block.inputs[0][:] = block.outputs[0]
+            run()
+            here[:], seen[:] = there, read
         return self._seen.reshape(-1, self._rows // 2)
 
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from sysid.board import load_board
-from sysid.diagnosis.search import Search, best_families, best_of, frugality, inside, leaders
+from sysid.diagnosis.search import Search, best_families, best_of, completed, frugality, inside, leaders
 from sysid.effects import catalogue
 from sysid.effects._base import Scales
+from sysid.fitting.cross_validation import _without
 from sysid.fitting.problem import Record
 from sysid.joint import JointLaw, simulate
 from sysid.roll import Release
@@ -69,6 +70,18 @@ def test_no_pair_of_the_catalogue_is_worse_than_its_halves(search):
         pair = search.union(singles[one], singles[other])
         best = min(singles[one].cost, singles[other].cost)
         assert pair.cost <= best * (1 + 1e-6), (one, other)
+
+
+def test_without_a_release_the_normal_equations_of_the_others_are_left(search):
+    problem = search.problem(("cubic-stiffness",))
+    point = problem.start(completed(problem, {"stiffness": 15.0, "damping": 0.2, "rest_angle": 0.0}))
+    held, own = problem.of([0], point)
+    left = _without(problem.normal(point), held.normal(own), problem.places[0][0], len(problem.names))
+    others, own = problem.of([1], point)
+    alone = others.normal(own)
+    assert left.cost == pytest.approx(alone.cost)
+    np.testing.assert_allclose(left.gradient, alone.gradient, rtol=1e-6)
+    np.testing.assert_allclose(left.hessian, alone.hessian, rtol=1e-6, atol=1e-9 * alone.hessian.max())
 
 
 def test_a_single_effect_is_no_worse_than_the_joint_without_it(search):

@@ -23,15 +23,20 @@ class Folded:
         return Normal(0.5 * float(residual @ residual), slope @ residual, slope @ slope)
 
 
+def predicted(expected, known, point):
+    here, (together,) = Folded().normal(point), Folded().residuals(point)
+    return _predicted(Folded(), expected, known, point, here, together)
+
+
 def test_what_the_others_leave_open_is_sought_where_all_releases_have_it():
     nothing = np.zeros((1, 1))
-    missed = _predicted(Folded(), np.zeros(1), nothing, np.array([1.2]))
+    missed = predicted(np.zeros(1), nothing, np.array([1.2]))
     assert abs(missed[0]) < 1e-3
-    stuck = _predicted(Folded(), np.zeros(1), nothing, np.zeros(1))
+    stuck = predicted(np.zeros(1), nothing, np.zeros(1))
     assert abs(stuck[0] + 1) < 1e-3
 
 
 def test_what_the_others_know_stays():
     known = np.array([[1e6]])
-    missed = _predicted(Folded(), np.array([0.5]), known, np.array([1.0]))
+    missed = predicted(np.array([0.5]), known, np.array([1.0]))
     assert abs(missed[0] + 0.75) < 1e-3

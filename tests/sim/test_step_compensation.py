@@ -137,6 +137,12 @@ def test_errors_of_the_physical_export_are_told(board: Board):
     assert uncompensated(board, timestep=0.005, integrator="RK4").decay_error < 1e-3
 
 
+def test_a_record_without_a_spring_is_refused_at_once(board: Board):
+    """Its decay has no end: one such check stepped for 261,187 s of the joint's time."""
+    with pytest.raises(SysidError, match=r"stiffness of 0 N·m/rad.*husky-sysid fit LOG --board"):
+        compensate_step(board.with_tilt(stiffness=Quantity(0.0, 0.0, "N*m/rad")), timestep=0.005)
+
+
 def test_what_cannot_be_compensated_is_refused(board: Board):
     with pytest.raises(SysidError, match="too long"):
         closed_form(board, timestep=0.2)
