@@ -36,6 +36,7 @@ from sysid.board import Board
 from sysid.decay.report import inertia_share
 from sysid.diagnosis.signatures import ALIKE, SEEN, LookAlikes
 from sysid.effects import effect
+from sysid.fitting.covariance import correlation_of
 from sysid.quantity import Quantity
 from sysid.text import count, display, percent
 from sysid.workspace import Workspace
@@ -332,7 +333,8 @@ def _correlation(evidence: Evidence) -> list[str]:
     if fit is None:
         return [paragraph("The board's law could not be fitted to these logs; see the warnings.")]
     names = [name.replace("_", " ") for name in fit.quantities]
-    pairs = [(fit.correlation[i, j], names[i], names[j]) for i in range(len(names)) for j in range(i)]
+    correlation = correlation_of(fit.own_covariance)
+    pairs = [(correlation[i, j], names[i], names[j]) for i in range(len(names)) for j in range(i)]
     pairs.sort(key=lambda pair: -abs(np.nan_to_num(pair[0])))
     strong = [f"{one} and {other}" for value, one, other in pairs if abs(value) >= STRONG]
     said = f"Each parameter stands by itself: no two are correlated beyond {STRONG}."
@@ -340,7 +342,7 @@ def _correlation(evidence: Evidence) -> list[str]:
         said = f"Hardly told apart by these logs: {'; '.join(strong)}."
         said += " Another amplitude, or a parameter that is known, parts them."
     rows = [(one, other, f"{value:+.2f}") for value, one, other in pairs[:MOST_PAIRS]]
-    source = "Of a fit of the board's law to these logs, with the uncertainty of the roll inertia in it."
+    source = "Of a fit of the board's law to these logs, for a roll inertia that is known."
     return [paragraph(said), table(("parameter", "with", "correlation"), rows), paragraph(source)]
 
 

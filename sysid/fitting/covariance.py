@@ -25,12 +25,17 @@ def total_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
     Returns:
         Covariance, shape (free, free), in the parameters' units.
     """
+    own = parameter_covariance(problem, minimum, problem.residuals(minimum.point))
+    return own + inertia_covariance(problem, minimum, board)
+
+
+def inertia_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
+    """Return what the inertia's uncertainty alone makes of the free parameters, shape (free, free), in their units."""
     parameters = problem.parameters(minimum.point)
     by_inertia = np.array(
         [parameters[n] / board.inertia.value if torque_like(problem, n) else 0.0 for n in problem.names]
     )
-    own = parameter_covariance(problem, minimum, problem.residuals(minimum.point))
-    return own + np.outer(by_inertia, by_inertia) * board.inertia.std**2
+    return np.outer(by_inertia, by_inertia) * board.inertia.std**2
 
 
 def torque_like(problem: Problem, name: str) -> bool:
@@ -215,21 +220,27 @@ def _root(matrix: Array) -> tuple[Array, Array]:
     return scale[:, None] * vectors / np.sqrt(floored), 1.0 - np.maximum(values, 0.0) / floored
 
 
+def correlation_of(covariance: Array) -> Array:
+    """Return the correlations of a covariance, shape (n, n) both."""
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    return covariance / np.outer(deviation, deviation)
+
+
 def identifiability_warnings(
-    problem: Problem, minimum: Minimum, quantities: Mapping[str, Quantity], covariance: Array
+    problem: Problem, minimum: Minimum, quantities: Mapping[str, Quantity], covariance: Array, own: Array
 ) -> list[str]:
     """Say what the data do not fix.
 
     Args:
         covariance: Of `quantities`, in their order, shape (free, free), in their units.
+        own: The same for an inertia that is known: what all share by its uncertainty, no other release parts.
     """
     lines: list[str] = []
     values = table_values(problem.structure)
     for name, bound in zip(problem.names, minimum.at_bound, strict=False):
         if bound:
             lines.append(f"{name} = {quantities[name].value:.4g} {quantities[name].unit} is at its bound")
-    deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    correlation = covariance / np.outer(deviation, deviation)
+    correlation = correlation_of(own)
     names = list(problem.names)
     for i, j in itertools.combinations([i for i, n in enumerate(names) if n not in values], 2):
         if abs(correlation[i, j]) > 0.995:

@@ -7,7 +7,13 @@ import numpy as np
 
 from sysid.board import Board
 from sysid.fitting.changing import changes_with_time
-from sysid.fitting.covariance import identifiability_warnings, parameter_quantities, total_covariance
+from sysid.fitting.covariance import (
+    correlation_of,
+    identifiability_warnings,
+    inertia_covariance,
+    parameter_covariance,
+    parameter_quantities,
+)
 from sysid.fitting.cross_validation import heldout_residuals, rms
 from sysid.fitting.problem import Problem
 from sysid.fitting.records import Record
@@ -29,6 +35,8 @@ class JointFit:
     """'stiffness', 'damping', 'rest_angle' and 'effect.parameter', with the inertia's uncertainty in them."""
     covariance: Array
     """Of `quantities`, in their order, shape (q, q)."""
+    own_covariance: Array
+    """The same for a roll inertia that is known: what these logs leave open."""
     rmse: float
     """Root mean square residual over all samples [rad; rad/s if the rate was fitted]."""
     noise: NoiseFloor
@@ -45,8 +53,7 @@ class JointFit:
     @property
     def correlation(self) -> Array:
         """Correlation of the quantities, shape (q, q) [1]."""
-        deviation = np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))
-        return self.covariance / np.outer(deviation, deviation)
+        return correlation_of(self.covariance)
 
     @property
     def status(self) -> str:
@@ -88,7 +95,8 @@ def summarise(
     """Turn a minimum into quantities with uncertainty."""
     residuals = problem.residuals(minimum.point)
     parameters = problem.parameters(minimum.point)
-    covariance = total_covariance(problem, minimum, board)
+    own = parameter_covariance(problem, minimum, residuals)
+    covariance = own + inertia_covariance(problem, minimum, board)
     quantities = parameter_quantities(problem, minimum, board, covariance)
     vector = problem.vector_of(parameters)
     squares = sum(float(r @ r) for r in residuals)
@@ -96,13 +104,14 @@ def summarise(
         law=JointLaw.from_vector(problem.structure, vector),
         quantities=quantities,
         covariance=covariance,
+        own_covariance=own,
         rmse=float(np.sqrt(squares / problem.samples)),
         noise=noise,
         records=tuple(problem.records),
         starts=tuple(problem.starts(minimum.point)),
         residuals=tuple(residuals),
         evaluations=evaluations,
-        warnings=(*identifiability_warnings(problem, minimum, quantities, covariance), *_unlearned(problem, minimum, residuals)),
+        warnings=(*identifiability_warnings(problem, minimum, quantities, covariance, own), *_unlearned(problem, minimum, residuals)),
         problem=problem,
         minimum=minimum,
     )  # fmt: skip

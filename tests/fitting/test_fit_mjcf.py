@@ -95,6 +95,15 @@ def test_inertia_of_the_record_scales_every_torque(pink):
     assert share > 0.99 * 1e-3 / (2 * 8.7e-3)  # the inertia's own deviation is in it
 
 
+def test_an_uncertain_inertia_makes_no_two_parameters_look_alike(pink):
+    """It moves stiffness and damping by one factor, which no other release parts; the logs tell them apart well."""
+    vague = replace(pink, inertia=Quantity(8.7e-3, 5e-4, "kg*m^2"))
+    fit = fit_joint(releases_of(LIGHT, seed=3), vague)
+    shared = fit.correlation[list(fit.quantities).index("stiffness"), list(fit.quantities).index("damping")]
+    assert shared > 0.99
+    assert not [line for line in fit.warnings if "told apart" in line]
+
+
 @pytest.mark.parametrize("name", ["inertia", "clock", "discretisation"])
 def test_what_a_decay_cannot_identify_is_refused(pink, name):
     with pytest.raises(SysidError, match="only k/I, d/I and torque/I"):

@@ -284,7 +284,8 @@ def _even_times(time: Array) -> Array | None:
     steps = np.diff(time)
     lengths = steps / float(np.median(steps) or np.inf)
     whole = np.round(lengths)
-    if whole.min() > 0 and np.abs(lengths - whole).max() < SURE:  # each step says how many samples it spans
+    # Each step says how many samples it spans, unless more are lost than are there: those come in bursts.
+    if whole.min() > 0 and whole.sum() < 2 * count and np.abs(lengths - whole).max() < SURE:
         index = np.append(0.0, np.cumsum(whole))
         period, start = np.polyfit(index, time, 1)
         return start + period * index
