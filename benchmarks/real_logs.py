@@ -50,12 +50,11 @@ LOGS: dict[str, tuple[set[str], set[str]]] = {
 """Families that must be named, or be among what looks the same, and those that may."""
 
 
-def ends_well(result: Diagnosis, log: Path) -> bool:
+def ends_well(result: Diagnosis) -> bool:
     """Run every command that a diagnosis prints, each in a folder of its own; return whether none fails, and print those that do."""
     well = True
-    for line in re.findall(r"husky-sysid (\w+ LOG\.\.\. .*)", result.report()):
-        words = [str(log) if word == "LOG..." else word for word in shlex.split(line)]
-        run = [sys.executable, "-c", "from sysid.cli import main; main()", *words]
+    for line in re.findall(r"husky-sysid (.*)", result.report()):
+        run = [sys.executable, "-c", "from sysid.cli import main; main()", *shlex.split(line)]
         with TemporaryDirectory() as folder:
             done = subprocess.run(run, capture_output=True, text=True, check=False, cwd=folder)
         if done.returncode:
@@ -84,7 +83,7 @@ def main() -> None:
         if options.only not in name:
             continue
         begin = time.process_time()
-        releases = find_releases(read_roll(options.folder / name))
+        releases = find_releases(read_roll(options.folder.resolve() / name))
         try:
             result = diagnose(releases, board)
         except SysidError as error:
@@ -93,7 +92,7 @@ def main() -> None:
         seconds = time.process_time() - begin
         v, noise = result.verdict, result.noise.std
         right = any(needed <= said <= known for said in map(set, verdicts(result)))
-        right &= ends_well(result, options.folder.resolve() / name)
+        right &= ends_well(result)
         alike = "; ".join(", ".join(group) for group in v.indistinguishable_from)
         learned = result.learned
         if learned is None and result.best.rmse > NEAR * noise:

@@ -172,11 +172,11 @@ class Board:
             )
 
     @property
-    def option(self) -> str:
+    def options(self) -> tuple[str, ...]:
         """How the command line names the joint."""
         if self.model:
-            return f"--model {self.model['file']} --joint {self.model['joint']}"
-        return f"--board {self.name}"
+            return "--model", str(self.model["file"]), "--joint", str(self.model["joint"])
+        return "--board", self.name
 
     @property
     def slides(self) -> bool:

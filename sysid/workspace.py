@@ -1,6 +1,8 @@
 """Where boards are found and outputs land."""
 
 import os
+import shlex
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -8,6 +10,9 @@ from sysid.board import Board, boards_folder, find_record, load_board, load_name
 from sysid.errors import SysidError
 from sysid.files import locked, write_atomically
 from sysid.files import shipped_data as shipped_data
+
+MOST_NAMED = 4
+"""Logs written out in a command."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,6 +25,20 @@ class Workspace:
     def boards(self) -> Path:
         """The folder of the user's own board records."""
         return boards_folder(self.root)
+
+    def command(self, name: str, *options: str, logs: Iterable[str | Path] | None = None) -> str:
+        """Return a command that runs as it is printed, where the one that prints it was run.
+
+        Args:
+            name: Of the command.
+            options: Its words beside logs and workspace.
+            logs: Its logs; 'LOG...' stands for none and for many, and nothing for None.
+        """
+        named = [] if logs is None else [str(log) for log in logs]
+        if logs is not None and not 0 < len(named) <= MOST_NAMED:
+            named = ["LOG..."]
+        where = [] if self.root.resolve() == Path.cwd() else ["--workspace", str(self.root)]
+        return shlex.join(["husky-sysid", name, *named, *options, *where])
 
     def board_names(self) -> list[str]:
         """Return the names of all boards: the workspace's and the shipped ones."""

@@ -1,7 +1,7 @@
 """The four questions of a hurried reader: does the model match, what is missing, how sure, what to do next."""
 
-import shlex
 from collections.abc import Sequence
+from pathlib import Path
 
 from reports.evidence import Evidence, LastDiagnosis, LogFile
 from reports.story import times
@@ -9,13 +9,15 @@ from sysid.board import Board
 from sysid.effects import effect
 from sysid.quantity import Quantity
 from sysid.text import percent
-
-MOST_NAMED = 2
-"""Logs written out in a command."""
+from sysid.workspace import Workspace
 
 
 def four_answers(
-    board: Board, evidence: Evidence | None, diagnosis: LastDiagnosis | None, files: Sequence[LogFile]
+    board: Board,
+    evidence: Evidence | None,
+    diagnosis: LastDiagnosis | None,
+    files: Sequence[LogFile],
+    space: Workspace,
 ) -> list[tuple[str, str, str]]:
     """Return question, answer and mark ('good', 'bad' or '') of each.
 
@@ -24,23 +26,33 @@ def four_answers(
         evidence: What its logs say; None where they are gone.
         diagnosis: Its last one.
         files: The logs.
+        space: Where the board is.
     """
     missing, mark = _missing(board, diagnosis)
     return [
-        ("Does the model match?", *_match(evidence)),
+        ("Does the model match?", *_match(board, evidence)),
         ("What is missing?", missing, mark),
         ("How sure is that?", _sure(board, diagnosis), ""),
-        ("What to do next?", next_step(board, evidence, diagnosis, files), ""),
+        ("What to do next?", next_step(board, evidence, diagnosis, files, space), ""),
     ]
 
 
-def _match(evidence: Evidence | None) -> tuple[str, str]:
+def _match(board: Board, evidence: Evidence | None) -> tuple[str, str]:
     if evidence is None:
         return "Not known: none of the logs is there any more.", ""
     result = evidence.comparison
-    word = "Yes" if result.passed else "No"
-    text = f"{word}: error {times(result.rmse / result.noise.std)} × the noise; {result.verdict()}."
-    return text, "good" if result.passed else "bad"
+    fits = f"error {times(result.rmse / result.noise.std)} × the noise; {result.verdict()}"
+    if result.passed and _fails(board):
+        return (
+            f"The law fits the logs ({fits}), but the MuJoCo scene does not: the check failed with an NRMSE of "
+            f"{100 * board.check['nrmse']:.2f} %."
+        ), "bad"
+    return (f"Yes: {fits}.", "good") if result.passed else (f"No: {fits}.", "bad")
+
+
+def _fails(board: Board) -> bool:
+    """Return whether the scene was checked for the board as it is recorded now, and failed."""
+    return bool(board.check) and not board.check_is_stale and not board.passed
 
 
 def _missing(board: Board, diagnosis: LastDiagnosis | None) -> tuple[str, str]:
@@ -89,31 +101,40 @@ def _share(quantity: Quantity) -> str:
 
 
 def next_step(
-    board: Board, evidence: Evidence | None, diagnosis: LastDiagnosis | None, files: Sequence[LogFile]
+    board: Board,
+    evidence: Evidence | None,
+    diagnosis: LastDiagnosis | None,
+    files: Sequence[LogFile],
+    space: Workspace,
 ) -> str:
     """Return the command or the experiment that brings this board on."""
-    found = [file.path for file in files if file.found is not None]
-    logs = shlex.join(found) if 0 < len(found) <= MOST_NAMED else "LOG..."
-    end = f"{logs} --board {board.name}"
+    found = [file.found for file in files if file.found is not None]
+
+    def command(name: str, *options: str, logs: Sequence[Path] | None = found) -> str:
+        return space.command(name, "--board", board.name, *options, logs=logs)
+
     if evidence is None:
-        return f"Name logs that are there: husky-sysid report LOG... --board {board.name}"
+        return f"Name logs that are there: {command('report', logs=())}"
+    where = "the scene that policies train in" if board.geometry else "it in MuJoCo"
+    check = f"{'See why the scene fails' if _fails(board) else f'Check {where}'}: {command('check')}"
     if diagnosis is None or not diagnosis.is_current:
-        return f"Ask what is missing: husky-sysid diagnose {end}"
+        if evidence.comparison.passed and _fails(board):
+            return check
+        return f"Ask what is missing: {command('diagnose')}"
     verdict = diagnosis.content["verdict"]
     if verdict["status"] == "missing":
         fitted = [name for name in verdict["effects"] if effect(name).identifiable_from_decay]
         if fitted:
-            flags = [f"--effect {name}" for name in fitted]
+            added = [word for name in fitted for word in ("--effect", name)]
             hangs = diagnosis.content["best"]["parameters"].get("stiffness", {}).get("value") == 0
-            return f"Add it: husky-sysid fit {end} {' '.join(flags + ['--fix stiffness=0'] * hangs)}"
+            return f"Add it: {command('fit', *added, *['--fix', 'stiffness=0'] * hangs)}"
     if verdict["status"] != "none-missing" and verdict["next_experiment"]:
         return verdict["next_experiment"]
     if not evidence.comparison.passed:
-        return f"Refit stiffness and damping: husky-sysid fit {end}"
+        return f"Refit stiffness and damping: {command('fit')}"
     if not board.passed:
-        where = "the scene that policies train in" if board.geometry else "it in MuJoCo"
-        return f"Check {where}: husky-sysid check {end}"
+        return check
     if board.model:
         return f"It is ready: {board.model['file']}"
-    train = f", or husky-sysid train --board {board.name}" if board.geometry else ""
-    return f"It is ready: husky-sysid mjcf --board {board.name}{train}"
+    train = f", or {command('train', logs=None)}" if board.geometry else ""
+    return f"It is ready: {command('mjcf', logs=None)}{train}"

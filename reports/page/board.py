@@ -39,6 +39,7 @@ from sysid.effects import effect
 from sysid.fitting.covariance import correlation_of
 from sysid.quantity import Quantity
 from sysid.text import count, display, percent
+from sysid.workspace import Workspace
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -67,6 +68,8 @@ class Provenance:
     """Date."""
     record: str
     """Path of the board record."""
+    space: Workspace
+    """Where the board is."""
 
 
 def board_report(
@@ -86,7 +89,7 @@ def board_report(
         diagnosis: The board's last one, where there is one.
     """
     page = Page(title=title(board), subtitle=board.description)
-    page.lead = "\n".join(_lead(board, evidence, diagnosis, files))
+    page.lead = "\n".join(_lead(board, evidence, diagnosis, files, provenance.space))
     with page_style():
         if evidence is not None:
             page.section("How it came here", *_story(evidence, diagnosis))
@@ -102,7 +105,7 @@ def board_report(
             page.section("Backbone", *_backbone(evidence))
             page.section("Correlation of parameters", *_correlation(evidence))
         page.section("Frequency response", _frequency_response(board))
-        page.section("Check in the training scene", *_check(board))
+        page.section("Check in the training scene", *_check(board, files, provenance.space))
         if evidence is not None:
             page.section("The logs", *_logs(evidence))
         page.section("Provenance", *_provenance(board, files, provenance))
@@ -110,10 +113,14 @@ def board_report(
 
 
 def _lead(
-    board: Board, evidence: Evidence | None, diagnosis: LastDiagnosis | None, files: "Sequence[LogFile]"
+    board: Board,
+    evidence: Evidence | None,
+    diagnosis: LastDiagnosis | None,
+    files: "Sequence[LogFile]",
+    space: Workspace,
 ) -> list[str]:
     """Return the answers, and sliders to try them."""
-    parts = [answers(four_answers(board, evidence, diagnosis, files))]
+    parts = [answers(four_answers(board, evidence, diagnosis, files, space))]
     if any(file.truth for file in files):
         remark = "These logs are synthetic: made from a known truth to show and to test the tool. "
         parts.append(note(remark + "Nothing on this page was measured on a real board."))
@@ -141,8 +148,7 @@ def _warnings(board: Board, evidence: Evidence | None, files: "Sequence[LogFile]
     if evidence is not None:
         warnings += map(pretty, evidence.warnings)
     if not board.check:
-        command = f"husky-sysid check LOG... --board {board.name}"
-        warnings.append(f"not checked in the training scene yet: {command}")
+        warnings.append("not checked in the training scene yet (see the check below)")
     elif board.check_is_stale:
         warnings.append("the record was changed since it was checked: check it again")
     elif not board.passed:
@@ -351,12 +357,13 @@ def _frequency_response(board: Board) -> str:
     )
 
 
-def _check(board: Board) -> list[str]:
+def _check(board: Board, files: "Sequence[LogFile]", space: Workspace) -> list[str]:
     check = board.check
     if not check:
+        found = [file.found for file in files if file.found is not None]
+        command = space.command("check", "--board", board.name, logs=found)
         text = (
-            f"Not checked yet. husky-sysid check LOG... --board {board.name} releases the deck in the scene "
-            "that policies train in, and compares."
+            f"Not checked yet. {command} releases the deck in the scene that policies train in, and compares."
         )
         return [verdict(text, good=False)]
     if board.check_is_stale:

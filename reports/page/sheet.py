@@ -30,7 +30,7 @@ def board_sheet(
     logs = [("log", f"{file.path} · sha256 {file.digest} · {file.state}") for file in files]
     return one_page(
         f"{title(board)}: {board.description}",
-        four_answers(board, evidence, diagnosis, files),
+        four_answers(board, evidence, diagnosis, files, provenance.space),
         law_text(board),
         table,
         story_of_board(evidence, diagnosis),

@@ -40,12 +40,12 @@ def diagnose(
 
     printer = Printer(common)
     record = subject.load(common, printer)
-    logs, setups = subject.logs(logs)
-    record, recordings = subject.posed(record, load_recordings(logs, arguments, printer), setups)
+    each, setups = subject.logs(logs)
+    record, recordings = subject.posed(record, load_recordings(each, arguments, printer), setups)
     with told_bar(printer) as progress:
         result = search(recordings, record, fixed=parse_fixed(fix), workers=workers, progress=progress)
     printer.warnings(result.warnings, recordings)
-    printer.say(result.report(printer.width))
+    printer.say(result.report(printer.width, common.space, logs))
     content = result.to_json()
     folder = common.space.outputs(record.name)
     write_json(folder / "diagnose.json", {**content, **for_report(result, record)})

@@ -74,8 +74,9 @@ def new(
     path = common.space.save_board(record)
     printer.say(f"written: {path}")
     printer.say(f"  inertia {record.inertia} ({record.inertia.method})")
-    beside = " --effect coulomb --effect armature" if chosen in ("pendulum", "joint") else ""
-    printer.say(f"next: record a release and run: husky-sysid fit LOG --board {name}{beside}")
+    beside = ["--effect", "coulomb", "--effect", "armature"] if chosen in ("pendulum", "joint") else []
+    command = common.space.command("fit", "--board", name, *beside, logs=())
+    printer.say(f"next: record a release and run: {command}")
     printer.result({"board": name, "record": str(path), "kind": chosen, "inertia": record.inertia.to_json()})
     return 0
 

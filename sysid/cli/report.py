@@ -48,6 +48,7 @@ def report(
     material = read_logs(files, arguments, printer)
     provenance = Provenance(
         command=shlex.join(["husky-sysid", *sys.argv[1:]]),
+        space=space,
         made=date.today().isoformat(),
         record=str(subject.model) if subject.model else _shown(space.board_path(record.name), space.root),
     )
@@ -70,7 +71,7 @@ def report(
     printer.say(f"written: {path} ({len(page.encode()) / 1e6:.2f} MB)")
     if one_page:
         if evidence is None:
-            raise SysidError(no_logs(record))
+            raise SysidError(no_logs(record, space))
         from reports.page.sheet import board_sheet
 
         sheet = board_sheet(evidence, files, provenance, diagnosis)

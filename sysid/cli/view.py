@@ -21,6 +21,7 @@ from sysid.cli.subject import Subject
 from sysid.errors import SysidError
 from sysid.recording import Recording, refuse_duplicates
 from sysid.video.options import is_film
+from sysid.workspace import Workspace
 
 if TYPE_CHECKING:
     from reports.evidence import Evidence, LogFile
@@ -46,7 +47,7 @@ def view(
     record = subject.load(common, printer)
     files = logs_of(record, logs, arguments, printer, output)
     if not any(file.found for file in files):
-        raise SysidError(no_logs(record))
+        raise SysidError(no_logs(record, common.space))
     path = output or common.space.outputs(record.name) / "view.rrd"
     material = read_logs(files, arguments, printer, films=True)
     evidence = write_recording(path, record, files, material, printer)
@@ -75,7 +76,7 @@ def logs_of(
 
     files = find_logs(board, logs, printer.common.space)
     if not files:
-        raise SysidError(no_logs(board))
+        raise SysidError(no_logs(board, printer.common.space))
     found = [file.found for file in files if file.found]
     refuse_overwriting_logs(found, arguments, printer, {"--output": output})
     for file in files:
@@ -84,12 +85,12 @@ def logs_of(
     return files
 
 
-def no_logs(board: Board) -> str:
+def no_logs(board: Board, space: Workspace) -> str:
     """Return why there is nothing to look at, and what to do."""
     if not board.fit.get("logs"):
         return (
-            f"board '{board.name}' was never fitted, so its record names no log. Fit it (husky-sysid fit LOG... "
-            f"--board {board.name}), or name logs here."
+            f"board '{board.name}' was never fitted, so its record names no log. Fit it "
+            f"({space.command('fit', '--board', board.name, logs=())}), or name logs here."
         )
     names = ", ".join(str(entry.get("path")) for entry in board.fit["logs"])
     return f"none of the logs that board '{board.name}' was fitted to is there any more ({names}). Name logs here."

@@ -7,6 +7,7 @@ from the best is taken, and named if what it adds matters and explains most of w
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -62,6 +63,7 @@ from sysid.quantity import Quantity
 from sysid.recording import Data, Recording, reading_warnings, unpack
 from sysid.roll import Release
 from sysid.text import WIDTH
+from sysid.workspace import Workspace
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -153,7 +155,7 @@ class Diagnosis:
     learned: Learned | None = None
     """What can be learned of it, where something is left that matters."""
     board: str
-    option: str
+    options: tuple[str, ...]
     """How the command line names the joint."""
     releases: int
     """How many were given."""
@@ -196,9 +198,17 @@ class Diagnosis:
         """What `fit` should hold meanwhile: the spring at zero where gravity takes its place."""
         return {"stiffness": 0.0} if self.effects and self.best.problem.fixed.get("stiffness") == 0 else {}
 
-    def report(self, width: int = WIDTH) -> str:
-        """Return what `husky-sysid diagnose` prints, in tables of at most `width` characters."""
-        return diagnosis_report.report(self, width)
+    def report(self, width: int = WIDTH, space: Workspace | None = None, given: Sequence[Path] = ()) -> str:
+        """Return what `husky-sysid diagnose` prints, in tables of at most `width` characters.
+
+        Args:
+            width: Of the tables.
+            space: Where the board is; the current folder, if left out.
+            given: Logs, and lists of them, as a command shall name them; those of the releases, if left out.
+        """
+        return diagnosis_report.report(
+            self, width, space or Workspace(Path()), given or tuple(map(Path, self.logs))
+        )
 
     def to_json(self) -> dict[str, Any]:
         """Return what `husky-sysid diagnose --json` writes."""
@@ -340,7 +350,7 @@ def diagnose(
         shares={} if verdict.matters is None else verdict.matters.each,
         doubts=tuple(warnings),
         board=board.name,
-        option=board.option,
+        options=board.options,
         releases=len(releases),
         is_cut=not {_span(release) for release in judged} <= {_span(release) for release in releases},
         recordings=recordings,

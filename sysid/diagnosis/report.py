@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sysid.diagnosis.judgement import TIE
 from sysid.diagnosis.wording import rounded
 from sysid.effects import effect
-from sysid.text import WIDTH, count, display, percent, table
+from sysid.text import count, display, percent, table
+from sysid.workspace import Workspace
 
 if TYPE_CHECKING:
     from sysid.diagnosis.diagnose import Candidate, Diagnosis
@@ -24,7 +26,7 @@ def fittable(names: Sequence[str]) -> tuple[str, ...]:
     return tuple(part.name for part in parts if part.identifiable_from_decay or part.identifiable_with)
 
 
-def report(result: "Diagnosis", width: int = WIDTH) -> str:
+def report(result: "Diagnosis", width: int, space: Workspace, logs: Sequence[Path]) -> str:
     """Return the ranked models, the verdict, how well unseen releases are predicted, and what to do next."""
     verdict, floor = result.verdict, result.noise
     show = display(is_rate=result.swing_frequency is not None)
@@ -49,15 +51,21 @@ def report(result: "Diagnosis", width: int = WIDTH) -> str:
     if result.learned is not None:
         errors = (show(error) for error in (result.learned.error_after, result.learned.heldout_rmse))
         lines.append("{} (error {}, held out {})".format(result.learned.text, *errors))
-        named = "".join(f" --effect {name}" for name in result.effects)
-        command = f"husky-sysid fit LOG... {result.option}{named} --effect learned"
+        command = _fit(result, space, logs, (*result.effects, "learned"))
         refused = result.learned.refused
         lines.append(f"not to be learned yet: {refused}" if refused else f"to learn it: {command}")
     if result.effects and not result.ends_at_bound:
-        held = [f"--fix {name}={value:g}" for name, value in result.held.items()]
-        flags = " ".join([*(f"--effect {name}" for name in result.effects), *held])
-        lines.append(f"to add it: husky-sysid fit LOG... {result.option} {flags}")
+        held = [word for name, value in result.held.items() for word in ("--fix", f"{name}={value:g}")]
+        lines.append(f"to add it: {_fit(result, space, logs, result.effects, *held)}")
     return "\n".join(lines)
+
+
+def _fit(
+    result: "Diagnosis", space: Workspace, logs: Sequence[Path], names: Sequence[str], *held: str
+) -> str:
+    """Return the command that fits effects to the logs that were diagnosed."""
+    added = [word for name in names for word in ("--effect", name)]
+    return space.command("fit", *result.options, *added, *held, logs=logs)
 
 
 def headline(result: "Diagnosis") -> str:

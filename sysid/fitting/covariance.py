@@ -221,7 +221,7 @@ def _root(matrix: Array) -> tuple[Array, Array]:
 
 
 def correlation_of(covariance: Array) -> Array:
-    """Return the correlations of a covariance, shape (n, n) both."""
+    """Return the dimensionless correlations of a covariance, shape (n, n) both."""
     deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     return covariance / np.outer(deviation, deviation)
 

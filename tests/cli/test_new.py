@@ -27,7 +27,9 @@ def test_a_pendulum_is_its_mass_and_arm(tmp_path):
 
 
 def test_a_rig_is_its_inertia(tmp_path):
-    assert husky("new", "rig", "--inertia", "0.01±0.0001", "--workspace", tmp_path).returncode == 0
+    done = husky("new", "rig", "--inertia", "0.01±0.0001", "--workspace", tmp_path)
+    assert done.returncode == 0
+    assert f"husky-sysid fit LOG... --board rig --workspace {tmp_path}" in done.stdout
     assert str(made(tmp_path, "rig").inertia) == "0.010000 ± 0.000100 kg·m²"
 
 

@@ -1,7 +1,9 @@
 """The page of a board: whole, self-contained, and working in a real browser with the network off."""
 
+import html
 import json
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -18,6 +20,7 @@ from reports.page.page import Page, choices, figure, table
 from sysid.board import Board
 from sysid.cli import build_app
 from sysid.errors import SysidError
+from sysid.workspace import Workspace
 
 REPORTS = Path(__file__).parents[2] / "reports"
 
@@ -416,6 +419,22 @@ def test_a_diagnosis_older_than_the_fit_is_not_shown_as_current(space, tmp_path)
     assert "Not asked" not in text
 
 
+def test_a_failed_check_stands_in_the_answers(space, tmp_path, monkeypatch):
+    """A law that fits its log is no match where the scene that was made of it decays otherwise."""
+    shutil.copytree(space, tmp_path / "a copy")
+    monkeypatch.chdir(tmp_path)
+    board = Board.load("pink", tmp_path / "a copy")
+    failed = {"passed": False, "nrmse": 0.447, "tolerance": 0.02, "scene": "bench", "logs": []}
+    Workspace(Path("a copy")).save_board(board.checked(failed))
+    assert run("report", "-b", "pink", "--workspace", "a copy") == 0
+    text = html.unescape(Path("a copy/reports/pink/report.html").read_text())
+    assert "✗ The law fits the logs" in text
+    assert "the MuJoCo scene does not: the check failed with an NRMSE of 44.70 %" in text
+    command = re.search(r"See why the scene fails: husky-sysid (check .*?)</dd>", text)[1]
+    assert "✓ Yes" not in text
+    assert run(*shlex.split(command)) == 0
+
+
 def test_print_is_complete(tab, tmp_path):
     tab.pdf(tmp_path / "page.pdf")
     reader = shutil.which("pdftotext")
@@ -470,6 +489,10 @@ def test_a_pendulum_without_a_spring_has_a_page(tmp_path):
 def test_a_package_that_tells_no_version_is_named_all_the_same(monkeypatch):
     """As of CasADi built from source."""
     monkeypatch.setattr(board_page, "version", lambda name: version({"casadi": "nowhere"}.get(name, name)))
-    rows = dict(board_page.made_of(Board.load("pink"), board_page.Provenance("x", "today", "pink.toml")))
+    rows = dict(
+        board_page.made_of(
+            Board.load("pink"), board_page.Provenance("x", "today", "pink.toml", Workspace(Path()))
+        )
+    )
     assert rows["casadi"] == "unknown"
     assert rows["mujoco"] == version("mujoco")
