@@ -1,5 +1,6 @@
 """`husky-sysid new`: the smallest record that a joint can be identified with."""
 
+import shlex
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -74,7 +75,7 @@ def new(
     path = common.space.save_board(record)
     printer.say(f"written: {path}")
     printer.say(f"  inertia {record.inertia} ({record.inertia.method})")
-    beside = ["--effect", "coulomb", "--effect", "armature"] if chosen in ("pendulum", "joint") else []
+    beside = shlex.split("--effect coulomb --effect armature") if chosen in ("pendulum", "joint") else []
     command = common.space.command("fit", "--board", name, *beside, logs=())
     printer.say(f"next: record a release and run: {command}")
     printer.result({"board": name, "record": str(path), "kind": chosen, "inertia": record.inertia.to_json()})
