@@ -98,7 +98,7 @@ def _spans(signal: SmoothedSignal, segments: Sequence[Segment]) -> tuple[list[_S
         for (begin, _, finish, _), segment in zip(seen, segments, strict=True)
     ]
     # A hand that pushes makes the first swing last.
-    later = [swing.duration for segment in segments for swing in segment.swings[1:4] or segment.swings]
+    later = [swing.duration for segment in segments for swing in segment.wide[1:4] or segment.wide]
     period = 2 * float(np.median(later)) / SHARE_OF_HALF
     return seen, free_spans(signal, spans, period)
 
