@@ -79,8 +79,19 @@ def free_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segme
     if largest < SMALLEST_OF_LOG * float(np.ptp(signal.roll)):
         return []
     segments = [segment for segment in segments if segment.swings[0].size > SMALLEST_RELEASE * largest]
+    led = [_led_home(signal, one, other) for one, other in pairwise(segments)]
+    segments = [one for one, home in zip(segments, [False, *led], strict=True) if not home]
     groups = [[other for other in segments if _same_board(segment, other, signal)] for segment in segments]
     return _swelling(signal, max(groups, key=lambda group: _segment_score(group, signal)))
+
+
+def _led_home(signal: SmoothedSignal, one: Segment, other: Segment) -> bool:
+    """Whether a hand that stopped a decay only takes the deck to rest from there: nobody lifts it, and it swings no more."""
+    if len(one.wide) <= 2 or len(other.swings) > 2 or not other.settles:
+        return False
+    since, until = one.swings[-1].finish, other.swings[-1].left
+    lifted = np.abs(signal.roll[since : until + 1] - one.rest).max(initial=0.0)
+    return bool(lifted < FADED * max(one.sizes[-2:]))
 
 
 def _swelling(signal: SmoothedSignal, group: Sequence[Segment]) -> list[Segment]:

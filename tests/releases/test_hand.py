@@ -68,7 +68,7 @@ def test_a_decay_is_what_lies_between_the_hand_that_lets_go_and_the_one_that_cat
         assert (release.hold > 0) == (push == 0)
 
 
-@pytest.mark.parametrize("friction", [0.01, 0.02])
+@pytest.mark.parametrize("friction", [0.01, 0.02, 0.06])
 @pytest.mark.parametrize("push", [0.0, 0.06])
 def test_a_push_is_cut_where_dry_friction_leaves_a_swing_or_two_to_tell_it_from(friction, push):
     roll, free = handled(
@@ -88,6 +88,14 @@ def test_a_push_is_told_from_a_hold_under_noise(push):
     assert [release.hold > 0 for release in found] == [push == 0] * 3
     for release, (begin, _) in zip(found, free, strict=True):
         assert -0.05 < (release.start - begin) / PERIOD < 0.25
+
+
+def test_a_short_push_is_told_from_a_hold():
+    """It lasts a seventh of a period: a wider look takes it for the joint's own pull."""
+    roll, free = handled(LAWS["linear"], push=0.022, swings=9.0)
+    for release, (begin, _) in zip(find_releases(roll), free, strict=True):
+        assert release.hold == 0
+        assert -0.05 < (release.start - begin) / PERIOD < 0.15
 
 
 def test_a_deck_that_dry_friction_stops_at_once_is_a_release_like_the_others():
@@ -182,6 +190,15 @@ def test_a_push_is_cut_though_the_deck_then_swings_to_rest():
     assert fit_traces([release]).noise < 1.1 * recipe.noise
 
 
+def test_a_hand_that_holds_a_damped_deck_ends_its_decay():
+    """Most of what a law could be learned from hardly moves, and none follows the whole; one of the wide swings has seen the hand."""
+    roll, free = handled(
+        lambda x, v: -(OMEGA**2) * x - 0.2 * OMEGA * v, push=0.0, swings=4.2, noise=0.2 * DEGREE
+    )
+    for release, (_, end) in zip(find_releases(roll), free, strict=True):
+        assert -0.6 < (release.time[-1] - end) / PERIOD < 0.6
+
+
 def test_what_swings_after_a_hand_is_a_decay_of_its_own():
     """A hand stops the deck at a turn and lets it go from there: its turning points are those of one decay."""
     caught, again = 0.6 + 4 * PERIOD, 2.2
@@ -217,3 +234,19 @@ def test_a_sensor_that_drifts_loses_no_release():
     roll, free = handled(LAWS["linear"], push=0.0, swings=9.0)
     found = find_releases(replace(roll, roll=roll.roll - 0.025 * roll.time))
     assert [r.start for r in found] == pytest.approx([begin for begin, _ in free], abs=0.1 * PERIOD)
+
+
+def test_what_a_hand_takes_home_from_where_it_stopped_the_deck_is_no_release():
+    """It carries the swing on, holds the deck, and takes it to rest as quickly as it swings."""
+    caught, held, slow = 0.6 + 3.9 * PERIOD, 0.12, 0.6 * PERIOD
+    time = np.arange(0, 3.4, 1 / 500)
+    free = linear_decay(np.maximum(time - 0.6, 0), OMEGA, 0.01, 0.16)[0]
+    angle, rate = (float(np.interp(caught, time, y)) for y in (free, np.gradient(free, time)))
+    since = np.maximum(time - caught, 0)
+    stop = angle + 0.03 * rate * (1 - np.exp(-since / 0.03))
+    clean = np.where(time < caught, free, stop * (1 - lift(np.maximum(since - held, 0), slow)))
+    roll = clean + 5e-4 * np.random.default_rng(2).standard_normal(len(time))
+    (release,) = find_releases(
+        Roll(log="x", time=time, roll=roll, std=np.full(len(time), 5e-4), origin="angle")
+    )
+    assert -0.6 < (release.time[-1] - caught) / PERIOD < 0.05
