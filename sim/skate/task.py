@@ -136,7 +136,7 @@ def reward_terms(
     """Return the reward terms of `sim/skate/mdp/rewards/`, with their weights and the stretches in which they count."""
     from mjlab.managers.reward_manager import RewardTermCfg
 
-    from sim.skate.mdp.measuring import reward
+    from sim.skate.mdp.measuring import pay
 
     task = Task(
         options=options,
@@ -145,9 +145,7 @@ def reward_terms(
         clips=tuple(clips),
     )
     return {
-        term.name: RewardTermCfg(
-            func=reward, weight=term.weight, params={"term": term.value, "when": term.when, **term.arguments}
-        )
+        term.name: RewardTermCfg(func=pay, weight=term.weight, params={"reward": term})
         for term in rewards(task)
     }
 
