@@ -350,7 +350,9 @@ def test_everything_switched_off():
         assert not {"idle_foot", "wrong_stance"} & set(env.termination_manager.active_terms)
         assert "interval" not in env.event_manager.available_modes
         assert env.reward_manager.get_term_cfg("always/action_rate").weight == -0.1
-        assert env.reward_manager.get_term_cfg("push/board_velocity").params["tolerance"] == 0.1
+        assert env.reward_manager.get_term_cfg("push/board_velocity").params["reward"].arguments == {
+            "tolerance": 0.1
+        }
         assert not command.step.any()  # standing: all begin the cycle at rest
         assert not env.sim.data.qvel.any()
 
