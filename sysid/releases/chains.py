@@ -87,9 +87,9 @@ def free_segments(signal: SmoothedSignal, swings: list[HalfCycle]) -> list[Segme
 
 def _led_home(signal: SmoothedSignal, one: Segment, other: Segment) -> bool:
     """Whether a hand that stopped a decay only takes the deck to rest from there: nobody lifts it, and it swings no more."""
+    since, until = one.swings[-1].finish, other.swings[-1].left
     if len(one.wide) <= 2 or len(other.swings) > 2 or not other.settles:
         return False
-    since, until = one.swings[-1].finish, other.swings[-1].left
     lifted = np.abs(signal.roll[since : until + 1] - one.rest).max(initial=0.0)
     return bool(lifted < FADED * max(one.sizes[-2:]))
 
