@@ -156,6 +156,8 @@ class State:
     late_release: Callable[[Algebra, Value, Value, Value, Values], Value] | None = None
     """For a sensor's: `late_release(m, roll, rate, acceleration, parameters)`, its value at a release noticed late, when the deck
     has that rate already."""
+    in_motion: Callable[[Value, Value, LinearJoint, Values], Value] | None = None
+    """For a sensor's: `in_motion(roll, rate, joint, parameters)`, its value in the midst of a decay, where no hold comes before."""
     detection_delay: Callable[[float, float, Numbers], float] | None = None
     """For a sensor's: `detection_delay(acceleration, noise, parameters)`, for how long a release does not show in its reading [s]."""
     settles: Callable[[Numbers], float] | None = None
