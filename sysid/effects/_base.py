@@ -122,16 +122,17 @@ class Parameter:
     """Whether it is known from elsewhere: a fit holds it at the record's value, unless the user bounds it."""
 
     def edged(self, value: float, *, exact: bool) -> bool:
-        """Return whether a value is at an end of the range in which the effect is one; a share may be at its ends.
+        """Return whether a value is at an end of the range in which the effect is one; a share may be none or all.
 
         Args:
             value: In units of `size`.
             exact: Whether nothing but noise is left of the log.
         """
-        if self.unit in ("", "1") or (self.neutral is not None and self.low <= self.neutral):
+        share = self.unit in ("", "1")
+        if (share and self.low == 0.0) or (self.neutral is not None and self.low <= self.neutral):
             return False
         low = self.low if exact else max(self.low, self.doubted)
-        return value <= 1.001 * low or (self.neutral is None and value >= 0.999 * self.high)
+        return value <= 1.001 * low or (self.neutral is None and not share and value >= 0.999 * self.high)
 
     def bounds(self, scales: Scales) -> tuple[float, float]:
         """Return the bounds in `unit`."""

@@ -184,7 +184,11 @@ def _first_reading(
         return state.start(m, roll, hold, joint.stiffness, values)
     pull = -joint.stiffness * (roll - joint.rest_angle) / joint.inertia
     late = state.late_release(m, roll, rate, pull, values)
-    return late if state.in_motion is None else m.where(hold > 0, late, state.in_motion(roll, rate, joint, values))
+    return (
+        late
+        if state.in_motion is None
+        else m.where(hold > 0, late, state.in_motion(roll, rate, joint, values))
+    )
 
 
 @cache
