@@ -154,7 +154,7 @@ class Field:
         return self.left(self.base) < NEGLIGIBLE and len(self.blocks.cuts) < FEWEST_BLOCKS and not exact
 
     def _follows_motion(self) -> bool:
-        """Return whether the joint as it is errs as no sensor does: in proportion to the motion, or where another model is likelier for sure."""
+        """Return whether the joint as it is errs as no sensor does: in proportion to the motion, or another model is likelier for sure."""
         return self._follows(self.base) or max(map(odds, self.scored)) - odds(self.base) > UNMET
 
     def _follows(self, scored: Scored) -> bool:
@@ -208,7 +208,10 @@ class Field:
         return sum(p for key, p in self.likely().items() if families <= key <= families | idle)
 
     def winner(self) -> Scored:
-        """Return the simplest of the candidates that may be true, are no less likely than the joint as it is and that none beats: by effects and parameters, then by score."""
+        """Return the simplest of the candidates that may be true and that none beats: by effects and parameters, then by score.
+
+        What is less likely than the joint as it is cannot win against it.
+        """
         likely = [s for s in self.possible if odds(s) >= odds(self.base)] or self.possible
         near = [s for s in likely if self.behind(s) <= TIE] or likely
         return min(near, key=lambda s: (s.choices, -s.score))

@@ -346,7 +346,7 @@ class Search:
         return best if best.rmse <= enough else None
 
     def pairs(self, singles: Sequence[Candidate], reached: Candidate | None) -> list[Candidate]:
-        """Fit the pairs of the best single effects with all others; if one is at the noise, of fewer, and those that are no richer than it."""
+        """Fit the pairs of the best single effects with all others; if one is at the noise, of fewer, and what is no richer than it."""
         best = best_of(leaders(singles[1:], frugality), PARENTS)
         if not reached:  # alone, a richer law takes over what another effect does beside the simpler one
             simpler = {name for part in best[0].problem.structure.parts for name, _ in part.limiting_cases}

@@ -180,15 +180,11 @@ def _first_reading(
 ) -> Any:
     """Return a state of the sensor at release: as the hold left it, noticed late, or as a motion before it did."""
     m, joint, roll, rate = equations.m, equations.joint, unknowns[0], unknowns[1]
-    if state.late_release is None:
+    if state.late_release is None or state.in_motion is None:
         return state.start(m, roll, hold, joint.stiffness, values)
     pull = -joint.stiffness * (roll - joint.rest_angle) / joint.inertia
     late = state.late_release(m, roll, rate, pull, values)
-    return (
-        late
-        if state.in_motion is None
-        else m.where(hold > 0, late, state.in_motion(roll, rate, joint, values))
-    )
+    return m.where(hold > 0, late, state.in_motion(roll, rate, joint, values))
 
 
 @cache
