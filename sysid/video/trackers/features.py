@@ -94,7 +94,7 @@ class FeatureFollower:
 
     def __post_init__(self) -> None:
         """Cut the board out of the reference."""
-        low, high = self.places.min(axis=0) - 3 * WINDOW, self.places.max(axis=0) + 3 * WINDOW
+        low, high = self.places.min(axis=0) - 2 * WINDOW, self.places.max(axis=0) + 2 * WINDOW
         patch, corner = self.reference.part((int(low[0]), int(low[1]), int(high[0]), int(high[1])))
         self._patch, times = halved(grey(patch), PATCH_SIDE)
         self._cut = shifted(np.array(corner) + (times - 1) / 2) @ np.diag([times, times, 1.0])
@@ -132,7 +132,7 @@ class FeatureFollower:
         part, corner = frame.part((int(low[0]), int(low[1]), int(high[0]), int(high[1])))
         if min(part.shape[:2]) < WINDOW:
             return expected, 0
-        flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         move = (shifted(-np.array(corner)) @ begin)[:2]
         back = cv2.warpAffine(grey(part), move, (width, height), flags=flags, borderMode=cv2.BORDER_REPLICATE)
         start = project(np.asarray(np.linalg.inv(self._cut), np.float64), self.places).astype(np.float32)
