@@ -157,6 +157,8 @@ def _priors(unknowns: Unknowns, prior: BodyPrior) -> Callable[[Array], Array]:
             off = body.shape - (body.shape @ ideal.conj())[..., None] * ideal
             both.append(off / (SQUARE_SQUEEZE * size))
         parts = [part for one in both for part in (one.real, one.imag)]
-        return np.concatenate([(camera[..., told] - before.value[told]) / before.std[told], own, *parts], axis=-1)
+        return np.concatenate(
+            [(camera[..., told] - before.value[told]) / before.std[told], own, *parts], axis=-1
+        )
 
     return at

@@ -22,7 +22,7 @@ from sysid.video.pose.pose import pose_between, principal_corners, shifted, turn
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.rectify import project
 from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, rests_at
-from sysid.video.types import Box, Picture
+from sysid.video.types import Picture
 
 MAX_FEATURES, MIN_FEATURES = 40, 10
 """Patches that are followed at most, and at least."""
@@ -78,7 +78,6 @@ class FeatureFollower:
     """The first frame."""
     places: Array
     """Centres of the patches in it [px], shape (m, 2)."""
-    box: Box
     points: int = 4
     _home: Array = field(init=False)
     """The four points in the reference, as wide apart as the patches are on average [px], shape (4, 2)."""
@@ -178,7 +177,7 @@ def _find(reel: Reel) -> Target | None:
     if len(places) < MIN_FEATURES:
         return None
     return Target(
-        follower=FeatureFollower(look.frames[0], places, look.box),
+        follower=FeatureFollower(look.frames[0], places),
         what="the deck's texture",
         why=f"{len(places)} patches of texture that move",
         solve=partial(fit_angle, prior=BodyPrior(floor=PLACE_FLOOR, dead_zone=DEAD_ZONE, still=SAME_ERRORS)),
