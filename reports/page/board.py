@@ -361,7 +361,7 @@ def _check(board: Board, files: "Sequence[LogFile]", space: Workspace) -> list[s
     check = board.check
     if not check:
         found = [file.found for file in files if file.found is not None]
-        command = space.command("check", "--board", board.name, logs=found)
+        command = space.command("check", *board.options, logs=found)
         text = (
             f"Not checked yet. {command} releases the deck in the scene that policies train in, and compares."
         )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from sysid.diagnosis.judgement import TIE
 from sysid.diagnosis.wording import rounded
-from sysid.effects import effect
+from sysid.effects import effect, origin
 from sysid.text import count, display, percent, table
 from sysid.workspace import Workspace
 
@@ -64,7 +64,9 @@ def _fit(
     result: "Diagnosis", space: Workspace, logs: Sequence[Path], names: Sequence[str], *held: str
 ) -> str:
     """Return the command that fits effects to the logs that were diagnosed."""
-    added = [word for name in names for word in ("--effect", name)]
+    added: list[str] = []
+    for name in names:
+        added += ["--effect-file", file] if (file := origin(name)).endswith(".py") else ["--effect", name]
     return space.command("fit", *result.options, *added, *held, logs=logs)
 
 
