@@ -147,6 +147,8 @@ class Diagnosis:
     """Error of predicting each release or stretch from the others, over its RMS motion: without what is missing."""
     heldout_after: tuple[float, ...]
     """The same with the model that the verdict rests on."""
+    stretches: tuple[str, ...]
+    """Which release or stretch each of them is: its log, and from when to when."""
     best: Model = field(repr=False)
     base: Model = field(repr=False)
     swing_frequency: float | None = None
@@ -360,6 +362,9 @@ def diagnose(
         logs=tuple(dict.fromkeys(release.log for release in releases)),
         heldout_before=heldout_nrmse(everything.base.model),
         heldout_after=heldout_nrmse(winner),
+        stretches=tuple(
+            f"{Path(log).name}, {begin:.2f} to {end:.2f} s" for log, begin, end in map(_span, judged)
+        ),
         best=best,
         base=base,
         swing_frequency=scales.frequency if use_rate else None,
@@ -685,7 +690,8 @@ def _experiment(
     names = [search.added(s.model) for s in (chosen, rival)]
     limit = widest(chosen.model, board)
     found = deciding(chosen.model, rival.model, tried.best.errors, limit)
-    fallback = "" if found or not names[0] else effect(names[0][0]).experiment
+    apart = next((name for name in (*names[1], *names[0]) if name not in set(names[0]) & set(names[1])), "")
+    fallback = "" if found or not apart else effect(apart).experiment
     return experiment_in_words(found, titles(names[0]), titles(names[1]), fallback, board, limit)
 
 

@@ -83,7 +83,7 @@ EFFECT = TorqueEffect(
     sharpness=1.5,
     decay_signs=(
         ("stops aside", 8),
-        ("scattered levels", 3),
+        ("scattered levels", 4),
         ("growing loss", 4),
         ("longer period", 3),
         ("moving level", 2),

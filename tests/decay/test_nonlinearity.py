@@ -21,12 +21,14 @@ SHOWN = [
     ("bouc-wen", (0.132, 0.1, 0.5), 0.03, ["growing loss", "longer period"]),
     ("bouc-wen", (0.132, 0.1, 0.5), 0.11, ["scattered levels", "growing loss"]),
     ("coulomb", (0.132,), 0.03, ["constant loss", "stops aside"]),
+    ("coulomb", (0.15,), 0.4, ["scattered levels"]),
     ("cubic-damping", (0.005,), 0.03, ["growing loss"]),
     ("cubic-stiffness", (-150.0,), 0.03, ["growing loss", "longer period"]),
     ("cubic-stiffness", (137.0,), 0.11, ["constant loss", "shorter period"]),
     ("dahl", (0.132, 0.006), 0.03, ["constant loss", "stops aside"]),
     ("end-stop", (0.1, 66.0, 0.0), 0.11, ["constant loss", "shorter period", "stops aside"]),
     ("freeplay", (0.016,), 0.03, ["shorter period", "stops aside"]),
+    ("freeplay", (0.009,), 0.4, ["scattered levels", "constant loss"]),
     ("hanging-body", (0.0006, 18.2, 0.0), 0.03, ["stops aside"]),
     ("hysteresis", (3.3, 0.088), 0.03, ["growing loss", "longer period"]),
     ("hysteresis", (6.6, 0.66), 0.03, ["moving level", "stops aside"]),
@@ -35,6 +37,7 @@ SHOWN = [
     ("quadratic-damping", (0.03,), 0.03, ["growing loss"]),
     ("sensor-drift", (0.00114,), 0.03, ["moving level"]),
     ("stribeck", (0.0, 0.132, 2.42), 0.03, ["constant loss", "stops aside"]),
+    ("stribeck", (0.08, 0.25, 0.5), 0.4, ["scattered levels"]),
     ("viscoelastic", (0.5, 0.4), 0.11, ["scattered levels", "stops aside"]),
 ]
 """Effect, its parameters, the damping beside it [N*m*s/rad], and what is to be seen."""
@@ -58,7 +61,7 @@ def test_what_an_effect_says_is_seen(tmp_path, name, values, damping, signs):
 def test_whatever_an_effect_says_is_tried_here_and_every_sign_has_several_causes():
     said = {(name, sign) for name, part in catalogue().items() for sign, _ in part.decay_signs}
     tried = {(name, sign) for name, _, _, signs in SHOWN for sign in signs}
-    assert said - {("gravity", "longer period"), ("sensor-drift", "scattered levels"), ("stribeck", "scattered levels"),
-                   ("coulomb", "scattered levels")} == tried  # fmt: skip
+    # Gravity bends at angles that no board reaches; a drift scatters what does not follow in time.
+    assert said - {("gravity", "longer period"), ("sensor-drift", "scattered levels")} == tried
     for sign in get_args(DecaySign):
         assert sum(sign == other for _, other in said) > 1

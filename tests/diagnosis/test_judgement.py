@@ -114,7 +114,12 @@ def test_of_those_not_told_apart_a_law_of_three_parameters_is_no_simpler_than_tw
     ("gap", "limit", "head", "hint"),
     [
         (TIE - 1, 0.0, "Nothing is missing beyond doubt.", "may be there, and would matter (score better by"),
-        (TIE - 1, 1.0, "Nothing is missing that matters.", "may be there, too weak to matter (score better by"),
+        (
+            TIE - 1,
+            1.0,
+            "Nothing is missing that matters.",
+            "may be there, too weak to matter (score better by",
+        ),
         (TIE + 1, 1.0, "Nothing is missing that matters.", "is seen, too weak to matter (score better by"),
     ],
 )
