@@ -141,7 +141,7 @@ def fit_decay(data: Data, inertia: Quantity | None = None, *, board: Board | Non
     recordings, releases = unpack(data)
     if board is None:
         decay = _fit(releases, inertia or NO_INERTIA)
-        doubts = decay.warnings
+        doubts = (*amplitude_warnings(releases, None), *decay.warnings)
     else:
         odd = amplitude_warnings(releases, board)
         decay = _fit(releases, inertia or board.inertia)
