@@ -240,9 +240,12 @@ Role = Literal["torque", "learned", "support", "shift", "record", "measurement"]
 """What an effect changes: the torque of the joint, by a formula or by a table that is learned; what the joint stands on; the
 rest angle; the numbers of the record (indistinguishable from another k and d in a free decay); or the sensor."""
 
-DecaySign = Literal["constant loss", "growing loss", "longer period", "shorter period", "moving level"]
+DecaySign = Literal[
+    "constant loss", "growing loss", "longer period", "shorter period", "moving level", "scattered levels", "stops aside"
+]  # fmt: skip
 """What the peaks of a decay show: a loss per swing that does not depend on the amplitude, or more than in
-proportion to it; a period that grows or falls with the amplitude; a level that moves with time."""
+proportion to it; a period that grows or falls with the amplitude; a level that moves with time; releases that come to rest
+at several angles; a rest beside the middle of the swing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
