@@ -80,8 +80,6 @@ def train(
     """Train from the folder's newest checkpoint, or from the start, and return the iterations done in all.
 
     Args:
-        folder: A run's folder with configuration and record.
-        device: 'cpu' or 'cuda'.
         iterations: Iterations in all; the configuration's if None.
         minutes: Stop, with a checkpoint, after so much time.
         report: Called by the leading process with every iteration's numbers.
@@ -290,8 +288,6 @@ def save(
 
     Args:
         curriculum: How hard the task is, if that is led.
-        done: What has been done.
-        states: What `random_states` returns.
     """
     import torch
 

@@ -143,10 +143,6 @@ def gather(
     """Compare a board with recordings, and fit the ladder of models up to its law.
 
     Args:
-        board: The record.
-        recordings: The logs.
-        files: The logs on disk.
-        tolerance: For the comparison.
         heldout: False leaves out held-out errors (NaN then) and look-alikes, which a recording does not show.
         stood: The record before it was first changed; `board` if left out.
 

@@ -106,7 +106,6 @@ def playground(
     """Return a board's playground; None where its law stands for a simulator's step, which no slider changes.
 
     Args:
-        evidence: The board and its logs.
         diagnosis: Its last one, for the effects that were tried.
         current: What the law that was compared is called.
     """
@@ -243,8 +242,6 @@ def _vector(structure: Structure, law: JointLaw, known: Mapping[str, Sequence[fl
     """Return the numbers of a law as a structure with more effects orders them.
 
     Args:
-        structure: Of the page.
-        law: One of the laws.
         known: Parameters of effects that the law does not have: where their sliders begin.
     """
     mine = dict(law.effects)

@@ -358,12 +358,7 @@ class _Reader:
         )
 
     def _told(self, where: str, raw: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return a table that tells what was done; it may hold anything, but what commands read is of its kind.
-
-        Args:
-            where: Its place in the file.
-            raw: What the file says.
-        """
+        """Return a table that tells what was done; it may hold anything, but what commands read is of its kind."""
         for key in TOLD_NUMBERS & raw.keys():
             number = raw[key]
             whole = isinstance(number, int) and not isinstance(number, bool) and abs(number) < LARGEST
@@ -390,8 +385,6 @@ class _Reader:
         """Read one effect, its parameters in the catalogue's order; one that is not in the catalogue as it is.
 
         Args:
-            where: Its place in the file.
-            raw: What the file says.
             unit_of: The unit that a joint of the record's kind has in place of a hinge's.
         """
         from sysid.effects import catalogue

@@ -38,7 +38,6 @@ def needs_extra(extra: str, what: str, otherwise: str = "") -> Generator[None]:
     Args:
         extra: Of pyproject.toml.
         what: Cannot be done, such as 'log.h5: reading HDF5'.
-        otherwise: A sentence, or nothing.
 
     Raises:
         SysidError: It cannot be imported.

@@ -47,7 +47,6 @@ def atomic_path(path: Path, *, is_record: bool = False) -> Generator[Path]:
     file that could be replaced: what was written is copied into it.
 
     Args:
-        path: The file.
         is_record: It is a board's record; nothing else is written in place of one.
 
     Raises:

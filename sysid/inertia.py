@@ -296,7 +296,6 @@ def with_inertia(board: Board, inertia: Quantity) -> Board:
     with the inertia; what a check said of the old record is dropped.
 
     Args:
-        board: The record.
         inertia: Roll inertia about the tilt axis [kg*m^2].
     """
     if board.decay and not board.fit:

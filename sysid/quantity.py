@@ -113,8 +113,6 @@ def parse_quantity(text: str, unit: str, name: str = "the quantity", *, positive
     Args:
         text: Such as '2.58', '2.58±0.05', '2.58+-0.05' or '20±0.2cm'.
         unit: SI unit of the result, which is also the unit of a text without one.
-        name: What is being read, for messages.
-        positive: Refuse zero and below.
 
     Raises:
         SysidError: The text is not a quantity, or its unit is not one of `unit`'s kind.
@@ -137,8 +135,6 @@ def propagate(formula: Callable[..., float], inputs: Sequence[Quantity], unit: s
     Args:
         formula: Of the inputs' values, in their order.
         inputs: Independent quantities.
-        unit: Of the result.
-        method: Of the result, for people.
     """
     values = [quantity.value for quantity in inputs]
     variance = 0.0

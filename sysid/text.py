@@ -69,8 +69,6 @@ def display(*, is_rate: bool, slides: bool = False, angle: str = "roll") -> Disp
     """Return how a roll, or its rate, is shown; of a slide, in mm and m/s.
 
     Args:
-        is_rate: Whether it is a rate.
-        slides: Whether the joint is a slide.
         angle: What the angle is called.
     """
     if slides:

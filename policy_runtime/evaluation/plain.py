@@ -133,7 +133,6 @@ def run_episode(
 
     Args:
         world: The world; left where the episode ended.
-        rng: Draws commands, joint deviations and shoves.
     """
     world.reset(rng=rng)
     if isinstance(world.robot, StressedRobot):
@@ -216,7 +215,6 @@ def evaluate_policy(
         seeds: Seeds; an episode is drawn from its seed and its number, whatever the workers.
         pool: Processes to ride in, of `riders(workers)`, for a caller who measures more than once.
         force: See `policy_file.open_policy`.
-        progress: Called with the number of episodes just done.
 
     Raises:
         SysidError: The policy cannot be opened or does not fit, the world cannot be built, or worlds drawn

@@ -88,7 +88,6 @@ class StressedRobot(SimulatedRobot):
         """Take over a scene that `Stress.change` has changed.
 
         Args:
-            stress: What it was changed by.
             direct_rake: See `SimulatedRobot`.
         """
         self.rng = np.random.default_rng(0)

@@ -39,7 +39,6 @@ class Guard:
         """Start watching.
 
         Args:
-            limits: What to hold the robot to.
             period: Time between two checks [s].
         """
         self._limits, self._period = limits, period

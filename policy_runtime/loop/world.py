@@ -69,7 +69,6 @@ def make_world(
         steered: Whether it does; else they are held straight.
         start: One of `STARTS`.
         gantry: Holds the robot; None lets it fall.
-        visuals: Keep the robot's meshes, for pictures.
 
     Raises:
         SysidError: mjlab is not installed, or the board cannot be built.

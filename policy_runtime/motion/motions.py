@@ -92,9 +92,6 @@ def load_motion(path: Path) -> Motion:
 def motion_from_table(table: Array, where: str, name: str) -> Motion:
     """Return a clip from numbers in the stored layout, shape (frames, 36).
 
-    Args:
-        where: What to name in an error message.
-
     Raises:
         SysidError: The numbers are not a motion; see `load_motion`.
     """

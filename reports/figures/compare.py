@@ -23,12 +23,7 @@ MOST = 4
 
 
 def compare_figure(result: Comparison, title: str) -> "Figure":
-    """Draw the comparison.
-
-    Args:
-        result: What was compared.
-        title: Heading.
-    """
+    """Draw the comparison."""
     shown = result.releases[:MOST]
     with styled(9.6, 7.4) as figure:
         count = len(result.releases)
@@ -98,10 +93,7 @@ def draw_profile(
     """Draw a missing torque with its 95 % band.
 
     Args:
-        axes: To draw on.
         profile: The torque [N*m].
-        show: How what it is drawn over is shown.
-        title: Heading.
         slides: Whether it is the force of a slide [N].
     """
     band, scale = Z95 * profile.std, show.scale

@@ -30,8 +30,6 @@ def decay_figure(rolls: Sequence[Roll], decay: FreeDecay, title: str) -> "Figure
 
     Args:
         rolls: The whole logs; the first few are drawn.
-        decay: What was identified from them.
-        title: Board and log, for the heading.
     """
     # Fixed margins: finding them by trial would draw everything twice.
     sides = {"left": LEFT, "right": 0.985}

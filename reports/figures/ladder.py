@@ -24,7 +24,6 @@ def draw_ladder(axes: "Axes", steps: Sequence[Step], noise: tuple[float, float])
     """Draw the error of each model as a dot, in multiples of the noise, over the noise's own band.
 
     Args:
-        axes: To draw on.
         steps: From the record as it stood to the last model, the first on top.
         noise: 95 % interval of the noise floor, in multiples of it.
     """
@@ -67,7 +66,6 @@ def ladder_figure(steps: Sequence[Step], noise: tuple[float, float], title: str)
     Args:
         steps: From the record as it stood to the last model.
         noise: 95 % interval of the noise floor, in multiples of it.
-        title: Heading.
     """
     with styled(5.6, 1.5 + 0.45 * len(steps)) as figure:
         axes = figure.add_subplot()

@@ -23,8 +23,6 @@ def learned_figure(fit: "JointFit", formula: Formula | None, title: str, *, slid
     Args:
         fit: With tables of tilt and rate.
         formula: The nearest formula, drawn beside them; None for none.
-        title: Heading.
-        slides: Whether the joint is a slide.
     """
     tilts, rates = motion_of(fit)
     with styled(8.8, 3.9) as figure:

@@ -24,9 +24,7 @@ def motion_figure(motions: Sequence[Motion], planted: Sequence[npt.NDArray[np.bo
     """Draw clips side by side into a PNG file.
 
     Args:
-        motions: The clips.
         planted: Frames in which the left foot stands, bool, one array of shape (frames,) a clip.
-        path: Where to write.
 
     Raises:
         SysidError: The folder cannot be written to.

@@ -15,7 +15,6 @@ def trajectories_figure(panels: Sequence[tuple[str, Sequence[Array]]], path: Pat
 
     Args:
         panels: Title, and x, y and heading of the board, each of shape (t, 3) [m], [m], [rad].
-        path: Where to write.
 
     Raises:
         SysidError: The folder cannot be written to.
@@ -47,7 +46,6 @@ def curves_figure(
     Args:
         curves: For each run, one mapping an iteration; 'iteration' and the columns.
         columns: Column, title and unit of each panel.
-        path: Where to write.
 
     Raises:
         SysidError: The folder cannot be written to.
@@ -82,7 +80,6 @@ def map_figure(
         grids: By policy and delay [s], shares with one row a speed and one column a stiffness.
         stiffness: Factors of the record's.
         speed: [m/s]
-        path: Where to write.
         label: What is scaled, where it is not the stiffness.
 
     Raises:

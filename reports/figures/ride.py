@@ -32,11 +32,6 @@ LANES = (
 def ride_figure(recording: Recording, title: str, path: Path) -> None:
     """Draw a recorded ride as a PNG file.
 
-    Args:
-        recording: The ride.
-        title: Who rode what.
-        path: Where to write.
-
     Raises:
         SysidError: The folder cannot be written to.
     """
@@ -148,8 +143,6 @@ def paths_figure(paths: tuple[Array, ...], headings: Array, title: str, path: Pa
     Args:
         paths: x, y and heading of the board, each of shape (t, 3).
         headings: See `policy_runtime.evaluation.metrics.reachable_headings`, shape (m, 3).
-        title: Who rode what.
-        path: Where to write.
 
     Raises:
         SysidError: The folder cannot be written to.
@@ -183,8 +176,6 @@ def suite_figure(shares: list[tuple[str, str, Quantity]], title: str, path: Path
 
     Args:
         shares: Condition, policy and share of rides, the first on top; the rows of a condition stand together.
-        title: Where they rode.
-        path: Where to write.
 
     Raises:
         SysidError: The folder cannot be written to.

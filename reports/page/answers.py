@@ -22,11 +22,7 @@ def four_answers(
     """Return question, answer and mark ('good', 'bad' or '') of each.
 
     Args:
-        board: The record.
         evidence: What its logs say; None where they are gone.
-        diagnosis: Its last one.
-        files: The logs.
-        space: Where the board is.
     """
     missing, mark = _missing(board, diagnosis)
     return [

@@ -31,7 +31,6 @@ def batch_page(name: str, rows: Sequence[Mapping[str, Any]]) -> str:
     """Return the page of a batch as HTML.
 
     Args:
-        name: Of the manifest.
         rows: Of the table, by `sysid.batch.jobs.COLUMNS`.
     """
     done = [row for row in rows if row["state"] == "done"]

@@ -82,11 +82,8 @@ def board_report(
     """Return the page of a board as HTML.
 
     Args:
-        board: The record.
         evidence: What its logs say; None where all of them are gone.
         files: The logs that the record or the user names, also those that are gone.
-        provenance: For the last section.
-        diagnosis: The board's last one, where there is one.
     """
     page = Page(title=title(board), subtitle=board.description)
     page.lead = "\n".join(_lead(board, evidence, diagnosis, files, provenance.space))

@@ -22,9 +22,7 @@ def live_page(session: Session, version: int, log: str) -> str:
     """Return the page as HTML.
 
     Args:
-        session: What was measured so far.
         version: Goes up with each page; the page asks for it to know when it is old.
-        log: Where the log is kept.
     """
     page = Page(title=f"Live: {session.board.name}", subtitle=f"kept in {log}")
     decay = session.decay

@@ -62,9 +62,6 @@ def decay_recording(path: Path, roll: Roll, decay: FreeDecay, summary: str) -> N
     """Write the recording of one log and of the linear decay found in it.
 
     Args:
-        path: The .rrd file to write.
-        roll: The whole log.
-        decay: What was identified from it.
         summary: Markdown.
 
     Raises:
@@ -133,8 +130,6 @@ def comparison_recording(
     """Write the recording of a board beside its logs.
 
     Args:
-        path: The .rrd file to write.
-        evidence: The board, the logs, and what was found.
         summary: Markdown.
         films: Frames of the logs that are films.
 
@@ -344,8 +339,6 @@ def _log_views(root: str, roll: Roll, first: float) -> "list[rrb.View]":
     """Return the whole log and its phases, over all of its time: else they take the range of a release's view.
 
     Args:
-        root: Of its entities.
-        roll: The log.
         first: Time of its first release on its clock [s], which is 0 in the recording.
     """
     import rerun.blueprint as rrb

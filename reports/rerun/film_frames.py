@@ -57,7 +57,6 @@ def read_film(path: Path, options: LogOptions) -> tuple[Roll, FilmFrames]:
     """Read the roll of a film together with its pictures, as `sysid.video.overlay` draws them.
 
     Args:
-        path: The film.
         options: How it is read; an overlay asked for there is written too.
 
     Returns:

@@ -19,11 +19,6 @@ def show_intervals(
     """Profile the parameters, draw the logs again, print and draw what comes out.
 
     Args:
-        fit: The fit.
-        board: The record that gave the inertia.
-        common: Where the picture goes.
-        printer: Where the words go.
-        profile: Whether profiles were asked for.
         draws: Of the bootstrap; 0 for none.
 
     Returns:

@@ -110,8 +110,6 @@ def prepare(policy: str, options: RideOptions, printer: Printer, *, visuals: boo
 
     Args:
         policy: A scripted policy's name, an ONNX file, or an exported folder.
-        options: From the command line.
-        printer: Says what was assumed.
         visuals: Keep the robot's meshes.
 
     Raises:

@@ -399,7 +399,6 @@ class TorqueEffect(Effect):
         Args:
             tilt: Where to [rad].
             stiffness: The joint's own [N*m/rad].
-            parameters: Of the effect.
         """
         if not self.states:
             return 0.0

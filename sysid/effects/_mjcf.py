@@ -50,10 +50,7 @@ def polynomial(effect: str, of: Literal["stiffness", "damping"], power: int, **l
     """Return fields of an effect whose one parameter is a coefficient of the joint's spring or damping polynomial.
 
     Args:
-        effect: Its name.
-        of: Which polynomial.
         power: Which coefficient, 1 to 3.
-        limits: As `Parameter` has them.
     """
     unit = f"N*m/rad^{power}" if of == "stiffness" else f"N*m*s^{power}/rad^{power}"
     place = ("first", "second", "third")[power - 1]

@@ -174,7 +174,6 @@ def tabulated(law: Callable[[Value, Value], Value], support: Mapping[str, float]
 
     Args:
         law: Torque [N*m] of tilt [rad] and rate [rad/s]; zero at rest.
-        support: The parameters that say where the tables end.
     """
     reach = max(-support["tilt_low"], support["tilt_high"])
     speed = max(-support["rate_low"], support["rate_high"])

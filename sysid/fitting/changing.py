@@ -41,7 +41,6 @@ def changes_with_time(problem: Problem, minimum: Minimum) -> bool:
 
     Args:
         problem: With tables; of one release alone nothing can be said.
-        minimum: Of it.
     """
     if len(problem.records) < 2 or all(weight == FLAT for weight in problem.smoothing):
         return False

@@ -29,10 +29,6 @@ def heldout_residuals(problem: Problem, minimum: Minimum) -> tuple[Array, ...]:
 
     Roll and rate at a release cannot be predicted, so those are fitted to the release itself.
 
-    Args:
-        problem: What was fitted.
-        minimum: Where the fit ended.
-
     Returns:
         Prediction minus measurement [rad or rad/s], shape (n,) for each release.
     """
@@ -43,10 +39,6 @@ def heldout_residuals(problem: Problem, minimum: Minimum) -> tuple[Array, ...]:
 
 def surprising_residuals(problem: Problem, minimum: Minimum) -> tuple[Array, ...]:
     """Return what is missed of each release whatever the others leave open; of one alone, of each third of it.
-
-    Args:
-        problem: What was fitted.
-        minimum: Where the fit ended.
 
     Returns:
         Prediction minus measurement [rad or rad/s], shape (n,) for each release.
@@ -86,9 +78,6 @@ def _within_noise(problem: Problem, minimum: Minimum, index: int, together: Arra
     """Predict one release by physics that may move as far as the noise on the others leaves it open.
 
     Args:
-        problem: Of all releases.
-        minimum: Of it.
-        index: Of the release.
         together: What the fit to all releases misses of it, shape (n,).
     """
     training, start = _training(problem, minimum.point, index)
@@ -106,10 +95,7 @@ def _without(whole: Normal, part: Normal, where: npt.NDArray[np.intp], shared: i
     """Return normal equations of all releases without those of one, of which only the first unknowns are the others' too.
 
     Args:
-        whole: Of all releases.
-        part: Of the one.
         where: Its unknowns among all, shape (q,).
-        shared: Number of those.
     """
     gradient, hessian = whole.gradient.copy(), whole.hessian.copy()
     gradient[where] -= part.gradient
@@ -153,11 +139,9 @@ def _predicted(
     """Return what is missed of one release by a motion that stays within what is known of its unknowns.
 
     Args:
-        problem: Of the release.
         expected: Its unknowns as the others have them, in units of their sizes, shape (p,).
         known: Inverse covariance of these, shape (p, p).
         point: The unknowns that fit all releases: a start in the right valley where the others leave that open.
-        here: Normal equations of the problem there.
         together: What is missed there, shape (n,).
     """
 

@@ -91,7 +91,6 @@ class Problem:
         """Return the problem of some of its records, and the same point in it.
 
         Args:
-            kept: Indices of the records.
             point: In units of its unknowns' sizes, shape (p,).
         """
         some = self.with_(records=[self.records[i] for i in kept])
@@ -105,7 +104,6 @@ class Problem:
 
         Args:
             start: In units of their sizes, shape (p,).
-            iterations: Steps tried at most.
             tolerance: Relative fall of the cost at which it ends [1], or what says it of a cost; `unnoticed` if left out.
             known: Normal equations at the start, where an earlier search has them.
         """

@@ -97,7 +97,6 @@ def profile(
     """Walk away from a minimum to both sides along one unknown.
 
     Args:
-        normal: Cost and normal equations at a point.
         low: Lower bounds in units of the unknowns' sizes, shape (p,).
         high: Upper bounds, likewise, shape (p,).
         deviation: Its standard deviation in units of its size, correlation of the residuals included.

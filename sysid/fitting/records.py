@@ -28,9 +28,6 @@ def signal_of(releases: Sequence[Release], signal: Signal = "auto") -> SignalOpt
     Where a gyro measured, its rate: a roll that was integrated from it drifts, and one that was fused from gyro and
     accelerometer has errors that last, which pass for motion. A gyro's zero wanders from release to release, as that of
     any other roll that drifts.
-
-    Args:
-        signal: 'auto', or what the caller wants.
     """
     if signal == "auto":
         drifting = any(release.zero == "drifting" for release in releases)

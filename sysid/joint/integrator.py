@@ -112,7 +112,6 @@ def _rk4_slopes(
     are multiplied with it once, instead of being carried through the stages.
 
     Args:
-        equations: Of the joint.
         y: State, shape (n,).
         fitted: Parameters whose slopes are wanted, shape (p,).
         parameters: All of them, shape (q,).

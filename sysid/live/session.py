@@ -92,12 +92,7 @@ def _ended(recording: Recording) -> list[Release]:
 
 
 def next_release(releases: Sequence[Release], board: Board) -> str:
-    """Return which release would help most: from which side, and from how far.
-
-    Args:
-        releases: So far.
-        board: Whose.
-    """
+    """Return which release would help most: from which side, and from how far."""
     show = display(is_rate=False, slides=board.slides)
     names = (
         {"right": "right", "left": "left"}

@@ -81,7 +81,6 @@ def smooth_gravity(
         rate_noise: Standard deviation of one sample of the gyro [rad/s].
         lever_arm: From a fixed axis or point of rotation to the accelerometer, in sensor axes [m], shape (3,);
             its tangential and centripetal accelerations are taken off.
-        find_lever_arm: Estimate the lever arm where none is given.
 
     Raises:
         SysidError: The record is too short.

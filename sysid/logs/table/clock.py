@@ -154,7 +154,6 @@ def drop_repeats(clock: Clock, signal: Array) -> None:
     counts does so only while it moves slowly, in steps of a count.
 
     Args:
-        clock: Loses the rows that repeat.
         signal: In any unit, shape (n,).
     """
     held = _held_rows(signal)
