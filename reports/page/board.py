@@ -393,10 +393,11 @@ def _provenance(board: Board, files: "Sequence[LogFile]", provenance: Provenance
 
 def made_of(board: Board, provenance: Provenance) -> list[tuple[str, str]]:
     """Return where a page comes from: record, source, dates, versions."""
+    fit = board.fit
     return [
         ("record", provenance.record),
         ("source", board.source),
-        ("fitted", _fitted(board)),
+        ("fitted", f"{fit.get('date', '?')} by husky-sysid {fit.get('version', '?')}" if fit else "never"),
         ("page made", provenance.made),
         *((name, _version(name)) for name in ("husky-sysid", "mujoco", "casadi", "numpy", "scipy")),
     ]
@@ -408,12 +409,6 @@ def _version(package: str) -> str:
         return version(package)
     except PackageNotFoundError:
         return "unknown"
-
-
-def _fitted(board: Board) -> str:
-    if not board.fit:
-        return "never"
-    return f"{board.fit.get('date', '?')} by husky-sysid {board.fit.get('version', '?')}"
 
 
 def _figure(drawn: "Figure", identifier: str, caption: str, title: str = "") -> str:

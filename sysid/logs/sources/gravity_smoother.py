@@ -177,7 +177,8 @@ class _Problem:
         turned = blocks.mean(np.einsum("nij,nj->ni", attitude, force))
         measured = turned / STANDARD_GRAVITY
         mean_attitude = blocks.mean(attitude)
-        drift = np.concatenate((mean_attitude, blocks.mean(_times_each_rate(attitude, rate))), axis=2)
+        turned_rates = np.einsum("nij,nk->nijk", attitude, rate).reshape(-1, 3, 9)
+        drift = np.concatenate((mean_attitude, blocks.mean(turned_rates)), axis=2)
         period = float(np.median(blocks.length))
         if not spread.size:
             spread = _local_mean((np.linalg.norm(measured, axis=1) - 1) ** 2, period) + 1e-4
@@ -243,11 +244,6 @@ def _rauch_tung_striebel(
         mean[k] += gain @ (mean[k + 1] - predicted[k + 1])
         cov[k] += gain @ (cov[k + 1] - predicted_cov[k + 1]) @ gain.T
     return mean, cov
-
-
-def _times_each_rate(attitude: Array, rate: Array) -> Array:
-    """Return R_ij ω_k, shape (n, 3, 9), for R of shape (n, 3, 3) and ω of shape (n, 3)."""
-    return (attitude[:, :, :, None] * rate[:, None, None, :]).reshape(-1, 3, 9)
 
 
 def _in_sensor(time: Array, block_time: Array, attitude: Array, vertical: Array) -> Array:
