@@ -42,12 +42,7 @@ def cuboid(mass: Quantity, width: Quantity, height: Quantity, distance: Quantity
 
 
 def point(mass: Quantity, distance: Quantity) -> Quantity:
-    """Return the inertia of a small part: m e².
-
-    Args:
-        mass: m [kg].
-        distance: e of its centre from the tilt axis [m].
-    """
+    """Return the inertia of a small part: m e², of mass m [kg] at the distance e from the tilt axis [m]."""
     return propagate(lambda m, e: m * e**2, (mass, distance), UNIT, "point mass")
 
 
@@ -65,13 +60,7 @@ def cylinder(mass: Quantity, radius: Quantity, length: Quantity, distance: Quant
 
 
 def shifted(inertia: Quantity, mass: Quantity, distance: Quantity) -> Quantity:
-    """Return an inertia about a body's centre of mass, moved to the tilt axis: I + m e² (parallel axes).
-
-    Args:
-        inertia: I about the parallel axis through the centre of mass [kg*m^2].
-        mass: m [kg].
-        distance: e between the axes [m].
-    """
+    """Return an inertia I about a body's centre of mass, moved by e to the tilt axis: I + m e² (parallel axes)."""
     method = f"{inertia.method or 'inertia about the centre of mass'}, parallel axis"
     return propagate(lambda i, m, e: i + m * e**2, (inertia, mass, distance), UNIT, method)
 

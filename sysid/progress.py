@@ -60,12 +60,7 @@ def stage(low: float, high: float, name: str = "") -> Generator[None]:
 
 
 def steps(parts: Sequence[T], name: Callable[[T], str] = lambda _: "") -> Iterable[T]:
-    """Go through parts that take about as long each.
-
-    Args:
-        parts: What is gone through.
-        name: Says of a part what is done.
-    """
+    """Go through parts that take about as long each; `name` says of a part what is done."""
     return parts if _now.listener is None else _told(parts, name)
 
 

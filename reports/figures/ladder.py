@@ -61,12 +61,7 @@ def fit_steps(fit: "Fit") -> tuple[Step, ...]:
 
 
 def ladder_figure(steps: Sequence[Step], noise: tuple[float, float], title: str) -> "Figure":
-    """Draw a ladder by itself.
-
-    Args:
-        steps: From the record as it stood to the last model.
-        noise: 95 % interval of the noise floor, in multiples of it.
-    """
+    """Draw a ladder by itself; see `draw_ladder`."""
     with styled(5.6, 1.5 + 0.45 * len(steps)) as figure:
         axes = figure.add_subplot()
         draw_ladder(axes, steps, noise)

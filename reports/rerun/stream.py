@@ -93,12 +93,7 @@ class Look(NamedTuple):
 
 
 def log_series(stream: "rr.RecordingStream", entity: str, time: Array, values: Array, look: Look) -> None:
-    """Log one curve with its style.
-
-    Args:
-        time: Time on the recording's time line [s], shape (n,).
-        values: Shape (n,).
-    """
+    """Log one curve with its style: values over the recording's time line [s], shape (n,) each."""
     import rerun as rr
 
     style = rr.SeriesLines(colors=[rgb(look.colour)], names=[look.name], widths=[look.width])

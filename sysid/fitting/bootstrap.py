@@ -143,13 +143,9 @@ def block_length(noise: ResidualNoise, count: int) -> int:
 
 
 def corrected_percentiles(draws: Array, best: float) -> tuple[float, float]:
-    """Return the 95 % interval of draws, corrected where their median is not the best value.
+    """Return the 95 % interval of draws, shape (n,), corrected where their median is not the best value, all in one unit.
 
     Like a profile it does not depend on how the parameter is written (k or its logarithm).
-
-    Args:
-        draws: Values of one parameter, shape (n,), in its own unit.
-        best: The value of the fit, in the same unit.
     """
     from scipy.stats import norm
 

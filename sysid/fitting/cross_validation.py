@@ -25,12 +25,10 @@ PIECES = 3
 
 
 def heldout_residuals(problem: Problem, minimum: Minimum) -> tuple[Array, ...]:
-    """Return the residuals of each release, predicted without it; of one alone, of its second half from its first.
+    """Return how each release is missed, predicted without it; of one alone, its second half from its first.
 
-    Roll and rate at a release cannot be predicted, so those are fitted to the release itself.
-
-    Returns:
-        Prediction minus measurement [rad or rad/s], shape (n,) for each release.
+    Roll and rate at a release cannot be predicted, so those are fitted to the release itself. Prediction minus measurement
+    [rad or rad/s], shape (n,) for each release.
     """
     if len(problem.records) == 1:
         return (_forecast(problem, minimum),)
@@ -40,8 +38,7 @@ def heldout_residuals(problem: Problem, minimum: Minimum) -> tuple[Array, ...]:
 def surprising_residuals(problem: Problem, minimum: Minimum) -> tuple[Array, ...]:
     """Return what is missed of each release whatever the others leave open; of one alone, of each third of it.
 
-    Returns:
-        Prediction minus measurement [rad or rad/s], shape (n,) for each release.
+    Prediction minus measurement [rad or rad/s], shape (n,) for each release.
     """
     together = problem.residuals(minimum.point)
     if len(problem.records) == 1:
@@ -92,11 +89,7 @@ def _within_noise(problem: Problem, minimum: Minimum, index: int, together: Arra
 
 
 def _without(whole: Normal, part: Normal, where: npt.NDArray[np.intp], shared: int) -> Normal:
-    """Return normal equations of all releases without those of one, of which only the first unknowns are the others' too.
-
-    Args:
-        where: Its unknowns among all, shape (q,).
-    """
+    """Return normal equations of all releases without those of one, whose unknowns are at `where`, the shared ones first."""
     gradient, hessian = whole.gradient.copy(), whole.hessian.copy()
     gradient[where] -= part.gradient
     hessian[np.ix_(where, where)] -= part.hessian

@@ -15,13 +15,9 @@ from sysid.roll import Array
 
 
 def residuals_of_law(board: Board, records: Sequence[Record], *, bias: Bias = "shared") -> list[Array]:
-    """Return the residuals of a record's law, with only roll and rate at each release fitted.
+    """Return how a record's law misses, with only roll and rate at each release fitted, and with 'per-release' the sensor's zero.
 
-    Args:
-        bias: With 'per-release', the sensor zero of each release is fitted too.
-
-    Returns:
-        Model minus measurement of each record [rad or rad/s], shape (n,) each.
+    Model minus measurement of each record [rad or rad/s], shape (n,) each.
     """
     return fit_initial_states(JointLaw.from_board(board), records, bias=bias)[0]
 

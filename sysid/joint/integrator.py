@@ -207,11 +207,7 @@ class Rollout:
     """Some steps of a joint, block by block, so that one function does for every length."""
 
     def __init__(self, stepper: Stepper, steps: int) -> None:
-        """Allocate the buffers.
-
-        Args:
-            steps: A multiple of `BLOCK`.
-        """
+        """Allocate the buffers for a multiple of `BLOCK` steps."""
         self._block = Buffered(_block(stepper))
         self._rows = stepper.step.size1_out(1)
         self._seen = np.zeros((steps // BLOCK, BLOCK * self._rows))
