@@ -15,7 +15,8 @@ where the strength does and below, geometric between. Who falls tries, who rides
 beginners came to its end on one leg, with an entropy by which they never found the other.
 
 Once the patience is the task's own, the strength by which worlds differ (`sim.skate.mdp.worlds`) is led from 0 to 1
-the same way. A step is in proportion to the logarithm of how far the ends are from where it would stay, so that
+the same way, and with it, up to its half, the weights of rewards that a rider needs and a beginner does not
+(`Reward.beginner`). A step is in proportion to the logarithm of how far the ends are from where it would stay, so that
 there is no band in which nothing moves.
 
 The longest patience is shorter than any stretch in which the stance counts. Where it was 400, every run came down to
@@ -34,6 +35,7 @@ from sim.skate.cycle.clock import Clock
 
 if TYPE_CHECKING:
     from policy_runtime.learning.amp import AmpPPO
+    from sim.skate.mdp.rewards import Reward
 
 LONGEST = 5 / 6 * min(Clock().push, Clock().steer)
 """Patience of a beginner [policy steps]: a stretch in the wrong stance ends an episode."""
@@ -124,7 +126,10 @@ class Curriculum:
                 self._patience[name] = own, params["patience"]
         self.own = self._patience["wrong_stance"][0]
         self._entropy = algorithm.entropy_coef, last_entropy
-        self._left_foot = env.reward_manager.get_term_cfg("push/left_foot").weight
+        rewards = env.reward_manager
+        self._left_foot = rewards.get_term_cfg("push/left_foot").weight
+        paid = [rewards.get_term_cfg(name).params["reward"] for name in rewards.active_terms]
+        self._led: list[Reward] = [reward for reward in paid if reward.beginner is not None]
         self.set(Level(patience=LONGEST, ends=math.inf) if level is None else level)
 
     def set(self, level: Level) -> None:
@@ -134,6 +139,8 @@ class Curriculum:
         for own, kept in self._patience.values():
             kept.fill_(own * share)
         self._env.reward_manager.set_weight("push/left_foot", self._left_foot / share)
+        for reward in self._led:
+            self._env.reward_manager.set_weight(reward.name, reward.weight_at(level.strength))
         self._algorithm.entropy_coef = level.entropy(*self._entropy)
         if self._worlds is not None and self._worlds.strength != level.strength:
             self._worlds.set_strength(level.strength)

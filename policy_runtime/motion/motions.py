@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sim.skate.robot.poses import CLIP_JOINTS
 from sysid.errors import SysidError, did_you_mean
 from sysid.files import atomic_path, regular, shipped_data
 from sysid.roll import Array
@@ -25,8 +26,6 @@ from sysid.roll import Array
 FRAME_RATE = 50.0
 """Frames a second [Hz]: one a policy step."""
 COLUMNS = 36
-JOINT_COLUMNS = np.r_[7:26, 29:33]
-"""Columns of the 23 joints in policy order: wrists (26–28 and 33–35) left out."""
 WINDOW = 5
 """Frames in one sample of the discriminator."""
 
@@ -64,7 +63,7 @@ class Motion:
         """Return the clip in the stored layout, shape (frames, 36)."""
         table = np.zeros((len(self.joints), COLUMNS))
         table[:, :3], table[:, 3:7] = self.position, self.quaternion
-        table[:, JOINT_COLUMNS] = self.joints
+        table[:, CLIP_JOINTS] = self.joints
         return table
 
 
@@ -117,7 +116,7 @@ def motion_from_table(table: Array, where: str, name: str) -> Motion:
         name=name,
         position=table[:, :3],
         quaternion=table[:, 3:7] / length[:, None],
-        joints=table[:, JOINT_COLUMNS],
+        joints=table[:, CLIP_JOINTS],
     )
 
 

@@ -15,7 +15,7 @@ from sim.skate.mdp.actor_observation import FRAMES, NOISE, SCALE
 from sim.skate.mdp.rewards import Task, rewards
 from sim.skate.options import NOMINAL, SkateOptions
 from sim.skate.robot.g1 import JOINTS, default_pose, motor_of
-from sim.skate.robot.poses import load_poses
+from sim.skate.robot.poses import load_mounting, load_poses
 from sim.skate.world.posterior import TiltDraws, draw_boards, tilt_draws
 from sim.skate.world.scene import (
     DECIMATION,
@@ -136,7 +136,7 @@ def reward_terms(
     """Return the reward terms of `sim/skate/mdp/rewards/`, with their weights and the stretches in which they count."""
     from mjlab.managers.reward_manager import RewardTermCfg
 
-    from sim.skate.mdp.measuring import reward
+    from sim.skate.mdp.measuring import pay
 
     task = Task(
         options=options,
@@ -145,9 +145,7 @@ def reward_terms(
         clips=tuple(clips),
     )
     return {
-        term.name: RewardTermCfg(
-            func=reward, weight=term.weight, params={"term": term.value, "when": term.when, **term.arguments}
-        )
+        term.name: RewardTermCfg(func=pay, weight=term.weight, params={"reward": term})
         for term in rewards(task)
     }
 
@@ -240,6 +238,7 @@ def _events(options: SkateOptions, draws: TiltDraws | None) -> "dict[str, EventT
                 "start": options.start,
                 "foot_place": options.foot_place,
                 "standing_height": standing_height(),
+                "mounting": load_mounting() + np.r_[np.zeros(7), np.full(len(JOINTS), options.pose_offset)],
             },
         ),
         "torso_com": startup(

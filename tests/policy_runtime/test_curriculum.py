@@ -116,7 +116,7 @@ def test_the_level_is_in_curves_and_checkpoint(led):
 @pytest.mark.filterwarnings("ignore")
 def test_everything_that_hangs_on_the_level_is_set(led):
     _, env, learner, curriculum, _ = led
-    curriculum.set(Level(patience=50.0, strength=0.5, ends=30.0))
+    curriculum.set(Level(patience=50.0, strength=0.2, ends=30.0))
     ends = env.termination_manager
     assert float(ends.get_term_cfg("wrong_stance").params["patience"]) == 50.0
     assert float(ends.get_term_cfg("idle_foot").params["patience"]) == pytest.approx(1.2 * 2.5)
@@ -124,7 +124,10 @@ def test_everything_that_hangs_on_the_level_is_set(led):
     assert rewards.get_term_cfg("push/left_foot").weight == pytest.approx(-12 / 2.5)
     assert float(rewards._weights[rewards.active_terms.index("push/left_foot")]) == pytest.approx(-4.8)
     assert learner.entropy_coef == 0.005
-    assert env.event_manager.get_term_cfg("worlds").func.strength == 0.5
+    assert rewards.get_term_cfg("always/course").weight == pytest.approx(10 * 0.4)
+    assert rewards.get_term_cfg("always/joint_limits").weight == pytest.approx(-5 - 25 * 0.4)
+    assert rewards.get_term_cfg("push/air_time").weight == 3.0
+    assert env.event_manager.get_term_cfg("worlds").func.strength == 0.2
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -16,7 +16,7 @@ class Start:
     pushing: float = 0.25
     """Share that rolls in the push pose, anywhere in the pushing stretch."""
     steering: float = 0.25
-    """Share that rolls in the steer pose, anywhere in the steering stretch."""
+    """Share that rolls on its way into the steer pose or in it: half of them anywhere in mounting, half in steering."""
     speed: tuple[float, float] = (0.2, 1.6)
     """Speed of those that roll [m/s]."""
     position_noise: float = 0.02

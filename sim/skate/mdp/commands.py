@@ -221,6 +221,9 @@ class SkateCommand(CommandTerm):
         """Draw new commands, and make the first action continue the pose that the reset chose."""
         extras = super().reset(env_ids)
         self.air_time[env_ids] = 0.0
+        self._start_positions[env_ids] = self._end_positions[0]
+        self._start_positions[env_ids, :, 0] += self.foot_place[env_ids, None]
+        self._start_quaternions[env_ids] = self._end_quaternions[0]
         actions = self._env.action_manager
         for past in (actions.action, actions.prev_action, actions.prev_prev_action):
             past[env_ids] = self.first_action[env_ids]

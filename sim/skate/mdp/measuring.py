@@ -1,7 +1,6 @@
 # pyright: reportMissingImports=false, reportUnknownParameterType=false, reportAttributeAccessIssue=false
 """Brings reward and termination functions into mjlab: the state is read once a step, for all of them."""
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -11,7 +10,7 @@ from sim.skate.cycle.clock import CONTROL_PERIOD
 from sim.skate.mdp import terminations
 from sim.skate.mdp.observations import skate_command
 from sim.skate.mdp.reading import ZONE
-from sim.skate.mdp.rewards._base import Stretch
+from sim.skate.mdp.rewards._base import Reward, Stretch
 from sim.skate.mdp.state import SkateState
 from sim.skate.world import contacts
 
@@ -62,13 +61,11 @@ def _stretches(state: SkateState) -> dict[Stretch, torch.Tensor]:
     }
 
 
-def reward(
-    env: "ManagerBasedRlEnv", term: Callable[..., Any], when: Stretch, **arguments: Any
-) -> torch.Tensor:
-    """Return a reward term's values in the stretch in which it counts, zero elsewhere, (n,)."""
+def pay(env: "ManagerBasedRlEnv", reward: Reward) -> torch.Tensor:
+    """Return a reward's values in the stretch in which it counts, zero elsewhere, (n,)."""
     state, active = _measured(env)
-    value = term(state, **arguments)
-    return value if when == "always" else value * active[when]
+    value = reward.value(state, **reward.arguments)
+    return value if reward.when == "always" else value * active[reward.when]
 
 
 def fallen(env: "ManagerBasedRlEnv", **arguments: float) -> torch.Tensor:

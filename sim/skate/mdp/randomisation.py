@@ -32,7 +32,6 @@ from sim.skate.world.posterior import TiltDraws
 if TYPE_CHECKING:
     from mjlab.envs import ManagerBasedRlEnv
 
-    from sim.skate.mdp.commands import SkateCommand
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,11 +54,12 @@ class Begin:
     """Puts robot and board into the first state of an episode and sets the cycle accordingly."""
 
     def __init__(self, cfg: Any, env: "ManagerBasedRlEnv") -> None:
-        """Take `start` (Start), `foot_place` (from, to) [m] and `standing_height` [m]."""
+        """Take `start` (Start), `foot_place` (from, to) [m], `standing_height` [m] and what `load_mounting` returns."""
         self._env = env
         self._start: Start = cfg.params["start"]
         self._foot_place: tuple[float, float] = cfg.params["foot_place"]
         self._standing_height: float = cfg.params["standing_height"]
+        self._mounting = torch.tensor(cfg.params["mounting"], dtype=torch.float, device=env.device)
 
     def __call__(self, env: "ManagerBasedRlEnv", env_ids: torch.Tensor | None, **params: Any) -> None:
         """Let the episodes of some worlds begin, of all if None."""
@@ -82,14 +82,19 @@ class Begin:
         chance = random(n)
         steers, pushes = chance < start.steering, (chance >= start.steering) & (chance < 1 - start.standing)
         first_steer = clock.push + clock.mount
+        mounts = steers & (random(n) < 0.5)
         step = torch.where(
             steers,
             torch.randint(first_steer + 1, first_steer + clock.steer - 25, (n,), device=env.device),
             torch.randint(1, clock.push - 10, (n,), device=env.device) * pushes,
         )
+        step = torch.where(mounts, torch.randint(clock.push, first_steer, (n,), device=env.device), step)
         rolls = steers | pushes
         speed = torch.empty(n, device=env.device).uniform_(*start.speed) * rolls
-        robot = _poses(command, steers, pushes, self._standing_height)
+        frame = clock.transition_fraction(step) * (len(self._mounting) - 1)
+        standing = constant((-0.03, 0.10, self._standing_height, 1, 0, 0, 0, *_servo_numbers()[0]), frame)
+        robot = torch.where(rolls[:, None], self._mounting[frame.round().long()], standing)
+        robot[:, 2] += command.reading.axis_height * rolls
         robot[:, 1] += start.position_noise * (2 * random(n) - 1) * torch.where(rolls, 0.5, 1.0)
         place = torch.empty(n, device=env.device).uniform_(*self._foot_place)
         robot[:, 0] += place - torch.where(rolls, 0.0, STANDING_PLACE)
@@ -105,19 +110,6 @@ class Begin:
 def _servo_numbers() -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return the default pose [rad] and the scale of the actions [rad], 23 each."""
     return tuple(g1.default_pose().tolist()), tuple(g1.servos().action_scale.tolist())
-
-
-def _poses(
-    command: "SkateCommand", steers: torch.Tensor, pushes: torch.Tensor, standing_height: float
-) -> torch.Tensor:
-    """Return the robot's configurations in the world, (n, 30), the board being at the origin."""
-    height, like = command.reading.axis_height, command.first_action
-    standing = constant((-0.03, 0.10, standing_height, 1, 0, 0, 0, *_servo_numbers()[0]), like)
-    pushing, steering = (
-        constant((*pose.pelvis[:2], pose.pelvis[2] + height, *pose.pelvis[3:], *pose.joints), like)
-        for pose in (command.cfg.push_pose, command.cfg.steer_pose)
-    )
-    return torch.where(steers[:, None], steering, torch.where(pushes[:, None], pushing, standing))
 
 
 def _whole(

@@ -18,6 +18,8 @@ from sysid.files import shipped_data
 from sysid.roll import Array
 
 POSES = ("push", "steer")
+CLIP_JOINTS = np.r_[7:26, 29:33]
+"""Columns of a stored clip that hold the 23 joints in policy order: wrists (26–28 and 33–35) left out."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +56,16 @@ def load_poses(path: Path | None = None) -> dict[str, Pose]:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SysidError(f"{path}: not a TOML file ({error}).") from error
     return {name: _pose(path, name, raw.get(name)) for name in POSES}
+
+
+def load_mounting() -> Array:
+    """Return the robot's configurations on its way from the push to the steer pose, board frame, shape (frames, 30).
+
+    They are the shipped clip of mounting, 50 a second.
+    """
+    table = np.load(shipped_data() / "motions" / "transitions" / "mount-plain.npy")
+    table[:, :3] += load_poses()["push"].position - table[0, :3]  # the clip's board stands in the world
+    return np.hstack((table[:, :7], table[:, CLIP_JOINTS]))
 
 
 def _pose(path: Path, name: str, raw: Any) -> Pose:

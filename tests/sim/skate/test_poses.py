@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sim.skate.robot import g1
-from sim.skate.robot.poses import load_poses
+from sim.skate.robot.poses import load_mounting, load_poses
 from sysid.errors import SysidError
 from sysid.workspace import shipped_data
 
@@ -31,6 +31,13 @@ def sole(model, data, side):
         ends += [data.geom_xpos[i] + axis, data.geom_xpos[i] - axis]
     heights = np.array(ends)[:, 2] - model.geom_size[geoms[0], 0]
     return heights.min(), heights.max(), np.array(ends)[:, :2]
+
+
+def test_mounting_leads_from_one_pose_to_the_other():
+    way, poses = load_mounting(), load_poses()
+    assert way.shape == (31, 30)
+    np.testing.assert_allclose(way[0], poses["push"].qpos(), atol=1e-3)
+    np.testing.assert_allclose(way[-1], poses["steer"].qpos(), atol=1e-3)
 
 
 @pytest.mark.parametrize("name", ["push", "steer"])

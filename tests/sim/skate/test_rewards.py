@@ -71,11 +71,24 @@ def test_air_time_wants_a_swing(state, seconds, value):
     assert pushing.air_time(replace(state, left_air_time=np.array([seconds])))[0] == value
 
 
-@pytest.mark.parametrize(("speed", "value"), [(1.2, 0), (1.05, 1), (0.2, 1)])
-def test_a_swing_pays_nothing_where_the_board_is_too_fast(state, speed, value):
+@pytest.mark.parametrize(("speed", "value"), [(1.2, 1), (1.05, 0), (0.2, 0)])
+def test_what_a_swing_earns_is_lost_where_the_board_is_too_fast(state, speed, value):
     velocity, told = np.array([[speed, 0.0, 0.0]]), np.array([1.0])
     swing = replace(state, left_air_time=np.array([0.3]), board_velocity=velocity, commanded_speed=told)
-    assert pushing.air_time(swing)[0] == value
+    assert pushing.hasty_swing(swing)[0] == value
+    assert pushing.hasty_swing(replace(swing, left_air_time=np.array([0.6])))[0] == 0
+
+
+def test_a_beginner_is_paid_for_riding_only_and_a_rider_in_worlds_that_differ_by_half_for_all():
+    terms = {term.name: term for term in rewards.rewards(TASK)}
+    first = {name: term.weight_at(0.0) for name, term in terms.items() if term.weight_at(0.0) != term.weight}
+    assert first == {
+        "push/speed_error": 0.0, "still/speed_error": 0.0, "push/hasty_swing": 0.0, "always/course": 0.0,
+        "always/joint_limits": -5.0,
+    }  # fmt: skip
+    assert terms["push/air_time"].weight + terms["push/hasty_swing"].weight == 0.0
+    assert terms["always/joint_limits"].weight_at(0.25) == -17.5
+    assert all(term.weight_at(0.5) == term.weight_at(1.0) == term.weight for term in terms.values())
 
 
 @pytest.mark.parametrize(("speed", "error"), [(1.4, 0.4), (0.7, 0.3), (3.9, 2.0)])

@@ -223,6 +223,35 @@ def test_fused_rewards_are_mjlabs_to_the_last_bit(monkeypatch):
         env.step(torch.zeros(WORLDS, 23))
 
 
+def test_half_of_those_who_are_past_pushing_begin_on_the_way_into_the_steer_pose():
+    import torch
+
+    from sim.skate.mdp.measuring import measure
+    from sim.skate.mdp.observations import skate_command
+
+    still = {"start": Start(standing=0.0, pushing=0.0, steering=1.0, speed=(1.0, 1.0)), "pushes": 0.0}
+    with worlds(speed=(0.5, 1.5), foot_place=(-0.1, -0.1), **still) as env:
+        command, clock, begin = (
+            skate_command(env),
+            skate_command(env).clock,
+            env.event_manager.get_term_cfg("begin"),
+        )
+        step = torch.stack([begin.func.draw().step for _ in range(300)])
+        mounts = clock.mounting(step)
+        assert 0.45 < float(mounts.float().mean()) < 0.55
+        assert (step[mounts].min(), step[mounts].max()) == (clock.push, clock.push + clock.mount - 1)
+        # The task's path, which lifts them more, begins in the push pose that they come from.
+        apart = (command.key_positions - command.key_bodies[0])[..., :2].norm(dim=-1)
+        mounts = command.stretches[1]
+        assert 0 < mounts.sum() < WORLDS
+        assert apart[mounts, 0].max() < 0.05
+        late = command.step >= clock.push + 20
+        for _ in range(5):
+            env.step(command.first_action)
+        assert (env.episode_length_buf == 5).all()
+        assert measure(env).foot_on_deck[late].all()
+
+
 def test_the_course_is_paid_for_from_the_first_push_on_whatever_turn_is_told():
     import torch
 
@@ -321,7 +350,9 @@ def test_everything_switched_off():
         assert not {"idle_foot", "wrong_stance"} & set(env.termination_manager.active_terms)
         assert "interval" not in env.event_manager.available_modes
         assert env.reward_manager.get_term_cfg("always/action_rate").weight == -0.1
-        assert env.reward_manager.get_term_cfg("push/board_velocity").params["tolerance"] == 0.1
+        assert env.reward_manager.get_term_cfg("push/board_velocity").params["reward"].arguments == {
+            "tolerance": 0.1
+        }
         assert not command.step.any()  # standing: all begin the cycle at rest
         assert not env.sim.data.qvel.any()
 
@@ -356,9 +387,10 @@ def test_perturbed_transitions_on_the_other_board():
         joint = env.sim.mj_model.joint("board/board_tilt_joint")
         assert env.sim.mj_model.jnt_stiffness[joint.id] == pytest.approx(black.stiffness, rel=0.02)
 
-        # All begin within steering, in the perturbed pose, and everything rolls along.
-        assert command.steering.all()
-        offset = reading.joint_position().numpy() - load_poses()["steer"].joints
+        # All begin within mounting or steering, these in the perturbed pose, and everything rolls along.
+        steers = command.steering
+        assert (steers | command.stretches[1]).all()
+        offset = reading.joint_position()[steers].numpy() - load_poses()["steer"].joints
         assert np.abs(offset - 0.05).max() <= 0.01 + 1e-6
         speed = reading.board_velocity()[:, 0]
         assert 0.2 <= speed.min() < speed.max() <= 1.6

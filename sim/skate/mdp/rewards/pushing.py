@@ -26,15 +26,18 @@ def facing_forward(state: SkateState, tolerance: float = 0.5) -> Any:
     return kernel(namespace(state.tilt).abs(wrap_angle(state.robot_heading - state.board_heading)), tolerance)
 
 
-def air_time(state: SkateState, shortest: float = 0.1, longest: float = 0.5, too_fast: float = 0.05) -> Any:
-    """The pushing foot swings, neither tapping nor resting: its time in the air is in between [s].
+def air_time(state: SkateState, shortest: float = 0.1, longest: float = 0.5) -> Any:
+    """The pushing foot swings, neither tapping nor resting: its time in the air is in between [s]."""
+    return number((state.left_air_time > shortest) & (state.left_air_time < longest))
 
-    It pays nothing where the board is faster than told by more than `too_fast` [m/s], so that braking costs no
-    swing. Where braking was paid like a swing, policies rode 0.1 m/s too fast to be paid for both; with 0.1 m/s they
+
+def hasty_swing(state: SkateState, too_fast: float = 0.05) -> Any:
+    """What a swing earns where the board is faster than told by more than `too_fast` [m/s]: braking shall cost none.
+
+    Where braking was paid like a swing, policies rode 0.1 m/s too fast to be paid for both; with 0.1 m/s they
     rode 0.08 too fast.
     """
-    swings = (state.left_air_time > shortest) & (state.left_air_time < longest)
-    return number(swings & (state.board_velocity[..., 0] <= state.commanded_speed + too_fast))
+    return air_time(state) * (state.board_velocity[..., 0] > state.commanded_speed + too_fast)
 
 
 def flat_push(state: SkateState, tolerance: float = 5e-4) -> Any:
@@ -56,11 +59,13 @@ def _terms(task: Task) -> Iterator[Reward]:
     )
     # The wide kernel leads there from rest, the narrow one pays for the last 0.2 m/s.
     yield Reward("push/exact_velocity", board_velocity, "push", 3.0, {"tolerance": 0.02})
-    yield Reward("push/speed_error", speed_error, "push", -8.0)
-    yield Reward("still/speed_error", speed_error, "still", -8.0)
+    # Beginners whom a wrong speed costs, and who earn no swing above it, tap along with the foot at the ground.
+    yield Reward("push/speed_error", speed_error, "push", -8.0, beginner=0.0)
+    yield Reward("still/speed_error", speed_error, "still", -8.0, beginner=0.0)
     yield Reward("push/facing_forward", facing_forward, "push", 2.0)
     yield Reward("push/left_foot", left_foot_on_deck, "push", -12.0)
     yield Reward("push/air_time", air_time, "push", 3.0)
+    yield Reward("push/hasty_swing", hasty_swing, "push", -3.0, beginner=0.0)
     yield Reward("push/flat_push", flat_push, "push", 0.5)
 
 

@@ -81,7 +81,7 @@ def _terms(task: Task) -> Iterator[Reward]:
     yield Reward("always/level_deck", level_deck, "not-steer", 3.0)
     yield Reward("always/stand", standing_still, "still", 1.0, {"pose": task.stand_pose})
     yield Reward("always/alive", alive, "always", 1.0)
-    yield Reward("always/joint_limits", joint_limits, "always", -30.0)
+    yield Reward("always/joint_limits", joint_limits, "always", -30.0, beginner=-5.0)
     yield Reward("always/action_rate", action_rate, "always", -smoothness)
     yield Reward("always/action_smoothness", action_smoothness, "always", -smoothness)
     yield Reward("always/joint_velocity", joint_velocity, "always", -1e-3)

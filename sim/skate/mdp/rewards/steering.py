@@ -48,7 +48,7 @@ def _terms(task: Task) -> Iterator[Reward]:
     yield Reward("steer/tilt_rate", tilt_rate, "steer", -0.1)
     # The actor knows the course by its yaw since the last turn was told. Where nothing paid for it, each cycle turned the board by
     # 0.24 to 0.5 rad to the left; a weight of 5 and 0.1 rad, flat where that led, took a quarter to half off in 460 iterations.
-    yield Reward("always/course", board_heading, "not-steer", 10.0, {"tolerance": 0.3})
+    yield Reward("always/course", board_heading, "not-steer", 10.0, {"tolerance": 0.3}, beginner=0.0)
 
 
 REWARDS = Rewards(order=2, terms=_terms)
