@@ -51,11 +51,7 @@ class Process:
 
 
 def join_processes(device: str) -> Process:
-    """Read torchrun's environment and join the other processes, if there are any.
-
-    Args:
-        device: 'cpu' or 'cuda'.
-    """
+    """Read torchrun's environment and join the other processes, if there are any, on 'cpu' or 'cuda'."""
     import torch
 
     count, rank = int(os.environ.get("WORLD_SIZE", "1")), int(os.environ.get("RANK", "0"))
@@ -284,11 +280,7 @@ def save(
     done: "Done",
     states: list[dict[str, Any]],
 ) -> None:
-    """Write a checkpoint in one step.
-
-    Args:
-        curriculum: How hard the task is, if that is led.
-    """
+    """Write a checkpoint in one step, with how hard the task is, if that is led."""
     import torch
 
     content = algorithm.save() | {

@@ -256,11 +256,7 @@ def _averaged(at: Array, torque: Array) -> tuple[Array, Array]:
 
 
 def story_of_diagnosis(found: "Diagnosis", board: Board) -> Story:
-    """Return the story of a diagnosis: the record as it stood, and with what is missing.
-
-    Args:
-        found: The diagnosis, with the recordings that it was made from.
-    """
+    """Return the story of a diagnosis with its recordings: the record as it stood, and with what is missing."""
     problem, floor = found.best.problem, found.noise.std
     chosen = chosen_effects(found, board)
     tried = {candidate.effects: candidate for candidate in (*found.candidates, found.baseline)}
@@ -340,11 +336,9 @@ def _added(effects: tuple[str, ...]) -> str:
 def ranked(
     candidates: Sequence[tuple[Sequence[str], float | None, float | None]], chosen: Sequence[str]
 ) -> tuple[Ranked, ...]:
-    """Return the candidates to draw: the best, the record's own law and the chosen one among them.
+    """Return the candidates to draw, best first: the best, the record's own law and the chosen one among them.
 
-    Args:
-        candidates: Effects, score and its standard deviation, best first.
-        chosen: Effects of the one that the verdict rests on.
+    Each has effects, score and the score's standard deviation.
     """
     models = [
         Ranked(tuple(names), score, std, tuple(names) == tuple(chosen))

@@ -121,10 +121,7 @@ class Fit:
         return self.updated_board({str(file): file for file in files if file.exists()})
 
     def updated_board(self, logs: Mapping[str, Path]) -> Board:
-        """Return the record with the fit in it.
-
-        Args:
-            logs: The files that were fitted, by the names that the record shall give them.
+        """Return the record with the fit in it, to logs by the names that the record shall give them.
 
         Raises:
             SysidError: The fit did not converge, or the logs leave a parameter open.

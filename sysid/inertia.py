@@ -241,9 +241,6 @@ class Combination:
 def combine(estimates: Mapping[str, Quantity]) -> Combination:
     """Return the mean of several independent methods, weighted by their variances, and whether they agree.
 
-    Args:
-        estimates: Inertia by name of the method, each with a standard deviation.
-
     Raises:
         SysidError: Fewer than two, or one without an uncertainty.
     """
@@ -279,13 +276,10 @@ def combine(estimates: Mapping[str, Quantity]) -> Combination:
 
 
 def with_inertia(board: Board, inertia: Quantity) -> Board:
-    """Return the board with another roll inertia and the same motion.
+    """Return the board with another roll inertia about the tilt axis [kg*m^2] and the same motion.
 
     A decay fixes the ratios k/I, d/I and torque/I, so everything of the joint that is in N*m or kg*m^2 goes
     with the inertia; what a check said of the old record is dropped.
-
-    Args:
-        inertia: Roll inertia about the tilt axis [kg*m^2].
     """
     if board.decay and not board.fit:
         data = board.decay

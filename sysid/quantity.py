@@ -130,12 +130,7 @@ def parse_quantity(text: str, unit: str, name: str = "the quantity", *, positive
 
 
 def propagate(formula: Callable[..., float], inputs: Sequence[Quantity], unit: str, method: str) -> Quantity:
-    """Return formula(*values) with its standard deviation, by central differences in every input.
-
-    Args:
-        formula: Of the inputs' values, in their order.
-        inputs: Independent quantities.
-    """
+    """Return formula(*values) of independent inputs with its standard deviation, by central differences in every input."""
     values = [quantity.value for quantity in inputs]
     variance = 0.0
     for index, quantity in enumerate(inputs):

@@ -129,11 +129,7 @@ class _Episode:
 def run_episode(
     world: World, policy: Policy, protocol: Protocol, rng: np.random.Generator
 ) -> tuple[Recording, str]:
-    """Ride one episode and return what happened and how it ended.
-
-    Args:
-        world: The world; left where the episode ended.
-    """
+    """Ride one episode, leave the world where it ended, and return what happened and how it ended."""
     world.reset(rng=rng)
     if isinstance(world.robot, StressedRobot):
         world.robot.rng = rng.spawn(1)[0]

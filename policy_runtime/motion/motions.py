@@ -121,11 +121,7 @@ def motion_from_table(table: Array, where: str, name: str) -> Motion:
 
 
 def save_motion(motion: Motion, path: Path) -> None:
-    """Write a clip in the stored layout.
-
-    Raises:
-        SysidError: The folder cannot be written to.
-    """
+    """Write a clip in the stored layout."""
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         np.save(file, motion.table())
 

@@ -90,12 +90,7 @@ def profiles(missing: MissingTorque, *, slides: bool) -> list[tuple[TorqueProfil
 def draw_profile(
     axes: "Axes", profile: TorqueProfile, show: Display, title: str = "", *, slides: bool = False
 ) -> None:
-    """Draw a missing torque with its 95 % band.
-
-    Args:
-        profile: The torque [N*m].
-        slides: Whether it is the force of a slide [N].
-    """
+    """Draw a missing torque [N*m], or force of a slide [N], with its 95 % band."""
     band, scale = Z95 * profile.std, show.scale
     axes.axhline(0, color=NOISE, lw=0.8)
     axes.fill_between(

@@ -19,11 +19,7 @@ def four_answers(
     files: Sequence[LogFile],
     space: Workspace,
 ) -> list[tuple[str, str, str]]:
-    """Return question, answer and mark ('good', 'bad' or '') of each.
-
-    Args:
-        evidence: What its logs say; None where they are gone.
-    """
+    """Return question, answer and mark ('good', 'bad' or '') of each; without evidence the logs are gone."""
     missing, mark = _missing(board, diagnosis)
     return [
         ("Does the model match?", *_match(board, evidence)),

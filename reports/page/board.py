@@ -79,12 +79,7 @@ def board_report(
     provenance: Provenance,
     diagnosis: LastDiagnosis | None = None,
 ) -> str:
-    """Return the page of a board as HTML.
-
-    Args:
-        evidence: What its logs say; None where all of them are gone.
-        files: The logs that the record or the user names, also those that are gone.
-    """
+    """Return the page of a board as HTML; its logs are listed where they are gone too, and there is no evidence then."""
     page = Page(title=title(board), subtitle=board.description)
     page.lead = "\n".join(_lead(board, evidence, diagnosis, files, provenance.space))
     with page_style():

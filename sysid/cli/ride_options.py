@@ -183,11 +183,7 @@ def command_source(options: RideOptions) -> "CommandSource":
 
 
 def write_ride(ride: Ride, recording: "Recording", folder: Path, printer: Printer) -> dict[str, str]:
-    """Write picture, film strip, Rerun recording and numbers of a ride; return what was written where.
-
-    Raises:
-        SysidError: The folder cannot be written to.
-    """
+    """Write picture, film strip, Rerun recording and numbers of a ride; return what was written where."""
     from reports.figures.ride import ride_figure
     from reports.figures.ride_film import film_strip
     from reports.rerun.ride import ride_recording

@@ -88,10 +88,7 @@ def bootstrap(
     *,
     seed: int = 0,
 ) -> Bootstrap:
-    """Fit `draws` logs that could as well have been measured.
-
-    Args:
-        board: Gives the inertia's uncertainty; each draw has an inertia of its own.
+    """Fit `draws` logs that could as well have been measured, each with an inertia of its own, drawn from the board's.
 
     Raises:
         SysidError: Fewer draws than an interval needs, or most of them cannot be fitted.

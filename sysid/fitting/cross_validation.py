@@ -74,8 +74,7 @@ def _forecast(problem: Problem, minimum: Minimum) -> Array:
 def _within_noise(problem: Problem, minimum: Minimum, index: int, together: Array) -> Array:
     """Predict one release by physics that may move as far as the noise on the others leaves it open.
 
-    Args:
-        together: What the fit to all releases misses of it, shape (n,).
+    What the fit to all releases misses of it is known `together`, shape (n,).
     """
     training, start = _training(problem, minimum.point, index)
     held, point = problem.with_(priors={}, smoothing=()).of([index], minimum.point)

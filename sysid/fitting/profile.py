@@ -66,11 +66,7 @@ class Profile(Shape):
 
 
 def profiles(fit: JointFit, board: Board) -> Iterator[Profile]:
-    """Profile each free parameter of a fit, one after another.
-
-    Args:
-        board: Gives the inertia's uncertainty, which is added to both sides in quadrature.
-    """
+    """Profile each free parameter of a fit, one after another, the board's uncertainty of inertia added in quadrature."""
     problem, minimum = fit.problem, fit.minimum
     low, high = problem.bounds()
     own = parameter_covariance(problem, minimum, fit.residuals)

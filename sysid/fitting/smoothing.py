@@ -321,11 +321,7 @@ def is_table(part: Effect) -> bool:
 def support_of(
     problem: Problem, minimum: Minimum, structure: Structure, rest_angle: float
 ) -> dict[str, float]:
-    """Return where a structure's tables have data: the parameters that say so, by the structure's names [rad or rad/s].
-
-    Args:
-        rest_angle: From which tilts count [rad].
-    """
+    """Return where tables have data, counted from the rest angle: parameters by the structure's names [rad or rad/s]."""
     law = JointLaw.from_vector(problem.structure, problem.vector_of(problem.parameters(minimum.point)))
     ends: list[tuple[float, ...]] = []
     for record, start in zip(problem.records, problem.starts(minimum.point), strict=True):

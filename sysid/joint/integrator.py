@@ -213,14 +213,10 @@ class Rollout:
         self._seen = np.zeros((steps // BLOCK, BLOCK * self._rows))
 
     def __call__(self, start: Array, given: Array) -> Array:
-        """Return what the sensor sees and its derivatives at the start of each step, and in turn its rate and the same.
+        """Return what the sensor sees and its derivatives at the start of each step, and in turn its rate and the same, in SI.
 
-        Args:
-            start: State and sensitivities, shape (n,).
-            given: Parameters and the step [s], shape (p + 1,).
-
-        Returns:
-            Shape (2 steps, 1 + columns of the stepper); the next call overwrites it.
+        From state and sensitivities, shape (n,), and parameters and step, shape (p + 1,), to shape (2 steps, 1 + columns of the
+        stepper); the next call overwrites it.
         """
         run, (here, numbers), (there, read) = self._block.run, self._block.inputs, self._block.outputs
         here[:], numbers[:] = start, given
