@@ -81,13 +81,7 @@ def require_enough(draws: int) -> None:
         )
 
 
-def bootstrap(
-    fit: JointFit,
-    board: Board,
-    draws: int,
-    *,
-    seed: int = 0,
-) -> Bootstrap:
+def bootstrap(fit: JointFit, board: Board, draws: int, *, seed: int = 0) -> Bootstrap:
     """Fit `draws` logs that could as well have been measured, each with an inertia of its own, drawn from the board's.
 
     Raises:

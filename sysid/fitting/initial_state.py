@@ -57,15 +57,8 @@ def problems_of_law(
     parameters = law.parameters
     del parameters["inertia"]
     free_states = bool(structure.internal_states) and any(r.release.hold <= 0 for r in records)
-    return [
-        Problem(
-            structure,
-            [record],
-            scales,
-            bias=bias,
-            fixed=parameters,
-            free_states=free_states,
-            steps_per_period=steps_per_period,
-        )
-        for record in records
-    ]
+    one = Problem(
+        structure, records[:1], scales, bias=bias, fixed=parameters, free_states=free_states,
+        steps_per_period=steps_per_period,
+    )  # fmt: skip
+    return [one.with_(records=[record]) for record in records]

@@ -72,13 +72,7 @@ def _advice(name: str) -> str:
     return effect(name.split(".")[0]).experiment if "." in name else "Record more releases, to both sides."
 
 
-def updated_board(
-    board: Board,
-    fit: JointFit,
-    logs: Mapping[str, Path],
-    *,
-    heldout: float,
-) -> Board:
+def updated_board(board: Board, fit: JointFit, logs: Mapping[str, Path], *, heldout: float) -> Board:
     """Return the board with a fit in it: no check has passed it yet.
 
     Args:
