@@ -106,11 +106,7 @@ class Ride:
 
 
 def prepare(policy: str, options: RideOptions, printer: Printer, *, visuals: bool = True) -> Ride:
-    """Open policy, board and world.
-
-    Args:
-        policy: A scripted policy's name, an ONNX file, or an exported folder.
-        visuals: Keep the robot's meshes.
+    """Open policy, board and world; keep the robot's meshes where it shall be seen.
 
     Raises:
         SysidError: Something is missing or does not fit.

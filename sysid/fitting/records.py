@@ -51,11 +51,9 @@ class Record:
 
 
 def make_records(releases: Sequence[Release], std: float, *, rate: bool) -> tuple[Record, ...]:
-    """Cut the tails at rest that say nothing new and return what is to be fitted.
+    """Cut the tails at rest that say nothing new and return what is to be fitted: the measured rate or the roll.
 
-    Args:
-        std: Noise floor of the signal [rad or rad/s].
-        rate: Fit the measured rate (the roll is only its integral) instead of the roll.
+    `std` is the noise floor of that signal [rad or rad/s].
     """
     records: list[Record] = []
     for release in releases:
