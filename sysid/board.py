@@ -169,10 +169,27 @@ class Board:
 
     @property
     def options(self) -> tuple[str, ...]:
-        """How the command line names the joint."""
-        if self.model:
-            return "--model", str(self.model["file"]), "--joint", str(self.model["joint"])
-        return "--board", self.name
+        """How the command line names the joint, and the files of the user's own effects that its law needs."""
+        needed = [
+            word
+            for part in self.effects
+            if part.file.endswith(".py")
+            for word in ("--effect-file", part.file)
+        ]
+        if not self.model:
+            return "--board", self.name, *needed
+        words = [word for name in ("file", "joint", "keyframe") if name in self.model
+                 for word in ("--model" if name == "file" else f"--{name}", str(self.model[name]))]  # fmt: skip
+        words += [
+            word for name, at in self.model.get("pose", {}).items() for word in ("--pose", f"{name}={at:g}")
+        ]
+        words += [
+            word
+            for name in ("free", "payload")
+            for one in self.model.get(name, ())
+            for word in (f"--{name}", one)
+        ]
+        return *words, *needed
 
     @property
     def slides(self) -> bool:

@@ -20,6 +20,8 @@ class Workspace:
     """A folder with the user's boards (`data/boards`) and outputs (`reports/<board>`)."""
 
     root: Path
+    reading: tuple[str, ...] = ()
+    """Options that the logs needed to be read; commands that are printed repeat them."""
 
     @property
     def boards(self) -> Path:
@@ -37,7 +39,8 @@ class Workspace:
         if logs is not None and not 0 < len(named) <= MOST_NAMED:
             named = ["LOG..."]
         where = [] if self.root.resolve() == Path.cwd() else ["--workspace", str(self.root)]
-        return shlex.join(["husky-sysid", name, *named, *options, *where])
+        reading = [] if logs is None else self.reading
+        return shlex.join(["husky-sysid", name, *named, *options, *reading, *where])
 
     def board_names(self) -> list[str]:
         """Return the names of all boards: the workspace's and the shipped ones."""

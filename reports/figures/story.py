@@ -151,7 +151,7 @@ def draw_candidates(axes: "Axes", ranked: "tuple[Ranked, ...]") -> None:
     axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axes.set_xlim(left=-TIED / 2)
     axes.grid(visible=False, axis="y")
-    axes.set_xlabel("score: 0 is best")
+    axes.set_xlabel("score: log-likelihood ratio to the best, twice; grey: not told apart")
 
 
 def draw_whiteness(axes: "Axes", story: Story) -> None:

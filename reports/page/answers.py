@@ -103,7 +103,7 @@ def next_step(
     found = [file.found for file in files if file.found is not None]
 
     def command(name: str, *options: str, logs: Sequence[Path] | None = found) -> str:
-        return space.command(name, "--board", board.name, *options, logs=logs)
+        return space.command(name, *board.options, *options, logs=logs)
 
     if evidence is None:
         return f"Name logs that are there: {command('report', logs=())}"

@@ -283,16 +283,19 @@ def _look_alikes(board: Board, evidence: Evidence | None) -> list[str]:
 
 def _weakest(alike: LookAlikes, index: int) -> str:
     """Return the strength at which an effect would be seen: its signature is taken as proportional to it."""
-    name, value = next(iter(alike.strength[index].items()))
-    first = effect(alike.names[index]).parameters[0]
-    unit = first.unit.replace("*", "·")
     share = SEEN / float(alike.visibility[index])
-    if first.neutral != 0.0:  # an end stop or a support does not grow with its first parameter
+    parameters = effect(alike.names[index]).parameters
+    if parameters[0].neutral != 0.0:  # an end stop or a support does not grow with its first parameter
         return "shows here" if share < 1 else TOO_WEAK
+    # Stiction may be all there is of a friction: what comes first is zero then.
+    unit, strength = parameters[0].unit, alike.strength[index]
+    name, value = next((p.name, strength[p.name]) for p in parameters if p.unit == unit and strength[p.name])
     if share > HOPELESS:
         return TOO_WEAK
     weakest = abs(value) * share
-    return pretty(f"{name.replace('_', ' ')} {weakest:.{2 if weakest < 100 else 3}g} {unit}")
+    return pretty(
+        f"{name.replace('_', ' ')} {weakest:.{2 if weakest < 100 else 3}g} {unit.replace('*', '·')}"
+    )
 
 
 def _diagnosis(diagnosis: LastDiagnosis | None, own: set[str]) -> list[str]:
@@ -353,7 +356,7 @@ def _check(board: Board, files: "Sequence[LogFile]", space: Workspace) -> list[s
     check = board.check
     if not check:
         found = [file.found for file in files if file.found is not None]
-        command = space.command("check", "--board", board.name, logs=found)
+        command = space.command("check", *board.options, logs=found)
         text = (
             f"Not checked yet. {command} releases the deck in the scene that policies train in, and compares."
         )

@@ -77,6 +77,10 @@ def new(
     printer.say(f"  inertia {record.inertia} ({record.inertia.method})")
     beside = shlex.split("--effect coulomb --effect armature") if chosen in ("pendulum", "joint") else []
     command = common.space.command("fit", "--board", name, *beside, logs=())
+    if chosen == "board":
+        printer.say(
+            "  [geometry] and [mass] are left out: the scene (mjcf, train) needs them, a fit and mjcf --bench do not"
+        )
     printer.say(f"next: record a release and run: {command}")
     printer.result({"board": name, "record": str(path), "kind": chosen, "inertia": record.inertia.to_json()})
     return 0

@@ -22,8 +22,8 @@ LONGEST, SHORTEST = 100.0, 1e-3
 """Natural period [s] beyond which nothing that is tipped and let go swings, whatever its size."""
 
 
-def amplitude_warnings(releases: Sequence[Release], board: Board) -> list[str]:
-    """Hold the amplitudes of some releases against the range of the board's joint.
+def amplitude_warnings(releases: Sequence[Release], board: Board | None) -> list[str]:
+    """Hold the amplitudes of some releases against the range of the board's joint; without a board, against half a turn.
 
     Returns:
         What looks odd, in words.
@@ -32,8 +32,11 @@ def amplitude_warnings(releases: Sequence[Release], board: Board) -> list[str]:
         SysidError: The deck was let go from more than half a turn.
     """
     largest = max(releases, key=lambda release: release.amplitude)
-    limit = board.tilt["range"].value
     where = f"{largest.log}: the release at {shown(largest.start)} starts"
+    if board is None:  # a torsion rig may turn so far
+        turned = f"{where} {math.degrees(largest.amplitude):.4g}° from rest, more than half a turn: is the unit right (--unit)?"
+        return [turned] if largest.amplitude > math.pi else []
+    limit = board.tilt["range"].value
     if largest.amplitude > math.pi:
         raise SysidError(
             f"{where} {largest.amplitude:.4g} rad from rest, more than half a turn; the joint of board "
