@@ -20,10 +20,7 @@ _TOP = 9.0
 
 
 def interval_figure(
-    quantities: Mapping[str, Quantity],
-    profiles: Sequence[Profile],
-    bootstrap: Bootstrap | None,
-    title: str,
+    quantities: Mapping[str, Quantity], profiles: Sequence[Profile], bootstrap: Bootstrap | None, title: str
 ) -> "Figure":
     """Draw, for each parameter, the rise of the cost, its parabola, and the drawn values."""
     shapes = {shape.name: shape for shape in profiles}

@@ -71,12 +71,9 @@ def thin(*columns: "np.typing.ArrayLike") -> tuple[np.ndarray, ...]:
 
 
 def figure_to_svg(figure: "Figure", identifier: str, title: str) -> str:
-    """Return a figure as an `<svg>` element for a page.
+    """Return a figure that was drawn under `page_style` as an `<svg>` element for a page.
 
-    Args:
-        figure: Drawn under `page_style`.
-        identifier: Unique on the page; prefixes all of the figure's own identifiers.
-        title: What it shows, for readers who cannot see it.
+    Its identifier is unique on the page, and prefixes all of its own; the title is for readers who cannot see it.
     """
     series = {_name(line) for axes in figure.axes for line in axes.get_lines()} - {""}
     for axes in figure.axes:  # the page names its series beside the boxes that switch them

@@ -88,11 +88,6 @@ def pretty(text: str) -> str:
     return text.replace("^2", "²").replace("^3", "³")
 
 
-def three(value: float) -> str:
-    """Return a number with three digits, also where the last is a zero."""
-    return f"{value:#.3g}".rstrip(".")
-
-
 def effect_lines(board: Board) -> list[tuple[str, str, str]]:
     """Return for each effect of a board its name, its law and what it does."""
     return [(part.name, effect(part.name).law, effect(part.name).does) for part in board.effects]

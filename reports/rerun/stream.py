@@ -198,12 +198,9 @@ def log_model(
 def log_poses(
     stream: "rr.RecordingStream", root: str, model: "mujoco.MjModel", time: Array, positions: npt.ArrayLike
 ) -> None:
-    """Log how the bodies of a model move.
+    """Log how the bodies of a model, logged under that root, move.
 
-    Args:
-        root: Entity given to `log_model`.
-        time: Time on the recording's time line [s], shape (n,).
-        positions: Generalised positions qpos, shape (n, nq).
+    Generalised positions qpos are of shape (n, nq), over the recording's time line [s], shape (n,).
     """
     import mujoco
     import rerun as rr

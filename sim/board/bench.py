@@ -181,12 +181,9 @@ def stable(model: mujoco.MjModel, data: mujoco.MjData) -> Generator[None]:
 
 
 def steer_to_tilt(model: mujoco.MjModel, data: mujoco.MjData, q: int, v: int) -> None:
-    """Bring joints that equality constraints tie to the tilt joint to where that is.
+    """Bring joints that equality constraints tie to the tilt joint to where that is, in place.
 
     Without it a release would start with a violated constraint, and the kick that mends it.
-
-    Args:
-        data: Its state; changed in place.
     """
     tilt = next(i for i in range(model.njnt) if model.jnt_qposadr[i] == q)
     for i in range(model.neq):

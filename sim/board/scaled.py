@@ -15,10 +15,7 @@ STEEPEST_RAKE = math.radians(80)
 
 
 def scaled_board(board: Board, factors: Mapping[str, float]) -> Board:
-    """Return a board with some numbers multiplied; its check and its effects' parameters stay the record's.
-
-    Args:
-        factors: By the names of `FACTORS`.
+    """Return a board with some numbers multiplied, by the names of `FACTORS`; its check and its effects' parameters stay.
 
     Raises:
         SysidError: A name is unknown, a factor is negative or not finite, or a rake is none.

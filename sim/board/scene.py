@@ -140,14 +140,7 @@ def integrator_name(model: mujoco.MjModel) -> str:
 
 
 def add_effects(spec: mujoco.MjSpec, joint: mujoco.MjsJoint, board: Board) -> tuple[str, ...]:
-    """Put spring, damper and the record's effects on a tilt joint.
-
-    Args:
-        spec: The spec; changed in place.
-
-    Returns:
-        One line for each thing that an effect wrote.
-    """
+    """Put spring, damper and the record's effects on a tilt joint, in place; return a line for each thing that one wrote."""
     joint.stiffness[0] = board.stiffness
     joint.damping[0] = board.damping
     joint.springref = board.rest_angle

@@ -52,12 +52,7 @@ def mjcf(
         record.need("the scene of the whole board (not --bench, the deck on its joint)")
     with working(printer), stage(0.0, 1.0, "compensating the step"):
         made = board_mjcf(
-            record,
-            kind,
-            timestep=timestep,
-            integrator=integrator,
-            export=export,
-            coupling=coupling,
+            record, kind, timestep=timestep, integrator=integrator, export=export, coupling=coupling
         )
     done = made.compensation
     error = f"the unloaded decay of this {kind} is {100 * done.decay_error:.1f} % off the board's"

@@ -12,10 +12,7 @@ if TYPE_CHECKING:
 
 
 def motions(
-    *motion: Path,
-    plot: Made | None = None,
-    rerun: Made | None = None,
-    common: Common = Common(),
+    *motion: Path, plot: Made | None = None, rerun: Made | None = None, common: Common = Common()
 ) -> int:
     """List reference motions and what they do; draw them, or play them in Rerun.
 

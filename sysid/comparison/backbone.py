@@ -26,12 +26,9 @@ class Backbone:
 def backbone_of(
     compared: Sequence[ComparedRelease], law: JointLaw, signals: Sequence[Array], noise: float
 ) -> Backbone:
-    """Return the backbone of all releases together.
+    """Return the backbone of all releases together, about the law's rest angle.
 
-    Args:
-        law: Gives the rest angle and the frequency.
-        signals: Measured or simulated roll of each release [rad], shapes (n,).
-        noise: Standard deviation of the signals [rad].
+    The signals are measured or simulated rolls [rad], shape (n,) each, the noise is their standard deviation [rad].
     """
     parts = [
         _half_swings(

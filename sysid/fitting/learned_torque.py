@@ -11,13 +11,10 @@ from sysid.roll import Array
 def learned_torque(
     fit: JointFit, tilt: Array, rate: Array, *, with_joint: bool = False
 ) -> tuple[Array, Array]:
-    """Return the torque of a fit's tables of tilt and rate, and its standard deviation [N*m], shape (n,) each.
+    """Return the torque of a fit's tables of tilt [rad] and rate [rad/s], and its deviation [N*m], shape (n,) each.
 
-    Args:
-        tilt: From the rest angle [rad], shape (n,).
-        rate: [rad/s], shape (n,).
-        with_joint: Add spring and damper. What is learned has no linear part of its own, so alone it depends on how the
-            two were told apart; the sum does not.
+    Tilt counts from the rest angle. What is learned has no linear part of its own, so alone it depends on how spring and
+    damper were told apart from it; the sum, `with_joint`, does not.
     """
     law, names = fit.law, list(fit.quantities)
     motion = JointState(tilt, rate, tilt + law.rest_angle, law.stiffness)

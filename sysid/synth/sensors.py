@@ -95,13 +95,9 @@ def _specific_force(roll: Array, rate: Array, acceleration: Array, sensor: Senso
 
 
 def lowpass(time: Array, signal: Array, slope: Array, time_constant: float) -> Array:
-    """Return the output of τ ẏ = x − y, starting settled; exact for x cubic between samples.
+    """Return the output of τ ẏ = x − y, starting settled; exact for x cubic between samples; τ = 0 returns x.
 
-    Args:
-        time: Sample times [s], shape (n,).
-        signal: Input x at these times, shape (n,).
-        slope: Its derivative, shape (n,).
-        time_constant: τ [s]; 0 returns the input.
+    Times [s], input x in any unit and its derivative are of shape (n,).
     """
     if time_constant == 0:
         return signal

@@ -122,13 +122,8 @@ def roll_from_rate(reading: Reading, rate: Array, remarks: Remarks) -> Roll:
 def estimate_bias(time: Array, rate: Array, noise: float) -> Bias:
     """Find a gyro's offset from the rest at the beginning and the end, or else from the oscillation.
 
-    Where both ends rest and differ by more than their noise, the offset goes in a straight line from one to
-    the other (a sensor that warms up).
-
-    Args:
-        time: Time [s], shape (n,).
-        rate: Rotation rate [rad/s], shape (n,).
-        noise: Standard deviation of a sample [rad/s].
+    Where both ends rest and differ by more than their noise, the offset goes in a straight line from one to the other (a
+    sensor that warms up). Times [s] and rates [rad/s] are of shape (n,), the noise is that of a sample [rad/s].
     """
     rests: list[tuple[float, float, float]] = []
     for direction in (1, -1):
@@ -156,11 +151,7 @@ def estimate_bias(time: Array, rate: Array, noise: float) -> Bias:
 def find_rest(time: Array, rate: Array, noise: float, direction: int) -> slice | None:
     """Return the rows at the beginning (direction 1) or the end (-1) in which a gyro shows noise alone, if any.
 
-    Args:
-        time: Time [s], shape (n,).
-        rate: Rotation rate [rad/s], shape (n,).
-        noise: Standard deviation of a sample [rad/s].
-        direction: From the beginning (1) or from the end (-1).
+    Times [s] and rates [rad/s] are of shape (n,), the noise is the standard deviation of a sample [rad/s].
     """
     size = max(16, round(REST_BLOCK / float(np.median(np.diff(time)))))
     ordered = rate[::direction]
