@@ -32,7 +32,6 @@ class Workspace:
         """Return a command that runs as it is printed, where the one that prints it was run.
 
         Args:
-            name: Of the command.
             options: Its words beside logs and workspace.
             logs: Its logs; 'LOG...' stands for none and for many, and nothing for None.
         """
@@ -74,7 +73,6 @@ class Workspace:
         a refit, which finds the whole joint anew, may replace a joint that has changed since.
 
         Args:
-            board: The record to write.
             since: The record as it was read, which `board` was made from; None to write whatever is there.
 
         Raises:

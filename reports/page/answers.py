@@ -19,15 +19,7 @@ def four_answers(
     files: Sequence[LogFile],
     space: Workspace,
 ) -> list[tuple[str, str, str]]:
-    """Return question, answer and mark ('good', 'bad' or '') of each.
-
-    Args:
-        board: The record.
-        evidence: What its logs say; None where they are gone.
-        diagnosis: Its last one.
-        files: The logs.
-        space: Where the board is.
-    """
+    """Return question, answer and mark ('good', 'bad' or '') of each; without evidence the logs are gone."""
     missing, mark = _missing(board, diagnosis)
     return [
         ("Does the model match?", *_match(board, evidence)),

@@ -79,15 +79,7 @@ def board_report(
     provenance: Provenance,
     diagnosis: LastDiagnosis | None = None,
 ) -> str:
-    """Return the page of a board as HTML.
-
-    Args:
-        board: The record.
-        evidence: What its logs say; None where all of them are gone.
-        files: The logs that the record or the user names, also those that are gone.
-        provenance: For the last section.
-        diagnosis: The board's last one, where there is one.
-    """
+    """Return the page of a board as HTML; its logs are listed where they are gone too, and there is no evidence then."""
     page = Page(title=title(board), subtitle=board.description)
     page.lead = "\n".join(_lead(board, evidence, diagnosis, files, provenance.space))
     with page_style():
@@ -399,10 +391,11 @@ def _provenance(board: Board, files: "Sequence[LogFile]", provenance: Provenance
 
 def made_of(board: Board, provenance: Provenance) -> list[tuple[str, str]]:
     """Return where a page comes from: record, source, dates, versions."""
+    fit = board.fit
     return [
         ("record", provenance.record),
         ("source", board.source),
-        ("fitted", _fitted(board)),
+        ("fitted", f"{fit.get('date', '?')} by husky-sysid {fit.get('version', '?')}" if fit else "never"),
         ("page made", provenance.made),
         *((name, _version(name)) for name in ("husky-sysid", "mujoco", "casadi", "numpy", "scipy")),
     ]
@@ -414,12 +407,6 @@ def _version(package: str) -> str:
         return version(package)
     except PackageNotFoundError:
         return "unknown"
-
-
-def _fitted(board: Board) -> str:
-    if not board.fit:
-        return "never"
-    return f"{board.fit.get('date', '?')} by husky-sysid {board.fit.get('version', '?')}"
 
 
 def _figure(drawn: "Figure", identifier: str, caption: str, title: str = "") -> str:

@@ -138,7 +138,6 @@ def refuse_overwriting_logs(
     Args:
         logs: The measurements; the camera's calibration is kept as well.
         arguments: Names the overlay that reading a film writes.
-        printer: Names the JSON.
         outputs: What else the command writes, by option.
 
     Raises:

@@ -111,12 +111,6 @@ def read_logs(
 ) -> Material:
     """Read all logs that are there.
 
-    Args:
-        files: The logs.
-        arguments: How they are read.
-        printer: For notes and warnings.
-        films: Keep the pictures of films.
-
     Raises:
         SysidError: No log was given, one cannot be read, holds no free decay, or was given twice.
     """
@@ -151,14 +145,6 @@ def write_recording(
     tolerance: float = 0.02,
 ) -> "Evidence":
     """Compare a board with logs and write the recording of it.
-
-    Args:
-        path: The .rrd file to write.
-        board: The record.
-        files: The logs, for their names and digests.
-        material: What is in them.
-        printer: For progress.
-        tolerance: For the comparison.
 
     Raises:
         SysidError: rerun-sdk is not installed, or the path cannot be written.

@@ -57,9 +57,6 @@ def record_warnings(numbers: DecayNumbers, board: Board, *, log: str, linear: bo
 
     Args:
         numbers: From the decay, with the record's inertia.
-        board: The record.
-        log: Where the decay is from, for people.
-        linear: Whether the decay is a linear one.
 
     Returns:
         One warning that names all that lies outside, or none.
@@ -96,7 +93,6 @@ def period_warnings(omega_n: float, board: Board, *, log: str) -> list[str]:
     Args:
         omega_n: Natural frequency [rad/s].
         board: The record; its roll inertia gives the size.
-        log: Where it is from, for people.
     """
     period = 2 * math.pi / omega_n
     size = (board.inertia.value / DENSITY) ** 0.2

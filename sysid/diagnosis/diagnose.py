@@ -34,8 +34,8 @@ from sysid.diagnosis.judgement import (
 )
 from sysid.diagnosis.remedy import REACHED, Learned, learn
 from sysid.diagnosis.report import fittable
-from sysid.diagnosis.search import FEW, PARENTS, Progress, Search, best_families
 from sysid.diagnosis.search import Candidate as Model
+from sysid.diagnosis.search import Progress, Search, best_families
 from sysid.diagnosis.stretches import judged_stretches
 from sysid.diagnosis.surrogates import LAWS, in_words, surrogates
 from sysid.diagnosis.touched import untouched
@@ -423,9 +423,9 @@ def _fast_starts(model: Model) -> list[str]:
 def _searched(search: Search) -> tuple[Search, list[Model]]:
     """Return what searches, and all models that were fitted."""
     search, singles = search.hung(search.singles())
-    # What is at the noise already needs nothing beside it, so what else could be is asked for in its pairs only.
+    # What is at the noise already needs nothing beside it, so what else could be is asked for in its pairs, and in what is as simple.
     reached = search.at_noise(singles)
-    pairs = search.pairs(singles, FEW if reached else PARENTS)
+    pairs = search.pairs(singles, reached)
     best = min(pairs, key=lambda m: m.cost)
     near = [] if reached else [*search.neighbours(best, [*singles, *pairs]), *search.kinked(singles)]
     models = sorted([*singles, *pairs, *near], key=lambda m: m.cost, reverse=True)
@@ -463,10 +463,8 @@ def _material(search: Search, tried: Field, final: list[Model]) -> tuple[Model, 
         return min([*known, search.finalist(search.without(winner, rest, [{}]))], key=lambda m: m.cost)
 
     def idles(name: str, beside: Model) -> bool:
-        # What a sensor adds is the error that it alone takes away.
-        against = beside if effect(name).role == "measurement" else tried.base.model
         unnoticed = tried.left(tried.score(beside)) < UNNOTICED
-        return unnoticed or not importance(winner, [name], against).matters
+        return unnoticed or not importance(winner, [name], beside).matters
 
     while len(named := search.added(winner)) > 1:
         beside = {name: less(name) for name in named}

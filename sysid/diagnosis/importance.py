@@ -18,7 +18,7 @@ from sysid.roll import Array
 
 TORQUE, ENERGY, AMPLITUDE, SIGNAL = 0.01, 0.03, 0.01, 0.01
 """Shares of which any one that is reached makes an effect matter: of the joint's peak torque, of the dissipated energy, of the
-widest first amplitude after ten periods, and of the RMS motion for what the sensor adds. A spring is known to a few percent."""
+widest first amplitude after ten periods, and of the RMS motion that nothing else explains. A spring is known to a few percent."""
 PERIODS = 10
 """Over which the loss of amplitude is compared: two seconds of a stiff board."""
 
@@ -34,7 +34,7 @@ class Importance:
     amplitude_after_10_periods: float
     """How much wider or narrower the swing would be without them, over the widest first amplitude."""
     signal_share: float
-    """What the sensor adds, over the motion, both RMS."""
+    """What is missed without them and not with them, over the motion, both RMS."""
     each: dict[str, float]
     """Torque share of each."""
 
@@ -69,7 +69,6 @@ def importance(model: Candidate, names: Sequence[str], base: Candidate) -> Impor
     times = [record.time for record in problem.records]
     names = [n for n in names if not _does_nothing(law, n, problem.scales)]
     inside = [n for n in names if effect(n).role != "measurement"]
-    sensed = [n for n in names if effect(n).role == "measurement"]
     each = torque_shares(law, times, starts, inside) if inside else {}
     for part in (p for p in problem.structure.torques if p.adds_stiffness and p.name in each):
         widest = max(
@@ -83,7 +82,7 @@ def importance(model: Candidate, names: Sequence[str], base: Candidate) -> Impor
         torque_share=max(each.values(), default=0.0),
         energy_share=_energy_share(law, times, starts, inside),
         amplitude_after_10_periods=_amplitude_share(law, starts, inside),
-        signal_share=float(np.sqrt(fall / max(motion, 1e-300))) if sensed else 0.0,
+        signal_share=float(np.sqrt(fall / max(motion, 1e-300))) if names else 0.0,
         each=each,
     )
 

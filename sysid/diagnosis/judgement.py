@@ -156,13 +156,8 @@ class Field:
         return self.left(self.base) < NEGLIGIBLE and len(self.blocks.cuts) < FEWEST_BLOCKS and not exact
 
     def _follows_motion(self) -> bool:
-        """Return whether the joint as it is errs as no sensor does: in proportion to the motion, or more than another model."""
-        asked = TIE + (UNMET if self.best.model.shape else 0.0)
-        if self._follows(self.base) or self.gap(self.best, self.base) > asked:
-            return True
-        # What is no description of the motion, when there is one, is no noise, however many numbers that one takes.
-        described = self.left(self.best) < CLOSE < self.left(self.base)
-        return described and self._raw_gap(self.best, self.base) > TIE
+        """Return whether the joint as it is errs as no sensor does: in proportion to the motion, or another model is likelier for sure."""
+        return self._follows(self.base) or max(map(odds, self.scored)) - odds(self.base) > UNMET
 
     def _follows(self, scored: Scored) -> bool:
         """Return whether errors are in proportion to the motion, as no sensor's are."""
@@ -228,8 +223,12 @@ class Field:
         return sum(p for key, p in self.likely().items() if families <= key <= families | idle)
 
     def winner(self) -> Scored:
-        """Return the simplest of the candidates that may be true and that none beats: by effects and parameters, then by score."""
-        near = [s for s in self.possible if self.behind(s) <= TIE] or self.possible
+        """Return the simplest of the candidates that may be true and that none beats: by effects and parameters, then by score.
+
+        What is less likely than the joint as it is cannot win against it.
+        """
+        likely = [s for s in self.possible if odds(s) >= odds(self.base)] or self.possible
+        near = [s for s in likely if self.behind(s) <= TIE] or likely
         return min(near, key=lambda s: (s.choices, -s.score))
 
     def left(self, scored: Scored) -> float:

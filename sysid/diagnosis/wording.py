@@ -33,7 +33,7 @@ def size_in_words(size: Importance) -> str:
         parts.append(
             f"after ten periods the swing differs by {percent(size.amplitude_after_10_periods)} of its start"
         )
-    if size.signal_share > 0:
+    if size.signal_share > max(size.torque_share, size.energy_share, size.amplitude_after_10_periods):
         parts.append(f"it makes {percent(size.signal_share)} of the signal")
     text = "; ".join(parts)
     return f"{text[:1].upper()}{text[1:]}." if text else ""

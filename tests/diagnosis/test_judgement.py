@@ -18,12 +18,15 @@ from sysid.diagnosis.judgement import (
     FEWEST_BLOCKS,
     INEXACT,
     NEGLIGIBLE,
+    PRICE,
+    TEMPERATURE,
     TIE,
     UNMET,
     Field,
     families_of,
 )
 from sysid.diagnosis.search import Candidate, Search
+from sysid.diagnosis.wording import size_in_words
 from sysid.fitting.records import make_records
 from sysid.fitting.search import scales_of
 from sysid.joint import JointLaw, simulate
@@ -88,18 +91,25 @@ def test_a_prediction_that_ran_away_explains_nothing(friction):
     assert field.left(lost) == np.inf
 
 
-@pytest.mark.parametrize(("shape", "missing"), [("", True), ("x⁵", False)])
-def test_what_nobody_has_met_must_gain_more_to_show_that_something_is_missing(
-    friction, monkeypatch, shape, missing
+@pytest.mark.parametrize(("shape", "choices", "missing"), [("", 2, True), ("x⁵", 2, False), ("", 5, False)])
+def test_what_is_richer_or_what_nobody_has_met_must_gain_more_to_show_that_something_is_missing(
+    friction, monkeypatch, shape, choices, missing
 ):
+    """And nothing is named that is less likely than the joint as it is."""
     _, field = friction
-    likeliest = replace(field.best, model=replace(field.best.model, shape=shape))
-    monkeypatch.setattr(field, "best", likeliest)
-    monkeypatch.setattr(Field, "gap", lambda self, one, other: TIE + 0.5 * UNMET)
-    monkeypatch.setattr(Field, "left", lambda self, scored: 0.03)
-    steady = replace(field.base.errors, log_likelihood=-np.inf)
-    monkeypatch.setattr(field, "base", replace(field.base, errors=steady))
+    gained = TEMPERATURE * (PRICE * 2 + UNMET) + 1.0
+    other = replace(
+        field.best,
+        model=replace(field.best.model, shape=shape),
+        choices=choices,
+        score=field.base.score + gained,
+    )
+    monkeypatch.setattr(field, "scored", [field.base, other])
+    monkeypatch.setattr(field, "possible", [field.base, other])
+    monkeypatch.setattr(Field, "_follows", lambda self, scored: False)
+    monkeypatch.setattr(Field, "behind", lambda self, scored: 0.0 if scored is other else TIE + 1)
     assert field._follows_motion() is missing
+    assert field.winner() is (other if choices == 2 else field.base)
 
 
 def test_of_those_not_told_apart_a_law_of_three_parameters_is_no_simpler_than_two_of_one(
@@ -139,7 +149,7 @@ def test_what_is_not_named_is_said_to_be_unsure_or_too_weak_to_matter(
     """A hint that would matter, if it is there, leaves open whether something is missing."""
     search, field = friction
     monkeypatch.setattr(Field, "gap", lambda self, one, other: gap)
-    for size in ("TORQUE", "ENERGY", "AMPLITUDE"):
+    for size in ("TORQUE", "ENERGY", "AMPLITUDE", "SIGNAL"):
         monkeypatch.setattr(f"sysid.diagnosis.importance.{size}", limit)
     hints = _hints(search, field, field.base, None)
     board = load_board(shipped_data() / "boards" / "pink.toml")
@@ -159,7 +169,7 @@ def test_a_pair_that_is_left_unnamed_is_said_to_be_weak_or_to_explain_little(fri
         search,
         field,
         field.best,
-        replace(size, torque_share=1e-3, energy_share=0.0, amplitude_after_10_periods=0.0),
+        replace(size, torque_share=1e-3, energy_share=0.0, amplitude_after_10_periods=0.0, signal_share=0.0),
         (),
         board,
     )
@@ -275,6 +285,17 @@ def test_a_filter_takes_the_reading_from_the_roll_by_its_lag():
     (lagging,) = (s.model for s in field.scored if s.model.effects)
     assert reading_share(lagging, ["lowpass"]) == pytest.approx(41.1 * 3e-3, rel=0.15)
     assert reading_share(field.base.model, []) == 0.0
+
+
+def test_what_a_decay_of_many_swings_is_missed_by_matters_however_small_its_torque():
+    """What changes its frequency by little is out of step in the end."""
+    law = replace(LAW, damping=0.004).with_effect("cubic-stiffness", 4.5)
+    _, field = tried(law, ("cubic-stiffness",))
+    (bent,) = (s.model for s in field.scored if s.model.effects)
+    size = importance(bent, ["cubic-stiffness"], field.base.model)
+    assert max(size.torque_share, size.amplitude_after_10_periods) < 0.01 < size.signal_share
+    assert size.matters
+    assert "it makes" in size_in_words(size)
 
 
 def test_the_likeliest_families_are_those_that_are_there(friction):
