@@ -132,9 +132,13 @@ def compare(
     chosen = signal_of(releases, signal)
     use_rate = chosen["use_rate"]
     odd = amplitude_warnings(releases, board)
+    law = law or JointLaw.from_board(board)
+    if law.stiffness + law.stiffness_of_effects <= 0:
+        odd.append(
+            f"nothing pulls the joint of '{board.name}' back to rest in its record: was it ever fitted? Fit it first"
+        )
     noise = noise_floor(releases, rate=use_rate)
     records = make_records(releases, noise.std, rate=use_rate)
-    law = law or JointLaw.from_board(board)
     _, bias = held_parameters(law.structure, board, FitOptions(**chosen))
     with stage(0.0, 0.4):
         residuals, starts = fit_initial_states(law, records, bias=bias)

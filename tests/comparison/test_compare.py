@@ -45,6 +45,13 @@ def test_the_right_law_is_at_the_noise_floor(pink):
     assert "noise" in result.summary
 
 
+def test_a_record_that_was_never_fitted_is_named(pink):
+    releases = releases_of(JointLaw.from_board(pink))
+    assert compare(releases, pink).warnings == ()
+    bare = pink.with_tilt(stiffness=replace(pink.tilt["stiffness"], value=0.0))
+    assert "was it ever fitted?" in compare(releases, bare).warnings[0]
+
+
 def test_the_missing_torque_is_found_where_it_acts(pink):
     truth = LIGHT.with_effect("cubic-stiffness", 300.0)
     result = compare(releases_of(truth), pink, law=LIGHT)
