@@ -247,7 +247,7 @@ class SkateCommand(CommandTerm):
         chance, share = torch.rand(2, self.num_envs, device=self.device)
         differing = worlds(self._env)
         # Who stands falls seldom, and lives on: a beginner would do little else, and be led on for it.
-        led = 1.0 if differing is None else differing.share
+        led = 1.0 if differing is None else differing.strength
         speed = torch.where(chance > 1 - led * self.cfg.slow, SLOW_SPEED * share, speed)
         # An episode that begins in motion is one that was told to move.
         rolls = self.step > 0
