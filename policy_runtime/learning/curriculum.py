@@ -19,12 +19,9 @@ the same way, and with it, up to its half, the weights of rewards that a rider n
 (`Reward.beginner`). A step is in proportion to the logarithm of how far the ends are from where it would stay, so that
 there is no band in which nothing moves.
 
-The longest patience is shorter than any stretch in which the stance counts. Where it was 400, every run came down to
-134 and stood there for 400 iterations and more: steering has 135 steps, above which one leg never ends an episode,
-and just below which it does once a cycle, 10 a minute, more than the 8 at which the patience then stayed. Who rides
-on one leg is ended 15 to 19 times a minute of riding, whatever else he can and however patient the task: the balance must be
-well above that. With 8 of all minutes a run stood at a patience of 100 until iteration 1,000, with 16 another left it at 400 and
-came to 20 at 950; with 18 of riding two stood at 75 from iteration 600 to 950, and came onto two legs at 1,000.
+The longest patience is shorter than any stretch in which the stance counts, else one leg never ends an episode: runs
+stood just below that for 400 iterations. Who rides on one leg is ended 15 to 19 times a minute of riding, whatever else he
+can: the balance must be well above that (docs/training.md has the runs that waited below it).
 """
 
 import math

@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sim.board.scene import TRUCK_JOINTS
-from sim.skate.cycle.clock import Clock
 from sim.skate.cycle.push_clips import PushClip
 from sim.skate.cycle.tilt_guidance import TiltGuidance
-from sim.skate.cycle.transitions import TransitionPath
 from sim.skate.mdp.actor_observation import FRAMES, NOISE, SCALE
 from sim.skate.mdp.rewards import Task, rewards
 from sim.skate.options import NOMINAL, SkateOptions
@@ -110,14 +108,7 @@ def skate_command_cfg(board: Board, options: SkateOptions) -> "SkateCommandCfg":
         for pose in (poses["push"], poses["steer"])
     )
     return SkateCommandCfg(
-        speed=options.speed,
-        standing=options.standing,
-        slow=options.slow,
-        turn=(-options.turn, options.turn),
-        turn_feedback=options.turn_feedback,
-        turn_spread=options.turn_spread,
-        clock=Clock(mount=options.mount_steps),
-        path=TransitionPath(order=options.bezier_order, lift=options.lift),
+        options=options,
         guidance=TiltGuidance(
             wheelbase=board.geometry["wheelbase"].value,
             rake=board.geometry["rake"].value,

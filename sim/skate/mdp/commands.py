@@ -2,7 +2,7 @@
 """What the robot is told to do, and where it is in its cycle: mjlab's command term of the task."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -17,6 +17,7 @@ from sim.skate.cycle.transitions import KEY_BODIES, TransitionPath
 from sim.skate.mdp.actor_observation import still_to_turn
 from sim.skate.mdp.reading import Reading
 from sim.skate.mdp.worlds import worlds
+from sim.skate.options import SkateOptions
 
 if TYPE_CHECKING:
     from mjlab.envs import ManagerBasedRlEnv
@@ -42,23 +43,11 @@ class CanonicalPose:
 
 @dataclass(kw_only=True)
 class SkateCommandCfg(CommandTermCfg):
-    """Ranges of the commands and the shape of the cycle."""
+    """What is told, and the shape of the cycle."""
 
-    speed: tuple[float, float] = (0.0, 1.5)
-    """Range of the commanded speed [m/s]."""
-    standing: float = 0.0
-    """Share of the episodes from rest that are told to stand, besides the range's own."""
-    slow: float = 0.0
-    """Share told to go at up to `SLOW_SPEED`, besides the range's own."""
-    turn: tuple[float, float] = (-np.pi / 4, np.pi / 4)
-    """Range of the commanded heading relative to the board's at the time of the command [rad]."""
-    clock: Clock = field(default_factory=Clock)
-    path: TransitionPath = field(default_factory=TransitionPath)
+    options: SkateOptions
+    """The variant of the task: ranges of speed and turn, shares told to stand or to go slowly, the path of transitions."""
     guidance: TiltGuidance
-    turn_spread: float = 0.0
-    """Time over which a turn is spread evenly [s]; 0 asks for all of it at once."""
-    turn_feedback: bool = True
-    """Whether the actor sees how far it still has to turn, instead of the turn as it was told."""
     push_pose: CanonicalPose
     """Where dismounting ends."""
     steer_pose: CanonicalPose
@@ -81,7 +70,9 @@ class SkateCommand(CommandTerm):
         super().__init__(cfg, env)
         n, device = self.num_envs, self.device
         self.reading = Reading(env)
-        self.clock = cfg.clock
+        self._options = cfg.options
+        self.clock = Clock(mount=cfg.options.mount_steps)
+        self._path = TransitionPath(order=cfg.options.bezier_order, lift=cfg.options.lift)
         self.step = torch.zeros(n, dtype=torch.long, device=device)
         """Steps since the cycle began, (n,)."""
         self.target_heading = torch.zeros(n, device=device)
@@ -131,7 +122,7 @@ class SkateCommand(CommandTerm):
 
     def seen(self) -> torch.Tensor:
         """Return what the actor sees of the command, (n, 2)."""
-        if not self.cfg.turn_feedback:
+        if not self._options.turn_feedback:
             return self._command
         turn = still_to_turn(self._command[:, 1], self.headings()[1], self._yaw_then)
         return torch.stack((self._command[:, 0], turn), dim=-1)
@@ -192,10 +183,10 @@ class SkateCommand(CommandTerm):
 
     def heading_reference(self, ahead: "torch.Tensor | float" = 0.0) -> torch.Tensor:
         """Return the heading on the way to the target, `ahead` [s] of this moment [rad], (n,)."""
-        if self.cfg.turn_spread == 0.0:
+        if self._options.turn_spread == 0.0:
             return self.target_heading
         since = (self.step - self._told) * CONTROL_PERIOD + ahead
-        still = 1 - (since / self.cfg.turn_spread).clamp(max=1.0)
+        still = 1 - (since / self._options.turn_spread).clamp(max=1.0)
         return wrap_angle(self.target_heading - still * self._command[:, 1])
 
     def tilt_reference(self) -> torch.Tensor:
@@ -243,20 +234,24 @@ class SkateCommand(CommandTerm):
         For all of them, so that it is one CUDA graph whoever needs it.
         """
         drawn = torch.empty(2, self.num_envs, device=self.device)
-        speed, turn = drawn[0].uniform_(*self.cfg.speed), drawn[1].uniform_(*self.cfg.turn)
+        speed, turn = drawn[0].uniform_(*self._options.speed), self._turns(drawn[1])
         chance, share = torch.rand(2, self.num_envs, device=self.device)
         differing = worlds(self._env)
         # Who stands falls seldom, and lives on: a beginner would do little else, and be led on for it.
-        led = 1.0 if differing is None else differing.share
-        speed = torch.where(chance > 1 - led * self.cfg.slow, SLOW_SPEED * share, speed)
+        led = 1.0 if differing is None else differing.strength
+        speed = torch.where(chance > 1 - led * self._options.slow, SLOW_SPEED * share, speed)
         # An episode that begins in motion is one that was told to move.
         rolls = self.step > 0
         speed = torch.where(rolls, speed.clamp(min=STILL_SPEED), speed)
-        speed = torch.where(~rolls & (chance < led * self.cfg.standing), STILL_SPEED * share, speed)
+        speed = torch.where(~rolls & (chance < led * self._options.standing), STILL_SPEED * share, speed)
         # A turn counts from where steering begins; until then the course is straight on.
         begun = torch.where(self.clock.steering(self.step), turn, 0.0)
         target = wrap_angle(self.reading.board_heading() + begun)
         return torch.stack((speed, turn), dim=-1), target, rotation.yaw(self.reading.robot_quaternion())
+
+    def _turns(self, angles: torch.Tensor) -> torch.Tensor:
+        """Draw turns to either side [rad] in place."""
+        return angles.uniform_(-self._options.turn, self._options.turn)
 
     def compute(self, dt: float | torch.Tensor, env_ids: torch.Tensor | None = None) -> None:
         """Go on by a step; nothing is drawn anew by time, so that nobody has to wait for the device to say when.
@@ -288,7 +283,7 @@ class SkateCommand(CommandTerm):
         _put(self._start_positions, leaves[:, None, None], positions)
         _put(self._start_quaternions, leaves[:, None, None], quaternions)
         begins = advances & (step == clock.push + clock.mount)
-        turn = torch.empty(self.num_envs, device=self.device).uniform_(*self.cfg.turn)
+        turn = self._turns(torch.empty(self.num_envs, device=self.device))
         board, robot = self.headings()
         target = wrap_angle(board + turn)
         _put(self._command[:, 1], begins, turn)
@@ -301,7 +296,7 @@ class SkateCommand(CommandTerm):
         mounting = self.stretches[1][:, None, None]
         ends = torch.where(mounting, self._end_positions[1], self._end_positions[0])
         turned = torch.where(mounting, self._end_quaternions[1], self._end_quaternions[0])
-        path = self.cfg.path
+        path = self._path
         ends = torch.cat((ends[..., :1] + self.foot_place[:, None, None], ends[..., 1:]), dim=-1)
         self.key_positions.copy_(path.positions(self._start_positions, ends, fraction, self._lifted))
         self.key_quaternions.copy_(path.orientations(self._start_quaternions, turned, fraction))

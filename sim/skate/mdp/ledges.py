@@ -52,7 +52,11 @@ class Ledges:
         self.slab[ids, 2] = AWAY
 
     def roll_on(
-        self, position: torch.Tensor, heading: torch.Tensor, wanted: torch.Tensor, highest: float
+        self,
+        position: torch.Tensor,
+        heading: torch.Tensor,
+        wanted: torch.Tensor,
+        highest: "torch.Tensor | float",
     ) -> None:
         """Take away the slabs of those who are over the edge, and lay an edge ahead of those who want one and have none.
 

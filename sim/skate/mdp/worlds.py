@@ -66,9 +66,9 @@ class Worlds:
         variation: Variation = cfg.params["variation"]
         if max(variation.action_delay, variation.sensor_delay) > (MEMORY - 1) * CONTROL_PERIOD + 1e-9:
             raise ValueError(f"delays reach over at most {MEMORY - 1} policy steps of {CONTROL_PERIOD} s")
-        self.variation, self.strength = variation, 1.0
-        self.share = torch.ones((), device=env.device)
-        """The strength where a CUDA graph finds it."""
+        self.variation = variation
+        self.strength = torch.ones((), device=env.device)
+        """Share of the variation by which worlds differ, in one place in memory, ()."""
         self._env = env
         n, device, model = env.num_envs, env.device, env.sim.mj_model
         draw = lambda *shape: torch.rand(n, *shape, device=device)  # noqa: E731
@@ -112,13 +112,12 @@ class Worlds:
 
     def __call__(self, env: "ManagerBasedRlEnv", env_ids: Any, variation: Variation) -> None:
         """Put every world in its place."""
-        self.set_strength(self.strength)
+        self.set_strength(1.0)
 
     def set_strength(self, strength: float) -> None:
         """Let worlds differ by this share of the variation, from 0 to 1."""
-        self.strength, variation = strength, self.variation
-        self.share.fill_(strength)
-        sim = self._env.sim
+        self.strength.fill_(strength)
+        sim, variation = self._env.sim, self.variation
         model, default = sim.model, sim.get_default_field
         mass = 1 + strength * variation.masses * self._mass
         self.mass.copy_(mass.mean(-1) - 1)
