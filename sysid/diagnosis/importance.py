@@ -17,8 +17,8 @@ from sysid.joint.trajectory import simulate
 from sysid.roll import Array
 
 TORQUE, ENERGY, AMPLITUDE, SIGNAL = 0.01, 0.03, 0.01, 0.01
-"""Shares below all of which an effect does not matter: of the joint's peak torque, of the dissipated energy, of the first
-amplitude after ten periods, and of the RMS motion for what the sensor adds. A spring is known to a few percent."""
+"""Shares of which any one that is reached makes an effect matter: of the joint's peak torque, of the dissipated energy, of the
+widest first amplitude after ten periods, and of the RMS motion that nothing else explains. A spring is known to a few percent."""
 PERIODS = 10
 """Over which the loss of amplitude is compared: two seconds of a stiff board."""
 
@@ -32,15 +32,15 @@ class Importance:
     energy_share: float
     """What they dissipate over all that is dissipated."""
     amplitude_after_10_periods: float
-    """How much wider or narrower the swing would be without them, over the first amplitude."""
+    """How much wider or narrower the swing would be without them, over the widest first amplitude."""
     signal_share: float
-    """What the sensor adds, over the motion, both RMS."""
+    """What is missed without them and not with them, over the motion, both RMS."""
     each: dict[str, float]
     """Torque share of each."""
 
     @property
     def matters(self) -> bool:
-        """Whether any of the sizes is above its limit."""
+        """Whether any one of the sizes reaches its limit: the one rule of what is named, and of what is a hint only."""
         return (
             self.torque_share >= TORQUE or self.energy_share >= ENERGY
             or self.amplitude_after_10_periods >= AMPLITUDE or self.signal_share >= SIGNAL
@@ -69,7 +69,6 @@ def importance(model: Candidate, names: Sequence[str], base: Candidate) -> Impor
     times = [record.time for record in problem.records]
     names = [n for n in names if not _does_nothing(law, n, problem.scales)]
     inside = [n for n in names if effect(n).role != "measurement"]
-    sensed = [n for n in names if effect(n).role == "measurement"]
     each = torque_shares(law, times, starts, inside) if inside else {}
     for part in (p for p in problem.structure.torques if p.adds_stiffness and p.name in each):
         widest = max(
@@ -83,7 +82,7 @@ def importance(model: Candidate, names: Sequence[str], base: Candidate) -> Impor
         torque_share=max(each.values(), default=0.0),
         energy_share=_energy_share(law, times, starts, inside),
         amplitude_after_10_periods=_amplitude_share(law, starts, inside),
-        signal_share=float(np.sqrt(fall / max(motion, 1e-300))) if sensed else 0.0,
+        signal_share=float(np.sqrt(fall / max(motion, 1e-300))) if names else 0.0,
         each=each,
     )
 
@@ -161,7 +160,10 @@ def _energy_share(
 
 
 def _amplitude_share(law: JointLaw, starts: Sequence[tuple[float, float]], names: Sequence[str]) -> float:
-    """Return by how much the amplitude after ten periods differs without some effects, over the first amplitude."""
+    """Return by how much the amplitude after ten periods differs without some effects, over the widest first amplitude.
+
+    Over the widest: a stretch that begins when the deck hardly swings any more would make anything matter.
+    """
     plain = _unsensed(law)
     spring = law.stiffness + sum(_stiffness(law, name) for name in names)
     without = replace(plain, stiffness=spring, effects=tuple(e for e in plain.effects if e[0] not in names))
@@ -176,8 +178,9 @@ def _amplitude_share(law: JointLaw, starts: Sequence[tuple[float, float]], names
             spans = [float(np.ptp(simulate(one, grid, angle).roll[late])) / 2 for one in (plain, without)]
         except SysidError:
             return 1.0
-        largest = max(largest, abs(spans[0] - spans[1]) / max(abs(angle - law.rest_angle), 1e-9))
-    return min(largest, 1.0)
+        largest = max(largest, abs(spans[0] - spans[1]))
+    widest = max(abs(angle - law.rest_angle) for angle, _ in starts)
+    return min(largest / max(widest, 1e-9), 1.0)
 
 
 def _unsensed(law: JointLaw) -> JointLaw:

@@ -20,6 +20,7 @@ from sysid.fitting.records import Bias, Record
 from sysid.fitting.search import first_swings, search
 from sysid.joint.structure import structure_of
 from sysid.least_squares import Minimum
+from sysid.noise.whiteness import correlation_length
 from sysid.roll import Array
 
 COARSE, FINE = 24, 32
@@ -46,7 +47,7 @@ VARIANTS = 3
 ASIDE = (0.7, 1.5)
 """Factors of a nonsmooth effect's parameters from which it is searched again on the fine grid, where it is not at the noise."""
 UNSETTLED = 8.0
-"""Fall of χ² for each internal state of each release from which the hold before it has not settled that."""
+"""Fall of χ², in units of what is left, for each internal state of each release from which the hold before it has not settled that."""
 ASTRAY = 2.0
 """Squared error over the least after a few steps [1] up to which a start's promise is believed: a choice."""
 TREMOR = 0.03
@@ -344,15 +345,17 @@ class Search:
         best = best if best.rmse <= enough else self.fine(best, walk=False)
         return best if best.rmse <= enough else None
 
-    def pairs(self, singles: Sequence[Candidate], count: int) -> list[Candidate]:
-        """Fit the pairs of the best single effects, that many, with all others."""
-        best = best_of(leaders(singles[1:], frugality), count)
-        if count > FEW:  # alone, a richer law takes over what another effect does beside the simpler one
+    def pairs(self, singles: Sequence[Candidate], reached: Candidate | None) -> list[Candidate]:
+        """Fit the pairs of the best single effects with all others; if one is at the noise, of fewer, and what is no richer than it."""
+        best = best_of(leaders(singles[1:], frugality), PARENTS)
+        if not reached:  # alone, a richer law takes over what another effect does beside the simpler one
             simpler = {name for part in best[0].problem.structure.parts for name, _ in part.limiting_cases}
             best += [m for m in singles[1:] if set(self.added(m)) <= simpler]
         wanted = {
             tuple(sorted({*a.effects, *b.effects})): (a, b)
-            for a in best for b in singles[1:] if a is not b and _sensible(a, b)
+            for i, a in enumerate(best) for b in singles[1:]
+            if a is not b and _sensible(a, b)
+            and (not reached or i < FEW or _choices(a) + _choices(b) - _choices(singles[0]) <= _choices(reached))
         }  # fmt: skip
         return self.unions(list(wanted.values()), 0.3, 0.7)
 
@@ -506,7 +509,9 @@ def _freed(model: Candidate) -> Candidate:
         return model
     problem = model.problem.with_(free_states=True)
     freed = replace(model, problem=problem, minimum=problem.fitted(inherited(problem, model), 20))
-    pays = freed.cost < model.cost - UNSETTLED * states
+    # What is left may be more than the floor, and last: then it holds fewer values, and larger ones.
+    lasting = max(1.0, freed.cost / problem.samples * correlation_length(freed.residuals))
+    pays = freed.cost < model.cost - UNSETTLED * states * lasting
     return freed if pays and _could_begin_so(freed) else model
 
 
@@ -554,6 +559,10 @@ def _hopeless(best: Candidate) -> float:
 
 def _count(model: Candidate) -> int:
     return len(model.effects)
+
+
+def _choices(model: Candidate) -> int:
+    return len(model.effects) + len(model.problem.names)
 
 
 def best_of(models: Sequence[Candidate], count: int) -> list[Candidate]:

@@ -45,7 +45,8 @@ EFFECT = TorqueEffect(
     parameters=(
         Parameter("torque", "N*m", lambda s: s.torque, low=0.0, high=2.0, starts=(0.05, 0.2)),
         Parameter("reach", "rad", lambda s: s.amplitude, low=0.01, high=5.0, starts=(0.1, 0.5), neutral=None),
-        Parameter("unloading", "", lambda s: 1.0, low=0.0, high=1.0, starts=(0.6,), neutral=None, default=0.5),
+        # Without any it unloads along the line that it was loaded by and loses nothing: a bend of the spring.
+        Parameter("unloading", "", lambda s: 1.0, low=0.1, high=1.0, starts=(0.6,), neutral=None, default=0.5),
     ),
     law="τ = -T z, ż = (v - u |v| z - (1 - u) v |z|) / a",
     source="Bouc 1967; Wen, J. Engineering Mechanics 102 (1976), with exponent 1",
@@ -61,4 +62,5 @@ EFFECT = TorqueEffect(
     torque=torque,
     states=(State(name="share", start=held, size=lambda s: 0.3, most=1 / 0.3, rate=share_rate),),
     sharpness=2.0,
+    decay_signs=(("scattered levels", 7), ("growing loss", 5), ("longer period", 4)),
 )  # fmt: skip

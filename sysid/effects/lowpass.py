@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from sysid.effects._algebra import Algebra, Numbers, Value, Values
-from sysid.effects._base import JointState, Parameter, Reading, SensorEffect, State
+from sysid.effects._base import JointState, LinearJoint, Parameter, Reading, SensorEffect, State
 
 
 def reading_rate(m: Algebra, motion: JointState, states: Sequence[Value], parameters: Values) -> Value:
@@ -33,6 +33,17 @@ def late_release(m: Algebra, roll: Value, rate: Value, acceleration: Value, para
     return roll - acceleration * time_constant**2 * (u - 1.0 + m.exp(-u))
 
 
+def in_motion(roll: Value, rate: Value, joint: LinearJoint, parameters: Values) -> Value:
+    """Return the reading of a filter that has followed the linear decay I φ̈ = -k x - d φ̇ for long [rad].
+
+    It is φ - T (I φ̇ + T k x) / (I - T d + T² k): what solves T ṁ = φ - m and decays with φ.
+    """
+    time_constant = parameters["time_constant"]
+    square = time_constant * joint.stiffness
+    behind = time_constant * (joint.inertia * rate + square * (roll - joint.rest_angle))
+    return roll - behind / (joint.inertia - time_constant * joint.damping + time_constant * square)
+
+
 def detection_delay(acceleration: float, noise: float, parameters: Numbers) -> float:
     """Return when the reading has moved by its noise: after α t³/6T, to first order [s]."""
     return float((6 * max(parameters["time_constant"], 0.0) * noise / max(acceleration, 1e-9)) ** (1 / 3))
@@ -60,6 +71,7 @@ EFFECT = SensorEffect(
             size=lambda s: s.amplitude,
             rate=reading_rate,
             late_release=late_release,
+            in_motion=in_motion,
             detection_delay=detection_delay,
         ),
     ),

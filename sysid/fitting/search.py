@@ -116,14 +116,7 @@ def linear_guess(record: Record) -> tuple[float, float] | None:
 def starting_points(
     structure: Structure, scales: Scales, fixed: Mapping[str, float] | None = None, *, most: int = 12
 ) -> list[dict[str, float]]:
-    """Return the starts from which a structure is searched: all combinations of its parameters' starts.
-
-    Args:
-        structure: The joint.
-        scales: Of the problem.
-        fixed: Parameters that are held.
-        most: Number of combinations.
-    """
+    """Return the starts from which a structure is searched: all combinations of its parameters' starts."""
     held = fixed or {}
     linear = {"stiffness": scales.stiffness, "damping": max(scales.damping, 0.0), "rest_angle": 0.0}
     lists: list[list[tuple[str, float]]] = []
@@ -183,14 +176,7 @@ def search(
     Internal states at release follow from the hold before it, or are free where the log does not show it.
 
     Args:
-        structure: The joint.
-        records: Of its releases.
-        scales: Of the problem.
-        bias: Whose zero the sensor has.
-        fixed: Parameters that are held.
         bounded: Bounds of others instead of their own.
-        priors: What is known of others before.
-        steps_per_period: Of the fine problem.
         starts: Instead of the catalogue's.
         average: Neighbouring samples whose means are fitted.
         exact: Go on as far as rounding allows, instead of as far as a judgement would notice.
@@ -213,16 +199,23 @@ def search(
         coarse.with_(records=[first_swings(record, scales, periods) for record in records])
         for periods in horizons
     ]
+    acting = [place for place, name in enumerate(coarse.names) if "." in name]
     evaluations = 0
     found: list[tuple[float, Array]] = []
     with stage(0.0, 0.5):
         for start in steps(starts):
             point = coarse.start({**start, "rest_angle": start.get("rest_angle") or rest})
+            points = [point]
+            if nonsmooth:
+                # No descent leads back from where a slider never slips or a stop is never met: let the joint come first.
+                joint = _pinned(early[0], point, acting)
+                evaluations += joint.evaluations
+                points.append(joint.point)
             for problem in early:
-                first = problem.fitted(point, 12, 1e-4)
-                evaluations += first.evaluations
-                point = first.point
-            second = coarse.fitted(point, 15, 1e-5)
+                firsts = [problem.fitted(one, 12, 1e-4) for one in points]
+                evaluations += sum(first.evaluations for first in firsts)
+                points = [min(firsts, key=lambda m: m.normal.cost).point]
+            second = coarse.fitted(points[0], 15, 1e-5)
             evaluations += second.evaluations
             found.append((second.normal.cost, second.point))
     found.sort(key=lambda item: item[0])
@@ -255,26 +248,21 @@ def scan_rough_parameters(problem: Problem, found: tuple[float, Array]) -> tuple
     descent gets caught, a walk that re-fits everything else does not. At the noise there is nothing to gain.
 
     Args:
-        problem: The problem.
         found: Cost [1] and unknowns in units of their sizes, shape (p,).
 
     Returns:
         The best cost and unknowns met, likewise.
     """
-    names = [problem.names.index(name) for name in problem.structure.rough if name in problem.names]
     low, high = problem.bounds()
-    for index in names:
+    for index in [problem.names.index(name) for name in problem.structure.rough if name in problem.names]:
         for _ in range(4):
             if found[0] < 0.55 * problem.samples:
                 return found
             best = found
             for factor in _SHARES:
-                pinned_low, pinned_high = low.copy(), high.copy()
-                value = np.clip(found[1][index] * factor, low[index], high[index])
-                pinned_low[index] = pinned_high[index] = value
-                held = minimise(
-                    problem.normal, found[1], pinned_low, pinned_high, iterations=8, tolerance=1e-3
-                )
+                aside = found[1].copy()
+                aside[index] = np.clip(aside[index] * factor, low[index], high[index])
+                held = _pinned(problem, aside, [index])
                 if held.normal.cost < found[0]:
                     freed = problem.fitted(held.point, 12, 1e-4)
                     best = min(best, (freed.normal.cost, freed.point), key=lambda item: item[0])
@@ -282,6 +270,13 @@ def scan_rough_parameters(problem: Problem, found: tuple[float, Array]) -> tuple
                 break
             found = best
     return found
+
+
+def _pinned(problem: Problem, point: Array, places: Sequence[int]) -> Minimum:
+    """Return where a short search ends that leaves some of the unknowns where they are."""
+    low, high = problem.bounds()
+    low[places] = high[places] = point[places]
+    return minimise(problem.normal, point, low, high, iterations=8, tolerance=1e-3)
 
 
 def _restarted(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]:

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from sysid.effects._base import SensorEffect
+from sysid.effects._algebra import Values
+from sysid.effects._base import SensorEffect, State
 from sysid.joint.equations import EquationsOfMotion, items_of
 from sysid.joint.sensor import filtered
 from sysid.joint.structure import Structure
@@ -112,7 +113,6 @@ def _rk4_slopes(
     are multiplied with it once, instead of being carried through the stages.
 
     Args:
-        equations: Of the joint.
         y: State, shape (n,).
         fitted: Parameters whose slopes are wanted, shape (p,).
         parameters: All of them, shape (q,).
@@ -166,17 +166,24 @@ def _first_state(equations: EquationsOfMotion, unknowns: Any, hold: Any, *, free
     for part, values, _ in equations.layout:
         for state in part.states:
             if isinstance(part, SensorEffect):
-                pull = -equations.joint.stiffness * tilt / equations.joint.inertia
-                internal.append(
-                    state.start(equations.m, unknowns[0], hold, equations.joint.stiffness, values)
-                    if state.late_release is None
-                    else state.late_release(equations.m, unknowns[0], unknowns[1], pull, values)
-                )  # fmt: skip
+                internal.append(_first_reading(equations, state, unknowns, hold, values))
             elif free_states:
                 internal.append(next(free))
             else:
                 internal.append(state.start(equations.m, tilt, hold, equations.joint.stiffness, values))
     return ca.vertcat(unknowns[:2], *internal)
+
+
+def _first_reading(
+    equations: EquationsOfMotion, state: State, unknowns: Any, hold: Any, values: Values
+) -> Any:
+    """Return a state of the sensor at release: as the hold left it, noticed late, or as a motion before it did."""
+    m, joint, roll, rate = equations.m, equations.joint, unknowns[0], unknowns[1]
+    if state.late_release is None or state.in_motion is None:
+        return state.start(m, roll, hold, joint.stiffness, values)
+    pull = -joint.stiffness * (roll - joint.rest_angle) / joint.inertia
+    late = state.late_release(m, roll, rate, pull, values)
+    return m.where(hold > 0, late, state.in_motion(roll, rate, joint, values))
 
 
 @cache
@@ -208,24 +215,16 @@ class Rollout:
     """Some steps of a joint, block by block, so that one function does for every length."""
 
     def __init__(self, stepper: Stepper, steps: int) -> None:
-        """Allocate the buffers.
-
-        Args:
-            steps: A multiple of `BLOCK`.
-        """
+        """Allocate the buffers for a multiple of `BLOCK` steps."""
         self._block = Buffered(_block(stepper))
         self._rows = stepper.step.size1_out(1)
         self._seen = np.zeros((steps // BLOCK, BLOCK * self._rows))
 
     def __call__(self, start: Array, given: Array) -> Array:
-        """Return what the sensor sees and its derivatives at the start of each step, and in turn its rate and the same.
+        """Return what the sensor sees and its derivatives at the start of each step, and in turn its rate and the same, in SI.
 
-        Args:
-            start: State and sensitivities, shape (n,).
-            given: Parameters and the step [s], shape (p + 1,).
-
-        Returns:
-            Shape (2 steps, 1 + columns of the stepper); the next call overwrites it.
+        From state and sensitivities, shape (n,), and parameters and step, shape (p + 1,), to shape (2 steps, 1 + columns of the
+        stepper); the next call overwrites it.
         """
         run, (here, numbers), (there, read) = self._block.run, self._block.inputs, self._block.outputs
         here[:], numbers[:] = start, given

@@ -1,5 +1,6 @@
 """One judgement: what counts as equally good, what matters, and the experiment that decides."""
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 from unittest.mock import patch
@@ -11,13 +12,25 @@ from scipy.signal import lfilter
 from sysid.board import load_board
 from sysid.diagnosis.diagnose import Diagnosis, _hints, _nothing, _outside
 from sysid.diagnosis.error_model import Fitted
-from sysid.diagnosis.experiment import DECIDED, deciding
+from sysid.diagnosis.experiment import DECIDED, deciding, widest
 from sysid.diagnosis.importance import importance, reading_share
-from sysid.diagnosis.judgement import FEWEST_BLOCKS, INEXACT, NEGLIGIBLE, TIE, UNMET, Field, families_of
+from sysid.diagnosis.judgement import (
+    FEWEST_BLOCKS,
+    INEXACT,
+    NEGLIGIBLE,
+    PRICE,
+    TEMPERATURE,
+    TIE,
+    UNMET,
+    Field,
+    families_of,
+)
 from sysid.diagnosis.search import Candidate, Search
+from sysid.diagnosis.wording import size_in_words
 from sysid.fitting.records import make_records
 from sysid.fitting.search import scales_of
 from sysid.joint import JointLaw, simulate
+from sysid.quantity import Quantity
 from sysid.roll import Release
 from sysid.workspace import shipped_data
 
@@ -78,18 +91,25 @@ def test_a_prediction_that_ran_away_explains_nothing(friction):
     assert field.left(lost) == np.inf
 
 
-@pytest.mark.parametrize(("shape", "missing"), [("", True), ("x⁵", False)])
-def test_what_nobody_has_met_must_gain_more_to_show_that_something_is_missing(
-    friction, monkeypatch, shape, missing
+@pytest.mark.parametrize(("shape", "choices", "missing"), [("", 2, True), ("x⁵", 2, False), ("", 5, False)])
+def test_what_is_richer_or_what_nobody_has_met_must_gain_more_to_show_that_something_is_missing(
+    friction, monkeypatch, shape, choices, missing
 ):
+    """And nothing is named that is less likely than the joint as it is."""
     _, field = friction
-    likeliest = replace(field.best, model=replace(field.best.model, shape=shape))
-    monkeypatch.setattr(field, "best", likeliest)
-    monkeypatch.setattr(Field, "gap", lambda self, one, other: TIE + 0.5 * UNMET)
-    monkeypatch.setattr(Field, "left", lambda self, scored: 0.03)
-    steady = replace(field.base.errors, log_likelihood=-np.inf)
-    monkeypatch.setattr(field, "base", replace(field.base, errors=steady))
+    gained = TEMPERATURE * (PRICE * 2 + UNMET) + 1.0
+    other = replace(
+        field.best,
+        model=replace(field.best.model, shape=shape),
+        choices=choices,
+        score=field.base.score + gained,
+    )
+    monkeypatch.setattr(field, "scored", [field.base, other])
+    monkeypatch.setattr(field, "possible", [field.base, other])
+    monkeypatch.setattr(Field, "_follows", lambda self, scored: False)
+    monkeypatch.setattr(Field, "behind", lambda self, scored: 0.0 if scored is other else TIE + 1)
     assert field._follows_motion() is missing
+    assert field.winner() is (other if choices == 2 else field.base)
 
 
 def test_of_those_not_told_apart_a_law_of_three_parameters_is_no_simpler_than_two_of_one(
@@ -113,9 +133,14 @@ def test_of_those_not_told_apart_a_law_of_three_parameters_is_no_simpler_than_tw
 @pytest.mark.parametrize(
     ("gap", "limit", "head", "hint"),
     [
-        (TIE - 1, 0.0, "Nothing is missing beyond doubt.", "may be there (score better by"),
-        (TIE - 1, 1.0, "Nothing is missing that matters.", "may be there (score better by"),
-        (TIE + 1, 1.0, "Nothing is missing that matters.", "is seen (score better by"),
+        (TIE - 1, 0.0, "Nothing is missing beyond doubt.", "may be there, and would matter (score better by"),
+        (
+            TIE - 1,
+            1.0,
+            "Nothing is missing that matters.",
+            "may be there, too weak to matter (score better by",
+        ),
+        (TIE + 1, 1.0, "Nothing is missing that matters.", "is seen, too weak to matter (score better by"),
     ],
 )
 def test_what_is_not_named_is_said_to_be_unsure_or_too_weak_to_matter(
@@ -124,7 +149,7 @@ def test_what_is_not_named_is_said_to_be_unsure_or_too_weak_to_matter(
     """A hint that would matter, if it is there, leaves open whether something is missing."""
     search, field = friction
     monkeypatch.setattr(Field, "gap", lambda self, one, other: gap)
-    for size in ("TORQUE", "ENERGY", "AMPLITUDE"):
+    for size in ("TORQUE", "ENERGY", "AMPLITUDE", "SIGNAL"):
         monkeypatch.setattr(f"sysid.diagnosis.importance.{size}", limit)
     hints = _hints(search, field, field.base, None)
     board = load_board(shipped_data() / "boards" / "pink.toml")
@@ -144,7 +169,7 @@ def test_a_pair_that_is_left_unnamed_is_said_to_be_weak_or_to_explain_little(fri
         search,
         field,
         field.best,
-        replace(size, torque_share=1e-3, energy_share=0.0, amplitude_after_10_periods=0.0),
+        replace(size, torque_share=1e-3, energy_share=0.0, amplitude_after_10_periods=0.0, signal_share=0.0),
         (),
         board,
     )
@@ -262,6 +287,17 @@ def test_a_filter_takes_the_reading_from_the_roll_by_its_lag():
     assert reading_share(field.base.model, []) == 0.0
 
 
+def test_what_a_decay_of_many_swings_is_missed_by_matters_however_small_its_torque():
+    """What changes its frequency by little is out of step in the end."""
+    law = replace(LAW, damping=0.004).with_effect("cubic-stiffness", 4.5)
+    _, field = tried(law, ("cubic-stiffness",))
+    (bent,) = (s.model for s in field.scored if s.model.effects)
+    size = importance(bent, ["cubic-stiffness"], field.base.model)
+    assert max(size.torque_share, size.amplitude_after_10_periods) < 0.01 < size.signal_share
+    assert size.matters
+    assert "it makes" in size_in_words(size)
+
+
 def test_the_likeliest_families_are_those_that_are_there(friction):
     _, field = friction
     assert field.confidence(frozenset({"friction"})) > 0.99
@@ -319,6 +355,32 @@ def test_what_is_weak_does_not_matter():
     _, field = tried(LAW.with_effect("coulomb", 0.0008), ("coulomb",))
     coulomb = next(s for s in field.scored if s.model.effects == ("coulomb",))
     assert not importance(coulomb.model, ["coulomb"], field.base.model).matters
+
+
+def test_a_rival_that_is_ruled_out_is_none(friction, monkeypatch):
+    """Of a log with nothing but dry friction no other family is left; were nothing ever ruled out, some would be."""
+    _, field = friction
+    chosen = field.winner()
+    assert field.rivals(chosen) == []
+    monkeypatch.setattr(field, "possible", field.scored)
+    assert field.rivals(chosen) == []
+    monkeypatch.setattr("sysid.diagnosis.judgement.RULED_OUT", np.inf)
+    rivals = field.rivals(chosen)
+    assert ("quadratic-damping",) in [s.model.effects for s in rivals]
+    assert families_of(chosen.model, ()) not in [families_of(s.model, ()) for s in rivals]
+    assert [field.weight(s) for s in rivals] == sorted(map(field.weight, rivals), reverse=True)
+
+
+@pytest.mark.parametrize(("known", "times"), [(math.pi, 1.0), (1e-3, 1.0), (1.2, 1.2), (3.0, 1.5)])
+def test_a_deck_is_let_go_from_no_farther_than_it_is_known_to_go(friction, known, times):
+    """Half a turn is no range that anybody measured; one that is narrower than what the log shows is wrong."""
+    _, field = friction
+    model = field.winner().model
+    seen = model.problem.scales.amplitude
+    board = load_board(shipped_data() / "boards" / "pink.toml")
+    known = known if known == math.pi else known * seen
+    board = board.with_tilt(range=Quantity(known, 0.0, "rad"))
+    assert widest(model, board) == pytest.approx(times * seen)
 
 
 def test_the_experiment_is_the_smallest_that_decides(friction):

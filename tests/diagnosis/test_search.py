@@ -6,6 +6,7 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from sysid.board import load_board
 from sysid.diagnosis.search import Search, best_families, best_of, completed, frugality, inside, leaders
@@ -198,3 +199,79 @@ def test_a_gap_beside_friction_is_searched_anew(search):
     found = both.kinked(singles)
     assert [model.effects for model in found] == [("coulomb", "freeplay")]
     assert found[0].rmse < 1.2 * NOISE
+
+
+def later(record, begin):
+    """What is recorded from an instant on, with no hold before it."""
+    inside = record.time >= begin
+    time, roll = record.time[inside] - begin, record.signal[inside]
+    release = replace(record.release, time=time, roll=roll, std=record.release.std[inside], hold=0.0)
+    return replace(record, release=release, time=time, signal=roll)
+
+
+def test_a_filter_has_followed_a_decay_whose_beginning_is_not_judged(search):
+    law = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.05).with_effect("lowpass", 0.012)
+    whole = [record_of(angle, seed, law) for seed, angle in enumerate((0.15, -0.13))]
+    records = (*whole, *(later(record, 0.1) for record in whole))
+    model = replace(search, records=records).single(("lowpass",))
+    assert model.parameters["lowpass.time_constant"] == pytest.approx(0.012, rel=0.02)
+    assert model.rmse < 1.05 * NOISE
+
+
+def test_a_slider_is_found_from_starts_that_never_slip_or_always(search):
+    """Where the deck is moving already it may be stretched by anything: from there a search soon leaves it out."""
+    law = JointLaw(inertia=8.7e-3, stiffness=13.5, damping=0.017).with_effect("hysteresis", 1.5, 0.135)
+    whole = [record_of(angle, seed, law) for seed, angle in enumerate((0.143, -0.113, 0.073))]
+    records = (*whole, later(whole[0], 0.15))
+    scales = replace(search.scales, stiffness=16.4, damping=0.02)
+    model = replace(search, records=records, scales=scales).single(("hysteresis",))
+    assert model.parameters["hysteresis.torque"] == pytest.approx(0.135, rel=0.1)
+    assert model.rmse < 1.1 * NOISE
+
+
+def test_of_a_log_at_the_noise_pairs_that_are_as_simple_are_fitted_too(search, monkeypatch):
+    """A hysteresis with three parameters is no simpler than a drag and a bent spring."""
+    linear = search.single(())
+    singles = [
+        linear,
+        *(
+            search.single((name,), linear)
+            for name in ("bouc-wen", "cubic-stiffness", "dahl", "quadratic-damping", "viscoelastic")
+        ),
+    ]
+    monkeypatch.setattr("sysid.diagnosis.search.FEW", 1)
+    monkeypatch.setattr(
+        Search,
+        "unions",
+        lambda self, wanted, begin, end: [tuple(sorted({*a.effects, *b.effects})) for a, b in wanted],
+    )
+    monkeypatch.setattr(
+        "sysid.diagnosis.search.best_of",
+        lambda models, count: [
+            m for name in ("bouc-wen", "cubic-stiffness", "dahl") for m in singles if m.effects == (name,)
+        ],
+    )
+    pairs = search.pairs(singles, singles[1])
+    assert ("cubic-stiffness", "quadratic-damping") in pairs
+    assert ("dahl", "quadratic-damping") not in pairs
+    assert ("bouc-wen", "viscoelastic") in pairs
+    assert ("dahl", "quadratic-damping") in search.pairs(singles, None)
+
+
+def test_noise_that_lasts_sets_no_state_free(search):
+    """It is told from the floor by what is left: many times that, and the same for many samples."""
+    rng, keep = np.random.default_rng(0), np.exp(-0.2)
+    coloured: list[Record] = []
+    for seed, angle in enumerate((0.15, -0.13, 0.1)):
+        record = record_of(angle, seed)
+        jumps = 5 * NOISE * np.sqrt(1 - keep**2) * rng.standard_normal(len(record.time))
+        coloured.append(replace(record, signal=record.signal + lfilter([1.0], [1.0, -keep], jumps)))
+    noisy = replace(search, records=tuple(coloured))
+    assert not noisy.fine(noisy.single(("hanging-body",))).problem.free_states
+
+
+def test_what_unloads_by_the_line_that_it_was_loaded_by_is_no_hysteresis():
+    unloading = next(p for p in catalogue()["bouc-wen"].parameters if p.name == "unloading")
+    ratio = next(p for p in catalogue()["hanging-body"].parameters if p.name == "damping_ratio")
+    assert [unloading.edged(value, exact=True) for value in (unloading.low, 0.3, 1.0)] == [True, False, False]
+    assert not any(ratio.edged(value, exact=True) for value in (0.0, 1.0))
