@@ -1,12 +1,12 @@
 """Frames of a clip with the container's own time stamps, one at a time."""
 
 import os
+from collections import deque
 from collections.abc import Callable, Generator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from queue import Full, Queue
-from threading import Event, Thread
 from typing import TypeVar
 
 import cv2
@@ -120,38 +120,14 @@ class Clip:
 
 def ahead(items: Generator[Item], count: int) -> Generator[Item]:
     """Yield items; up to `count` of the next ones are made in a thread while one is worked on."""
-    ready: Queue[Item | BaseException | None] = Queue(maxsize=count)
-    stop = Event()
-
-    def put(item: Item | BaseException | None) -> bool:
-        while not stop.is_set():
-            try:
-                ready.put(item, timeout=0.1)
-            except Full:
-                continue
-            return True
-        return False
-
-    def make() -> None:
+    with closing(items), ThreadPoolExecutor(1) as pool:
+        waiting = deque(pool.submit(next, items, None) for _ in range(count))
         try:
-            with closing(items):
-                for item in items:
-                    if not put(item):
-                        return
-            put(None)
-        except BaseException as error:  # noqa: BLE001  raised again by whoever waits for items
-            put(error)
-
-    worker = Thread(target=make, daemon=True)
-    worker.start()
-    try:
-        while (item := ready.get()) is not None:
-            if isinstance(item, BaseException):
-                raise item
-            yield item
-    finally:
-        stop.set()
-        worker.join()
+            while (item := waiting.popleft().result()) is not None:
+                waiting.append(pool.submit(next, items, None))
+                yield item
+        finally:
+            pool.shutdown(cancel_futures=True)
 
 
 def open_clip(path: Path, progress: Callable[[str, float], None] | None = None) -> Clip:

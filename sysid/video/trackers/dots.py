@@ -159,10 +159,10 @@ class DotFollower:
         if any(side == end for side, end in zip(cut, frame.box, strict=True)):  # by the picture's border
             return None
         soft = np.clip(weight, 0, 1) * region
-        rows, columns = np.mgrid[0 : part.shape[0], 0 : part.shape[1]]
-        total = soft.sum()
-        centre = [(soft * columns).sum() / total + corner[0], (soft * rows).sum() / total + corner[1]]
-        return np.array(centre), float(total)
+        across, down = soft.sum(axis=0, dtype=np.float64), soft.sum(axis=1, dtype=np.float64)
+        total = float(across.sum())
+        middle = np.array([across @ np.arange(len(across)), down @ np.arange(len(down))]) / total
+        return middle + corner, total
 
 
 def fit_pivot(
@@ -232,8 +232,9 @@ def _centre(z: Complex) -> tuple[complex, Array]:
 
 
 def _chroma(part: Picture) -> Chroma:
-    lab = cv2.cvtColor(part.astype(np.float32) / 255, cv2.COLOR_BGR2LAB)
-    return np.asarray(lab[..., 1:], np.float32)
+    return (
+        cv2.cvtColor(part, cv2.COLOR_BGR2LAB)[..., 1:].astype(np.float32) - 128
+    )  # whole units: a hundredth of a sticker's colour
 
 
 def _dot_share(part: Picture, dot: Dot) -> Chroma:
@@ -243,7 +244,7 @@ def _dot_share(part: Picture, dot: Dot) -> Chroma:
     something else.
     """
     chroma = _chroma(part)
-    around = np.median(chroma.reshape(-1, 2), axis=0)
+    around = np.median(chroma[::2, ::2].reshape(-1, 2), axis=0)
     line = dot.chroma - around
     length = float(line @ line)
     if length < 100:
