@@ -137,11 +137,7 @@ class Runtime:
     """How the robot comes to where the policy starts; None where it is there already."""
 
     def run(self, duration: float = float("inf")) -> RunResult:
-        """Run until the time is over, the commands end, or a check stops the robot.
-
-        Args:
-            duration: Longest time [s].
-        """
+        """Run until the longest time [s] is over, the commands end, or a check stops the robot."""
         return _Run(self).go(duration)
 
 

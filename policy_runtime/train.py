@@ -51,11 +51,7 @@ class Process:
 
 
 def join_processes(device: str) -> Process:
-    """Read torchrun's environment and join the other processes, if there are any.
-
-    Args:
-        device: 'cpu' or 'cuda'.
-    """
+    """Read torchrun's environment and join the other processes, if there are any, on 'cpu' or 'cuda'."""
     import torch
 
     count, rank = int(os.environ.get("WORLD_SIZE", "1")), int(os.environ.get("RANK", "0"))
@@ -80,8 +76,6 @@ def train(
     """Train from the folder's newest checkpoint, or from the start, and return the iterations done in all.
 
     Args:
-        folder: A run's folder with configuration and record.
-        device: 'cpu' or 'cuda'.
         iterations: Iterations in all; the configuration's if None.
         minutes: Stop, with a checkpoint, after so much time.
         report: Called by the leading process with every iteration's numbers.
@@ -286,13 +280,7 @@ def save(
     done: "Done",
     states: list[dict[str, Any]],
 ) -> None:
-    """Write a checkpoint in one step.
-
-    Args:
-        curriculum: How hard the task is, if that is led.
-        done: What has been done.
-        states: What `random_states` returns.
-    """
+    """Write a checkpoint in one step, with how hard the task is, if that is led."""
     import torch
 
     content = algorithm.save() | {

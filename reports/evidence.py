@@ -143,10 +143,6 @@ def gather(
     """Compare a board with recordings, and fit the ladder of models up to its law.
 
     Args:
-        board: The record.
-        recordings: The logs.
-        files: The logs on disk.
-        tolerance: For the comparison.
         heldout: False leaves out held-out errors (NaN then) and look-alikes, which a recording does not show.
         stood: The record before it was first changed; `board` if left out.
 
@@ -184,14 +180,12 @@ def gather(
         ladder=tuple(rungs),
         fit=fit,
         look_alikes=alike,
-        stood=JointLaw.from_board(stood if stood is not None and _says_something(stood) else board),
+        # A new record has neither spring nor damper before its first fit: no law at all.
+        stood=JointLaw.from_board(
+            stood if stood and (stood.stiffness or stood.damping or stood.effects) else board
+        ),
         warnings=tuple(dict.fromkeys(warnings)),
     )
-
-
-def _says_something(board: Board) -> bool:
-    """Return whether a record has a law at all: a new one has neither spring nor damper before its first fit."""
-    return bool(board.stiffness or board.damping or board.effects)
 
 
 def _look_alikes(

@@ -23,7 +23,6 @@ def javascript(function: Any, name: str) -> str:
 
     Args:
         function: An SX function with dense inputs.
-        name: Of the JavaScript function.
 
     Raises:
         NotImplementedError: It uses an operation that is not known here.

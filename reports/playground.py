@@ -105,10 +105,7 @@ def playground(
 ) -> Playground | None:
     """Return a board's playground; None where its law stands for a simulator's step, which no slider changes.
 
-    Args:
-        evidence: The board and its logs.
-        diagnosis: Its last one, for the effects that were tried.
-        current: What the law that was compared is called.
+    The law that was compared is called `current`; the last diagnosis adds the effects that were tried.
     """
     laws, last = _laws(evidence, diagnosis, current)
     if last.timestep:
@@ -240,13 +237,7 @@ def _amounted(part: Effect) -> TorqueEffect:
 
 
 def _vector(structure: Structure, law: JointLaw, known: Mapping[str, Sequence[float]]) -> tuple[float, ...]:
-    """Return the numbers of a law as a structure with more effects orders them.
-
-    Args:
-        structure: Of the page.
-        law: One of the laws.
-        known: Parameters of effects that the law does not have: where their sliders begin.
-    """
+    """Return the numbers of a law as a structure with more effects orders them, those it lacks as `known` has them."""
     mine = dict(law.effects)
     vector = [law.inertia, law.stiffness, law.damping, law.rest_angle]
     for part in structure.parts:

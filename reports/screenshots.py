@@ -73,7 +73,6 @@ def recording_picture(viewer: "ViewerClient", recording: Path, time_s: float) ->
 
     Args:
         viewer: From `headless_viewer`.
-        recording: The .rrd file.
         time_s: Where to put the time cursor [s].
     """
     import cv2
@@ -92,8 +91,6 @@ def page_picture(page: Path, picture: Path, size: tuple[int, int] = (1000, 1400)
     """Draw the top of a page as a browser shows it, with the network off.
 
     Args:
-        page: HTML file.
-        picture: PNG file to write.
         size: Of the window [px].
 
     Raises:

@@ -174,10 +174,6 @@ def tell(
     """Compare two laws of a board with recordings, and say what lies between them.
 
     Args:
-        data: Measured decays.
-        board: The record, for the inertia and the name.
-        before: The law as it stood.
-        after: The law with what was missing.
         effects: What `after` has more.
         steps: The ladder between the two laws.
         heldout: Error of the law after on releases that were left out, in multiples of the noise.
@@ -260,12 +256,7 @@ def _averaged(at: Array, torque: Array) -> tuple[Array, Array]:
 
 
 def story_of_diagnosis(found: "Diagnosis", board: Board) -> Story:
-    """Return the story of a diagnosis: the record as it stood, and with what is missing.
-
-    Args:
-        found: The diagnosis, with the recordings that it was made from.
-        board: The record that it is of.
-    """
+    """Return the story of a diagnosis with its recordings: the record as it stood, and with what is missing."""
     problem, floor = found.best.problem, found.noise.std
     chosen = chosen_effects(found, board)
     tried = {candidate.effects: candidate for candidate in (*found.candidates, found.baseline)}
@@ -285,12 +276,7 @@ def story_of_diagnosis(found: "Diagnosis", board: Board) -> Story:
 
 
 def for_report(found: "Diagnosis", board: Board) -> dict[str, Any]:
-    """Return what a report reads of a diagnosis besides its JSON: of which record it is, and what its verdict rests on.
-
-    Args:
-        found: The diagnosis.
-        board: The record that it is of.
-    """
+    """Return what a report reads of a diagnosis besides its JSON: of which record it is, and what its verdict rests on."""
     parameters = {name: {"value": float(value)} for name, value in found.best.parameters.items()}
     return {
         "record": board.digest,
@@ -300,12 +286,7 @@ def for_report(found: "Diagnosis", board: Board) -> dict[str, Any]:
 
 
 def story_of_board(evidence: Evidence, diagnosis: LastDiagnosis | None) -> Story:
-    """Return the story of a record: as it stood, and as it is or as its last diagnosis would have it.
-
-    Args:
-        evidence: The record and its logs.
-        diagnosis: Its last one.
-    """
+    """Return the story of a record: as it stood, and as it is or as its last diagnosis would have it."""
     board, floor, after = evidence.board, evidence.comparison.noise.std, evidence.comparison.law
     effects = tuple(part.name for part in board.effects if not effect(part.name).is_known)
     steps = [
@@ -355,11 +336,9 @@ def _added(effects: tuple[str, ...]) -> str:
 def ranked(
     candidates: Sequence[tuple[Sequence[str], float | None, float | None]], chosen: Sequence[str]
 ) -> tuple[Ranked, ...]:
-    """Return the candidates to draw: the best, the record's own law and the chosen one among them.
+    """Return the candidates to draw, best first: the best, the record's own law and the chosen one among them.
 
-    Args:
-        candidates: Effects, score and its standard deviation, best first.
-        chosen: Effects of the one that the verdict rests on.
+    Each has effects, score and the score's standard deviation.
     """
     models = [
         Ranked(tuple(names), score, std, tuple(names) == tuple(chosen))
@@ -375,12 +354,7 @@ def ranked(
 
 
 def law_of_candidate(board: Board, candidate: Mapping[str, Any]) -> JointLaw | None:
-    """Return the law of a candidate in diagnose.json; None where numbers of it were held that the file does not have.
-
-    Args:
-        board: The record that was diagnosed.
-        candidate: One of the file's candidates.
-    """
+    """Return the law of a candidate in diagnose.json; None where numbers of it were held that the file does not have."""
     structure = structure_of([*(part.name for part in board.effects), *candidate["effects"]])
     known = {name: quantity["value"] for name, quantity in candidate["parameters"].items()}
     # A joint that hangs has no spring, and no rest angle beside the sensor's zero.

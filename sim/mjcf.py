@@ -83,7 +83,8 @@ def _commented(spec: mujoco.MjSpec, comments: Sequence[tuple[str, Sequence[str]]
         found = re.search(pattern, xml, re.M)
         if found is None:
             continue
-        text = "".join(f"{found[1]}<!-- {_safe(line)} -->\n" for line in lines)
+        # XML forbids two hyphens in a row in a comment.
+        text = "".join(f"{found[1]}<!-- {re.sub('-(?=-)', '- ', line)} -->\n" for line in lines)
         xml = xml[: found.start()] + text + xml[found.start() :]
     return xml
 
@@ -147,8 +148,3 @@ def _comments(
 
 def _text(quantity: Quantity) -> str:
     return str(quantity)
-
-
-def _safe(text: str) -> str:
-    """Return the text with no two hyphens in a row, which XML forbids in a comment."""
-    return re.sub(r"-(?=-)", "- ", text)

@@ -119,11 +119,7 @@ class Board:
         return load_board(path) if path.suffix == ".toml" else load_named(str(name), Path(workspace))
 
     def save(self, path: str | Path) -> None:
-        """Write the record into a TOML file, in one step: a crash at any moment leaves an old one whole.
-
-        Raises:
-            SysidError: The folder cannot be written to.
-        """
+        """Write the record into a TOML file, in one step: a crash at any moment leaves an old one whole."""
         save_board(self, Path(path))
 
     @property
@@ -173,10 +169,27 @@ class Board:
 
     @property
     def options(self) -> tuple[str, ...]:
-        """How the command line names the joint."""
-        if self.model:
-            return "--model", str(self.model["file"]), "--joint", str(self.model["joint"])
-        return "--board", self.name
+        """How the command line names the joint, and the files of the user's own effects that its law needs."""
+        needed = [
+            word
+            for part in self.effects
+            if part.file.endswith(".py")
+            for word in ("--effect-file", part.file)
+        ]
+        if not self.model:
+            return "--board", self.name, *needed
+        words = [word for name in ("file", "joint", "keyframe") if name in self.model
+                 for word in ("--model" if name == "file" else f"--{name}", str(self.model[name]))]  # fmt: skip
+        words += [
+            word for name, at in self.model.get("pose", {}).items() for word in ("--pose", f"{name}={at:g}")
+        ]
+        words += [
+            word
+            for name in ("free", "payload")
+            for one in self.model.get(name, ())
+            for word in (f"--{name}", one)
+        ]
+        return *words, *needed
 
     @property
     def slides(self) -> bool:
@@ -264,11 +277,7 @@ def load_board(path: Path) -> Board:
 
 
 def save_board(board: Board, path: Path) -> None:
-    """Write the record in one step: a crash at any moment leaves the old file whole.
-
-    Raises:
-        SysidError: The folder cannot be written to.
-    """
+    """Write the record in one step: a crash at any moment leaves the old file whole."""
     text = board_to_toml(board)
     _Reader(path).board(tomllib.loads(text))  # never write what could not be read back
     write_atomically(path, text, is_record=True)
@@ -358,12 +367,7 @@ class _Reader:
         )
 
     def _told(self, where: str, raw: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return a table that tells what was done; it may hold anything, but what commands read is of its kind.
-
-        Args:
-            where: Its place in the file.
-            raw: What the file says.
-        """
+        """Return a table that tells what was done; it may hold anything, but what commands read is of its kind."""
         for key in TOLD_NUMBERS & raw.keys():
             number = raw[key]
             whole = isinstance(number, int) and not isinstance(number, bool) and abs(number) < LARGEST
@@ -387,12 +391,9 @@ class _Reader:
         return raw
 
     def _effect(self, where: str, raw: Mapping[str, Any], unit_of: Callable[[str], str]) -> BoardEffect:
-        """Read one effect, its parameters in the catalogue's order; one that is not in the catalogue as it is.
+        """Read one effect, its parameters in the catalogue's order and in the units of the record's kind of joint.
 
-        Args:
-            where: Its place in the file.
-            raw: What the file says.
-            unit_of: The unit that a joint of the record's kind has in place of a hinge's.
+        One that is not in the catalogue stays as it is.
         """
         from sysid.effects import catalogue
 

@@ -33,12 +33,7 @@ class QualityGateError(SysidError):
 
 @contextmanager
 def needs_extra(extra: str, what: str, otherwise: str = "") -> Generator[None]:
-    """Say of which extra a package is that cannot be imported, and what to do without it.
-
-    Args:
-        extra: Of pyproject.toml.
-        what: Cannot be done, such as 'log.h5: reading HDF5'.
-        otherwise: A sentence, or nothing.
+    """Say of which extra of pyproject.toml a package is that cannot be imported for `what`, and what to do without it.
 
     Raises:
         SysidError: It cannot be imported.

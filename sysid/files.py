@@ -47,7 +47,6 @@ def atomic_path(path: Path, *, is_record: bool = False) -> Generator[Path]:
     file that could be replaced: what was written is copied into it.
 
     Args:
-        path: The file.
         is_record: It is a board's record; nothing else is written in place of one.
 
     Raises:
@@ -146,33 +145,21 @@ def refuse_overwriting(inputs: Iterable[Path], outputs: Mapping[str, Path | None
 
 
 def write_figure(path: Path, figure: "Figure", *, dpi: int = 140) -> Path:
-    """Write a figure in one step and return its path.
-
-    Raises:
-        SysidError: The folder cannot be written to.
-    """
+    """Write a figure in one step and return its path; see `atomic_path`."""
     with atomic_path(path) as temporary:
         figure.savefig(temporary, dpi=dpi)
     return path
 
 
 def write_atomically(path: Path, content: str | bytes, *, is_record: bool = False) -> None:
-    """Write `content` to `path`, replacing it in one step; see `atomic_path`.
-
-    Raises:
-        SysidError: The folder cannot be made or written to.
-    """
+    """Write `content` to `path`, replacing it in one step; see `atomic_path`."""
     data = content.encode() if isinstance(content, str) else content
     with atomic_path(path, is_record=is_record) as temporary:
         temporary.write_bytes(data)
 
 
 def write_json(path: Path, content: object) -> None:
-    """Write `content` as indented JSON in one step; NaN and infinity are refused.
-
-    Raises:
-        SysidError: The folder cannot be made or written to.
-    """
+    """Write `content` as indented JSON in one step; NaN and infinity are refused."""
     write_atomically(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
 
 

@@ -17,7 +17,7 @@ from sysid.effects._base import TorqueEffect
 from sysid.fitting import report as fit_report
 from sysid.fitting.formula import Formula, formula_of
 from sysid.fitting.joint import FitOptions, check_effects, fit_joint
-from sysid.fitting.ladder import Rung, ladder, rung_of
+from sysid.fitting.ladder import Rung, ladder, rung_name
 from sysid.fitting.record_update import error_of, require_usable, updated_board
 from sysid.fitting.records import Signal, signal_of
 from sysid.fitting.result import JointFit
@@ -108,7 +108,7 @@ class Fit:
                 else ()
             )
         with stage(0.8, 1.0):
-            return (*simpler, rung_of(added, self.joint, self.heldout_rmse))
+            return (*simpler, Rung(rung_name(added), self.joint, self.heldout_rmse))
 
     @cached_property
     def board(self) -> Board:
@@ -121,10 +121,7 @@ class Fit:
         return self.updated_board({str(file): file for file in files if file.exists()})
 
     def updated_board(self, logs: Mapping[str, Path]) -> Board:
-        """Return the record with the fit in it.
-
-        Args:
-            logs: The files that were fitted, by the names that the record shall give them.
+        """Return the record with the fit in it, to logs by the names that the record shall give them.
 
         Raises:
             SysidError: The fit did not converge, or the logs leave a parameter open.

@@ -141,7 +141,7 @@ def fit_decay(data: Data, inertia: Quantity | None = None, *, board: Board | Non
     recordings, releases = unpack(data)
     if board is None:
         decay = _fit(releases, inertia or NO_INERTIA)
-        doubts = decay.warnings
+        doubts = (*amplitude_warnings(releases, None), *decay.warnings)
     else:
         odd = amplitude_warnings(releases, board)
         decay = _fit(releases, inertia or board.inertia)
@@ -306,7 +306,7 @@ def _warnings(decay: FreeDecay) -> list[str]:
         cycles = (release.time[-1] - release.start) / (2 * math.pi / decay.trace.omega_n)
         if release.end != "rest" and cycles < 1:
             warnings.append(
-                f"the release at {shown(release.start)} is {release.end if release.end != 'log' else 'cut off'} after "
+                f"the release at {shown(release.start)} is {'stopped' if release.end == 'caught' else 'cut off'} after "
                 f"{cycles:.2f} of a period: its intervals are wide"
             )
     return warnings
@@ -326,18 +326,18 @@ def _not_linear(decay: FreeDecay) -> str | None:
         return None
     unit = "rad" if decay.trace.signal == "roll" else "rad/s"
     reasons = (
-        "; ".join(found.text for found in decay.nonlinearities) or "the residual has a shape, see the picture"
+        "; ".join(found.told for found in decay.nonlinearities) or "the residual has a shape, see the picture"
     )
     if any(found.hidden_by_linear_fit for found in decay.nonlinearities):
         return (
             f"a linear decay is the wrong model, though it leaves {decay.trace.noise:.2g} {unit} in noise of "
             f"{decay.floor.std:.2g} {unit} only: {reasons}. A level for each release takes that up, and k and d can "
-            "be wrong by far more than their intervals say; `husky-sysid diagnose` says what is missing"
+            "be wrong by far more than their intervals say; `diagnose` tells the causes apart"
         )
     return (
         f"a linear decay is not the whole story: it leaves {decay.trace.noise:.2g} {unit} where the sensor's noise "
         f"is {decay.floor.std:.2g} {unit}. {reasons[0].upper()}{reasons[1:]}. k and d are a compromise over the "
-        "amplitudes seen; `husky-sysid diagnose` says what is missing"
+        "amplitudes seen; `diagnose` tells the causes apart"
     )
 
 
@@ -346,7 +346,7 @@ def _drift(decay: FreeDecay) -> str | None:
     drift = next((found for found in decay.nonlinearities if found.sign == "moving level"), None)
     if drift is None or not decay.linear:
         return None
-    return f"{drift.text}. Each release has a level of its own here, so k and d do not depend on it"
+    return f"{drift.told}. Each release has a level of its own here, so k and d do not depend on it"
 
 
 def _disagreement(decay: FreeDecay) -> str | None:
@@ -365,7 +365,7 @@ def _disagreement(decay: FreeDecay) -> str | None:
 
 def _why(decay: FreeDecay) -> str:
     if decay.nonlinearities:
-        return decay.nonlinearities[0].text
+        return decay.nonlinearities[0].told
     used = [
         (group, rest) for group, rest in zip(decay.peaks, decay.rest_angles, strict=True) if len(group) > 1
     ]
@@ -377,7 +377,7 @@ def _why(decay: FreeDecay) -> str:
             "all of δ hangs on it; trust the whole trace"
         )
     if any(release.end == "caught" for release in decay.releases):
-        return "a hand was on the deck before the end that was found; shorten it with --to"
+        return "something stopped the deck (a hand, friction) before the end that was found; shorten it with --to"
     if len(used[0][0]) <= 3:
         return (
             "the first peak is not on the line, because the deck was not let go cleanly or the law is not linear "

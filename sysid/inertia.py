@@ -2,7 +2,8 @@
 
 A free decay yields k/I and d/I only; the roll inertia is what turns them into k and d. Every method
 here returns it with its uncertainty, propagated to first order from inputs taken as independent.
-Distances are from the tilt axis, in the plane across the deck.
+Distances are from the tilt axis, in the plane across the deck. Mass m [kg], lengths [m], the distance e of the centre of
+mass from the tilt axis [m], period T of a full swing to and fro [s], ω [rad/s], stiffness [N*m/rad], gravity g [m/s^2].
 """
 
 import math
@@ -27,51 +28,27 @@ AGREEMENT = 0.05
 
 
 def cuboid(mass: Quantity, width: Quantity, height: Quantity, distance: Quantity = ON_AXIS) -> Quantity:
-    """Return the inertia of a uniform cuboid: m (w² + h²) / 12 + m e².
+    """Return the inertia of a uniform cuboid, w across the deck, h high: m (w² + h²) / 12 + m e².
 
     Without `distance` this is the published way (HUSKY, RSS 2026, appendix H).
-
-    Args:
-        mass: m [kg].
-        width: w, across the deck [m].
-        height: h [m].
-        distance: e of its centre from the tilt axis [m].
     """
     inputs = (mass, width, height, distance)
     return propagate(lambda m, w, h, e: m * (w**2 + h**2) / 12 + m * e**2, inputs, UNIT, "uniform cuboid")
 
 
 def point(mass: Quantity, distance: Quantity) -> Quantity:
-    """Return the inertia of a small part: m e².
-
-    Args:
-        mass: m [kg].
-        distance: e of its centre from the tilt axis [m].
-    """
+    """Return the inertia of a small part: m e²."""
     return propagate(lambda m, e: m * e**2, (mass, distance), UNIT, "point mass")
 
 
 def cylinder(mass: Quantity, radius: Quantity, length: Quantity, distance: Quantity = ON_AXIS) -> Quantity:
-    """Return the inertia of a solid cylinder that lies across the deck: m (3r² + l²) / 12 + m e².
-
-    Args:
-        mass: m [kg].
-        radius: r [m].
-        length: l [m].
-        distance: e of its centre from the tilt axis [m].
-    """
+    """Return the inertia of a solid cylinder of radius r, l long, that lies across the deck: m (3r² + l²) / 12 + m e²."""
     inputs, method = (mass, radius, length, distance), "solid cylinder across the deck"
     return propagate(lambda m, r, h, e: m * (3 * r**2 + h**2) / 12 + m * e**2, inputs, UNIT, method)
 
 
 def shifted(inertia: Quantity, mass: Quantity, distance: Quantity) -> Quantity:
-    """Return an inertia about a body's centre of mass, moved to the tilt axis: I + m e² (parallel axes).
-
-    Args:
-        inertia: I about the parallel axis through the centre of mass [kg*m^2].
-        mass: m [kg].
-        distance: e between the axes [m].
-    """
+    """Return an inertia I about a body's centre of mass, moved by e to the tilt axis: I + m e² (parallel axes)."""
     method = f"{inertia.method or 'inertia about the centre of mass'}, parallel axis"
     return propagate(lambda i, m, e: i + m * e**2, (inertia, mass, distance), UNIT, method)
 
@@ -95,18 +72,10 @@ def bifilar(
     distance: Quantity = ON_AXIS,
     gravity: Quantity = GRAVITY,
 ) -> Quantity:
-    """Return the inertia of a deck that twists on two parallel strings, its roll axis vertical.
+    """Return the inertia of a deck that twists on two parallel strings L long and s apart, its roll axis vertical.
 
     I = m g s² T² / (16 π² L), about the vertical through the centre of mass, which hangs midway; then
     moved to the tilt axis by m e². Small twists: at 10° the period is 0.2 % long.
-
-    Args:
-        mass: m [kg].
-        separation: s between the strings [m].
-        length: L of the strings [m].
-        period: T of one full twist to and fro [s].
-        distance: e from the centre of mass to the tilt axis [m].
-        gravity: g [m/s^2].
     """
 
     def about_axis(m: float, s: float, length: float, t: float, e: float, g: float) -> float:
@@ -118,13 +87,9 @@ def bifilar(
 def torsional(
     stiffness: Quantity, period: Quantity, mass: Quantity | None = None, distance: Quantity = ON_AXIS
 ) -> Quantity:
-    """Return the inertia of a deck that twists on a wire or rod of known stiffness: κ T² / 4π² (+ m e²).
+    """Return the inertia of a deck that twists on a wire or rod of known stiffness κ: κ T² / 4π² (+ m e²).
 
-    Args:
-        stiffness: κ of the wire [N*m/rad].
-        period: T [s].
-        mass: m [kg]; only needed with `distance`.
-        distance: e from the axis of the wire, through the centre of mass, to the tilt axis [m].
+    The wire's axis goes through the centre of mass.
 
     Raises:
         SysidError: There is a distance but no mass.
@@ -147,16 +112,8 @@ def compound(
 ) -> Quantity:
     """Return the inertia of a deck that swings as a pendulum about an axis parallel to its roll axis.
 
-    About the pivot I = m g l T₀² / 4π², about the centre of mass m l² less, about the tilt axis m e² more.
-    T₀ = T / (1 + θ²/16) takes the finite amplitude θ out.
-
-    Args:
-        mass: m [kg].
-        pivot: l from the pivot to the centre of mass [m].
-        period: T [s].
-        distance: e from the centre of mass to the tilt axis [m].
-        amplitude: θ of the swing, its mean over the timed cycles [rad].
-        gravity: g [m/s^2].
+    About the pivot, l from the centre of mass, I = m g l T₀² / 4π², about the centre of mass m l² less, about the tilt
+    axis m e² more. T₀ = T / (1 + θ²/16) takes the finite amplitude θ out, its mean over the timed cycles.
 
     Raises:
         SysidError: The period is too short for the pivot's distance: less than a point mass needs.
@@ -189,16 +146,8 @@ def added_mass(
     """Return the inertia from two decays, without and with a known mass on the deck.
 
     The spring is the same, I ω₁² = k and (I + ΔI) ω₂² = k − m g z, so
-    I = (ΔI ω₂² + m g z) / (ω₁² − ω₂²) with ΔI = m (y² + z²) + I_own.
-
-    Args:
-        bare: ω₁, natural (undamped) frequency of the deck alone [rad/s].
-        loaded: ω₂, the same with the mass [rad/s].
-        mass: m of all that was added [kg].
-        offset: y, sideways distance of each half of it from the tilt axis [m].
-        height: z of it above the tilt axis [m]; negative below.
-        own: Inertia of the added mass about its own centre [kg*m^2].
-        gravity: g [m/s^2].
+    I = (ΔI ω₂² + m g z) / (ω₁² − ω₂²) with ΔI = m (y² + z²) + I_own about its own centre. Half of the mass is y to the
+    left and half to the right, z above the tilt axis; ω are undamped natural frequencies.
 
     Raises:
         SysidError: The frequency did not fall, or less than three of its standard deviations.
@@ -252,9 +201,6 @@ class Combination:
 def combine(estimates: Mapping[str, Quantity]) -> Combination:
     """Return the mean of several independent methods, weighted by their variances, and whether they agree.
 
-    Args:
-        estimates: Inertia by name of the method, each with a standard deviation.
-
     Raises:
         SysidError: Fewer than two, or one without an uncertainty.
     """
@@ -290,14 +236,10 @@ def combine(estimates: Mapping[str, Quantity]) -> Combination:
 
 
 def with_inertia(board: Board, inertia: Quantity) -> Board:
-    """Return the board with another roll inertia and the same motion.
+    """Return the board with another roll inertia about the tilt axis [kg*m^2] and the same motion.
 
     A decay fixes the ratios k/I, d/I and torque/I, so everything of the joint that is in N*m or kg*m^2 goes
     with the inertia; what a check said of the old record is dropped.
-
-    Args:
-        board: The record.
-        inertia: Roll inertia about the tilt axis [kg*m^2].
     """
     if board.decay and not board.fit:
         data = board.decay

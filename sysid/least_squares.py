@@ -54,13 +54,10 @@ def minimise(
     """Minimise half the sum of squares over a box (Marquardt 1963; Moré 1978 for the scaling).
 
     Args:
-        evaluate: Cost, gradient and Gauss–Newton Hessian at a point.
         start: Start, shape (p,), each variable in a unit of its own; it is moved into the box.
         low: Lower bounds, shape (p,).
         high: Upper bounds, shape (p,).
-        iterations: Steps tried at most.
         tolerance: Relative fall of the cost, predicted and found, below which the search ends; or what says it of a cost.
-        damping: First Marquardt parameter.
         known: Cost and normal equations at the start, where an earlier search has them.
     """
     point = np.clip(start, low, high)

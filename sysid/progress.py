@@ -40,12 +40,9 @@ def listening(listener: Listener | None) -> Generator[None]:
 
 @contextmanager
 def stage(low: float, high: float, name: str = "") -> Generator[None]:
-    """Say that what is done inside is a part of the present stage.
+    """Say that what is done inside is a part of the present stage, from the share `low` of it to `high`.
 
-    Args:
-        low: Share of the stage that is done before.
-        high: Share that is done after.
-        name: What is done; what the stage is called if left out.
+    It is called as the stage is, if it has no name of its own.
     """
     begin, end, outer = before = _now.low, _now.high, _now.name
     _now.low, _now.high = begin + low * (end - begin), begin + high * (end - begin)
@@ -60,12 +57,7 @@ def stage(low: float, high: float, name: str = "") -> Generator[None]:
 
 
 def steps(parts: Sequence[T], name: Callable[[T], str] = lambda _: "") -> Iterable[T]:
-    """Go through parts that take about as long each.
-
-    Args:
-        parts: What is gone through.
-        name: Says of a part what is done.
-    """
+    """Go through parts that take about as long each; `name` says of a part what is done."""
     return parts if _now.listener is None else _told(parts, name)
 
 

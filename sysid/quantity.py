@@ -113,8 +113,6 @@ def parse_quantity(text: str, unit: str, name: str = "the quantity", *, positive
     Args:
         text: Such as '2.58', '2.58±0.05', '2.58+-0.05' or '20±0.2cm'.
         unit: SI unit of the result, which is also the unit of a text without one.
-        name: What is being read, for messages.
-        positive: Refuse zero and below.
 
     Raises:
         SysidError: The text is not a quantity, or its unit is not one of `unit`'s kind.
@@ -132,14 +130,7 @@ def parse_quantity(text: str, unit: str, name: str = "the quantity", *, positive
 
 
 def propagate(formula: Callable[..., float], inputs: Sequence[Quantity], unit: str, method: str) -> Quantity:
-    """Return formula(*values) with its standard deviation, by central differences in every input.
-
-    Args:
-        formula: Of the inputs' values, in their order.
-        inputs: Independent quantities.
-        unit: Of the result.
-        method: Of the result, for people.
-    """
+    """Return formula(*values) of independent inputs with its standard deviation, by central differences in every input."""
     values = [quantity.value for quantity in inputs]
     variance = 0.0
     for index, quantity in enumerate(inputs):

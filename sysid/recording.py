@@ -84,7 +84,6 @@ class Recording:
         """Find the releases in a roll that is in memory.
 
         Args:
-            roll: The whole log.
             start: Ignore the log before this time [s].
             stop: Ignore the log after this time [s].
             release: Times at which the deck was let go [s], instead of finding them.

@@ -66,13 +66,7 @@ class Display:
 
 
 def display(*, is_rate: bool, slides: bool = False, angle: str = "roll") -> Display:
-    """Return how a roll, or its rate, is shown; of a slide, in mm and m/s.
-
-    Args:
-        is_rate: Whether it is a rate.
-        slides: Whether the joint is a slide.
-        angle: What the angle is called.
-    """
+    """Return how a roll, called `angle`, or its rate, is shown; of a slide, in mm and m/s."""
     if slides:
         return Display("speed", " m/s", 1.0) if is_rate else Display("position", " mm", 1e3)
     return Display("rate", " rad/s", 1.0) if is_rate else Display(angle, "°", DEGREES)

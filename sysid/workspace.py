@@ -20,6 +20,8 @@ class Workspace:
     """A folder with the user's boards (`data/boards`) and outputs (`reports/<board>`)."""
 
     root: Path
+    reading: tuple[str, ...] = ()
+    """Options that the logs needed to be read; commands that are printed repeat them."""
 
     @property
     def boards(self) -> Path:
@@ -30,7 +32,6 @@ class Workspace:
         """Return a command that runs as it is printed, where the one that prints it was run.
 
         Args:
-            name: Of the command.
             options: Its words beside logs and workspace.
             logs: Its logs; 'LOG...' stands for none and for many, and nothing for None.
         """
@@ -38,7 +39,8 @@ class Workspace:
         if logs is not None and not 0 < len(named) <= MOST_NAMED:
             named = ["LOG..."]
         where = [] if self.root.resolve() == Path.cwd() else ["--workspace", str(self.root)]
-        return shlex.join(["husky-sysid", name, *named, *options, *where])
+        reading = [] if logs is None else self.reading
+        return shlex.join(["husky-sysid", name, *named, *options, *reading, *where])
 
     def board_names(self) -> list[str]:
         """Return the names of all boards: the workspace's and the shipped ones."""
@@ -71,7 +73,6 @@ class Workspace:
         a refit, which finds the whole joint anew, may replace a joint that has changed since.
 
         Args:
-            board: The record to write.
             since: The record as it was read, which `board` was made from; None to write whatever is there.
 
         Raises:

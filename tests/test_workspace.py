@@ -1,11 +1,16 @@
 """Commands that are printed run as they are."""
 
+import math
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from command_line import husky
 
+from sysid.board import BoardEffect
+from sysid.cli.console import Common
+from sysid.cli.log_options import LogArguments, VideoArguments, space_of
 from sysid.workspace import MOST_NAMED, Workspace, shipped_data
 
 
@@ -27,6 +32,62 @@ def test_the_current_folder_is_no_workspace_to_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert "--workspace" not in Workspace(tmp_path).command("fit", logs=())
     assert "--workspace .." in Workspace(Path("..")).command("fit", logs=())
+
+
+def test_a_command_reads_logs_as_they_were_read():
+    given = LogArguments(
+        column="tilt 2", unit="deg", start=1.5, release=(2.0, 4.5), lever_arm=(0.1, -0.2, 0.0),
+        video=VideoArguments(roi=(1, 2, 3, 4), no_shake=True, overlay=Path("seen.mp4")),
+    )  # fmt: skip
+    space = space_of(Common(workspace=Path("w")), given)
+    assert space.command("fit", logs=["a.csv"]) == (
+        "husky-sysid fit a.csv --column 'tilt 2' --unit deg --lever-arm 0.1 -0.2 0.0 --from 1.5 --release 2.0 --release 4.5 "
+        "--roi 1 2 3 4 --no-shake --workspace w"
+    )
+    assert space.command("mjcf", "--board", "pink") == "husky-sysid mjcf --board pink --workspace w"
+
+
+def test_a_joint_is_named_with_its_pose_and_the_files_of_its_effects():
+    pink = Workspace(Path()).load_board("pink")
+    own = (BoardEffect("mine", {}, "mine.py"), BoardEffect("theirs", {}, "theirs:EFFECT (installed)"))
+    assert replace(pink, effects=own).options == ("--board", "pink", "--effect-file", "mine.py")
+    model = {
+        "file": "r.xml",
+        "joint": "knee",
+        "keyframe": "up",
+        "pose": {"hip": 0.5},
+        "free": ["toe"],
+        "payload": ["1@0,0,1"],
+    }
+    words = replace(pink, effects=(), model=model).options
+    assert " ".join(words) == (
+        "--model r.xml --joint knee --keyframe up --pose hip=0.5 --free toe --payload 1@0,0,1"
+    )
+
+
+def test_what_decay_and_compare_print_runs(tmp_path):
+    lines = (shipped_data() / "decays/pink_hidden.csv").read_text().splitlines()
+    angles = [
+        f"{time},{math.degrees(float(roll))}" for time, roll, *_ in (line.split(",") for line in lines[1:])
+    ]
+    (tmp_path / "a log.csv").write_text("\n".join(["time_s,x", *angles]))
+    for name in ("decay", "compare"):
+        done = husky(
+            name,
+            "a log.csv",
+            "--board",
+            "pink",
+            "--column",
+            "x",
+            "--unit",
+            "deg",
+            "--workspace",
+            "w",
+            cwd=tmp_path,
+        )
+        assert done.returncode == 0, done.stderr
+        (line,) = (line for line in done.stdout.splitlines() if line.startswith("to learn what is missing: "))
+        assert line.endswith("diagnose 'a log.csv' --board pink --column x --unit deg --workspace w")
 
 
 @pytest.mark.slow

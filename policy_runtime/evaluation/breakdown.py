@@ -100,11 +100,7 @@ def add_up(parts: list[tuple[Table, ...]]) -> tuple[Table, ...]:
 
 
 def break_down(rides: Rides, clock: Clock | None = None) -> tuple[Table, ...]:
-    """Return every table.
-
-    Args:
-        clock: Lengths of the stretches that the rides were timed by.
-    """
+    """Return every table; the clock has the lengths of the stretches that the rides were timed by."""
     clock = clock or Clock()
     push = _Stretches(rides.pushing & rides.alive, clock.push)
     steer = _Stretches(rides.steering & rides.alive, clock.steer)

@@ -96,14 +96,11 @@ class Rides:
         def stack(name: str) -> Any:
             if name == "succeeded":
                 return np.concatenate([ride.succeeded for ride in rides])
-            arrays = [getattr(ride, name) for ride in rides]
-            return np.concatenate([_pad(array, steps) for array in arrays], axis=1)
+            arrays: list[Any] = [getattr(ride, name) for ride in rides]
+            padded = [np.pad(a, [(0, steps - len(a)), *[(0, 0)] * (a.ndim - 1)]) for a in arrays]
+            return np.concatenate(padded, axis=1)
 
         return cls(**{field.name: stack(field.name) for field in fields(cls)})
-
-
-def _pad(array: Any, steps: int) -> Any:
-    return np.pad(array, [(0, steps - len(array)), *[(0, 0)] * (array.ndim - 1)])
 
 
 def episode_errors(rides: Rides) -> dict[str, Array]:

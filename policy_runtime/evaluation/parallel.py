@@ -49,7 +49,6 @@ class BatchPolicy:
 
         Args:
             policy: Path of an ONNX file, or 'zero'.
-            force: See `policy_file.open_policy`.
 
         Raises:
             SysidError: The policy does not fit, takes another observation than the task gives, or onnx is
@@ -100,11 +99,7 @@ def evaluate_in_parallel(
 
     Args:
         policy: Path of an ONNX file, or 'zero'.
-        episodes: Episodes of each seed, side by side.
-        seeds: Seeds of commands, starts and shoves.
         device: 'cuda:0' or 'cpu'; the first GPU if there is one.
-        force: See `policy_file.open_policy`.
-        progress: Called with the number of episodes just done.
 
     Raises:
         SysidError: mjlab or torch is not installed, or the policy does not fit.

@@ -129,12 +129,7 @@ class _Episode:
 def run_episode(
     world: World, policy: Policy, protocol: Protocol, rng: np.random.Generator
 ) -> tuple[Recording, str]:
-    """Ride one episode and return what happened and how it ended.
-
-    Args:
-        world: The world; left where the episode ended.
-        rng: Draws commands, joint deviations and shoves.
-    """
+    """Ride one episode, leave the world where it ended, and return what happened and how it ended."""
     world.reset(rng=rng)
     if isinstance(world.robot, StressedRobot):
         world.robot.rng = rng.spawn(1)[0]
@@ -216,7 +211,6 @@ def evaluate_policy(
         seeds: Seeds; an episode is drawn from its seed and its number, whatever the workers.
         pool: Processes to ride in, of `riders(workers)`, for a caller who measures more than once.
         force: See `policy_file.open_policy`.
-        progress: Called with the number of episodes just done.
 
     Raises:
         SysidError: The policy cannot be opened or does not fit, the world cannot be built, or worlds drawn

@@ -67,11 +67,7 @@ class Recording:
         )
 
     def save(self, path: Path) -> None:
-        """Write the numbers as a NumPy archive.
-
-        Raises:
-            SysidError: The folder cannot be written to.
-        """
+        """Write the numbers as a NumPy archive."""
         with atomic_path(path) as temporary, temporary.open("wb") as file:
             own = {field.name for field in fields(self)} - {"truth", "clock"}
             columns: dict[str, Any] = {name: getattr(self, name) for name in own}

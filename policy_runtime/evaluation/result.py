@@ -43,11 +43,7 @@ class Part:
 
 
 def part_of(seed: int, rides: Rides, endings: list[str], paths: list[Array]) -> Part:
-    """Return what recorded episodes of one seed say.
-
-    Args:
-        paths: See `Part`.
-    """
+    """Return what recorded episodes of one seed say."""
     return Part(
         seed=seed,
         errors=episode_errors(rides),

@@ -28,7 +28,6 @@ def mean_over(values: list[Array], unit: str) -> Quantity:
 
     Args:
         values: One array of episode values for each seed; NaN are left out.
-        unit: Unit of the values.
     """
     finite = [array[np.isfinite(array)] for array in values]
     everything = np.concatenate(finite) if finite else np.zeros(0)

@@ -85,12 +85,7 @@ class StressedRobot(SimulatedRobot):
     """A simulated robot whose servos hear late, whose sensors are noisy, and which can be pushed."""
 
     def __init__(self, model: mujoco.MjModel, stress: Stress, direct_rake: float | None = None) -> None:
-        """Take over a scene that `Stress.change` has changed.
-
-        Args:
-            stress: What it was changed by.
-            direct_rake: See `SimulatedRobot`.
-        """
+        """Take over a scene that `Stress.change` has changed; the rest is as of `SimulatedRobot`."""
         self.rng = np.random.default_rng(0)
         """Draws the noise; give each ride its own."""
         self._stress = stress

@@ -18,11 +18,7 @@ class Course:
     """Adds up the turns asked for; with `hold`, asks for those that keep to the sum."""
 
     def __init__(self, clock: Clock, *, hold: bool = False) -> None:
-        """Start straight on.
-
-        Args:
-            hold: Make up for what earlier turns missed.
-        """
+        """Start straight on; `hold` makes up for what earlier turns missed."""
         self._clock, self._hold = clock, hold
         self.asked = 0.0
         """Sum of the turns asked for since the start [rad]."""
@@ -31,11 +27,7 @@ class Course:
         self._last_step = -1
 
     def follow(self, state: RobotState, step: int, turn: float) -> float | None:
-        """Take one policy step; return the turn to tell the policy [rad] where steering begins, else None.
-
-        Args:
-            turn: The turn asked for [rad].
-        """
+        """Take one policy step; return the turn asked for, to be told the policy where steering begins, else None [rad]."""
         clock, position = self._clock, step % self._clock.period
         if step == self._last_step:
             return None  # the cycle stands still

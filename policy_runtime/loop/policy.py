@@ -29,12 +29,7 @@ class Policy(Protocol):
         ...
 
     def act(self, state: RobotState, command: Command, step: int) -> Array:
-        """Return joint targets [rad], shape (23,).
-
-        Args:
-            state: What the robot knows of itself.
-            command: What the rider shall do.
-        """
+        """Return joint targets [rad], shape (23,)."""
         ...
 
 

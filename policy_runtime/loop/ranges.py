@@ -66,11 +66,7 @@ class RangeCheck:
         """Which joint the first answer would have moved furthest, and by how much [rad]."""
 
     def add(self, state: RobotState, target: Array) -> None:
-        """Take what the policy has just seen, and what it answered.
-
-        Args:
-            target: Joint targets [rad], shape (23,).
-        """
+        """Take what the policy has just seen, and the joint targets [rad], shape (23,), that it answered."""
         if not self._rows:
             moves = target - state.joint_position
             worst = int(np.abs(moves).argmax())

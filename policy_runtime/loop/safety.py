@@ -36,12 +36,7 @@ class Guard:
     """Watches successive states; keeps what lasts longer than a tick."""
 
     def __init__(self, limits: Limits, period: float) -> None:
-        """Start watching.
-
-        Args:
-            limits: What to hold the robot to.
-            period: Time between two checks [s].
-        """
+        """Start watching, with so much time between two checks [s]."""
         self._limits, self._period = limits, period
         self._effort = servos().effort
         self._loaded = limits.torque_share * self._effort

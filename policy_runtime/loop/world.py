@@ -40,12 +40,7 @@ class World:
         return self.start[joints : joints + len(JOINTS)]
 
     def reset(self, *, speed: float = 0.0, rng: np.random.Generator | None = None) -> None:
-        """Put robot and board back to the start.
-
-        Args:
-            speed: Speed that everything rolls at [m/s].
-            rng: Draws the joints' deviations; none without.
-        """
+        """Put robot and board back to the start, all rolling at a speed [m/s]; `rng` draws the joints' deviations, if given."""
         qpos = self.start.copy()
         if rng is not None:
             joints = slice(self.robot.base_q + 7, self.robot.base_q + 7 + len(JOINTS))
@@ -69,7 +64,6 @@ def make_world(
         steered: Whether it does; else they are held straight.
         start: One of `STARTS`.
         gantry: Holds the robot; None lets it fall.
-        visuals: Keep the robot's meshes, for pictures.
 
     Raises:
         SysidError: mjlab is not installed, or the board cannot be built.

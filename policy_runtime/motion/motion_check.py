@@ -65,11 +65,7 @@ class MotionFacts:
 
 
 def motion_facts(motion: Motion, model: mujoco.MjModel) -> MotionFacts:
-    """Measure a clip.
-
-    Args:
-        model: The G1 without a board (`sim.skate.robot.g1.g1_spec`).
-    """
+    """Measure a clip on the G1 without a board (`sim.skate.robot.g1.g1_spec`)."""
     soles, com, touching = _forward(model, motion)
     left, right = soles[:, 0], soles[:, 1]
     stance = find_stance(left, motion.rate)

@@ -91,9 +91,6 @@ def load_motion(path: Path) -> Motion:
 def motion_from_table(table: Array, where: str, name: str) -> Motion:
     """Return a clip from numbers in the stored layout, shape (frames, 36).
 
-    Args:
-        where: What to name in an error message.
-
     Raises:
         SysidError: The numbers are not a motion; see `load_motion`.
     """
@@ -124,11 +121,7 @@ def motion_from_table(table: Array, where: str, name: str) -> Motion:
 
 
 def save_motion(motion: Motion, path: Path) -> None:
-    """Write a clip in the stored layout.
-
-    Raises:
-        SysidError: The folder cannot be written to.
-    """
+    """Write a clip in the stored layout."""
     with atomic_path(path) as temporary, temporary.open("wb") as file:
         np.save(file, motion.table())
 

@@ -29,9 +29,7 @@ class SimulatedG1:
         """Join the network.
 
         Args:
-            robot: What moves.
             interface: Network interface; CycloneDDS chooses one if None.
-            domain: DDS domain.
             hoisted: Hang on a hoist over the board: pelvis and board stay where they are, the joints move.
 
         Raises:

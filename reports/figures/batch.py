@@ -13,12 +13,7 @@ LABELS = {"stiffness": "k [N·m/rad]", "damping": "d [N·m·s/rad]"}
 
 
 def batch_figure(rows: "Sequence[Mapping[str, Any]]", key: str) -> "Figure":
-    """Draw a quantity of some jobs, one line a job, one panel a board; hollow where a decay was not linear.
-
-    Args:
-        rows: Of the table of a batch; all have the quantity.
-        key: 'stiffness' or 'damping'.
-    """
+    """Draw 'stiffness' or 'damping' of some jobs, one line a job, one panel a board; hollow where a decay was not linear."""
     from matplotlib.figure import Figure
 
     boards = list(dict.fromkeys(row.get("board", "") for row in rows))

@@ -17,12 +17,7 @@ DRAWS = 200
 
 
 def bode_figure(board: Board, width: float) -> "Figure":
-    """Draw tilt over torque of the joint's linear part, 1/(I s² + d s + k), with its 95 % band.
-
-    Args:
-        board: The record; its standard deviations make the band.
-        width: Of the figure [inch].
-    """
+    """Draw tilt over torque of the joint's linear part, 1/(I s² + d s + k), with its 95 % band, so wide [inch]."""
     import control
     from matplotlib.figure import Figure
     from matplotlib.ticker import StrMethodFormatter

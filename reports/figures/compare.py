@@ -23,12 +23,7 @@ MOST = 4
 
 
 def compare_figure(result: Comparison, title: str) -> "Figure":
-    """Draw the comparison.
-
-    Args:
-        result: What was compared.
-        title: Heading.
-    """
+    """Draw the comparison."""
     shown = result.releases[:MOST]
     with styled(9.6, 7.4) as figure:
         count = len(result.releases)
@@ -95,15 +90,7 @@ def profiles(missing: MissingTorque, *, slides: bool) -> list[tuple[TorqueProfil
 def draw_profile(
     axes: "Axes", profile: TorqueProfile, show: Display, title: str = "", *, slides: bool = False
 ) -> None:
-    """Draw a missing torque with its 95 % band.
-
-    Args:
-        axes: To draw on.
-        profile: The torque [N*m].
-        show: How what it is drawn over is shown.
-        title: Heading.
-        slides: Whether it is the force of a slide [N].
-    """
+    """Draw a missing torque [N*m], or force of a slide [N], with its 95 % band."""
     band, scale = Z95 * profile.std, show.scale
     axes.axhline(0, color=NOISE, lw=0.8)
     axes.fill_between(

@@ -26,13 +26,7 @@ MOST_MARKED = 12
 
 
 def decay_figure(rolls: Sequence[Roll], decay: FreeDecay, title: str) -> "Figure":
-    """Draw the whole logs, the aligned decays with their fit, the residual, and ln(amplitude).
-
-    Args:
-        rolls: The whole logs; the first few are drawn.
-        decay: What was identified from them.
-        title: Board and log, for the heading.
-    """
+    """Draw the first few whole logs, the aligned decays with their fit, the residual, and ln(amplitude)."""
     # Fixed margins: finding them by trial would draw everything twice.
     sides = {"left": LEFT, "right": 0.985}
     below = {"top": 0.585, "bottom": 0.065, "hspace": 0.2, "wspace": 0.2}

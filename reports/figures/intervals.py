@@ -25,14 +25,7 @@ def interval_figure(
     bootstrap: Bootstrap | None,
     title: str,
 ) -> "Figure":
-    """Draw, for each parameter, the rise of the cost, its parabola, and the drawn values.
-
-    Args:
-        quantities: With the Jacobian's deviations.
-        profiles: May be empty.
-        bootstrap: Draws, if any were made.
-        title: Heading.
-    """
+    """Draw, for each parameter, the rise of the cost, its parabola, and the drawn values."""
     shapes = {shape.name: shape for shape in profiles}
     names = list(shapes) or list(bootstrap.names if bootstrap else ())
     columns = 2 if len(names) == 4 else min(3, len(names))

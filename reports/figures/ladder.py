@@ -21,13 +21,7 @@ WIDE = 8.0
 
 
 def draw_ladder(axes: "Axes", steps: Sequence[Step], noise: tuple[float, float]) -> None:
-    """Draw the error of each model as a dot, in multiples of the noise, over the noise's own band.
-
-    Args:
-        axes: To draw on.
-        steps: From the record as it stood to the last model, the first on top.
-        noise: 95 % interval of the noise floor, in multiples of it.
-    """
+    """Draw the error of each model as a dot, the first on top, in multiples of the noise, over the noise's 95 % interval."""
     from matplotlib.ticker import NullFormatter, StrMethodFormatter
 
     rows = np.arange(len(steps))
@@ -62,13 +56,7 @@ def fit_steps(fit: "Fit") -> tuple[Step, ...]:
 
 
 def ladder_figure(steps: Sequence[Step], noise: tuple[float, float], title: str) -> "Figure":
-    """Draw a ladder by itself.
-
-    Args:
-        steps: From the record as it stood to the last model.
-        noise: 95 % interval of the noise floor, in multiples of it.
-        title: Heading.
-    """
+    """Draw a ladder by itself."""
     with styled(5.6, 1.5 + 0.45 * len(steps)) as figure:
         axes = figure.add_subplot()
         draw_ladder(axes, steps, noise)

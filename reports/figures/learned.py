@@ -20,11 +20,7 @@ if TYPE_CHECKING:
 def learned_figure(fit: "JointFit", formula: Formula | None, title: str, *, slides: bool = False) -> "Figure":
     """Draw the learned torque at rate zero over the tilt, and at rest over the rate, within what was measured.
 
-    Args:
-        fit: With tables of tilt and rate.
-        formula: The nearest formula, drawn beside them; None for none.
-        title: Heading.
-        slides: Whether the joint is a slide.
+    The nearest formula, if there is one, is drawn beside it.
     """
     tilts, rates = motion_of(fit)
     with styled(8.8, 3.9) as figure:

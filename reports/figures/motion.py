@@ -21,16 +21,7 @@ COLOURS = ("#0072B2", "#CC79A7", "#009E73")
 
 
 def motion_figure(motions: Sequence[Motion], planted: Sequence[npt.NDArray[np.bool_]], path: Path) -> None:
-    """Draw clips side by side into a PNG file.
-
-    Args:
-        motions: The clips.
-        planted: Frames in which the left foot stands, bool, one array of shape (frames,) a clip.
-        path: Where to write.
-
-    Raises:
-        SysidError: The folder cannot be written to.
-    """
+    """Draw clips side by side into a PNG file, shaded where the left foot stands, bool, shape (frames,) a clip."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(1.5 + 3.2 * len(motions), 8), layout="constrained")

@@ -25,16 +25,7 @@ def one_page(
     story: Story,
     provenance: Sequence[tuple[str, str]],
 ) -> "Figure":
-    """Draw the page.
-
-    Args:
-        title: Heading.
-        answers: Question, answer and mark of each.
-        law: The identified law as a formula.
-        table: Parameters with their 95 % intervals.
-        story: For the panels.
-        provenance: Where all of it comes from.
-    """
+    """Draw the page."""
     said = "\n".join(
         fill(f"{question} {answer}", LINE, subsequent_indent="    ") for question, answer, _ in answers
     )

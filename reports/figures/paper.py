@@ -11,15 +11,7 @@ from sysid.roll import Array
 
 
 def trajectories_figure(panels: Sequence[tuple[str, Sequence[Array]]], path: Path) -> None:
-    """Draw paths of the board, one panel for each policy and board.
-
-    Args:
-        panels: Title, and x, y and heading of the board, each of shape (t, 3) [m], [m], [rad].
-        path: Where to write.
-
-    Raises:
-        SysidError: The folder cannot be written to.
-    """
+    """Draw paths of the board, one panel for each policy and board: x [m], y [m] and heading [rad], shape (t, 3) each."""
     from matplotlib.figure import Figure
 
     columns = max(1, min(4, len(panels)))
@@ -42,16 +34,7 @@ def trajectories_figure(panels: Sequence[tuple[str, Sequence[Array]]], path: Pat
 def curves_figure(
     curves: Mapping[str, Sequence[Mapping[str, float]]], columns: Sequence[tuple[str, str, str]], path: Path
 ) -> None:
-    """Draw learning curves over iterations.
-
-    Args:
-        curves: For each run, one mapping an iteration; 'iteration' and the columns.
-        columns: Column, title and unit of each panel.
-        path: Where to write.
-
-    Raises:
-        SysidError: The folder cannot be written to.
-    """
+    """Draw learning curves over iterations, a mapping an iteration for each run; columns with title and unit of each panel."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10, 6.5), layout="constrained")
@@ -82,11 +65,7 @@ def map_figure(
         grids: By policy and delay [s], shares with one row a speed and one column a stiffness.
         stiffness: Factors of the record's.
         speed: [m/s]
-        path: Where to write.
         label: What is scaled, where it is not the stiffness.
-
-    Raises:
-        SysidError: The folder cannot be written to.
     """
     from matplotlib.figure import Figure
 

@@ -30,16 +30,7 @@ LANES = (
 
 
 def ride_figure(recording: Recording, title: str, path: Path) -> None:
-    """Draw a recorded ride as a PNG file.
-
-    Args:
-        recording: The ride.
-        title: Who rode what.
-        path: Where to write.
-
-    Raises:
-        SysidError: The folder cannot be written to.
-    """
+    """Draw a recorded ride as a PNG file."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11, 8), layout="constrained")
@@ -148,11 +139,6 @@ def paths_figure(paths: tuple[Array, ...], headings: Array, title: str, path: Pa
     Args:
         paths: x, y and heading of the board, each of shape (t, 3).
         headings: See `policy_runtime.evaluation.metrics.reachable_headings`, shape (m, 3).
-        title: Who rode what.
-        path: Where to write.
-
-    Raises:
-        SysidError: The folder cannot be written to.
     """
     from matplotlib.figure import Figure
 
@@ -179,16 +165,7 @@ def paths_figure(paths: tuple[Array, ...], headings: Array, title: str, path: Pa
 
 
 def suite_figure(shares: list[tuple[str, str, Quantity]], title: str, path: Path) -> None:
-    """Draw which share of the rides lasts under each condition, with 95 % intervals, as a PNG file.
-
-    Args:
-        shares: Condition, policy and share of rides, the first on top; the rows of a condition stand together.
-        title: Where they rode.
-        path: Where to write.
-
-    Raises:
-        SysidError: The folder cannot be written to.
-    """
+    """Draw which share of the rides lasts, with 95 % intervals; rows of a condition stand together, the first on top."""
     from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 

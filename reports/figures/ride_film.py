@@ -23,7 +23,6 @@ def film_strip(model: mujoco.MjModel, qpos: Array, times: Array, path: Path, *, 
         model: The scene, with the robot's meshes.
         qpos: Configurations of the whole scene, shape (t, nq).
         times: Time of each [s], shape (t,).
-        path: Where to write.
         columns: Pictures in a row; two rows are drawn.
 
     Raises:

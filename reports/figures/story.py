@@ -86,12 +86,7 @@ def panels(story: Story) -> list[Panel]:
 
 
 def story_figure(story: Story, title: str) -> "Figure":
-    """Draw all panels in one picture.
-
-    Args:
-        story: What to draw.
-        title: Heading.
-    """
+    """Draw all panels in one picture."""
     rows = -(-len(panels(story)) // 3)
     with styled(12.6, 3.5 * rows + 0.4) as figure:
         figure.suptitle(title, fontsize=11, x=0.01, ha="left")
@@ -100,13 +95,7 @@ def story_figure(story: Story, title: str) -> "Figure":
 
 
 def draw_panels(figure: "FigureBase", story: Story, *, columns: int) -> None:
-    """Draw all panels into a figure or a part of one, each with its title.
-
-    Args:
-        figure: Empty.
-        story: What to draw.
-        columns: Panels side by side.
-    """
+    """Draw all panels into a figure or a part of one, each with its title."""
     drawn = panels(story)
     grid: Any = figure.subfigures(-(-len(drawn) // columns), columns, squeeze=False)
     for part, panel in zip(grid.flat, drawn, strict=False):
@@ -162,7 +151,7 @@ def draw_candidates(axes: "Axes", ranked: "tuple[Ranked, ...]") -> None:
     axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axes.set_xlim(left=-TIED / 2)
     axes.grid(visible=False, axis="y")
-    axes.set_xlabel("score: 0 is best")
+    axes.set_xlabel("score: log-likelihood ratio to the best, twice; grey: not told apart")
 
 
 def draw_whiteness(axes: "Axes", story: Story) -> None:

@@ -19,15 +19,7 @@ def four_answers(
     files: Sequence[LogFile],
     space: Workspace,
 ) -> list[tuple[str, str, str]]:
-    """Return question, answer and mark ('good', 'bad' or '') of each.
-
-    Args:
-        board: The record.
-        evidence: What its logs say; None where they are gone.
-        diagnosis: Its last one.
-        files: The logs.
-        space: Where the board is.
-    """
+    """Return question, answer and mark ('good', 'bad' or '') of each; without evidence the logs are gone."""
     missing, mark = _missing(board, diagnosis)
     return [
         ("Does the model match?", *_match(board, evidence)),
@@ -111,7 +103,7 @@ def next_step(
     found = [file.found for file in files if file.found is not None]
 
     def command(name: str, *options: str, logs: Sequence[Path] | None = found) -> str:
-        return space.command(name, "--board", board.name, *options, logs=logs)
+        return space.command(name, *board.options, *options, logs=logs)
 
     if evidence is None:
         return f"Name logs that are there: {command('report', logs=())}"

@@ -28,12 +28,7 @@ CAPTION = "With 95 % intervals, by board; hollow: the decay is not linear, so th
 
 
 def batch_page(name: str, rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return the page of a batch as HTML.
-
-    Args:
-        name: Of the manifest.
-        rows: Of the table, by `sysid.batch.jobs.COLUMNS`.
-    """
+    """Return the page of a batch as HTML, from rows of its table, by `sysid.batch.jobs.COLUMNS`."""
     done = [row for row in rows if row["state"] == "done"]
     failed = [f"{row['job']}: {row['message']}" for row in rows if row["state"] != "done"]
     page = Page(title=f"Batch {name}", subtitle=f"{len(rows)} jobs, {date.today().isoformat()}")

@@ -79,15 +79,7 @@ def board_report(
     provenance: Provenance,
     diagnosis: LastDiagnosis | None = None,
 ) -> str:
-    """Return the page of a board as HTML.
-
-    Args:
-        board: The record.
-        evidence: What its logs say; None where all of them are gone.
-        files: The logs that the record or the user names, also those that are gone.
-        provenance: For the last section.
-        diagnosis: The board's last one, where there is one.
-    """
+    """Return the page of a board as HTML; its logs are listed where they are gone too, and there is no evidence then."""
     page = Page(title=title(board), subtitle=board.description)
     page.lead = "\n".join(_lead(board, evidence, diagnosis, files, provenance.space))
     with page_style():
@@ -291,16 +283,19 @@ def _look_alikes(board: Board, evidence: Evidence | None) -> list[str]:
 
 def _weakest(alike: LookAlikes, index: int) -> str:
     """Return the strength at which an effect would be seen: its signature is taken as proportional to it."""
-    name, value = next(iter(alike.strength[index].items()))
-    first = effect(alike.names[index]).parameters[0]
-    unit = first.unit.replace("*", "·")
     share = SEEN / float(alike.visibility[index])
-    if first.neutral != 0.0:  # an end stop or a support does not grow with its first parameter
+    parameters = effect(alike.names[index]).parameters
+    if parameters[0].neutral != 0.0:  # an end stop or a support does not grow with its first parameter
         return "shows here" if share < 1 else TOO_WEAK
+    # Stiction may be all there is of a friction: what comes first is zero then.
+    unit, strength = parameters[0].unit, alike.strength[index]
+    name, value = next((p.name, strength[p.name]) for p in parameters if p.unit == unit and strength[p.name])
     if share > HOPELESS:
         return TOO_WEAK
     weakest = abs(value) * share
-    return pretty(f"{name.replace('_', ' ')} {weakest:.{2 if weakest < 100 else 3}g} {unit}")
+    return pretty(
+        f"{name.replace('_', ' ')} {weakest:.{2 if weakest < 100 else 3}g} {unit.replace('*', '·')}"
+    )
 
 
 def _diagnosis(diagnosis: LastDiagnosis | None, own: set[str]) -> list[str]:
@@ -361,7 +356,7 @@ def _check(board: Board, files: "Sequence[LogFile]", space: Workspace) -> list[s
     check = board.check
     if not check:
         found = [file.found for file in files if file.found is not None]
-        command = space.command("check", "--board", board.name, logs=found)
+        command = space.command("check", *board.options, logs=found)
         text = (
             f"Not checked yet. {command} releases the deck in the scene that policies train in, and compares."
         )
@@ -396,10 +391,11 @@ def _provenance(board: Board, files: "Sequence[LogFile]", provenance: Provenance
 
 def made_of(board: Board, provenance: Provenance) -> list[tuple[str, str]]:
     """Return where a page comes from: record, source, dates, versions."""
+    fit = board.fit
     return [
         ("record", provenance.record),
         ("source", board.source),
-        ("fitted", _fitted(board)),
+        ("fitted", f"{fit.get('date', '?')} by husky-sysid {fit.get('version', '?')}" if fit else "never"),
         ("page made", provenance.made),
         *((name, _version(name)) for name in ("husky-sysid", "mujoco", "casadi", "numpy", "scipy")),
     ]
@@ -411,12 +407,6 @@ def _version(package: str) -> str:
         return version(package)
     except PackageNotFoundError:
         return "unknown"
-
-
-def _fitted(board: Board) -> str:
-    if not board.fit:
-        return "never"
-    return f"{board.fit.get('date', '?')} by husky-sysid {board.fit.get('version', '?')}"
 
 
 def _figure(drawn: "Figure", identifier: str, caption: str, title: str = "") -> str:

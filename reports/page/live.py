@@ -19,13 +19,7 @@ NAMES = {"stiffness": "k", "damping": "d"}
 
 
 def live_page(session: Session, version: int, log: str) -> str:
-    """Return the page as HTML.
-
-    Args:
-        session: What was measured so far.
-        version: Goes up with each page; the page asks for it to know when it is old.
-        log: Where the log is kept.
-    """
+    """Return the page as HTML; its version goes up with each page, which asks for it to know when it is old."""
     page = Page(title=f"Live: {session.board.name}", subtitle=f"kept in {log}")
     decay = session.decay
     numbers = "None yet." if decay is None else ", ".join(

@@ -17,14 +17,7 @@ if TYPE_CHECKING:
 def board_sheet(
     evidence: Evidence, files: Sequence[LogFile], provenance: Provenance, diagnosis: LastDiagnosis | None
 ) -> "Figure":
-    """Draw a board's page: answers, law, parameters, story and provenance.
-
-    Args:
-        evidence: The record and what its logs say.
-        files: The logs.
-        provenance: For the last lines.
-        diagnosis: The board's last one, where there is one.
-    """
+    """Draw a board's page: answers, law, parameters, story and provenance."""
     board = evidence.board
     table = [(name, pretty(str(quantity))) for name, quantity in parameters(board).items()]
     logs = [("log", f"{file.path} · sha256 {file.digest} · {file.state}") for file in files]

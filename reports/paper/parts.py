@@ -169,13 +169,10 @@ def _table(title: str, rows: Sequence[Row], runs: Sequence[Run], measure: Measur
             words += [
                 f"{run.name}: {sentence}" for sentence in (compared(ours, row.figures), run.note) if sentence
             ]
-    head = ("", "", *(f"{name}{'' if unit == '1' else f' [{unit}]'}" for name, unit in _units()))
+    units = [(name, quantity.unit) for name, quantity in MAIN[0].figures.items()]
+    head = ("", "", *(f"{name}{'' if unit == '1' else f' [{unit}]'}" for name, unit in units))
     lines = [*_markdown(head, body), "", *(f"- {word}" for word in words)]
     return Section(title, lines, numbers, missing=missing)
-
-
-def _units() -> list[tuple[str, str]]:
-    return [(name, quantity.unit) for name, quantity in MAIN[0].figures.items()]
 
 
 def compared(ours: dict[str, Quantity], paper: dict[str, Quantity]) -> str:

@@ -59,13 +59,7 @@ SHOWN_IN = 8.0
 
 
 def decay_recording(path: Path, roll: Roll, decay: FreeDecay, summary: str) -> None:
-    """Write the recording of one log and of the linear decay found in it.
-
-    Args:
-        path: The .rrd file to write.
-        roll: The whole log.
-        decay: What was identified from it.
-        summary: Markdown.
+    """Write the recording of one log and of the linear decay found in it, with a summary in Markdown.
 
     Raises:
         SysidError: rerun-sdk is not installed, or the path cannot be written.
@@ -130,13 +124,7 @@ def _log_peaks(stream: "rr.RecordingStream", entity: str, peaks: Sequence[Peak],
 def comparison_recording(
     path: Path, evidence: Evidence, summary: str, films: "Sequence[FilmFrames]" = ()
 ) -> None:
-    """Write the recording of a board beside its logs.
-
-    Args:
-        path: The .rrd file to write.
-        evidence: The board, the logs, and what was found.
-        summary: Markdown.
-        films: Frames of the logs that are films.
+    """Write the recording of a board beside its logs and the frames of those that are films, with a summary in Markdown.
 
     Raises:
         SysidError: rerun-sdk is not installed, or the path cannot be written.
@@ -343,10 +331,7 @@ def _curves(
 def _log_views(root: str, roll: Roll, first: float) -> "list[rrb.View]":
     """Return the whole log and its phases, over all of its time: else they take the range of a release's view.
 
-    Args:
-        root: Of its entities.
-        roll: The log.
-        first: Time of its first release on its clock [s], which is 0 in the recording.
+    In the recording the first release, at `first` on the log's clock [s], is 0.
     """
     import rerun.blueprint as rrb
 

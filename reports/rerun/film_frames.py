@@ -54,14 +54,7 @@ class FilmFrames:
 
 
 def read_film(path: Path, options: LogOptions) -> tuple[Roll, FilmFrames]:
-    """Read the roll of a film together with its pictures, as `sysid.video.overlay` draws them.
-
-    Args:
-        path: The film.
-        options: How it is read; an overlay asked for there is written too.
-
-    Returns:
-        The roll, and the pictures on the roll's clock.
+    """Read the roll of a film together with its pictures on the roll's clock, as `sysid.video.overlay` draws them.
 
     Raises:
         SysidError: The film cannot be read as roll.

@@ -21,12 +21,6 @@ BLACK = "#444444"
 def ride_recording(model: mujoco.MjModel, ride: Recording, name: str, path: Path) -> None:
     """Write a recorded ride: the moving scene, speed, heading, tilt, contacts and stretches.
 
-    Args:
-        model: The scene.
-        ride: What happened.
-        name: Identity of the recording.
-        path: The .rrd file to write.
-
     Raises:
         SysidError: rerun-sdk is not installed, or the path cannot be written.
     """
@@ -68,11 +62,6 @@ def ride_recording(model: mujoco.MjModel, ride: Recording, name: str, path: Path
 
 def motion_recording(model: mujoco.MjModel, motions: list[Motion], path: Path) -> None:
     """Write reference motions side by side, one lane each, two metres apart.
-
-    Args:
-        model: The robot alone.
-        motions: The clips.
-        path: The .rrd file to write.
 
     Raises:
         SysidError: rerun-sdk is not installed, or the path cannot be written.

@@ -93,15 +93,7 @@ class Look(NamedTuple):
 
 
 def log_series(stream: "rr.RecordingStream", entity: str, time: Array, values: Array, look: Look) -> None:
-    """Log one curve with its style.
-
-    Args:
-        stream: The recording.
-        entity: Its path in the recording.
-        time: Time on the recording's time line [s], shape (n,).
-        values: Shape (n,).
-        look: How it is drawn.
-    """
+    """Log one curve with its style: values over the recording's time line [s], shape (n,) each."""
     import rerun as rr
 
     style = rr.SeriesLines(colors=[rgb(look.colour)], names=[look.name], widths=[look.width])
@@ -157,7 +149,6 @@ def log_model(
     """Log the shapes of a MuJoCo model once, each under the entity of its body (see `log_poses`).
 
     Args:
-        stream: The recording.
         root: Entity under which the model stands.
         model: Compiled model; infinite planes are left out.
         tint: '#RRGGBB' for all shapes instead of their own colours.
@@ -210,9 +201,7 @@ def log_poses(
     """Log how the bodies of a model move.
 
     Args:
-        stream: The recording.
         root: Entity given to `log_model`.
-        model: Compiled model.
         time: Time on the recording's time line [s], shape (n,).
         positions: Generalised positions qpos, shape (n, nq).
     """

@@ -187,8 +187,6 @@ def steer_to_tilt(model: mujoco.MjModel, data: mujoco.MjData, q: int, v: int) ->
 
     Args:
         data: Its state; changed in place.
-        q: Index of the tilt joint in qpos.
-        v: Index of the tilt joint in qvel.
     """
     tilt = next(i for i in range(model.njnt) if model.jnt_qposadr[i] == q)
     for i in range(model.neq):

@@ -103,12 +103,9 @@ def set_trucks(model: mujoco.MjModel, data: mujoco.MjData, rake: float, prefix: 
 
 
 def coupling_polynomial(rake: float, tilt_range: float) -> tuple[Array, float]:
-    """Fit σ ≈ a roll + b roll³ to tan σ = tan λ sin roll over ± `tilt_range`.
+    """Fit σ ≈ a roll + b roll³ to tan σ = tan λ sin roll over ± `tilt_range`: coefficients for `polycoef`, largest error [rad].
 
     MuJoCo's joint equality takes a polynomial of up to the fourth degree; the law is odd.
-
-    Returns:
-        The five coefficients for `polycoef`, and the largest error [rad].
     """
     roll = tilt_range * np.sin(np.linspace(-np.pi / 2, np.pi / 2, 201))  # dense at the ends, as Chebyshev's
     angle = np.arctan(np.tan(rake) * np.sin(roll))

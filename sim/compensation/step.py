@@ -213,8 +213,6 @@ def fit_inertia_and_damping(
     is no matter of the step: the joint's own damper would make up for a stop's, and be wrong below the stop.
 
     Args:
-        start: The record from which the search starts.
-        build: Compiles a candidate.
         amplitudes: Releases, as angles about rest [rad].
     """
     from scipy.optimize import least_squares

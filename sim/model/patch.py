@@ -265,14 +265,11 @@ def _with_sections(text: str, spec: mujoco.MjSpec, known: Mapping[str, set[str]]
         for one in added:
             one.tail = None
         if added:
-            parts = "".join(f"    {_inline(one)}\n" for one in added)
+            inline = (re.sub(r">\s+<", "><", ElementTree.tostring(one, encoding="unicode")) for one in added)
+            parts = "".join(f"    {one}\n" for one in inline)
             lines.append(f"  <{kind}>\n{parts}  </{kind}>\n")
     at = text.rindex("</mujoco>")
     return text[:at] + "".join(lines) + text[at:]
-
-
-def _inline(element: ElementTree.Element) -> str:
-    return re.sub(r">\s+<", "><", ElementTree.tostring(element, encoding="unicode"))
 
 
 def _including(text: str, old: Path, other: Path, new: Path, home: Path) -> str:

@@ -89,11 +89,7 @@ def board_of(setup: Setup, *, mass_error: float = 0.0) -> tuple[Board, list[str]
 def pose_releases(
     board: Board, recordings: Sequence[Recording], setups: Sequence[Setup]
 ) -> tuple[Board, list[Recording]]:
-    """Return a record and recordings of its joint in several poses, or with several loads, for one fit of all.
-
-    Args:
-        board: The record of the joint as it mostly was.
-    """
+    """Return a record, as the joint mostly was, and recordings in several poses, or with several loads, for one fit of all."""
     records = [board_of(setup)[0] for setup in setups]
     posed = [
         replace(

@@ -53,11 +53,7 @@ def job_key(job: Job, workspace: Path) -> str:
 
 
 def run_job(job: Job, workspace: Path, key: str) -> dict[str, Any]:
-    """Return the row of a job, which says what went wrong where it failed.
-
-    Args:
-        key: Kept in the row.
-    """
+    """Return the row of a job, its key kept in it; where the job failed it says what went wrong."""
     begin = time.monotonic()
     row: dict[str, Any] = {
         "key": key, "job": job.name, "task": job.task, "board": job.board, "logs": [str(log) for log in job.logs],

@@ -7,7 +7,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from sysid.cli.console import OUTPUT, Common, Made, Printer, require_share
-from sysid.cli.log_options import LogArguments, refuse_overwriting_logs
+from sysid.cli.log_options import LogArguments, refuse_overwriting_logs, space_of
 from sysid.cli.subject import Subject
 from sysid.cli.view import read_logs, write_recording
 from sysid.files import write_figure, write_json
@@ -67,6 +67,9 @@ def compare(
         write_recording(rerun, record, files, material, printer, tolerance=tolerance)
         written.append(rerun)
     printer.say(result.report(printer.width))
+    if not result.passed:
+        command = space_of(common, arguments).command("diagnose", *record.options, logs=logs)
+        printer.say(f"to learn what is missing: {command}")
     printer.written(*written)
     printer.result(content)
     return 0

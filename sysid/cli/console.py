@@ -98,10 +98,6 @@ class Printer:
     def keep(self, inputs: Iterable[Path], outputs: Mapping[str, Path | None] | None = None) -> None:
         """Refuse to write the command's JSON, or another of its outputs, over a file that it reads.
 
-        Args:
-            inputs: What is read.
-            outputs: What is written beside the JSON, by option.
-
         Raises:
             SysidError: An output is an input.
         """

@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from sysid.cli.console import OUTPUT, Common, Made, Printer
-from sysid.cli.log_options import LogArguments, load_recordings, refuse_overwriting_logs
+from sysid.cli.log_options import LogArguments, load_recordings, refuse_overwriting_logs, space_of
 from sysid.cli.subject import Subject
 from sysid.errors import SysidError
 from sysid.files import write_figure, write_json
@@ -48,6 +48,13 @@ def decay(
     result = fit_decay(recordings, board=record)
     printer.warnings(result.warnings, recordings)
     printer.say(result.report(printer.width))
+    if not result.linear:
+        space, options = (
+            space_of(common, arguments),
+            ("--board", "NAME") if record is None else record.options,
+        )
+        made = " (`new NAME` writes the record that it needs)" if record is None else ""
+        printer.say(f"to learn what is missing: {space.command('diagnose', *options, logs=logs)}{made}")
     content = result.to_json()
     written: list[Path] = []
     if record is not None:

@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter, validators
 
 from sysid.cli.console import FIT, Common, FitTexts, Printer
-from sysid.cli.log_options import LogArguments, load_recordings
+from sysid.cli.log_options import LogArguments, load_recordings, space_of
 from sysid.cli.parameter_options import parse_fixed
 from sysid.cli.subject import Subject
 from sysid.files import write_figure, write_json
@@ -45,7 +45,7 @@ def diagnose(
     with told_bar(printer) as progress:
         result = search(recordings, record, fixed=parse_fixed(fix), workers=workers, progress=progress)
     printer.warnings(result.warnings, recordings)
-    printer.say(result.report(printer.width, common.space, logs))
+    printer.say(result.report(printer.width, space_of(common, arguments), logs))
     content = result.to_json()
     folder = common.space.outputs(record.name)
     write_json(folder / "diagnose.json", {**content, **for_report(result, record)})

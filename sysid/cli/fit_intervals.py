@@ -16,18 +16,9 @@ if TYPE_CHECKING:
 def show_intervals(
     fit: "JointFit", board: Board, common: Common, printer: Printer, *, profile: bool, draws: int
 ) -> dict[str, Any]:
-    """Profile the parameters, draw the logs again, print and draw what comes out.
+    """Profile the parameters, draw the logs `draws` times again, print and draw what comes out, and return it for the JSON.
 
-    Args:
-        fit: The fit.
-        board: The record that gave the inertia.
-        common: Where the picture goes.
-        printer: Where the words go.
-        profile: Whether profiles were asked for.
-        draws: Of the bootstrap; 0 for none.
-
-    Returns:
-        What is added to the JSON; nothing if neither was asked for.
+    Nothing is done where neither was asked for.
     """
     if not profile and not draws:
         return {}

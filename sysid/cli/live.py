@@ -16,7 +16,7 @@ from cyclopts import Parameter, validators
 
 from sysid.board import Board
 from sysid.cli.console import OUTPUT, Common, Printer
-from sysid.cli.log_options import LogArguments, recording_of
+from sysid.cli.log_options import LogArguments, recording_of, space_of
 from sysid.cli.subject import Subject
 from sysid.errors import SysidError
 from sysid.live.phyphox import Phone
@@ -82,10 +82,10 @@ def live(
         except KeyboardInterrupt:
             printer.note("ended")
     numbers = {} if session.decay is None else session.decay.to_json()
-    kept = str(log) if phone is not None else f"{log}/*"
-    printer.say(
-        f"kept: {log}\nnext: husky-sysid fit {kept} --board {record.name}, then husky-sysid diagnose {kept} --board {record.name}"
-    )
+    logs = [log] if phone is not None else dict.fromkeys(release.log for release in session.releases)
+    space = space_of(common, arguments)
+    first, then = (space.command(name, *record.options, logs=logs) for name in ("fit", "diagnose"))
+    printer.say(f"kept: {log}\nnext: {first}\nthen: {then}")
     printer.result(
         {**numbers, "log": str(log), "releases_found": len(session.releases), "next": session.next_step}
     )

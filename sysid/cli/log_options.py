@@ -1,15 +1,15 @@
 """Options of every command that takes a log."""
 
 import math
-from collections.abc import Generator, Iterable, Mapping, Sequence
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args, get_type_hints
 
 from cyclopts import Parameter
 
-from sysid.cli.console import FILM, LOG, Flag, Printer
+from sysid.cli.console import FILM, LOG, Common, Flag, Printer
 from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
 from sysid.logs.sources.registry import sources
@@ -18,6 +18,7 @@ from sysid.recording import Recording, refuse_duplicates
 from sysid.roll import Roll
 from sysid.video.options import VideoOptions, is_film
 from sysid.video.trackers import Method
+from sysid.workspace import Workspace
 
 _Pair = Annotated[tuple[float, float] | None, Parameter(negative="", allow_leading_hyphen=True)]
 
@@ -105,6 +106,27 @@ class LogArguments:
         return LogOptions(**given)
 
 
+def space_of(common: Common, arguments: LogArguments) -> Workspace:
+    """Return the workspace of a command; commands that it prints read the logs as this one did."""
+    return Workspace(common.workspace, tuple(_typed(arguments)))
+
+
+def _typed(group: LogArguments | VideoArguments) -> Iterator[str]:
+    """Yield the options that are not as usual, as they are typed."""
+    hints = get_type_hints(type(group), include_extras=True)
+    for option in fields(group):
+        value, hint = getattr(group, option.name), hints[option.name]
+        if isinstance(value, VideoArguments):
+            yield from _typed(value)
+        elif value != option.default and option.name != "overlay":
+            named = (one.name for one in get_args(hint) if isinstance(one, Parameter) and one.name)
+            (name,) = next(named, ("--" + option.name.replace("_", "-"),))
+            repeated = "..." in str(hint)
+            for one in value if repeated else (value,):
+                yield name
+                yield from () if one is True else map(str, one) if isinstance(one, tuple) else (str(one),)
+
+
 def refuse_overwriting_logs(
     logs: Iterable[Path],
     arguments: LogArguments,
@@ -116,7 +138,6 @@ def refuse_overwriting_logs(
     Args:
         logs: The measurements; the camera's calibration is kept as well.
         arguments: Names the overlay that reading a film writes.
-        printer: Names the JSON.
         outputs: What else the command writes, by option.
 
     Raises:

@@ -6,12 +6,7 @@ from sysid.cli.console import Common, Output, Printer
 from sysid.errors import SysidError
 
 
-def marker(
-    *,
-    output: Output = Path("marker.pdf"),
-    number: int = 0,
-    common: Common = Common(),
-) -> int:
+def marker(*, output: Output = Path("marker.pdf"), number: int = 0, common: Common = Common()) -> int:
     """Write an A4 page with an ArUco marker in two sizes, how to fix it and how to film it.
 
     Args:

@@ -48,6 +48,8 @@ def mjcf(
     printer = Printer(common)
     record = common.space.load_board(board)
     kind = "bench" if bench else "scene"
+    if kind == "scene":
+        record.need("the scene of the whole board (not --bench, the deck on its joint)")
     with working(printer), stage(0.0, 1.0, "compensating the step"):
         made = board_mjcf(
             record,

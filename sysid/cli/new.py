@@ -77,6 +77,10 @@ def new(
     printer.say(f"  inertia {record.inertia} ({record.inertia.method})")
     beside = shlex.split("--effect coulomb --effect armature") if chosen in ("pendulum", "joint") else []
     command = common.space.command("fit", "--board", name, *beside, logs=())
+    if chosen == "board":
+        printer.say(
+            "  [geometry] and [mass] are left out: the scene (mjcf, train) needs them, a fit and mjcf --bench do not"
+        )
     printer.say(f"next: record a release and run: {command}")
     printer.result({"board": name, "record": str(path), "kind": chosen, "inertia": record.inertia.to_json()})
     return 0
@@ -86,15 +90,15 @@ def _pendulum(name: str, mass: Quantity, arm: Quantity, own: str | None) -> Boar
     """Return a pendulum: m l² of inertia, m g l of weight, and no spring."""
     about_centre = parse_quantity(own, "kg*m^2", "--inertia") if own else Quantity(0.0, 0.0, "kg*m^2")
     method = "m l²" + (" and about its own centre" if own else "")
-    board = _record(name, "a pendulum", propagate(_about_axis, (mass, arm, about_centre), "kg*m^2", method))
+    board = _record(
+        name,
+        "a pendulum",
+        propagate(lambda m, r, own: m * r**2 + own, (mass, arm, about_centre), "kg*m^2", method),
+    )
     part = weight.EFFECT
     values = {"scale": 1.0, "sine": -mass.value * GRAVITY.value * arm.value}
     pull = {p.name: Quantity(values.get(p.name, 0.0), 0.0, p.unit) for p in part.parameters}
     return replace(board, effects=(BoardEffect(part.name, pull),))
-
-
-def _about_axis(mass: float, arm: float, about_centre: float) -> float:
-    return mass * arm**2 + about_centre
 
 
 def _record(name: str, description: str, inertia: Quantity) -> Board:

@@ -9,7 +9,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from sysid.cli.console import OUTPUT, Common, Output, Printer
-from sysid.cli.log_options import LogArguments
+from sysid.cli.log_options import LogArguments, space_of
 from sysid.cli.subject import Subject
 from sysid.cli.view import logs_of, no_logs, read_logs
 from sysid.errors import SysidError
@@ -42,7 +42,7 @@ def report(
     from sysid.progress import stage
 
     printer = Printer(common)
-    space = common.space
+    space = space_of(common, arguments)
     record = subject.load(common, printer)
     files = logs_of(record, logs, arguments, printer, output)
     material = read_logs(files, arguments, printer)

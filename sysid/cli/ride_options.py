@@ -106,13 +106,7 @@ class Ride:
 
 
 def prepare(policy: str, options: RideOptions, printer: Printer, *, visuals: bool = True) -> Ride:
-    """Open policy, board and world.
-
-    Args:
-        policy: A scripted policy's name, an ONNX file, or an exported folder.
-        options: From the command line.
-        printer: Says what was assumed.
-        visuals: Keep the robot's meshes.
+    """Open policy, board and world; keep the robot's meshes where it shall be seen.
 
     Raises:
         SysidError: Something is missing or does not fit.
@@ -185,11 +179,7 @@ def command_source(options: RideOptions) -> "CommandSource":
 
 
 def write_ride(ride: Ride, recording: "Recording", folder: Path, printer: Printer) -> dict[str, str]:
-    """Write picture, film strip, Rerun recording and numbers of a ride; return what was written where.
-
-    Raises:
-        SysidError: The folder cannot be written to.
-    """
+    """Write picture, film strip, Rerun recording and numbers of a ride; return what was written where."""
     from reports.figures.ride import ride_figure
     from reports.figures.ride_film import film_strip
     from reports.rerun.ride import ride_recording

@@ -104,7 +104,7 @@ def run(
         if not ride.board.passed and not options.force:
             raise QualityGateError(
                 f"board '{ride.board.name}' has not passed `check`: a policy made for it is not fit for the robot. "
-                f"Run `husky-sysid check --board {ride.board.name}`, or add --force."
+                f"Run {common.space.command('check', *ride.board.options, logs=())}, or add --force."
             )
     commands = _keyboard(options, printer) if keyboard else ride.commands
     folder = output or common.space.outputs(ride.board.name)

@@ -228,8 +228,8 @@ def _gate(record: Board, force: bool, printer: Printer) -> None:
         return
     if not force:
         raise QualityGateError(
-            f"board '{record.name}' has not passed `husky-sysid check` as it is recorded now: what is trained on it may not fit the real "
-            "board. Check it first, or train anyway with --force."
+            f"board '{record.name}' has not passed `check` as it is recorded now: what is trained on it may not fit the real "
+            f"board. Run {printer.common.space.command('check', *record.options, logs=())}, or train anyway with --force."
         )
     printer.warn(f"board '{record.name}' has not passed its check; training anyway")
 

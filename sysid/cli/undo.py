@@ -1,5 +1,7 @@
 """`husky-sysid undo`: a board's record as it was before the last change."""
 
+from sysid.board import Board
+from sysid.cli.boards import verdict
 from sysid.cli.console import BoardName, Common, Printer
 from sysid.text import count
 
@@ -14,14 +16,23 @@ def undo(*, board: BoardName, common: Common = Common()) -> int:
     changed = common.space.load_board(board)
     path = common.space.undo(board)
     record = common.space.load_board(board)
-    rows = [
-        (name, str(changed.tilt[name]), str(record.tilt[name]))
-        for name in ("stiffness", "damping", "rest_angle")
-    ]
-    rows.append(("roll inertia", str(changed.inertia), str(record.inertia)))
-    effects = tuple(", ".join(part.name for part in one.effects) or "none" for one in (changed, record))
-    printer.table(("quantity", "was", "is again"), [*rows, ("effects", *effects)])
+    was, again = _told(changed), _told(record)
+    rows = [(name, was.get(name, "-"), again.get(name, "-")) for name in {**was, **again}]
+    changes = [row for row in rows if row[1] != row[2]] or [("joint and check", "the same", "the same")]
+    printer.table(("what", "was", "is again"), changes)
     left = len(common.space.earlier(board))
     printer.say(f"written: {path}; {count(left, 'step')} more to go back")
     printer.result({"board": board, "record": str(path), "undo_steps": left})
     return 0
+
+
+def _told(board: Board) -> dict[str, str]:
+    """Return what a user may miss of a record, in words."""
+    effects = [f"{part.name} ({', '.join(map(str, part.parameters.values()))})" for part in board.effects]
+    tilt = {name.replace("_", " "): str(quantity) for name, quantity in board.tilt.items()}
+    return {
+        **tilt,
+        "roll inertia": str(board.inertia),
+        "effects": ", ".join(effects) or "none",
+        "check": verdict(board),
+    }

@@ -16,6 +16,7 @@ from sysid.cli.log_options import (
     recording_of,
     refuse_overwriting_logs,
     say_notes,
+    space_of,
 )
 from sysid.cli.subject import Subject
 from sysid.errors import SysidError
@@ -47,7 +48,7 @@ def view(
     record = subject.load(common, printer)
     files = logs_of(record, logs, arguments, printer, output)
     if not any(file.found for file in files):
-        raise SysidError(no_logs(record, common.space))
+        raise SysidError(no_logs(record, space_of(common, arguments)))
     path = output or common.space.outputs(record.name) / "view.rrd"
     material = read_logs(files, arguments, printer, films=True)
     evidence = write_recording(path, record, files, material, printer)
@@ -76,7 +77,7 @@ def logs_of(
 
     files = find_logs(board, logs, printer.common.space)
     if not files:
-        raise SysidError(no_logs(board, printer.common.space))
+        raise SysidError(no_logs(board, space_of(printer.common, arguments)))
     found = [file.found for file in files if file.found]
     refuse_overwriting_logs(found, arguments, printer, {"--output": output})
     for file in files:
@@ -90,7 +91,7 @@ def no_logs(board: Board, space: Workspace) -> str:
     if not board.fit.get("logs"):
         return (
             f"board '{board.name}' was never fitted, so its record names no log. Fit it "
-            f"({space.command('fit', '--board', board.name, logs=())}), or name logs here."
+            f"({space.command('fit', *board.options, logs=())}), or name logs here."
         )
     names = ", ".join(str(entry.get("path")) for entry in board.fit["logs"])
     return f"none of the logs that board '{board.name}' was fitted to is there any more ({names}). Name logs here."
@@ -109,12 +110,6 @@ def read_logs(
     files: "Sequence[LogFile]", arguments: LogArguments, printer: Printer, *, films: bool = False
 ) -> Material:
     """Read all logs that are there.
-
-    Args:
-        files: The logs.
-        arguments: How they are read.
-        printer: For notes and warnings.
-        films: Keep the pictures of films.
 
     Raises:
         SysidError: No log was given, one cannot be read, holds no free decay, or was given twice.
@@ -150,14 +145,6 @@ def write_recording(
     tolerance: float = 0.02,
 ) -> "Evidence":
     """Compare a board with logs and write the recording of it.
-
-    Args:
-        path: The .rrd file to write.
-        board: The record.
-        files: The logs, for their names and digests.
-        material: What is in them.
-        printer: For progress.
-        tolerance: For the comparison.
 
     Raises:
         SysidError: rerun-sdk is not installed, or the path cannot be written.

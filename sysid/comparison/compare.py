@@ -122,9 +122,7 @@ def compare(
 
     Args:
         data: Measured decays: a recording, several, or releases.
-        board: The record.
         law: Another law than the record's.
-        signal: What is compared.
         tolerance: Error beyond the noise, over the RMS motion, up to which the comparison passes.
 
     Raises:

@@ -142,12 +142,9 @@ def filter_length(time: Array, roll: Array, law: JointLaw) -> int | None:
 
 
 def derivatives(time: Array, roll: Array, window: int) -> tuple[Array, Array, Array]:
-    """Return smoothed roll [rad], rate [rad/s] and acceleration [rad/s^2], each of shape (n,) (Savitzky–Golay).
+    """Return roll [rad], rate [rad/s] and acceleration [rad/s^2], shape (n,) each, smoothed over an odd number of samples.
 
-    Args:
-        time: [s], shape (n,).
-        roll: [rad], shape (n,).
-        window: Odd number of samples, 5 or more.
+    By Savitzky and Golay's filter.
     """
     from scipy.signal import savgol_filter
 

@@ -30,8 +30,6 @@ def report(result: "Comparison", width: int = WIDTH) -> str:
         result.summary,
         f"{'✓' if result.passed else '✗'} {result.status}: {result.verdict()}",
     ]
-    if not result.passed:
-        lines.append("to learn what is missing: husky-sysid diagnose")
     return "\n".join(lines)
 
 

@@ -26,7 +26,6 @@ def inflate_covariance(trace: TraceFit, floor: NoiseFloor) -> tuple[TraceFit, fl
     """Widen the covariance where the residual is surely more than noise.
 
     Args:
-        trace: The fit.
         floor: Noise of the sensor, with its own uncertainty. A film states its own, which lasts and which the fit
             knows of.
 

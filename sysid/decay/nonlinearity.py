@@ -1,4 +1,4 @@
-"""What the peaks of a free decay say against a linear law, in words that name the likely reason."""
+"""What the peaks of a free decay show against a linear law, and which effects of the catalogue look like that."""
 
 import math
 from collections.abc import Sequence
@@ -19,6 +19,8 @@ STOPPED = 0.015
 """A swing below this share of the first one may have been stopped half-way by friction."""
 CERTAIN = 4.0
 """A pattern is named from this many standard deviations on."""
+CANDIDATES = 4
+"""Effects named for what is seen; `diagnose` tries all."""
 LEVELS_APART = 0.01
 """Share of the first amplitude by which rest levels must differ: sensors wander by less between releases."""
 
@@ -30,16 +32,24 @@ class Nonlinearity:
     sign: "DecaySign"
     """What the peaks show, in the words in which effects say what shows of them."""
     text: str
-    """What is seen and what it means, one clause."""
+    """What is seen, one clause; never why: every shape has several causes."""
     hidden_by_linear_fit: bool = False
     """Whether a linear decay can hide it within the noise, with wrong stiffness and damping."""
 
     @property
     def effects(self) -> tuple[str, ...]:
-        """Effects of the catalogue that make it, the likeliest first."""
+        """Effects of the catalogue that look like it, the likeliest first."""
         from sysid.effects import showing  # most decays show nothing and need no catalogue
 
         return showing(self.sign)
+
+    @property
+    def told(self) -> str:
+        """What is seen, and a few effects that look like it."""
+        from sysid.effects import effect
+
+        few = [effect(name).title for name in self.effects[:CANDIDATES]]
+        return f"{self.text}, which may be {', '.join(few[:-1])} or {few[-1]}"
 
 
 def find_nonlinearities(
@@ -63,7 +73,7 @@ def find_nonlinearities(
 def _levels(releases: Sequence[Release], rests: Sequence[Quantity]) -> Nonlinearity | None:
     """Whether the releases come to rest at different angles.
 
-    A spring brings the deck back to one angle. Dry friction F holds it anywhere within F/k of it, and a
+    A spring brings the deck back to one angle. Where dry friction F holds it anywhere within F/k of it, a
     linear decay with a level of its own for each release takes that for a stiffer spring: hardly more
     residual, a stiffness that is off by tens of percent.
     """
@@ -85,21 +95,8 @@ def _levels(releases: Sequence[Release], rests: Sequence[Quantity]) -> Nonlinear
         f"{math.degrees(CERTAIN * math.hypot(*np.sort(std)[-2:])):.1g}°"
     )
     if _drifts(releases, value, std):
-        return Nonlinearity("moving level", f"{seen}, and further the later: the sensor's zero drifts")
-    sides = {release.side for release in releases}
-    means = {
-        side: [level for release, level in zip(releases, value, strict=True) if release.side == side]
-        for side in sides
-    }
-    by_side = len(sides) == 2 and (
-        min(means["right"]) > max(means["left"]) or max(means["right"]) < min(means["left"])
-    )
-    cause = (
-        "by the side that it was let go from: dry friction holds it there"
-        if by_side
-        else "dry friction holds it there, or else the sensor's zero wanders"
-    )
-    return Nonlinearity("constant loss", f"{seen}, {cause}", hidden_by_linear_fit=True)
+        return Nonlinearity("moving level", f"{seen}, and further the later")
+    return Nonlinearity("scattered levels", seen, hidden_by_linear_fit=True)
 
 
 def _drifts(releases: Sequence[Release], value: Array, std: Array) -> bool:
@@ -116,8 +113,8 @@ def _drifts(releases: Sequence[Release], value: Array, std: Array) -> bool:
 def _loss(peaks: Sequence[Sequence[Peak]]) -> Nonlinearity | None:
     """How the amplitude lost per cycle depends on the amplitude.
 
-    A linear decay loses in proportion. Dry friction adds a constant, so a line through (amplitude, loss)
-    has a positive intercept; damping that grows with the speed bends the other way.
+    A linear decay loses in proportion. What takes the same from every swing gives a line through (amplitude, loss)
+    a positive intercept; what takes more than in proportion bends it the other way.
     """
     moving = [[p for p in group if p.amplitude > STOPPED * group[0].amplitude] for group in peaks]
     points = [point for group in moving for point in _full_cycle_losses(group)]
@@ -134,13 +131,10 @@ def _loss(peaks: Sequence[Sequence[Peak]]) -> Nonlinearity | None:
     if intercept > 0:
         return Nonlinearity(
             "constant loss",
-            "each swing loses nearly the same angle however small it is, so the log-amplitude line bends down: "
-            "dry friction",
+            "each swing loses nearly the same angle however small it is, so the log-amplitude line bends down",
         )
     return Nonlinearity(
-        "growing loss",
-        "large swings lose more than their share, so the log-amplitude line bends up: damping that grows with "
-        "the speed",
+        "growing loss", "large swings lose more than their share, so the log-amplitude line bends up"
     )
 
 
@@ -164,16 +158,10 @@ def _period(peaks: Sequence[Sequence[Peak]]) -> Nonlinearity | None:
     change = slope * float(np.ptp(square)) / intercept
     if abs(slope) < CERTAIN * slope_std or abs(change) < 0.004:
         return None
-    if slope > 0:
-        return Nonlinearity(
-            "longer period",
-            f"the period is {100 * change:.1f} % longer at the largest swing than at the smallest: stiffness that "
-            "softens with the angle, as gravity on a pendulum",
-        )
     return Nonlinearity(
-        "shorter period",
-        f"the period is {-100 * change:.1f} % shorter at the largest swing than at the smallest: stiffness that "
-        "hardens with the angle, or free play about rest",
+        "longer period" if slope > 0 else "shorter period",
+        f"the period is {100 * abs(change):.1f} % {'longer' if slope > 0 else 'shorter'} at the largest swing than at the "
+        "smallest",
     )
 
 
@@ -191,8 +179,7 @@ def _stop(releases: Sequence[Release], peaks: Sequence[Sequence[Peak]], noise: f
         off = release.rest - middle
         if abs(off) > max(CERTAIN * math.hypot(middle_std, noise / 3), 0.015 * release.amplitude):
             return Nonlinearity(
-                "constant loss",
-                f"it stops {math.degrees(abs(off)):.2g}° beside the middle of its swing: dry friction holds it there",
+                "stops aside", f"it stops {math.degrees(abs(off)):.2g}° beside the middle of its swing"
             )
     return None
 

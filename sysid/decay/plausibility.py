@@ -22,8 +22,8 @@ LONGEST, SHORTEST = 100.0, 1e-3
 """Natural period [s] beyond which nothing that is tipped and let go swings, whatever its size."""
 
 
-def amplitude_warnings(releases: Sequence[Release], board: Board) -> list[str]:
-    """Hold the amplitudes of some releases against the range of the board's joint.
+def amplitude_warnings(releases: Sequence[Release], board: Board | None) -> list[str]:
+    """Hold the amplitudes of some releases against the range of the board's joint; without a board, against half a turn.
 
     Returns:
         What looks odd, in words.
@@ -32,8 +32,11 @@ def amplitude_warnings(releases: Sequence[Release], board: Board) -> list[str]:
         SysidError: The deck was let go from more than half a turn.
     """
     largest = max(releases, key=lambda release: release.amplitude)
-    limit = board.tilt["range"].value
     where = f"{largest.log}: the release at {shown(largest.start)} starts"
+    if board is None:  # a torsion rig may turn so far
+        turned = f"{where} {math.degrees(largest.amplitude):.4g}° from rest, more than half a turn: is the unit right (--unit)?"
+        return [turned] if largest.amplitude > math.pi else []
+    limit = board.tilt["range"].value
     if largest.amplitude > math.pi:
         raise SysidError(
             f"{where} {largest.amplitude:.4g} rad from rest, more than half a turn; the joint of board "
@@ -54,9 +57,6 @@ def record_warnings(numbers: DecayNumbers, board: Board, *, log: str, linear: bo
 
     Args:
         numbers: From the decay, with the record's inertia.
-        board: The record.
-        log: Where the decay is from, for people.
-        linear: Whether the decay is a linear one.
 
     Returns:
         One warning that names all that lies outside, or none.
@@ -93,7 +93,6 @@ def period_warnings(omega_n: float, board: Board, *, log: str) -> list[str]:
     Args:
         omega_n: Natural frequency [rad/s].
         board: The record; its roll inertia gives the size.
-        log: Where it is from, for people.
     """
     period = 2 * math.pi / omega_n
     size = (board.inertia.value / DENSITY) ** 0.2

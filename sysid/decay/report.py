@@ -38,7 +38,7 @@ def report(decay: "FreeDecay", width: int = WIDTH) -> str:
         name = f"{Path(one.log).name} {one.number}" if several else str(one.number)
         size = f"{one.amplitude:.4f} {si} ({shown.scale * one.amplitude:.2f}{shown.unit})"
         hold = f"{one.hold:.2f} s" if one.hold else "moving"
-        end = {"rest": "at rest", "caught": "caught", "log": "log ends"}[one.end]
+        end = {"rest": "at rest", "caught": "stopped", "log": "log ends"}[one.end]
         rows.append(
             (name, f"{one.start:.3f}", one.side, size, hold, f"{one.time[-1]:.3f}", end, str(len(peaks)))
         )
@@ -47,6 +47,8 @@ def report(decay: "FreeDecay", width: int = WIDTH) -> str:
     value = "value ± 95 %" if decay.linear else "value ± 95 % of a linear decay, which this is not"
     quantities = table(("quantity", value, "unit", "how"), _rows(decay), width=width)
     standing = "peaks: turning points that stand above the noise"
+    if any(one.end == "caught" for one in decay.releases):
+        standing += "; stopped: by a hand, by friction or by what hangs on the deck; what follows is left out"
     lines += [releases, standing, quantities, equation(decay), verdict(decay)]
     if not decay.has_inertia:
         lines.append(
@@ -93,13 +95,10 @@ def verdict(decay: "FreeDecay") -> str:
         levels = ", ".join(f"{scale * rest.value:+.2f}{unit}" for rest in decay.rest_angles[:6])
         return (
             f"✗ not a linear decay: it rests at {levels}, where a spring and a damper come back to one angle; k and d "
-            "do not hold, run `husky-sysid diagnose`"
+            "do not hold"
         )
     if not decay.linear:
-        return (
-            f"✗ not a linear decay: the residual is {ratio:.3g} × the estimated sensor noise; see the warnings, and run "
-            "`husky-sysid diagnose`"
-        )
+        return f"✗ not a linear decay: the residual is {ratio:.3g} × the estimated sensor noise; see the warnings"
     share = inertia_share(decay.numbers.inertia, decay.numbers.stiffness)
     closing = f"; {100 * share:.0f} % of k's variance comes from I" if share > 0.5 else ""
     wider = f"; the intervals are {decay.wider:.2g} × wider for it" if decay.wider > 1.05 else ""

@@ -16,7 +16,7 @@ from sysid.board import Board
 from sysid.decay.plausibility import amplitude_warnings
 from sysid.diagnosis import report as diagnosis_report
 from sysid.diagnosis.against_record import record_deviation
-from sysid.diagnosis.experiment import deciding
+from sysid.diagnosis.experiment import deciding, widest
 from sysid.diagnosis.importance import Importance, importance, reading_share
 from sysid.diagnosis.judgement import (
     CALIBRATION,
@@ -24,7 +24,6 @@ from sysid.diagnosis.judgement import (
     EXPLAINED,
     MATERIAL,
     NEGLIGIBLE,
-    PRICE,
     TIE,
     Field,
     Scored,
@@ -148,6 +147,8 @@ class Diagnosis:
     """Error of predicting each release or stretch from the others, over its RMS motion: without what is missing."""
     heldout_after: tuple[float, ...]
     """The same with the model that the verdict rests on."""
+    stretches: tuple[str, ...]
+    """Which release or stretch each of them is: its log, and from when to when."""
     best: Model = field(repr=False)
     base: Model = field(repr=False)
     swing_frequency: float | None = None
@@ -157,6 +158,8 @@ class Diagnosis:
     board: str
     options: tuple[str, ...]
     """How the command line names the joint."""
+    fixed: Mapping[str, float]
+    """What was held in every model, as it was asked for."""
     releases: int
     """How many were given."""
     is_cut: bool
@@ -195,8 +198,9 @@ class Diagnosis:
 
     @property
     def held(self) -> Mapping[str, float]:
-        """What `fit` should hold meanwhile: the spring at zero where gravity takes its place."""
-        return {"stiffness": 0.0} if self.effects and self.best.problem.fixed.get("stiffness") == 0 else {}
+        """What `fit` should hold meanwhile: what was held here, and the spring at zero where gravity takes its place."""
+        hangs = self.effects and self.best.problem.fixed.get("stiffness") == 0
+        return {**self.fixed, **({"stiffness": 0.0} if hangs else {})}
 
     def report(self, width: int = WIDTH, space: Workspace | None = None, given: Sequence[Path] = ()) -> str:
         """Return what `husky-sysid diagnose` prints, in tables of at most `width` characters.
@@ -351,12 +355,16 @@ def diagnose(
         doubts=tuple(warnings),
         board=board.name,
         options=board.options,
+        fixed=dict(fixed or {}),
         releases=len(releases),
         is_cut=not {_span(release) for release in judged} <= {_span(release) for release in releases},
         recordings=recordings,
         logs=tuple(dict.fromkeys(release.log for release in releases)),
         heldout_before=heldout_nrmse(everything.base.model),
         heldout_after=heldout_nrmse(winner),
+        stretches=tuple(
+            f"{Path(log).name}, {begin:.2f} to {end:.2f} s" for log, begin, end in map(_span, judged)
+        ),
         best=best,
         base=base,
         swing_frequency=scales.frequency if use_rate else None,
@@ -526,7 +534,8 @@ def _hints(search: Search, tried: Field, chosen: Scored, size: Importance | None
         weight = importance(s.model, names, beside.model)
         if beside is tried.base or weight.matters:
             seen = "may be there" if weight.matters or tried.gap(s, beside) <= TIE else "is seen"
-            text = f"{listed(names)} {seen} (score better by {2 * gained:.1f}). {size_in_words(weight)}"
+            size_of_it = "and would matter" if weight.matters else "too weak to matter"
+            text = f"{listed(names)} {seen}, {size_of_it} (score better by {2 * gained:.1f}). {size_in_words(weight)}"
             hints.append(Hint(effects=names, size=weight, text=text))
     return tuple(hints)
 
@@ -670,21 +679,18 @@ def _remainder(tried: Field, scored: Scored) -> tuple[float, str]:
 def _experiment(
     search: Search, tried: Field, chosen: Scored, board: Board, alike: Sequence[Scored] = ()
 ) -> str:
-    """Return the experiment that decides between a candidate and the best of another family, of those that look the same if any do."""
+    """Return the experiment that decides between a candidate and its best rival, of another family if any is; '' if all are ruled out."""
     own = families_of(chosen.model, search.base)
-    others = [s for s in alike if families_of(s.model, search.base) != own] or [
-        s for s in tried.scored
-        if not (s.model.shape or s.model.edged(tried.exact)) and families_of(s.model, search.base) != own
-        and not set(s.model.effects) > set(chosen.model.effects) and np.isfinite(s.score)
-    ]  # fmt: skip
-    if not others:
+    unlike = [s for s in alike if families_of(s.model, search.base) != own]
+    rival = next(iter([*unlike, *tried.rivals(chosen), *alike]), None)
+    if rival is None:
         return ""
-    rival = max(others, key=lambda s: s.score - PRICE * s.choices)
     names = [search.added(s.model) for s in (chosen, rival)]
-    reach = board.tilt["range"].value if "range" in board.tilt else np.inf
-    found = deciding(chosen.model, rival.model, tried.best.errors, reach)
-    fallback = "" if found or not names[0] else effect(names[0][0]).experiment
-    return experiment_in_words(found, titles(names[0]), titles(names[1]), fallback, board)
+    limit = widest(chosen.model, board)
+    found = deciding(chosen.model, rival.model, tried.best.errors, limit)
+    apart = next((name for name in (*names[1], *names[0]) if name not in set(names[0]) & set(names[1])), "")
+    fallback = "" if found or not apart else effect(apart).experiment
+    return experiment_in_words(found, titles(names[0]), titles(names[1]), fallback, board, limit)
 
 
 def _verdict(

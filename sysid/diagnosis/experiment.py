@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.board import Board
 from sysid.diagnosis.error_model import Fitted
 from sysid.diagnosis.search import Candidate
 from sysid.errors import SysidError
@@ -15,7 +16,10 @@ DECIDED = float(np.log(19.0))
 ANGLES = np.radians([0.2, 0.5, 1, 2, 3, 5, 7, 10, 12, 15, 20, 30, 45, 60, 75, 90, 120, 150])
 """Release angles that a person can set, smallest first [rad]."""
 CLEAR, SMALL, WIDE = 50.0, 0.25, 1.5
-"""Release angles run from the larger of so many times the noise and that share of the largest tilt seen, to so many times that tilt."""
+"""Release angles run from the larger of so many times the noise and that share of the largest tilt seen, to so many times that tilt,
+as far as the joint is known to go so far."""
+UNKNOWN = 3.14
+"""Range of a joint whose record knows none [rad]: half a turn to either side."""
 MOST = 5
 """Releases that one is ready to make."""
 
@@ -33,14 +37,21 @@ class Experiment:
     """Largest difference between the two predictions [rad]."""
 
 
-def deciding(one: Candidate, other: Candidate, errors: Fitted, reach: float) -> Experiment | None:
+def widest(one: Candidate, board: Board) -> float:
+    """Return from how far a deck may be let go [rad]: within its range, or as far as the logs show that it goes."""
+    seen = one.problem.scales.amplitude
+    known = board.tilt["range"].value if "range" in board.tilt else UNKNOWN
+    return min(WIDE * seen, max(known, seen)) if known < UNKNOWN else seen
+
+
+def deciding(one: Candidate, other: Candidate, errors: Fitted, limit: float) -> Experiment | None:
     """Return the fewest releases that decide between two fitted models, from the smallest angle that does; None if there are none.
 
     Args:
         one: Taken for true.
         other: Its rival, as fitted.
         errors: Of the sensor, and how far the better model is from exact.
-        reach: Of the joint to either side, as its record has it [rad].
+        limit: Widest angle of a release [rad].
     """
     laws = [_law(model) for model in (one, other)]
     record, seen = one.problem.records[0], one.problem.scales.amplitude
@@ -49,7 +60,7 @@ def deciding(one: Candidate, other: Candidate, errors: Fitted, reach: float) -> 
     time = np.arange(0.0, duration, step)
     period = 2 * np.pi / one.problem.scales.frequency
     noise = record.std / (one.problem.scales.frequency if record.is_rate else 1.0)
-    lowest, limit = max(CLEAR * noise, SMALL * seen), min(WIDE * seen, max(reach, seen))
+    lowest = max(CLEAR * noise, SMALL * seen)
     possible = ANGLES[(lowest <= ANGLES) & (limit >= ANGLES)]
     found: list[Experiment] = []
     for angle in possible if len(possible) else np.array([seen]):

@@ -17,8 +17,8 @@ from sysid.joint.trajectory import simulate
 from sysid.roll import Array
 
 TORQUE, ENERGY, AMPLITUDE, SIGNAL = 0.01, 0.03, 0.01, 0.01
-"""Shares below all of which an effect does not matter: of the joint's peak torque, of the dissipated energy, of the first
-amplitude after ten periods, and of the RMS motion that nothing else explains. A spring is known to a few percent."""
+"""Shares of which any one that is reached makes an effect matter: of the joint's peak torque, of the dissipated energy, of the
+widest first amplitude after ten periods, and of the RMS motion that nothing else explains. A spring is known to a few percent."""
 PERIODS = 10
 """Over which the loss of amplitude is compared: two seconds of a stiff board."""
 
@@ -32,7 +32,7 @@ class Importance:
     energy_share: float
     """What they dissipate over all that is dissipated."""
     amplitude_after_10_periods: float
-    """How much wider or narrower the swing would be without them, over the first amplitude."""
+    """How much wider or narrower the swing would be without them, over the widest first amplitude."""
     signal_share: float
     """What is missed without them and not with them, over the motion, both RMS."""
     each: dict[str, float]
@@ -40,7 +40,7 @@ class Importance:
 
     @property
     def matters(self) -> bool:
-        """Whether any of the sizes is above its limit."""
+        """Whether any one of the sizes reaches its limit: the one rule of what is named, and of what is a hint only."""
         return (
             self.torque_share >= TORQUE or self.energy_share >= ENERGY
             or self.amplitude_after_10_periods >= AMPLITUDE or self.signal_share >= SIGNAL
@@ -160,7 +160,10 @@ def _energy_share(
 
 
 def _amplitude_share(law: JointLaw, starts: Sequence[tuple[float, float]], names: Sequence[str]) -> float:
-    """Return by how much the amplitude after ten periods differs without some effects, over the first amplitude."""
+    """Return by how much the amplitude after ten periods differs without some effects, over the widest first amplitude.
+
+    Over the widest: a stretch that begins when the deck hardly swings any more would make anything matter.
+    """
     plain = _unsensed(law)
     spring = law.stiffness + sum(_stiffness(law, name) for name in names)
     without = replace(plain, stiffness=spring, effects=tuple(e for e in plain.effects if e[0] not in names))
@@ -175,8 +178,9 @@ def _amplitude_share(law: JointLaw, starts: Sequence[tuple[float, float]], names
             spans = [float(np.ptp(simulate(one, grid, angle).roll[late])) / 2 for one in (plain, without)]
         except SysidError:
             return 1.0
-        largest = max(largest, abs(spans[0] - spans[1]) / max(abs(angle - law.rest_angle), 1e-9))
-    return min(largest, 1.0)
+        largest = max(largest, abs(spans[0] - spans[1]))
+    widest = max(abs(angle - law.rest_angle) for angle, _ in starts)
+    return min(largest / max(widest, 1e-9), 1.0)
 
 
 def _unsensed(law: JointLaw) -> JointLaw:

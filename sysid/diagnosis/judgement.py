@@ -40,6 +40,8 @@ FEWEST_BLOCKS = 8
 PRICE = 1.5
 """Of one effect more, and of each parameter of its law, in the log of the prior odds: of a law with one, one in twenty is
 there."""
+RULED_OUT = 19.0
+"""Odds against a candidate from which it is none any more: 95 %."""
 CALIBRATION = {"none-missing": (0.75, 2.14), "missing": (0.66, 2.10), "unexplained": (0.96, -1.75)}
 """By which the log odds of each kind of verdict are multiplied, and what is added [nats]: fitted by `benchmarks/reliability.py` on one
 half of the random suite, and shown on the other."""
@@ -188,13 +190,26 @@ class Field:
         """Return by how much the candidate that beats one most does so, in nats."""
         return max(self.gap(other, scored) for other in self.possible)
 
+    def weight(self, scored: Scored) -> float:
+        """Return the probability of a candidate, up to a constant of the log."""
+        return float(np.exp(-self.behind(scored) / TEMPERATURE - PRICE * scored.choices))
+
+    def rivals(self, chosen: Scored) -> list[Scored]:
+        """Return the effects of other families that are not ruled out at 95 % against what was chosen, the likeliest first."""
+        own = families_of(chosen.model, self.base_effects)
+        others = [
+            s for s in self.possible
+            if families_of(s.model, self.base_effects) != own and not s.model.shape and not set(s.model.effects) > set(chosen.model.effects)
+            and self.weight(s) * RULED_OUT >= self.weight(chosen)
+        ]  # fmt: skip
+        return sorted(others, key=lambda s: -self.weight(s))
+
     def likely(self) -> dict[frozenset[str], float]:
         """Return the probability of each set of families that was tried, by its likeliest candidate."""
         weights: dict[frozenset[str], float] = {}
         for s in self.possible:
             key = families_of(s.model, self.base_effects)
-            weight = float(np.exp(-self.behind(s) / TEMPERATURE - PRICE * s.choices))
-            weights[key] = max(weights.get(key, 0.0), weight)
+            weights[key] = max(weights.get(key, 0.0), self.weight(s))
         whole = max(sum(weights.values()), 1e-300)
         return {key: weight / whole for key, weight in weights.items()}
 

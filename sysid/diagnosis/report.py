@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from sysid.diagnosis.judgement import TIE
 from sysid.diagnosis.wording import rounded
-from sysid.effects import effect
+from sysid.effects import effect, origin
 from sysid.text import count, display, percent, table
 from sysid.workspace import Workspace
 
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 SHOWN = 8
 """Models in the table."""
+STRETCHES = 8
+"""Stretches in the table."""
 TIED = 2 * TIE
 """Score up to which two models are not told apart: it is twice a log-likelihood [1]."""
 
@@ -36,12 +38,14 @@ def report(result: "Diagnosis", width: int, space: Workspace, logs: Sequence[Pat
     lines = [
         f"{result.board} · {count(result.releases, 'release')} · sensor noise {show(floor.std, 3)}, {floor.how}",
         table(("missing", "error / noise", "held out / noise", "score"), rows, width=width),
-        "held out: error on releases that a model had not seen; score: how much worse it predicts them than the best does",
-        f"up to a score of {TIED:g}, or more where periods disagree or no model is exact, models are not told apart: the simplest counts, "
-        "if what it adds matters",
+        "held out: what a model misses of a release though its numbers may move as far as the others leave them open; never less than the "
+        "error, and the same where they need not move",
+        "score: twice the log-likelihood of unseen motion that the best has more; models up to "
+        f"{TIED:g}, or more where periods disagree or none is exact, are not told apart: the simplest counts, if what it adds matters",
         f"Result: {headline(result)} (confidence {percent(verdict.confidence)})",
         verdict.explanation,
-        _predicted(result),
+        _predicted(result, width),
+        "off by: error over the RMS motion",
     ]
     lines += [
         f"  looks the same in these logs: {', '.join(group)}" for group in verdict.indistinguishable_from
@@ -64,7 +68,9 @@ def _fit(
     result: "Diagnosis", space: Workspace, logs: Sequence[Path], names: Sequence[str], *held: str
 ) -> str:
     """Return the command that fits effects to the logs that were diagnosed."""
-    added = [word for name in names for word in ("--effect", name)]
+    added: list[str] = []
+    for name in names:
+        added += ["--effect-file", file] if (file := origin(name)).endswith(".py") else ["--effect", name]
     return space.command("fit", *result.options, *added, *held, logs=logs)
 
 
@@ -86,20 +92,18 @@ def _row(candidate: "Candidate", floor: float) -> tuple[str, ...]:
     return name, f"{candidate.rmse / floor:.3f}", held, f"{candidate.score:.1f}"
 
 
-def _predicted(result: "Diagnosis") -> str:
-    """Say how well releases or stretches of them are predicted that were left out, each in its turn."""
-    before, after = (
-        ", ".join(rounded(100 * error) for error in errors)
-        for errors in (result.heldout_before, result.heldout_after)
-    )
-    part = "third" if len(result.heldout_before) == 1 else "stretch" if result.is_cut else "release"
-    what = f"each {part}, predicted from the others,"
-    if result.status == "none-missing" or result.heldout_after == result.heldout_before:
-        return f"{what} is off by {before} % of its RMS motion"
-    with_it = "with the nearest effects"
-    if result.verdict.status == "missing":
-        with_it = "with it" if len(result.verdict.effects) == 1 else "with them"
-    return f"{what} is off by {after} % of its RMS motion {with_it}, by {before} % without"
+def _predicted(result: "Diagnosis", width: int) -> str:
+    """Return a table of how well each release or stretch is predicted from the others, the worst where there are many."""
+    errors = {"off by": result.heldout_before}
+    if result.status != "none-missing" and result.heldout_after != result.heldout_before:
+        how = "with the nearest effects" if result.status == "unexplained" else "with what is missing"
+        errors = {f"off by, {how}": result.heldout_after, "without": result.heldout_before}
+    each = list(zip(*errors.values(), strict=True))
+    names = result.stretches if len(each) > 1 else ["thirds of the release"]
+    worst = sorted(range(len(each)), key=lambda i: -each[i][0])[:STRETCHES]
+    what = f"predicted from the others{f', the {STRETCHES} worst of {len(each)}' if len(each) > STRETCHES else ''}"
+    rows = [(names[i], *(f"{rounded(100 * error)} %" for error in each[i])) for i in sorted(worst)]
+    return table((what, *errors), rows, width=width)
 
 
 def to_json(result: "Diagnosis") -> dict[str, Any]:

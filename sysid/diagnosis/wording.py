@@ -44,17 +44,25 @@ def percent(share: float) -> str:
     return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.2g} %"
 
 
-def experiment_in_words(found: Experiment | None, one: str, other: str, fallback: str, board: Board) -> str:
-    """Return the experiment that decides between two models of a board, as a sentence with numbers."""
+def experiment_in_words(
+    found: Experiment | None, one: str, other: str, fallback: str, board: Board, limit: float
+) -> str:
+    """Return the experiment that decides between two models of a board, as a sentence with numbers.
+
+    Args:
+        found: The releases; None where none within the limit decides.
+        one: The first of the models.
+        other: The second.
+        fallback: What else tells the first from its like.
+        board: The record.
+        limit: Widest angle of a release [rad].
+    """
+    show = display(is_rate=False, slides=board.slides)
     if found is None:
-        return (
-            f"No release up to one and a half times the angles of these logs, made up to five times, tells {one} from {other} at 95 %. "
-            f"{fallback}"
-        ).strip()
+        return f"No release up to {show(limit, 2)}, made up to five times, tells {one} from {other} at 95 %. {fallback}".strip()
     right, left = (
         ("right edge down", "left edge down") if board.geometry else ("beyond the rest", "below the rest")
     )
-    show = display(is_rate=False, slides=board.slides)
     each = "" if found.number == 1 else " each"
     times = "once" if found.number == 1 else f"{found.number} times"
     return (

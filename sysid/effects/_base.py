@@ -122,11 +122,9 @@ class Parameter:
     """Whether it is known from elsewhere: a fit holds it at the record's value, unless the user bounds it."""
 
     def edged(self, value: float, *, exact: bool) -> bool:
-        """Return whether a value is at an end of the range in which the effect is one; a share may be none or all.
+        """Return whether a value, in units of `size`, is at an end of the range in which the effect is one.
 
-        Args:
-            value: In units of `size`.
-            exact: Whether nothing but noise is left of the log.
+        A share may be none or all; where nothing but noise is left of the log, `exact`, others may be at their ends too.
         """
         share = self.unit in ("", "1")
         if (share and self.low == 0.0) or (self.neutral is not None and self.low <= self.neutral):
@@ -240,9 +238,12 @@ Role = Literal["torque", "learned", "support", "shift", "record", "measurement"]
 """What an effect changes: the torque of the joint, by a formula or by a table that is learned; what the joint stands on; the
 rest angle; the numbers of the record (indistinguishable from another k and d in a free decay); or the sensor."""
 
-DecaySign = Literal["constant loss", "growing loss", "longer period", "shorter period", "moving level"]
+DecaySign = Literal[
+    "constant loss", "growing loss", "longer period", "shorter period", "moving level", "scattered levels", "stops aside"
+]  # fmt: skip
 """What the peaks of a decay show: a loss per swing that does not depend on the amplitude, or more than in
-proportion to it; a period that grows or falls with the amplitude; a level that moves with time."""
+proportion to it; a period that grows or falls with the amplitude; a level that moves with time; releases that come to rest
+at several angles; a rest beside the middle of the swing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -399,10 +400,7 @@ class TorqueEffect(Effect):
     def dragged_stiffness(self, tilt: float, stiffness: float, parameters: Numbers) -> float:
         """Return how hard its internal states pull where the joint was dragged from rest, over that tilt [rad] [N*m/rad].
 
-        Args:
-            tilt: Where to [rad].
-            stiffness: The joint's own [N*m/rad].
-            parameters: Of the effect.
+        The joint's own stiffness [N*m/rad] counts beside them.
         """
         if not self.states:
             return 0.0

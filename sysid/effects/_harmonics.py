@@ -36,12 +36,7 @@ def _terms(m: Algebra, roll: Value) -> tuple[Value, ...]:
 
 
 def of_table(roll: Array, values: Array) -> tuple[dict[str, float], float]:
-    """Return the parameters of a table, and by how much they miss it at most, in the unit of `values`.
-
-    Args:
-        roll: Where it was looked up [rad], shape (n,).
-        values: What is there, shape (n,).
-    """
+    """Return the parameters of a table of values at rolls [rad], shape (n,) each, and their largest miss, in the unit of the values."""
     columns = np.column_stack(_terms(NUMPY, roll))
     found, missed = np.zeros(len(HARMONICS)), 0.0
     for count in (1, 3, 5, 7):  # the fewest that hold it: on a short arc all look alike

@@ -47,14 +47,7 @@ def set_friction(holder: Any, torque: float) -> None:
 
 
 def polynomial(effect: str, of: Literal["stiffness", "damping"], power: int, **limits: Any) -> dict[str, Any]:
-    """Return fields of an effect whose one parameter is a coefficient of the joint's spring or damping polynomial.
-
-    Args:
-        effect: Its name.
-        of: Which polynomial.
-        power: Which coefficient, 1 to 3.
-        limits: As `Parameter` has them.
-    """
+    """Return fields of an effect whose one parameter is the first to third coefficient of the joint's spring or damper."""
     unit = f"N*m/rad^{power}" if of == "stiffness" else f"N*m*s^{power}/rad^{power}"
     place = ("first", "second", "third")[power - 1]
 
@@ -94,10 +87,7 @@ def refusing(reason: str) -> ToMjcf:
 def add_passive_motor(spec: MjSpec, joint: MjsJoint, name: str, *, native: bool, **constants: Any) -> None:
     """Add a motor to the joint that nobody drives, with these constants of `set_to_dcmotor`, a winding only where they say so.
 
-    Its input is a voltage that stays zero, which every MuJoCo from 3.11 on can have.
-
-    Args:
-        native: Leave the input out where the installed MuJoCo, from 3.12 on, can.
+    Its input is a voltage that stays zero, which every MuJoCo from 3.11 on can have; `native` leaves it out from 3.12 on.
     """
     import mujoco
 

@@ -39,11 +39,8 @@ def use(path: Path) -> Effect:
 def own_effects(taken: Mapping[str, Effect]) -> dict[str, tuple[Effect, str]]:
     """Return the effects of files in use and of installed packages by name, each with where it comes from.
 
-    Args:
-        taken: The catalogue's own, whose names nobody else may have.
-
     Raises:
-        SysidError: One of them makes no effect, or has the name of another.
+        SysidError: One of them makes no effect, or has the name of another, or of one of the catalogue's own.
     """
     found: dict[str, tuple[Effect, str]] = {}
     sources = [(str(path), lambda path=path: read(path)) for path in files()]

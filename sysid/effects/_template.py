@@ -20,11 +20,8 @@ def effect_file(
 
     Args:
         name: What `--effect` takes.
-        title: For people.
         does: What it does to a decay, in one sentence.
         law: The torque as an expression in x, v, parameters and m.
-        text: The same as a formula.
-        source: Where it comes from.
         parameters: Name, unit, size (an expression in s) and example of each.
     """
     table = "\n".join(

@@ -47,4 +47,5 @@ EFFECT = TorqueEffect(
     example=(3.0,),
     torque=torque,
     sharpness=2.0,
+    decay_signs=(("stops aside", 7),),
 )

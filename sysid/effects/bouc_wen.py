@@ -62,4 +62,5 @@ EFFECT = TorqueEffect(
     torque=torque,
     states=(State(name="share", start=held, size=lambda s: 0.3, most=1 / 0.3, rate=share_rate),),
     sharpness=2.0,
+    decay_signs=(("scattered levels", 7), ("growing loss", 5), ("longer period", 4)),
 )  # fmt: skip

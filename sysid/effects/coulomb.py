@@ -46,5 +46,5 @@ EFFECT = TorqueEffect(
     from_mjcf=from_mjcf,
     example=(0.15,),
     friction=friction,
-    decay_signs=(("constant loss", 1),),
+    decay_signs=(("stops aside", 1), ("scattered levels", 1), ("constant loss", 1)),
 )

@@ -25,5 +25,5 @@ EFFECT = TorqueEffect(
     **polynomial("cubic-stiffness", "stiffness", 3, low=-0.95, high=20.0, starts=(0.05, -0.2, 0.5)),
     example=(200.0,),
     torque=torque,
-    decay_signs=(("longer period", 2), ("shorter period", 1)),
+    decay_signs=(("growing loss", 3), ("constant loss", 5), ("longer period", 2), ("shorter period", 1)),
 )

@@ -78,6 +78,6 @@ EFFECT = TorqueEffect(
     states=(State(name="share", start=held, size=lambda s: 0.3, most=1 / 0.3, return_map=dragged),),
     limiting_cases=(("coulomb", as_coulomb),),
     excludes=("coulomb", "stribeck"),
-    decay_signs=(("constant loss", 4),),
+    decay_signs=(("stops aside", 10), ("constant loss", 3)),
     sharpness=1.5,
 )

@@ -94,6 +94,6 @@ EFFECT = TorqueEffect(
     acts_during_hold=True,
     limiting_cases=(("freeplay", as_freeplay),),
     nonsmooth=True,
-    decay_signs=(("shorter period", 3),),
+    decay_signs=(("stops aside", 9), ("constant loss", 6), ("shorter period", 3)),
     sharpness=4.0,
 )

@@ -39,6 +39,6 @@ EFFECT = TorqueEffect(
     example=(0.02,),
     torque=torque,
     nonsmooth=True,
-    decay_signs=(("shorter period", 2),),
+    decay_signs=(("stops aside", 6), ("scattered levels", 2), ("constant loss", 4), ("shorter period", 2)),
     sharpness=4.0,
 )

@@ -101,4 +101,5 @@ EFFECT = TorqueEffect(
         ),
     ),
     sharpness=1.5,
+    decay_signs=(("stops aside", 2),),
 )

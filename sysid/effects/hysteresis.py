@@ -81,4 +81,11 @@ EFFECT = TorqueEffect(
     limiting_cases=(("coulomb", as_coulomb),),
     nonsmooth=True,
     sharpness=1.5,
+    decay_signs=(
+        ("stops aside", 8),
+        ("scattered levels", 4),
+        ("growing loss", 4),
+        ("longer period", 3),
+        ("moving level", 2),
+    ),
 )

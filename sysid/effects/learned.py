@@ -174,7 +174,6 @@ def tabulated(law: Callable[[Value, Value], Value], support: Mapping[str, float]
 
     Args:
         law: Torque [N*m] of tilt [rad] and rate [rad/s]; zero at rest.
-        support: The parameters that say where the tables end.
     """
     reach = max(-support["tilt_low"], support["tilt_high"])
     speed = max(-support["rate_low"], support["rate_high"])
@@ -186,11 +185,7 @@ def tabulated(law: Callable[[Value, Value], Value], support: Mapping[str, float]
 
 
 def as_table(law: Callable[[Algebra, JointState, Values, Sequence[Value]], Value]) -> ToMjcf:
-    """Return what writes any torque without memory into MuJoCo: as the tables of a learned one.
-
-    Args:
-        law: An effect's torque; zero at rest.
-    """
+    """Return what writes a torque without memory, zero at rest, into MuJoCo: as the tables of a learned one."""
 
     def write(spec: MjSpec, joint: MjsJoint, parameters: Numbers, *, native: bool = False) -> tuple[str, ...]:
         """Write the law as tables over the joint's range."""

@@ -65,4 +65,5 @@ EFFECT = TorqueEffect(
     excludes=("end-stop",),
     nonsmooth=True,
     sharpness=4.0,
+    decay_signs=(("stops aside", 3), ("shorter period", 4)),
 )

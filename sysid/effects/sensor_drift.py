@@ -27,5 +27,5 @@ EFFECT = SensorEffect(
     example=(0.02,),
     observe=observe,
     excludes=("lowpass",),
-    decay_signs=(("moving level", 1),),
+    decay_signs=(("scattered levels", 5), ("moving level", 1)),
 )

@@ -105,6 +105,6 @@ EFFECT = TorqueEffect(
     limiting_cases=(("coulomb", as_coulomb),),
     excludes=("coulomb",),
     restarts=part_again,
-    decay_signs=(("constant loss", 2),),
+    decay_signs=(("stops aside", 5), ("scattered levels", 6), ("constant loss", 2)),
     sharpness=2.0,
 )

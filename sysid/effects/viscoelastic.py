@@ -78,4 +78,5 @@ EFFECT = TorqueEffect(
             settles=settles,
         ),
     ),
+    decay_signs=(("stops aside", 4), ("scattered levels", 3)),
 )

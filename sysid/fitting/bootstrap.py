@@ -81,17 +81,8 @@ def require_enough(draws: int) -> None:
         )
 
 
-def bootstrap(
-    fit: JointFit,
-    board: Board,
-    draws: int,
-    *,
-    seed: int = 0,
-) -> Bootstrap:
-    """Fit `draws` logs that could as well have been measured.
-
-    Args:
-        board: Gives the inertia's uncertainty; each draw has an inertia of its own.
+def bootstrap(fit: JointFit, board: Board, draws: int, *, seed: int = 0) -> Bootstrap:
+    """Fit `draws` logs that could as well have been measured, each with an inertia of its own, drawn from the board's.
 
     Raises:
         SysidError: Fewer draws than an interval needs, or most of them cannot be fitted.
@@ -143,13 +134,9 @@ def block_length(noise: ResidualNoise, count: int) -> int:
 
 
 def corrected_percentiles(draws: Array, best: float) -> tuple[float, float]:
-    """Return the 95 % interval of draws, corrected where their median is not the best value.
+    """Return the 95 % interval of draws, shape (n,), corrected where their median is not the best value, all in one unit.
 
     Like a profile it does not depend on how the parameter is written (k or its logarithm).
-
-    Args:
-        draws: Values of one parameter, shape (n,), in its own unit.
-        best: The value of the fit, in the same unit.
     """
     from scipy.stats import norm
 

@@ -37,12 +37,7 @@ _EFFECT = unlisted(
 
 
 def changes_with_time(problem: Problem, minimum: Minimum) -> bool:
-    """Return whether a joint that changes during each release explains the releases better than the tables.
-
-    Args:
-        problem: With tables; of one release alone nothing can be said.
-        minimum: Of it.
-    """
+    """Return whether a joint that changes during each of several releases explains them better than a problem's tables."""
     if len(problem.records) < 2 or all(weight == FLAT for weight in problem.smoothing):
         return False
     held = {"changing.duration": problem.scales.duration, "changing.frequency": problem.scales.frequency}

@@ -20,11 +20,7 @@ UNITS = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "rest_angle": "rad"}
 
 
 def total_covariance(problem: Problem, minimum: Minimum, board: Board) -> Array:
-    """Return the covariance of the free parameters with the inertia's uncertainty in it.
-
-    Returns:
-        Covariance, shape (free, free), in the parameters' units.
-    """
+    """Return the covariance of the free parameters in their units, the inertia's uncertainty in it, shape (free, free)."""
     own = parameter_covariance(problem, minimum, problem.residuals(minimum.point))
     return own + inertia_covariance(problem, minimum, board)
 
@@ -198,12 +194,7 @@ def known_together(problem: Problem, minimum: Minimum) -> dict[str, tuple[float,
 def noise_behind(
     problem: Problem, minimum: Minimum, residuals: Sequence[Array], sensitivity: Sensitivity | None = None
 ) -> ResidualNoise:
-    """Return the noise behind the residuals of a minimum.
-
-    Args:
-        residuals: Of each record [rad or rad/s], shape (n,) each.
-        sensitivity: At the minimum; None to compute it.
-    """
+    """Return the noise behind the residuals [rad or rad/s], shape (n,) each, of a minimum with this sensitivity."""
     sensitivity = sensitivity or sensitivity_of(problem, minimum)
     if problem.weights is not None:
         residuals = [r * w for r, w in zip(residuals, problem.weights, strict=True)]

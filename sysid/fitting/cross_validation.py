@@ -25,16 +25,10 @@ PIECES = 3
 
 
 def heldout_residuals(problem: Problem, minimum: Minimum) -> tuple[Array, ...]:
-    """Return the residuals of each release, predicted without it; of one alone, of its second half from its first.
+    """Return how each release is missed, predicted without it; of one alone, its second half from its first.
 
-    Roll and rate at a release cannot be predicted, so those are fitted to the release itself.
-
-    Args:
-        problem: What was fitted.
-        minimum: Where the fit ended.
-
-    Returns:
-        Prediction minus measurement [rad or rad/s], shape (n,) for each release.
+    Roll and rate at a release cannot be predicted, so those are fitted to the release itself. Prediction minus measurement
+    [rad or rad/s], shape (n,) for each release.
     """
     if len(problem.records) == 1:
         return (_forecast(problem, minimum),)
@@ -44,12 +38,7 @@ def heldout_residuals(problem: Problem, minimum: Minimum) -> tuple[Array, ...]:
 def surprising_residuals(problem: Problem, minimum: Minimum) -> tuple[Array, ...]:
     """Return what is missed of each release whatever the others leave open; of one alone, of each third of it.
 
-    Args:
-        problem: What was fitted.
-        minimum: Where the fit ended.
-
-    Returns:
-        Prediction minus measurement [rad or rad/s], shape (n,) for each release.
+    Prediction minus measurement [rad or rad/s], shape (n,) for each release.
     """
     together = problem.residuals(minimum.point)
     if len(problem.records) == 1:
@@ -85,11 +74,7 @@ def _forecast(problem: Problem, minimum: Minimum) -> Array:
 def _within_noise(problem: Problem, minimum: Minimum, index: int, together: Array) -> Array:
     """Predict one release by physics that may move as far as the noise on the others leaves it open.
 
-    Args:
-        problem: Of all releases.
-        minimum: Of it.
-        index: Of the release.
-        together: What the fit to all releases misses of it, shape (n,).
+    What the fit to all releases misses of it is known `together`, shape (n,).
     """
     training, start = _training(problem, minimum.point, index)
     held, point = problem.with_(priors={}, smoothing=()).of([index], minimum.point)
@@ -103,14 +88,7 @@ def _within_noise(problem: Problem, minimum: Minimum, index: int, together: Arra
 
 
 def _without(whole: Normal, part: Normal, where: npt.NDArray[np.intp], shared: int) -> Normal:
-    """Return normal equations of all releases without those of one, of which only the first unknowns are the others' too.
-
-    Args:
-        whole: Of all releases.
-        part: Of the one.
-        where: Its unknowns among all, shape (q,).
-        shared: Number of those.
-    """
+    """Return normal equations of all releases without those of one, whose unknowns are at `where`, the shared ones first."""
     gradient, hessian = whole.gradient.copy(), whole.hessian.copy()
     gradient[where] -= part.gradient
     hessian[np.ix_(where, where)] -= part.hessian
@@ -153,11 +131,9 @@ def _predicted(
     """Return what is missed of one release by a motion that stays within what is known of its unknowns.
 
     Args:
-        problem: Of the release.
         expected: Its unknowns as the others have them, in units of their sizes, shape (p,).
         known: Inverse covariance of these, shape (p, p).
         point: The unknowns that fit all releases: a start in the right valley where the others leave that open.
-        here: Normal equations of the problem there.
         together: What is missed there, shape (n,).
     """
 

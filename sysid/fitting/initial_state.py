@@ -15,13 +15,9 @@ from sysid.roll import Array
 
 
 def residuals_of_law(board: Board, records: Sequence[Record], *, bias: Bias = "shared") -> list[Array]:
-    """Return the residuals of a record's law, with only roll and rate at each release fitted.
+    """Return how a record's law misses, with only roll and rate at each release fitted, and with 'per-release' the sensor's zero.
 
-    Args:
-        bias: With 'per-release', the sensor zero of each release is fitted too.
-
-    Returns:
-        Model minus measurement of each record [rad or rad/s], shape (n,) each.
+    Model minus measurement of each record [rad or rad/s], shape (n,) each.
     """
     return fit_initial_states(JointLaw.from_board(board), records, bias=bias)[0]
 
@@ -61,15 +57,8 @@ def problems_of_law(
     parameters = law.parameters
     del parameters["inertia"]
     free_states = bool(structure.internal_states) and any(r.release.hold <= 0 for r in records)
-    return [
-        Problem(
-            structure,
-            [record],
-            scales,
-            bias=bias,
-            fixed=parameters,
-            free_states=free_states,
-            steps_per_period=steps_per_period,
-        )
-        for record in records
-    ]
+    one = Problem(
+        structure, records[:1], scales, bias=bias, fixed=parameters, free_states=free_states,
+        steps_per_period=steps_per_period,
+    )  # fmt: skip
+    return [one.with_(records=[record]) for record in records]

@@ -43,10 +43,7 @@ class FitOptions:
 
 
 def check_effects(names: Sequence[str], known: Sequence[str] = ()) -> None:
-    """Accept effects that a free decay can say something about.
-
-    Args:
-        known: Those that the record has.
+    """Accept effects that a free decay can say something about beside those that the record has.
 
     Raises:
         SysidError: Unknown, or not identifiable from free decays; the message says why.

@@ -63,7 +63,7 @@ def ladder(
             fitted = fit_joint(releases, board, names, _without_missing(options, names, board))
         with stage(0.6, 1.0):
             error = fitted.heldout_rmse() if heldout else math.nan
-        yield rung_of(added[:count], fitted, error)
+        yield Rung(rung_name(added[:count]), fitted, error)
 
 
 def _without_missing(options: FitOptions, effects: Sequence[str], board: Board) -> FitOptions:
@@ -78,11 +78,6 @@ def _without_missing(options: FitOptions, effects: Sequence[str], board: Board) 
         bounds={name: ends for name, ends in options.bounds.items() if name in kept},
         priors=tuple(name for name in options.priors if name in kept),
     )
-
-
-def rung_of(effects: Sequence[str], fitted: JointFit, heldout: float) -> Rung:
-    """Return the rung of a fit with some effects."""
-    return Rung(rung_name(effects), fitted, heldout)
 
 
 def rung_name(effects: Sequence[str]) -> str:

@@ -88,12 +88,7 @@ class Problem:
         return replace(self, **{"weights": None, **changes})
 
     def of(self, kept: Sequence[int], point: Array) -> tuple["Problem", Array]:
-        """Return the problem of some of its records, and the same point in it.
-
-        Args:
-            kept: Indices of the records.
-            point: In units of its unknowns' sizes, shape (p,).
-        """
+        """Return the problem of some of its records, and the same point in it, in units of the unknowns' sizes, shape (p,)."""
         some = self.with_(records=[self.records[i] for i in kept])
         return some, np.r_[point[: len(self.names)], self.own(point)[kept].ravel()]
 
@@ -105,7 +100,6 @@ class Problem:
 
         Args:
             start: In units of their sizes, shape (p,).
-            iterations: Steps tried at most.
             tolerance: Relative fall of the cost at which it ends [1], or what says it of a cost; `unnoticed` if left out.
             known: Normal equations at the start, where an earlier search has them.
         """
@@ -262,11 +256,7 @@ class Problem:
         return pairs[:, 0], pairs[:, 1]
 
     def start(self, parameters: Mapping[str, float]) -> Array:
-        """Return unknowns for given parameters; the rest from the records themselves.
-
-        Returns:
-            Unknowns in units of their sizes, shape (p,).
-        """
+        """Return unknowns for given parameters, in units of their sizes, shape (p,); the rest from the records themselves."""
         values = [parameters[name] for name in self.names]
         for record in self.records:
             roll, rate = _first_motion(record)
@@ -284,21 +274,13 @@ class Problem:
         return np.array(values) / self.sizes()
 
     def vector_of(self, parameters: Mapping[str, float], record: Record | None = None) -> Array:
-        """Return the structure's parameter vector, inertia first, as it was for one record if that is given.
-
-        Returns:
-            Value of each parameter in its own unit, shape (k,).
-        """
+        """Return the structure's parameters in their units, shape (k,), inertia first; as they were for a record, if one is given."""
         known = {} if record is None else record.release.known
         full = {"inertia": self.scales.inertia, **parameters, **self.fixed, **known}
         return np.array([full[name] for name in self.structure.parameters])
 
     def parameters(self, unknowns: Array) -> dict[str, float]:
-        """Return all parameters by name, in their units, fixed ones included, without the inertia.
-
-        Args:
-            unknowns: In units of their sizes, shape (p,).
-        """
+        """Return all parameters in their units by name, without the inertia, from unknowns in their sizes, shape (p,)."""
         count = len(self.names)
         values = unknowns[:count] * self.sizes()[:count]
         return {**dict(zip(self.names, map(float, values), strict=True)), **self.fixed}
@@ -312,23 +294,13 @@ class Problem:
         return [(float(roll), float(rate)) for roll, rate, *_ in self.own(unknowns * self.sizes())]
 
     def residuals(self, unknowns: Array) -> list[Array]:
-        """Return model minus measurement of each record [rad or rad/s], shape (n,) each.
-
-        Args:
-            unknowns: In units of their sizes, shape (p,).
-        """
+        """Return model minus measurement [rad or rad/s], shape (n,) of each record, at unknowns in units of their sizes."""
         return [pair[0] for pair in self.linearise(unknowns)]
 
     def linearise(self, unknowns: Array) -> list[tuple[Array, Array]]:
-        """Return residual, shape (n,), and Jacobian, shape (n, free + own), of each record; not scaled.
+        """Return residual [rad or rad/s], shape (n,), and Jacobian, shape (n, free + own), of each record; not scaled.
 
-        The Jacobian's columns are the free parameters and then the record's own unknowns.
-
-        Args:
-            unknowns: In units of their sizes, shape (p,).
-
-        Returns:
-            Residual [rad or rad/s] and Jacobian [the same per unit of each column's unknown] of each record.
+        The Jacobian's columns are the free parameters and then the record's own unknowns. The point is in units of their sizes.
         """
         return [(rows[:, 0], rows[:, 1:]) for rows in self._rows(unknowns)]
 
@@ -393,10 +365,9 @@ class Problem:
         return np.array(known) / self.sizes()[: len(self.names)]
 
     def normal(self, unknowns: Array) -> Normal:
-        """Return cost and normal equations, residuals in units of their noise; what is known before counts with them.
+        """Return cost and normal equations at unknowns in units of their sizes, shape (p,), residuals in units of their noise.
 
-        Args:
-            unknowns: In units of their sizes, shape (p,).
+        What is known before counts with them.
         """
         shared, sizes = len(self.names), self.sizes()
         gradient = np.zeros(len(sizes))
@@ -440,8 +411,7 @@ class Problem:
     def start_limit(self, index: int, unknowns: Array) -> tuple[float, float]:
         """Return the sign of a record's rate towards rest, and by how much it may start so: a deviation [rad/s], inf if pushed.
 
-        Args:
-            unknowns: In units of their sizes, shape (p,).
+        The unknowns are in units of their sizes, shape (p,).
         """
         begin = self._starts[index]
         free = begin.unsure == 0 or begin.pull == 0
@@ -458,11 +428,7 @@ class Problem:
         return late * begin.pull
 
     def start_penalty(self, unknowns: Array) -> float:
-        """Return the sum of squares [1] that `normal` charges for starts that are too fast.
-
-        Args:
-            unknowns: In units of their sizes, shape (p,).
-        """
+        """Return the sum of squares [1] that `normal` charges, at unknowns of shape (p,), for starts that are too fast."""
         return sum(self._inward(index, unknowns)[0] ** 2 for index in range(len(self.records)))
 
 

@@ -66,11 +66,7 @@ class Profile(Shape):
 
 
 def profiles(fit: JointFit, board: Board) -> Iterator[Profile]:
-    """Profile each free parameter of a fit, one after another.
-
-    Args:
-        board: Gives the inertia's uncertainty, which is added to both sides in quadrature.
-    """
+    """Profile each free parameter of a fit, one after another, the board's uncertainty of inertia added in quadrature."""
     problem, minimum = fit.problem, fit.minimum
     low, high = problem.bounds()
     own = parameter_covariance(problem, minimum, fit.residuals)
@@ -97,7 +93,6 @@ def profile(
     """Walk away from a minimum to both sides along one unknown.
 
     Args:
-        normal: Cost and normal equations at a point.
         low: Lower bounds in units of the unknowns' sizes, shape (p,).
         high: Upper bounds, likewise, shape (p,).
         deviation: Its standard deviation in units of its size, correlation of the residuals included.

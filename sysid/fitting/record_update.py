@@ -72,18 +72,10 @@ def _advice(name: str) -> str:
     return effect(name.split(".")[0]).experiment if "." in name else "Record more releases, to both sides."
 
 
-def updated_board(
-    board: Board,
-    fit: JointFit,
-    logs: Mapping[str, Path],
-    *,
-    heldout: float,
-) -> Board:
+def updated_board(board: Board, fit: JointFit, logs: Mapping[str, Path], *, heldout: float) -> Board:
     """Return the board with a fit in it: no check has passed it yet.
 
-    Args:
-        logs: The files that were fitted, by the names that the record shall give them.
-        heldout: RMSE on releases that were left out [rad].
+    Logs go by the names that the record shall give them; `heldout` is the RMSE on releases that were left out [rad].
     """
     day = datetime.datetime.now(tz=datetime.UTC).date().isoformat()
     kept = {**board.tilt}

@@ -28,9 +28,6 @@ def signal_of(releases: Sequence[Release], signal: Signal = "auto") -> SignalOpt
     Where a gyro measured, its rate: a roll that was integrated from it drifts, and one that was fused from gyro and
     accelerometer has errors that last, which pass for motion. A gyro's zero wanders from release to release, as that of
     any other roll that drifts.
-
-    Args:
-        signal: 'auto', or what the caller wants.
     """
     if signal == "auto":
         drifting = any(release.zero == "drifting" for release in releases)
@@ -54,11 +51,9 @@ class Record:
 
 
 def make_records(releases: Sequence[Release], std: float, *, rate: bool) -> tuple[Record, ...]:
-    """Cut the tails at rest that say nothing new and return what is to be fitted.
+    """Cut the tails at rest that say nothing new and return what is to be fitted: the measured rate or the roll.
 
-    Args:
-        std: Noise floor of the signal [rad or rad/s].
-        rate: Fit the measured rate (the roll is only its integral) instead of the roll.
+    `std` is the noise floor of that signal [rad or rad/s].
     """
     records: list[Record] = []
     for release in releases:

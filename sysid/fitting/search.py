@@ -116,14 +116,7 @@ def linear_guess(record: Record) -> tuple[float, float] | None:
 def starting_points(
     structure: Structure, scales: Scales, fixed: Mapping[str, float] | None = None, *, most: int = 12
 ) -> list[dict[str, float]]:
-    """Return the starts from which a structure is searched: all combinations of its parameters' starts.
-
-    Args:
-        structure: The joint.
-        scales: Of the problem.
-        fixed: Parameters that are held.
-        most: Number of combinations.
-    """
+    """Return the starts from which a structure is searched: all combinations of its parameters' starts."""
     held = fixed or {}
     linear = {"stiffness": scales.stiffness, "damping": max(scales.damping, 0.0), "rest_angle": 0.0}
     lists: list[list[tuple[str, float]]] = []
@@ -183,14 +176,7 @@ def search(
     Internal states at release follow from the hold before it, or are free where the log does not show it.
 
     Args:
-        structure: The joint.
-        records: Of its releases.
-        scales: Of the problem.
-        bias: Whose zero the sensor has.
-        fixed: Parameters that are held.
         bounded: Bounds of others instead of their own.
-        priors: What is known of others before.
-        steps_per_period: Of the fine problem.
         starts: Instead of the catalogue's.
         average: Neighbouring samples whose means are fitted.
         exact: Go on as far as rounding allows, instead of as far as a judgement would notice.
@@ -262,7 +248,6 @@ def scan_rough_parameters(problem: Problem, found: tuple[float, Array]) -> tuple
     descent gets caught, a walk that re-fits everything else does not. At the noise there is nothing to gain.
 
     Args:
-        problem: The problem.
         found: Cost [1] and unknowns in units of their sizes, shape (p,).
 
     Returns:

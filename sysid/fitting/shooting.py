@@ -28,12 +28,9 @@ class Shooting:
         self._path = Rollout(self.stepper, self.steps)
 
     def read(self, vector: Array, own: Array, step: float) -> Array:
-        """Return values and sensitivities, shape (n, 1 + columns of the stepper).
+        """Return values and sensitivities, shape (n, 1 + columns of the stepper), in SI, as the parameters are, shape (p,).
 
-        Args:
-            vector: The structure's parameters, shape (p,).
-            own: Roll, rate and free internal states at release, shape (u,).
-            step: Integration step [s].
+        Each record's own, shape (u,), is roll, rate and free internal states at release; the step is the integration's [s].
         """
         parameters, unknowns, hold = self._begin.inputs
         parameters[:], unknowns[:], hold[:] = vector, own, self.hold

@@ -220,9 +220,7 @@ def gain(problem: Problem, found: Minimum, richer: Problem, there: Minimum) -> f
 def chosen_weights(problem: Problem, point: Array) -> tuple[float, ...]:
     """Return the weight of each table with which motion that is left out is predicted best; all flat if none is clearly better.
 
-    Args:
-        problem: With a weight for each table.
-        point: Near its minimum, in units of the unknowns' sizes, shape (p,).
+    The point is near the problem's minimum, in units of the unknowns' sizes, shape (p,).
     """
     linear = _Linearised(problem, point)
     flat = (FLAT,) * len(problem.smoothing)
@@ -323,11 +321,7 @@ def is_table(part: Effect) -> bool:
 def support_of(
     problem: Problem, minimum: Minimum, structure: Structure, rest_angle: float
 ) -> dict[str, float]:
-    """Return where a structure's tables have data: the parameters that say so, by the structure's names [rad or rad/s].
-
-    Args:
-        rest_angle: From which tilts count [rad].
-    """
+    """Return where tables have data, counted from the rest angle: parameters by the structure's names [rad or rad/s]."""
     law = JointLaw.from_vector(problem.structure, problem.vector_of(problem.parameters(minimum.point)))
     ends: list[tuple[float, ...]] = []
     for record, start in zip(problem.records, problem.starts(minimum.point), strict=True):
@@ -344,14 +338,9 @@ def support_of(
 
 
 def extended(problem: Problem, known: Mapping[str, float], before: Problem, point: Array) -> Array:
-    """Return the unknowns of a problem with tables: parameters that are not known zero, starts as another problem had them.
+    """Return the unknowns of a problem with tables, in units of their sizes, shape (q,): parameters that are not known zero.
 
-    Args:
-        known: Parameters in their units.
-        point: Of it, in units of its unknowns' sizes, shape (p,).
-
-    Returns:
-        In units of the sizes, shape (q,).
+    Starts are as another problem had them at its point, likewise, shape (p,).
     """
     start = problem.start({**dict.fromkeys(problem.names, 0.0), **known})
     for index in range(len(problem.records)):

@@ -13,7 +13,6 @@ def hermite_matrix(time: Array, h: float, points: int, *, slope: bool = False) -
     Args:
         time: Where to look [s], shape (n,), within the grid.
         h: Grid step [s].
-        points: Number of grid points.
         slope: Return the matrix for slopes at `time` instead of values.
 
     Returns:

@@ -113,7 +113,6 @@ def _rk4_slopes(
     are multiplied with it once, instead of being carried through the stages.
 
     Args:
-        equations: Of the joint.
         y: State, shape (n,).
         fitted: Parameters whose slopes are wanted, shape (p,).
         parameters: All of them, shape (q,).
@@ -216,24 +215,16 @@ class Rollout:
     """Some steps of a joint, block by block, so that one function does for every length."""
 
     def __init__(self, stepper: Stepper, steps: int) -> None:
-        """Allocate the buffers.
-
-        Args:
-            steps: A multiple of `BLOCK`.
-        """
+        """Allocate the buffers for a multiple of `BLOCK` steps."""
         self._block = Buffered(_block(stepper))
         self._rows = stepper.step.size1_out(1)
         self._seen = np.zeros((steps // BLOCK, BLOCK * self._rows))
 
     def __call__(self, start: Array, given: Array) -> Array:
-        """Return what the sensor sees and its derivatives at the start of each step, and in turn its rate and the same.
+        """Return what the sensor sees and its derivatives at the start of each step, and in turn its rate and the same, in SI.
 
-        Args:
-            start: State and sensitivities, shape (n,).
-            given: Parameters and the step [s], shape (p + 1,).
-
-        Returns:
-            Shape (2 steps, 1 + columns of the stepper); the next call overwrites it.
+        From state and sensitivities, shape (n,), and parameters and step, shape (p + 1,), to shape (2 steps, 1 + columns of the
+        stepper); the next call overwrites it.
         """
         run, (here, numbers), (there, read) = self._block.run, self._block.inputs, self._block.outputs
         here[:], numbers[:] = start, given

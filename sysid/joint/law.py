@@ -69,11 +69,7 @@ class JointLaw:
         return replace(self, effects=(*others, (name, tuple(values))))
 
     def posed(self, known: Mapping[str, float]) -> Self:
-        """Return the law of a joint in another pose, or with another load.
-
-        Args:
-            known: What is other there, by the structure's names (see `Release.known`).
-        """
+        """Return the law of a joint in another pose, or with another load: what is `known` there, by the structure's names."""
         values = [known.get(name, value) for name, value in self.parameters.items()]
         return type(self).from_vector(self.structure, np.array(values)) if known else self
 

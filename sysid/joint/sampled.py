@@ -18,14 +18,7 @@ from sysid.roll import Array
 
 
 def continuous_map(inertia: float, stiffness: float, damping: float, timestep: float) -> tuple[float, float]:
-    """Return (trace, determinant) of what a continuous joint does in one step: e^(s₁h) + e^(s₂h), e^((s₁+s₂)h).
-
-    Args:
-        inertia: I [kg*m^2].
-        stiffness: k [N*m/rad].
-        damping: d [N*m*s/rad].
-        timestep: h [s].
-    """
+    """Return (trace, determinant) of what a continuous joint of I, k, d does in one step h: e^(s₁h) + e^(s₂h), e^((s₁+s₂)h)."""
     root = cmath.sqrt(damping * damping - 4 * inertia * stiffness)
     poles = np.array([-damping + root, -damping - root]) / (2 * inertia)
     return float(np.exp(poles * timestep).sum().real), float(np.exp(-damping / inertia * timestep))

@@ -42,12 +42,9 @@ def clock_ratio(structure: Structure, parameters: Mapping[str, float]) -> float:
 
 
 def read(law: JointLaw, angle: Array, rate: Array, time: Array) -> Reading:
-    """Return what the sensor of a law makes of samples that have left its filters.
+    """Return what the sensor of a law makes of samples that have left its filters, shape (n,) each.
 
-    Args:
-        angle: [rad], shape (n,).
-        rate: Per second of the log's clock [rad/s], shape (n,).
-        time: On the log's clock [s], shape (n,).
+    Angles [rad], rates per second of the log's clock [rad/s], and times on that clock [s].
     """
     values = dict(law.effects)
     reading = Reading(angle, rate, time)
@@ -78,11 +75,9 @@ def reader(structure: Structure) -> Any:
 
 
 def sense(law: JointLaw, time: Array, roll: Array) -> Array:
-    """Return what the sensor of a law reads of a deck that somebody else has moved [rad], shape (n,).
+    """Return what a law's sensor reads of a deck that somebody else has moved, from when it was let go [rad], shape (n,).
 
-    Args:
-        time: On the log's clock [s], shape (n,).
-        roll: The deck's [rad], shape (n,), from when it was let go.
+    Times are on the log's clock [s], shape (n,), the deck's roll in rad.
     """
     rate = np.gradient(roll, time)
     for part in law.structure.parts:

@@ -39,12 +39,7 @@ def effect_torque(law: JointLaw, name: str, time: Array, roll: Array, rate: Arra
 
 
 def memoryless_torque(law: JointLaw, roll: Array, rate: Array) -> Array:
-    """Return the torque of spring, damper and all effects without memory [N*m], shape (n,).
-
-    Args:
-        roll: Roll [rad], shape (n,).
-        rate: Roll rate [rad/s], shape (n,).
-    """
+    """Return the torque of spring, damper and all effects without memory [N*m] at roll and rate in SI, shape (n,) each."""
     torque = -law.stiffness * (roll - law.rest_angle) - law.damping * rate
     for name, _ in law.effects:
         if not effect(name).states:

@@ -51,11 +51,7 @@ class Session:
     history: list[Numbers] = field(default_factory=list[Numbers])
 
     def take(self, recordings: Sequence[Recording]) -> bool:
-        """Take what has been read so far, and return whether another release has ended.
-
-        Args:
-            recordings: All of them; a log that has grown, in place of what it was.
-        """
+        """Take all that has been read so far, each log as it is now, and return whether another release has ended."""
         found = [
             r for recording in recordings for r in (_ended(recording) if self.grows else recording.releases)
         ]
@@ -92,12 +88,7 @@ def _ended(recording: Recording) -> list[Release]:
 
 
 def next_release(releases: Sequence[Release], board: Board) -> str:
-    """Return which release would help most: from which side, and from how far.
-
-    Args:
-        releases: So far.
-        board: Whose.
-    """
+    """Return which release would help most: from which side, and from how far."""
     show = display(is_rate=False, slides=board.slides)
     names = (
         {"right": "right", "left": "left"}

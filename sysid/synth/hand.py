@@ -59,7 +59,6 @@ def hand_motion(
         push: Time for the way there [s].
         hold: Time for which the deck is held [s].
         tremor: Root mean square of the physiological tremor, 7 to 11 Hz, while held [rad].
-        rng: Chooses frequencies and phases of the tremor.
     """
     from scipy.interpolate import make_interp_spline
 

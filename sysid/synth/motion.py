@@ -234,14 +234,11 @@ def simulate(
     """Integrate from `begin` to `end` [s] and sample at `times` [s], shape (n,), ascending, in between.
 
     Args:
-        start: State and modes at `begin`.
         begin: Start [s].
         end: End [s].
         times: Where to sample [s].
         hand: Leads the deck instead of letting it move freely.
         accelerations: Fill the third column of the samples; it is 0 otherwise.
-        rtol: Relative tolerance of DOP853.
-        atol: Absolute tolerance of DOP853.
 
     Returns:
         Samples (roll, rate, acceleration), shape (n, 3), and the condition at `end`.

@@ -75,7 +75,9 @@ def measure(time: Array, motion: Array, sensor: Sensor, dialect: Dialect, rng: n
         return (roll_rate + sensor.gyro_noise * rng.standard_normal(len(time)))[:, None]
     force = _specific_force(roll, rate, acceleration, sensor)
     for axis in range(3):
-        force[:, axis] = lowpass(time, force[:, axis], _slope(time, force[:, axis]), sensor.time_constant)
+        force[:, axis] = lowpass(
+            time, force[:, axis], np.gradient(force[:, axis], time), sensor.time_constant
+        )
     force += sensor.accelerometer_noise * rng.standard_normal(force.shape)
     still = np.zeros_like(roll_rate)
     rates = np.column_stack((roll_rate, still - 0.4 * sensor.gyro_bias, still + 0.7 * sensor.gyro_bias))
@@ -90,10 +92,6 @@ def _specific_force(roll: Array, rate: Array, acceleration: Array, sensor: Senso
     z = GRAVITY * np.cos(roll) + acceleration * left - rate**2 * up
     c, s = math.cos(sensor.bias), math.sin(sensor.bias)
     return np.column_stack((np.zeros_like(roll), c * y + s * z, c * z - s * y))
-
-
-def _slope(time: Array, signal: Array) -> Array:
-    return np.gradient(signal, time)
 
 
 def lowpass(time: Array, signal: Array, slope: Array, time_constant: float) -> Array:

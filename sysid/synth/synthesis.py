@@ -32,10 +32,8 @@ def synthesise(
     """Record a board that behaves by its record and by `effects`, which add to the record's own.
 
     Args:
-        board: Gives inertia, stiffness, damping, rest angle and effects.
         effects: Name and parameters, in the order of the catalogue; an effect that the record has too is
             replaced by the one given here.
-        options: How it is moved and recorded.
 
     Raises:
         SysidError: An effect or an option is out of range.

@@ -32,13 +32,13 @@ ATTITUDE_STEP = np.radians(1.0)
 """Turns this far apart are different attitudes [rad]: the outermost pixels are a pixel or two apart."""
 AGREEMENT = 0.3
 """Spread of a pixel in pictures turned back, over its spread as filmed, up to which it is the board's."""
-MIN_PIXELS, MAX_PIXELS = 400, 3000
+MIN_PIXELS, MAX_PIXELS = 400, 2000
 """Fewer pixels are no body; of more, those where brightness changes most are used."""
 MIN_SPREAD = 4.0
 """Least standard deviation of the body's pixels about their middle, across its narrow side [px]."""
 MIN_PICTURES, MIN_TURN = 5, np.radians(1.0)
 """Pictures, and turn among them [rad], that tell the body from the rest."""
-ROUNDS, MAX_PICTURES = 2, 32
+ROUNDS, MAX_PICTURES = 2, 24
 """Times that they are averaged, each time turned back better, and how many at most, evenly spread: most of them at rest, where compression leaves the least out."""
 MIDDLE_GREY = np.float32(128.0)
 """About which brightness is squared, so that single precision does [grey levels]."""

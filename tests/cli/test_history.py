@@ -43,6 +43,20 @@ def test_undo_goes_back_one_change_after_the_other(tmp_path, capsys):
         run("undo", "-b", "pink", "--workspace", str(tmp_path))
 
 
+def test_undo_shows_what_it_takes_back_and_only_that(tmp_path, capsys):
+    space = Workspace(tmp_path)
+    board = space.load_board("pink")
+    space.save_board(board.checked({"passed": True, "nrmse": 0.01}))
+    run("undo", "-b", "pink", "--workspace", str(tmp_path))
+    out = capsys.readouterr().out
+    assert "passed (nrmse 1 %)" in out
+    assert "not run" in out
+    assert "stiffness" not in out
+    stiffer(space, 20.0)
+    run("undo", "-b", "pink", "--workspace", str(tmp_path))
+    assert "stiffness" in capsys.readouterr().out
+
+
 def test_history_shows_a_line_a_fit(tmp_path, capsys):
     stiffer(Workspace(tmp_path), 20.0)
     run("history", "-b", "pink", "--workspace", str(tmp_path), "--json", str(tmp_path / "h.json"))

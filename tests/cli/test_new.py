@@ -63,7 +63,12 @@ def test_the_scene_of_a_board_names_the_sections_that_it_needs(tmp_path):
     husky("new", "rig", "--inertia", "0.01", "--workspace", tmp_path)
     done = husky("mjcf", "--board", "rig", "--scene", "-o", tmp_path / "a.xml", "--workspace", tmp_path)
     assert done.returncode == 1
-    assert "no [geometry] and no [mass]: the scene of the whole board needs them" in done.stderr
+    assert "no [geometry] and no [mass]: the scene of the whole board (not --bench" in done.stderr
+
+
+def test_a_new_board_says_what_its_record_leaves_out(tmp_path):
+    made = husky("new", "deck", "--kind", "board", "--inertia", "0.01", "--workspace", tmp_path)
+    assert "[geometry] and [mass] are left out" in made.stdout
 
 
 def test_a_bare_record_is_fitted_and_checked_on_its_bench(tmp_path):

@@ -1,5 +1,6 @@
 """One judgement: what counts as equally good, what matters, and the experiment that decides."""
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 from unittest.mock import patch
@@ -11,7 +12,7 @@ from scipy.signal import lfilter
 from sysid.board import load_board
 from sysid.diagnosis.diagnose import Diagnosis, _hints, _nothing, _outside
 from sysid.diagnosis.error_model import Fitted
-from sysid.diagnosis.experiment import DECIDED, deciding
+from sysid.diagnosis.experiment import DECIDED, deciding, widest
 from sysid.diagnosis.importance import importance, reading_share
 from sysid.diagnosis.judgement import (
     FEWEST_BLOCKS,
@@ -29,6 +30,7 @@ from sysid.diagnosis.wording import size_in_words
 from sysid.fitting.records import make_records
 from sysid.fitting.search import scales_of
 from sysid.joint import JointLaw, simulate
+from sysid.quantity import Quantity
 from sysid.roll import Release
 from sysid.workspace import shipped_data
 
@@ -131,9 +133,14 @@ def test_of_those_not_told_apart_a_law_of_three_parameters_is_no_simpler_than_tw
 @pytest.mark.parametrize(
     ("gap", "limit", "head", "hint"),
     [
-        (TIE - 1, 0.0, "Nothing is missing beyond doubt.", "may be there (score better by"),
-        (TIE - 1, 1.0, "Nothing is missing that matters.", "may be there (score better by"),
-        (TIE + 1, 1.0, "Nothing is missing that matters.", "is seen (score better by"),
+        (TIE - 1, 0.0, "Nothing is missing beyond doubt.", "may be there, and would matter (score better by"),
+        (
+            TIE - 1,
+            1.0,
+            "Nothing is missing that matters.",
+            "may be there, too weak to matter (score better by",
+        ),
+        (TIE + 1, 1.0, "Nothing is missing that matters.", "is seen, too weak to matter (score better by"),
     ],
 )
 def test_what_is_not_named_is_said_to_be_unsure_or_too_weak_to_matter(
@@ -348,6 +355,32 @@ def test_what_is_weak_does_not_matter():
     _, field = tried(LAW.with_effect("coulomb", 0.0008), ("coulomb",))
     coulomb = next(s for s in field.scored if s.model.effects == ("coulomb",))
     assert not importance(coulomb.model, ["coulomb"], field.base.model).matters
+
+
+def test_a_rival_that_is_ruled_out_is_none(friction, monkeypatch):
+    """Of a log with nothing but dry friction no other family is left; were nothing ever ruled out, some would be."""
+    _, field = friction
+    chosen = field.winner()
+    assert field.rivals(chosen) == []
+    monkeypatch.setattr(field, "possible", field.scored)
+    assert field.rivals(chosen) == []
+    monkeypatch.setattr("sysid.diagnosis.judgement.RULED_OUT", np.inf)
+    rivals = field.rivals(chosen)
+    assert ("quadratic-damping",) in [s.model.effects for s in rivals]
+    assert families_of(chosen.model, ()) not in [families_of(s.model, ()) for s in rivals]
+    assert [field.weight(s) for s in rivals] == sorted(map(field.weight, rivals), reverse=True)
+
+
+@pytest.mark.parametrize(("known", "times"), [(math.pi, 1.0), (1e-3, 1.0), (1.2, 1.2), (3.0, 1.5)])
+def test_a_deck_is_let_go_from_no_farther_than_it_is_known_to_go(friction, known, times):
+    """Half a turn is no range that anybody measured; one that is narrower than what the log shows is wrong."""
+    _, field = friction
+    model = field.winner().model
+    seen = model.problem.scales.amplitude
+    board = load_board(shipped_data() / "boards" / "pink.toml")
+    known = known if known == math.pi else known * seen
+    board = board.with_tilt(range=Quantity(known, 0.0, "rad"))
+    assert widest(model, board) == pytest.approx(times * seen)
 
 
 def test_the_experiment_is_the_smallest_that_decides(friction):

@@ -21,12 +21,9 @@ def roll_at(time):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("method", "covers"), [("marker", 0.8), ("features", 0.93)])
-def test_a_long_film_does_not_drift(tmp_path, method, covers):
-    """The tripod sinks by 3 px meanwhile, which the background shows.
-
-    A marker of 45 px knows nothing of what compression leaves out of its last, smallest swings: its intervals cover less.
-    """
+@pytest.mark.parametrize("method", ["marker", "features"])
+def test_a_long_film_does_not_drift(tmp_path, method):
+    """The tripod sinks by 3 px meanwhile, which the background shows."""
     truth, body = roll_at(TIME), plate(380, 80, contrast=30.0)
     film = draw_film(
         tmp_path / "long.mp4", marked(body, 60) if method == "marker" else body, truth, fps=RATE,
@@ -39,6 +36,6 @@ def test_a_long_film_does_not_drift(tmp_path, method, covers):
     assert np.degrees(np.sqrt(np.mean(error**2))) < 0.05
     thirds = [np.median(part) for part in np.array_split(error, 3)]
     assert np.degrees(np.ptp(thirds)) < 0.01
-    assert np.mean(np.abs(error) < 1.96 * roll.std) >= covers
+    assert np.mean(np.abs(error) < 1.96 * roll.std) >= 0.93
     assert np.median(roll.std) < np.radians(0.1)
     assert len(find_releases(roll)) == RELEASES

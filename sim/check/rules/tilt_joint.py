@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from sim.check.rules._base import Case, Rule
+from sim.check.rules._base import Rule
 from sim.compensation.parasitics import DECK, Parasitics, TiltJoint
 
 VISIBLE = 0.03
@@ -37,8 +37,4 @@ def _departure(joint: Parasitics, quantity: str, unit: str, seen: TiltJoint) -> 
     )
 
 
-def _says(case: Case) -> Iterator[str]:
-    return departures(case.joint)
-
-
-RULE = Rule(order=5, asked=("failed",), says=_says, of_board=True)
+RULE = Rule(order=5, asked=("failed",), says=lambda case: departures(case.joint), of_board=True)

@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from mjlab.envs import ManagerBasedRlEnv
 
 
-
 @dataclass(frozen=True, slots=True)
 class FirstState:
     """What worlds begin an episode with."""

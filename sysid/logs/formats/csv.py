@@ -4,6 +4,7 @@ import re
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -50,7 +51,9 @@ class TextTable:
             except ValueError:  # units in the cells, thousands or a typographic minus: slower, cell by cell
                 frame = self._frame(wanted, texts=wanted)
                 for index in set(wanted) - set(dates):
-                    frame[index] = frame[index].fillna("nan").map(self._number)
+                    frame[index] = (
+                        frame[index].fillna("nan").map(partial(dialect.read_number, decimal=self.decimal))
+                    )
         except MemoryError as error:
             raise SysidError(
                 f"{self.path}: too large for this computer's memory. Cut it into parts."
@@ -62,9 +65,6 @@ class TextTable:
             name = self.names[index]
             columns[name] = seconds_of(frame[index]) if name in self.dates else frame[index].to_numpy()
         return columns
-
-    def _number(self, cell: str) -> float:
-        return float("nan") if dialect.is_missing(cell) else dialect.read_number(cell, self.decimal)
 
     def _frame(self, wanted: list[int], *, texts: Sequence[int]) -> Any:
         """Return columns by their index: those of `texts` as they are written, the others as numbers."""

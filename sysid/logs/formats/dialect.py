@@ -192,11 +192,13 @@ def plain_number(cell: str, decimal: str) -> str:
 
 
 def read_number(cell: str, decimal: str) -> float:
-    """Return the number in a cell.
+    """Return the number in a cell, NaN where it stands for a missing one.
 
     Raises:
-        ValueError: There is none.
+        ValueError: It is neither.
     """
+    if cell.strip().lower() in _MISSING:
+        return float("nan")
     plain = plain_number(cell, decimal)
     if not _NUMBER.fullmatch(plain):
         raise ValueError(cell)
@@ -209,11 +211,6 @@ def cell_unit(cell: str) -> str | None:
     return parse_unit(measure[2]) if measure else None
 
 
-def is_missing(cell: str) -> bool:
-    """Return whether a cell stands for a missing number."""
-    return cell.strip().lower() in _MISSING
-
-
 def is_number(cell: str, decimal: str) -> bool:
     """Return whether a cell is a number or stands for a missing one."""
-    return is_missing(cell) or bool(_NUMBER.fullmatch(plain_number(cell, decimal)))
+    return cell.strip().lower() in _MISSING or bool(_NUMBER.fullmatch(plain_number(cell, decimal)))

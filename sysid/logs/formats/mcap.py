@@ -19,7 +19,7 @@ def open_mcap(path: Path) -> LogFile:
     Raises:
         SysidError: The reader is not installed, the file is damaged, or no message can be decoded.
     """
-    path = _recording(path)
+    path = next(path.glob("*.mcap")) if path.is_dir() else path
     with needs_extra("mcap", f"{path}: reading MCAP"):
         from mcap.reader import make_reader
         from mcap_ros2.decoder import DecoderFactory
@@ -49,12 +49,7 @@ def open_mcap(path: Path) -> LogFile:
         raise SysidError(f"{error}{found}") from error
 
 
-def _recording(path: Path) -> Path:
-    return next(path.glob("*.mcap")) if path.is_dir() else path
-
-
-def _sniff(path: Path, head: bytes) -> bool:
-    return head.startswith(b"\x89MCAP") or (path.is_dir() and len(list(path.glob("*.mcap"))) == 1)
-
-
-FORMAT = Format(name="MCAP", order=2, sniff=_sniff, open=open_mcap)
+FORMAT = Format(
+    name="MCAP", order=2, open=open_mcap,
+    sniff=lambda path, head: head.startswith(b"\x89MCAP") or (path.is_dir() and len(list(path.glob("*.mcap"))) == 1),
+)  # fmt: skip

@@ -17,10 +17,7 @@ MAX_LENGTH = 32
 
 
 def tables_of(path: Path, kind: str, messages: Iterable[tuple[str, float, Any]]) -> LogFile:
-    """Return the numbers of decoded messages.
-
-    Args:
-        messages: Topic, time of arrival [s] and content of each: dictionaries, or objects with fields.
+    """Return the numbers of messages: topic, time of arrival [s] and content of each, dictionaries or objects with fields.
 
     Raises:
         SysidError: There is no number in them.

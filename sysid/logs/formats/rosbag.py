@@ -33,8 +33,7 @@ def open_bag(path: Path) -> LogFile:
         return tables_of(path, "ROS recording", messages())
 
 
-def _sniff(path: Path, head: bytes) -> bool:
-    return head.startswith((b"#ROSBAG", SQLITE)) or (path.is_dir() and any(path.glob("*.db3")))
-
-
-FORMAT = Format(name="ROS bag", order=2, sniff=_sniff, open=open_bag)
+FORMAT = Format(
+    name="ROS bag", order=2, open=open_bag,
+    sniff=lambda path, head: head.startswith((b"#ROSBAG", SQLITE)) or (path.is_dir() and any(path.glob("*.db3"))),
+)  # fmt: skip

@@ -17,10 +17,8 @@ def sensor_tables(
     """Return several sensors as one log; what is read together comes on the clock of the first one that is asked for.
 
     Args:
-        path: The file or folder.
         clocks: Time of each sensor [s], shape (n_sensor,).
         columns: Sensor and values of each column.
-        note: What was inferred.
     """
 
     def read(names: Sequence[str]) -> dict[str, Array]:

@@ -29,9 +29,7 @@ class RollAxis:
 def find_roll_axis(rates: Array, choice: Choice) -> RollAxis:
     """Return the user's axis, or the one that the sensor turns about most; its largest component is positive.
 
-    Args:
-        rates: Rotation rates in sensor axes [rad/s], shape (n, 3).
-        choice: Its axis and sign count.
+    The rates are in sensor axes [rad/s], shape (n, 3).
     """
     free = rates - np.median(rates, axis=0)
     moments, axes = np.linalg.eigh(free.T @ free)

@@ -81,7 +81,6 @@ def smooth_gravity(
         rate_noise: Standard deviation of one sample of the gyro [rad/s].
         lever_arm: From a fixed axis or point of rotation to the accelerometer, in sensor axes [m], shape (3,);
             its tangential and centripetal accelerations are taken off.
-        find_lever_arm: Estimate the lever arm where none is given.
 
     Raises:
         SysidError: The record is too short.
@@ -178,7 +177,8 @@ class _Problem:
         turned = blocks.mean(np.einsum("nij,nj->ni", attitude, force))
         measured = turned / STANDARD_GRAVITY
         mean_attitude = blocks.mean(attitude)
-        drift = np.concatenate((mean_attitude, blocks.mean(_times_each_rate(attitude, rate))), axis=2)
+        turned_rates = np.einsum("nij,nk->nijk", attitude, rate).reshape(-1, 3, 9)
+        drift = np.concatenate((mean_attitude, blocks.mean(turned_rates)), axis=2)
         period = float(np.median(blocks.length))
         if not spread.size:
             spread = _local_mean((np.linalg.norm(measured, axis=1) - 1) ** 2, period) + 1e-4
@@ -194,61 +194,46 @@ class _Problem:
         )
 
     def solve(self, known: Array, prior: Array) -> tuple[Array, Array]:
-        """Return states, shape (blocks, 18), and covariances from the `known` errors and their std `prior`."""
-        start = np.concatenate((self.measured[0], known))
-        std = np.concatenate((np.ones(3), prior))
-        return _rauch_tung_striebel(
-            self.measured, self.variance, self.drift, self.attitude, self.walk, start, std
-        )
+        """Follow x = (vertical s in S, gyro offset b and gain error C, accelerometer offset a) through the blocks.
+
+        s' = s - s × (∫R dt b + ∫R C ω dt), measured s + R a; the fifteen errors are constant, `known` within `prior`.
+        Returns means, shape (blocks, 18), and covariances, shape (blocks, 18, 18), given all measurements.
+        """
+        count = len(self.measured)
+        mean, predicted = np.zeros((count, STATES)), np.zeros((count, STATES))
+        cov, predicted_cov = np.zeros((count, STATES, STATES)), np.zeros((count, STATES, STATES))
+        transition = np.tile(np.eye(STATES), (count, 1, 1))
+        x = np.concatenate((self.measured[0], known))
+        p = np.diag(np.concatenate((np.ones(3), prior)) ** 2)
+        sees = np.zeros((3, STATES))
+        sees[:, :3] = np.eye(3)
+        for k in range(count):
+            if k:
+                s0, s1, s2 = x[:3]
+                f = transition[k]
+                f[:3, 3:15] = np.array(((0.0, s2, -s1), (-s2, 0.0, s0), (s1, -s0, 0.0))) @ self.drift[k - 1]
+                x = f @ x
+                p = f @ p @ f.T
+                p.flat[: 2 * STATES + 3 : STATES + 1] += self.walk[k - 1]
+            predicted[k], predicted_cov[k] = x, p
+            sees[:, 15:] = self.attitude[k]
+            seen = sees @ p
+            innovation = seen @ sees.T
+            innovation.flat[::4] += self.variance[k]
+            gain = np.linalg.solve(innovation, seen).T
+            x = x + gain @ (self.measured[k] - sees @ x)
+            p = p - gain @ seen
+            mean[k], cov[k] = x, p
+        for k in range(count - 2, -1, -1):
+            gain = np.linalg.solve(predicted_cov[k + 1], transition[k + 1] @ cov[k]).T
+            mean[k] += gain @ (mean[k + 1] - predicted[k + 1])
+            cov[k] += gain @ (cov[k + 1] - predicted_cov[k + 1]) @ gain.T
+        return mean, cov
 
     def spread(self, state: Array) -> Array:
         """Return the variance of a component of the acceleration beside gravity about each block."""
         seen = state[:, :3] + np.einsum("kij,kj->ki", self.attitude, state[:, 15:])
         return _local_mean(np.sum((self.measured - seen) ** 2, axis=1) / 3, self.period) + 1e-7
-
-
-def _rauch_tung_striebel(
-    measured: Array, variance: Array, drift: Array, attitude: Array, walk: Array, start: Array, std: Array
-) -> tuple[Array, Array]:
-    """Follow x = (vertical s in S, gyro offset b and gain error C, accelerometer offset a) through the blocks.
-
-    s' = s - s × (∫R dt b + ∫R C ω dt), measured s + R a; the fifteen errors are constant.
-    Returns means, shape (blocks, 18), and covariances, shape (blocks, 18, 18), given all measurements.
-    """
-    count = len(measured)
-    mean, predicted = np.zeros((count, STATES)), np.zeros((count, STATES))
-    cov, predicted_cov = np.zeros((count, STATES, STATES)), np.zeros((count, STATES, STATES))
-    transition = np.tile(np.eye(STATES), (count, 1, 1))
-    x, p = start, np.diag(std**2)
-    sees = np.zeros((3, STATES))
-    sees[:, :3] = np.eye(3)
-    for k in range(count):
-        if k:
-            s0, s1, s2 = x[:3]
-            f = transition[k]
-            f[:3, 3:15] = np.array(((0.0, s2, -s1), (-s2, 0.0, s0), (s1, -s0, 0.0))) @ drift[k - 1]
-            x = f @ x
-            p = f @ p @ f.T
-            p.flat[: 2 * STATES + 3 : STATES + 1] += walk[k - 1]
-        predicted[k], predicted_cov[k] = x, p
-        sees[:, 15:] = attitude[k]
-        seen = sees @ p
-        innovation = seen @ sees.T
-        innovation.flat[::4] += variance[k]
-        gain = np.linalg.solve(innovation, seen).T
-        x = x + gain @ (measured[k] - sees @ x)
-        p = p - gain @ seen
-        mean[k], cov[k] = x, p
-    for k in range(count - 2, -1, -1):
-        gain = np.linalg.solve(predicted_cov[k + 1], transition[k + 1] @ cov[k]).T
-        mean[k] += gain @ (mean[k + 1] - predicted[k + 1])
-        cov[k] += gain @ (cov[k + 1] - predicted_cov[k + 1]) @ gain.T
-    return mean, cov
-
-
-def _times_each_rate(attitude: Array, rate: Array) -> Array:
-    """Return R_ij ω_k, shape (n, 3, 9), for R of shape (n, 3, 3) and ω of shape (n, 3)."""
-    return (attitude[:, :, :, None] * rate[:, None, None, :]).reshape(-1, 3, 9)
 
 
 def _in_sensor(time: Array, block_time: Array, attitude: Array, vertical: Array) -> Array:

@@ -76,11 +76,7 @@ def scale_by_gravity(time: Array, rates: Array, accel: Array) -> tuple[float, Re
 def _clear(left: Sequence[float], still: float, noise: float, count: int) -> bool:
     """Whether the best of some candidates explains the accelerations, and no other does nearly as well.
 
-    Args:
-        left: What the candidates leave [m²/s⁴, summed over `count` numbers].
-        still: What no rotation at all leaves.
-        noise: What the accelerometer's noise alone leaves.
-        count: Numbers that are summed.
+    All are sums over `count` numbers [m²/s⁴]: what candidates leave, what no rotation leaves, and what noise alone does.
     """
     first, second = sorted(left)[:2]
     beyond = max(first - noise, 0.0)

@@ -54,16 +54,7 @@ def roll_from_quaternion(reading: Reading) -> Roll:
         remarks += zero
     noise = estimate_noise(roll)
     remarks += note("noise", f"{np.rad2deg(noise.std):.3g}° from the whole signal")
-    return Roll(
-        log=reading.log,
-        time=reading.time,
-        roll=roll,
-        std=np.full(roll.size, noise.std),
-        origin="quaternion",
-        zero="constant",
-        notes=remarks.notes,
-        warnings=remarks.warnings,
-    )
+    return reading.as_roll(roll, np.full(roll.size, noise.std), "quaternion", remarks, zero="constant")
 
 
 SOURCE = Source(name="quaternion", order=3, quantity=None, find=find_quaternion, to_roll=roll_from_quaternion)

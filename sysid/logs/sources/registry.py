@@ -155,7 +155,7 @@ def _that_moves(
     for source, choice in rivals:
         assert source.turning is not None
         turning.append(source.turning(choice, [data[name][sound] for name in choice.columns], period))
-    smooth = [[_averaged(rate, rows) for rate in turning] for rows in AVERAGED]
+    smooth = [[np.convolve(rate, np.ones(rows) / rows, "valid") for rate in turning] for rows in AVERAGED]
     sizes = np.array([[float(np.std(rate)) for rate in rates] for rates in smooth])
     best = int(np.argmax(np.median(sizes, axis=0)))
     hardly = np.any(sizes[:, 0] < HARDLY * sizes[:, best])
@@ -169,11 +169,6 @@ def _that_moves(
             f"--column '{named}' takes the other all the same"
         )
     )
-
-
-def _averaged(rate: Array, rows: int) -> Array:
-    """Return a rate, shape (n,), averaged over some rows."""
-    return np.convolve(rate, np.ones(rows) / rows, "valid")
 
 
 def _likeness(one: Array, other: Array) -> float:

@@ -148,14 +148,10 @@ def usual_step(time: Array) -> float:
 
 
 def drop_repeats(clock: Clock, signal: Array) -> None:
-    """Keep one row a measurement where a slow sensor was logged faster than it measures.
+    """Keep one row a measurement where a slow sensor was logged faster than it measures, by its signal in any unit, shape (n,).
 
     A held value stands for the same number of rows while the signal moves fast; an encoder between two
     counts does so only while it moves slowly, in steps of a count.
-
-    Args:
-        clock: Loses the rows that repeat.
-        signal: In any unit, shape (n,).
     """
     held = _held_rows(signal)
     if held < 2:

@@ -11,69 +11,50 @@ from typing import Literal
 
 Kind = Literal["time", "angle", "rate", "accel", "quaternion", "std", "other", "unknown"]
 
-ANGLE_UNITS = {"rad": 1.0, "mrad": 1e-3, "deg": 0.017453292519943295, "turn": 6.283185307179586}
-"""Radians in one of each unit."""
-RATE_UNITS = {
-    "rad/s": 1.0,
-    "mrad/s": 1e-3,
-    "deg/s": 0.017453292519943295,
-    "mdeg/s": 1.7453292519943295e-5,
-    "rpm": 0.10471975511965977,
+_UNITS_OF: dict[Kind, dict[str, tuple[float, str]]] = {
+    "angle": {
+        "rad": (1.0, "radian|radians|rads"),
+        "mrad": (1e-3, "milliradian|milliradians"),
+        "deg": (0.017453292519943295, "degree|degrees|degs|°|grad|º"),
+        "turn": (6.283185307179586, "turns|rev|revs|revolution|revolutions"),
+    },
+    "rate": {
+        "rad/s": (1.0, "rad s|radps|rad/sec|rad sec|rad s-1|rad s 1|rad per s|rad·s⁻¹|rads/s"),
+        "mrad/s": (1e-3, "mrad s|mradps"),
+        "deg/s": (
+            0.017453292519943295,
+            "deg s|degps|dps|°/s|º/s|deg/sec|deg sec|degrees/s|degrees s|deg s 1",
+        ),
+        "mdeg/s": (1.7453292519943295e-5, "mdps|mdeg s"),
+        "rpm": (0.10471975511965977, "rev/min|rev min"),
+    },
+    "accel": {
+        "m/s^2": (1.0, "m/s2|m/s²|m s2|m s 2|m s^2|mps2|ms2|ms-2|m s-2|m/s/s|m s s"),
+        "g": (9.80665, "gs|g0|gee"),
+        "mg": (9.80665e-3, "millig"),
+    },
+    "time": {
+        "s": (1.0, "sec|secs|second|seconds"),
+        "ms": (1e-3, "msec|millis|millisecond|milliseconds"),
+        "us": (1e-6, "usec|micros|microsecond|microseconds|µs|μs"),
+        "ns": (1e-9, "nsec|nanos|nanosec|nanosecond|nanoseconds"),
+        "cs": (1e-2, "centisecond|centiseconds"),
+        "100 ns": (1e-7, "100ns"),
+        "min": (60.0, "minute|minutes"),
+        "h": (3600.0, "hr|hrs|hour|hours"),
+    },
 }
-"""rad/s in one of each unit."""
-ACCEL_UNITS = {"m/s^2": 1.0, "g": 9.80665, "mg": 9.80665e-3}
-"""m/s² in one of each unit."""
-TIME_UNITS = {
-    "s": 1.0,
-    "ms": 1e-3,
-    "us": 1e-6,
-    "ns": 1e-9,
-    "cs": 1e-2,
-    "100 ns": 1e-7,
-    "min": 60.0,
-    "h": 3600.0,
-}
-"""Seconds in one of each unit."""
-
-_ALIASES = {
-    "rad": ("radian", "radians", "rads"),
-    "mrad": ("milliradian", "milliradians"),
-    "deg": ("degree", "degrees", "degs", "°", "grad", "º"),
-    "turn": ("turns", "rev", "revs", "revolution", "revolutions"),
-    "rad/s": ("rad s", "radps", "rad/sec", "rad sec", "rad s-1", "rad s 1", "rad per s", "rad·s⁻¹", "rads/s"),
-    "mrad/s": ("mrad s", "mradps"),
-    "deg/s": (
-        "deg s",
-        "degps",
-        "dps",
-        "°/s",
-        "º/s",
-        "deg/sec",
-        "deg sec",
-        "degrees/s",
-        "degrees s",
-        "deg s 1",
-    ),
-    "mdeg/s": ("mdps", "mdeg s"),
-    "rpm": ("rev/min", "rev min"),
-    "m/s^2": ("m/s2", "m/s²", "m s2", "m s 2", "m s^2", "mps2", "ms2", "ms-2", "m s-2", "m/s/s", "m s s"),
-    "g": ("gs", "g0", "gee"),
-    "mg": ("millig",),
-    "s": ("sec", "secs", "second", "seconds"),
-    "ms": ("msec", "millis", "millisecond", "milliseconds"),
-    "us": ("usec", "micros", "microsecond", "microseconds", "µs", "μs"),
-    "ns": ("nsec", "nanos", "nanosec", "nanosecond", "nanoseconds"),
-    "cs": ("centisecond", "centiseconds"),
-    "100 ns": ("100ns",),
-    "min": ("minute", "minutes"),
-    "h": ("hr", "hrs", "hour", "hours"),
-}
-_UNITS = {alias: unit for unit, aliases in _ALIASES.items() for alias in (unit, *aliases)}
-_UNIT_KIND: dict[str, Kind] = {
-    **dict.fromkeys(ANGLE_UNITS, "angle"),
-    **dict.fromkeys(RATE_UNITS, "rate"),
-    **dict.fromkeys(ACCEL_UNITS, "accel"),
-    **dict.fromkeys(TIME_UNITS, "time"),
+"""Units by what they measure: size in SI, and other spellings."""
+ANGLE_UNITS, RATE_UNITS, ACCEL_UNITS, TIME_UNITS = (
+    {unit: size for unit, (size, _) in units.items()} for units in _UNITS_OF.values()
+)
+"""rad, rad/s, m/s² and s in one of each unit."""
+_UNIT_KIND: dict[str, Kind] = {unit: kind for kind, units in _UNITS_OF.items() for unit in units}
+_UNITS = {
+    alias: unit
+    for units in _UNITS_OF.values()
+    for unit, (_, more) in units.items()
+    for alias in (unit, *more.split("|"))
 }
 
 _TIME_WORDS = {"t", "time", "times", "timestamp", "timestamps", "stamp", "elapsed", "clock", "zeit", "tiempo",

@@ -31,9 +31,7 @@ def measured_rows(
 ) -> tuple[npt.NDArray[np.intp] | None, Remarks]:
     """Return the rows, out of n, that are measurements in every signal, None for all; and what the others are.
 
-    Args:
-        signals: Columns by their names, shape (n,) each, in the log's units.
-        stamps: Their time stamps, shape (n,), or None.
+    Signals and time stamps, where there are any, are of shape (n,) each, in the log's units.
     """
     limits = [
         *((column, LARGEST) for column in signals.values()),

@@ -58,8 +58,7 @@ class Background:
         Raises:
             SysidError: The picture changes all at once.
         """
-        picture, scale = halved(frame.picture, SMALL_SIDE)
-        small = grey(picture)
+        small, scale = halved(grey(frame.picture), SMALL_SIDE)
         if self._before is None:
             self._first, self._anchors = small, _corners(small)
         elif _is_cut(self._before, small):

@@ -5,6 +5,7 @@ from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+import cv2
 import numpy as np
 
 from sysid.errors import SysidError
@@ -21,7 +22,7 @@ MIN_FRAMES = 60
 """... or so many frames of the part in which something moves, if that is more."""
 MARGIN = 0.35
 """What is kept beside what has moved so far, in widths of it [1]: a board that was tilted will swing to the other side."""
-LOOKED_AT = 2
+LOOKED_AT = 4
 """Each so many frames are looked at for motion."""
 SURVEY_FRAMES = 40
 """Frames, spread over those kept, in which something is looked for."""
@@ -41,9 +42,12 @@ class Reel:
     background: Background = field(init=False)
     _frames: list[Frame] = field(default_factory=list)
     _source: Generator[Frame] = field(init=False)
+    _threads: int = field(init=False)
 
     def __post_init__(self) -> None:
-        """Start to decode."""
+        """Start to decode; OpenCV's own threads would only wait for each other beside those of the film."""
+        self._threads = cv2.getNumThreads()
+        cv2.setNumThreads(1)
         self.background = Background(self.lens)
         count = max(2, BYTES_AHEAD // (3 * self.clip.width * self.clip.height))
         self._source = ahead(self._held(ahead(self._stamped(), count)), 1)
@@ -106,6 +110,7 @@ class Reel:
     def close(self) -> None:
         """Stop decoding."""
         self._source.close()
+        cv2.setNumThreads(self._threads)
 
     def _stamped(self) -> Generator[Frame]:
         last = -np.inf

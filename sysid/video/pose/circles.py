@@ -6,28 +6,25 @@ of the distances in the pictures, with what is known beforehand; where a body li
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Any
 
 import numpy as np
 
+from sysid.least_squares import Normal, minimise
 from sysid.roll import Array
 from sysid.video.pose.body import Body
 from sysid.video.pose.camera_state import DIFFERENCE_STEP, READOUT, CameraState
 from sysid.video.pose.keyframes import Keyframes
 from sysid.video.pose.point_noise import PointNoise, point_noise
 from sysid.video.pose.prior import BodyPrior
-from sysid.video.pose.rectify import project, upright
+from sysid.video.pose.rectify import project, rectify, upright
 from sysid.video.pose.view import View
 
 NOISE_ROUNDS = 3
 """Times that the noise is found anew."""
-MAX_EVALUATIONS = 30
-"""Steps of the search at most in each round; it ends long before where there is an answer."""
 SQUARE_SQUEEZE = 0.0075
 """Standard deviation of a printed square's squareness: one that stands 7 degrees off looks 0.75 % narrower."""
-LEAST_COST = 1e-4
-"""The search ends where a step gains less than this share of the sum of squares."""
+LEAST_COST = 1e-5
+"""The search ends where a step gains less than this share of the sum of squares: slant and focal length share a valley."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,24 +32,26 @@ class Unknowns:
     """How what all frames have in common stands in a row of numbers: the camera's free ones, then c and q."""
 
     before: CameraState
-    points: int
-    focal: float
-    """[px]"""
+    matrix: Array
+    """Camera matrix [px], shape (3, 3)."""
+    home: Array
+    """The body in one of the frames, as filmed [px], shape (N, 2): q is counted from what a camera along the axis sees of it, so that
+    another axis bends the body as it does the picture, and leaves little to the other numbers."""
+
+    @property
+    def focal(self) -> float:
+        """Focal length, in which c and q are counted [px]."""
+        return float(self.matrix[0, 0])
 
     def split(self, x: Array) -> tuple[Array, Body]:
         """Return camera values [rad, rad, 1, s], shape (4,), and the body of numbers, shape (p + 4N,), or of rows of them."""
         free = self.before.free
         camera = np.broadcast_to(self.before.value, (*x.shape[:-1], 4)).copy()
         camera[..., free] = x[..., : len(free)]
-        parts = self.focal * x[..., len(free) :].reshape(*x.shape[:-1], 4, self.points)
-        return camera, Body(
-            parts[..., 2, :] + 1j * parts[..., 3, :], parts[..., 0, :] + 1j * parts[..., 1, :]
-        )
-
-    def joined(self, camera: Array, body: Body) -> Array:
-        """Return the numbers, shape (p + 4N,), of camera values [rad, rad, 1, s], shape (4,), and a body."""
-        parts = [body.centre.real, body.centre.imag, body.shape.real, body.shape.imag]
-        return np.concatenate([camera[self.before.free], np.concatenate(parts) / self.focal])
+        parts = self.focal * x[..., len(free) :].reshape(*x.shape[:-1], 4, len(self.home))
+        shape = rectify(self.home, self.matrix, camera) + parts[..., 2, :] + 1j * parts[..., 3, :]
+        shape = shape - shape.mean(axis=-1, keepdims=True)
+        return camera, Body(shape, parts[..., 0, :] + 1j * parts[..., 1, :])
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,18 +102,10 @@ def fit_circles(
         prior: What is known of the body.
         start: Camera from which the search sets out, shape (4,).
     """
-    from scipy import optimize
-
-    least_squares: Any = optimize.least_squares  # its stubs do not know of functions for `jac`
-
-    points, shear, focal = view.points[some.rows], view.shear[some.rows], float(matrix[0, 0])
-    unknowns = Unknowns(before, points.shape[1], focal)
-    now = before.within(start)
-    seen = project(upright(matrix, now), points[len(points) // 2])
-    shape = seen[:, 0] + 1j * seen[:, 1]
-    first = Body(shape - shape.mean(), np.zeros_like(shape))
-    x = unknowns.joined(now, first)
-    beforehand = _priors(unknowns, prior, first)
+    points, shear = view.points[some.rows], view.shear[some.rows]
+    unknowns = Unknowns(before, matrix, points[len(points) // 2])
+    x = np.concatenate([before.within(start)[before.free], np.zeros(4 * points.shape[1])])
+    beforehand = _priors(unknowns, prior)
 
     def residuals(x: Array, weight: Array) -> Array:
         camera, body = unknowns.split(x)
@@ -124,18 +115,21 @@ def fit_circles(
     noise, doubt = PointNoise(0.05**2, 0.0), np.ones(len(points))
     low, high, width = np.full(len(x), -np.inf), np.full(len(x), np.inf), np.full(len(x), np.inf)
     if (at := before.place_of(READOUT)) is not None:  # as likely anywhere within its limits
-        low[at], high[at], width[at] = -1e-9, before.readout_limit + 1e-9, before.std[READOUT]
-    jacobian = np.zeros((0, 0))
+        low[at], high[at], width[at] = 0.0, before.readout_limit, before.std[READOUT]
+    information = np.zeros((0, 0))
     for _ in range(NOISE_ROUNDS):
-        weighted = partial(residuals, weight=some.share * doubt / noise.variance(some.speed))
-        fit = least_squares(
-            weighted, np.clip(x, low, high), jac=partial(_slopes, weighted), bounds=(low, high), x_scale="jac", ftol=LEAST_COST,
-            max_nfev=MAX_EVALUATIONS,
-        )  # fmt: skip
-        x, jacobian = fit.x, fit.jac
+        weight = some.share * doubt / noise.variance(some.speed)
+
+        def normal(x: Array, weight: Array = weight) -> Normal:
+            rows = residuals(x + DIFFERENCE_STEP * np.vstack([np.zeros(len(x)), np.eye(len(x))]), weight)
+            slopes = (rows[1:] - rows[0]) / DIFFERENCE_STEP
+            return Normal(float(0.5 * rows[0] @ rows[0]), slopes @ rows[0], slopes @ slopes.T)
+
+        found = minimise(normal, x, low, high, tolerance=LEAST_COST)
+        x, information = found.point, found.normal.hessian
         rest = placed(points, shear, matrix, *unknowns.split(x))[1]
         noise, doubt = point_noise(rest, some, len(before.free), prior)
-    covariance = np.asarray(np.linalg.inv(jacobian.T @ jacobian + np.diag(width**-2.0)), np.float64)
+    covariance = np.asarray(np.linalg.inv(information + np.diag(width**-2.0)), np.float64)
     camera, body = unknowns.split(x)
     unknown = np.zeros((4, 4))
     p = len(before.free)
@@ -147,26 +141,24 @@ def fit_circles(
     return Found(unknowns, x, covariance, state, body, noise, cost)
 
 
-def _priors(unknowns: Unknowns, prior: BodyPrior, first: Body) -> Callable[[Array], Array]:
+def _priors(unknowns: Unknowns, prior: BodyPrior) -> Callable[[Array], Array]:
     """Return what is known beforehand as a function of the numbers (..., P): distances in standard deviations."""
-    before, size = unknowns.before, float(np.sqrt(np.mean(np.abs(first.shape) ** 2)))
+    before, home = unknowns.before, unknowns.home
+    size = float(np.sqrt(np.mean(np.sum((home - home.mean(axis=0)) ** 2, axis=1))))
     told = [number for number in before.free if number != READOUT]
-    ideal = np.exp(1j * np.pi / 2 * np.arange(len(first.shape))) / np.sqrt(len(first.shape))
+    ideal = np.exp(1j * np.pi / 2 * np.arange(len(home))) / np.sqrt(len(home))
 
     def at(x: Array) -> Array:
         camera, body = unknowns.split(x)
-        rows = [(camera[..., told] - before.value[told]) / before.std[told]]
+        own = x[..., -2 * len(home) :] * unknowns.focal / size
         # The body's own size says nothing of its shape, but that shift and turn are not to be told from it.
-        both = [body.centre / (prior.centre_std * unknowns.focal), (body.shape - first.shape) / size]
+        both = [body.centre / (prior.centre_std * unknowns.focal)]
         if prior.square:
             off = body.shape - (body.shape @ ideal.conj())[..., None] * ideal
-            both.append((off - off.mean(axis=-1, keepdims=True)) / (SQUARE_SQUEEZE * size))
-        return np.concatenate([*rows, *(part for one in both for part in (one.real, one.imag))], axis=-1)
+            both.append(off / (SQUARE_SQUEEZE * size))
+        parts = [part for one in both for part in (one.real, one.imag)]
+        return np.concatenate(
+            [(camera[..., told] - before.value[told]) / before.std[told], own, *parts], axis=-1
+        )
 
     return at
-
-
-def _slopes(at: Callable[[Array], Array], x: Array) -> Array:
-    """Differences of a function of rows of numbers, all at once, shape (residuals, P)."""
-    both = at(x + DIFFERENCE_STEP * np.vstack([np.eye(len(x)), np.zeros(len(x))]))
-    return ((both[:-1] - both[-1]) / DIFFERENCE_STEP).T

@@ -12,7 +12,6 @@ from sysid.video.film.reel import Reel
 from sysid.video.pose.angle import AngleTrack
 from sysid.video.pose.camera_state import CameraState
 from sysid.video.pose.view import View
-from sysid.video.types import Box
 
 Solve = Callable[[View, Array, CameraState], AngleTrack]
 """Points, camera matrix and what is known of the camera beforehand to the angle."""
@@ -32,11 +31,6 @@ class Follower(Protocol):
     @property
     def points(self) -> int:
         """Number of points N."""
-        ...
-
-    @property
-    def box(self) -> Box:
-        """Left, top, right and bottom [px] of where the board may come, as far as is known at first."""
         ...
 
     def update(self, frame: Frame) -> Array | None:

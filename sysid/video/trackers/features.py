@@ -22,7 +22,7 @@ from sysid.video.pose.pose import pose_between, principal_corners, shifted, turn
 from sysid.video.pose.prior import BodyPrior
 from sysid.video.pose.rectify import project
 from sysid.video.trackers._base import DEAD_ZONE, Target, Tracker, rests_at
-from sysid.video.types import Box, Picture
+from sysid.video.types import Picture
 
 MAX_FEATURES, MIN_FEATURES = 40, 10
 """Patches that are followed at most, and at least."""
@@ -78,7 +78,6 @@ class FeatureFollower:
     """The first frame."""
     places: Array
     """Centres of the patches in it [px], shape (m, 2)."""
-    box: Box
     points: int = 4
     _home: Array = field(init=False)
     """The four points in the reference, as wide apart as the patches are on average [px], shape (4, 2)."""
@@ -94,7 +93,7 @@ class FeatureFollower:
 
     def __post_init__(self) -> None:
         """Cut the board out of the reference."""
-        low, high = self.places.min(axis=0) - 3 * WINDOW, self.places.max(axis=0) + 3 * WINDOW
+        low, high = self.places.min(axis=0) - 2 * WINDOW, self.places.max(axis=0) + 2 * WINDOW
         patch, corner = self.reference.part((int(low[0]), int(low[1]), int(high[0]), int(high[1])))
         self._patch, times = halved(grey(patch), PATCH_SIDE)
         self._cut = shifted(np.array(corner) + (times - 1) / 2) @ np.diag([times, times, 1.0])
@@ -132,7 +131,7 @@ class FeatureFollower:
         part, corner = frame.part((int(low[0]), int(low[1]), int(high[0]), int(high[1])))
         if min(part.shape[:2]) < WINDOW:
             return expected, 0
-        flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         move = (shifted(-np.array(corner)) @ begin)[:2]
         back = cv2.warpAffine(grey(part), move, (width, height), flags=flags, borderMode=cv2.BORDER_REPLICATE)
         start = project(np.asarray(np.linalg.inv(self._cut), np.float64), self.places).astype(np.float32)
@@ -178,7 +177,7 @@ def _find(reel: Reel) -> Target | None:
     if len(places) < MIN_FEATURES:
         return None
     return Target(
-        follower=FeatureFollower(look.frames[0], places, look.box),
+        follower=FeatureFollower(look.frames[0], places),
         what="the deck's texture",
         why=f"{len(places)} patches of texture that move",
         solve=partial(fit_angle, prior=BodyPrior(floor=PLACE_FLOOR, dead_zone=DEAD_ZONE, still=SAME_ERRORS)),

@@ -39,6 +39,9 @@ CONVERGED = 0.15
 """Edges are measured once more where that moves the corners by more than this [px]."""
 MIN_CONTRAST = 12.0
 """Step of brightness at a marker's edge [grey levels]."""
+CORNER_DEAD_ZONE = 0.03
+"""Motion that compression leaves out of black on white, to either side [px]: what corners in long films err by beyond what they
+scatter within a frame (0.015 px), as a width."""
 FULL_SEARCH_EVERY = 5
 """A lost marker is looked for in the whole picture in every so many frames: that is slow."""
 
@@ -98,14 +101,6 @@ class MarkerFollower:
     def points(self) -> int:
         """Four corners."""
         return 4
-
-    @property
-    def box(self) -> tuple[int, int, int, int]:
-        """The board reaches about three markers to each side."""
-        low, high = self.marker.corners.min(axis=0), self.marker.corners.max(axis=0)
-        reach = 1.5 * (high - low).max()
-        left, top, right, bottom = np.concatenate([low - reach, high + reach]).astype(int)
-        return int(left), int(top), int(right), int(bottom)
 
     def update(self, frame: Frame) -> Array | None:
         """Return the corners in this frame [px], shape (4, 2), or None where the marker is not seen."""
@@ -226,7 +221,7 @@ def _find(reel: Reel) -> Target | None:
         follower=MarkerFollower(marker, region),
         what=f"{marker.kind} marker {marker.number}",
         why=f"{marker.kind} marker {marker.number}",
-        solve=partial(fit_angle, prior=BodyPrior(square=True)),
+        solve=partial(fit_angle, prior=BodyPrior(square=True, dead_zone=CORNER_DEAD_ZONE)),
         zero=_level_square,
         joined=((0, 1), (1, 2), (2, 3), (3, 0)),
         zero_note="where the marker's edges are level in the picture",
