@@ -64,8 +64,11 @@ def untouched(models: Sequence[Candidate], base: Sequence[str]) -> tuple[list[Re
                 if (holds or len(kept) == len(releases)) and error**2 - 1 < LEFT * beyond:
                     found.append((not holds, effects if holds else error, index, kept))
         if found:
-            # Fewest effects first: where a push is left in, one more may follow it.
-            *_, index, kept = min(found, key=lambda one: one[:3])
+            # Fewest effects first: where a push is left in, one more may follow it. Where none holds, the first that is nearly the best.
+            fails, least, *_ = min(found, key=lambda one: one[:3])
+            index, kept = next(
+                one[2:] for one in found if one[0] == fails and one[1] <= (NEARLY if fails else 1) * least
+            )
             where = " and ".join(
                 name for name, length in zip(("beginnings", "ends"), CUTS[index], strict=True) if length
             )

@@ -34,7 +34,7 @@ def require_usable(fit: JointFit) -> None:
     if fit.problem.smoothing and min(fit.problem.smoothing) >= FLAT:
         raise SysidError(
             "these logs show no torque beyond what the record holds: nothing was learned, and the record is unchanged. "
-            "Ask husky-sysid diagnose what the logs do show."
+            "Ask diagnose what the logs do show."
         )
     names = list(fit.quantities)
     for name, at_bound in zip(names, fit.minimum.at_bound, strict=False):
@@ -50,13 +50,13 @@ def require_usable(fit: JointFit) -> None:
         )  # fmt: skip
         raise SysidError(
             f"{name} ended at its bound ({value.value:.4g} {value.unit}): {cause}; the record is unchanged. "
-            "Ask husky-sysid diagnose what the logs do show."
+            "Ask diagnose what the logs do show."
         )
     for name in ("stiffness", "damping"):
         if name in fit.quantities and fit.quantities[name].value <= 0:
             raise SysidError(
                 f"{name} came out as {fit.quantities[name].value:.4g}, which no passive joint has; the record is "
-                f"unchanged. Ask husky-sysid diagnose what the logs do show, or hold it (--fix {name}=0)."
+                f"unchanged. Ask diagnose what the logs do show, or hold it (--fix {name}=0)."
             )
     values = table_values(fit.problem.structure)
     for name, quantity in fit.quantities.items():

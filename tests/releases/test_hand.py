@@ -90,14 +90,6 @@ def test_a_push_is_told_from_a_hold_under_noise(push):
         assert -0.05 < (release.start - begin) / PERIOD < 0.25
 
 
-def test_a_short_push_is_told_from_a_hold():
-    """It lasts a seventh of a period: a wider look takes it for the joint's own pull."""
-    roll, free = handled(LAWS["linear"], push=0.022, swings=9.0)
-    for release, (begin, _) in zip(find_releases(roll), free, strict=True):
-        assert release.hold == 0
-        assert -0.05 < (release.start - begin) / PERIOD < 0.15
-
-
 def test_a_deck_that_dry_friction_stops_at_once_is_a_release_like_the_others():
     roll, free = handled(
         lambda x, v: -(OMEGA**2) * (x + 0.06 * np.tanh(v / 0.05)) - 1.6 * v,
