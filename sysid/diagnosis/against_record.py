@@ -147,7 +147,7 @@ def _linear(model: Candidate, board: Board, covariance: np.ndarray, names: list[
         "cannot tell whether stiffness and damping changed or "
     )
     if not matches:
-        return Deviation(text=change + "the inertia did. `husky-sysid fit` brings the record up to date.")
+        return Deviation(text=change + "the inertia did. A fit to these logs brings the record up to date.")
     titles = " or ".join(f"'{name}' ({effect(name).title})" for name in matches)
     return Deviation(
         (matches[0],),

@@ -36,7 +36,7 @@ def fit_initial_states(
         found = problem.fitted(problem.start(problem.fixed), 30, 1e-7)
         if not np.isfinite(found.normal.cost):
             raise SysidError(
-                "the record's law moves without bound from the measured release. Refit it (husky-sysid fit)."
+                "the record's law moves without bound from the measured release. Fit it to these logs."
             )
         residuals += problem.residuals(found.point)
         own = found.point * problem.sizes()

@@ -59,7 +59,7 @@ def _agreement(
         cause = (
             "releases differ from one another by more than the noise within them"
             if bootstrap.drawn == "releases"
-            else f"the residuals are not the steady noise that {others} take them for; ask husky-sysid diagnose "
+            else f"the residuals are not the steady noise that {others} take them for; ask diagnose "
             "what the model lacks"
         )
         return Agreement(

@@ -28,7 +28,7 @@ def require_usable(fit: JointFit) -> None:
     """
     if fit.minimum.status != "converged":
         raise SysidError(
-            f"the fit did not converge ({fit.status}); the record is unchanged. Try other effects (husky-sysid "
+            f"the fit did not converge ({fit.status}); the record is unchanged. Try other effects ("
             "diagnose), or fewer."
         )
     if fit.problem.smoothing and min(fit.problem.smoothing) >= FLAT:
