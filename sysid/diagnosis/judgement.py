@@ -178,9 +178,11 @@ class Field:
         Where something is missing for sure, what does not explain it is out, if anything does. What nobody has met, a law
         outside the catalogue, counts only where it leaves nothing; an effect at the edge of what it is, never.
         """
+        # What is at an edge by the sensor's noise is not excused by a noise that it found itself.
+        exact = INEXACT * self.floor if self.best.model.at_edge else self.exact
         known = [
             s for s in self.scored
-            if np.isfinite(s.score) and not (s.model.shape and self.inexact) and not s.model.edged(self.exact)
+            if np.isfinite(s.score) and not (s.model.shape and self.inexact) and not s.model.edged(exact)
         ] or self.scored  # fmt: skip
         if not self.surely_missing:
             return known
