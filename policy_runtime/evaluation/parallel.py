@@ -128,12 +128,12 @@ def _worlds(
     with needs_extra("train", "evaluating in parallel", "Or evaluate in plain MuJoCo."):
         import torch
         from mjlab.envs import ManagerBasedRlEnv
-    from sim.skate.cycle.start import Start
+    from sim.skate.cycle.start import AT_REST
     from sim.skate.options import SkateOptions, Variation
     from sim.skate.task import skate_env_cfg
 
     drawn = {
-        "start": Start(standing=1.0, pushing=0.0, steering=0.0),
+        "start": AT_REST,
         "foot_place": SkateOptions().foot_place,
         "boards": 64,
         "variation": Variation(),

@@ -1,11 +1,12 @@
 """What can be chosen about the task; docs/training.md says what the shipped policies were trained with, stage by stage."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, Self
 
 from sim.board.scene import Coupling
-from sim.skate.cycle.start import STANDING_PLACE, Start
+from sim.skate.cycle.clock import Clock
+from sim.skate.cycle.start import AT_REST, STANDING_PLACE, Start
 from sim.skate.cycle.tilt_guidance import Kinematics
 from sim.skate.world.posterior import Spread
 from sim.skate.world.terrain import Terrain
@@ -135,7 +136,7 @@ class SkateOptions:
     def nominal(cls, **changes: Any) -> Self:
         """Return the task as it is measured: one world, no noise, no shoves, from rest where the paper starts."""
         plain: dict[str, Any] = {
-            "start": Start(standing=1.0, pushing=0.0, steering=0.0, position_noise=0.0),
+            "start": replace(AT_REST, position_noise=0.0),
             "foot_place": (STANDING_PLACE, STANDING_PLACE),
             "boards": 0,
             "pushes": 0.0,
@@ -148,6 +149,11 @@ class SkateOptions:
             "episode": 20.0,
         }
         return cls(**(plain | changes))
+
+    @property
+    def clock(self) -> Clock:
+        """The cycle in time."""
+        return Clock(mount=self.mount_steps)
 
     @property
     def styled(self) -> bool:

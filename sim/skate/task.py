@@ -13,7 +13,7 @@ from sim.skate.mdp.actor_observation import FRAMES, NOISE, SCALE
 from sim.skate.mdp.rewards import Task, rewards
 from sim.skate.options import NOMINAL, SkateOptions
 from sim.skate.robot.g1 import JOINTS, default_pose, motor_of
-from sim.skate.robot.poses import load_mounting, load_poses
+from sim.skate.robot.poses import load_cycle, load_poses
 from sim.skate.world.posterior import TiltDraws, draw_boards, tilt_draws
 from sim.skate.world.scene import (
     DECIMATION,
@@ -227,9 +227,11 @@ def _events(options: SkateOptions, draws: TiltDraws | None) -> "dict[str, EventT
             mode="reset",
             params={
                 "start": options.start,
+                "chances": options.start.chances(options.clock),
                 "foot_place": options.foot_place,
                 "standing_height": standing_height(),
-                "mounting": load_mounting() + np.r_[np.zeros(7), np.full(len(JOINTS), options.pose_offset)],
+                "cycle": load_cycle(options.clock)
+                + np.r_[np.zeros(7), np.full(len(JOINTS), options.pose_offset)],
             },
         ),
         "torso_com": startup(

@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from cyclopts.validators import Number
 
 from policy_runtime.learning.run_folder import LearnOptions, RunConfig, RunFolder, next_run
-from sim.skate.cycle.start import Start
+from sim.skate.cycle.start import AT_REST, Start
 from sim.skate.options import SkateOptions
 from sysid.board import Board, load_board
 from sysid.cli.console import Common, Printer
@@ -66,7 +66,7 @@ class Variant:
         ours: dict[str, Any] = {
             "coupling": "equality" if self.coupling == "none" else self.coupling,
             "steered": self.coupling != "none",
-            "start": Start() if self.start == "mixed" else Start(standing=1.0, pushing=0.0, steering=0.0),
+            "start": Start() if self.start == "mixed" else AT_REST,
         }
         return SkateOptions(**(vars(self) | ours))
 

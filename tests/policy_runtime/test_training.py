@@ -50,9 +50,7 @@ def started(tmp_path):
 
 
 def test_options_survive_the_file_infinity_included(tmp_path):
-    task = SkateOptions(
-        turn_time=math.inf, start=Start(standing=1.0, pushing=0.0, steering=0.0), terrain="steps"
-    )
+    task = SkateOptions(turn_time=math.inf, start=Start(dismounting=0.5), terrain="steps")
     config = RunConfig(task=task, learn=LearnOptions(hidden=(64, 32), seed=7))
     folder = RunFolder(tmp_path)
     folder.write_config(config)

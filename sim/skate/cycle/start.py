@@ -2,6 +2,11 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from sim.skate.cycle.clock import Clock
+from sysid.roll import Array
+
 STANDING_PLACE = -0.075
 """Where the right foot stands along the deck at the paper's start at rest, from the front marker [m]; in the
 canonical poses it stands on the marker."""
@@ -9,14 +14,15 @@ canonical poses it stands on the marker."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Start:
-    """Where in the cycle episodes begin; shares add up to 1."""
+    """Shares of the episodes that begin rolling in each stretch of the cycle; all others begin it at rest.
 
-    standing: float = 0.5
-    """Share that begins the cycle at rest, one foot on the ground."""
-    pushing: float = 0.25
-    """Share that rolls in the push pose, anywhere in the pushing stretch."""
-    steering: float = 0.25
-    """Share that rolls on its way into the steer pose or in it: half of them anywhere in mounting, half in steering."""
+    Who begins anywhere in a transition learns what follows it before what precedes it.
+    """
+
+    pushing: float = 0.125
+    mounting: float = 0.125
+    steering: float = 0.125
+    dismounting: float = 0.125
     speed: tuple[float, float] = (0.2, 1.6)
     """Speed of those that roll [m/s]."""
     position_noise: float = 0.02
@@ -26,6 +32,32 @@ class Start:
 
     def __post_init__(self) -> None:
         """Check the shares."""
-        total = self.standing + self.pushing + self.steering
-        if abs(total - 1) > 1e-6:
-            raise ValueError(f"the shares of starts add up to {total}; expected 1")
+        shares = self._shares
+        if min(shares) < 0 or sum(shares) > 1 + 1e-6:
+            raise ValueError(f"the shares of starts are {shares}; expected none below 0, 1 or less in all")
+
+    @property
+    def _shares(self) -> tuple[float, ...]:
+        return self.pushing, self.mounting, self.steering, self.dismounting
+
+    def chances(self, clock: Clock) -> Array:
+        """Return the chance of each step of the cycle to be an episode's first, shape (period,); at step 0 it rests.
+
+        Pushing and steering leave time for some of what they are: 0.2 s of strides, 0.5 s of a turn.
+        """
+        step = np.arange(clock.period)
+        stretches = (
+            (step > 0) & clock.pushing(step) & clock.pushing(step + 10),
+            clock.mounting(step),
+            clock.steering(step) & clock.steering(step + 25),
+            clock.dismounting(step),
+        )
+        chances = sum(
+            share * inside / inside.sum() for share, inside in zip(self._shares, stretches, strict=True)
+        )
+        chances[0] = 1 - sum(self._shares)
+        return chances
+
+
+AT_REST = Start(pushing=0.0, mounting=0.0, steering=0.0, dismounting=0.0)
+"""The paper's."""

@@ -10,8 +10,8 @@ import torch
 from mjlab.managers.command_manager import CommandTerm, CommandTermCfg
 
 from sim.skate import rotation
-from sim.skate.arrays import wrap_angle
-from sim.skate.cycle.clock import CONTROL_PERIOD, STILL_SPEED, Clock
+from sim.skate.arrays import constant, wrap_angle
+from sim.skate.cycle.clock import CONTROL_PERIOD, STILL_SPEED
 from sim.skate.cycle.tilt_guidance import TiltGuidance
 from sim.skate.cycle.transitions import KEY_BODIES, TransitionPath
 from sim.skate.mdp.actor_observation import still_to_turn
@@ -71,7 +71,7 @@ class SkateCommand(CommandTerm):
         n, device = self.num_envs, self.device
         self.reading = Reading(env)
         self._options = cfg.options
-        self.clock = Clock(mount=cfg.options.mount_steps)
+        self.clock = cfg.options.clock
         self._path = TransitionPath(order=cfg.options.bezier_order, lift=cfg.options.lift)
         self.step = torch.zeros(n, dtype=torch.long, device=device)
         """Steps since the cycle began, (n,)."""
@@ -212,9 +212,11 @@ class SkateCommand(CommandTerm):
         """Draw new commands, and make the first action continue the pose that the reset chose."""
         extras = super().reset(env_ids)
         self.air_time[env_ids] = 0.0
-        self._start_positions[env_ids] = self._end_positions[0]
+        # Who begins within a transition comes from the pose before it.
+        pose = self.stretches[3].long()[env_ids]
+        self._start_positions[env_ids] = self._end_positions[pose]
         self._start_positions[env_ids, :, 0] += self.foot_place[env_ids, None]
-        self._start_quaternions[env_ids] = self._end_quaternions[0]
+        self._start_quaternions[env_ids] = self._end_quaternions[pose]
         actions = self._env.action_manager
         for past in (actions.action, actions.prev_action, actions.prev_prev_action):
             past[env_ids] = self.first_action[env_ids]
@@ -244,10 +246,15 @@ class SkateCommand(CommandTerm):
         rolls = self.step > 0
         speed = torch.where(rolls, speed.clamp(min=STILL_SPEED), speed)
         speed = torch.where(~rolls & (chance < led * self._options.standing), STILL_SPEED * share, speed)
-        # A turn counts from where steering begins; until then the course is straight on.
-        begun = torch.where(self.clock.steering(self.step), turn, 0.0)
-        target = wrap_angle(self.reading.board_heading() + begun)
-        return torch.stack((speed, turn), dim=-1), target, rotation.yaw(self.reading.robot_quaternion())
+        # A turn counts from where steering begins; until then the course is straight on. Who rolls has done the turn before, told
+        # when it stood side-on.
+        steers, board = self.clock.steering(self.step), self.reading.board_heading()
+        target = wrap_angle(board + torch.where(steers, turn, 0.0))
+        done = rolls & ~steers
+        turn = torch.where(done, 0.0, turn)
+        side_on = rotation.yaw(constant(self.cfg.steer_pose.pelvis[3:], board))
+        yaw = torch.where(done, board + side_on, rotation.yaw(self.reading.robot_quaternion()))
+        return torch.stack((speed, turn), dim=-1), target, yaw
 
     def _turns(self, angles: torch.Tensor) -> torch.Tensor:
         """Draw turns to either side [rad] in place."""

@@ -53,12 +53,13 @@ class Begin:
     """Puts robot and board into the first state of an episode and sets the cycle accordingly."""
 
     def __init__(self, cfg: Any, env: "ManagerBasedRlEnv") -> None:
-        """Take `start` (Start), `foot_place` (from, to) [m], `standing_height` [m] and what `load_mounting` returns."""
+        """Take `start` (Start) and its `chances`, `foot_place` (from, to) [m], `standing_height` [m] and `load_cycle`'s `cycle`."""
         self._env = env
         self._start: Start = cfg.params["start"]
+        place = partial(torch.tensor, dtype=torch.float, device=env.device)
+        self._below, self._cycle = place(cfg.params["chances"].cumsum()), place(cfg.params["cycle"])
         self._foot_place: tuple[float, float] = cfg.params["foot_place"]
         self._standing_height: float = cfg.params["standing_height"]
-        self._mounting = torch.tensor(cfg.params["mounting"], dtype=torch.float, device=env.device)
 
     def __call__(self, env: "ManagerBasedRlEnv", env_ids: torch.Tensor | None, **params: Any) -> None:
         """Let the episodes of some worlds begin, of all if None."""
@@ -77,22 +78,14 @@ class Begin:
         """Draw a first state for every world; all of them, so that it is one CUDA graph whoever needs it."""
         env, start = self._env, self._start
         command, n = skate_command(env), env.num_envs
-        clock, random = command.clock, partial(torch.rand, device=env.device)
-        chance = random(n)
-        steers, pushes = chance < start.steering, (chance >= start.steering) & (chance < 1 - start.standing)
-        first_steer = clock.push + clock.mount
-        mounts = steers & (random(n) < 0.5)
-        step = torch.where(
-            steers,
-            torch.randint(first_steer + 1, first_steer + clock.steer - 25, (n,), device=env.device),
-            torch.randint(1, clock.push - 10, (n,), device=env.device) * pushes,
-        )
-        step = torch.where(mounts, torch.randint(clock.push, first_steer, (n,), device=env.device), step)
-        rolls = steers | pushes
+        random = partial(torch.rand, device=env.device)
+        step = torch.searchsorted(self._below, random(n), right=True).clamp(max=len(self._below) - 1)
+        rolls = step > 0
         speed = torch.empty(n, device=env.device).uniform_(*start.speed) * rolls
-        frame = clock.transition_fraction(step) * (len(self._mounting) - 1)
-        standing = constant((-0.03, 0.10, self._standing_height, 1, 0, 0, 0, *_servo_numbers()[0]), frame)
-        robot = torch.where(rolls[:, None], self._mounting[frame.round().long()], standing)
+        standing = constant(
+            (-0.03, 0.10, self._standing_height, 1, 0, 0, 0, *_servo_numbers()[0]), self._cycle
+        )
+        robot = torch.where(rolls[:, None], self._cycle[step], standing)
         robot[:, 2] += command.reading.axis_height * rolls
         robot[:, 1] += start.position_noise * (2 * random(n) - 1) * torch.where(rolls, 0.5, 1.0)
         place = torch.empty(n, device=env.device).uniform_(*self._foot_place)

@@ -27,13 +27,12 @@ def task(**options):
         pytest.importorskip(module, reason="needs the training stack")
     from mjlab.envs import ManagerBasedRlEnv
 
-    from sim.skate.cycle.start import STANDING_PLACE, Start
+    from sim.skate.cycle.start import AT_REST, STANDING_PLACE
     from sim.skate.options import NOMINAL, SkateOptions
     from sim.skate.task import skate_env_cfg
 
-    start = Start(standing=1.0, pushing=0.0, steering=0.0)
     settings = SkateOptions(
-        start=start, foot_place=(STANDING_PLACE,) * 2, boards=0, pushes=0.0, noise=False, variation=NOMINAL,
+        start=AT_REST, foot_place=(STANDING_PLACE,) * 2, boards=0, pushes=0.0, noise=False, variation=NOMINAL,
         speed=(0.5, 0.5), standing=0.0, slow=0.0, **options,
     )  # fmt: skip
     with contextlib.redirect_stdout(sys.stderr):

@@ -5,8 +5,9 @@ import mujoco
 import numpy as np
 import pytest
 
+from sim.skate.cycle.clock import Clock
 from sim.skate.robot import g1
-from sim.skate.robot.poses import load_mounting, load_poses
+from sim.skate.robot.poses import CLIP_JOINTS, load_cycle, load_poses
 from sysid.errors import SysidError
 from sysid.workspace import shipped_data
 
@@ -33,11 +34,36 @@ def sole(model, data, side):
     return heights.min(), heights.max(), np.array(ends)[:, :2]
 
 
-def test_mounting_leads_from_one_pose_to_the_other():
-    way, poses = load_mounting(), load_poses()
-    assert way.shape == (31, 30)
-    np.testing.assert_allclose(way[0], poses["push"].qpos(), atol=1e-3)
-    np.testing.assert_allclose(way[-1], poses["steer"].qpos(), atol=1e-3)
+def test_the_cycle_holds_the_poses_and_goes_from_one_to_the_other_as_the_clips_do():
+    clock, poses = Clock(), load_poses()
+    cycle = load_cycle(clock)
+    assert cycle.shape == (300, 30)
+    for name, ends in (("push", (0, 119)), ("steer", (150, 284))):
+        for step in (*ends, ends[0] - 1):  # what comes before leads there
+            np.testing.assert_allclose(cycle[step], poses[name].qpos(), atol=1e-3)
+    for name, first, steps in (("mount", 120, 30), ("dismount", 285, 15)):
+        clip = np.load(shipped_data() / "motions" / "transitions" / f"{name}-plain.npy")[1:]
+        assert len(clip) == steps
+        there = cycle[first : first + steps]
+        np.testing.assert_allclose(there[:, :3], clip[:, :3] - [0.0, 0.0, 0.1], atol=1e-3)
+        np.testing.assert_allclose(there[:, 3:], np.hstack((clip[:, 3:7], clip[:, CLIP_JOINTS])), atol=1e-9)
+    quick = load_cycle(Clock(mount=10))
+    assert len(quick) == 280
+    np.testing.assert_allclose(quick[120:130], cycle[122:150:3])
+
+
+def test_wherever_the_cycle_has_the_robot_feet_only_touch_the_deck_and_joints_are_in_range(model):
+    data = mujoco.MjData(model)
+    low, high = model.jnt_range[1:].T
+    for step, qpos in enumerate(load_cycle(Clock())):
+        data.qpos[:] = qpos
+        mujoco.mj_forward(model, data)
+        assert data.ncon == 0, step
+        assert np.all((low < qpos[7:]) & (qpos[7:] < high)), step
+        right, left = (sole(model, data, side)[:2] for side in ("right", "left"))
+        np.testing.assert_allclose(right, DECK_TOP, atol=1e-3)
+        lowest = DECK_TOP if 130 <= step < 293 else GROUND  # from over the deck to beside it
+        assert left[0] > lowest - 2e-3, step
 
 
 @pytest.mark.parametrize("name", ["push", "steer"])

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from sim.skate import rotation
 from sim.skate.arrays import wrap_angle
 from sim.skate.cycle.clock import Clock
+from sim.skate.cycle.start import AT_REST, Start
 from sim.skate.cycle.tilt_guidance import TiltGuidance
 from sim.skate.cycle.transitions import KEY_BODIES, TransitionPath, bezier
 from sim.skate.mdp.actor_observation import (
@@ -72,6 +73,21 @@ def test_the_cycle_is_40_10_45_5_percent_of_six_seconds():
         f(steps).astype(int) for f in (clock.pushing, clock.mounting, clock.steering, clock.dismounting)
     )
     assert np.all(together == 1)
+
+
+def test_half_of_the_episodes_begin_at_rest_and_the_others_in_each_stretch_alike():
+    clock, steps = Clock(mount=24), np.arange(294)
+    chances = Start().chances(clock)
+    assert chances[0] == pytest.approx(0.5)
+    assert np.all(chances >= 0)
+    rolls = steps > 0
+    for stretch in (clock.pushing, clock.mounting, clock.steering, clock.dismounting):
+        assert chances[stretch(steps) & rolls].sum() == pytest.approx(0.125)
+    assert np.all(chances[clock.mounting(steps) | clock.dismounting(steps)] > 0)
+    assert AT_REST.chances(clock)[0] == 1.0
+    for shares in ({"steering": -0.1}, {"mounting": 0.7}):
+        with pytest.raises(ValueError, match="expected none below 0"):
+            Start(**shares)
 
 
 def test_transitions_run_from_just_above_zero_to_one():

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from riding import pink
 
-from sim.skate.cycle.start import Start
+from sim.skate.cycle.start import AT_REST
 from sim.skate.options import NOMINAL, SkateOptions
 from sysid.workspace import Workspace
 
@@ -21,8 +21,7 @@ pytestmark = [
 ]  # the stack's own warnings
 
 WORLDS = 8
-STANDING = Start(standing=1.0, pushing=0.0, steering=0.0)
-PUSHING = Start(standing=0.0, pushing=1.0, steering=0.0)
+PUSHING = replace(AT_REST, pushing=1.0)
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -223,33 +222,51 @@ def test_fused_rewards_are_mjlabs_to_the_last_bit(monkeypatch):
         env.step(torch.zeros(WORLDS, 23))
 
 
-def test_half_of_those_who_are_past_pushing_begin_on_the_way_into_the_steer_pose():
+@pytest.mark.parametrize(("stretch", "before"), [("mounting", 0), ("dismounting", 1)])
+def test_who_begins_in_a_transition_is_where_the_clip_is(stretch, before):
     import torch
 
     from sim.skate.mdp.measuring import measure
     from sim.skate.mdp.observations import skate_command
+    from sim.skate.robot.poses import load_cycle, load_poses
 
-    still = {"start": Start(standing=0.0, pushing=0.0, steering=1.0, speed=(1.0, 1.0)), "pushes": 0.0}
-    with worlds(speed=(0.5, 1.5), foot_place=(-0.1, -0.1), **still) as env:
-        command, clock, begin = (
-            skate_command(env),
-            skate_command(env).clock,
-            env.event_manager.get_term_cfg("begin"),
-        )
-        step = torch.stack([begin.func.draw().step for _ in range(300)])
-        mounts = clock.mounting(step)
-        assert 0.45 < float(mounts.float().mean()) < 0.55
-        assert (step[mounts].min(), step[mounts].max()) == (clock.push, clock.push + clock.mount - 1)
-        # The task's path, which lifts them more, begins in the push pose that they come from.
+    start = replace(AT_REST, **{stretch: 1.0}, speed=(1.0, 1.0), position_noise=0.0, joint_noise=0.0)
+    with worlds(start=start, speed=(0.5, 1.5), pushes=0.0) as env:
+        command, reading = skate_command(env), skate_command(env).reading
+        index = ("pushing", "mounting", "steering", "dismounting").index(stretch)
+        assert command.stretches[index].all()
+        robot = env.sim.data.qpos[:, reading.robot_q : reading.robot_q + 30].clone()
+        robot[:, 2] -= reading.axis_height
+        clip = torch.tensor(load_cycle(command.clock), dtype=torch.float)[command.step]
+        torch.testing.assert_close(robot, clip, atol=1e-4, rtol=0)
+        assert (reading.board_velocity()[:, 0] == 1.0).all()
+        assert not reading.tilt().any()
+        # They have yawed since the last turn was told, as they do in every cycle, and nothing is left of it.
+        assert not command.command[:, 1].any()
+        side_on = 2 * math.atan2(*load_poses()["steer"].quaternion[[3, 0]])
+        assert command.seen()[:, 1] + command.headings()[1] == pytest.approx(side_on, abs=0.05)
+        # The task's path, which lifts them more, begins in the pose before.
+        ends = command._end_positions[before].expand(WORLDS, -1, -1)
+        torch.testing.assert_close(command._start_positions, ends)
         apart = (command.key_positions - command.key_bodies[0])[..., :2].norm(dim=-1)
-        mounts = command.stretches[1]
-        assert 0 < mounts.sum() < WORLDS
-        assert apart[mounts, 0].max() < 0.05
-        late = command.step >= clock.push + 20
+        assert apart[:, 0].max() < 0.08
         for _ in range(5):
             env.step(command.first_action)
         assert (env.episode_length_buf == 5).all()
-        assert measure(env).foot_on_deck[late].all()
+        assert measure(env).foot_on_deck[:, 1].all()
+
+
+def test_episodes_begin_where_the_shares_have_them():
+    import torch
+
+    from sim.skate.mdp.observations import skate_command
+
+    with worlds() as env:
+        clock, begin = skate_command(env).clock, env.event_manager.get_term_cfg("begin")
+        step = torch.stack([begin.func.draw().step for _ in range(1000)])
+        assert 0.47 < float((step == 0).float().mean()) < 0.53
+        for stretch in (clock.pushing, clock.mounting, clock.steering, clock.dismounting):
+            assert 0.11 < float((stretch(step) & (step > 0)).float().mean()) < 0.14
 
 
 def test_the_course_is_paid_for_from_the_first_push_on_whatever_turn_is_told():
@@ -257,7 +274,7 @@ def test_the_course_is_paid_for_from_the_first_push_on_whatever_turn_is_told():
 
     from sim.skate.mdp.observations import skate_command
 
-    with worlds(start=PUSHING, speed=(0.5, 1.5), pushes=0.0) as env:
+    with worlds(start=AT_REST, speed=(0.5, 1.5), standing=0.0, slow=0.0, pushes=0.0) as env:
         command = skate_command(env)
         assert command.command[:, 1].abs().max() > 0.2
         torch.testing.assert_close(command.target_heading, command.reading.board_heading())
@@ -279,7 +296,7 @@ def test_ends_are_counted_a_minute_of_riding_and_told_to_stand_is_none():
     from policy_runtime.learning.progress import Progress
     from sim.skate.mdp.observations import skate_command
 
-    with worlds(start=STANDING, speed=(0.5, 1.5), standing=0.0, slow=0.0) as env:
+    with worlds(start=AT_REST, speed=(0.5, 1.5), standing=0.0, slow=0.0) as env:
         progress, command = Progress(env), skate_command(env)
         command._command[:4, 0] = 0.0
         lying = torch.tensor([0.0, 1.0, 0.0, 0.0])
@@ -341,7 +358,7 @@ def test_everything_switched_off():
     with worlds(
         tilt_guidance=False, transition="none", pushing="none", steered=False, noise=False, pushes=0.0,
         turn_feedback=False, idle_patience=0.0, stance_patience=0, smoothness=0.1, speed_tolerance=0.1,
-        start=STANDING, speed=(0.5, 0.5),
+        start=AT_REST, speed=(0.5, 0.5),
     ) as env:  # fmt: skip
         command, reading = skate_command(env), skate_command(env).reading
         terms = env.reward_manager.active_terms
@@ -374,7 +391,7 @@ def test_perturbed_transitions_on_the_other_board():
     from sim.skate.mdp.observations import skate_command
     from sim.skate.robot.poses import load_poses
 
-    steering = Start(standing=0.0, pushing=0.0, steering=1.0)
+    steering = replace(AT_REST, mounting=0.5, steering=0.5)
     black = Workspace(Path("/nonexistent")).load_board("black")
     with worlds(
         black, transition="translation", mount_steps=20, bezier_order=3, lift=0.3, pose_offset=0.05,
