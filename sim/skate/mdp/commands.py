@@ -213,7 +213,7 @@ class SkateCommand(CommandTerm):
         extras = super().reset(env_ids)
         self.air_time[env_ids] = 0.0
         # Who begins within a transition comes from the pose before it.
-        pose = self.stretches[3].long()[env_ids]
+        pose = self.clock.dismounting(self.step).long()[env_ids]
         self._start_positions[env_ids] = self._end_positions[pose]
         self._start_positions[env_ids, :, 0] += self.foot_place[env_ids, None]
         self._start_quaternions[env_ids] = self._end_quaternions[pose]

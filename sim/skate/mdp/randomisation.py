@@ -90,7 +90,7 @@ class Begin:
         robot[:, 1] += start.position_noise * (2 * random(n) - 1) * torch.where(rolls, 0.5, 1.0)
         place = torch.empty(n, device=env.device).uniform_(*self._foot_place)
         robot[:, 0] += place - torch.where(rolls, 0.0, STANDING_PLACE)
-        limits = env.scene["robot"].data.soft_joint_pos_limits
+        limits = env.scene["robot"].data.joint_pos_limits
         joints = robot[:, 7:] + start.joint_noise * (2 * random(n, 23) - 1)
         robot[:, 7:] = joints.clamp(limits[..., 0], limits[..., 1])
         default, scale = _servo_numbers()
