@@ -10,7 +10,7 @@ import torch
 from mjlab.managers.command_manager import CommandTerm, CommandTermCfg
 
 from sim.skate import rotation
-from sim.skate.arrays import constant, wrap_angle
+from sim.skate.arrays import wrap_angle
 from sim.skate.cycle.clock import CONTROL_PERIOD, STILL_SPEED
 from sim.skate.cycle.tilt_guidance import TiltGuidance
 from sim.skate.cycle.transitions import KEY_BODIES, TransitionPath
@@ -246,15 +246,11 @@ class SkateCommand(CommandTerm):
         rolls = self.step > 0
         speed = torch.where(rolls, speed.clamp(min=STILL_SPEED), speed)
         speed = torch.where(~rolls & (chance < led * self._options.standing), STILL_SPEED * share, speed)
-        # A turn counts from where steering begins; until then the course is straight on. Who rolls has done the turn before, told
-        # when it stood side-on.
-        steers, board = self.clock.steering(self.step), self.reading.board_heading()
-        target = wrap_angle(board + torch.where(steers, turn, 0.0))
-        done = rolls & ~steers
-        turn = torch.where(done, 0.0, turn)
-        side_on = rotation.yaw(constant(self.cfg.steer_pose.pelvis[3:], board))
-        yaw = torch.where(done, board + side_on, rotation.yaw(self.reading.robot_quaternion()))
-        return torch.stack((speed, turn), dim=-1), target, yaw
+        # A turn counts from where steering begins; until then the course is straight on, and who rolls has done the turn before.
+        steers = self.clock.steering(self.step)
+        target = wrap_angle(self.reading.board_heading() + torch.where(steers, turn, 0.0))
+        turn = torch.where(rolls & ~steers, 0.0, turn)
+        return torch.stack((speed, turn), dim=-1), target, rotation.yaw(self.reading.robot_quaternion())
 
     def _turns(self, angles: torch.Tensor) -> torch.Tensor:
         """Draw turns to either side [rad] in place."""
