@@ -260,10 +260,10 @@ class _Run:
         return tick
 
     def _latch(self, state: RobotState, wanted: Command) -> Command:
-        """Take speed at once, but a turn only when steering begins: it counts from the heading then."""
+        """Take speed at once, but a turn only when steering begins: it counts from the heading then; till the first, straight on."""
         turn = self._course.follow(state, self._step, wanted.turn)
-        if turn is not None or self._ticks == 0:
-            self._turn = wanted.turn if turn is None else turn
+        if turn is not None:
+            self._turn = turn
         return Command(wanted.speed, self._turn)
 
     def _finish(self, stopped: str | None) -> None:

@@ -59,7 +59,7 @@ def test_speed_counts_at_once_and_a_turn_from_the_start_of_steering():
     speeds = [command.speed for command, _ in policy.seen]
     turns = [command.turn for command, _ in policy.seen]
     assert speeds == [0.5] * 50 + [0.9] * 150
-    assert turns == [0.1] * 150 + [0.4] * 50  # steering begins 3 s into the cycle
+    assert turns == [0.0] * 150 + [0.4] * 50  # steering begins 3 s into the cycle
 
 
 def test_the_end_of_commands_ends_the_run():

@@ -226,9 +226,7 @@ class SkateCommand(CommandTerm):
         drawn = self.draw()
         for kept, new in zip((self._command, self.target_heading, self._yaw_then), drawn, strict=True):
             kept[env_ids] = new[env_ids]
-        # Until steering begins the course is straight on, as if long told.
-        long_ago = self.clock.period * ~self.clock.steering(self.step)
-        self._told[env_ids] = (self.step - long_ago)[env_ids]
+        self._told[env_ids] = self.step[env_ids]
 
     def draw(self) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Draw a command for every world as it stands now: command (n, 2), target heading and yaw [rad], (n,) each.
@@ -246,10 +244,9 @@ class SkateCommand(CommandTerm):
         rolls = self.step > 0
         speed = torch.where(rolls, speed.clamp(min=STILL_SPEED), speed)
         speed = torch.where(~rolls & (chance < led * self._options.standing), STILL_SPEED * share, speed)
-        # A turn counts from where steering begins; until then the course is straight on, and who rolls has done the turn before.
-        steers = self.clock.steering(self.step)
-        target = wrap_angle(self.reading.board_heading() + torch.where(steers, turn, 0.0))
-        turn = torch.where(rolls & ~steers, 0.0, turn)
+        # A turn is told where steering begins; until then the course is straight on, and nothing is left of the turn before.
+        turn = torch.where(self.clock.steering(self.step), turn, 0.0)
+        target = wrap_angle(self.reading.board_heading() + turn)
         return torch.stack((speed, turn), dim=-1), target, rotation.yaw(self.reading.robot_quaternion())
 
     def _turns(self, angles: torch.Tensor) -> torch.Tensor:
