@@ -13,8 +13,8 @@ from sysid.joint.sensor import filtered
 from sysid.joint.structure import Structure
 from sysid.roll import Array
 
-BLOCK = 16
-"""Integration steps in one call: a call costs less than one of them, and what is too much at the end at most fifteen."""
+BLOCK = 8
+"""Integration steps in one call: a call costs less than one of them, and what is too much at the end at most seven."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,17 +90,13 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
 
     # A cut costs three steps and is rare, so it is computed only where the joint does turn, and as it was written.
     turns = equations.turned(y, whole, direction)
-    slid = ca.SX.sym("slid", accumulated.shape[0])
-    slide = ca.Function("slide", [accumulated, given], ca.cse([moved, output, turns]))
-    cut = ca.vec(with_slopes(equations.event_step(y, h)))
-    turn = ca.Function.if_else(
-        "turn",
-        ca.Function("cut", [accumulated, given, slid], [cut]),
-        ca.Function("keep", [accumulated, given, slid], [slid]),
-    )
-    state, numbers = ca.MX.sym("state", accumulated.shape[0]), ca.MX.sym("numbers", given.shape[0])
-    moved, read, turned = slide(state, numbers)
-    step = ca.Function("step", [state, numbers], [turn(turned, state, numbers, moved), read])
+    moved, output, turns = ca.cse([moved, output, turns])
+    cut = ca.Function("cut", [accumulated, given], [ca.vec(with_slopes(equations.event_step(y, h)))])
+    state, numbers, slid = (ca.MX.sym("given", *value.shape) for value in (accumulated, given, moved))
+    turned = ca.MX.sym("turned")
+    met = ca.if_else(turned, cut(state, numbers), slid, True)
+    turn = ca.Function("turn", [turned, state, numbers, slid], [met], {"never_inline": True})
+    step = ca.Function("step", [accumulated, given], [turn(turns, accumulated, given, moved), output])
     return Stepper(structure, free_states, sensitivities, initial, step)
 
 
@@ -188,13 +184,22 @@ def _first_reading(
 
 @cache
 def _block(stepper: Stepper) -> Any:
-    """Return (start, parameters and step) → (the same after `BLOCK` steps, outputs at the start of each)."""
+    """Return (start, parameters and step) → (the same after `BLOCK` steps, outputs at the start of each).
+
+    Written out one after the other: a call of a step costs as much as a small one, and what hangs on parameters alone is computed once.
+    """
     import casadi
 
     ca: Any = casadi
-    start, given = ca.MX.sym("start", stepper.step.size1_in(0)), ca.MX.sym("given", stepper.step.size1_in(1))
-    ends, seen = stepper.step.mapaccum("path", BLOCK)(start, ca.repmat(given, 1, BLOCK))
-    return ca.Function("path", [start, given], [ends[:, -1], seen])
+    start, given = ca.SX.sym("start", stepper.step.size1_in(0)), ca.SX.sym("given", stepper.step.size1_in(1))
+    step, symbols, values = ca.extract_parametric(ca.vertcat(*stepper.step(start, given)), given)
+    known, numbers = ca.vertcat(*symbols), ca.vertcat(*values)
+    one = ca.Function("one", [start, given, known], ca.vertsplit(step, [0, start.shape[0], step.shape[0]]))
+    there, seen = start, list[Any]()
+    for _ in range(BLOCK):
+        there, read = one(there, given, numbers)
+        seen.append(read)
+    return ca.Function("path", [start, given], [there, ca.vertcat(*seen)])
 
 
 class Buffered:
