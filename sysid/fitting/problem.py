@@ -15,7 +15,7 @@ from sysid.effects._base import Scales, SensorEffect
 from sysid.fitting.records import LETTING_GO, UNSURE_START, Bias, Record
 from sysid.fitting.shooting import Shooting
 from sysid.joint.hermite import hermite_matrix
-from sysid.joint.integrator import build_stepper, steps_for
+from sysid.joint.integrator import build_initial, build_stepper, steps_for
 from sysid.joint.sensor import at_samples, clock_ratio, reader
 from sysid.joint.structure import Structure
 from sysid.least_squares import Minimum, Normal, minimise
@@ -262,9 +262,9 @@ class Problem:
             roll, rate = _first_motion(record)
             own = [roll, rate]
             if self.free_states and self.structure.internal_states:
-                held = build_stepper(self.structure, free_states=False, sensitivities=False)
+                held = build_initial(self.structure, free_states=False, sensitivities=False)
                 start = np.asarray(
-                    held.initial(self.vector_of(parameters, record), own, max(record.release.hold, 0.0))
+                    held(self.vector_of(parameters, record), own, max(record.release.hold, 0.0))
                 ).ravel()[2:]
                 kept = [
                     not isinstance(part, SensorEffect) for part in self.structure.parts for _ in part.states
@@ -449,7 +449,7 @@ def _averaging(count: int, width: int) -> Any:
     rows = count // width
     used = rows * width
     entries = np.full(used, 1.0 / width)
-    return csr_matrix((entries, (np.arange(used) // width, np.arange(used))), shape=(rows, count))
+    return csr_matrix((entries, np.arange(used), np.arange(0, used + 1, width)), shape=(rows, count))
 
 
 def _first_motion(record: Record) -> tuple[float, float]:

@@ -41,6 +41,36 @@ class Stepper:
 
 
 @cache
+def build_initial(structure: Structure, *, free_states: bool, sensitivities: bool) -> Any:
+    """Build (parameters, unknowns, hold) → state and sensitivities at release; kept for the life of the process.
+
+    Args:
+        free_states: Internal states at release are unknowns; else they follow from the hold before it.
+        sensitivities: Of the state to fitted parameters and unknowns.
+    """
+    import casadi
+
+    ca: Any = casadi
+    parameters, unknowns, fitted = _symbols(structure, free_states=free_states)
+    hold = ca.SX.sym("hold")
+    first = _first_state(EquationsOfMotion(structure, parameters), unknowns, hold, free_states=free_states)
+    slopes = [ca.vec(ca.densify(ca.jacobian(first, ca.vertcat(fitted, unknowns))))] if sensitivities else []
+    return ca.Function("initial", [parameters, unknowns, hold], [ca.vertcat(first, *slopes)])
+
+
+def _symbols(structure: Structure, *, free_states: bool) -> tuple[Any, Any, Any]:
+    """Return parameters, unknowns of a release, and the parameters that a fit may free."""
+    import casadi
+
+    ca: Any = casadi
+    parameters = ca.SX.sym("parameters", len(structure.parameters))
+    unknowns = ca.SX.sym("unknowns", 2 + (len(structure.internal_states) if free_states else 0))
+    free = frozenset(structure.fitted)
+    fitted = parameters[[place for place, name in enumerate(structure.parameters) if name in free]]
+    return parameters, unknowns, fitted
+
+
+@cache
 def build_stepper(structure: Structure, *, free_states: bool, sensitivities: bool) -> Stepper:
     """Build the functions of one structure; kept for the life of the process.
 
@@ -51,23 +81,13 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
     import casadi
 
     ca: Any = casadi
-    count, states = len(structure.parameters), len(structure.states)
-    parameters = ca.SX.sym("parameters", count)
-    unknowns = ca.SX.sym("unknowns", 2 + (len(structure.internal_states) if free_states else 0))
-    hold, h = ca.SX.sym("hold"), ca.SX.sym("h")
+    parameters, unknowns, fitted = _symbols(structure, free_states=free_states)
+    h, states = ca.SX.sym("h"), len(structure.states)
     equations = EquationsOfMotion(structure, parameters)
-
-    first = _first_state(equations, unknowns, hold, free_states=free_states)
-    free = frozenset(structure.fitted)
-    fitted = parameters[[place for place, name in enumerate(structure.parameters) if name in free]]
-    wanted = ca.vertcat(fitted, unknowns)
-    seed = ca.jacobian(first, wanted) if sensitivities else ca.SX(2 + states, 0)
-    initial = ca.Function(
-        "initial", [parameters, unknowns, hold], [ca.vertcat(first, ca.vec(ca.densify(seed)))]
-    )
+    initial = build_initial(structure, free_states=free_states, sensitivities=sensitivities)
 
     y = ca.SX.sym("y", 2 + states)
-    columns = wanted.shape[0] if sensitivities else 0
+    columns = fitted.shape[0] + unknowns.shape[0] if sensitivities else 0
     carried = ca.SX.sym("carried", 2 + states, columns)
     accumulated, given = ca.vertcat(y, ca.vec(carried)), ca.vertcat(parameters, h)
 
