@@ -169,12 +169,17 @@ class Problem:
         """The structure's parameters that are free."""
         return tuple(n for n in self.structure.fitted if n not in self.fixed)
 
+    @cached_property
+    def _parameters(self) -> tuple[str, ...]:
+        """All of the structure's, free or not."""
+        return self.structure.parameters
+
     @property
     def n_local(self) -> int:
         """How many unknowns each record has of its own."""
         return self._motion + (self.bias == "per-release")
 
-    @property
+    @cached_property
     def _motion(self) -> int:
         """How many of them are roll, rate and internal states."""
         return 2 + (len(self.structure.internal_states) if self.free_states else 0)
@@ -277,7 +282,7 @@ class Problem:
         """Return the structure's parameters in their units, shape (k,), inertia first; as they were for a record, if one is given."""
         known = {} if record is None else record.release.known
         full = {"inertia": self.scales.inertia, **parameters, **self.fixed, **known}
-        return np.array([full[name] for name in self.structure.parameters])
+        return np.array([full[name] for name in self._parameters])
 
     def parameters(self, unknowns: Array) -> dict[str, float]:
         """Return all parameters in their units by name, without the inertia, from unknowns in their sizes, shape (p,)."""
