@@ -106,8 +106,11 @@ def _step(here: Normal, point: Array, low: Array, high: Array, factor: float) ->
         free = ~held
         if not free.any():
             break
-        gradient = here.gradient[free] + here.hessian[np.ix_(free, held)] @ step[held]
-        step[free] = _solve(here.hessian[np.ix_(free, free)], gradient, factor)
+        if free.all():
+            step = _solve(here.hessian, here.gradient, factor)
+        else:
+            gradient = here.gradient[free] + here.hessian[np.ix_(free, held)] @ step[held]
+            step[free] = _solve(here.hessian[np.ix_(free, free)], gradient, factor)
         outside = free & ((point + step < low) | (point + step > high))
         if not outside.any():
             break

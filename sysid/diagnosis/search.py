@@ -508,7 +508,10 @@ def _freed(model: Candidate) -> Candidate:
     if not states or model.problem.free_states:
         return model
     problem = model.problem.with_(free_states=True)
-    freed = replace(model, problem=problem, minimum=problem.fitted(inherited(problem, model), 20))
+    here = problem.fitted(inherited(problem, model), 0)
+    if 2 * _promise(here) > model.cost - UNSETTLED * states:
+        return model
+    freed = replace(model, problem=problem, minimum=problem.fitted(here.point, 20, known=here.normal))
     # What is left may be more than the floor, and last: then it holds fewer values, and larger ones.
     lasting = max(1.0, freed.cost / problem.samples * correlation_length(freed.residuals))
     pays = freed.cost < model.cost - UNSETTLED * states * lasting

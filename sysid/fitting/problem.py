@@ -15,7 +15,7 @@ from sysid.effects._base import Scales, SensorEffect
 from sysid.fitting.records import LETTING_GO, UNSURE_START, Bias, Record
 from sysid.fitting.shooting import Shooting
 from sysid.joint.hermite import hermite_matrix
-from sysid.joint.integrator import build_stepper, steps_for
+from sysid.joint.integrator import build_initial, build_stepper, steps_for
 from sysid.joint.sensor import at_samples, clock_ratio, reader
 from sysid.joint.structure import Structure
 from sysid.least_squares import Minimum, Normal, minimise
@@ -169,12 +169,17 @@ class Problem:
         """The structure's parameters that are free."""
         return tuple(n for n in self.structure.fitted if n not in self.fixed)
 
+    @cached_property
+    def _parameters(self) -> tuple[str, ...]:
+        """All of the structure's, free or not."""
+        return self.structure.parameters
+
     @property
     def n_local(self) -> int:
         """How many unknowns each record has of its own."""
         return self._motion + (self.bias == "per-release")
 
-    @property
+    @cached_property
     def _motion(self) -> int:
         """How many of them are roll, rate and internal states."""
         return 2 + (len(self.structure.internal_states) if self.free_states else 0)
@@ -262,9 +267,9 @@ class Problem:
             roll, rate = _first_motion(record)
             own = [roll, rate]
             if self.free_states and self.structure.internal_states:
-                held = build_stepper(self.structure, free_states=False, sensitivities=False)
+                held = build_initial(self.structure, free_states=False, sensitivities=False)
                 start = np.asarray(
-                    held.initial(self.vector_of(parameters, record), own, max(record.release.hold, 0.0))
+                    held(self.vector_of(parameters, record), own, max(record.release.hold, 0.0))
                 ).ravel()[2:]
                 kept = [
                     not isinstance(part, SensorEffect) for part in self.structure.parts for _ in part.states
@@ -277,7 +282,7 @@ class Problem:
         """Return the structure's parameters in their units, shape (k,), inertia first; as they were for a record, if one is given."""
         known = {} if record is None else record.release.known
         full = {"inertia": self.scales.inertia, **parameters, **self.fixed, **known}
-        return np.array([full[name] for name in self.structure.parameters])
+        return np.array([full[name] for name in self._parameters])
 
     def parameters(self, unknowns: Array) -> dict[str, float]:
         """Return all parameters in their units by name, without the inertia, from unknowns in their sizes, shape (p,)."""
@@ -449,7 +454,7 @@ def _averaging(count: int, width: int) -> Any:
     rows = count // width
     used = rows * width
     entries = np.full(used, 1.0 / width)
-    return csr_matrix((entries, (np.arange(used) // width, np.arange(used))), shape=(rows, count))
+    return csr_matrix((entries, np.arange(used), np.arange(0, used + 1, width)), shape=(rows, count))
 
 
 def _first_motion(record: Record) -> tuple[float, float]:

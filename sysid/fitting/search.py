@@ -22,6 +22,8 @@ _SHORT = (0.6, 1.25, 2.5, 4.0)
 when the next one begins, and whoever looks at all of them at once sees false valleys only."""
 
 
+_MET = 0.001
+"""Distance in units of the unknowns' sizes up to which two searches have met: a choice."""
 _VISCOUS = (0.6, 0.2)
 """Shares of the loss left to the damper from which a joint with dry friction is searched."""
 _WIDEST = 6
@@ -202,31 +204,35 @@ def search(
     acting = [place for place, name in enumerate(coarse.names) if "." in name]
     evaluations = 0
     found: list[tuple[float, Array]] = []
-    with stage(0.0, 0.5):
-        for start in steps(starts):
-            point = coarse.start({**start, "rest_angle": start.get("rest_angle") or rest})
-            points = [point]
-            if nonsmooth:
-                # No descent leads back from where a slider never slips or a stop is never met: let the joint come first.
-                joint = _pinned(early[0], point, acting)
-                evaluations += joint.evaluations
-                points.append(joint.point)
-            for problem in early:
-                firsts = [problem.fitted(one, 12, 1e-4) for one in points]
+    points = [coarse.start({**start, "rest_angle": start.get("rest_angle") or rest}) for start in starts]
+    with stage(0.0, 0.3):
+        for problem in steps(early):
+            ends: list[Array] = []
+            for point in points:
+                tried = [point]
+                if nonsmooth and problem is early[0]:
+                    # No descent leads back from where a slider never slips or a stop is never met: let the joint come first.
+                    joint = _pinned(problem, point, acting)
+                    evaluations += joint.evaluations
+                    tried.append(joint.point)
+                firsts = [problem.fitted(one, 12, 1e-4) for one in tried]
                 evaluations += sum(first.evaluations for first in firsts)
-                points = [min(firsts, key=lambda m: m.normal.cost).point]
-            second = coarse.fitted(points[0], 15, 1e-5)
+                ends.append(min(firsts, key=lambda m: m.normal.cost).point)
+            points = _apart(ends)
+    with stage(0.3, 0.5):
+        for point in steps(points):
+            second = coarse.fitted(point, 15, 1e-5)
             evaluations += second.evaluations
             found.append((second.normal.cost, second.point))
     found.sort(key=lambda item: item[0])
     with stage(0.5, 0.7):
         found[0] = scan_rough_parameters(coarse, _restarted(coarse, found[0]))
-    fine = coarse.with_(steps_per_period=steps_per_period)
+    fine = coarse if coarse_steps == steps_per_period else coarse.with_(steps_per_period=steps_per_period)
     best: Minimum | None = None
     # On the coarse grid a kink falls between two points, so its costs rank neighbours only roughly.
-    tried, near = (4, 3.0) if nonsmooth else (2, 1.2)
+    most, near = (4, 3.0) if nonsmooth else (2, 1.2)
     with stage(0.7, 1.0):
-        for cost, point in steps(found[:tried]):
+        for cost, point in steps(found[:most]):
             if best is not None and cost > near * found[0][0]:
                 break
             minimum = fine.fitted(point, tolerance=1e-7 if exact else None)
@@ -235,6 +241,15 @@ def search(
                 best = minimum
     assert best is not None
     return fine, best, evaluations
+
+
+def _apart(points: Sequence[Array]) -> list[Array]:
+    """Return the points of shape (p,), in units of sizes, without those where another one is already: from there all goes the same way."""
+    kept: list[Array] = []
+    for point in points:
+        if all(float(np.abs(point - other).max()) > _MET for other in kept):
+            kept.append(point)
+    return kept
 
 
 _SHARES = (0.6, 0.75, 0.87, 1.15, 1.35, 1.65)

@@ -35,6 +35,6 @@ class Shooting:
         parameters, unknowns, hold = self._begin.inputs
         parameters[:], unknowns[:], hold[:] = vector, own, self.hold
         self._begin.run()
-        grid = self._path(self._begin.outputs[0], np.append(vector, step))
+        grid = self._path(self._begin.outputs[0], np.concatenate((vector, (step,))))
         with np.errstate(all="ignore"):
             return np.asarray(self.at @ grid)

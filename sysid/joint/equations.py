@@ -7,6 +7,7 @@ and dissipates exactly.
 """
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 from sysid.effects._algebra import casadi_algebra
@@ -25,6 +26,7 @@ class EquationsOfMotion:
         import casadi
 
         self._ca: Any = casadi
+        self._structure, self._parameters = structure, parameters
         self.m = casadi_algebra()
         joint = LinearJoint(*(parameters[i] for i in range(len(LINEAR))))
         self.layout = [
@@ -112,10 +114,24 @@ class EquationsOfMotion:
         before = self.motion(y).tilt
 
         def rate(stage: Any) -> Any:
-            return self.derivative(self.slipped(stage, before), slide)
+            return self._slipped_derivative(stage, before, slide, self._parameters)
 
         whole, k1 = runge_kutta(rate, y, h)
         return self.slipped(whole, before), k1
+
+    @cached_property
+    def _slipped_derivative(self) -> Any:
+        """A function of (state, tilt before, direction of sliding, parameters): a cut step asks for twelve, which are worked out once."""
+        ca = self._ca
+        parameters = ca.SX.sym("parameters", *self._parameters.shape)
+        own = EquationsOfMotion(self._structure, parameters)
+        y, before, slide = (
+            ca.SX.sym("y", 2 + len(self._structure.states)),
+            ca.SX.sym("before"),
+            ca.SX.sym("slide"),
+        )
+        rates = own.derivative(own.slipped(y, before), slide)
+        return ca.Function("slipped_derivative", [y, before, slide, parameters], [rates])
 
     def direction(self, y: Any) -> Any:
         """Return where a joint that stands starts to slide: -1, +1, or 0 if friction holds it."""

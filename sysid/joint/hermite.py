@@ -26,6 +26,6 @@ def hermite_matrix(time: Array, h: float, points: int, *, slope: bool = False) -
         w = (-6 * s * (1 - s) / h, (1 - s) * (1 - 3 * s), 6 * s * (1 - s) / h, s * (3 * s - 2))
     else:
         w = ((1 + 2 * s) * (1 - s) ** 2, h * s * (1 - s) ** 2, s**2 * (3 - 2 * s), -h * s**2 * (1 - s))
-    rows = np.repeat(np.arange(len(time)), 4)
     columns = (2 * index[:, None] + np.arange(4)).ravel()
-    return csr_matrix((np.stack(w, axis=1).ravel(), (rows, columns)), shape=(len(time), 2 * points))
+    rows = np.arange(0, len(columns) + 1, 4)
+    return csr_matrix((np.stack(w, axis=1).ravel(), columns, rows), shape=(len(time), 2 * points))

@@ -13,8 +13,8 @@ from sysid.joint.sensor import filtered
 from sysid.joint.structure import Structure
 from sysid.roll import Array
 
-BLOCK = 16
-"""Integration steps in one call: a call costs less than one of them, and what is too much at the end at most fifteen."""
+BLOCK = 8
+"""Integration steps in one call: a call costs less than one of them, and what is too much at the end at most seven."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +41,36 @@ class Stepper:
 
 
 @cache
+def build_initial(structure: Structure, *, free_states: bool, sensitivities: bool) -> Any:
+    """Build (parameters, unknowns, hold) → state and sensitivities at release; kept for the life of the process.
+
+    Args:
+        free_states: Internal states at release are unknowns; else they follow from the hold before it.
+        sensitivities: Of the state to fitted parameters and unknowns.
+    """
+    import casadi
+
+    ca: Any = casadi
+    parameters, unknowns, fitted = _symbols(structure, free_states=free_states)
+    hold = ca.SX.sym("hold")
+    first = _first_state(EquationsOfMotion(structure, parameters), unknowns, hold, free_states=free_states)
+    slopes = [ca.vec(ca.densify(ca.jacobian(first, ca.vertcat(fitted, unknowns))))] if sensitivities else []
+    return ca.Function("initial", [parameters, unknowns, hold], [ca.vertcat(first, *slopes)])
+
+
+def _symbols(structure: Structure, *, free_states: bool) -> tuple[Any, Any, Any]:
+    """Return parameters, unknowns of a release, and the parameters that a fit may free."""
+    import casadi
+
+    ca: Any = casadi
+    parameters = ca.SX.sym("parameters", len(structure.parameters))
+    unknowns = ca.SX.sym("unknowns", 2 + (len(structure.internal_states) if free_states else 0))
+    free = frozenset(structure.fitted)
+    fitted = parameters[[place for place, name in enumerate(structure.parameters) if name in free]]
+    return parameters, unknowns, fitted
+
+
+@cache
 def build_stepper(structure: Structure, *, free_states: bool, sensitivities: bool) -> Stepper:
     """Build the functions of one structure; kept for the life of the process.
 
@@ -51,23 +81,13 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
     import casadi
 
     ca: Any = casadi
-    count, states = len(structure.parameters), len(structure.states)
-    parameters = ca.SX.sym("parameters", count)
-    unknowns = ca.SX.sym("unknowns", 2 + (len(structure.internal_states) if free_states else 0))
-    hold, h = ca.SX.sym("hold"), ca.SX.sym("h")
+    parameters, unknowns, fitted = _symbols(structure, free_states=free_states)
+    h, states = ca.SX.sym("h"), len(structure.states)
     equations = EquationsOfMotion(structure, parameters)
-
-    first = _first_state(equations, unknowns, hold, free_states=free_states)
-    free = frozenset(structure.fitted)
-    fitted = parameters[[place for place, name in enumerate(structure.parameters) if name in free]]
-    wanted = ca.vertcat(fitted, unknowns)
-    seed = ca.jacobian(first, wanted) if sensitivities else ca.SX(2 + states, 0)
-    initial = ca.Function(
-        "initial", [parameters, unknowns, hold], [ca.vertcat(first, ca.vec(ca.densify(seed)))]
-    )
+    initial = build_initial(structure, free_states=free_states, sensitivities=sensitivities)
 
     y = ca.SX.sym("y", 2 + states)
-    columns = wanted.shape[0] if sensitivities else 0
+    columns = fitted.shape[0] + unknowns.shape[0] if sensitivities else 0
     carried = ca.SX.sym("carried", 2 + states, columns)
     accumulated, given = ca.vertcat(y, ca.vec(carried)), ca.vertcat(parameters, h)
 
@@ -90,17 +110,13 @@ def build_stepper(structure: Structure, *, free_states: bool, sensitivities: boo
 
     # A cut costs three steps and is rare, so it is computed only where the joint does turn, and as it was written.
     turns = equations.turned(y, whole, direction)
-    slid = ca.SX.sym("slid", accumulated.shape[0])
-    slide = ca.Function("slide", [accumulated, given], ca.cse([moved, output, turns]))
-    cut = ca.vec(with_slopes(equations.event_step(y, h)))
-    turn = ca.Function.if_else(
-        "turn",
-        ca.Function("cut", [accumulated, given, slid], [cut]),
-        ca.Function("keep", [accumulated, given, slid], [slid]),
-    )
-    state, numbers = ca.MX.sym("state", accumulated.shape[0]), ca.MX.sym("numbers", given.shape[0])
-    moved, read, turned = slide(state, numbers)
-    step = ca.Function("step", [state, numbers], [turn(turned, state, numbers, moved), read])
+    moved, output, turns = ca.cse([moved, output, turns])
+    cut = ca.Function("cut", [accumulated, given], [ca.vec(with_slopes(equations.event_step(y, h)))])
+    state, numbers, slid = (ca.MX.sym("given", *value.shape) for value in (accumulated, given, moved))
+    turned = ca.MX.sym("turned")
+    met = ca.if_else(turned, cut(state, numbers), slid, True)
+    turn = ca.Function("turn", [turned, state, numbers, slid], [met], {"never_inline": True})
+    step = ca.Function("step", [accumulated, given], [turn(turns, accumulated, given, moved), output])
     return Stepper(structure, free_states, sensitivities, initial, step)
 
 
@@ -188,13 +204,22 @@ def _first_reading(
 
 @cache
 def _block(stepper: Stepper) -> Any:
-    """Return (start, parameters and step) → (the same after `BLOCK` steps, outputs at the start of each)."""
+    """Return (start, parameters and step) → (the same after `BLOCK` steps, outputs at the start of each).
+
+    Written out one after the other: a call of a step costs as much as a small one, and what hangs on parameters alone is computed once.
+    """
     import casadi
 
     ca: Any = casadi
-    start, given = ca.MX.sym("start", stepper.step.size1_in(0)), ca.MX.sym("given", stepper.step.size1_in(1))
-    ends, seen = stepper.step.mapaccum("path", BLOCK)(start, ca.repmat(given, 1, BLOCK))
-    return ca.Function("path", [start, given], [ends[:, -1], seen])
+    start, given = ca.SX.sym("start", stepper.step.size1_in(0)), ca.SX.sym("given", stepper.step.size1_in(1))
+    step, symbols, values = ca.extract_parametric(ca.vertcat(*stepper.step(start, given)), given)
+    known, numbers = ca.vertcat(*symbols), ca.vertcat(*values)
+    one = ca.Function("one", [start, given, known], ca.vertsplit(step, [0, start.shape[0], step.shape[0]]))
+    there, seen = start, list[Any]()
+    for _ in range(BLOCK):
+        there, read = one(there, given, numbers)
+        seen.append(read)
+    return ca.Function("path", [start, given], [there, ca.vertcat(*seen)])
 
 
 class Buffered:

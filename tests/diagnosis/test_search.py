@@ -9,11 +9,20 @@ import pytest
 from scipy.signal import lfilter
 
 from sysid.board import load_board
-from sysid.diagnosis.search import Search, best_families, best_of, completed, frugality, inside, leaders
+from sysid.diagnosis.search import (
+    Search,
+    _freed,
+    best_families,
+    best_of,
+    completed,
+    frugality,
+    inside,
+    leaders,
+)
 from sysid.effects import catalogue
 from sysid.effects._base import Scales
 from sysid.fitting.cross_validation import _without
-from sysid.fitting.problem import Record
+from sysid.fitting.problem import Problem, Record
 from sysid.joint import JointLaw, simulate
 from sysid.roll import Release
 from sysid.workspace import shipped_data
@@ -48,6 +57,15 @@ def test_what_a_hand_moved_last_begins_anywhere(search, hold, freed):
     model = rubber.fine(rubber.single(("viscoelastic",)))
     assert model.problem.free_states is freed
     assert model.rmse < 1.1 * NOISE
+
+
+def test_states_that_promise_nothing_are_not_freed(search):
+    law = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.15).with_effect("viscoelastic", 8.0, 1.0)
+    rubber = replace(search, records=(record_of(0.15, 1, law), record_of(-0.13, 2, law)))
+    model = rubber.fine(rubber.single(("viscoelastic",)))
+    with patch.object(Problem, "normal", autospec=True, side_effect=Problem.normal) as evaluated:
+        assert _freed(model) is model
+    assert evaluated.call_count == 1
 
 
 def test_a_stop_may_be_much_softer_than_the_spring(search):

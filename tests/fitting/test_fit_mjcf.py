@@ -15,7 +15,7 @@ from sysid.fitting.joint import FitOptions, fit_joint
 from sysid.fitting.problem import Problem
 from sysid.fitting.profile import profiles
 from sysid.fitting.records import make_records
-from sysid.fitting.search import scales_of, starting_points
+from sysid.fitting.search import scales_of, search, starting_points
 from sysid.joint import JointLaw, simulate
 from sysid.joint.structure import structure_of
 from sysid.least_squares import Normal, minimise
@@ -73,6 +73,16 @@ def test_truth_is_recovered(pink, effect, values):
     assert fit.rmse == pytest.approx(fit.noise.std, rel=0.04)
     for name, truth in zip((q for q in fit.quantities if "." in q), values, strict=True):
         assert abs(fit.quantities[name].value - truth) < 4.5 * fit.quantities[name].std
+
+
+def test_starts_that_meet_are_followed_once(pink):
+    records = make_records(releases_of(LIGHT.with_effect("cubic-stiffness", 150.0), 1), NOISE, rate=False)
+    scales, structure = scales_of(records, pink), structure_of(["cubic-stiffness"])
+    start = starting_points(structure, scales)[0]
+    _, alone, once = search(structure, records, scales, starts=[start])
+    _, found, thrice = search(structure, records, scales, starts=[start] * 3)
+    assert found.normal.cost == alone.normal.cost
+    assert thrice < 2 * once
 
 
 def test_start_far_away_gives_the_same_answer(pink):
