@@ -13,8 +13,13 @@ import numpy as np
 from sysid.roll import Array
 from sysid.video.film.survey import Survey
 from sysid.video.trackers.edge.brightness_steps import Steps, steps_of, without_still
-from sysid.video.types import Box
+from sysid.video.types import Box, Image
 
+Grid = tuple[Array, Array]
+"""Places across and down of a grid that turns with the deck, from its pivot [px]."""
+
+PICTURES = 20
+"""Pictures, spread over the film, that are turned back."""
 MIN_LENGTH = 0.06
 """Shortest edge that is followed, as a share of the picture's width."""
 MAX_EDGES = 4
@@ -62,8 +67,9 @@ class DeckEnd:
 
 def find_deck_end(look: Survey) -> DeckEnd | None:
     """Return the edges of the deck's end in pictures of a film; None where there are none."""
-    shifts = np.array([frame.shift - look.frames[0].shift for frame in look.frames])
-    every = without_still([steps_of(frame) for frame in look.frames], shifts)
+    frames = look.frames[:: max(1, len(look.frames) // PICTURES)]
+    shifts = np.array([frame.shift - frames[0].shift for frame in frames])
+    every = without_still([steps_of(frame) for frame in frames], shifts)
     width, turns = look.moving.shape[1], _rough_slopes(every, look.box)
     box = _usual_box(every, turns, look.box)
     if box is None:
@@ -75,11 +81,11 @@ def find_deck_end(look: Survey) -> DeckEnd | None:
     unit = 1 / every[0].scale
     x = np.arange(-0.55 * size, 0.55 * size, GRID_ACROSS * unit)
     y = np.arange(-0.2 * size, 0.2 * size, GRID_DOWN * unit)
-    grid = np.stack(np.meshgrid(x, y), axis=-1)
+    grid = x, y
     pivot = np.array([left + right, top + bottom]) / 2
     reach = np.array([0.25 * size, 0.5 * (bottom - top)])
     steps = 2 * np.ceil(reach / (unit * np.array(PIVOT_GRID))).astype(int) + 1
-    coarse = grid[:, ::3]
+    coarse = x[::3], y
     for round_ in range(4):
         weight = _attitudes(turns)
         tried = pivot + np.stack(
@@ -112,7 +118,7 @@ def _rough_slopes(every: list[Steps], box: Box) -> Array:
     for one in every:
         left, top, right, bottom = np.round((np.array(box) - one.corner * 2) * one.scale).astype(int)
         part = slice(max(top, 0), bottom), slice(max(left, 0), right)
-        across, down = one.right[part], one.down[part]
+        across, down = np.moveaxis(one.slopes[part], -1, 0)
         slope = np.arctan2(-across * np.sign(down), np.abs(down))
         count, _ = np.histogram(slope, edges, weights=np.minimum(np.hypot(across, down), MAX_SLOPE))
         counts.append(np.convolve(count, np.hanning(9), mode="same"))
@@ -132,9 +138,10 @@ def _usual_box(every: list[Steps], slopes: Array, box: Box) -> tuple[float, floa
             sides.append(np.full(4, np.nan))
             continue
         left, top, right, bottom = np.round((np.array(box) - one.corner * 2) * one.scale).astype(int)
-        across = np.abs(np.cos(turn) * one.down - np.sin(turn) * one.right)
-        along = np.abs(np.cos(turn) * one.right + np.sin(turn) * one.down)
-        amount = ((across > MAX_SLOPE / 2) & (along < ATTITUDE_STEP * across))[top:bottom, left:right]
+        beside, below = np.moveaxis(one.slopes[top:bottom, left:right], -1, 0)
+        across = np.abs(np.cos(turn) * below - np.sin(turn) * beside)
+        along = np.abs(np.cos(turn) * beside + np.sin(turn) * below)
+        amount = (across > MAX_SLOPE / 2) & (along < ATTITUDE_STEP * across)
         if not amount.any():
             sides.append(np.full(4, np.nan))
             continue
@@ -163,22 +170,23 @@ def turned(place: Array, turn: float) -> Array:
     return place @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
 
 
-def _shown(one: Steps, shift: Array, turn: float, pivot: Array, grid: Array) -> Array:
+def _shown(one: Steps, shift: Array, turn: float, pivot: Array, grid: Grid) -> Image:
     """How much of an edge one picture shows at each place of the grid that turns with the deck."""
-    step = one.across(pivot + shift + turned(grid, turn), np.array(turn))
-    width = max(1, round(STRAIGHT_LENGTH / (one.scale * float(grid[0, 1, 0] - grid[0, 0, 0]))))
-    return np.minimum(np.abs(cv2.blur(step, (width, 1))), MAX_SLOPE)
+    x, y = grid
+    step = one.on_grid(pivot + shift, x, y, turn)
+    width = max(1, round(STRAIGHT_LENGTH / (one.scale * float(x[1] - x[0]))))
+    return np.asarray(np.minimum(np.abs(cv2.blur(step, (width, 1))), MAX_SLOPE), np.float32)
 
 
-def _mean(every: list[Steps], shifts: Array, turns: Array, weight: Array, pivot: Array, grid: Array) -> Array:
+def _mean(every: list[Steps], shifts: Array, turns: Array, weight: Array, pivot: Array, grid: Grid) -> Array:
     shown = (
         w * _shown(one, shift, float(turn), pivot, grid)
         for one, shift, turn, w in zip(every, shifts, turns, weight, strict=True)
     )
-    return sum(shown, np.zeros(grid.shape[:2]))
+    return sum(shown, np.zeros((len(grid[1]), len(grid[0]))))
 
 
-def _in_most_attitudes(every: list[Steps], shifts: Array, turns: Array, pivot: Array, grid: Array) -> Array:
+def _in_most_attitudes(every: list[Steps], shifts: Array, turns: Array, pivot: Array, grid: Grid) -> Array:
     """What shows of an edge in all attitudes but a few: the horizon does where the deck rests."""
     attitude = np.round(turns / (2 * ATTITUDE_STEP)).astype(int)
     each = [
@@ -209,7 +217,7 @@ def _ridges(mean: Array) -> Array:
 
 
 def _level(
-    every: list[Steps], shifts: Array, turns: Array, weight: Array, pivot: Array, grid: Array, reach: float
+    every: list[Steps], shifts: Array, turns: Array, weight: Array, pivot: Array, grid: Grid, reach: float
 ) -> float:
     """How much more all pictures are to be turned, so that the edges run along the grid."""
 
@@ -222,12 +230,13 @@ def _level(
 
 
 def _best_turn(
-    one: Steps, shift: Array, pivot: Array, grid: Array, mean: Array, turn: float, *, wide: bool
+    one: Steps, shift: Array, pivot: Array, grid: Grid, mean: Array, turn: float, *, wide: bool
 ) -> float:
     """The turn at which a picture shows most of the edges that all have."""
-    clear = np.where(mean > 0.5 * mean.max(), mean, 0.0)[:, ::2]
-    rows = clear.any(axis=1)
-    part, weight = grid[:, ::2][rows], clear[rows]
+    clear = mean[:, ::2] >= 0.5 * mean.max()
+    some = np.flatnonzero(clear.any(axis=1))
+    rows = slice(max(some[0] - 1, 0), some[-1] + 2)
+    part, weight = (grid[0][::2], grid[1][rows]), (mean[:, ::2] * clear)[rows]
 
     def best(turns: Array) -> float:
         score = [float(np.sum(weight * _shown(one, shift, float(at), pivot, part))) for at in turns]
