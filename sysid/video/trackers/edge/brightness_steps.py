@@ -10,7 +10,7 @@ from sysid.video.film.frames import Frame, grey, halved
 from sysid.video.types import Image
 
 STEPS_SIDE = 640
-"""Longer side of the pictures in which edges are looked for; larger ones are halved [px]."""
+"""Longer side of the pictures in which edges are looked for [px]."""
 MOVING_RATIO = 1.5
 """Ratio by which what is seen in one picture must be stronger than what is seen there in all of them."""
 
@@ -64,10 +64,12 @@ class Steps:
 
 def steps_of(frame: Frame) -> Steps:
     """Return the slopes of brightness [grey levels/px] in a frame, made small."""
-    small, times = halved(grey(frame.picture), STEPS_SIDE)
+    dark, times = halved(grey(frame.picture), 2 * STEPS_SIDE)
+    scale = min(1.0, STEPS_SIDE / max(dark.shape))
+    small = cv2.resize(dark, None, fx=scale, fy=scale) if scale < 1 else dark
     smooth = cv2.GaussianBlur(small.astype(np.float32), (0, 0), 1.0)
     slopes = cv2.merge([cv2.Scharr(smooth, cv2.CV_32F, *axis, scale=1 / 32) for axis in ((1, 0), (0, 1))])
-    return Steps(np.asarray(slopes, np.float32), 1 / times, frame.corner)
+    return Steps(np.asarray(slopes, np.float32), scale / times, frame.corner)
 
 
 def without_still(every: list[Steps], shifts: Array) -> list[Steps]:

@@ -18,8 +18,6 @@ from sysid.video.types import Box, Image
 Grid = tuple[Array, Array]
 """Places across and down of a grid that turns with the deck, from its pivot [px]."""
 
-PICTURES = 20
-"""Pictures, spread over the film, that are turned back."""
 MIN_LENGTH = 0.06
 """Shortest edge that is followed, as a share of the picture's width."""
 MAX_EDGES = 4
@@ -67,9 +65,8 @@ class DeckEnd:
 
 def find_deck_end(look: Survey) -> DeckEnd | None:
     """Return the edges of the deck's end in pictures of a film; None where there are none."""
-    frames = look.frames[:: max(1, len(look.frames) // PICTURES)]
-    shifts = np.array([frame.shift - frames[0].shift for frame in frames])
-    every = without_still([steps_of(frame) for frame in frames], shifts)
+    shifts = np.array([frame.shift - look.frames[0].shift for frame in look.frames])
+    every = without_still([steps_of(frame) for frame in look.frames], shifts)
     width, turns = look.moving.shape[1], _rough_slopes(every, look.box)
     box = _usual_box(every, turns, look.box)
     if box is None:
@@ -91,19 +88,17 @@ def find_deck_end(look: Survey) -> DeckEnd | None:
         tried = pivot + np.stack(
             np.meshgrid(*(np.linspace(-r, r, n) for r, n in zip(reach, steps, strict=True))), -1
         ).reshape(-1, 2)
-        some = slice(None, None, 1 if round_ else 2)
-        score = [
-            _sharpness(_mean(every[some], shifts[some], turns[some], weight[some], at, coarse))
-            for at in tried
-        ]
+        some = slice(None, None, 1 if round_ == 3 else 2)  # all of them at last
+        few, aside, share = every[some], shifts[some], weight[some]
+        score = [_sharpness(_mean(few, aside, turns[some], share, at, coarse)) for at in tried]
         pivot = tried[int(np.argmax(score))]
         turns = turns + _level(
-            every, shifts, turns, weight, pivot, coarse, np.radians(15.0 if round_ < 3 else 2.0)
+            few, aside, turns[some], share, pivot, coarse, np.radians(15.0 if round_ < 3 else 2.0)
         )
         reach, steps = np.maximum(2 * reach / (steps - 1), unit), np.array([5, 5])
         mean = _mean(every, shifts, turns, weight, pivot, grid)
         turns = np.array([
-            _best_turn(one, shift, pivot, grid, mean, turn, wide=round_ in (1, 2))
+            _best_turn(one, shift, pivot, grid, mean, turn, wide=round_ == 1)
             for one, shift, turn in zip(every, shifts, turns, strict=True)
         ])  # fmt: skip
     always = _in_most_attitudes(every, shifts, turns, pivot, grid)
