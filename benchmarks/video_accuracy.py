@@ -25,7 +25,7 @@ import numpy as np
 from pages import table, write_result
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
-from film import Camera, film
+from film import Camera, film, write_calibration
 from film_set import Motion, rock
 
 from sysid.board import Board
@@ -33,7 +33,7 @@ from sysid.errors import SysidError
 from sysid.free_decay import fit_decay
 from sysid.releases import find_releases
 from sysid.roll import Array, Roll
-from sysid.video.film.camera import USUAL_FOCAL, Lens, lens_of, write_calibration
+from sysid.video.film.camera import USUAL_FOCAL, Lens, lens_of
 from sysid.video.film.frames import open_clip
 from sysid.video.film.reel import Reel
 from sysid.video.select import follow_board

@@ -13,16 +13,13 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from sysid.roll import Array
 from sysid.video.film.frames import Frame, grey, halved
 from sysid.video.film.track import Track
 from sysid.video.pose.pose import pose_between, principal_corners, turn_of
 from sysid.video.pose.rectify import project
-from sysid.video.types import Box, Mask, Points
-
-Image = npt.NDArray[np.float32]
+from sysid.video.types import Box, Image, Mask, Points
 
 MAX_SIDE = 720
 """Longer side of the board's picture; larger ones are halved [px]."""

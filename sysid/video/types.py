@@ -7,6 +7,8 @@ Complex = npt.NDArray[np.complex128]
 """Places in a picture, x + i y with y down."""
 Picture = npt.NDArray[np.uint8]
 """A picture as OpenCV holds it: (height, width, 3) in the order blue, green, red, or (height, width) grey."""
+Image = npt.NDArray[np.float32]
+"""Brightness, or what is made of it, pixel by pixel, shape (height, width) or with more axes behind."""
 Points = npt.NDArray[np.float32]
 """Points in pictures [px], shape (..., 2): half the memory of double precision."""
 Mask = npt.NDArray[np.bool_]

@@ -6,6 +6,7 @@ over its own exposure. Camera shake is a rotation of the camera about its centre
 homography. Lens, noise and compression follow in the order in which they happen in a camera.
 """
 
+import json
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ from film_set import HAND_AWAY, Mark, Motion, film_textures, film_xml
 from sysid.board import Board
 from sysid.files import atomic_path
 from sysid.roll import Array
+from sysid.video.film.camera import Lens
 
 Picture = npt.NDArray[np.uint8]
 Exposed = npt.NDArray[np.float32]
@@ -103,6 +105,18 @@ def film(path: Path, board: Board, motion: Motion, mark: Mark, camera: Camera, *
         for stamp, turn in zip(stamps, turns, strict=True):
             write(_develop(stage.expose(stamp, motion), turn, lens, camera, rng))
     return stamps
+
+
+def write_calibration(lens: Lens, size: tuple[int, int]) -> str:
+    """Return a calibration of pictures of this width and height [px] as the JSON text that `lens_of` reads."""
+    return json.dumps(
+        {
+            "image_width": size[0],
+            "image_height": size[1],
+            "camera_matrix": lens.matrix.tolist(),
+            "distortion_coefficients": lens.distortion.tolist(),
+        }
+    )
 
 
 def frame_times(camera: Camera, duration: float, rng: np.random.Generator) -> Array:

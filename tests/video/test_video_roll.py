@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
+from film import write_calibration
 from film_container import turned
 from films import SMALL, TestFilm, make_film
 
@@ -20,7 +21,7 @@ from sysid.errors import SysidError
 from sysid.logs.clock_offset import clock_offset
 from sysid.roll import Roll
 from sysid.video.film.background import Background
-from sysid.video.film.camera import Lens, lens_of, write_calibration
+from sysid.video.film.camera import Lens, lens_of
 from sysid.video.film.frames import ahead, open_clip
 from sysid.video.film.shake import find_shake, seen_places
 from sysid.video.options import VIDEO_SUFFIXES

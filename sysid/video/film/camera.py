@@ -81,19 +81,6 @@ def lens_of(clip: Clip, calibration: Path | None) -> Lens:
     return Lens(matrix, distortion, True, note)
 
 
-def write_calibration(lens: Lens, size: tuple[int, int]) -> str:
-    """Return a calibration as JSON text that `lens_of` reads."""
-    return json.dumps(
-        {
-            "image_width": size[0],
-            "image_height": size[1],
-            "camera_matrix": lens.matrix.tolist(),
-            "distortion_coefficients": lens.distortion.tolist(),
-        },
-        indent=2,
-    )
-
-
 def _from_file(path: Path) -> tuple[Array, Array, tuple[int, int], str]:
     """Read JSON with our field names, or the YAML and XML that OpenCV's and ROS's calibrators write."""
     try:

@@ -36,6 +36,10 @@ MAX_ASIDE = np.radians(3.0)
 """How far from straight below, above or beside its pivot a single dot may rest and still show level by that [rad]."""
 CIRCLE_SCALE = 3.0
 """Distance from a circle that counts in full [px]."""
+RIM = 3
+"""Width of the rim about what is more than half a dot in which pixels may hold some of it [px]."""
+GREY = 128
+"""What has no colour, as OpenCV writes CIELAB in whole numbers."""
 MIN_UNCOVERED = 0.85
 """A dot of which less than this share is left is covered in part."""
 
@@ -142,8 +146,7 @@ class DotFollower:
         if min(part.shape[:2]) < 4:
             return None
         weight = _dot_share(part, dot)
-        mask = (weight > 0.5).astype(np.uint8)
-        count, labels, stats, centres = cv2.connectedComponentsWithStats(mask)
+        count, labels, stats, centres = cv2.connectedComponentsWithStats((weight > 0.5).astype(np.uint8))
         if count < 2:
             return None
         area = stats[1:, cv2.CC_STAT_AREA] / (np.pi * dot.radius**2)
@@ -152,17 +155,19 @@ class DotFollower:
         best = int(np.argmin(score))
         if not 0.4 < area[best] < 2.5:
             return None
-        core = (labels == best + 1).astype(np.uint8)
-        region = np.asarray(cv2.dilate(core, np.ones((7, 7), np.uint8)), np.uint8)
-        left, top, width, height = cv2.boundingRect(region)
-        cut = (left + corner[0], top + corner[1], left + corner[0] + width, top + corner[1] + height)
-        if any(side == end for side, end in zip(cut, frame.box, strict=True)):  # by the picture's border
-            return None
-        soft = np.clip(weight, 0, 1) * region
+        left, top, width, height = stats[best + 1, : cv2.CC_STAT_AREA].tolist()
+        rows, columns = (
+            slice(max(low - RIM, 0), low + size + RIM) for low, size in ((top, height), (left, width))
+        )
+        core = (labels[rows, columns] == best + 1).astype(np.uint8)
+        soft = weight[rows, columns] * cv2.dilate(core, np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8))
+        begin = np.array([columns.start, rows.start]) + corner
+        if np.any(begin == frame.box[:2]) or np.any(begin + soft.shape[::-1] == frame.box[2:]):
+            return None  # it is cut by the picture's border
         across, down = soft.sum(axis=0, dtype=np.float64), soft.sum(axis=1, dtype=np.float64)
         total = float(across.sum())
         middle = np.array([across @ np.arange(len(across)), down @ np.arange(len(down))]) / total
-        return middle + corner, total
+        return middle + begin, total
 
 
 def fit_pivot(
@@ -233,7 +238,7 @@ def _centre(z: Complex) -> tuple[complex, Array]:
 
 def _chroma(part: Picture) -> Chroma:
     return (
-        cv2.cvtColor(part, cv2.COLOR_BGR2LAB)[..., 1:].astype(np.float32) - 128
+        cv2.cvtColor(part, cv2.COLOR_BGR2LAB)[..., 1:].astype(np.float32) - GREY
     )  # whole units: a hundredth of a sticker's colour
 
 
@@ -243,15 +248,17 @@ def _dot_share(part: Picture, dot: Dot) -> Chroma:
     The surroundings' colour is the part's median; what lies off the line between both colours is
     something else.
     """
-    chroma = _chroma(part)
-    around = np.median(chroma[::2, ::2].reshape(-1, 2), axis=0)
+    colour = cv2.cvtColor(part, cv2.COLOR_BGR2LAB)
+    around = np.median(colour[::4, ::4, 1:], axis=(0, 1)) - GREY
     line = dot.chroma - around
     length = float(line @ line)
     if length < 100:
         return np.zeros(part.shape[:2], np.float32)
-    along = (chroma - around) @ line / length
-    off = np.linalg.norm(chroma - around - along[..., None] * line, axis=-1) / np.sqrt(length)
-    return np.where((off < 0.45) & (along > 0.15), np.minimum(along, 1.0), 0).astype(np.float32)
+    # Along the line, and off it, in units of its length.
+    turn = np.array([[0, line[0], line[1]], [0, -line[1], line[0]]]) / length
+    shift = turn @ [0, *(around + GREY)]
+    along, off = cv2.split(cv2.transform(colour.astype(np.float32), np.column_stack([turn, -shift])))
+    return np.where((np.abs(off) < 0.45) & (along > 0.15), np.minimum(along, 1.0), np.float32(0))
 
 
 def _patches(part: Picture, corner: tuple[int, int], look: Survey) -> list[Dot]:

@@ -6,10 +6,11 @@ import cv2
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.film.frames import Frame, grey
+from sysid.video.film.frames import Frame, grey, halved
+from sysid.video.types import Image
 
-STEPS_WIDTH = 640
-"""Width of the pictures in which edges are looked for [px]."""
+STEPS_SIDE = 640
+"""Longer side of the pictures in which edges are looked for [px]."""
 MOVING_RATIO = 1.5
 """Ratio by which what is seen in one picture must be stronger than what is seen there in all of them."""
 
@@ -18,12 +19,16 @@ MOVING_RATIO = 1.5
 class Steps:
     """Slopes of brightness in one picture, made small."""
 
-    right: Array
-    down: Array
+    slopes: Image
+    """To the right and down [grey levels/px], shape (h, w, 2)."""
     scale: float
     """Its pixels in one of the film."""
     corner: tuple[int, int] = (0, 0)
     """Left and top of the picture in the film's [px]."""
+
+    def here(self, place: Array) -> Array:
+        """Return where the small picture shows places of the film, both [px], shape (..., 2)."""
+        return (place - self.corner + 0.5) * self.scale - 0.5
 
     def across(self, place: Array, turn: Array) -> Array:
         """Slope of brightness across lines [grey levels/px], of the shape of `place` without its last axis.
@@ -32,29 +37,39 @@ class Steps:
             place: Places in the picture [px], shape (m, 2) or with more axes before.
             turn: Slopes of the lines there [rad], a shape that broadcasts with the result's.
         """
-        there = (
-            ((place - self.corner + 0.5) * self.scale - 0.5)
-            .astype(np.float32)
-            .reshape(-1, place.shape[-2], 2)
+        x, y = np.moveaxis(self.here(place).astype(np.float32).reshape(-1, place.shape[-2], 2), -1, 0)
+        seen = cv2.remap(self.slopes, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        right, down = np.moveaxis(seen.reshape(place.shape), -1, 0)
+        return np.asarray(np.cos(turn) * down - np.sin(turn) * right, np.float64)
+
+    def on_grid(self, pivot: Array, x: Array, y: Array, turn: float) -> Image:
+        """Return the slope of brightness across the rows of a grid that is turned about a pivot [grey levels/px], shape (Y, X).
+
+        Args:
+            pivot: What it is turned about [px], shape (2,).
+            x: Evenly spaced places across, from the pivot [px], shape (X,).
+            y: The same down, shape (Y,).
+            turn: Turn of the grid [rad].
+        """
+        cosine, sine = np.cos(turn), np.sin(turn)
+        turning = self.scale * np.array([[cosine, -sine], [sine, cosine]])
+        begin = self.here(pivot) + turning @ (x[0], y[0])
+        move = np.hstack([turning * (x[1] - x[0], y[1] - y[0]), begin[:, None]])
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        seen = cv2.warpAffine(
+            self.slopes, move, (len(x), len(y)), flags=flags, borderMode=cv2.BORDER_REPLICATE
         )
-        right, down = (
-            cv2.remap(part, there[..., 0], there[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-            for part in (self.right, self.down)
-        )
-        shape = place.shape[:-1]
-        return np.asarray(
-            np.cos(turn) * down.reshape(shape) - np.sin(turn) * right.reshape(shape), np.float64
-        )
+        return np.asarray(cv2.transform(seen, np.array([[-sine, cosine]])), np.float32)
 
 
 def steps_of(frame: Frame) -> Steps:
     """Return the slopes of brightness [grey levels/px] in a frame, made small."""
-    dark = grey(frame.picture)
-    scale = min(1.0, STEPS_WIDTH / max(dark.shape))
-    small = cv2.resize(dark, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1 else dark
+    dark, times = halved(grey(frame.picture), 2 * STEPS_SIDE)
+    scale = min(1.0, STEPS_SIDE / max(dark.shape))
+    small = cv2.resize(dark, None, fx=scale, fy=scale) if scale < 1 else dark
     smooth = cv2.GaussianBlur(small.astype(np.float32), (0, 0), 1.0)
-    right, down = (cv2.Scharr(smooth, cv2.CV_32F, *axis) / 32 for axis in ((1, 0), (0, 1)))
-    return Steps(right, down, scale, frame.corner)
+    slopes = cv2.merge([cv2.Scharr(smooth, cv2.CV_32F, *axis, scale=1 / 32) for axis in ((1, 0), (0, 1))])
+    return Steps(np.asarray(slopes, np.float32), scale / times, frame.corner)
 
 
 def without_still(every: list[Steps], shifts: Array) -> list[Steps]:
@@ -68,10 +83,10 @@ def without_still(every: list[Steps], shifts: Array) -> list[Steps]:
         np.array([[1, 0, one.scale * x], [0, 1, one.scale * y]])
         for one, (x, y) in zip(every, shifts, strict=True)
     ]
-    size = every[0].right.shape[::-1]
-    least = np.full(every[0].right.shape, np.inf, np.float32)
+    shape = every[0].slopes.shape[:2]
+    size, least = shape[::-1], np.full(shape, np.inf, np.float32)
     for one, move in zip(every, moves, strict=True):
-        amount = cv2.dilate(np.hypot(one.right, one.down), np.ones((3, 3), np.uint8))
+        amount = cv2.dilate(cv2.magnitude(*cv2.split(one.slopes)), np.ones((3, 3), np.uint8))
         still = cv2.warpAffine(
             amount, move, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REPLICATE
         )
@@ -79,7 +94,7 @@ def without_still(every: list[Steps], shifts: Array) -> list[Steps]:
     cleared: list[Steps] = []
     for one, move in zip(every, moves, strict=True):
         there = cv2.warpAffine(least, move, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        amount = np.hypot(one.right, one.down)
+        amount = cv2.magnitude(*cv2.split(one.slopes))
         moving = np.clip(amount / np.maximum(MOVING_RATIO * there, 1e-3) - 1, 0, 1)
-        cleared.append(Steps(one.right * moving, one.down * moving, one.scale, one.corner))
+        cleared.append(Steps(one.slopes * np.asarray(moving, np.float32)[..., None], one.scale, one.corner))
     return cleared

@@ -13,7 +13,10 @@ import numpy as np
 from sysid.roll import Array
 from sysid.video.film.survey import Survey
 from sysid.video.trackers.edge.brightness_steps import Steps, steps_of, without_still
-from sysid.video.types import Box
+from sysid.video.types import Box, Image
+
+Grid = tuple[Array, Array]
+"""Places across and down of a grid that turns with the deck, from its pivot [px]."""
 
 MIN_LENGTH = 0.06
 """Shortest edge that is followed, as a share of the picture's width."""
@@ -75,29 +78,27 @@ def find_deck_end(look: Survey) -> DeckEnd | None:
     unit = 1 / every[0].scale
     x = np.arange(-0.55 * size, 0.55 * size, GRID_ACROSS * unit)
     y = np.arange(-0.2 * size, 0.2 * size, GRID_DOWN * unit)
-    grid = np.stack(np.meshgrid(x, y), axis=-1)
+    grid = x, y
     pivot = np.array([left + right, top + bottom]) / 2
     reach = np.array([0.25 * size, 0.5 * (bottom - top)])
     steps = 2 * np.ceil(reach / (unit * np.array(PIVOT_GRID))).astype(int) + 1
-    coarse = grid[:, ::3]
+    coarse = x[::3], y
     for round_ in range(4):
         weight = _attitudes(turns)
         tried = pivot + np.stack(
             np.meshgrid(*(np.linspace(-r, r, n) for r, n in zip(reach, steps, strict=True))), -1
         ).reshape(-1, 2)
-        some = slice(None, None, 1 if round_ else 2)
-        score = [
-            _sharpness(_mean(every[some], shifts[some], turns[some], weight[some], at, coarse))
-            for at in tried
-        ]
+        some = slice(None, None, 1 if round_ == 3 else 2)  # all of them at last
+        few, aside, share = every[some], shifts[some], weight[some]
+        score = [_sharpness(_mean(few, aside, turns[some], share, at, coarse)) for at in tried]
         pivot = tried[int(np.argmax(score))]
         turns = turns + _level(
-            every, shifts, turns, weight, pivot, coarse, np.radians(15.0 if round_ < 3 else 2.0)
+            few, aside, turns[some], share, pivot, coarse, np.radians(15.0 if round_ < 3 else 2.0)
         )
         reach, steps = np.maximum(2 * reach / (steps - 1), unit), np.array([5, 5])
         mean = _mean(every, shifts, turns, weight, pivot, grid)
         turns = np.array([
-            _best_turn(one, shift, pivot, grid, mean, turn, wide=round_ in (1, 2))
+            _best_turn(one, shift, pivot, grid, mean, turn, wide=round_ == 1)
             for one, shift, turn in zip(every, shifts, turns, strict=True)
         ])  # fmt: skip
     always = _in_most_attitudes(every, shifts, turns, pivot, grid)
@@ -112,7 +113,7 @@ def _rough_slopes(every: list[Steps], box: Box) -> Array:
     for one in every:
         left, top, right, bottom = np.round((np.array(box) - one.corner * 2) * one.scale).astype(int)
         part = slice(max(top, 0), bottom), slice(max(left, 0), right)
-        across, down = one.right[part], one.down[part]
+        across, down = np.moveaxis(one.slopes[part], -1, 0)
         slope = np.arctan2(-across * np.sign(down), np.abs(down))
         count, _ = np.histogram(slope, edges, weights=np.minimum(np.hypot(across, down), MAX_SLOPE))
         counts.append(np.convolve(count, np.hanning(9), mode="same"))
@@ -132,9 +133,10 @@ def _usual_box(every: list[Steps], slopes: Array, box: Box) -> tuple[float, floa
             sides.append(np.full(4, np.nan))
             continue
         left, top, right, bottom = np.round((np.array(box) - one.corner * 2) * one.scale).astype(int)
-        across = np.abs(np.cos(turn) * one.down - np.sin(turn) * one.right)
-        along = np.abs(np.cos(turn) * one.right + np.sin(turn) * one.down)
-        amount = ((across > MAX_SLOPE / 2) & (along < ATTITUDE_STEP * across))[top:bottom, left:right]
+        beside, below = np.moveaxis(one.slopes[top:bottom, left:right], -1, 0)
+        across = np.abs(np.cos(turn) * below - np.sin(turn) * beside)
+        along = np.abs(np.cos(turn) * beside + np.sin(turn) * below)
+        amount = (across > MAX_SLOPE / 2) & (along < ATTITUDE_STEP * across)
         if not amount.any():
             sides.append(np.full(4, np.nan))
             continue
@@ -163,22 +165,23 @@ def turned(place: Array, turn: float) -> Array:
     return place @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
 
 
-def _shown(one: Steps, shift: Array, turn: float, pivot: Array, grid: Array) -> Array:
+def _shown(one: Steps, shift: Array, turn: float, pivot: Array, grid: Grid) -> Image:
     """How much of an edge one picture shows at each place of the grid that turns with the deck."""
-    step = one.across(pivot + shift + turned(grid, turn), np.array(turn))
-    width = max(1, round(STRAIGHT_LENGTH / (one.scale * float(grid[0, 1, 0] - grid[0, 0, 0]))))
-    return np.minimum(np.abs(cv2.blur(step, (width, 1))), MAX_SLOPE)
+    x, y = grid
+    step = one.on_grid(pivot + shift, x, y, turn)
+    width = max(1, round(STRAIGHT_LENGTH / (one.scale * float(x[1] - x[0]))))
+    return np.asarray(np.minimum(np.abs(cv2.blur(step, (width, 1))), MAX_SLOPE), np.float32)
 
 
-def _mean(every: list[Steps], shifts: Array, turns: Array, weight: Array, pivot: Array, grid: Array) -> Array:
+def _mean(every: list[Steps], shifts: Array, turns: Array, weight: Array, pivot: Array, grid: Grid) -> Array:
     shown = (
         w * _shown(one, shift, float(turn), pivot, grid)
         for one, shift, turn, w in zip(every, shifts, turns, weight, strict=True)
     )
-    return sum(shown, np.zeros(grid.shape[:2]))
+    return sum(shown, np.zeros((len(grid[1]), len(grid[0]))))
 
 
-def _in_most_attitudes(every: list[Steps], shifts: Array, turns: Array, pivot: Array, grid: Array) -> Array:
+def _in_most_attitudes(every: list[Steps], shifts: Array, turns: Array, pivot: Array, grid: Grid) -> Array:
     """What shows of an edge in all attitudes but a few: the horizon does where the deck rests."""
     attitude = np.round(turns / (2 * ATTITUDE_STEP)).astype(int)
     each = [
@@ -209,7 +212,7 @@ def _ridges(mean: Array) -> Array:
 
 
 def _level(
-    every: list[Steps], shifts: Array, turns: Array, weight: Array, pivot: Array, grid: Array, reach: float
+    every: list[Steps], shifts: Array, turns: Array, weight: Array, pivot: Array, grid: Grid, reach: float
 ) -> float:
     """How much more all pictures are to be turned, so that the edges run along the grid."""
 
@@ -222,12 +225,13 @@ def _level(
 
 
 def _best_turn(
-    one: Steps, shift: Array, pivot: Array, grid: Array, mean: Array, turn: float, *, wide: bool
+    one: Steps, shift: Array, pivot: Array, grid: Grid, mean: Array, turn: float, *, wide: bool
 ) -> float:
     """The turn at which a picture shows most of the edges that all have."""
-    clear = np.where(mean > 0.5 * mean.max(), mean, 0.0)[:, ::2]
-    rows = clear.any(axis=1)
-    part, weight = grid[:, ::2][rows], clear[rows]
+    clear = mean[:, ::2] >= 0.5 * mean.max()
+    some = np.flatnonzero(clear.any(axis=1))
+    rows = slice(max(some[0] - 1, 0), some[-1] + 2)
+    part, weight = (grid[0][::2], grid[1][rows]), (mean[:, ::2] * clear)[rows]
 
     def best(turns: Array) -> float:
         score = [float(np.sum(weight * _shown(one, shift, float(at), pivot, part))) for at in turns]

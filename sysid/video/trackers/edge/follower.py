@@ -79,7 +79,6 @@ class EdgeFollower:
         for width, count, astray in (
             (reach, 1 + round(2 * reach / TURN_STEP), MAX_SHIFT),
             (np.radians(1.5), 9, 1.5),
-            (np.radians(0.4), 5, 0.5),
         ):
             turns = turn + np.linspace(-width, width, count)
             shifts = shift + unit * np.linspace(-astray, astray, 9)
@@ -112,8 +111,9 @@ def _line(along: Array, off: Array) -> tuple[float, float, npt.NDArray[np.bool_]
     rest = y
     for scale in (2.0, 1.0, FIT_SCALE, FIT_SCALE):
         weight = seen / (1 + (rest / scale) ** 2) ** 2 + 1e-9
-        mean, level = np.average(x, weights=weight), np.average(y, weights=weight)
-        slope = float(np.sum(weight * (x - mean) * (y - level)) / (np.sum(weight * (x - mean) ** 2) + 1e-6))
+        weight /= weight.sum()
+        mean, level = weight @ x, weight @ y
+        slope = float((weight * (x - mean)) @ y / (weight @ (x - mean) ** 2 + 1e-9))
         height = float(level - slope * mean)
         rest = y - slope * x - height
     return slope, height, np.asarray(seen & (np.abs(rest) < 2 * FIT_SCALE), np.bool_)
