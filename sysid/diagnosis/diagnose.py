@@ -37,7 +37,7 @@ from sysid.diagnosis.report import fittable
 from sysid.diagnosis.search import Candidate as Model
 from sysid.diagnosis.search import Progress, Search, best_families
 from sysid.diagnosis.stretches import judged_stretches
-from sysid.diagnosis.surrogates import LAWS, in_words, surrogates
+from sysid.diagnosis.surrogates import LAWS, in_words, nearest_outside, surrogates
 from sysid.diagnosis.touched import untouched
 from sysid.diagnosis.wording import (
     experiment_in_words,
@@ -287,7 +287,7 @@ def diagnose(
         # Begun as soon as it is clear that it will be wanted, while others work on the rest.
         alone = pool.begin(learning, ()) if _beyond(search, models) else None
         final = _finalists(search, models)
-        free = untouched(final, search.base)
+        free = untouched([*final, *_outside_all(search, final)], search.base)
         if free is not None:
             judged, left_out = free
             warnings.append(left_out)
@@ -299,7 +299,7 @@ def diagnose(
         if first.surely_missing and first.winner().model.rmse > REACHED * noise.std:
             alone = alone or pool.begin(learning, ())
         winner, final, idle = _material(search, first, final)
-        outside = surrogates(search, winner)
+        outside = surrogates(search, winner, min(final, key=lambda m: m.cost))
         everything = Field([*final, *outside], search.base, period, noise.std)
         verdict, best = _judged(search, everything, winner, board, idle)
         base = search.fine(everything.base.model, average=1)
@@ -443,6 +443,12 @@ def _beyond(search: Search, models: Sequence[Model]) -> bool:
     return linear.rmse > MATERIAL * motion and best.rmse > FAR * search.records[0].std
 
 
+def _outside_all(search: Search, models: Sequence[Model]) -> list[Model]:
+    """Return the law outside the catalogue that comes nearest to all of the motion, where none of the catalogue reaches the noise."""
+    best = min(models, key=lambda m: m.cost)
+    return [nearest_outside(search, best)] if best.rmse > REACHED * search.records[0].std else []
+
+
 def _finalists(search: Search, models: Sequence[Model]) -> list[Model]:
     """Return those models that may win, refined and predicted."""
     linear = next(m for m in models if m.effects == search.base)
@@ -498,7 +504,7 @@ def _judged(
     hints = _hints(search, tried, chosen, size)
     vague = not named or explained < EXPLAINED or tried.left(chosen) > CLOSE
     # What reaches the noise as nothing of its own stands in for a law that nobody has.
-    vague |= tried.best.model.edged(tried.exact) and tried.best.model.rmse < tried.exact < chosen.model.rmse
+    vague |= tried.edged(tried.best.model) and tried.best.model.rmse < tried.exact < chosen.model.rmse
     if outside is not None or (tried.surely_missing and vague):
         return _unexplained(search, tried, chosen, outside, hints, board)
     if size is None or not size.matters or explained < EXPLAINED:

@@ -178,15 +178,20 @@ class Field:
         Where something is missing for sure, what does not explain it is out, if anything does. What nobody has met, a law
         outside the catalogue, counts only where it leaves nothing; an effect at the edge of what it is, never.
         """
-        # What is at an edge by the sensor's noise is not excused by a noise that it found itself.
-        exact = INEXACT * self.floor if self.best.model.at_edge else self.exact
         known = [
             s for s in self.scored
-            if np.isfinite(s.score) and not (s.model.shape and self.inexact) and not s.model.edged(exact)
+            if np.isfinite(s.score) and not (s.model.shape and self.inexact) and not self.edged(s.model)
         ] or self.scored  # fmt: skip
         if not self.surely_missing:
             return known
         return [s for s in known if self.explained(s) >= EXPLAINED] or known
+
+    def edged(self, model: Candidate) -> bool:
+        """Return whether a model is at the edge of what an effect is, by the noise that is known of this log.
+
+        What the best is excused for at the sensor's noise must not be one that it found itself.
+        """
+        return model.edged(INEXACT * self.floor if self.best.model.at_edge else self.exact)
 
     def behind(self, scored: Scored) -> float:
         """Return by how much the candidate that beats one most does so, in nats."""
