@@ -14,6 +14,7 @@ from sysid.diagnosis.search import COARSE, Candidate, Search, completed, inherit
 from sysid.effects._algebra import NUMPY, Algebra, Value, Values
 from sysid.effects._base import JointState, Parameter, Scales, TorqueEffect
 from sysid.effects._unlisted import CLOCK, from_zero, unlisted
+from sysid.errors import SysidError
 from sysid.fitting.formula import SHAPES, effect_of
 from sysid.fitting.formula import Shape as WideShape
 from sysid.fitting.problem import Problem
@@ -76,8 +77,8 @@ def _named(*names: str) -> tuple[WideShape, ...]:
 
 TRIED = 2
 """Shapes of a place that are predicted: on the coarse grid the best one may not have come to its best."""
-POINTS = 300
-"""Of each release's motion at which torques are compared: a choice."""
+POINTS = 200
+"""Of each period at which torques are compared, which jump at kinks: a choice."""
 SHARP = 4.0
 """Of shapes that bend within a part of the swing, as of a stop."""
 CREEP = 1e-3
@@ -139,7 +140,7 @@ def surrogate(
     starts = _starts(problem, model)
     if law.shapes:
         likes = [one for one in (model, best) if one is not None and set(kept) <= set(one.effects)]
-        starts = [_start_as(problem, one, kept, law.shapes) for one in likes]
+        starts = [start for one in likes for start in _starts_as(problem, one, kept, law.shapes)] or starts
     if own is WAVE:
         before = _best(inside, _starts(inside, model))
         starts = [_in_step(problem, replace(model, problem=inside, minimum=before))]
@@ -158,12 +159,17 @@ def _best(problem: Problem, starts: Sequence[Array]) -> Minimum:
     return min((problem.fitted(start, 20) for start in starts), key=lambda m: m.normal.cost)
 
 
-def _start_as(problem: Problem, like: Candidate, kept: tuple[str, ...], shapes: Sequence[WideShape]) -> Array:
-    """Return a start whose shapes do most of what a model's other effects do, along its motion."""
-    parameters = {**like.parameters, **_alike(like, kept, shapes, problem.structure.parts[-1].name)}
+def _starts_as(
+    problem: Problem, like: Candidate, kept: tuple[str, ...], shapes: Sequence[WideShape]
+) -> list[Array]:
+    """Return a start whose shapes do most of what a model's other effects do, along its motion; none where that runs away."""
+    try:
+        parameters = {**like.parameters, **_alike(like, kept, shapes, problem.structure.parts[-1].name)}
+    except SysidError:  # at finer steps than it was fitted with
+        return []
     start = problem.start(completed(problem, parameters))
     take_motion(problem, start, like)
-    return start
+    return [start]
 
 
 def _alike(
@@ -174,7 +180,7 @@ def _alike(
     law = JointLaw.from_vector(problem.structure, problem.vector_of(model.parameters)).of_joint()
     tilts, rates, torques = list[Array](), list[Array](), list[Array]()
     for record, start in zip(problem.records, problem.starts(model.minimum.point), strict=True):
-        time = np.linspace(0.0, float(record.time[-1]), POINTS)
+        time = np.arange(0.0, float(record.time[-1]), 2 * np.pi / problem.scales.frequency / POINTS)
         path = simulate(law, time, *start)
         stays = (effect_torque(law, n, time, path.roll, path.rate) for n, _ in law.effects if n in kept)
         tilts.append(path.roll - law.rest_angle)

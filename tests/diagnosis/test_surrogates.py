@@ -66,7 +66,7 @@ def test_a_torque_with_a_clock_of_its_own_is_found_with_its_frequency(driven):
     [
         ("tails", "hysteresis", lambda x: -12 * x / (1 + (x / 0.02) ** 2) ** 2, [0.02]),
         ("cogs", "cubic-stiffness", lambda x: -0.05 * np.sin(60 * x), [2 * np.pi / 60]),
-        ("bumpers", "asymmetric-stiffness", lambda x: -40 * (max(x - 0.11, 0) + min(x + 0.06, 0)), [0.11, 0.06]),
+        ("bumpers", "asymmetric-stiffness", lambda x: -40 * (max(x - 0.09, 0) + min(x + 0.05, 0)), [0.09, 0.05]),
     ],
 )  # fmt: skip
 def test_a_shape_with_a_width_is_found_from_what_mimics_it(shape, mimic, torque, widths):
