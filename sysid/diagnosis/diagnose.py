@@ -504,7 +504,7 @@ def _judged(
     hints = _hints(search, tried, chosen, size)
     vague = not named or explained < EXPLAINED or tried.left(chosen) > CLOSE
     # What reaches the noise as nothing of its own stands in for a law that nobody has.
-    vague |= tried.edged(tried.best.model) and tried.best.model.rmse < tried.exact < chosen.model.rmse
+    vague |= tried.best.model.edged(tried.exact) and tried.best.model.rmse < tried.exact < chosen.model.rmse
     if outside is not None or (tried.surely_missing and vague):
         return _unexplained(search, tried, chosen, outside, hints, board)
     if size is None or not size.matters or explained < EXPLAINED:

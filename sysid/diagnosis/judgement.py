@@ -92,7 +92,8 @@ class Field:
         self.base = next(s for s in self.scored if s.model.effects == base and not s.model.shape)
         self.best = max(self.scored, key=lambda s: s.score)
         self.noise = self._noise()
-        self.exact = INEXACT * max(floor, self.noise)
+        # What is at an edge by the sensor's noise is not excused by a noise that it found itself.
+        self.exact = INEXACT * (floor if self.best.model.at_edge else max(floor, self.noise))
         self.inexact = self.best.model.rmse > self.exact
         self.surely_missing = self.left(self.base) > MATERIAL and self._follows_motion()
         self.possible = self._possible()
@@ -180,18 +181,11 @@ class Field:
         """
         known = [
             s for s in self.scored
-            if np.isfinite(s.score) and not (s.model.shape and self.inexact) and not self.edged(s.model)
+            if np.isfinite(s.score) and not (s.model.shape and self.inexact) and not s.model.edged(self.exact)
         ] or self.scored  # fmt: skip
         if not self.surely_missing:
             return known
         return [s for s in known if self.explained(s) >= EXPLAINED] or known
-
-    def edged(self, model: Candidate) -> bool:
-        """Return whether a model is at the edge of what an effect is, by the noise that is known of this log.
-
-        What the best is excused for at the sensor's noise must not be one that it found itself.
-        """
-        return model.edged(INEXACT * self.floor if self.best.model.at_edge else self.exact)
 
     def behind(self, scored: Scored) -> float:
         """Return by how much the candidate that beats one most does so, in nats."""

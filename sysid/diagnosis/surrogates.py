@@ -192,7 +192,7 @@ def _alike(
     def nearest(widths: tuple[float, ...]) -> tuple[float, Array]:
         laws = [np.asarray(s.law(NUMPY, x, v, w * reach)) for s, w in zip(shapes, widths, strict=True)]
         columns = np.column_stack([*plain, *laws])
-        found = np.linalg.lstsq(columns, torque)[0]
+        found = np.asarray(np.linalg.lstsq(columns, torque)[0], dtype=np.float64)
         return float(np.sum((torque - columns @ found) ** 2)), found
 
     grid = itertools.product(*(shape.widths[:: len(shapes)] for shape in shapes))
