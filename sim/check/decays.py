@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,13 +25,10 @@ BLOCK = 0.008
 class ReleaseCheck:
     """One measured decay beside the scene's."""
 
-    log: str
-    number: int
+    release: Release
+    """What was measured, from where the deck stays within the scene's tilt range on."""
     side: str
-    time: Array
-    """Time on the log's clock [s], shape (n,)."""
-    measured: Array
-    """[rad], shape (n,)."""
+    """The edge that was down when the deck was let go."""
     simulated: Array
     """[rad], shape (n,); with the log's own zero."""
     zero: float
@@ -54,7 +51,7 @@ class ReleaseCheck:
     @property
     def rmse(self) -> float:
         """RMS of the residual, noise included [rad]."""
-        return float(np.sqrt(np.mean((self.measured - self.simulated) ** 2)))
+        return float(np.sqrt(np.mean((self.release.roll - self.simulated) ** 2)))
 
     @property
     def nrmse(self) -> float:
@@ -77,7 +74,7 @@ class SceneCheck:
     @property
     def hidden(self) -> float:
         """NRMSE that the sensors' noise could hide, at 95 %."""
-        weights = np.array([len(release.time) for release in self.releases], dtype=np.float64)
+        weights = np.array([len(one.simulated) for one in self.releases], dtype=np.float64)
         weights /= weights.sum()
         std = math.sqrt(float(np.sum((weights * [r.error_power_std for r in self.releases]) ** 2)))
         return math.sqrt(1.645 * std) / self.motion
@@ -85,7 +82,9 @@ class SceneCheck:
     @property
     def rmse(self) -> float:
         """RMS of all residuals, noise included [rad]."""
-        return float(np.sqrt(np.mean(np.concatenate([r.measured - r.simulated for r in self.releases]) ** 2)))
+        return float(
+            np.sqrt(np.mean(np.concatenate([r.release.roll - r.simulated for r in self.releases]) ** 2))
+        )
 
     @property
     def rest_error(self) -> float:
@@ -105,7 +104,7 @@ class SceneCheck:
 
     def _mean(self, values: Sequence[float]) -> float:
         """Return the mean over all samples of what each release has."""
-        return float(np.average(values, weights=[len(release.time) for release in self.releases]))
+        return float(np.average(values, weights=[len(one.simulated) for one in self.releases]))
 
 
 def check_scene(
@@ -163,11 +162,8 @@ def _compare(board: Board, scene: ClampedScene, release: Release) -> ReleaseChec
     covariance = np.linalg.pinv(found.jac.T @ found.jac) * float(np.mean(residual**2))
     rest_error = _rest_error(board, release, float(found.x[2]), math.sqrt(covariance[2, 2]))
     return ReleaseCheck(
-        log=release.log,
-        number=release.number,
+        release=replace(release[inside:], hold=0.0 if inside else release.hold),
         side=release.side,
-        time=time,
-        measured=measured,
         simulated=measured + residual,
         zero=float(found.x[2]),
         rest_error=rest_error,

@@ -38,10 +38,10 @@ class Verdict:
     def notes(self) -> tuple[str, ...]:
         """What was left out."""
         return tuple(
-            f"{release.log}, release {release.number}: the first {1e3 * release.cut:.0f} ms are beyond the scene's "
+            f"{one.release.log}, release {one.release.number}: the first {1e3 * one.cut:.0f} ms are beyond the scene's "
             f"tilt range of ±{self.case.scene.tilt_range:.3g} rad and are left out"
-            for release in self.case.decays.releases
-            if release.cut > 0
+            for one in self.case.decays.releases
+            if one.cut > 0
         )
 
     def refusal(self) -> str:
@@ -58,7 +58,8 @@ class Verdict:
         rows: list[tuple[str, ...]] = []
         for one in decays.releases:
             errors = f"{100 * one.nrmse:.2f} %", f"{1e3 * one.rmse:.2f} mrad"
-            rows.append((one.log, str(one.number), one.side, f"{one.time[-1] - one.time[0]:.2f} s", *errors))
+            measured, length = one.release, one.release.time[-1] - one.release.time[0]
+            rows.append((measured.log, str(measured.number), one.side, f"{length:.2f} s", *errors))
         held = "all but the joint" if joint is None else "the chassis"
         lines = [
             f"{self.case.kind} {self.case.board.name} in: {self.case.scene.name}; {held} is held, as on a bench",
@@ -90,18 +91,18 @@ class Verdict:
             "rmse_rad": decays.rmse,
             "releases": [
                 {
-                    "log": release.log,
-                    "release": release.number,
-                    "side": release.side,
-                    "t_start_s": float(release.time[0]),
-                    "t_end_s": float(release.time[-1]),
-                    "left_out_s": release.cut,
-                    "nrmse": release.nrmse,
-                    "rmse_rad": release.rmse,
-                    "zero_rad": release.zero,
-                    "rest_error_rad": release.rest_error,
+                    "log": one.release.log,
+                    "release": one.release.number,
+                    "side": one.side,
+                    "t_start_s": float(one.release.time[0]),
+                    "t_end_s": float(one.release.time[-1]),
+                    "left_out_s": one.cut,
+                    "nrmse": one.nrmse,
+                    "rmse_rad": one.rmse,
+                    "zero_rad": one.zero,
+                    "rest_error_rad": one.rest_error,
                 }
-                for release in decays.releases
+                for one in decays.releases
             ],
             "tilt_joint": None
             if joint is None

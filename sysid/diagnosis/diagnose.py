@@ -37,7 +37,7 @@ from sysid.diagnosis.report import fittable
 from sysid.diagnosis.search import Candidate as Model
 from sysid.diagnosis.search import Progress, Search, best_families
 from sysid.diagnosis.stretches import judged_stretches
-from sysid.diagnosis.surrogates import LAWS, in_words, surrogates
+from sysid.diagnosis.surrogates import LAWS, in_words, nearest_outside, surrogates
 from sysid.diagnosis.touched import untouched
 from sysid.diagnosis.wording import (
     experiment_in_words,
@@ -287,7 +287,7 @@ def diagnose(
         # Begun as soon as it is clear that it will be wanted, while others work on the rest.
         alone = pool.begin(learning, ()) if _beyond(search, models) else None
         final = _finalists(search, models)
-        free = untouched(final, search.base)
+        free = untouched([*final, *_outside_all(search, final)], search.base)
         if free is not None:
             judged, left_out = free
             warnings.append(left_out)
@@ -299,7 +299,7 @@ def diagnose(
         if first.surely_missing and first.winner().model.rmse > REACHED * noise.std:
             alone = alone or pool.begin(learning, ())
         winner, final, idle = _material(search, first, final)
-        outside = surrogates(search, winner)
+        outside = surrogates(search, winner, min(final, key=lambda m: m.cost))
         everything = Field([*final, *outside], search.base, period, noise.std)
         verdict, best = _judged(search, everything, winner, board, idle)
         base = search.fine(everything.base.model, average=1)
@@ -441,6 +441,12 @@ def _beyond(search: Search, models: Sequence[Model]) -> bool:
     motion = float(np.sqrt(np.mean((np.concatenate(linear.problem.observed) - rest_of(linear)) ** 2)))
     best = min(models, key=lambda m: m.cost)
     return linear.rmse > MATERIAL * motion and best.rmse > FAR * search.records[0].std
+
+
+def _outside_all(search: Search, models: Sequence[Model]) -> list[Model]:
+    """Return the law outside the catalogue that comes nearest to all of the motion, where none of the catalogue reaches the noise."""
+    best = min(models, key=lambda m: m.cost)
+    return [nearest_outside(search, best)] if best.rmse > REACHED * search.records[0].std else []
 
 
 def _finalists(search: Search, models: Sequence[Model]) -> list[Model]:

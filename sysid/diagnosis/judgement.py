@@ -92,7 +92,8 @@ class Field:
         self.base = next(s for s in self.scored if s.model.effects == base and not s.model.shape)
         self.best = max(self.scored, key=lambda s: s.score)
         self.noise = self._noise()
-        self.exact = INEXACT * max(floor, self.noise)
+        # What is at an edge by the sensor's noise is not excused by a noise that it found itself.
+        self.exact = INEXACT * (floor if self.best.model.at_edge else max(floor, self.noise))
         self.inexact = self.best.model.rmse > self.exact
         self.surely_missing = self.left(self.base) > MATERIAL and self._follows_motion()
         self.possible = self._possible()
@@ -178,11 +179,9 @@ class Field:
         Where something is missing for sure, what does not explain it is out, if anything does. What nobody has met, a law
         outside the catalogue, counts only where it leaves nothing; an effect at the edge of what it is, never.
         """
-        # What is at an edge by the sensor's noise is not excused by a noise that it found itself.
-        exact = INEXACT * self.floor if self.best.model.at_edge else self.exact
         known = [
             s for s in self.scored
-            if np.isfinite(s.score) and not (s.model.shape and self.inexact) and not s.model.edged(exact)
+            if np.isfinite(s.score) and not (s.model.shape and self.inexact) and not s.model.edged(self.exact)
         ] or self.scored  # fmt: skip
         if not self.surely_missing:
             return known

@@ -422,7 +422,7 @@ class Search:
         found: list[Minimum] = []
         for changed in changes:
             start = problem.start(completed(problem, {**model.parameters, **changed}))
-            _take_motion(problem, start, model)
+            take_motion(problem, start, model)
             found.append(problem.fitted(start, 20, 1e-5))
         return Candidate(effects=effects, problem=problem, minimum=min(found, key=lambda m: m.normal.cost))
 
@@ -608,7 +608,7 @@ def best_families(models: Sequence[Candidate], count: int) -> list[Candidate]:
 def inherited(problem: Problem, known: Candidate) -> Array:
     """Return a start at a simpler model's optimum, where what the richer one has more vanishes, in units of sizes, shape (p,)."""
     start = problem.start(completed(problem, known.parameters))
-    _take_motion(problem, start, known)
+    take_motion(problem, start, known)
     return start
 
 
@@ -626,7 +626,7 @@ def completed(problem: Problem, known: Mapping[str, float]) -> dict[str, float]:
     return parameters
 
 
-def _take_motion(problem: Problem, start: Array, known: Candidate) -> None:
+def take_motion(problem: Problem, start: Array, known: Candidate) -> None:
     """Copy each release's roll and rate from another model into a start, in place."""
     other = known.problem
     for index in range(len(problem.records)):

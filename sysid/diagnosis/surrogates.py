@@ -4,17 +4,23 @@ What is outside the catalogue can often be mimicked by effects that are inside. 
 better shows that the mimicry is one.
 """
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sysid.diagnosis.search import COARSE, Candidate, Search, completed, inherited
-from sysid.effects._algebra import Algebra, Value, Values
+from sysid.diagnosis.search import COARSE, Candidate, Search, completed, inherited, take_motion
+from sysid.effects._algebra import NUMPY, Algebra, Value, Values
 from sysid.effects._base import JointState, Parameter, Scales, TorqueEffect
 from sysid.effects._unlisted import CLOCK, from_zero, unlisted
+from sysid.errors import SysidError
+from sysid.fitting.formula import SHAPES, effect_of
+from sysid.fitting.formula import Shape as WideShape
 from sysid.fitting.problem import Problem
+from sysid.joint import JointLaw, simulate
 from sysid.joint.structure import Structure
+from sysid.joint.torques import effect_torque
 from sysid.least_squares import Minimum
 from sysid.roll import Array
 
@@ -56,6 +62,8 @@ class Law:
     """With a strength each, which all releases share."""
     own: TorqueEffect | None = None
     """In the place of terms: an effect whose states begin anew with each release."""
+    shapes: tuple[WideShape, ...] = ()
+    """In the place of both: formulas with a width of their own, as a learned torque is read."""
 
     @property
     def changes(self) -> bool:
@@ -63,8 +71,16 @@ class Law:
         return len(self.terms) > 1 or self.own in CHANGED
 
 
+def _named(*names: str) -> tuple[WideShape, ...]:
+    return tuple(next(shape for shape in SHAPES if shape.name == name) for name in names)
+
+
 TRIED = 2
 """Shapes of a place that are predicted: on the coarse grid the best one may not have come to its best."""
+POINTS = 200
+"""Of each period at which torques are compared, which jump at kinks: a choice."""
+SHARP = 4.0
+"""Of shapes that bend within a part of the swing, as of a stop."""
 CREEP = 1e-3
 """Share of the largest rate below which a root of the rate is a damper: its slope has no end there."""
 LAWS: dict[str, Law] = {
@@ -88,10 +104,16 @@ LAWS: dict[str, Law] = {
     "k": Law("a spring that changed between the releases", own=CHANGED[0]),
     "k d": Law("a spring and a damper that changed between the releases", own=CHANGED[1]),
     "sin t": Law("a torque that comes and goes at a frequency of its own, whatever the joint does", own=WAVE),
+    "magnet": Law("a magnet or a detent, or what pushes out of the middle", shapes=_named("magnet")),
+    "tails": Law("a magnet with wide tails, or what pushes out of the middle", shapes=_named("magnet with wide tails")),
+    "cogs": Law("a torque that comes in waves along the tilt, as of teeth or poles of a motor", shapes=_named("cogging")),
+    "bumpers": Law("bumpers that begin at other tilts to either side", shapes=_named("right bumper", "left bumper")),
 }  # fmt: skip
 
 
-def surrogate(search: Search, model: Candidate, kept: tuple[str, ...], shape: str) -> Candidate:
+def surrogate(
+    search: Search, model: Candidate, kept: tuple[str, ...], shape: str, best: Candidate | None = None
+) -> Candidate:
     """Fit a torque of one shape in the place of a model's other effects.
 
     Args:
@@ -99,10 +121,15 @@ def surrogate(search: Search, model: Candidate, kept: tuple[str, ...], shape: st
         model: A fitted candidate.
         kept: Its effects that stay.
         shape: One of `LAWS`.
+        best: Another, whose torque a shape with a width may begin as, too.
     """
     inside, scales = search.problem(kept, free_states=model.problem.free_states), search.scales
-    own = LAWS[shape].own
-    structure = Structure(inside.structure.effects, (own or _sum_of(LAWS[shape].terms, scales),))
+    law = LAWS[shape]
+    own = law.own
+    outside = (
+        replace(effect_of(law.shapes), sharpness=SHARP) if law.shapes else own or _sum_of(law.terms, scales)
+    )
+    structure = Structure(inside.structure.effects, (outside,))
     replaced = {"stiffness": scales.stiffness, "damping": scales.damping}
     held = {s.name: replaced[s.name] for s in own.states} if own in CHANGED else {}
     problem = Problem(
@@ -111,6 +138,9 @@ def surrogate(search: Search, model: Candidate, kept: tuple[str, ...], shape: st
         steps_per_period=int(COARSE * min(1.5, structure.sharpness)),
     )  # fmt: skip
     starts = _starts(problem, model)
+    if law.shapes:
+        likes = [one for one in (model, best) if one is not None and set(kept) <= set(one.effects)]
+        starts = [start for one in likes for start in _starts_as(problem, one, kept, law.shapes)] or starts
     if own is WAVE:
         before = _best(inside, _starts(inside, model))
         starts = [_in_step(problem, replace(model, problem=inside, minimum=before))]
@@ -127,6 +157,50 @@ def _starts(problem: Problem, model: Candidate) -> list[Array]:
 
 def _best(problem: Problem, starts: Sequence[Array]) -> Minimum:
     return min((problem.fitted(start, 20) for start in starts), key=lambda m: m.normal.cost)
+
+
+def _starts_as(
+    problem: Problem, like: Candidate, kept: tuple[str, ...], shapes: Sequence[WideShape]
+) -> list[Array]:
+    """Return a start whose shapes do most of what a model's other effects do, along its motion; none where that runs away."""
+    try:
+        parameters = {**like.parameters, **_alike(like, kept, shapes, problem.structure.parts[-1].name)}
+    except SysidError:  # at finer steps than it was fitted with
+        return []
+    start = problem.start(completed(problem, parameters))
+    take_motion(problem, start, like)
+    return [start]
+
+
+def _alike(
+    model: Candidate, kept: tuple[str, ...], shapes: Sequence[WideShape], name: str
+) -> dict[str, float]:
+    """Return the parameters with which shapes come nearest to the torque of a model's other effects."""
+    problem = model.problem
+    law = JointLaw.from_vector(problem.structure, problem.vector_of(model.parameters)).of_joint()
+    tilts, rates, torques = list[Array](), list[Array](), list[Array]()
+    for record, start in zip(problem.records, problem.starts(model.minimum.point), strict=True):
+        time = np.arange(0.0, float(record.time[-1]), 2 * np.pi / problem.scales.frequency / POINTS)
+        path = simulate(law, time, *start)
+        stays = (effect_torque(law, n, time, path.roll, path.rate) for n, _ in law.effects if n in kept)
+        tilts.append(path.roll - law.rest_angle)
+        rates.append(path.rate)
+        torques.append(law.inertia * np.gradient(path.rate, time) - sum(stays))
+    x, v, torque = map(np.concatenate, (tilts, rates, torques))
+    plain, reach = [-x, -v, np.ones_like(x)], float(np.abs(x).max())
+
+    def nearest(widths: tuple[float, ...]) -> tuple[float, Array]:
+        laws = [np.asarray(s.law(NUMPY, x, v, w * reach)) for s, w in zip(shapes, widths, strict=True)]
+        columns = np.column_stack([*plain, *laws])
+        found = np.asarray(np.linalg.lstsq(columns, torque)[0], dtype=np.float64)
+        return float(np.sum((torque - columns @ found) ** 2)), found
+
+    grid = itertools.product(*(shape.widths[:: len(shapes)] for shape in shapes))
+    best, (_, found) = min(((widths, nearest(widths)) for widths in grid), key=lambda one: one[1][0])
+    parameters = {"stiffness": float(found[0]), "damping": float(found[1])}
+    for i, (coefficient, width) in enumerate(zip(found[len(plain) :], best, strict=True)):
+        parameters |= {f"{name}.coefficient_{i}": float(coefficient), f"{name}.width_{i}": width * reach}
+    return parameters
 
 
 def _in_step(problem: Problem, before: Candidate) -> Array:
@@ -172,24 +246,39 @@ def _in_step(problem: Problem, before: Candidate) -> Array:
     return start
 
 
-def surrogates(search: Search, model: Candidate) -> list[Candidate]:
+def surrogates(search: Search, model: Candidate, best: Candidate | None = None) -> list[Candidate]:
     """Return the best shapes in each of a model's effects' places and in all of them, predicted.
 
-    In one release alone the amplitude only falls, so a law that changes with time can be any law that changes with amplitude:
-    it says nothing there.
-
     In this process: laws that are no module's do not travel to another.
+
+    Args:
+        search: That found the model.
+        model: A fitted candidate.
+        best: The one with the least error, which is nearer to what a shape with a width may be.
     """
     named = search.added(model)
-    shapes = [shape for shape, law in LAWS.items() if len(search.records) > 1 or not law.changes]
-    best: list[Candidate] = []
+    found: list[Candidate] = []
     for place in dict.fromkeys([named, *((name,) for name in named)]):
         kept = tuple(n for n in model.effects if n not in place)
-        tried = [surrogate(search, model, kept, shape) for shape in shapes]
-        best += sorted(tried, key=lambda m: m.cost + np.log(m.samples) * m.size)[:TRIED]
+        tried = [surrogate(search, model, kept, shape, best) for shape in _shapes(search)]
+        found += sorted(tried, key=lambda m: m.cost + np.log(m.samples) * m.size)[:TRIED]
         if search.progress is not None:
             search.progress("laws outside the catalogue", 0.97)
-    return [search.finalist(m) for m in best]
+    return [search.finalist(m) for m in found]
+
+
+def nearest_outside(search: Search, model: Candidate) -> Candidate:
+    """Return the law outside the catalogue that comes nearest in the place of all of a model's effects."""
+    tried = [surrogate(search, model, search.base, shape) for shape in _shapes(search)]
+    return search.fine(min(tried, key=lambda m: m.cost))
+
+
+def _shapes(search: Search) -> list[str]:
+    """Return the laws that say something of a log.
+
+    In one release alone the amplitude only falls, so a law that changes with time can be any law that changes with amplitude.
+    """
+    return [shape for shape, law in LAWS.items() if len(search.records) > 1 or not law.changes]
 
 
 def in_words(model: Candidate) -> str:
@@ -197,6 +286,9 @@ def in_words(model: Candidate) -> str:
     law, problem = LAWS[model.shape], model.problem
     if law.own is WAVE:
         return f"{law.words}, {model.parameters['surrogate.frequency'] / (2 * np.pi):.3g} times a second"
+    if law.shapes:
+        widths = (model.parameters[name] for name in model.parameters if ".width_" in name)
+        return f"{law.words} ({' and '.join(f'{np.degrees(width):.3g}°' for width in widths)})"
     if law.own in CHANGED:
         first = len(problem.structure.internal_states) - len(law.own.states)
         springs = (

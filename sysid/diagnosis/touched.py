@@ -45,12 +45,13 @@ def untouched(models: Sequence[Candidate], base: Sequence[str]) -> tuple[list[Re
     """Return the releases without what a hand has touched, and what was left out of them; None where a hand is nowhere.
 
     Args:
-        models: Fitted to all releases; the best, the record's own and the best with one effect more are asked.
+        models: Fitted to all releases; the best, the record's own and the best with one law more are asked. What holds for all
+            by a law outside the catalogue was touched by no hand.
         base: Effects of the record.
     """
     releases = [record.release for record in models[0].problem.records]
-    simple = sorted((m for m in models if len(m.effects) == len(base) + 1), key=lambda m: m.cost)[:ASKED]
-    simple += [m for m in models if m.effects == tuple(base)]
+    simple = sorted((m for m in models if _laws(m) == len(base) + 1), key=lambda m: m.cost)[:ASKED]
+    simple += [m for m in models if _laws(m) == len(base)]
     asked = [*simple, min(models, key=_error)]
     beyond = _error(asked[-1]) ** 2 - 1
     if beyond > REACHED**2 - 1:
@@ -81,7 +82,7 @@ def untouched(models: Sequence[Candidate], base: Sequence[str]) -> tuple[list[Re
         cut = [
             part for record in models[0].problem.records for part in _middle(record, asked[-1], PUSHED, 0.0)
         ]
-        near = min(len(m.effects) for m in asked if _error(m) < NEARLY * _error(asked[-1]))
+        near = min(_laws(m) for m in asked if _error(m) < NEARLY * _error(asked[-1]))
         if len(cut) == len(releases) and near > len(base):
             effects, error = _simplest(asked, cut)
             if effects < near and error < REACHED:
@@ -98,9 +99,9 @@ def untouched(models: Sequence[Candidate], base: Sequence[str]) -> tuple[list[Re
 
 
 def _simplest(models: Sequence[Candidate], releases: Sequence[Release]) -> tuple[int, float]:
-    """Return how many effects the simplest model has that is nearly as good as the best, fitted to parts of its releases, and its error."""
+    """Return how many laws the simplest model has that is nearly as good as the best, fitted to parts of its releases, and its error."""
     errors = [_refitted_to(model, releases) for model in models]
-    near = [(len(m.effects), e) for m, e in zip(models, errors, strict=True) if e < NEARLY * min(errors)]
+    near = [(_laws(m), e) for m, e in zip(models, errors, strict=True) if e < NEARLY * min(errors)]
     return min(near)
 
 
@@ -147,6 +148,11 @@ def touched_release(simple: Sequence[Candidate], whole: float) -> int | None:
     if errors[best, odd] > reached or _refitted(simple[best], [odd]) < BROKEN * reached:
         return None
     return odd
+
+
+def _laws(model: Candidate) -> int:
+    """Return how many laws a model has beside the linear joint's."""
+    return len(model.effects) + bool(model.shape)
 
 
 def _error(model: Candidate) -> float:

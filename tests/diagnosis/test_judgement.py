@@ -279,6 +279,14 @@ def test_a_soft_stop_that_leaves_but_noise_that_lasts_is_one(friction):
         assert not soft.edged(INEXACT * 3 * NOISE)
 
 
+@pytest.mark.parametrize("edge", [False, True])
+def test_noise_that_a_model_at_an_edge_found_is_not_believed(friction, edge):
+    _, field = friction
+    with patch.object(Field, "_noise", lambda _: 3 * NOISE), patch.object(Candidate, "at_edge", edge):
+        again = Field([s.model for s in field.scored], (), 0.15, NOISE)
+    assert again.exact == pytest.approx(INEXACT * NOISE * (1 if edge else 3))
+
+
 def test_a_filter_takes_the_reading_from_the_roll_by_its_lag():
     """By frequency times time constant of the motion, though a decay that lags decays all the same."""
     _, field = tried(LAW.with_effect("lowpass", 3e-3), ("lowpass",))

@@ -16,10 +16,10 @@ NOISE, INERTIA, STIFFNESS, DAMPING = 5e-4, 8.7e-3, 14.684, 0.05
 BEGINS = (0.15, -0.12, 0.1)
 
 
-def record_of(angle, number, stiffness=STIFFNESS, drive=lambda t: 0.0):
+def record_of(angle, number, stiffness=STIFFNESS, drive=lambda t: 0.0, torque=lambda x: 0.0):
     time = np.arange(0.0, 0.8, 4e-3)
     path = solve_ivp(
-        lambda t, y: [y[1], (-stiffness * y[0] - DAMPING * y[1] + drive(t + 3 * number)) / INERTIA],
+        lambda t, y: [y[1], (-stiffness * y[0] - DAMPING * y[1] + torque(y[0]) + drive(t + 3 * number)) / INERTIA],
         (0, 0.8), [angle, 0.0], t_eval=time, rtol=1e-9, atol=1e-11, max_step=2e-3,
     )  # fmt: skip
     roll = path.y[0] + NOISE * np.random.default_rng(number).standard_normal(len(time))
@@ -59,6 +59,23 @@ def test_a_torque_with_a_clock_of_its_own_is_found_with_its_frequency(driven):
     assert "3.98 times a second" in in_words(model)
     assert model.parameters["surrogate.strength"] == pytest.approx(0.1, rel=0.05)
     assert model.rmse < 1.1 * NOISE
+
+
+@pytest.mark.parametrize(
+    ("shape", "mimic", "torque", "widths"),
+    [
+        ("tails", "hysteresis", lambda x: -12 * x / (1 + (x / 0.02) ** 2) ** 2, [0.02]),
+        ("cogs", "cubic-stiffness", lambda x: -0.05 * np.sin(60 * x), [2 * np.pi / 60]),
+        ("bumpers", "asymmetric-stiffness", lambda x: -40 * (max(x - 0.09, 0) + min(x + 0.05, 0)), [0.09, 0.05]),
+    ],
+)  # fmt: skip
+def test_a_shape_with_a_width_is_found_from_what_mimics_it(shape, mimic, torque, widths):
+    search = search_of(*(record_of(a, i, torque=torque) for i, a in enumerate(BEGINS)))
+    model = surrogate(search, search.single((mimic,)), (), shape)
+    found = [model.parameters[f"formula.width_{i}"] for i in range(len(widths))]
+    assert found == pytest.approx(widths, rel=0.05)
+    assert model.rmse < 1.1 * NOISE
+    assert f"{np.degrees(found[0]):.3g}°" in in_words(model)
 
 
 @pytest.mark.parametrize(("logs", "shapes"), [("changed", {"k", "k d"}), ("driven", {"sin t"})])

@@ -7,6 +7,7 @@ import pytest
 
 from sysid.board import load_board
 from sysid.diagnosis.search import Search
+from sysid.diagnosis.surrogates import nearest_outside
 from sysid.diagnosis.touched import untouched
 from sysid.fitting.records import make_records
 from sysid.fitting.search import scales_of
@@ -28,7 +29,7 @@ def caught(angle):
     return np.where(TIME < 0.4, decay(angle), 0.05 * np.minimum((TIME - 0.4) / 0.3, 1.0))
 
 
-def touched(*rolls, hold=1.0, effect="coulomb"):
+def touched(*rolls, hold=1.0, effect="coulomb", outside=False):
     rng = np.random.default_rng(3)
     releases = [
         Release(
@@ -40,7 +41,8 @@ def touched(*rolls, hold=1.0, effect="coulomb"):
     board = load_board(shipped_data() / "boards" / "pink.toml")
     records = make_records(releases, NOISE, rate=False)
     search = Search(records=records, scales=scales_of(records, board), bias="shared")
-    return untouched([search.single(()), search.single((effect,))], ())
+    models = [search.single(()), search.single((effect,))]
+    return untouched([*models, *([nearest_outside(search, models[1])] if outside else [])], ())
 
 
 FREE, WIDE = decay(-0.14), decay(0.17)
@@ -57,13 +59,13 @@ def pushed(angle):
     return np.where(TIME < 0.03, angle, np.interp(TIME - 0.03, TIME, decay(angle)))
 
 
-def grown(angle):
+def grown(angle, damping=0.05):
     """A spring of the fifth power, which no effect is."""
     time = np.linspace(0, TIME[-1], 20001)
     step, x, v, roll = time[1], angle, 0.0, np.empty_like(time)
     for i in range(len(time)):
         roll[i] = x
-        v -= step * (14.684 * x * (1 + 2e3 * x**4) + 0.05 * v) / 8.7e-3
+        v -= step * (14.684 * x * (1 + 2e3 * x**4) + damping * v) / 8.7e-3
         x += step * v
     return np.interp(TIME, time, roll)
 
@@ -101,6 +103,12 @@ def test_what_no_law_follows_is_left_out_where_one_follows_the_rest(rolls, left)
         assert all(
             release.time[-1] < 0.6 for release in releases if left == "the ends" and release.number != 1
         )
+
+
+@pytest.mark.parametrize(("outside", "left"), [(False, True), (True, False)])
+def test_what_a_law_outside_the_catalogue_holds_for_was_touched_by_no_hand(outside, left):
+    """After the first swing the deck is back where x⁵ is nothing, as if a hand had been on it before."""
+    assert (touched(grown(0.19, damping=0.25), outside=outside) is not None) is left
 
 
 @pytest.mark.parametrize(

@@ -262,7 +262,7 @@ from sim.check.rules._base import Rule
 
 
 def says(case):
-    steps = min(len(release.time) for release in case.decays.releases)
+    steps = min(len(one.simulated) for one in case.decays.releases)
     if steps < 400:
         yield f"{steps} samples of board '{case.board.name}' are too few: record for longer"
 

@@ -1,13 +1,16 @@
 """Effects of the record that MuJoCo cannot hold stand in the scene as their substitutes, or lack a part."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from sim.board.bodies import as_represented, substituted
 from sim.check.decays import smooth_power
 from sim.check.rules._base import Case, Rule
-from sysid.joint import JointLaw, simulate
+from sysid.fitting.initial_state import fit_initial_states
+from sysid.fitting.records import Record
+from sysid.joint import JointLaw
 
 
 def _says(case: Case) -> Iterator[str]:
@@ -20,23 +23,17 @@ def _says(case: Case) -> Iterator[str]:
 
 def _error(case: Case, law: JointLaw) -> float:
     """Return the NRMSE of a law against the decays, its starts fitted, without the sensor's noise."""
-    from scipy.optimize import least_squares
-
-    powers: list[float] = []
+    records: list[Record] = []
     for one in case.decays.releases:
-        time, roll = one.time - one.time[0], one.measured - one.zero
-        found = least_squares(
-            lambda start, one=one, time=time, roll=roll: (
-                simulate(law, time, *start, begin=float(one.time[0])).roll - roll
-            ),
-            one.start,
-            x_scale=[abs(one.start[0]) + 1e-3, law.frequency * abs(one.start[0]) + 1e-3],
-            diff_step=1e-5,
-            max_nfev=12,
-        )
-        power, _ = smooth_power(found.fun, float(np.median(np.diff(time))))
-        powers.append(power)
-    mean = np.average(powers, weights=[len(one.time) for one in case.decays.releases])
+        free = replace(one.release, roll=one.release.roll - one.zero, rest=one.release.rest - one.zero)
+        time = free.time - free.time[0]
+        records.append(Record(release=free, time=time, signal=free.roll, is_rate=False, std=one.rmse))
+    residuals, _ = fit_initial_states(law, records)
+    powers = [
+        smooth_power(residual, float(np.median(np.diff(record.time))))
+        for residual, record in zip(residuals, records, strict=True)
+    ]
+    mean = np.average([power for power, _ in powers], weights=list(map(len, residuals)))
     return float(np.sqrt(max(mean, 0.0))) / case.decays.motion
 
 
