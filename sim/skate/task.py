@@ -13,7 +13,8 @@ from sim.skate.mdp.actor_observation import FRAMES, NOISE, SCALE
 from sim.skate.mdp.rewards import Task, rewards
 from sim.skate.options import NOMINAL, SkateOptions
 from sim.skate.robot.g1 import JOINTS, default_pose, motor_of
-from sim.skate.robot.poses import load_cycle, load_poses
+from sim.skate.robot.poses import load_poses
+from sim.skate.world.cycle import load_cycle
 from sim.skate.world.posterior import TiltDraws, draw_boards, tilt_draws
 from sim.skate.world.scene import (
     DECIMATION,

@@ -52,9 +52,9 @@ class Start:
             clock.steering(step) & clock.steering(step + 25),
             clock.dismounting(step),
         )
-        chances = sum(
-            share * inside / inside.sum() for share, inside in zip(self._shares, stretches, strict=True)
-        )
+        chances = np.zeros(clock.period)
+        for share, inside in zip(self._shares, stretches, strict=True):
+            chances += share * inside / inside.sum()
         chances[0] = 1 - sum(self._shares)
         return chances
 

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from sim.skate.cycle.clock import Clock
 from sim.skate.robot.g1 import JOINTS
 from sysid.errors import SysidError
 from sysid.files import shipped_data
@@ -59,20 +58,12 @@ def load_poses(path: Path | None = None) -> dict[str, Pose]:
     return {name: _pose(path, name, raw.get(name)) for name in POSES}
 
 
-def load_cycle(clock: Clock) -> Array:
-    """Return the robot's configuration at each step of the cycle, board frame, shape (period, 30).
-
-    It holds the canonical poses, and between them is where the shipped plain clips are by the end of the step.
-    """
-    step, poses = np.arange(clock.period), load_poses()
-    pushing, mounting, dismounting = clock.pushing(step), clock.mounting(step), clock.dismounting(step)
-    cycle = np.where(pushing[:, None], poses["push"].qpos(), poses["steer"].qpos())
-    for name, inside, end in (("mount", mounting, "steer"), ("dismount", dismounting, "push")):
-        table = np.load(shipped_data() / "motions" / "transitions" / f"{name}-plain.npy")
-        table[:, :3] += poses[end].position - table[-1, :3]  # the clip's board stands in the world
-        frame = clock.transition_fraction(step[inside]) * (len(table) - 1)
-        cycle[inside] = np.hstack((table[:, :7], table[:, CLIP_JOINTS]))[np.rint(frame).astype(int)]
-    return cycle
+def load_transition(name: str) -> Array:
+    """Return the robot's configurations in the shipped plain clip, board frame, 'mount' or 'dismount', shape (frames, 30)."""
+    table = np.load(shipped_data() / "motions" / "transitions" / f"{name}-plain.npy")
+    end = load_poses()[{"mount": "steer", "dismount": "push"}[name]]
+    table[:, :3] += end.position - table[-1, :3]  # the clip's board stands in the world
+    return np.hstack((table[:, :7], table[:, CLIP_JOINTS]))
 
 
 def _pose(path: Path, name: str, raw: Any) -> Pose:

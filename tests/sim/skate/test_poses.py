@@ -7,7 +7,8 @@ import pytest
 
 from sim.skate.cycle.clock import Clock
 from sim.skate.robot import g1
-from sim.skate.robot.poses import CLIP_JOINTS, load_cycle, load_poses
+from sim.skate.robot.poses import CLIP_JOINTS, load_poses
+from sim.skate.world.cycle import load_cycle
 from sysid.errors import SysidError
 from sysid.workspace import shipped_data
 

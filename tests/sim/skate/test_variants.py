@@ -228,7 +228,7 @@ def test_who_begins_in_a_transition_is_where_the_clip_is(stretch, before):
 
     from sim.skate.mdp.measuring import measure
     from sim.skate.mdp.observations import skate_command
-    from sim.skate.robot.poses import load_cycle
+    from sim.skate.world.cycle import load_cycle
 
     start = replace(AT_REST, **{stretch: 1.0}, speed=(1.0, 1.0), position_noise=0.0, joint_noise=0.0)
     with worlds(start=start, speed=(0.5, 1.5), pushes=0.0) as env:
