@@ -1,12 +1,14 @@
 """Laws outside the catalogue that an effect with a memory of its own can mimic."""
 
 from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from sysid.diagnosis.search import Search, _could_begin_so, inherited
+from sysid.diagnosis.diagnose import _outside_all
+from sysid.diagnosis.search import Candidate, Search, _could_begin_so, inherited
 from sysid.diagnosis.surrogates import in_words, surrogate, surrogates
 from sysid.effects._base import Scales
 from sysid.fitting.records import Record
@@ -86,6 +88,13 @@ def test_what_mimics_it_predicts_worse(request, logs, shapes):
     best = min(surrogates(search, mimic), key=lambda m: m.heldout_rmse)
     assert best.shape in shapes
     assert best.heldout_rmse < mimic.heldout_rmse
+
+
+def test_laws_outside_are_asked_about_a_hand_where_none_of_the_catalogue_reaches_the_noise(driven):
+    linear = driven.single(())
+    assert [m.shape for m in _outside_all(driven, [linear])] == ["sin t"]
+    with patch.object(Candidate, "rmse", NOISE):
+        assert _outside_all(driven, [linear]) == []
 
 
 def test_no_release_is_predicted_by_parameters_of_its_own(changed):
