@@ -223,7 +223,7 @@ def test_turns_are_drawn_anew_in_every_cycle():
     recording, ending = run_episode(world, standing(), protocol, np.random.default_rng(5))
     assert ending == "time limit"
     turns = recording.command[:, 1]
-    assert len(np.unique(turns)) == 2  # at the start, and from the second steering stretch on
+    assert len(np.unique(turns)) == 3  # none until steering begins, then one from each stretch on
     assert np.all(np.abs(turns) <= np.pi / 4)
     changes = np.flatnonzero(np.diff(turns)) + 1
     assert (recording.step[changes] % 300 == 150).all()
