@@ -27,7 +27,7 @@ class Steps:
     """Left and top of the picture in the film's [px]."""
 
     def here(self, place: Array) -> Array:
-        """Return where the small picture shows places of the film, both [px], shape (..., 2)."""
+        """Return where the small picture shows places of the film, both [px], shape (m, 2) or with more axes before."""
         return (place - self.corner + 0.5) * self.scale - 0.5
 
     def across(self, place: Array, turn: Array) -> Array:
