@@ -94,7 +94,7 @@ def _spans(signal: SmoothedSignal, segments: Sequence[Segment]) -> tuple[list[_S
     limits = [signal.time[one.swings[0].left] if one.start is None else one.start for one in segments[1:]]
     seen = [_seen(signal, segment, limit) for segment, limit in zip(segments, [*limits, None], strict=True)]
     spans = [
-        Span(begin, finish, segment.rest, segment.swings[0].origin, segment.swings[0].target)
+        Span(begin, finish, segment.rest, segment.swings[0].origin)
         for (begin, _, finish, _), segment in zip(seen, segments, strict=True)
     ]
     # A hand that pushes makes the first swing last.
