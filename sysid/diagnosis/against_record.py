@@ -10,7 +10,7 @@ import numpy as np
 
 from sysid.board import Board
 from sysid.diagnosis.search import Candidate
-from sysid.effects import catalogue, effect, showing
+from sysid.effects import catalogue, drifting, effect
 from sysid.effects._base import TorqueEffect
 from sysid.fitting.covariance import parameter_covariance
 from sysid.joint.sampled import sampled_k_d
@@ -62,7 +62,7 @@ def record_deviation(model: Candidate, board: Board, *, look_at_linear: bool) ->
 def _shifts(name: str) -> bool:
     """Whether an effect moves the middle of a decay, at once or slowly, and a free decay can show no more of it."""
     part = effect(name)
-    return "rest_angle" in part.same_as or name in showing("moving level") or not part.identifiable_from_decay
+    return "rest_angle" in part.same_as or name in drifting() or not part.identifiable_from_decay
 
 
 def _shift(
@@ -89,7 +89,7 @@ def _shift(
         return Deviation()
     show = display(is_rate=False, slides=board.slides)
     moved_by = [name for name, part in catalogue().items() if "rest_angle" in part.same_as]
-    drift = showing("moving level")[0]
+    drift = drifting()[0]
     by_drift = _worse(model, held, drift) if drift not in model.effects else float("inf")
     if by_drift < -BETTER:
         text = (

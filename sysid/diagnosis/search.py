@@ -12,7 +12,7 @@ import numpy as np
 
 from sysid.diagnosis.pendulum import hanging, hanging_start, sprung_start, weight
 from sysid.diagnosis.workers import WorkerPool
-from sysid.effects import catalogue, effect, showing
+from sysid.effects import catalogue, drifting, effect
 from sysid.effects._base import Scales
 from sysid.fitting.cross_validation import rms, surprising_residuals
 from sysid.fitting.problem import Problem
@@ -188,8 +188,8 @@ class Search:
     def names(self) -> list[str]:
         """Return the effects that a free decay can show, which are worth a fit here."""
         known = catalogue()
-        # A zero that is free in each release leaves no drift to a rate, and a fused roll nothing to say of its sensor.
-        hidden = set(showing("moving level")) if self.records[0].is_rate else set[str]()
+        # A zero that is free in each release leaves a rate no drift of its sensor, and a fused roll nothing to say of it.
+        hidden = drifting() if self.records[0].is_rate else ()
         sensed = self.bias == "shared" or self.records[0].is_rate
         chosen = {
             n for n, e in known.items()
@@ -627,7 +627,7 @@ def completed(problem: Problem, known: Mapping[str, float]) -> dict[str, float]:
 
 
 def take_motion(problem: Problem, start: Array, known: Candidate) -> None:
-    """Copy each release's roll and rate from another model into a start, in place."""
+    """Copy each release's roll and rate from another model into a start, shape (p,), in units of sizes, in place."""
     other = known.problem
     for index in range(len(problem.records)):
         mine, its = len(problem.names) + index * problem.n_local, len(other.names) + index * other.n_local

@@ -80,7 +80,7 @@ TRIED = 2
 POINTS = 200
 """Of each period at which torques are compared, which jump at kinks: a choice."""
 SHARP = 4.0
-"""Of shapes that bend within a part of the swing, as of a stop."""
+"""Factor of the steps a period of shapes that bend within a part of the swing, as of a stop [1]."""
 CREEP = 1e-3
 """Share of the largest rate below which a root of the rate is a damper: its slope has no end there."""
 LAWS: dict[str, Law] = {

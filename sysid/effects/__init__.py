@@ -36,6 +36,7 @@ __all__ = [
     "TorqueEffect",
     "as_table",
     "catalogue",
+    "drifting",
     "effect",
     "effect_file",
     "origin",
@@ -95,6 +96,11 @@ def showing(sign: DecaySign) -> tuple[str, ...]:
         (rank, name) for name, part in catalogue().items() for seen, rank in part.decay_signs if seen == sign
     ]
     return tuple(name for _, name in sorted(found))
+
+
+def drifting() -> tuple[str, ...]:
+    """Return the effects of a sensor that make the level of a decay move, the likeliest first."""
+    return tuple(name for name in showing("moving level") if effect(name).role == "measurement")
 
 
 def parameters_from(name: str, values: Sequence[float]) -> dict[str, float]:

@@ -48,6 +48,14 @@ def search():
     return Search(records=(record_of(0.15, 1), record_of(-0.13, 2)), scales=scales, bias="shared")
 
 
+def test_a_rate_hides_no_torque(search):
+    """A slider's decays end at levels that move, as a drift's do; a rate's free zero takes the drift, not the slider."""
+    rates = tuple(replace(record, is_rate=True) for record in search.records)
+    hidden = {*search.names()} - {*replace(search, records=rates).names()}
+    assert {catalogue()[name].role for name in hidden} == {"measurement"}
+    assert "sensor-drift" in hidden
+
+
 @pytest.mark.parametrize(("hold", "freed"), [(1e3, False), (0.01, True)])
 def test_what_a_hand_moved_last_begins_anywhere(search, hold, freed):
     """The log says that the deck was held for a second before both releases."""
