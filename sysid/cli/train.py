@@ -39,7 +39,7 @@ class Variant:
     coupling: Literal["equality", "direct", "none"] = "equality"
     """How tilt steers the trucks; 'none' lets the board go straight."""
     start: Literal["mixed", "standing"] = "mixed"
-    """Where episodes begin: standing, pushing and steering, or always standing as in the paper."""
+    """Where episodes begin: half at rest and the others anywhere in the cycle, or always at rest as in the paper."""
     terrain: Literal["flat", "slopes", "steps"] = "flat"
     """The ground."""
     pushes: Annotated[float, Parameter(validator=Number(gte=0))] = 0.5

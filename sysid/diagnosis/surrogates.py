@@ -78,7 +78,7 @@ def _named(*names: str) -> tuple[WideShape, ...]:
 TRIED = 2
 """Shapes of a place that are predicted: on the coarse grid the best one may not have come to its best."""
 POINTS = 200
-"""Of each period at which torques are compared, which jump at kinks: a choice."""
+"""Points a period at which the torques of two laws are compared; one that jumps at a kink needs many: a choice."""
 SHARP = 4.0
 """Factor of the steps a period of shapes that bend within a part of the swing, as of a stop [1]."""
 CREEP = 1e-3
@@ -139,7 +139,8 @@ def surrogate(
     )  # fmt: skip
     starts = _starts(problem, model)
     if law.shapes:
-        likes = [one for one in (model, best) if one is not None and set(kept) <= set(one.effects)]
+        others = () if best is None or best is model else (best,)
+        likes = [one for one in (model, *others) if set(kept) <= set(one.effects)]
         starts = [start for one in likes for start in _starts_as(problem, one, kept, law.shapes)] or starts
     if own is WAVE:
         before = _best(inside, _starts(inside, model))
@@ -195,6 +196,7 @@ def _alike(
         found = np.asarray(np.linalg.lstsq(columns, torque)[0], dtype=np.float64)
         return float(np.sum((torque - columns @ found) ** 2)), found
 
+    # Of two shapes every other width: their pairs are many.
     grid = itertools.product(*(shape.widths[:: len(shapes)] for shape in shapes))
     best, (_, found) = min(((widths, nearest(widths)) for widths in grid), key=lambda one: one[1][0])
     parameters = {"stiffness": float(found[0]), "damping": float(found[1])}

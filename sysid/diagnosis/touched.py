@@ -59,13 +59,13 @@ def untouched(models: Sequence[Candidate], base: Sequence[str]) -> tuple[list[Re
         for index, cut in enumerate(CUTS):
             kept = [part for record in models[0].problem.records for part in _middle(record, asked[-1], *cut)]
             if kept:
-                effects, error = _simplest(asked, kept)
+                laws, error = _simplest(asked, kept)
                 holds = error < REACHED
                 # A release too short to be cut goes for a law only.
                 if (holds or len(kept) == len(releases)) and error**2 - 1 < LEFT * beyond:
-                    found.append((not holds, effects if holds else error, index, kept))
+                    found.append((not holds, laws if holds else error, index, kept))
         if found:
-            # Fewest effects first: where a push is left in, one more may follow it. Where none holds, the first that is nearly the best.
+            # Fewest laws first: where a push is left in, one more may follow it. Where none holds, the first that is nearly the best.
             fails, least, *_ = min(found, key=lambda one: one[:3])
             index, kept = next(
                 one[2:] for one in found if one[0] == fails and one[1] <= (NEARLY if fails else 1) * least
@@ -84,8 +84,8 @@ def untouched(models: Sequence[Candidate], base: Sequence[str]) -> tuple[list[Re
         ]
         near = min(_laws(m) for m in asked if _error(m) < NEARLY * _error(asked[-1]))
         if len(cut) == len(releases) and near > len(base):
-            effects, error = _simplest(asked, cut)
-            if effects < near and error < REACHED:
+            laws, error = _simplest(asked, cut)
+            if laws < near and error < REACHED:
                 return cut, (
                     "the beginnings of the releases are left out: the rest is by a simpler law, as if a hand was on the deck"
                 )

@@ -121,7 +121,7 @@ class EquationsOfMotion:
 
     @cached_property
     def _slipped_derivative(self) -> Any:
-        """A function of (state, tilt before, direction of sliding, parameters): a cut step asks for twelve, which are worked out once."""
+        """(State, tilt before, direction of sliding, parameters) → derivative: built once for the twelve stages of a cut step."""
         ca = self._ca
         parameters = ca.SX.sym("parameters", *self._parameters.shape)
         own = EquationsOfMotion(self._structure, parameters)

@@ -60,4 +60,4 @@ class Start:
 
 
 AT_REST = Start(pushing=0.0, mounting=0.0, steering=0.0, dismounting=0.0)
-"""The paper's."""
+"""All episodes begin at rest, as in the paper."""

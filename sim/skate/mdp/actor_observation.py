@@ -15,7 +15,7 @@ the first frame. The HUSKY release feeds 79 numbers, with the absolute heading a
 history by term; a policy replayed with the heading held at zero turns as well, so it is left out, as in
 the paper.
 
-How far still to turn is the commanded turn less what the pelvis has yawed since steering began, which the
+How far still to turn is the commanded turn less what the pelvis has yawed since it was told, which the
 robot's IMU tells. The paper feeds the turn as it was told: with a tenth of a second of history the policy
 then cannot know how much of it is done.
 """
