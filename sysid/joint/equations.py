@@ -114,6 +114,8 @@ class EquationsOfMotion:
         before = self.motion(y).tilt
 
         def rate(stage: Any) -> Any:
+            if slide is None:
+                return self.derivative(self.slipped(stage, before), slide)
             return self._slipped_derivative(stage, before, slide, self._parameters)
 
         whole, k1 = runge_kutta(rate, y, h)
