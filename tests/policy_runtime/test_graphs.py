@@ -184,6 +184,26 @@ def test_fused_learning_is_rsl_rls(rollout):
             torch.testing.assert_close(mine.state_dict()[name], value, rtol=1e-4, atol=1e-6, msg=name)
 
 
+def test_learned_weights_without_their_optimiser_are_not_thrown_about(rollout):
+    """Adam's first steps are as long as the rate on every weight, whatever the gradient."""
+    import torch
+
+    def moved(kept):
+        learner = rollout()
+        learned = {name: value for name, value in learner.save().items() if kept or "optimi" not in name}
+        with torch.inference_mode():  # in which the normalisers were updated
+            learner.load({**learned, "iteration": 1}, None, strict=True)
+        before = [p.detach().clone() for p in learner.actor.parameters()]
+        learner.num_learning_epochs = learner.num_mini_batches = 1
+        learner.update()
+        return max(
+            (p - q).abs().max().item() for p, q in zip(learner.actor.parameters(), before, strict=True)
+        )
+
+    assert moved(kept=False) < 2e-5
+    assert moved(kept=True) > 5e-4  # at the rate that the optimiser had
+
+
 def test_a_graph_of_learning_asks_nothing_of_the_host(rollout):
     from policy_runtime.learning.fused_update import FusedUpdate
 
