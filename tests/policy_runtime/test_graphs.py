@@ -134,6 +134,29 @@ def test_a_graph_of_the_worlds_asks_nothing_of_the_host(env, part):
     assert asked_of_the_host(getattr(env, part)) == []
 
 
+def test_a_graph_writes_on_its_own_stream(env, monkeypatch):
+    """mjlab's arrays write on Warp's: what a graph does not record, it does not repeat."""
+    import torch
+    from mjlab.sim.sim_data import TorchArray
+
+    env.step(torch.zeros(WORLDS, 23))
+    begin, command = env.event_manager.get_term_cfg("begin").func, env.command_manager.get_term("skate")
+    written = []
+    monkeypatch.setattr(TorchArray, "__setitem__", lambda *call: written.append(call))
+    for function in (env._judge_state, env._see_state, begin.draw, command.draw):
+        function()
+    assert written == []
+
+
+def test_the_critic_sees_contacts(env):
+    import torch
+
+    wheels = slice(177, 181)
+    for _ in range(3):
+        seen, *_ = env.step(torch.zeros(WORLDS, 23))
+    assert seen["critic"][:, wheels].mean() > 0.5
+
+
 def test_drawing_how_episodes_begin_asks_nothing_of_the_host(env):
     begin, command = env.event_manager.get_term_cfg("begin").func, env.command_manager.get_term("skate")
     assert asked_of_the_host(begin.draw) == []
