@@ -1,7 +1,7 @@
 """How policies cross ledges: from the suite's rides on them, every crossing by height, speed, angle and stretch of the cycle.
 
 Run `python benchmarks/ledge_crossings.py [--episodes 40] [--workers 16] [--policies data/policies/pink.onnx …]`. A crossing
-is a front axle that passes an edge; it ends the ride if that ends within 3 s. Who has turned back, by more than 90° in all,
+is a front axle that passes an edge; it ends the ride if that ends within 3 s. Who has turned back towards the start
 rides against a ledge, which nobody can climb: such ends are counted apart.
 """
 
@@ -47,11 +47,11 @@ class Crossing:
 def crossings(recording: Recording, wheelbase: float, ended: bool) -> list[Crossing]:
     """Return every crossing of a ride."""
     heading, speed = recording.column("board_heading"), recording.column("board_speed")
-    x = recording.column("board_position")[:, 0] + wheelbase / 2 * np.cos(heading)
+    axle = recording.column("board_position")[:, :2] + wheelbase / 2 * ahead(heading)
     clock = recording.clock
     found: list[Crossing] = []
     for number, height in enumerate(STEPS, start=1):
-        passed = np.flatnonzero(x > number * STEP_LENGTH)
+        passed = np.flatnonzero(np.abs(axle).max(-1) > number * STEP_LENGTH)
         if not len(passed):
             break
         at, step = passed[0], int(recording.step[passed[0]])
@@ -59,8 +59,20 @@ def crossings(recording: Recording, wheelbase: float, ended: bool) -> list[Cross
             name for name in ("pushing", "mounting", "steering", "dismounting") if getattr(clock, name)(step)
         )
         fatal = ended and float(recording.time[-1] - recording.time[at]) < FATAL
-        found.append(Crossing(height, float(speed[at]), abs(float(wrap_angle(heading[at]))), stretch, fatal))
+        askew = abs(float(wrap_angle(heading[at] - down(axle[at]))))
+        found.append(Crossing(height, float(speed[at]), askew, stretch, fatal))
     return found
+
+
+def ahead(heading: np.ndarray) -> np.ndarray:
+    """Return the unit vectors of headings, (n, 2)."""
+    return np.stack((np.cos(heading), np.sin(heading)), axis=-1)
+
+
+def down(place: np.ndarray) -> float:
+    """Return which way the ledge nearest to a place goes down [rad]: one of the four sides of the squares."""
+    x, y = place
+    return math.atan2(0.0, x) if abs(x) >= abs(y) else math.copysign(math.pi / 2, y)
 
 
 def cross(policy: Path, episode: int) -> tuple[str, list[Crossing]] | None:
@@ -74,7 +86,8 @@ def cross(policy: Path, episode: int) -> tuple[str, list[Crossing]] | None:
     if recording.command[0, 0] < STILL_SPEED:
         return None
     ended = ending != TIME_LIMIT
-    back = math.cos(recording.column("board_heading")[-1]) < 0
+    place, heading = recording.column("board_position")[-1, :2], recording.column("board_heading")[-1]
+    back = math.cos(heading - down(place)) < 0
     found = crossings(recording, board.geometry["wheelbase"].value, ended and not back)
     return "lasted" if not ended else "back" if back else "ended", found
 

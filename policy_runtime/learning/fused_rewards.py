@@ -175,7 +175,9 @@ class SkateEnv(ManagerBasedRlEnv):
             for column in range(start, start + size)
         ]
         self._felt_columns = torch.tensor(columns, device=device)
-        self._felt = self.sim.data.sensordata[:, self._felt_columns]
+        # mjlab's own array writes on Warp's stream, which no graph of PyTorch records: the critic saw no contact on a GPU.
+        self._sensordata = self.sim.data.sensordata[:]
+        self._felt = self._sensordata[:, self._felt_columns]
         begin: Any = self.event_manager.get_term_cfg("begin").func
         for term in (begin, skate_command(self)):
             term.draw = Graphed(term.draw, device, enabled=graphs)
@@ -224,7 +226,7 @@ class SkateEnv(ManagerBasedRlEnv):
     def _judge_state(self) -> Any:
         """Find what is over and what is earned; return the state that was looked at."""
         measuring.keep(self, None)
-        self._felt.copy_(self.sim.data.sensordata[:, self._felt_columns])
+        self._felt.copy_(self._sensordata[:, self._felt_columns])
         self.episode_length_buf += 1
         self.reset_buf = self.termination_manager.compute()
         self.reset_terminated = self.termination_manager.terminated
@@ -234,7 +236,7 @@ class SkateEnv(ManagerBasedRlEnv):
 
     def _see_state(self) -> Any:
         felt = torch.where(self.reset_buf[:, None], 0.0, self._felt)
-        self.sim.data.sensordata[:, self._felt_columns] = felt
+        self._sensordata[:, self._felt_columns] = felt
         for sensor in self.scene.sensors.values():
             sensor._invalidate_cache()
         self.command_manager.compute(dt=self.step_dt)

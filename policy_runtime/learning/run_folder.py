@@ -68,7 +68,7 @@ class LearnOptions:
     graphs: bool = True
     """Whether to launch many small operations as one CUDA graph where there is a GPU."""
     learning_rate: float = 1e-3
-    """Where the adaptive rate starts."""
+    """Where the adaptive rate of a run from nothing starts."""
     desired_kl: float = 0.015
     gamma: float = 0.99
     lam: float = 0.95

@@ -83,7 +83,7 @@ class Learner:
     seed: Annotated[int, Parameter(validator=Number(gte=0))] = 1
     """Seed of everything random."""
     learning_rate: Annotated[float, Parameter(validator=Number(gt=0))] = 1e-3
-    """Where the adaptive learning rate starts."""
+    """Where the adaptive learning rate of a run from nothing starts."""
     entropy: Annotated[float, Parameter(validator=Number(gte=0))] = 0.005
     """Weight of the actions' entropy."""
     last_entropy: Annotated[float, Parameter(validator=Number(gte=0))] = 0.001

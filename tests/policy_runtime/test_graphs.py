@@ -134,6 +134,29 @@ def test_a_graph_of_the_worlds_asks_nothing_of_the_host(env, part):
     assert asked_of_the_host(getattr(env, part)) == []
 
 
+def test_a_graph_writes_on_its_own_stream(env, monkeypatch):
+    """mjlab's arrays write on Warp's: what a graph does not record, it does not repeat."""
+    import torch
+    from mjlab.sim.sim_data import TorchArray
+
+    env.step(torch.zeros(WORLDS, 23))
+    begin, command = env.event_manager.get_term_cfg("begin").func, env.command_manager.get_term("skate")
+    written = []
+    monkeypatch.setattr(TorchArray, "__setitem__", lambda *call: written.append(call))
+    for function in (env._judge_state, env._see_state, begin.draw, command.draw):
+        function()
+    assert written == []
+
+
+def test_the_critic_sees_contacts(env):
+    import torch
+
+    wheels = slice(177, 181)
+    for _ in range(3):
+        seen, *_ = env.step(torch.zeros(WORLDS, 23))
+    assert seen["critic"][:, wheels].mean() > 0.5
+
+
 def test_drawing_how_episodes_begin_asks_nothing_of_the_host(env):
     begin, command = env.event_manager.get_term_cfg("begin").func, env.command_manager.get_term("skate")
     assert asked_of_the_host(begin.draw) == []
@@ -182,6 +205,26 @@ def test_fused_learning_is_rsl_rls(rollout):
     for mine, its in zip((ours.actor, ours.critic), (theirs.actor, theirs.critic), strict=True):
         for name, value in its.state_dict().items():
             torch.testing.assert_close(mine.state_dict()[name], value, rtol=1e-4, atol=1e-6, msg=name)
+
+
+def test_learned_weights_without_their_optimiser_are_not_thrown_about(rollout):
+    """Adam's first steps are as long as the rate on every weight, whatever the gradient."""
+    import torch
+
+    def moved(kept):
+        learner = rollout()
+        learned = {name: value for name, value in learner.save().items() if kept or "optimi" not in name}
+        with torch.inference_mode():  # in which the normalisers were updated
+            learner.load({**learned, "iteration": 1}, None, strict=True)
+        before = [p.detach().clone() for p in learner.actor.parameters()]
+        learner.num_learning_epochs = learner.num_mini_batches = 1
+        learner.update()
+        return max(
+            (p - q).abs().max().item() for p, q in zip(learner.actor.parameters(), before, strict=True)
+        )
+
+    assert moved(kept=False) < 2e-5
+    assert moved(kept=True) > 5e-4  # at the rate that the optimiser had
 
 
 def test_a_graph_of_learning_asks_nothing_of_the_host(rollout):

@@ -2,7 +2,8 @@
 # (MuJoCo ships no type stubs.)
 """The ground of the skating scene: flat, long slopes, or ledges to roll down.
 
-Everything lies along +x, where a robot starts to skate; sideways the lane is wide enough for any turn.
+Slopes lie along +x, where a robot starts to skate; sideways the lane is wide enough for any turn. Ledges lie in squares about
+the start: as lanes, those who had turned back met them as walls, which no board climbs, and who rode aside met none.
 """
 
 import math
@@ -16,7 +17,7 @@ Terrain = Literal["flat", "slopes", "steps"]
 SLOPES_DEG = (5.0, 6.0, 8.0, 10.0)
 """Gradients of successive descents [deg], 3 m long each, with 6 m of level ground before each."""
 STEPS = (0.03, 0.04, 0.05, 0.06)
-"""Heights of successive ledges [m]. A wheel of 3 cm radius cannot climb them: the lane goes down."""
+"""Heights of successive ledges [m]. A wheel of 3 cm radius cannot climb them: every way from the start goes down."""
 STEP_LENGTH = 5.0
 """Level ground before each of them [m]."""
 
@@ -42,15 +43,19 @@ def add_terrain(spec: mujoco.MjSpec, terrain: Terrain) -> None:
                 name="terrain", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0.0, 0.0, 0.05], rgba=list(_COLOUR)
             )
         return
+    plane = spec.geom("terrain")
+    if plane is not None:  # mjlab's own plane, which is replaced
+        spec.delete(plane)
     if terrain == "slopes":
         profile = _descents([math.radians(angle) for angle in SLOPES_DEG], run=3.0, level=6.0)
-    else:
-        profile = _ledges(STEPS, level=STEP_LENGTH)
-    plane = spec.geom("terrain")
-    if plane is not None:  # mjlab's own plane; the lane replaces it
-        spec.delete(plane)
-    for i, (start, end, top, drop) in enumerate(profile):
-        _slab(body, f"terrain_{i}", start, end, top, drop)
+        for i, (start, end, top, drop) in enumerate(profile):
+            _slab(body, f"terrain_{i}", start, end, top, drop)
+        return
+    top = 0.0
+    for i, height in enumerate((*STEPS, 0.0)):
+        half = (i + 1) * STEP_LENGTH if height else _HALF_WIDTH
+        _slab(body, f"terrain_{i}", -half, half, top, 0.0, half_width=half)
+        top -= height
 
 
 def add_ledge(spec: mujoco.MjSpec) -> None:
@@ -79,17 +84,15 @@ def _descents(angles: Sequence[float], run: float, level: float) -> list[tuple[f
     return [*pieces, (x, x + 80.0, z, 0.0)]
 
 
-def _ledges(heights: Sequence[float], level: float) -> list[tuple[float, float, float, float]]:
-    pieces = [(-20.0, level, 0.0, 0.0)]
-    x, z = level, 0.0
-    for height in heights:
-        z -= height
-        pieces.append((x, x + level, z, 0.0))
-        x += level
-    return [*pieces, (x, x + 80.0, z, 0.0)]
-
-
-def _slab(body: mujoco.MjsBody, name: str, start: float, end: float, top: float, drop: float) -> None:
+def _slab(
+    body: mujoco.MjsBody,
+    name: str,
+    start: float,
+    end: float,
+    top: float,
+    drop: float,
+    half_width: float = _HALF_WIDTH,
+) -> None:
     """Add a thick box whose upper face runs from (start, top) down to (end, top - drop)."""
     length, thickness = math.hypot(end - start, drop), 1.0
     pitch = math.atan2(drop, end - start)
@@ -97,7 +100,7 @@ def _slab(body: mujoco.MjsBody, name: str, start: float, end: float, top: float,
     body.add_geom(
         name=name,
         type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=[length / 2, _HALF_WIDTH, thickness / 2],
+        size=[length / 2, half_width, thickness / 2],
         pos=[middle_x - math.sin(pitch) * thickness / 2, 0.0, middle_z - math.cos(pitch) * thickness / 2],
         quat=[math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0],
         rgba=list(_COLOUR),

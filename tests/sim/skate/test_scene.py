@@ -186,17 +186,25 @@ def test_without_steering_the_trucks_stay_straight(needs_g1):
     ("kind", "lowest"),
     [("slopes", -3.0 * sum(math.tan(math.radians(a)) for a in SLOPES_DEG)), ("steps", -sum(STEPS))],
 )
-def test_the_lane_is_level_at_the_start_and_goes_down(kind, lowest):
+def test_the_ground_is_level_at_the_start_and_goes_down(kind, lowest):
+    height = ground(kind)
+    assert [height(x, 0.0) for x in (0.0, 3.0, 55.0)] == pytest.approx([0.0, 0.0, lowest], abs=1e-6)
+
+
+@pytest.mark.parametrize("towards", [0.0, 1.0, 2.5, -1.5, -3.0])
+def test_ledges_lead_down_whichever_way_one_rides_from_the_start(towards):
+    height = ground("steps")
+    way = [height(r * math.cos(towards), r * math.sin(towards)) for r in np.linspace(0.0, 40.0, 81)]
+    drops = -np.diff(way)
+    assert drops[drops != 0.0] == pytest.approx(STEPS, abs=1e-9)
+
+
+def ground(kind):
+    """Return the height of a terrain as a function of the place."""
     spec = mujoco.MjSpec()
     add_terrain(spec, kind)
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     geom = np.zeros(1, dtype=np.int32)
-    heights = {}
-    for x in (0.0, 3.0, 60.0):
-        down = mujoco.mj_ray(model, data, [x, 0.0, 5.0], [0.0, 0.0, -1.0], None, 1, -1, geom)
-        heights[x] = 5.0 - down
-    assert heights[0.0] == pytest.approx(0.0, abs=1e-9)
-    assert heights[3.0] == pytest.approx(0.0, abs=1e-9)
-    assert heights[60.0] == pytest.approx(lowest, abs=1e-6)
+    return lambda x, y: round(5.0 - mujoco.mj_ray(model, data, [x, y, 5.0], [0, 0, -1], None, 1, -1, geom), 9)
