@@ -120,13 +120,15 @@ def _step(here: Normal, point: Array, low: Array, high: Array, factor: float) ->
 
 
 def _solve(hessian: Array, gradient: Array, factor: float) -> Array:
-    diagonal = np.diag(hessian)
+    # Of LAPACK itself: for a dozen unknowns the checks of `numpy.linalg` cost more than the solution.
+    from scipy.linalg.lapack import dgesv
+
+    diagonal = hessian.diagonal()
     floor = max(float(diagonal.max()), 1e-279) * 1e-12
-    damped = hessian + np.diag(factor * np.maximum(diagonal, floor))
+    damped = diagonal + factor * np.maximum(diagonal, floor)
     # Rounding may leave less than nothing where a variable says nothing.
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(damped), factor * floor))
-    scaled = damped * np.outer(scale, scale)
-    try:
-        return -scale * np.linalg.solve(scaled, scale * gradient)
-    except np.linalg.LinAlgError:
-        return -scale * (np.linalg.pinv(scaled) @ (scale * gradient))
+    scale = 1.0 / np.sqrt(np.maximum(damped, factor * floor))
+    scaled = hessian * (scale[:, None] * scale)
+    scaled.flat[:: len(scale) + 1] = damped * scale * scale
+    _, _, solution, singular = dgesv(scaled, scale * gradient)
+    return -scale * (np.linalg.pinv(scaled) @ (scale * gradient) if singular else solution)

@@ -6,7 +6,7 @@ on request its own sensor bias. Unknowns are scaled by their sizes, so that one 
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from sysid.effects._base import Scales, SensorEffect
 from sysid.fitting.records import LETTING_GO, UNSURE_START, Bias, Record
 from sysid.fitting.shooting import Shooting
 from sysid.joint.hermite import hermite_matrix
-from sysid.joint.integrator import build_initial, build_stepper, steps_for
+from sysid.joint.integrator import Buffered, build_initial, build_stepper, steps_for
 from sysid.joint.sensor import at_samples, clock_ratio, reader
 from sysid.joint.structure import Structure
 from sysid.least_squares import Minimum, Normal, minimise
@@ -38,8 +38,8 @@ class _Path:
     clock: Array
     std: float
     """Signal, time on the log's clock and noise of the samples, or of means of neighbours; shape (n,)."""
-    reader: Any
-    """What the sensor does to samples, a CasADi function; None where it does nothing."""
+    reader: Buffered | None
+    """What the sensor does to samples; None where it does nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,8 +115,6 @@ class Problem:
     @cached_property
     def _paths(self) -> list[_Path]:
         """Grids, functions and buffers: made when first needed, and left behind when a problem is pickled."""
-        from scipy.sparse import vstack
-
         stepper = build_stepper(self.structure, free_states=self.free_states, sensitivities=True)
         paths: list[_Path] = []
         sensed = bool(at_samples(self.structure))
@@ -126,9 +124,7 @@ class Problem:
             steps = steps_for(float(time[-1]), self.step)
             mean = _averaging(len(time), self.average)
             slopes = (False, True) if sensed else (record.is_rate,)
-            at = vstack(
-                [mean @ hermite_matrix(time, self.step, steps, slope=slope) for slope in slopes], "csr"
-            )
+            at = _means_on_grid(time.tobytes(), self.step, steps, slopes, self.average)
             signal = mean @ record.signal
             paths.append(
                 _Path(
@@ -136,7 +132,9 @@ class Problem:
                     signal=signal,
                     clock=mean @ (record.time + float(release.time[0])),
                     std=record.std / float(np.sqrt(self.average)),
-                    reader=reader(self.structure).map("readings", "serial", len(signal), [3], [])
+                    reader=Buffered(
+                        reader(self.structure).map("readings", "serial", len(signal), [3], [])
+                    )
                     if sensed
                     else None,
                 )
@@ -319,24 +317,26 @@ class Problem:
             if len(self._columns) < at.shape[1]:
                 at = at[:, self._columns]
             if path.reader is not None:
-                at = self._read(path, at, vector)
+                at = self._read(path.reader, path.clock, at, vector)
             at[:, 0] -= path.signal
             if self.bias == "per-release":
                 at[:, 0] += mine[-1]
                 at = np.column_stack([at, np.ones(len(at))])
             yield at
 
-    def _read(self, path: _Path, at: Array, vector: Array) -> Array:
+    def _read(self, reader: Buffered, clock: Array, at: Array, vector: Array) -> Array:
         """Apply what the sensor does to samples: from angles above rates, shape (2n, c), to its reading, shape (n, c)."""
-        n, is_rate = len(path.signal), int(self.records[0].is_rate)
+        n, is_rate = len(clock), int(self.records[0].is_rate)
         angle, rate = at[:n], at[n:]
-        reading, slopes = path.reader(angle[:, 0], rate[:, 0], path.clock, vector)
-        by = np.asarray(slopes)[is_rate].reshape(n, -1)
+        for given, values in zip(reader.inputs, (angle[:, 0], rate[:, 0], clock, vector), strict=True):
+            given[:] = values
+        reader.run()
+        reading, slopes = reader.outputs
+        by = slopes.reshape(n, -1, 2)[:, :, is_rate]
         with np.errstate(all="ignore"):  # a joint that runs away; `normal` refuses it
             result = by[:, :1] * angle + by[:, 1:2] * rate
-        result[:, 0] = np.asarray(reading)[is_rate]
-        for column, name in enumerate(self.names, start=1):
-            result[:, column] += by[:, 1 + self.structure.parameters.index(name)]
+        result[:, 0] = reading.reshape(n, 2)[:, is_rate]
+        result[:, 1 : 1 + len(self.names)] += by[:, [1 + self._parameters.index(n) for n in self.names]]
         return result
 
     @cached_property
@@ -443,6 +443,27 @@ def _first_pull(release: Release) -> float:
     first, last = np.searchsorted(time, (1.5 * LETTING_GO, 5 * LETTING_GO))
     gone = np.abs(release.roll[first : last + 1] - release.roll[0]) - 3 * float(np.median(release.std))
     return float(np.max(2 * gone / time[first : last + 1] ** 2, initial=0.0))
+
+
+@lru_cache(maxsize=512)
+def _means_on_grid(
+    time: bytes, step: float, steps: int, slopes: tuple[bool, ...], width: int
+) -> Any:
+    """Return the sparse matrix from values and slopes on a grid to means of `width` samples, values above slopes as they are wanted.
+
+    Kept, because every law is read off at the same samples.
+
+    Args:
+        time: Of the samples [s], the memory of shape (n,).
+        step: Of the grid [s].
+        steps: Points of the grid.
+        slopes: For each block of n // width rows, whether slopes are wanted.
+    """
+    from scipy.sparse import vstack
+
+    at = np.frombuffer(time)
+    mean = _averaging(len(at), width)
+    return vstack([mean @ hermite_matrix(at, step, steps, slope=slope) for slope in slopes], "csr")
 
 
 def _averaging(count: int, width: int) -> Any:
