@@ -120,7 +120,6 @@ def _step(here: Normal, point: Array, low: Array, high: Array, factor: float) ->
 
 
 def _solve(hessian: Array, gradient: Array, factor: float) -> Array:
-    # Of LAPACK itself: for a dozen unknowns the checks of `numpy.linalg` cost more than the solution.
     from scipy.linalg.lapack import dgesv
 
     diagonal = hessian.diagonal()
@@ -130,5 +129,6 @@ def _solve(hessian: Array, gradient: Array, factor: float) -> Array:
     scale = 1.0 / np.sqrt(np.maximum(damped, factor * floor))
     scaled = hessian * (scale[:, None] * scale)
     scaled.flat[:: len(scale) + 1] = damped * scale * scale
+    # By LAPACK itself: for a dozen unknowns the checks of `numpy.linalg` cost more than the solution.
     _, _, solution, singular = dgesv(scaled, scale * gradient)
     return -scale * (np.linalg.pinv(scaled) @ (scale * gradient) if singular else solution)

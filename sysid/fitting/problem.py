@@ -132,9 +132,7 @@ class Problem:
                     signal=signal,
                     clock=mean @ (record.time + float(release.time[0])),
                     std=record.std / float(np.sqrt(self.average)),
-                    reader=Buffered(
-                        reader(self.structure).map("readings", "serial", len(signal), [3], [])
-                    )
+                    reader=Buffered(reader(self.structure).map("readings", "serial", len(signal), [3], []))
                     if sensed
                     else None,
                 )
@@ -159,7 +157,18 @@ class Problem:
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what is made again from the rest."""
-        made = ("_paths", "_starts", "places", "names", "_sizes", "_columns", "_products", "prior", "centre")
+        made = (
+            "_paths",
+            "_starts",
+            "places",
+            "names",
+            "_sizes",
+            "_columns",
+            "_products",
+            "prior",
+            "_forms",
+            "centre",
+        )
         return {key: value for key, value in self.__dict__.items() if key not in made}
 
     @cached_property
@@ -345,23 +354,35 @@ class Problem:
 
         Tables are smooth, and hold nothing that spring and damper can do where those are free.
         """
-        matrix = np.zeros((len(self.names), len(self.names)))
-        weights, at = iter(self.smoothing), {name: i for i, name in enumerate(self.names)}
+        return self.prior_of(self.smoothing)
+
+    def prior_of(self, smoothing: Sequence[float]) -> Array:
+        """Return `prior` with other weights of the tables' roughness."""
+        certain, rough = self._forms
+        return certain + sum(weight * form for weight, form in zip(smoothing, rough, strict=True))
+
+    @cached_property
+    def _forms(self) -> tuple[Array, list[Array]]:
+        """What of the prior no weight changes, and the roughness of each table, shape (free, free) each [1]."""
+        at = {name: i for i, name in enumerate(self.names)}
+        certain, rough = np.zeros((len(at), len(at))), list[Array]()
         for part in self.structure.torques if self.smoothing else ():
             if part.smoothness is None:
                 continue
             smooth = part.smoothness()
-            form = sum(form * next(weights) for form in smooth.forms)
-            for name, direction in smooth.linear.items():
-                if name in at:
-                    form = form + _FORBIDDEN * np.outer(direction, direction)
             free = [i for i, name in enumerate(smooth.names) if f"{part.name}.{name}" in at]
             where = [at[f"{part.name}.{smooth.names[i]}"] for i in free]
-            matrix[np.ix_(where, where)] = np.asarray(form)[np.ix_(free, free)]
+            here, own = np.ix_(where, where), np.ix_(free, free)
+            for name, direction in smooth.linear.items():
+                if name in at:
+                    certain[here] += (_FORBIDDEN * np.outer(direction, direction))[own]
+            for form in smooth.forms:
+                rough.append(np.zeros_like(certain))
+                rough[-1][here] = np.asarray(form)[own]
         for name, (_, std) in self.priors.items():
             if name in at:
-                matrix[at[name], at[name]] += (self.sizes()[at[name]] / std) ** 2
-        return matrix
+                certain[at[name], at[name]] += (self.sizes()[at[name]] / std) ** 2
+        return certain, rough
 
     @cached_property
     def centre(self) -> Array:
@@ -446,9 +467,7 @@ def _first_pull(release: Release) -> float:
 
 
 @lru_cache(maxsize=512)
-def _means_on_grid(
-    time: bytes, step: float, steps: int, slopes: tuple[bool, ...], width: int
-) -> Any:
+def _means_on_grid(time: bytes, step: float, steps: int, slopes: tuple[bool, ...], width: int) -> Any:
     """Return the sparse matrix from values and slopes on a grid to means of `width` samples, values above slopes as they are wanted.
 
     Kept, because every law is read off at the same samples.
