@@ -105,7 +105,9 @@ class Problem:
         """
         small = self.unnoticed if tolerance is None else tolerance
         low, high = self.bounds()
-        return minimise(self.normal, start, low, high, iterations=iterations, tolerance=small, known=known)
+        return minimise(
+            self.normal, start, low, high, iterations=iterations, tolerance=small, known=known, abandons=True
+        )
 
     @property
     def step(self) -> float:
@@ -390,10 +392,11 @@ class Problem:
         known = [self.priors[name][0] if name in self.priors else 0.0 for name in self.names]
         return np.array(known) / self.sizes()[: len(self.names)]
 
-    def normal(self, unknowns: Array) -> Normal:
+    def normal(self, unknowns: Array, most: float = np.inf) -> Normal:
         """Return cost and normal equations at unknowns in units of their sizes, shape (p,), residuals in units of their noise.
 
-        What is known before counts with them.
+        What is known before counts with them. The cost is infinite where a motion runs away, and once it is beyond the `most`
+        that is of use: what is left of the records is not integrated then.
         """
         shared, sizes = len(self.names), self.sizes()
         gradient = np.zeros(len(sizes))
@@ -414,6 +417,8 @@ class Problem:
             inward, slope = self._inward(index, unknowns)
             rate = where[shared + 1]
             cost += 0.5 * float(products[0, 0]) + 0.5 * inward**2
+            if cost > most:
+                return Normal(np.inf, gradient, hessian)
             gradient[where] += products[0, 1:]
             gradient[rate] += slope * inward
             hessian[block] += products[1:, 1:]

@@ -136,7 +136,9 @@ def _learned(
             low[at] = high[at] = point[at]
         seen = {here.smoothing}
         for _ in range(_ROUNDS if np.isfinite(periods) else _LAST_ROUNDS):
-            found = minimise(here.normal, point, low, high, iterations=15, tolerance=here.unnoticed)
+            found = minimise(
+                here.normal, point, low, high, iterations=15, tolerance=here.unnoticed, abandons=True
+            )
             point, cost, evaluations = found.point, found.normal.cost, evaluations + found.evaluations
             weights = chosen_weights(here, point)
             if weights in seen:  # as they are, or they go round in a circle
