@@ -123,7 +123,7 @@ def _step(here: Normal, point: Array, low: Array, high: Array, factor: float) ->
 
 
 def _solve(hessian: Array, gradient: Array, factor: float) -> Array:
-    from scipy.linalg.lapack import dgesv
+    from scipy.linalg import get_lapack_funcs
 
     diagonal = hessian.diagonal()
     floor = max(float(diagonal.max()), 1e-279) * 1e-12
@@ -133,5 +133,6 @@ def _solve(hessian: Array, gradient: Array, factor: float) -> Array:
     scaled = hessian * (scale[:, None] * scale)
     scaled.flat[:: len(scale) + 1] = damped * scale * scale
     # By LAPACK itself: for a dozen unknowns the checks of `numpy.linalg` cost more than the solution.
+    (dgesv,) = get_lapack_funcs(("gesv",))
     _, _, solution, singular = dgesv(scaled, scale * gradient)
     return -scale * (np.linalg.pinv(scaled) @ (scale * gradient) if singular else solution)

@@ -5,13 +5,14 @@ on request its own sensor bias. Unknowns are scaled by their sizes, so that one 
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 
-from sysid.effects._base import Scales, SensorEffect
+from sysid.effects._algebra import Numbers
+from sysid.effects._base import Effect, Scales, SensorEffect
 from sysid.fitting.records import LETTING_GO, UNSURE_START, Bias, Record
 from sysid.fitting.shooting import Shooting
 from sysid.joint.hermite import hermite_matrix
@@ -159,19 +160,7 @@ class Problem:
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what is made again from the rest."""
-        made = (
-            "_paths",
-            "_starts",
-            "places",
-            "names",
-            "_sizes",
-            "_columns",
-            "_products",
-            "prior",
-            "_forms",
-            "centre",
-        )
-        return {key: value for key, value in self.__dict__.items() if key not in made}
+        return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -269,12 +258,22 @@ class Problem:
                 pairs[index] = np.array(self.bounded[name]) / self.sizes()[index]
         return pairs[:, 0], pairs[:, 1]
 
+    @cached_property
+    def _first_motions(self) -> list[tuple[float, float]]:
+        """Roll [rad] and rate [rad/s] of each record at its release, as its first samples have them."""
+        return [_first_motion(record) for record in self.records]
+
+    @cached_property
+    def _delays(self) -> list[tuple[Effect, Callable[[float, float, Numbers], float]]]:
+        """How long each filter hides a release, from its pull, the noise and the effect's parameters."""
+        states = [(part, state.detection_delay) for part in self.structure.parts for state in part.states]
+        return [(part, delay) for part, delay in states if delay is not None]
+
     def start(self, parameters: Mapping[str, float]) -> Array:
         """Return unknowns for given parameters, in units of their sizes, shape (p,); the rest from the records themselves."""
         values = [parameters[name] for name in self.names]
-        for record in self.records:
-            roll, rate = _first_motion(record)
-            own = [roll, rate]
+        for record, motion in zip(self.records, self._first_motions, strict=True):
+            own = [*motion]
             if self.free_states and self.structure.internal_states:
                 held = build_initial(self.structure, free_states=False, sensitivities=False)
                 start = np.asarray(
@@ -451,11 +450,9 @@ class Problem:
     def _spread(self, begin: _Start, unknowns: Array) -> float:
         """Return the deviation that a start faster than from rest may have [rad/s]: a filter hides the first of it."""
         late = begin.unsure
-        for part in self.structure.parts:
-            for state in part.states:
-                if state.detection_delay is not None:
-                    own = part.of(self.parameters(unknowns))
-                    late = float(np.hypot(late, state.detection_delay(begin.pull, begin.std, own)))
+        for part, delay in self._delays:
+            own = part.of(self.parameters(unknowns))
+            late = float(np.hypot(late, delay(begin.pull, begin.std, own)))
         return late * begin.pull
 
     def start_penalty(self, unknowns: Array) -> float:
