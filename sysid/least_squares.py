@@ -41,7 +41,7 @@ class Minimum:
 
 
 def minimise(
-    evaluate: Callable[[Array], Normal],
+    evaluate: Callable[..., Normal],
     start: Array,
     low: Array,
     high: Array,
@@ -50,15 +50,18 @@ def minimise(
     tolerance: float | Callable[[float], float] = 1e-7,
     damping: float = 1e-3,
     known: Normal | None = None,
+    abandons: bool = False,
 ) -> Minimum:
     """Minimise half the sum of squares over a box (Marquardt 1963; Moré 1978 for the scaling).
 
     Args:
+        evaluate: Of a point, shape (p,).
         start: Start, shape (p,), each variable in a unit of its own; it is moved into the box.
         low: Lower bounds, shape (p,).
         high: Upper bounds, shape (p,).
         tolerance: Relative fall of the cost, predicted and found, below which the search ends; or what says it of a cost.
         known: Cost and normal equations at the start, where an earlier search has them.
+        abandons: Whether `evaluate` takes a cost too, beyond which it may leave off with an infinite one: a step that fails says no more.
     """
     point = np.clip(start, low, high)
     here = evaluate(point) if known is None else known
@@ -73,7 +76,7 @@ def minimise(
             status = "converged"
             if factor <= 1.0:
                 break
-        there = evaluate(trial)
+        there = evaluate(trial, here.cost) if abandons else evaluate(trial)
         evaluations += 1
         fall = here.cost - there.cost
         if np.isfinite(there.cost) and fall > 0:
@@ -120,13 +123,16 @@ def _step(here: Normal, point: Array, low: Array, high: Array, factor: float) ->
 
 
 def _solve(hessian: Array, gradient: Array, factor: float) -> Array:
-    diagonal = np.diag(hessian)
+    from scipy.linalg import get_lapack_funcs
+
+    diagonal = hessian.diagonal()
     floor = max(float(diagonal.max()), 1e-279) * 1e-12
-    damped = hessian + np.diag(factor * np.maximum(diagonal, floor))
+    damped = diagonal + factor * np.maximum(diagonal, floor)
     # Rounding may leave less than nothing where a variable says nothing.
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(damped), factor * floor))
-    scaled = damped * np.outer(scale, scale)
-    try:
-        return -scale * np.linalg.solve(scaled, scale * gradient)
-    except np.linalg.LinAlgError:
-        return -scale * (np.linalg.pinv(scaled) @ (scale * gradient))
+    scale = 1.0 / np.sqrt(np.maximum(damped, factor * floor))
+    scaled = hessian * (scale[:, None] * scale)
+    scaled.flat[:: len(scale) + 1] = damped * scale * scale
+    # By LAPACK itself: for a dozen unknowns the checks of `numpy.linalg` cost more than the solution.
+    (dgesv,) = get_lapack_funcs(("gesv",))
+    _, _, solution, singular = dgesv(scaled, scale * gradient)
+    return -scale * (np.linalg.pinv(scaled) @ (scale * gradient) if singular else solution)

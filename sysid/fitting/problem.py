@@ -5,17 +5,18 @@ on request its own sensor bias. Unknowns are scaled by their sizes, so that one 
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 
-from sysid.effects._base import Scales, SensorEffect
+from sysid.effects._algebra import Numbers
+from sysid.effects._base import Effect, Scales, SensorEffect
 from sysid.fitting.records import LETTING_GO, UNSURE_START, Bias, Record
 from sysid.fitting.shooting import Shooting
 from sysid.joint.hermite import hermite_matrix
-from sysid.joint.integrator import build_initial, build_stepper, steps_for
+from sysid.joint.integrator import Buffered, build_initial, build_stepper, steps_for
 from sysid.joint.sensor import at_samples, clock_ratio, reader
 from sysid.joint.structure import Structure
 from sysid.least_squares import Minimum, Normal, minimise
@@ -38,8 +39,8 @@ class _Path:
     clock: Array
     std: float
     """Signal, time on the log's clock and noise of the samples, or of means of neighbours; shape (n,)."""
-    reader: Any
-    """What the sensor does to samples, a CasADi function; None where it does nothing."""
+    reader: Buffered | None
+    """What the sensor does to samples; None where it does nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +106,9 @@ class Problem:
         """
         small = self.unnoticed if tolerance is None else tolerance
         low, high = self.bounds()
-        return minimise(self.normal, start, low, high, iterations=iterations, tolerance=small, known=known)
+        return minimise(
+            self.normal, start, low, high, iterations=iterations, tolerance=small, known=known, abandons=True
+        )
 
     @property
     def step(self) -> float:
@@ -115,8 +118,6 @@ class Problem:
     @cached_property
     def _paths(self) -> list[_Path]:
         """Grids, functions and buffers: made when first needed, and left behind when a problem is pickled."""
-        from scipy.sparse import vstack
-
         stepper = build_stepper(self.structure, free_states=self.free_states, sensitivities=True)
         paths: list[_Path] = []
         sensed = bool(at_samples(self.structure))
@@ -126,9 +127,7 @@ class Problem:
             steps = steps_for(float(time[-1]), self.step)
             mean = _averaging(len(time), self.average)
             slopes = (False, True) if sensed else (record.is_rate,)
-            at = vstack(
-                [mean @ hermite_matrix(time, self.step, steps, slope=slope) for slope in slopes], "csr"
-            )
+            at = _means_on_grid(time.tobytes(), self.step, steps, slopes, self.average)
             signal = mean @ record.signal
             paths.append(
                 _Path(
@@ -136,7 +135,7 @@ class Problem:
                     signal=signal,
                     clock=mean @ (record.time + float(release.time[0])),
                     std=record.std / float(np.sqrt(self.average)),
-                    reader=reader(self.structure).map("readings", "serial", len(signal), [3], [])
+                    reader=Buffered(reader(self.structure).map("readings", "serial", len(signal), [3], []))
                     if sensed
                     else None,
                 )
@@ -161,8 +160,7 @@ class Problem:
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what is made again from the rest."""
-        made = ("_paths", "_starts", "places", "names", "_sizes", "_columns", "_products", "prior", "centre")
-        return {key: value for key, value in self.__dict__.items() if key not in made}
+        return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -260,12 +258,22 @@ class Problem:
                 pairs[index] = np.array(self.bounded[name]) / self.sizes()[index]
         return pairs[:, 0], pairs[:, 1]
 
+    @cached_property
+    def _first_motions(self) -> list[tuple[float, float]]:
+        """Roll [rad] and rate [rad/s] of each record at its release, as its first samples have them."""
+        return [_first_motion(record) for record in self.records]
+
+    @cached_property
+    def _delays(self) -> list[tuple[Effect, Callable[[float, float, Numbers], float]]]:
+        """How long each filter hides a release, from its pull, the noise and the effect's parameters."""
+        states = [(part, state.detection_delay) for part in self.structure.parts for state in part.states]
+        return [(part, delay) for part, delay in states if delay is not None]
+
     def start(self, parameters: Mapping[str, float]) -> Array:
         """Return unknowns for given parameters, in units of their sizes, shape (p,); the rest from the records themselves."""
         values = [parameters[name] for name in self.names]
-        for record in self.records:
-            roll, rate = _first_motion(record)
-            own = [roll, rate]
+        for record, motion in zip(self.records, self._first_motions, strict=True):
+            own = [*motion]
             if self.free_states and self.structure.internal_states:
                 held = build_initial(self.structure, free_states=False, sensitivities=False)
                 start = np.asarray(
@@ -319,24 +327,26 @@ class Problem:
             if len(self._columns) < at.shape[1]:
                 at = at[:, self._columns]
             if path.reader is not None:
-                at = self._read(path, at, vector)
+                at = self._read(path.reader, path.clock, at, vector)
             at[:, 0] -= path.signal
             if self.bias == "per-release":
                 at[:, 0] += mine[-1]
                 at = np.column_stack([at, np.ones(len(at))])
             yield at
 
-    def _read(self, path: _Path, at: Array, vector: Array) -> Array:
+    def _read(self, reader: Buffered, clock: Array, at: Array, vector: Array) -> Array:
         """Apply what the sensor does to samples: from angles above rates, shape (2n, c), to its reading, shape (n, c)."""
-        n, is_rate = len(path.signal), int(self.records[0].is_rate)
+        n, is_rate = len(clock), int(self.records[0].is_rate)
         angle, rate = at[:n], at[n:]
-        reading, slopes = path.reader(angle[:, 0], rate[:, 0], path.clock, vector)
-        by = np.asarray(slopes)[is_rate].reshape(n, -1)
+        for given, values in zip(reader.inputs, (angle[:, 0], rate[:, 0], clock, vector), strict=True):
+            given[:] = values
+        reader.run()
+        reading, slopes = reader.outputs
+        by = slopes.reshape(n, -1, 2)[:, :, is_rate]
         with np.errstate(all="ignore"):  # a joint that runs away; `normal` refuses it
             result = by[:, :1] * angle + by[:, 1:2] * rate
-        result[:, 0] = np.asarray(reading)[is_rate]
-        for column, name in enumerate(self.names, start=1):
-            result[:, column] += by[:, 1 + self.structure.parameters.index(name)]
+        result[:, 0] = reading.reshape(n, 2)[:, is_rate]
+        result[:, 1 : 1 + len(self.names)] += by[:, [1 + self._parameters.index(n) for n in self.names]]
         return result
 
     @cached_property
@@ -345,23 +355,35 @@ class Problem:
 
         Tables are smooth, and hold nothing that spring and damper can do where those are free.
         """
-        matrix = np.zeros((len(self.names), len(self.names)))
-        weights, at = iter(self.smoothing), {name: i for i, name in enumerate(self.names)}
+        return self.prior_of(self.smoothing)
+
+    def prior_of(self, smoothing: Sequence[float]) -> Array:
+        """Return `prior` with other weights of the tables' roughness."""
+        certain, rough = self._forms
+        return certain + sum(weight * form for weight, form in zip(smoothing, rough, strict=True))
+
+    @cached_property
+    def _forms(self) -> tuple[Array, list[Array]]:
+        """What of the prior no weight changes, and the roughness of each table, shape (free, free) each [1]."""
+        at = {name: i for i, name in enumerate(self.names)}
+        certain, rough = np.zeros((len(at), len(at))), list[Array]()
         for part in self.structure.torques if self.smoothing else ():
             if part.smoothness is None:
                 continue
             smooth = part.smoothness()
-            form = sum(form * next(weights) for form in smooth.forms)
-            for name, direction in smooth.linear.items():
-                if name in at:
-                    form = form + _FORBIDDEN * np.outer(direction, direction)
             free = [i for i, name in enumerate(smooth.names) if f"{part.name}.{name}" in at]
             where = [at[f"{part.name}.{smooth.names[i]}"] for i in free]
-            matrix[np.ix_(where, where)] = np.asarray(form)[np.ix_(free, free)]
+            here, own = np.ix_(where, where), np.ix_(free, free)
+            for name, direction in smooth.linear.items():
+                if name in at:
+                    certain[here] += (_FORBIDDEN * np.outer(direction, direction))[own]
+            for form in smooth.forms:
+                rough.append(np.zeros_like(certain))
+                rough[-1][here] = np.asarray(form)[own]
         for name, (_, std) in self.priors.items():
             if name in at:
-                matrix[at[name], at[name]] += (self.sizes()[at[name]] / std) ** 2
-        return matrix
+                certain[at[name], at[name]] += (self.sizes()[at[name]] / std) ** 2
+        return certain, rough
 
     @cached_property
     def centre(self) -> Array:
@@ -369,10 +391,11 @@ class Problem:
         known = [self.priors[name][0] if name in self.priors else 0.0 for name in self.names]
         return np.array(known) / self.sizes()[: len(self.names)]
 
-    def normal(self, unknowns: Array) -> Normal:
+    def normal(self, unknowns: Array, most: float = np.inf) -> Normal:
         """Return cost and normal equations at unknowns in units of their sizes, shape (p,), residuals in units of their noise.
 
-        What is known before counts with them.
+        What is known before counts with them. The cost is infinite where a motion runs away, and once it is beyond the `most`
+        that is of use: what is left of the records is not integrated then.
         """
         shared, sizes = len(self.names), self.sizes()
         gradient = np.zeros(len(sizes))
@@ -393,6 +416,8 @@ class Problem:
             inward, slope = self._inward(index, unknowns)
             rate = where[shared + 1]
             cost += 0.5 * float(products[0, 0]) + 0.5 * inward**2
+            if cost > most:
+                return Normal(np.inf, gradient, hessian)
             gradient[where] += products[0, 1:]
             gradient[rate] += slope * inward
             hessian[block] += products[1:, 1:]
@@ -425,11 +450,9 @@ class Problem:
     def _spread(self, begin: _Start, unknowns: Array) -> float:
         """Return the deviation that a start faster than from rest may have [rad/s]: a filter hides the first of it."""
         late = begin.unsure
-        for part in self.structure.parts:
-            for state in part.states:
-                if state.detection_delay is not None:
-                    own = part.of(self.parameters(unknowns))
-                    late = float(np.hypot(late, state.detection_delay(begin.pull, begin.std, own)))
+        for part, delay in self._delays:
+            own = part.of(self.parameters(unknowns))
+            late = float(np.hypot(late, delay(begin.pull, begin.std, own)))
         return late * begin.pull
 
     def start_penalty(self, unknowns: Array) -> float:
@@ -443,6 +466,25 @@ def _first_pull(release: Release) -> float:
     first, last = np.searchsorted(time, (1.5 * LETTING_GO, 5 * LETTING_GO))
     gone = np.abs(release.roll[first : last + 1] - release.roll[0]) - 3 * float(np.median(release.std))
     return float(np.max(2 * gone / time[first : last + 1] ** 2, initial=0.0))
+
+
+@lru_cache(maxsize=512)
+def _means_on_grid(time: bytes, step: float, steps: int, slopes: tuple[bool, ...], width: int) -> Any:
+    """Return the sparse matrix from values and slopes on a grid to means of `width` samples, values above slopes as they are wanted.
+
+    Kept, because every law is read off at the same samples.
+
+    Args:
+        time: Of the samples [s], the memory of shape (n,).
+        step: Of the grid [s].
+        steps: Points of the grid.
+        slopes: For each block of n // width rows, whether slopes are wanted.
+    """
+    from scipy.sparse import vstack
+
+    at = np.frombuffer(time)
+    mean = _averaging(len(at), width)
+    return vstack([mean @ hermite_matrix(at, step, steps, slope=slope) for slope in slopes], "csr")
 
 
 def _averaging(count: int, width: int) -> Any:

@@ -291,7 +291,7 @@ def _pinned(problem: Problem, point: Array, places: Sequence[int]) -> Minimum:
     """Return where a short search ends that leaves some of the unknowns where they are."""
     low, high = problem.bounds()
     low[places] = high[places] = point[places]
-    return minimise(problem.normal, point, low, high, iterations=8, tolerance=1e-3)
+    return minimise(problem.normal, point, low, high, iterations=8, tolerance=1e-3, abandons=True)
 
 
 def _restarted(problem: Problem, found: tuple[float, Array]) -> tuple[float, Array]:

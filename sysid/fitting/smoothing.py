@@ -136,7 +136,9 @@ def _learned(
             low[at] = high[at] = point[at]
         seen = {here.smoothing}
         for _ in range(_ROUNDS if np.isfinite(periods) else _LAST_ROUNDS):
-            found = minimise(here.normal, point, low, high, iterations=15, tolerance=here.unnoticed)
+            found = minimise(
+                here.normal, point, low, high, iterations=15, tolerance=here.unnoticed, abandons=True
+            )
             point, cost, evaluations = found.point, found.normal.cost, evaluations + found.evaluations
             weights = chosen_weights(here, point)
             if weights in seen:  # as they are, or they go round in a circle
@@ -264,10 +266,13 @@ class _Linearised:
         else:
             parts = [_without_start(r, j, self.shared) for r, j in parts]
         self.squares = [float(r @ r) for r, _ in parts]
-        self.gradients = [j.T @ r for r, j in parts]
-        self.hessians = [j.T @ j for _, j in parts]
+        self.gradients = np.array([j.T @ r for r, j in parts])
+        self.hessians = np.array([j.T @ j for _, j in parts])
+        self.other_gradients = self.gradients.sum(0) - self.gradients
+        self.other_hessians = self.hessians.sum(0) - self.hessians
         self.samples = sum(len(r) for r, _ in parts)
-        step = self._step(*self._together(), self._prior((1.0,) * len(problem.smoothing)))
+        whole = self.gradients.sum(0)[None], self.hessians.sum(0)[None]
+        (step,) = self._steps(*whole, (1.0,) * len(problem.smoothing))
         self.memory = max(correlation_length([r + j @ step for r, j in parts]), 1.0)
 
     def score(self, weights: tuple[float, ...]) -> float:
@@ -280,30 +285,23 @@ class _Linearised:
 
     def missed(self, weights: tuple[float, ...]) -> float:
         """Return the sum of squares that is missed of each part by what the others say [1]; inf where the motion ran away."""
-        prior = self._prior(weights)
-        gradient, hessian = self._together()
+        steps = self._steps(self.other_gradients, self.other_hessians, weights)
         total = 0.0
-        for c, g, h in zip(self.squares, self.gradients, self.hessians, strict=True):
-            step = self._step(gradient - g, hessian - h, prior)
+        for c, g, h, step in zip(self.squares, self.gradients, self.hessians, steps, strict=True):
             total += c + 2 * float(g @ step) + float(step @ h @ step)
         return max(total, 1e-300) if np.isfinite(total) else float("inf")
 
-    def _together(self) -> tuple[Array, Array]:
-        return np.sum(self.gradients, axis=0), np.sum(self.hessians, axis=0)
-
-    def _prior(self, weights: tuple[float, ...]) -> Array:
-        prior = self.problem.with_(smoothing=weights).prior
-        whole = np.zeros((len(self.gradients[0]),) * 2)
-        whole[: self.shared, : self.shared] = prior
-        return whole
-
-    def _step(self, gradient: Array, hessian: Array, prior: Array) -> Array:
-        """Return where the minimum of some parts and the prior is, from the point."""
-        pull = gradient + prior[:, : self.shared] @ self.start
-        matrix = hessian + prior
-        scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-12 * float(np.diag(matrix).max())))
-        inner = matrix * np.outer(scale, scale) + 1e-12 * np.eye(len(pull))
-        return -scale * np.linalg.solve(inner, scale * pull)
+    def _steps(self, gradients: Array, hessians: Array, weights: tuple[float, ...]) -> Array:
+        """Return where minima are, each of some parts and the prior, from the point, shape (n, p); of shapes (n, p) and (n, p, p)."""
+        prior, shared = self.problem.prior_of(weights), self.shared
+        pulls, matrices = gradients.copy(), hessians.copy()
+        pulls[:, :shared] += prior @ self.start
+        matrices[:, :shared, :shared] += prior
+        diagonals = np.einsum("nii->ni", matrices)
+        scales = 1 / np.sqrt(np.maximum(diagonals, 1e-12 * diagonals.max(axis=1, keepdims=True)))
+        matrices *= scales[:, :, None] * scales[:, None, :]
+        diagonals += 1e-12
+        return -scales * np.linalg.solve(matrices, (scales * pulls)[:, :, None])[:, :, 0]
 
 
 def _without_start(residual: Array, jacobian: Array, shared: int) -> tuple[Array, Array]:

@@ -16,6 +16,7 @@ from sysid.fitting.problem import Problem
 from sysid.fitting.profile import profiles
 from sysid.fitting.records import make_records
 from sysid.fitting.search import scales_of, search, starting_points
+from sysid.fitting.shooting import Shooting
 from sysid.joint import JointLaw, simulate
 from sysid.joint.structure import structure_of
 from sysid.least_squares import Normal, minimise
@@ -141,6 +142,18 @@ def test_sensitivities_are_exact(name):
         ahead, behind = (problem.residuals(at + s * step)[0] for s in (1, -1))
         slope = (ahead - behind) / (2e-6 * problem.sizes()[column])
         assert np.abs(slope - jacobian[:, column]).max() < 2e-3 * np.abs(jacobian[:, column]).max() + 1e-9
+
+
+def test_no_release_is_integrated_for_a_cost_that_is_too_large_without_it(monkeypatch):
+    records = make_records(releases_of(LIGHT, 4, duration=0.4), NOISE, rate=False)
+    scales = Scales(inertia=8.7e-3, stiffness=14.7, damping=0.04, amplitude=0.2)
+    problem = Problem(structure_of(()), records, scales)
+    at = problem.start({"stiffness": 12.0, "damping": 0.04, "rest_angle": 0.0})
+    whole, read, seen = problem.normal(at), Shooting.read, []
+    monkeypatch.setattr(Shooting, "read", lambda *args: seen.append(1) or read(*args))
+    assert problem.normal(at, 0.01 * whole.cost).cost == np.inf
+    assert len(seen) == 1
+    assert problem.normal(at, whole.cost).cost == whole.cost
 
 
 def test_outliers_count_less_with_the_robust_loss(pink):
