@@ -108,11 +108,13 @@ def _simplest(models: Sequence[Candidate], releases: Sequence[Release]) -> tuple
 
 
 def _needed(models: Sequence[Candidate]) -> Candidate:
-    """Return the simplest of some fitted models that no other one beats beyond doubt."""
+    """Return the simplest of some fitted models that no other one beats beyond doubt, by the prices of the judgement."""
     best = min(models, key=lambda m: m.cost)
+    lasts = sum(float(record.time[-1]) for record in best.problem.records)
+    periods = lasts * best.problem.scales.frequency / (2 * np.pi)
     # What is left may last: then it holds fewer values.
     unit = max(1.0, best.cost / best.problem.samples * correlation_length(best.residuals))
-    prices = [m.cost / unit + float(np.log(m.problem.samples)) * m.size for m in models]
+    prices = [m.cost / unit + float(np.log(max(periods, np.e**2))) * m.size for m in models]
     near = [m for m, price in zip(models, prices, strict=True) if price <= min(prices) + 2 * TIE]
     return min(near, key=lambda m: (_laws(m), m.cost))
 
