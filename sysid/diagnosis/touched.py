@@ -84,10 +84,10 @@ def untouched(models: Sequence[Candidate], base: Sequence[str]) -> tuple[list[Re
         cut = [
             part for record in models[0].problem.records for part in _middle(record, asked[-1], PUSHED, 0.0)
         ]
-        needed = _needed(asked)
-        if len(cut) == len(releases) and _laws(needed) > len(base):
+        near = min(_laws(m) for m in asked if _error(m) < NEARLY * _error(asked[-1]))
+        if len(cut) == len(releases) and near > len(base):
             enough = _needed([_refitted_to(model, cut) for model in asked])
-            if _laws(enough) < _laws(needed) and _error(enough) < REACHED:
+            if _laws(enough) < near and _error(enough) < REACHED:
                 return cut, (
                     "the beginnings of the releases are left out: the rest is by a simpler law, as if a hand was on the deck"
                 )

@@ -290,7 +290,9 @@ def test_a_rule_is_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 def test_a_stop_without_its_damper_that_no_step_follows_is_said_and_ends_nothing():
     """Its damper is left out of MuJoCo, and a spring of 1e5 N*m/rad is too stiff for the steps of the law without it."""
     stop = {"angle": (0.1, "rad"), "stiffness": (1e5, "N*m/rad"), "damping": (1.0, "N*m*s/rad")}
-    part = BoardEffect(name="end-stop", parameters={name: Quantity(value, 0.0, unit) for name, (value, unit) in stop.items()})
+    part = BoardEffect(
+        name="end-stop", parameters={name: Quantity(value, 0.0, unit) for name, (value, unit) in stop.items()}
+    )
     free = load_board(shipped_data() / "boards" / "pink.toml")
     release = measured(free)
     one = SimpleNamespace(release=release, zero=0.0, rmse=1e-3)
