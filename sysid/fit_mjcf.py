@@ -91,7 +91,7 @@ class Fit:
     @cached_property
     def formula(self) -> Formula | None:
         """The formula nearest to what was learned; None where nothing was."""
-        return formula_of(self.joint)
+        return formula_of(self.joint, slides=self.before.slides)
 
     @cached_property
     def ladder(self) -> tuple[Rung, ...]:

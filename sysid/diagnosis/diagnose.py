@@ -40,6 +40,7 @@ from sysid.diagnosis.stretches import judged_stretches
 from sysid.diagnosis.surrogates import LAWS, in_words, nearest_outside, surrogates
 from sysid.diagnosis.touched import untouched
 from sysid.diagnosis.wording import (
+    experiment_for_the_unknown,
     experiment_in_words,
     is_or_are,
     it_or_them,
@@ -316,7 +317,7 @@ def diagnose(
         for result in results:
             learned = result()
             if mimics and learned is not None and learned.is_unmet(best.rmse, noise.std):
-                verdict = _unmet(verdict, learned, best)
+                verdict = _unmet(verdict, learned, best, board)
                 break
         else:
             learned = learned if left_over else None
@@ -575,7 +576,7 @@ def _missing(
     unmet = [s for s in tried.near(chosen) if s.model.shape and s.extra <= chosen.extra]
     if unmet:
         best = max(unmet, key=lambda s: s.score)
-        text += f" Outside the catalogue, {in_words(best.model)} would do as well."
+        text += f" Outside the catalogue, {in_words(best.model, slides=board.slides)} would do as well."
     if tried.base in tried.near(chosen):
         text += " The evidence is thin: the model without it is nearly as likely."
     text += "".join(f" Beside it, {hint.text}" for hint in hints)
@@ -645,7 +646,7 @@ def _unexplained(
     if outside is not None:
         beside = search.added(outside.model)
         also = f", beside {listed(beside)}," if beside else ""
-        words = in_words(outside.model)
+        words = in_words(outside.model, slides=board.slides)
         text += f"{words[:1].upper()}{words[1:]}{also} does it better. "
         confidence = sum(p for families, p in tried.likely().items() if families & LAWS.keys())
     elif named:
@@ -653,16 +654,21 @@ def _unexplained(
     else:
         confidence = tried.confidence(frozenset())
     text += "The map of the missing torque (compare) shows at which angle and rate it acts."
-    experiment = _experiment(search, tried, chosen, board)
+    experiment = _experiment(search, tried, chosen, board) or _for_the_unknown(chosen.model, board)
     return _verdict(tried, "unexplained", (), confidence, (), chosen, None, hints, experiment, text), final
 
 
-def _unmet(verdict: Verdict, alone: Learned, named: Model) -> Verdict:
+def _for_the_unknown(model: Model, board: Board) -> str:
+    return experiment_for_the_unknown(model.problem.scales.amplitude, widest(model, board), board)
+
+
+def _unmet(verdict: Verdict, alone: Learned, named: Model, board: Board) -> Verdict:
     """Return the verdict where a learned torque has shown that what was named only mimics it."""
     memory = max(correlation_length(named.residuals), 1.0)
     odds = named.samples / memory * float(np.log(named.rmse / alone.error_after))
     return replace(
         verdict, status="unexplained", effects=(), families=(), indistinguishable_from=(), matters=None, hints=(),
+        next_experiment=_for_the_unknown(named, board),
         confidence=float(calibrated(1 / (1 + np.exp(-np.asarray(odds))), *CALIBRATION["unexplained"])),
         explanation=(
             "Something is missing that no effect of the catalogue explains. The nearest is "

@@ -346,7 +346,11 @@ class Search:
         return best if best.rmse <= enough else None
 
     def pairs(self, singles: Sequence[Candidate], reached: Candidate | None) -> list[Candidate]:
-        """Fit the pairs of the best single effects with all others; if one is at the noise, of fewer, and what is no richer than it."""
+        """Fit the pairs of the best single effects with all others; if one is at the noise, of fewer, and what is no richer than it.
+
+        Else every pair that is no richer than the best single effect too: what has three numbers mimics what two of one each do, and
+        leaves either of them behind it.
+        """
         best = best_of(leaders(singles[1:], frugality), PARENTS)
         if not reached:  # alone, a richer law takes over what another effect does beside the simpler one
             simpler = {name for part in best[0].problem.structure.parts for name, _ in part.limiting_cases}
@@ -357,6 +361,11 @@ class Search:
             if a is not b and _sensible(a, b)
             and (not reached or i < FEW or _choices(a) + _choices(b) - _choices(singles[0]) <= _choices(reached))
         }  # fmt: skip
+        if not reached:
+            most = _choices(min(inside(singles[1:]), key=lambda m: m.cost)) + _choices(singles[0])
+            for a, b in itertools.combinations(singles[1:], 2):
+                if _sensible(a, b) and _choices(a) + _choices(b) <= most:
+                    wanted.setdefault(tuple(sorted({*a.effects, *b.effects})), (a, b))
         return self.unions(list(wanted.values()), 0.3, 0.7)
 
     def neighbours(self, best: Candidate, known: Sequence[Candidate]) -> list[Candidate]:

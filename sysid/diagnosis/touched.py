@@ -11,8 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from sysid.diagnosis.judgement import TIE
 from sysid.diagnosis.search import Candidate
 from sysid.fitting.records import Record, make_records
+from sysid.noise.whiteness import correlation_length
 from sysid.roll import Release
 
 FEWEST = 3
@@ -84,8 +86,8 @@ def untouched(models: Sequence[Candidate], base: Sequence[str]) -> tuple[list[Re
         ]
         near = min(_laws(m) for m in asked if _error(m) < NEARLY * _error(asked[-1]))
         if len(cut) == len(releases) and near > len(base):
-            laws, error = _simplest(asked, cut)
-            if laws < near and error < REACHED:
+            enough = _needed([_refitted_to(model, cut) for model in asked])
+            if _laws(enough) < near and _error(enough) < REACHED:
                 return cut, (
                     "the beginnings of the releases are left out: the rest is by a simpler law, as if a hand was on the deck"
                 )
@@ -100,9 +102,21 @@ def untouched(models: Sequence[Candidate], base: Sequence[str]) -> tuple[list[Re
 
 def _simplest(models: Sequence[Candidate], releases: Sequence[Release]) -> tuple[int, float]:
     """Return how many laws the simplest model has that is nearly as good as the best, fitted to parts of its releases, and its error."""
-    errors = [_refitted_to(model, releases) for model in models]
+    errors = [_error(_refitted_to(model, releases)) for model in models]
     near = [(_laws(m), e) for m, e in zip(models, errors, strict=True) if e < NEARLY * min(errors)]
     return min(near)
+
+
+def _needed(models: Sequence[Candidate]) -> Candidate:
+    """Return the simplest of some fitted models that no other one beats beyond doubt, by the prices of the judgement."""
+    best = min(models, key=lambda m: m.cost)
+    lasts = sum(float(record.time[-1]) for record in best.problem.records)
+    periods = lasts * best.problem.scales.frequency / (2 * np.pi)
+    # What is left may last: then it holds fewer values.
+    unit = max(1.0, best.cost / best.problem.samples * correlation_length(best.residuals))
+    prices = [m.cost / unit + float(np.log(max(periods, np.e**2))) * m.size for m in models]
+    near = [m for m, price in zip(models, prices, strict=True) if price <= min(prices) + 2 * TIE]
+    return min(near, key=lambda m: (_laws(m), m.cost))
 
 
 def _middle(record: Record, model: Candidate, begin: float, end: float) -> Iterator[Release]:
@@ -118,8 +132,8 @@ def _middle(record: Record, model: Candidate, begin: float, end: float) -> Itera
         yield replace(release[inside], hold=0.0 if begin else release.hold, end="log" if end else release.end)
 
 
-def _refitted_to(model: Candidate, releases: Sequence[Release]) -> float:
-    """Return the error over the noise of a model that is fitted to parts of its releases."""
+def _refitted_to(model: Candidate, releases: Sequence[Release]) -> Candidate:
+    """Return a model fitted to parts of its releases."""
     problem = model.problem
     free = bool(problem.structure.internal_states) and any(release.hold <= 0 for release in releases)
     record = problem.records[0]
@@ -127,7 +141,7 @@ def _refitted_to(model: Candidate, releases: Sequence[Release]) -> float:
         records=make_records(releases, record.std, rate=record.is_rate),
         free_states=problem.free_states or free,
     )
-    return _error(replace(model, problem=part, minimum=part.fitted(part.start(model.parameters), 25)))
+    return replace(model, problem=part, minimum=part.fitted(part.start(model.parameters), 25))
 
 
 def touched_release(simple: Sequence[Candidate], whole: float) -> int | None:

@@ -61,7 +61,9 @@ def experiment_in_words(
     if found is None:
         return f"No release up to {show(limit, 2)}, made up to five times, tells {one} from {other} at 95 %. {fallback}".strip()
     right, left = (
-        ("right edge down", "left edge down") if board.geometry else ("beyond the rest", "below the rest")
+        ("right edge down", "left edge down")
+        if board.geometry
+        else ("to the positive side", "to the negative side")
     )
     each = "" if found.number == 1 else " each"
     times = "once" if found.number == 1 else f"{found.number} times"
@@ -69,6 +71,22 @@ def experiment_in_words(
         f"Release {times} from {show.scale * abs(found.angle):.3g}{show.unit} ({right if found.angle > 0 else left}) and record {rounded(found.duration)} s{each}: "
         f"{one} and {other} then differ by up to {show(found.difference, 2)}, which decides at 95 %. {fallback}"
     ).strip()
+
+
+def experiment_for_the_unknown(seen: float, limit: float, board: Board) -> str:
+    """Return what to record where no model is left that could predict an experiment, as a sentence with numbers.
+
+    Args:
+        seen: Largest tilt of the releases [rad].
+        limit: Widest angle of a release [rad].
+        board: The record.
+    """
+    show = display(is_rate=False, slides=board.slides)
+    wider = f" and from {show(limit, 2)}" if limit > 1.05 * seen else ""
+    return (
+        f"None is computed, as no law that was tried predicts what another release would do. Release from {show(0.5 * seen, 2)}{wider} too, "
+        "to both sides: what follows tilt or rate changes its share with the swing, what follows the time does not."
+    )
 
 
 def rounded(number: float) -> str:

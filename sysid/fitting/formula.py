@@ -25,6 +25,7 @@ from sysid.fitting.smoothing import FLAT, directions, fit_instead
 from sysid.joint.trajectory import simulate
 from sysid.least_squares import Minimum
 from sysid.roll import Array
+from sysid.text import display
 
 Law = Callable[[Algebra, Value, Value, float], Value]
 """Of the algebra, tilt [rad], rate [rad/s] and the shape's own width or angle."""
@@ -47,9 +48,9 @@ class Shape:
     code: str
     """The same in the language of an effect's file, with x, v and a."""
     text: str
-    """The term as a formula, with {a} for its width or angle in degrees."""
+    """The term as a formula, with {a} for its width or angle and its unit."""
     words: str
-    """What it does and may be, with {a} [deg] and {c}: the torque that it reaches, or what it takes, with its unit."""
+    """What it does and may be, with {a}, {a2} for twice that, and {c}: the torque that it reaches, or what it takes, with its unit."""
     opposite: str = ""
     """The same where the torque drives instead of holding back; '' where that is the same thing."""
     widths: tuple[float, ...] = ()
@@ -64,29 +65,29 @@ _WAVES = tuple(1 / np.linspace(0.5, 8, 76))
 SHAPES: tuple[Shape, ...] = (
     Shape(
         name="magnet", law=lambda m, x, v, a: -x * m.exp(-0.5 * (x / a) ** 2), code="-x * m.exp(-0.5 * (x / a) ** 2)",
-        text="x exp(-½ (x/{a}°)²)", words="pulls to the middle within {a2}°: a magnet or a detent; {c}",
-        opposite="pushes away from the middle within {a2}°: a dead centre or a repelling magnet; {c}", widths=_WIDTHS,
+        text="x exp(-½ (x/{a})²)", words="pulls to the middle within {a2}: a magnet or a detent; {c}",
+        opposite="pushes away from the middle within {a2}: a dead centre or a repelling magnet; {c}", widths=_WIDTHS,
         unit="N*m/rad",
     ),
     Shape(
         name="magnet with wide tails", law=lambda m, x, v, a: -x / (1 + (x / a) ** 2) ** 2, code="-x / (1 + (x / a) ** 2) ** 2",
-        text="x/(1 + (x/{a}°)²)²", words="pulls to the middle within {a}°: a magnet; {c}",
-        opposite="pushes away from the middle within {a}°: a repelling magnet; {c}", widths=_WIDTHS, unit="N*m/rad",
+        text="x/(1 + (x/{a})²)²", words="pulls to the middle within {a}: a magnet; {c}",
+        opposite="pushes away from the middle within {a}: a repelling magnet; {c}", widths=_WIDTHS, unit="N*m/rad",
     ),
     Shape(
         name="cogging", law=lambda m, x, v, a: -m.sin(6.283185307 * x / a), code="-m.sin(6.283185307 * x / a)",
-        text="sin(360° x/{a}°)", words="comes in waves of {a}°: cogging, teeth or poles of a motor; {c}", widths=_WAVES,
+        text="sin(360° x/{a})", words="comes in waves of {a}: cogging, teeth or poles of a motor; {c}", widths=_WAVES,
         unit="N*m",
     ),
     Shape(
         name="right bumper", law=lambda m, x, v, a: -m.maximum(x - a, 0.0), code="-m.maximum(x - a, 0.0)",
-        text="max(x - {a}°, 0)", words="acts beyond {a}° on the right only: a bumper on one side; {c}",
-        opposite="lets go beyond {a}° on the right only; {c}", widths=_ANGLES, unit="N*m/rad",
+        text="max(x - {a}, 0)", words="acts beyond {a} on the right only: a bumper on one side; {c}",
+        opposite="lets go beyond {a} on the right only; {c}", widths=_ANGLES, unit="N*m/rad",
     ),
     Shape(
         name="left bumper", law=lambda m, x, v, a: m.maximum(-x - a, 0.0), code="m.maximum(-x - a, 0.0)",
-        text="min(x + {a}°, 0)", words="acts beyond {a}° on the left only: a bumper on one side; {c}",
-        opposite="lets go beyond {a}° on the left only; {c}", widths=_ANGLES, unit="N*m/rad",
+        text="min(x + {a}, 0)", words="acts beyond {a} on the left only: a bumper on one side; {c}",
+        opposite="lets go beyond {a} on the left only; {c}", widths=_ANGLES, unit="N*m/rad",
     ),
     Shape(
         name="fifth power", law=lambda m, x, v, a: -x**5, code="-x**5", text="x⁵",
@@ -166,14 +167,20 @@ class Formula:
     """Whether it is as good as the tables."""
     text: str
     """In words."""
+    slides: bool = False
+    """Whether the joint slides: its widths are shown in mm then."""
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """Its terms without their coefficients, e.g. 'x exp(-½ (x/0.7°)²)'."""
+        show = display(is_rate=False, slides=self.slides)
+        pairs = zip(self.shapes, self.widths, strict=True)
+        return tuple(shape.text.format(a=show(width, 3)) for shape, width in pairs)
 
     @property
     def law(self) -> str:
-        """The terms without their coefficients, e.g. 'x exp(-½ (x/0.7°)²)'."""
-        return " + ".join(
-            shape.text.format(a=_degrees(width))
-            for shape, width in zip(self.shapes, self.widths, strict=True)
-        )
+        """The terms in a sum."""
+        return " + ".join(self.terms)
 
     def torque(self, tilt: Array, rate: Array) -> Array:
         """Return the torque [N*m] at tilts [rad] and rates [rad/s], shape (n,) each."""
@@ -215,18 +222,14 @@ def own_effect(formula: Formula) -> tuple[str, str]:
         parameters.append((f"coefficient_{i}", shape.unit, f"{abs(c):.3g}", c))
         if shape.widths:
             parameters.append((f"width_{i}", "rad", f"{width:.3g}", width))
-    text = " - ".join(
-        shape.text.format(a=_degrees(width))
-        for shape, width in zip(formula.shapes, formula.widths, strict=True)
-    )
     source = effect_file(
         name, title=formula.text.split(":")[-1].split(";")[0].strip() or name, does=f"It {formula.text.split(';')[0]}.",
-        law=" + ".join(terms), text=f"τ ∝ -{text}", source="read off a learned torque", parameters=parameters,
+        law=" + ".join(terms), text=f"τ ∝ -{' - '.join(formula.terms)}", source="read off a learned torque", parameters=parameters,
     )  # fmt: skip
     return name, source
 
 
-def formula_of(fit: JointFit) -> Formula | None:
+def formula_of(fit: JointFit, *, slides: bool = False) -> Formula | None:
     """Return the formula nearest to what a fit has learned; None where nothing was learned of tilt and rate.
 
     The shapes that come nearest to the tables are fitted to the releases in their place; the best one is taken.
@@ -251,7 +254,7 @@ def formula_of(fit: JointFit) -> Formula | None:
         for (shape, _, _), c, width in zip(chosen, coefficients, widths, strict=True)
     ]
     parts = [
-        _said(shape, c, width, float(np.quantile(np.abs(column), 0.999)))
+        _said(shape, c, width, float(np.quantile(np.abs(column), 0.999)), slides=slides)
         for (shape, _, _), c, width, column in zip(chosen, coefficients, widths, here, strict=True)
     ]
     share = 1 - _rest(chosen, known) / float(known @ known)
@@ -263,6 +266,7 @@ def formula_of(fit: JointFit) -> Formula | None:
         error=rms(problem.residuals(minimum.point)),
         good=_spread(problem, minimum) <= GOOD * _spread(fit.problem, fit.minimum),
         text=in_words(parts, share),
+        slides=slides,
     )
 
 
@@ -415,10 +419,7 @@ def motion_of(fit: JointFit) -> tuple[Array, Array]:
     return np.concatenate(tilts), np.concatenate(rates)
 
 
-def _degrees(angle: float) -> str:
-    return f"{np.degrees(angle):.3g}"
-
-
-def _said(shape: Shape, coefficient: float, width: float, torque: float) -> str:
+def _said(shape: Shape, coefficient: float, width: float, torque: float, *, slides: bool) -> str:
     words = shape.opposite if coefficient < 0 and shape.opposite else shape.words
-    return words.format(a=_degrees(width), a2=_degrees(2 * width), c=f"{torque:.2g} N·m")
+    show = display(is_rate=False, slides=slides)
+    return words.format(a=show(width, 3), a2=show(2 * width, 3), c=f"{torque:.2g} {'N' if slides else 'N·m'}")

@@ -56,6 +56,9 @@ STOPPED = 0.5
 """Share of its swing in the period before a hand up to which a deck moves in the period after it, where that has stopped it."""
 CERTAIN, GONE = 4.5, 1.5
 """Standard deviations over which a torque is none of the law's, and under which it is gone."""
+ROUGH = 0.02
+"""Share of the swing by which a law that few swings have taught may be off in others, however little noise there is: what it
+leaves there must not hide a hand that comes later."""
 FLOOR = 0.01
 """Share of the largest swing below which no torque is told from the wandering of a sensor's zero."""
 CATCH = 0.25
@@ -339,13 +342,16 @@ def _hand(windows: _Windows, law: _Law | None, number: int, free: float) -> floa
     swing = law.about(windows, number)
     beside = sliding_window_view(np.pad(swing, (0, windows.period - 1)), windows.period).max(axis=1)[:last]
     size = np.abs(torque)
-    hand = np.flatnonzero((size > CERTAIN * std) & (size > FLOOR * swing[:last].max()))
-    gone = np.flatnonzero(size < GONE * std)
-    gone = gone[gone > hand[-1]] if len(hand) else hand
-    if not len(gone):
-        return None
-    edge = int(gone[0])
-    hand = hand[hand >= edge - windows.period]
-    if np.max(size[hand] / beside[hand], initial=0.0) < CATCH:
-        return None
-    return float(windows.time[edge] + MARGIN * windows.period * (windows.time[1] - windows.time[0]))
+    for rough in (0.0, ROUGH):
+        off = np.hypot(std, rough * swing[:last])
+        hand = np.flatnonzero((size > CERTAIN * off) & (size > FLOOR * swing[:last].max()))
+        gone = np.flatnonzero(size < GONE * off)
+        gone = gone[gone > hand[-1]] if len(hand) else hand
+        if len(gone):
+            edge = int(gone[0])
+            hand = hand[hand >= edge - windows.period]
+            if np.max(size[hand] / beside[hand], initial=0.0) >= CATCH:
+                return float(
+                    windows.time[edge] + MARGIN * windows.period * (windows.time[1] - windows.time[0])
+                )
+    return None

@@ -70,6 +70,16 @@ def test_where_a_deck_sticks_is_no_shift_of_its_rest_angle(tmp_path):
     assert record_deviation(model, moved, look_at_linear=False).effects == ("offset",)
 
 
+@pytest.mark.parametrize(
+    ("name", "shifts"), [("offset", True), ("sensor-drift", True), ("hysteresis", False), ("coulomb", False)]
+)
+def test_what_holds_the_deck_aside_by_its_past_is_no_shift_of_the_middle(name, shifts):
+    """A slider shows in the shape of each swing too, so it may explain where the deck rests; what only moves the middle may not."""
+    from sysid.diagnosis.against_record import _shifts
+
+    assert _shifts(name) is shifts
+
+
 def test_one_release_cannot_tell_a_drift_from_a_shift(tmp_path):
     from sysid.diagnosis.against_record import record_deviation
 

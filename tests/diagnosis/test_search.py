@@ -284,6 +284,24 @@ def test_of_a_log_at_the_noise_pairs_that_are_as_simple_are_fitted_too(search, m
     assert ("dahl", "quadratic-damping") in search.pairs(singles, None)
 
 
+def test_pairs_as_simple_as_what_mimics_them_are_fitted_whatever_their_halves_are_alone(search):
+    """Drag beside a softening spring is a loop, and a loop's three numbers come nearer than drag or the spring alone."""
+    law = (
+        replace(LAW, effects=()).with_effect("quadratic-damping", 0.02).with_effect("cubic-stiffness", -250.0)
+    )
+    other = replace(search, records=(record_of(0.15, 1, law), record_of(-0.13, 2, law)))
+    linear = other.single(())
+    names = ("bouc-wen", "cubic-stiffness", "quadratic-damping", "viscoelastic")
+    singles = [linear, *(other.single((name,), linear) for name in names)]
+    with (
+        patch("sysid.diagnosis.search.PARENTS", 1),
+        patch.object(Search, "unions", lambda self, wanted, begin, end: [{*a.effects, *b.effects} for a, b in wanted]),
+    ):  # fmt: skip
+        pairs = other.pairs(singles, None)
+    assert {"cubic-stiffness", "quadratic-damping"} in pairs
+    assert {"cubic-stiffness", "viscoelastic"} not in pairs
+
+
 def test_noise_that_lasts_sets_no_state_free(search):
     """It is told from the floor by what is left: many times that, and the same for many samples."""
     rng, keep = np.random.default_rng(0), np.exp(-0.2)

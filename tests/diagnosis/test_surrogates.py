@@ -78,6 +78,7 @@ def test_a_shape_with_a_width_is_found_from_what_mimics_it(shape, mimic, torque,
     assert found == pytest.approx(widths, rel=0.05)
     assert model.rmse < 1.1 * NOISE
     assert f"{np.degrees(found[0]):.3g}°" in in_words(model)
+    assert f"{1e3 * found[0]:.3g} mm" in in_words(model, slides=True)
 
 
 @pytest.mark.parametrize(("logs", "shapes"), [("changed", {"k", "k d"}), ("driven", {"sin t"})])

@@ -1,11 +1,13 @@
 """A learned torque in words: the right shape, where it acts, and nothing where nothing was learned."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from light_board import BOARD, magnet, releases
 
 from sysid.effects._algebra import NUMPY
-from sysid.fitting.formula import SHAPES, Formula, _candidates, formula_of, in_words
+from sysid.fitting.formula import SHAPES, Formula, _candidates, _said, formula_of, in_words, own_effect
 from sysid.fitting.joint import fit_joint
 
 
@@ -46,6 +48,18 @@ def test_a_bumper_or_two_alike_are_a_stop_that_the_catalogue_has():
     assert known(right=0.1, left=0.103)
     assert not known(right=0.12, left=0.06)
     assert not known(fifth=0.0)
+
+
+def test_of_a_joint_that_slides_widths_are_shown_in_mm_and_forces_in_newton():
+    bumper = next(shape for shape in SHAPES if shape.name == "right bumper")
+    known = Formula(
+        shapes=(bumper,), coefficients=(3.0,), widths=(0.0125,), share=1, error=0, good=True, text="", slides=True
+    )  # fmt: skip
+    assert known.law == "max(x - 12.5 mm, 0)"
+    assert "x - 12.5 mm" in own_effect(replace(known, text="acts"))[1]
+    assert _said(bumper, 3.0, 0.0125, 0.25, slides=True).startswith("acts beyond 12.5 mm on the right only")
+    assert _said(bumper, 3.0, 0.0125, 0.25, slides=True).endswith("0.25 N")
+    assert "0.716°" in _said(bumper, 3.0, 0.0125, 0.25, slides=False)
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 """A hand is cut off both ends of a decay, whatever the joint's law, and nothing that is no hand is."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from scipy.integrate import solve_ivp
 
 from sysid.decay.linear_fit import fit_traces
 from sysid.releases import find_releases
+from sysid.releases.hand import _hand
 from sysid.roll import Roll
 
 OMEGA = 41.0
@@ -242,3 +244,14 @@ def test_what_a_hand_takes_home_from_where_it_stopped_the_deck_is_no_release():
         Roll(log="x", time=time, roll=roll, std=np.full(len(time), 5e-4), origin="angle")
     )
     assert -0.6 < (release.time[-1] - caught) / PERIOD < 0.05
+
+
+@pytest.mark.parametrize("off", [0.0, 0.01])
+def test_a_law_that_is_a_little_off_everywhere_hides_no_hand(off):
+    """Time runs backward: a hand of a third of the swing's torque until 1 s, and a law that is surer of itself than right."""
+    time = np.arange(0.0, 2.0, 0.01)
+    swing = np.full(len(time), 0.1)
+    torque = np.where(time < 1.0, 0.03, off * swing)
+    law = SimpleNamespace(beyond=lambda w, n: (torque, np.full(len(time), 1e-4)), about=lambda w, n: swing)
+    windows = SimpleNamespace(time=time, width=0.1, period=20)
+    assert _hand(windows, law, 0, 1.8) == pytest.approx(1.0, abs=0.02)

@@ -6,6 +6,7 @@ import math
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -14,6 +15,7 @@ import pytest
 from sim.board.scene import board_spec
 from sim.check import rules
 from sim.check.decays import check_scene, smooth_power
+from sim.check.rules import unwritten_effects
 from sim.check.rules.tilt_joint import departures
 from sim.check.verdict import judge
 from sim.compensation.parasitics import measure, measure_parasitics
@@ -283,3 +285,18 @@ def test_a_rule_is_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     assert not verdict.passed
     assert verdict.to_json()["passed"] is False
     assert f"250 samples of board '{board.name}' are too few: record for longer. Why:" in verdict.refusal()
+
+
+def test_a_stop_without_its_damper_that_no_step_follows_is_said_and_ends_nothing():
+    """Its damper is left out of MuJoCo, and a spring of 1e5 N*m/rad is too stiff for the steps of the law without it."""
+    stop = {"angle": (0.1, "rad"), "stiffness": (1e5, "N*m/rad"), "damping": (1.0, "N*m*s/rad")}
+    part = BoardEffect(
+        name="end-stop", parameters={name: Quantity(value, 0.0, unit) for name, (value, unit) in stop.items()}
+    )
+    free = load_board(shipped_data() / "boards" / "pink.toml")
+    release = measured(free)
+    one = SimpleNamespace(release=release, zero=0.0, rmse=1e-3)
+    case = SimpleNamespace(
+        board=replace(free, effects=(part,)), decays=SimpleNamespace(releases=[one], motion=0.1)
+    )
+    assert any("moves without bound" in line for line in unwritten_effects.RULE.says(case))
