@@ -123,16 +123,14 @@ def _step(here: Normal, point: Array, low: Array, high: Array, factor: float) ->
 
 
 def _solve(hessian: Array, gradient: Array, factor: float) -> Array:
-    from scipy.linalg import get_lapack_funcs
-
     diagonal = hessian.diagonal()
     floor = max(float(diagonal.max()), 1e-279) * 1e-12
-    damped = diagonal + factor * np.maximum(diagonal, floor)
+    damped = hessian.copy()
+    damped.flat[:: len(damped) + 1] += factor * np.maximum(diagonal, floor)
     # Rounding may leave less than nothing where a variable says nothing.
-    scale = 1.0 / np.sqrt(np.maximum(damped, factor * floor))
-    scaled = hessian * (scale[:, None] * scale)
-    scaled.flat[:: len(scale) + 1] = damped * scale * scale
-    # By LAPACK itself: for a dozen unknowns the checks of `numpy.linalg` cost more than the solution.
-    (dgesv,) = get_lapack_funcs(("gesv",))
-    _, _, solution, singular = dgesv(scaled, scale * gradient)
-    return -scale * (np.linalg.pinv(scaled) @ (scale * gradient) if singular else solution)
+    scale = 1.0 / np.sqrt(np.maximum(damped.diagonal(), factor * floor))
+    scaled = damped * (scale[:, None] * scale)
+    try:
+        return -scale * np.linalg.solve(scaled, scale * gradient)
+    except np.linalg.LinAlgError:
+        return -scale * (np.linalg.pinv(scaled) @ (scale * gradient))
