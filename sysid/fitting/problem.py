@@ -358,7 +358,7 @@ class Problem:
         return self.prior_of(self.smoothing)
 
     def prior_of(self, smoothing: Sequence[float]) -> Array:
-        """Return `prior` with other weights of the tables' roughness."""
+        """Return `prior` with other weights of the tables' roughness, shape (free, free) [1]."""
         certain, rough = self._forms
         return certain + sum(weight * form for weight, form in zip(smoothing, rough, strict=True))
 

@@ -59,6 +59,9 @@ CERTAIN, GONE = 4.5, 1.5
 ROUGH = 0.02
 """Share of the swing by which a law that few swings have taught may be off in others, however little noise there is: what it
 leaves there must not hide a hand that comes later."""
+CATCHING = 4.0
+"""Periods before the end of a decay in which such a hand is looked for: so long does a hand take at most to catch a deck. What is
+as far from the law for longer is a joint that is not linear: it sticks, or is loose, near its rest."""
 FLOOR = 0.01
 """Share of the largest swing below which no torque is told from the wandering of a sensor's zero."""
 CATCH = 0.25
@@ -342,12 +345,12 @@ def _hand(windows: _Windows, law: _Law | None, number: int, free: float) -> floa
     swing = law.about(windows, number)
     beside = sliding_window_view(np.pad(swing, (0, windows.period - 1)), windows.period).max(axis=1)[:last]
     size = np.abs(torque)
-    for rough in (0.0, ROUGH):
+    for rough, within in ((0.0, np.inf), (ROUGH, CATCHING)):
         off = np.hypot(std, rough * swing[:last])
         hand = np.flatnonzero((size > CERTAIN * off) & (size > FLOOR * swing[:last].max()))
         gone = np.flatnonzero(size < GONE * off)
         gone = gone[gone > hand[-1]] if len(hand) else hand
-        if len(gone):
+        if len(gone) and gone[0] <= within * windows.period:
             edge = int(gone[0])
             hand = hand[hand >= edge - windows.period]
             if np.max(size[hand] / beside[hand], initial=0.0) >= CATCH:
