@@ -405,9 +405,9 @@ class Problem:
         gradient[:shared] += known
         hessian[:shared, :shared] += self.prior
         for index, rows in enumerate(self._rows(unknowns)):
-            if self.weights is not None:
-                rows *= np.sqrt(self.weights[index])[:, None]
             with np.errstate(all="ignore"):
+                if self.weights is not None:
+                    rows *= np.sqrt(self.weights[index])[:, None]
                 products = rows.T @ rows
             if not products.diagonal().max() <= _RUNAWAY**2:  # NaN is not either
                 return Normal(np.inf, gradient, hessian)

@@ -99,6 +99,14 @@ def test_no_pair_of_the_catalogue_is_worse_than_its_halves(search):
         assert pair.cost <= best * (1 + 1e-6), (one, other)
 
 
+def test_a_motion_that_runs_away_costs_without_end_and_in_silence_also_where_samples_are_hidden(search):
+    problem = search.single(("cubic-stiffness",)).problem
+    values = {name: 0.0 for name in problem.names} | {"stiffness": 15.0, "cubic-stiffness.coefficient": -3e3}
+    unknowns = problem.start(values)
+    for weights in (None, [np.zeros(len(o)) for o in problem.observed]):
+        assert problem.with_(weights=weights).normal(unknowns).cost == np.inf
+
+
 def test_without_a_release_the_normal_equations_of_the_others_are_left(search):
     problem = search.problem(("cubic-stiffness",))
     point = problem.start(completed(problem, {"stiffness": 15.0, "damping": 0.2, "rest_angle": 0.0}))
