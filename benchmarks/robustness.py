@@ -21,7 +21,7 @@ from pages import table, write_result
 from policy_runtime.evaluation.metrics import METRICS
 from policy_runtime.evaluation.plain import Protocol, evaluate_policy, riders
 from policy_runtime.evaluation.result import TIME_LIMIT
-from policy_runtime.evaluation.statistics import mean_over, proportion
+from policy_runtime.evaluation.statistics import proportion
 from policy_runtime.evaluation.stress import Stress
 from policy_runtime.evaluation.suite import SUITE
 from reports.figures.paper import map_figure
@@ -126,8 +126,8 @@ def report() -> None:
     }
 
     def error(cell: tuple[str, str], name: str) -> str:
-        values = np.array([row[name] for row in cells[cell] if row.get(name) is not None])
-        return text(mean_over([np.array([v]) for v in values], METRICS[name]))
+        values = [row[name] for row in cells[cell] if row[name] is not None]
+        return f"{np.mean(values):.3f}" if values else "–"
 
     suite = [(name, policy) for name, _ in SUITE for policy in policies if (name, policy) in share]
     rides = {cell: sum(row["rides"] for row in cells[cell]) for cell in suite}
@@ -138,7 +138,8 @@ def report() -> None:
     ]
     parts = [
         "# How far each policy goes",
-        "`benchmarks/robustness.py` writes this file: plain MuJoCo, standing rides left out, 95 % intervals in brackets.",
+        "`benchmarks/robustness.py` writes this file: plain MuJoCo, standing rides left out. 95 % intervals in brackets; "
+        "errors are means over the rounds.",
         table(head, shown),
     ]
     pictures = ROOT / "docs" / "pictures"
