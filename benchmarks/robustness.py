@@ -164,9 +164,8 @@ def report() -> None:
             head = ("policy", "delay", "speed", *(f"{factor:g}" for factor in factors))
             title = f"E_succ over {name}, of the record's, for each speed [m/s] and delay [s]:"
             parts += [title, table(head, rows)]
-        if grids:
-            label = "stiffness" if name == "k" else "rake"
-            map_figure(grids, factors, SPEED, pictures / f"robustness-{name}.png", label=label)
+        if grids and name == "k":  # of the rake every ride lasts
+            map_figure(grids, factors, SPEED, pictures / "robustness-k.png")
     write_result("robustness.md", "\n\n".join(parts))
 
 

@@ -57,7 +57,6 @@ def map_figure(
     stiffness: Sequence[float],
     speed: Sequence[float],
     path: Path,
-    label: str = "stiffness",
 ) -> None:
     """Draw the share of rides that last over stiffness and speed, one panel for each policy and delay.
 
@@ -65,7 +64,6 @@ def map_figure(
         grids: By policy and delay [s], shares with one row a speed and one column a stiffness.
         stiffness: Factors of the record's.
         speed: [m/s]
-        label: What is scaled, where it is not the stiffness.
     """
     from matplotlib.figure import Figure
 
@@ -84,7 +82,7 @@ def map_figure(
         axis.set_xticks(range(len(stiffness)), [f"{k:g}" for k in stiffness])
         axis.set_yticks(range(len(speed)), [f"{v:g}" for v in speed])
     for axis in axes[-1]:
-        axis.set_xlabel(f"{label}, of the record's")
+        axis.set_xlabel("stiffness, of the record's")
     for axis in axes[:, 0]:
         axis.set_ylabel("speed [m/s]")
     if image is not None:
