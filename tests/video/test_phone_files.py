@@ -116,6 +116,15 @@ def test_a_film_larger_than_the_memory_is_read_frame_by_frame(film, monkeypatch)
     assert error_of(roll, ROLL[left_out:]) < 0.1
 
 
+@pytest.mark.parametrize("where", [{"roi": (0, 0, 640, 360)}, {}])
+def test_a_board_is_followed_in_what_was_kept_of_the_pictures(tmp_path, monkeypatch, where):
+    """It moves little until the memory is full, and later further than was kept, or the region that is given is larger."""
+    film = draw_film(tmp_path / "plate.mp4", plate(300, 100, contrast=40.0), ROLL * np.linspace(0.1, 1, 60))
+    monkeypatch.setattr(reel, "MEMORY", 6_000_000)
+    monkeypatch.setattr(reel, "MARGIN", 0.0)
+    assert error_of(roll_from_video(film, VideoOptions(method="features", readout=0.0, **where)), ROLL * np.linspace(0.1, 1, 60)) < 0.1
+
+
 def test_an_edit_that_plays_faster_is_refused(film, tmp_path):
     data = bytearray(film.read_bytes())
     struct.pack_into(">I", data, data.index(b"elst") + 20, 0x40000)  # four times as fast

@@ -71,7 +71,7 @@ class Frame:
 
     def part(self, box: Box) -> tuple[Picture, tuple[int, int]]:
         """Return a box [px] in grey, black 0 and white 255, as far as it was kept, and its corner in the film's picture; shape (height, width)."""
-        left, top, right, bottom = self._inside(box)
+        left, top, right, bottom = self.within(box)
         x, y = self.corner
         seen = self.picture[top - y : bottom - y, left - x : right - x]
         gain = 255 / (WHITE - BLACK)
@@ -80,7 +80,7 @@ class Frame:
 
     def cut(self, box: Box) -> "Frame":
         """Return what was kept of a box [px], or up to a pixel more of it: whole squares."""
-        left, top, right, bottom = self._inside(box)
+        left, top, right, bottom = self.within(box)
         left, top = left - left % 2, top - top % 2
         x, y = left - self.corner[0], top - self.corner[1]
         picture = self.picture[y : bottom - self.corner[1], x : right - self.corner[0]]
@@ -94,7 +94,7 @@ class Frame:
 
     def coloured(self, box: Box | None = None) -> tuple[Picture, tuple[int, int]]:
         """Return a box [px] in colour, as far as it was kept, and its corner in the film's picture; shape (height, width, 3)."""
-        left, top, right, bottom = self._inside(box or self.box)
+        left, top, right, bottom = self.within(box or self.box)
         if left == right or top == bottom:
             return np.zeros((bottom - top, right - left, 3), np.uint8), (left, top)
         some = self.cut((left, top, right, bottom))
@@ -105,7 +105,8 @@ class Frame:
         seen = seen[down : down + bottom - top, across : across + right - left]
         return np.asarray(seen, np.uint8), (left, top)
 
-    def _inside(self, box: Box) -> Box:
+    def within(self, box: Box) -> Box:
+        """Return what was kept of a box [px]."""
         left, top, right, bottom = self.box
         x, y = min(max(box[0], left), right), min(max(box[1], top), bottom)
         return x, y, max(min(box[2], right), x), max(min(box[3], bottom), y)

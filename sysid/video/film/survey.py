@@ -31,7 +31,7 @@ class Survey:
     frames: tuple[Frame, ...]
     """Some, spread over what was looked at, the first one first."""
     box: Box
-    """Left, top, right and bottom [px] of where something moves, or what the user gave."""
+    """Left, top, right and bottom [px] of where something moves, or what the user gave, as far as the frames were kept."""
     moving: Mask
     """Pixels in which something changes, as large as the picture."""
 
@@ -103,13 +103,13 @@ def survey(
                 f"{clip.path}: what moves is all outside --roi {' '.join(map(str, roi))}. Give the region in which the "
                 f"board moves (left, top, width and height in px of {clip.width}x{clip.height}), or leave it out."
             )
-        return Survey(frames, given, moving)
+        return Survey(frames, frames[0].within(given), moving)
     if not moving.any():
         raise SysidError(
             f"{clip.path}: nothing moves in it. Is the board in the picture? Film the whole release, or give the "
             "region of the board with --roi LEFT TOP WIDTH HEIGHT."
         )
-    return Survey(frames, box_around(moving, BOX_MARGIN), moving)
+    return Survey(frames, frames[0].within(box_around(moving, BOX_MARGIN)), moving)
 
 
 def box_around(mask: Mask, margin: int) -> Box:
