@@ -4,7 +4,9 @@ import shutil
 import struct
 import subprocess
 import webbrowser
+from itertools import islice
 
+import av
 import cv2
 import numpy as np
 import pytest
@@ -116,13 +118,44 @@ def test_a_film_larger_than_the_memory_is_read_frame_by_frame(film, monkeypatch)
     assert error_of(roll, ROLL[left_out:]) < 0.1
 
 
+@pytest.mark.parametrize("damaged", [30, 59])
+def test_a_damaged_picture_costs_itself_only(tmp_path, damaged):
+    whole = draw_film(tmp_path / "whole.avi", marked(plate(), 64), ROLL)
+    with av.open(str(whole)) as source:
+        packet = next(islice(source.demux(video=0), damaged, None))
+        at, size = packet.pos, packet.size
+    data = bytearray(whole.read_bytes())
+    data[at : at + size] = bytes(size)
+    (tmp_path / "damaged.avi").write_bytes(data)
+    seen = [frame.time for frame in open_clip(tmp_path / "damaged.avi").frames()]
+    assert np.round(60 * np.array(seen)).astype(int).tolist() == [k for k in range(60) if k != damaged]
+    roll = roll_from_video(tmp_path / "damaged.avi", VideoOptions(method="marker", readout=0.0))
+    assert error_of(roll) < 0.1
+
+
+def test_frames_without_stamps_need_the_rate(film, tmp_path):
+    bare = tmp_path / "bare.mp4"
+    with av.open(str(film)) as source, av.open(str(bare), "w", format="h264") as copy:
+        same = copy.add_stream_from_template(source.streams.video[0])
+        for packet in source.demux(video=0):
+            if packet.dts is not None:
+                packet.stream = same
+                copy.mux(packet)
+    with pytest.raises(SysidError, match=r"carry no time stamps.*--rate"):
+        roll_from_video(bare, VideoOptions(method="marker", readout=0.0))
+    roll = roll_from_video(bare, VideoOptions(method="marker", readout=0.0, rate=60.0))
+    assert len(roll.time) == len(ROLL)
+    assert error_of(roll) < 0.1
+
+
 @pytest.mark.parametrize("where", [{"roi": (0, 0, 640, 360)}, {}])
 def test_a_board_is_followed_in_what_was_kept_of_the_pictures(tmp_path, monkeypatch, where):
     """It moves little until the memory is full, and later further than was kept, or the region that is given is larger."""
-    film = draw_film(tmp_path / "plate.mp4", plate(300, 100, contrast=40.0), ROLL * np.linspace(0.1, 1, 60))
+    swing = ROLL * np.linspace(0.1, 1, len(ROLL))
+    film = draw_film(tmp_path / "plate.mp4", plate(300, 100, contrast=40.0), swing)
     monkeypatch.setattr(reel, "MEMORY", 6_000_000)
     monkeypatch.setattr(reel, "MARGIN", 0.0)
-    assert error_of(roll_from_video(film, VideoOptions(method="features", readout=0.0, **where)), ROLL * np.linspace(0.1, 1, 60)) < 0.1
+    assert error_of(roll_from_video(film, VideoOptions(method="features", readout=0.0, **where)), swing) < 0.1
 
 
 def test_an_edit_that_plays_faster_is_refused(film, tmp_path):
