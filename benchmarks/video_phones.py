@@ -2,7 +2,7 @@
 
     MUJOCO_GL=egl python benchmarks/video_phones.py [--rows DIR] [--only dots] [--films "second generation"] [--seconds 3600]
 
-Nothing is shared with `tests/support/film.py` but the format of a row: another board, camera, light, texture and
+Nothing is shared with `tests/support/film.py` but the mark that a phone was held upright: another board, camera, light, texture and
 background, MuJoCo's own joint and renderer, and ffmpeg. Nothing is told to the tool. A row that was read is kept in DIR
 and used again. Writes benchmarks/results/video_phones.md and the table of docs/video.md.
 """
@@ -21,6 +21,9 @@ import cv2
 import mujoco
 import numpy as np
 from pages import table, write_between, write_result
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
+from film_container import turned
 
 from sysid.errors import SysidError
 from sysid.free_decay import fit_decay
@@ -209,7 +212,7 @@ def written(folder: Path, raw: Path, film: str) -> Path:
     path, after = folder / "film.mp4", FILMS[film][1]
     if film.startswith("turned"):
         ffmpeg("-i", raw, "-vf", "transpose=2", *after, folder / "turned.mp4")
-        ffmpeg("-i", folder / "turned.mp4", "-c", "copy", "-metadata:s:v", "rotate=270", path)
+        turned(folder / "turned.mp4", path, 90)  # newer ffmpegs ignore "-metadata rotate"
         return path
     ffmpeg("-i", raw, *after, path)
     if film.startswith("second"):

@@ -17,7 +17,7 @@ SHUTTER_SEEN = 0.5
 STILL_CAMERA = 0.15
 """Scatter of the board's middle at the end of a film up to which nothing shakes [px]."""
 OLD_CODECS = frozenset(
-    {"FMP4", "MP4V", "XVID", "DIVX", "DX50", "DIV3", "MP42", "MP43", "H263", "S263", "MPG1", "MPG2", "FLV1"}
+    {"mpeg4", "msmpeg4v1", "msmpeg4v2", "msmpeg4v3", "h263", "mpeg1video", "mpeg2video", "flv1"}
 )
 """Kinds of compression with motion to half a pixel: MPEG-4 part 2 and those before it."""
 

@@ -72,7 +72,9 @@ def draw_overlay(
                 row = frames.get(frame.index)
                 if row is None:
                     continue
-                picture = np.asarray(cv2.resize(frame.picture, size, interpolation=cv2.INTER_AREA), np.uint8)
+                picture = np.asarray(
+                    cv2.resize(frame.coloured()[0], size, interpolation=cv2.INTER_AREA), np.uint8
+                )
                 _annotate(picture, track.points[row] * scale, joined, roll, sample.get(row))
                 writer.write(picture)
                 if on_frame is not None:

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.film.frames import Frame, grey, halved
+from sysid.video.film.frames import Frame, halved
 from sysid.video.film.track import Track
 from sysid.video.pose.pose import pose_between, principal_corners, turn_of
 from sysid.video.pose.rectify import project
@@ -86,7 +86,7 @@ class BodyPicture:
 def seen_upright(frame: Frame, box: Box, upright: Array) -> tuple[Image, Array]:
     """Return a part of a frame, small and smoothed [grey levels], and the map to it of places along the axis, shape (3, 3)."""
     part, corner = frame.part(box)
-    small, times = halved(grey(part), MAX_SIDE)
+    small, times = halved(part, MAX_SIDE)
     # Pixels are squares: one that is made of several has their middle for its own.
     left, top = 0.5 * (1 / times - 1) - np.array(corner) / times
     inward = np.array([[1 / times, 0, left], [0, 1 / times, top], [0, 0, 1.0]])

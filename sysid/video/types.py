@@ -6,7 +6,7 @@ import numpy.typing as npt
 Complex = npt.NDArray[np.complex128]
 """Places in a picture, x + i y with y down."""
 Picture = npt.NDArray[np.uint8]
-"""A picture as OpenCV holds it: (height, width, 3) in the order blue, green, red, or (height, width) grey."""
+"""A picture: brightness, shape (height, width), or colour as OpenCV holds it, (height, width, 3) in the order blue, green, red."""
 Image = npt.NDArray[np.float32]
 """Brightness, or what is made of it, pixel by pixel, shape (height, width) or with more axes behind."""
 Points = npt.NDArray[np.float32]

@@ -14,7 +14,19 @@ from command_line import husky
 from sysid.cli import COMMANDS, EXIT_CODES, build_app
 from sysid.cli.console import Common, Printer
 
-HEAVY = {"numpy", "pandas", "scipy", "matplotlib", "casadi", "mujoco", "cv2", "rerun", "torch", "control"}
+HEAVY = {
+    "numpy",
+    "pandas",
+    "scipy",
+    "matplotlib",
+    "casadi",
+    "mujoco",
+    "av",
+    "cv2",
+    "rerun",
+    "torch",
+    "control",
+}
 
 ROOT = Path(__file__).parents[2]
 

@@ -119,7 +119,7 @@ def test_starts_without_what_it_does_not_need(log, tmp_path):
     program = (
         "import sys; from sysid.cli import build_app\n"
         f"build_app()(['decay', {str(log)!r}, '--board', 'pink', '--workspace', {str(tmp_path)!r}], result_action='return_value')\n"
-        "heavy = {'matplotlib.pyplot', 'casadi', 'mujoco', 'cv2', 'rerun', 'scipy'} & set(sys.modules)\n"
+        "heavy = {'matplotlib.pyplot', 'casadi', 'mujoco', 'av', 'cv2', 'rerun', 'scipy'} & set(sys.modules)\n"
         "sys.exit(','.join(heavy) or 0)"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)

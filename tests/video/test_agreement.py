@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
+from frames import frame_of
 
 from sysid.errors import SysidError
-from sysid.video.film.frames import Frame
 from sysid.video.film.shake import still, still_places
 from sysid.video.film.track import Track
 from sysid.video.follow import track_of
@@ -74,10 +74,10 @@ def test_a_dot_that_is_covered_in_part_is_not_seen():
     lab = cv2.cvtColor(np.float32([[[110, 20, 240]]]) / 255, cv2.COLOR_BGR2LAB)[0, 0, 1:]
     dots = tuple(Dot(np.array([x, 100.0]), 12.0, np.float64(lab)) for x in (80, 240))
     tracker = DotFollower(dots, (0, 0, 320, 200))
-    assert tracker.update(Frame(0, 0.0, picture(0))) is not None
+    assert tracker.update(frame_of(0, 0.0, picture(0))) is not None
     # Half of it is hidden: the middle of what is left is 5 px off.
-    assert tracker.update(Frame(1, 0.02, picture(60))) is None
-    assert tracker.update(Frame(2, 0.04, picture(0))) is not None
+    assert tracker.update(frame_of(1, 0.02, picture(60))) is None
+    assert tracker.update(frame_of(2, 0.04, picture(0))) is not None
 
 
 def test_an_angle_that_contradicts_itself_or_is_vague_is_none():

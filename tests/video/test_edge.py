@@ -3,8 +3,8 @@
 import cv2
 import numpy as np
 import pytest
+from frames import frame_of
 
-from sysid.video.film.frames import Frame
 from sysid.video.film.shake import still
 from sysid.video.film.survey import Survey
 from sysid.video.film.track import Track
@@ -101,7 +101,7 @@ def swing():
     rolls = ROLL[10:70:3]
     pictures = tuple(picture(roll) for roll in rolls)
     moving = np.ones((HEIGHT, WIDTH), bool)
-    frames = tuple(Frame(number, number / 60, one) for number, one in enumerate(pictures))
+    frames = tuple(frame_of(number, number / 60, one) for number, one in enumerate(pictures))
     look = Survey(frames, (210, 120, 430, 290), moving)
     return rolls, look
 
@@ -125,10 +125,7 @@ def test_its_edges_are_followed_into_attitudes_that_were_not_looked_at(swing):
     assert end is not None
     tracker = EdgeFollower(end, look.frames[0].box, look.box)
     rolls = np.linspace(-0.45, 0.42, 14)
-    points = [
-        tracker.update(Frame(n, n / 60, cv2.cvtColor(picture(roll), cv2.COLOR_GRAY2BGR)))
-        for n, roll in enumerate(rolls)
-    ]
+    points = [tracker.update(frame_of(n, n / 60, picture(roll))) for n, roll in enumerate(rolls)]
     z = np.array([each @ [1, 1j] for each in points])
     edge = np.arange(z.shape[1]) // PIECES
     error = np.degrees(fit_edges(z, edge, complex(*end.pivot)).angle - rolls)
@@ -141,4 +138,4 @@ def test_a_picture_without_the_deck_shows_no_edge(swing):
     assert end is not None
     tracker = EdgeFollower(end, look.frames[0].box, look.box)
     wall = np.random.default_rng(2).normal(120, 4, (HEIGHT, WIDTH, 3)).clip(0, 255).astype(np.uint8)
-    assert tracker.update(Frame(0, 0.0, wall)) is None
+    assert tracker.update(frame_of(0, 0.0, wall)) is None

@@ -6,8 +6,8 @@ import sys
 import cv2
 import numpy as np
 import pytest
+from frames import frame_of
 
-from sysid.video.film.frames import Frame
 from sysid.video.trackers.marker import find_marker
 
 
@@ -25,7 +25,7 @@ def test_both_markers_of_the_page_are_found_in_true_size(tmp_path):
     scale = picture.shape[1] / 210
     assert picture.shape[0] / scale == pytest.approx(297, abs=0.5)
     for number, side in ((11, 80.0), (12, 40.0)):
-        marker = find_marker(Frame(0, 0.0, picture), (0, 0, picture.shape[1], picture.shape[0]))
+        marker = find_marker(frame_of(0, 0.0, picture), (0, 0, picture.shape[1], picture.shape[0]))
         assert marker.number == number
         edges = np.linalg.norm(np.diff(marker.corners, axis=0), axis=1) / scale
         assert edges == pytest.approx(side, abs=0.5)

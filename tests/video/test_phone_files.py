@@ -4,7 +4,9 @@ import shutil
 import struct
 import subprocess
 import webbrowser
+from itertools import islice
 
+import av
 import cv2
 import numpy as np
 import pytest
@@ -14,7 +16,6 @@ from drawn_films import decay, draw_film, marked, plate
 from sysid.errors import SysidError
 from sysid.logs import LogOptions, read_roll
 from sysid.video.film import reel
-from sysid.video.film.container import read_container
 from sysid.video.film.frames import open_clip
 from sysid.video.film.pace import speed_ramp
 from sysid.video.options import is_film
@@ -58,7 +59,7 @@ def trimmed(film, path, share):
 
 def test_a_trimmed_film_is_read(film, tmp_path):
     short = trimmed(film, tmp_path / "short.mp4", 0.7)
-    assert read_container(short).shown == pytest.approx(0.7, abs=0.01)
+    assert open_clip(short).announced == pytest.approx(42, abs=1)
     roll = roll_from_video(short, VideoOptions(method="marker", readout=0.0))
     assert len(roll.time) == pytest.approx(42, abs=3)
     assert error_of(roll) < 0.1
@@ -101,20 +102,60 @@ def test_the_read_out_that_an_iphone_notes_is_taken(film, tmp_path):
     noted = tmp_path / "noted.mp4"
     key = "com.apple.quicktime.camera.framereadouttimeinmicroseconds"
     ffmpeg("-i", film, "-c", "copy", "-movflags", "use_metadata_tags", "-metadata", f"{key}=8300", noted)
-    assert read_container(noted).readout == pytest.approx(8.3e-3)
+    assert open_clip(noted).readout == pytest.approx(8.3e-3)
     assert any("8.3 ms, as the phone notes" in note for note in roll_from_video(noted).notes)
 
 
 def test_a_film_larger_than_the_memory_is_read_frame_by_frame(film, monkeypatch):
     """9 pictures of 60 fit: nothing moves in the first ones, and the part that does is small enough for 20."""
     whole = roll_from_video(film, VideoOptions(method="marker", readout=0.0))
-    monkeypatch.setattr(reel, "MEMORY", 6_000_000)
+    monkeypatch.setattr(reel, "MEMORY", 3_000_000)
     monkeypatch.setattr(reel, "MIN_FRAMES", 20)
     roll = roll_from_video(film, VideoOptions(method="marker", readout=0.0))
     left_out = len(whole.time) - len(roll.time)
     assert 0 < left_out < 12
     assert any(f"its first {left_out} frames, in which nothing moves" in note for note in roll.notes)
     assert error_of(roll, ROLL[left_out:]) < 0.1
+
+
+@pytest.mark.parametrize("damaged", [30, 59])
+def test_a_damaged_picture_costs_itself_only(tmp_path, damaged):
+    whole = draw_film(tmp_path / "whole.avi", marked(plate(), 64), ROLL)
+    with av.open(str(whole)) as source:
+        packet = next(islice(source.demux(video=0), damaged, None))
+        at, size = packet.pos, packet.size
+    data = bytearray(whole.read_bytes())
+    data[at : at + size] = bytes(size)
+    (tmp_path / "damaged.avi").write_bytes(data)
+    seen = [frame.time for frame in open_clip(tmp_path / "damaged.avi").frames()]
+    assert np.round(60 * np.array(seen)).astype(int).tolist() == [k for k in range(60) if k != damaged]
+    roll = roll_from_video(tmp_path / "damaged.avi", VideoOptions(method="marker", readout=0.0))
+    assert error_of(roll) < 0.1
+
+
+def test_frames_without_stamps_need_the_rate(film, tmp_path):
+    bare = tmp_path / "bare.mp4"
+    with av.open(str(film)) as source, av.open(str(bare), "w", format="h264") as copy:
+        same = copy.add_stream_from_template(source.streams.video[0])
+        for packet in source.demux(video=0):
+            if packet.dts is not None:
+                packet.stream = same
+                copy.mux(packet)
+    with pytest.raises(SysidError, match=r"carry no time stamps.*--rate"):
+        roll_from_video(bare, VideoOptions(method="marker", readout=0.0))
+    roll = roll_from_video(bare, VideoOptions(method="marker", readout=0.0, rate=60.0))
+    assert len(roll.time) == len(ROLL)
+    assert error_of(roll) < 0.1
+
+
+@pytest.mark.parametrize("where", [{"roi": (0, 0, 640, 360)}, {}])
+def test_a_board_is_followed_in_what_was_kept_of_the_pictures(tmp_path, monkeypatch, where):
+    """It moves little until the memory is full, and later further than was kept, or the region that is given is larger."""
+    swing = ROLL * np.linspace(0.1, 1, len(ROLL))
+    film = draw_film(tmp_path / "plate.mp4", plate(300, 100, contrast=40.0), swing)
+    monkeypatch.setattr(reel, "MEMORY", 6_000_000)
+    monkeypatch.setattr(reel, "MARGIN", 0.0)
+    assert error_of(roll_from_video(film, VideoOptions(method="features", readout=0.0, **where)), swing) < 0.1
 
 
 def test_an_edit_that_plays_faster_is_refused(film, tmp_path):

@@ -102,8 +102,10 @@ def test_an_old_way_of_compression_is_named(film, tmp_path):
     path = tmp_path / "old.mp4"
     writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"mp4v"), 60, SIZE)
     for frame in open_clip(film).frames():
-        writer.write(frame.picture)
+        writer.write(frame.coloured()[0])
     writer.release()
     options = VideoOptions(method="marker", readout=0.0)
-    assert any("compressed as FMP4, an old way" in fault for fault in roll_from_video(path, options).warnings)
+    assert any(
+        "compressed as mpeg4, an old way" in fault for fault in roll_from_video(path, options).warnings
+    )
     assert not any("compressed" in fault for fault in roll_from_video(film, options).warnings)

@@ -3,8 +3,8 @@
 import cv2
 import numpy as np
 import pytest
+from frames import frame_of
 
-from sysid.video.film.frames import Frame
 from sysid.video.film.shake import still
 from sysid.video.film.track import Track
 from sysid.video.pose.rectify import project, rectify, upright
@@ -37,7 +37,7 @@ def film():
                 cv2.warpPerspective(one, slanted @ rotate, (640, 480)) for one in (texture, plate)
             )
             picture[where > 0] = shown[where > 0]
-        frames.append(Frame(number, number / 60, cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)))
+        frames.append(frame_of(number, number / 60, picture))
         places.append(project(slanted @ rotate, points))
     count = len(frames)
     track = Track(np.arange(count) / 60, np.float32(places), still(count, 900.0, 0j), np.arange(count), 0)

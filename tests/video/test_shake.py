@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from drawn_films import PIVOT, SIZE, blotches, decay, draw_film, marked, plate, wall
+from frames import frame_of
 
 from sysid.errors import SysidError
 from sysid.video.film.background import Background
 from sysid.video.film.camera import Lens
-from sysid.video.film.frames import Frame
 from sysid.video.film.shake import Shake
 from sysid.video_roll import VideoOptions, roll_from_video
 
@@ -92,10 +92,10 @@ def test_a_fast_pan_over_bricks_is_no_cut():
     background = Background(Lens(np.diag([600.0, 600.0, 1.0]), np.zeros(5), True, ""))
     for number in range(8):
         background.update(
-            Frame(number, number / 60, bricks[:, 5 * number : 5 * number + 640].astype(np.uint8))
+            frame_of(number, number / 60, bricks[:, 5 * number : 5 * number + 640].astype(np.uint8))
         )
     with pytest.raises(SysidError, match="a cut"):
-        background.update(Frame(8, 8 / 60, np.asarray(blotches((360, 640), 120.0, 40.0, 3), np.uint8)))
+        background.update(frame_of(8, 8 / 60, np.asarray(blotches((360, 640), 120.0, 40.0, 3), np.uint8)))
 
 
 def test_a_camera_that_pans_says_so(tmp_path):

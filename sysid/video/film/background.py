@@ -9,7 +9,7 @@ import numpy as np
 from sysid.errors import SysidError
 from sysid.roll import Array
 from sysid.video.film.camera import Lens
-from sysid.video.film.frames import Frame, grey, halved
+from sysid.video.film.frames import Frame, halved
 from sysid.video.film.shake import MIN_FRAMES_SEEN, MIN_PATCHES, Shake, find_shake, still
 from sysid.video.film.survey import SMALL_SIDE
 from sysid.video.types import Mask, Picture, Points
@@ -58,7 +58,7 @@ class Background:
         Raises:
             SysidError: The picture changes all at once.
         """
-        small, scale = halved(grey(frame.picture), SMALL_SIDE)
+        small, scale = halved(frame.picture, SMALL_SIDE)
         if self._before is None:
             self._first, self._anchors = small, _corners(small)
         elif _is_cut(self._before, small):

@@ -11,7 +11,7 @@ import numpy as np
 from sysid.errors import SysidError
 from sysid.files import regular
 from sysid.roll import Array
-from sysid.video.film.frames import Clip, grey, open_clip
+from sysid.video.film.frames import Clip, open_clip
 from sysid.video.options import is_film
 from sysid.video.types import Picture, Points
 
@@ -117,7 +117,7 @@ def _from_chessboard(path: Path) -> tuple[Array, Array, tuple[int, int], str]:
     every = max(1, clip.announced // (3 * VIEWS))
     views: list[Array] = []
     for frame in clip.frames(every):
-        corners = _chessboard(grey(frame.picture))
+        corners = _chessboard(frame.picture)
         if corners is not None and (not views or np.abs(corners - views[-1]).mean() > 0.01 * clip.width):
             views.append(corners)
     if len(views) < 5:

@@ -1,31 +1,45 @@
-"""Frames of a clip with the container's own time stamps, one at a time."""
+"""Frames of a clip with the container's own time stamps, one at a time.
 
-import os
+Films hold brightness pixel by pixel and colour at half the resolution. Brightness is what nearly all of the work needs:
+it is used where the decoder left it, and colour is made only of the parts in which somebody asks for it.
+"""
+
 from collections import deque
 from collections.abc import Callable, Generator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing, contextmanager
+from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
+import av
 import cv2
 import numpy as np
+from av.error import FFmpegError
 
 from sysid.errors import SysidError
 from sysid.roll import Array
-from sysid.video.film.container import read_container
+from sysid.video.film.edits import plays_ramps
 from sysid.video.types import Box, Picture
 
 Item = TypeVar("Item")
 MAX_SIZE = (4096, 2304)
 """Largest picture that is read [px]: 4K; 8K would take seconds a frame and tell no more."""
-BYTES_AHEAD = 48_000_000
+BYTES_AHEAD = 24_000_000
 """Bytes of frames that are decoded ahead of the one that is worked on."""
 SLOW_MOTION = 1.5
 """A film plays slowly if it was filmed at so many times the rate at which it plays."""
 MAX_MISSING_SHARE = 0.05
 """Share of the announced frames that may be missing before a file counts as cut off."""
+CAPTURE_RATE = "com.android.capture.fps"
+READOUT = "com.apple.quicktime.camera.framereadouttimeinmicroseconds"
+"""What phones note: the rate at which a film was taken [Hz], and the time for reading a frame [µs]."""
+MAX_RATE, MAX_READOUT = 1e5, 0.1
+"""What no camera reaches: frames a second [Hz], and time for reading a frame [s]."""
+PLANES, BLACK, WHITE = "yuv420p", 16, 235
+"""How nearly all films hold pictures: 8 bits of brightness within this range, and chroma at half the resolution."""
+TURNS = {90: cv2.ROTATE_90_CLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_COUNTERCLOCKWISE}
+"""What turns a picture clockwise [deg]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,10 +48,13 @@ class Frame:
 
     index: int
     time: float
-    """The container's stamp [s], of a film that plays slowly as it was filmed."""
+    """The container's stamp [s], of a film that plays slowly as it was filmed; NaN where there is none."""
     picture: Picture
+    """Brightness as films hold it, from `BLACK` to `WHITE`, shape (height, width)."""
+    chroma: tuple[Picture, Picture]
+    """What blue and red have beyond it in squares of 2x2 pixels, shape (height / 2, width / 2), rounded up."""
     corner: tuple[int, int] = (0, 0)
-    """Left and top of the picture in the film's [px]."""
+    """Left and top of the picture in the film's [px], both even."""
     shift: Array = field(default_factory=lambda: np.zeros(2))
     """How far a camera that shakes has shifted what stands still since the first frame [px], shape (2,)."""
 
@@ -47,16 +64,52 @@ class Frame:
         left, top = self.corner
         return left, top, left + self.picture.shape[1], top + self.picture.shape[0]
 
-    def part(self, box: Box) -> tuple[Picture, tuple[int, int]]:
-        """Cut a box [px] out, as far as it was kept; return the part and its corner in the film's picture; shape (height, width, 3)."""
-        left, top = self.corner
-        part, (across, down) = crop(self.picture, (box[0] - left, box[1] - top, box[2] - left, box[3] - top))
-        return part, (left + across, top + down)
+    @property
+    def nbytes(self) -> int:
+        """Memory that it takes [bytes]."""
+        return sum(plane.nbytes for plane in (self.picture, *self.chroma))
 
-    def dark(self, box: Box | None = None) -> "Frame":
-        """Return the frame in grey, or a box [px] of it."""
-        part, corner = self.part(box or self.box)
-        return replace(self, picture=grey(part), corner=corner)
+    def part(self, box: Box) -> tuple[Picture, tuple[int, int]]:
+        """Return a box [px] in grey, black 0 and white 255, as far as it was kept, and its corner in the film's picture; shape (height, width)."""
+        left, top, right, bottom = self.within(box)
+        x, y = self.corner
+        seen = self.picture[top - y : bottom - y, left - x : right - x]
+        gain = 255 / (WHITE - BLACK)
+        grey = cv2.addWeighted(seen, gain, seen, 0, -BLACK * gain) if seen.size else seen
+        return np.asarray(grey, np.uint8), (left, top)
+
+    def cut(self, box: Box) -> "Frame":
+        """Return what was kept of a box [px], or up to a pixel more of it: whole squares."""
+        left, top, right, bottom = self.within(box)
+        left, top = left - left % 2, top - top % 2
+        x, y = left - self.corner[0], top - self.corner[1]
+        picture = self.picture[y : bottom - self.corner[1], x : right - self.corner[0]]
+        down, across = (
+            slice(at // 2, (at + size + 1) // 2) for at, size in zip((y, x), picture.shape, strict=True)
+        )
+        blue, red = self.chroma
+        return replace(
+            self, picture=picture, chroma=(blue[down, across], red[down, across]), corner=(left, top)
+        )
+
+    def coloured(self, box: Box | None = None) -> tuple[Picture, tuple[int, int]]:
+        """Return a box [px] in colour, as far as it was kept, and its corner in the film's picture; shape (height, width, 3)."""
+        left, top, right, bottom = self.within(box or self.box)
+        if left == right or top == bottom:
+            return np.zeros((bottom - top, right - left, 3), np.uint8), (left, top)
+        some = self.cut((left, top, right, bottom))
+        odd = [side % 2 for side in some.picture.shape]
+        bright = cv2.copyMakeBorder(some.picture, 0, odd[0], 0, odd[1], cv2.BORDER_REPLICATE)
+        seen = cv2.cvtColorTwoPlane(bright, cv2.merge(some.chroma), cv2.COLOR_YUV2BGR_NV12)
+        down, across = top - some.corner[1], left - some.corner[0]
+        seen = seen[down : down + bottom - top, across : across + right - left]
+        return np.asarray(seen, np.uint8), (left, top)
+
+    def within(self, box: Box) -> Box:
+        """Return what was kept of a box [px]."""
+        left, top, right, bottom = self.box
+        x, y = min(max(box[0], left), right), min(max(box[1], top), bottom)
+        return x, y, max(min(box[2], right), x), max(min(box[3], bottom), y)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +125,7 @@ class Clip:
     announced: int
     """Number of frames that the container announces to show; 0 where it does not say."""
     codec: str = ""
-    """Four letters that name the compression, in capitals, e.g. H264, HEVC, MJPG, FMP4; empty where not known."""
+    """FFmpeg's name of the compression, e.g. h264, hevc, mjpeg, mpeg4."""
     slowed: float = 1.0
     """How many times slower it plays than it was filmed, as the file notes."""
     progress: Callable[[str, float], None] | None = None
@@ -84,27 +137,17 @@ class Clip:
         """Decode the clip from its start; only every `every`-th frame is converted to a picture.
 
         Raises:
-            SysidError: The file ends before its announced length, or its stamps stand still.
+            SysidError: The file ends before its announced length.
         """
-        count, last = 0, -np.inf
-        with _quiet(), _opened(self.path) as capture:
-            while capture.grab():
-                if count % every == 0:
-                    good, picture = capture.retrieve()
-                    if not good:
-                        break
-                    time = capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3 / self.slowed
-                    if count > 0 and time == last == 0.0:
-                        raise SysidError(
-                            f"{self.path}: the frames carry no time stamps. Wrap the film into an MP4 file, "
-                            "or give its frame rate with --rate."
-                        )
-                    last = time
-                    if self.progress is not None and self.announced:
-                        what = f"{self.path.name}: {'reading' if every == 1 else 'looking through'}"
-                        self.progress(what, min(count / self.announced, 1.0))
-                    yield Frame(count, time, np.asarray(picture, np.uint8))
-                count += 1
+        count = 0
+        for frame in _decoded(self.path):
+            if count % every == 0:
+                time = np.nan if frame.pts is None else frame.time / self.slowed
+                if self.progress is not None and self.announced:
+                    what = f"{self.path.name}: {'reading' if every == 1 else 'looking through'}"
+                    self.progress(what, min(count / self.announced, 1.0))
+                yield Frame(count, time, *_planes(frame, self.rotation))
+            count += 1
         missing = self.announced - count
         if missing > max(2, MAX_MISSING_SHARE * self.announced):
             raise SysidError(
@@ -144,62 +187,81 @@ def open_clip(path: Path, progress: Callable[[str, float], None] | None = None) 
         raise SysidError(f"{path}: no such file. Check the name.")
     if path.stat().st_size == 0:
         raise SysidError(f"{path}: the file is empty. Copy it again from the camera.")
-    with _quiet(), _opened(path) as capture:
-        width, height = (
-            int(capture.get(prop)) for prop in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
+    try:
+        with av.open(str(path)) as film:
+            stream = next(iter(film.streams.video), None)
+            if stream is None or not stream.codec_context.width:
+                raise SysidError(f"{path}: no pictures in it (sound only?). Give the film of the board.")
+            width, height = stream.codec_context.width, stream.codec_context.height
+            if max(width, height) > MAX_SIZE[0] or min(width, height) > MAX_SIZE[1]:
+                raise SysidError(
+                    f"{path}: pictures of {width}x{height} are larger than {MAX_SIZE[0]}x{MAX_SIZE[1]}. Film in 4K or "
+                    "less: a higher frame rate tells more than more pixels."
+                )
+            rate = float(stream.average_rate or 0)
+            # What an edit list leaves out is still in the file; where there is no index, its length tells.
+            shown = sum(not entry.is_discard for entry in stream.index_entries)
+            announced = shown if stream.frames else round((film.duration or 0) / av.time_base * rate)
+            slowed = _noted(film.metadata, CAPTURE_RATE, MAX_RATE) / max(rate, 1e-9)
+            readout = 1e-6 * _noted(film.metadata, READOUT, 1e6 * MAX_READOUT)
+            codec = stream.codec_context.name
+    except FFmpegError as error:
+        raise SysidError(
+            f"{path}: not a film that can be read: no pictures in it, cut off before its index, or "
+            "another kind of file. Copy it again from the camera, or convert it to MP4."
+        ) from error
+    if plays_ramps(path):
+        raise SysidError(
+            f"{path}: parts of it play faster or slower than others (a speed ramp of slow motion): its times are not those "
+            "of the board. Give the film as the camera took it, not as it was edited."
         )
-        if width <= 0 or height <= 0:
-            raise SysidError(f"{path}: no pictures in it (sound only?). Give the film of the board.")
-        if max(width, height) > MAX_SIZE[0] or min(width, height) > MAX_SIZE[1]:
-            raise SysidError(
-                f"{path}: pictures of {width}x{height} are larger than {MAX_SIZE[0]}x{MAX_SIZE[1]}. Film in 4K or "
-                "less: a higher frame rate tells more than more pixels."
-            )
-        said = read_container(path)
-        if said.ramped:
-            raise SysidError(
-                f"{path}: parts of it play faster or slower than others (a speed ramp of slow motion): its times are not those "
-                "of the board. Give the film as the camera took it, not as it was edited."
-            )
-        announced = max(0, int(said.shown * capture.get(cv2.CAP_PROP_FRAME_COUNT)))
-        slowed = (said.capture_rate or 0.0) / max(float(capture.get(cv2.CAP_PROP_FPS)), 1e-9)
-        if abs(slowed - round(slowed)) < 0.05 * slowed:  # the mean rate suffers from the last frame's length
-            slowed = float(round(slowed))
-        rotation = int(capture.get(cv2.CAP_PROP_ORIENTATION_META)) % 360
-        letters = max(0, int(capture.get(cv2.CAP_PROP_FOURCC))).to_bytes(8, "little")[:4]
-        codec = letters.decode("ascii", "ignore").strip("\0 ").upper()
-        good, picture = capture.read()
-    if not good:
+    with closing(_decoded(path)) as frames:
+        first = next(frames, None)
+    if first is None:
         raise SysidError(f"{path}: no frame can be decoded; the file is damaged or empty. Copy it again.")
-    turned = rotation if rotation % 90 == 0 else 0
+    if abs(slowed - round(slowed)) < 0.05 * slowed:  # the mean rate suffers from the last frame's length
+        slowed = float(round(slowed))
+    turned = -first.rotation % 360
+    turned = turned if turned % 90 == 0 else 0
+    size = (first.width, first.height) if turned % 180 == 0 else (first.height, first.width)
     return Clip(
-        path,
-        picture.shape[1],
-        picture.shape[0],
-        turned,
-        announced,
-        codec,
-        slowed if slowed > SLOW_MOTION else 1.0,
-        progress,
-        said.readout,
-    )
+        path, *size, turned, announced, codec, slowed if slowed > SLOW_MOTION else 1.0, progress, readout or None
+    )  # fmt: skip
 
 
-def crop(picture: Picture, box: Box) -> tuple[Picture, tuple[int, int]]:
-    """Cut left, top, right, bottom [px] out of a picture, as far as it reaches; return part and corner.
+def _decoded(path: Path) -> Generator[av.VideoFrame]:
+    """Yield the frames of a film as far as they can be decoded."""
+    try:
+        with av.open(str(path)) as film:
+            stream = film.streams.video[0]
+            stream.thread_type = "AUTO"
+            for packet in film.demux(stream):
+                with suppress(FFmpegError):  # what is damaged costs its own frames only
+                    yield from packet.decode()
+    except FFmpegError:  # it ends here: whoever counts its frames sees what is missing
+        return
 
-    The picture is of shape (height, width) or (height, width, 3), and so is the part.
-    """
-    left, top = max(box[0], 0), max(box[1], 0)
-    right, bottom = min(box[2], picture.shape[1]), min(box[3], picture.shape[0])
-    return picture[top : max(bottom, top), left : max(right, left)], (left, top)
+
+def _planes(frame: av.VideoFrame, rotation: int) -> tuple[Picture, tuple[Picture, Picture]]:
+    """Return brightness and chroma of a frame, upright; where the decoder left them, if it is not to be turned."""
+    if frame.format.name != PLANES:
+        frame = frame.reformat(format=PLANES, dst_color_range="MPEG")
+    some: list[Picture] = []
+    for plane in frame.planes:
+        buffer: Any = plane  # its stubs do not know that it is one
+        whole = np.frombuffer(buffer, np.uint8).reshape(plane.height, plane.line_size)[:, : plane.width]
+        some.append(np.asarray(cv2.rotate(whole, TURNS[rotation]), np.uint8) if rotation else whole)
+    bright, blue, red = some
+    return bright, (blue, red)
 
 
-def grey(picture: Picture) -> Picture:
-    """Return a picture (height, width, 3) or (height, width) in grey [grey levels], shape (height, width)."""
-    if picture.ndim == 2 or not picture.size:
-        return picture.reshape(picture.shape[:2])
-    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8)
+def _noted(metadata: dict[str, str], name: str, limit: float) -> float:
+    """Return a number that the phone notes; 0 where it does not, or none that a camera reaches."""
+    try:
+        number = float(metadata.get(name, 0))
+    except ValueError:
+        return 0.0
+    return number if 0 < number < limit else 0.0
 
 
 def halved(picture: Picture, side: int) -> tuple[Picture, int]:
@@ -213,37 +275,3 @@ def halved(picture: Picture, side: int) -> tuple[Picture, int]:
         )
         scale *= 2
     return picture, scale
-
-
-@contextmanager
-def _opened(path: Path) -> Generator[cv2.VideoCapture]:
-    try:
-        capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
-    except cv2.error as error:
-        raise SysidError(f"{path}: not a film that can be read ({error.err}).") from error
-    try:
-        if not capture.isOpened():
-            raise SysidError(
-                f"{path}: not a film that can be read: no pictures in it, cut off before its index, or "
-                "another kind of file. Copy it again from the camera, or convert it to MP4."
-            )
-        yield capture
-    finally:
-        capture.release()
-
-
-@contextmanager
-def _quiet() -> Generator[None]:
-    """Keep FFmpeg's and OpenCV's own complaints off the terminal: ours says what to do."""
-    level = cv2.utils.logging.getLogLevel()
-    before = os.environ.get("OPENCV_FFMPEG_LOGLEVEL")
-    os.environ["OPENCV_FFMPEG_LOGLEVEL"] = "-8"
-    cv2.utils.logging.setLogLevel(0)
-    try:
-        yield
-    finally:
-        cv2.utils.logging.setLogLevel(level)
-        if before is None:
-            del os.environ["OPENCV_FFMPEG_LOGLEVEL"]
-        else:
-            os.environ["OPENCV_FFMPEG_LOGLEVEL"] = before

@@ -16,7 +16,7 @@ from sysid.video.film.survey import Motion, Survey, box_around, box_of, survey
 from sysid.video.options import VideoOptions
 from sysid.video.types import Box
 
-MEMORY = 192_000_000
+MEMORY = 96_000_000
 """Bytes of pictures that are kept at most ..."""
 MIN_FRAMES = 60
 """... or so many frames of the part in which something moves, if that is more."""
@@ -49,7 +49,7 @@ class Reel:
         self._threads = cv2.getNumThreads()
         cv2.setNumThreads(1)
         self.background = Background(self.lens)
-        count = max(2, BYTES_AHEAD // (3 * self.clip.width * self.clip.height))
+        count = max(2, BYTES_AHEAD // (3 * self.clip.width * self.clip.height // 2))
         self._source = ahead(self._held(ahead(self._stamped(), count)), 1)
 
     @property
@@ -76,7 +76,7 @@ class Reel:
             if number % LOOKED_AT == 0:
                 motion.add(frame)
             self._frames.append(_cut(frame, part))
-            size += self._frames[-1].picture.nbytes
+            size += self._frames[-1].nbytes
             if size < MEMORY or (part is not None and len(self._frames) < MIN_FRAMES):
                 continue
             if part is not None:
@@ -89,7 +89,7 @@ class Reel:
             else:
                 self.skipped += len(self._frames) // 2
                 del self._frames[: len(self._frames) // 2]
-            size = sum(frame.picture.nbytes for frame in self._frames)
+            size = sum(frame.nbytes for frame in self._frames)
         if not self._frames:
             raise SysidError(
                 f"{self.clip.path}: no frame can be decoded. Copy the file again from the camera."
@@ -117,6 +117,11 @@ class Reel:
         for frame in self.clip.frames():
             if self.options.rate is not None:
                 frame = replace(frame, time=frame.index / self.options.rate)
+            elif np.isnan(frame.time):
+                raise SysidError(
+                    f"{self.clip.path}: the frames carry no time stamps. Wrap the film into an MP4 file, "
+                    "or give its frame rate with --rate."
+                )
             if frame.time > last:
                 last = frame.time
                 yield frame
@@ -136,5 +141,6 @@ class Reel:
 def _cut(frame: Frame, box: Box | None) -> Frame:
     if box is None:
         return frame
-    part, corner = frame.part(box)
-    return replace(frame, picture=part.copy(), corner=corner)
+    part = frame.cut(box)
+    blue, red = part.chroma
+    return replace(part, picture=part.picture.copy(), chroma=(blue.copy(), red.copy()))

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sysid.errors import SysidError
-from sysid.video.film.frames import Clip, Frame, grey, halved
+from sysid.video.film.frames import Clip, Frame, halved
 from sysid.video.types import Box, Mask, Picture
 
 SMALL_SIDE = 640
@@ -31,7 +31,7 @@ class Survey:
     frames: tuple[Frame, ...]
     """Some, spread over what was looked at, the first one first."""
     box: Box
-    """Left, top, right and bottom [px] of where something moves, or what the user gave."""
+    """Left, top, right and bottom [px] of where something moves, or what the user gave, as far as the frames were kept."""
     moving: Mask
     """Pixels in which something changes, as large as the picture."""
 
@@ -50,10 +50,10 @@ class Motion:
     def add(self, frame: Frame) -> None:
         """Take in one more whole frame."""
         self._shape = frame.picture.shape[:2]
-        small, times = halved(frame.picture, SMALL_SIDE)
+        small, times = halved(frame.coloured()[0], SMALL_SIDE)
         scale = 1 / times
         if self._start is None:
-            self._start = grey(small)
+            self._start = _grey(small)
             self._low = self._high = small.astype(np.float32)
         self._furthest = max(self._furthest, scale * float(np.abs(frame.shift).max()))
         still = self._held(small, scale * frame.shift)
@@ -67,7 +67,7 @@ class Motion:
         size = (small.shape[1], small.shape[0])
         held = cv2.warpAffine(small, move, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         assert self._start is not None
-        unlike = [cv2.absdiff(grey(np.asarray(one, np.uint8)), self._start) for one in (small, held)]
+        unlike = [cv2.absdiff(_grey(np.asarray(one, np.uint8)), self._start) for one in (small, held)]
         plain, shifted = (float(np.minimum(one, MIN_CHANGE).mean()) for one in unlike)
         return np.asarray(held if shifted < plain else small, np.float32)
 
@@ -103,13 +103,13 @@ def survey(
                 f"{clip.path}: what moves is all outside --roi {' '.join(map(str, roi))}. Give the region in which the "
                 f"board moves (left, top, width and height in px of {clip.width}x{clip.height}), or leave it out."
             )
-        return Survey(frames, given, moving)
+        return Survey(frames, frames[0].within(given), moving)
     if not moving.any():
         raise SysidError(
             f"{clip.path}: nothing moves in it. Is the board in the picture? Film the whole release, or give the "
             "region of the board with --roi LEFT TOP WIDTH HEIGHT."
         )
-    return Survey(frames, box_around(moving, BOX_MARGIN), moving)
+    return Survey(frames, frames[0].within(box_around(moving, BOX_MARGIN)), moving)
 
 
 def box_around(mask: Mask, margin: int) -> Box:
@@ -143,6 +143,10 @@ def box_of(clip: Clip, roi: tuple[int, int, int, int]) -> Box:
             f"picture of {clip.width}x{clip.height}."
         )
     return left, top, left + width, top + height
+
+
+def _grey(picture: Picture) -> Picture:
+    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8)
 
 
 def _moving(

@@ -18,7 +18,7 @@ def find_pieces(frame: Frame, ends: Array, reach: float, faintest: float, *, up:
     """Move points evenly along edges onto the brightness steps nearby, up or down, each as it finds it.
 
     Args:
-        frame: A frame in grey.
+        frame: A frame.
         ends: Where the edges roughly are [px], shape (m, 2, 2).
         reach: How far they may be off, to either side [px].
         faintest: Step of brightness that a point takes [grey levels].

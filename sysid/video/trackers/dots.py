@@ -58,7 +58,7 @@ class Dot:
 
 def find_dots(look: Survey) -> tuple[Dot, ...]:
     """Return the two dots, or the one, that move; nothing where no colour stands out."""
-    dots = _patches(*look.frames[0].part(look.box), look)
+    dots = _patches(*look.frames[0].coloured(look.box), look)
     pairs = [
         (_worth(a) + _worth(b) + (BEST if np.linalg.norm(a.chroma - b.chroma) < SAME_CHROMA else 0), a, b)
         for number, a in enumerate(dots)
@@ -142,7 +142,7 @@ class DotFollower:
     def _near(self, frame: Frame, place: Array, reach: float, dot: Dot) -> tuple[Array, float] | None:
         """Find a dot; return its centre [px] and how much of it there is [px]."""
         low, high = np.floor(place - reach), np.ceil(place + reach) + 1
-        part, corner = frame.part((int(low[0]), int(low[1]), int(high[0]), int(high[1])))
+        part, corner = frame.coloured((int(low[0]), int(low[1]), int(high[0]), int(high[1])))
         if min(part.shape[:2]) < 4:
             return None
         weight = _dot_share(part, dot)

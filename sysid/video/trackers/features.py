@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.film.frames import Frame, grey, halved
+from sysid.video.film.frames import Frame, halved
 from sysid.video.film.reel import Reel
 from sysid.video.film.survey import Survey
 from sysid.video.pose.angle import AngleTrack, fit_angle
@@ -30,8 +30,6 @@ WINDOW = 21
 """Side of a patch [px]."""
 PATCH_SIDE = 720
 """Longer side of what is looked at of the board, that takes time; a larger picture is halved [px]."""
-SHAKE_MARGIN = 40
-"""What is looked at beside what moves, for a camera that shakes [px]."""
 STATIC_LIKENESS = 0.75
 """Correlation with the same place in other frames above which a patch stands still; noise lowers it, so that it
 counts against the highest that the patch reaches."""
@@ -53,8 +51,7 @@ INLIER_DISTANCE = 2.0
 def find_features(look: Survey) -> Array:
     """Return corners in the first frame that belong to what moves [px], shape (m, 2)."""
     left, top, right, bottom = look.box
-    around = (left - SHAKE_MARGIN, top - SHAKE_MARGIN, right + SHAKE_MARGIN, bottom + SHAKE_MARGIN)
-    frames = [frame.dark(around) for frame in look.frames[::2]]
+    frames = look.frames[::2]
     part, corner = frames[0].part(look.box)
     mask = 255 * look.moving[top:bottom, left:right].astype(np.uint8)
     edge = WINDOW // 2 + 3
@@ -95,7 +92,7 @@ class FeatureFollower:
         """Cut the board out of the reference."""
         low, high = self.places.min(axis=0) - 2 * WINDOW, self.places.max(axis=0) + 2 * WINDOW
         patch, corner = self.reference.part((int(low[0]), int(low[1]), int(high[0]), int(high[1])))
-        self._patch, times = halved(grey(patch), PATCH_SIDE)
+        self._patch, times = halved(patch, PATCH_SIDE)
         self._cut = shifted(np.array(corner) + (times - 1) / 2) @ np.diag([times, times, 1.0])
         self._home = principal_corners(self.places, np.ones(len(self.places)))[0]
 
@@ -133,7 +130,7 @@ class FeatureFollower:
             return expected, 0
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         move = (shifted(-np.array(corner)) @ begin)[:2]
-        back = cv2.warpAffine(grey(part), move, (width, height), flags=flags, borderMode=cv2.BORDER_REPLICATE)
+        back = cv2.warpAffine(part, move, (width, height), flags=flags, borderMode=cv2.BORDER_REPLICATE)
         start = project(np.asarray(np.linalg.inv(self._cut), np.float64), self.places).astype(np.float32)
         flow: Any = cv2.calcOpticalFlowPyrLK  # its stubs do not know the type of points
         criteria = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 20, 0.01)
@@ -155,7 +152,7 @@ class FeatureFollower:
 
 
 def _moves(frames: Sequence[Frame], place: Array) -> bool:
-    """Whether a patch of the first of some grey frames is not where it was in a tenth of the others, or more."""
+    """Whether a patch of the first of some frames is not where it was in a tenth of the others, or more."""
     half = WINDOW // 2
     x, y = np.round(place).astype(int)
     patch = frames[0].part((x - half, y - half, x + half + 1, y + half + 1))[0]

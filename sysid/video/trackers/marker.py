@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from sysid.roll import Array
-from sysid.video.film.frames import Frame, grey, halved
+from sysid.video.film.frames import Frame, halved
 from sysid.video.film.reel import Reel
 from sysid.video.pose.angle import AngleTrack, fit_angle
 from sysid.video.pose.prior import BodyPrior
@@ -136,18 +136,15 @@ class MarkerFollower:
         if side.min() < MIN_SIDE / 2 or side.max() > 3 * side.min():
             return None
         cell = side.mean() / len(self.cells)
-        margin = int(cell) + 6
-        low, high = rough.min(axis=0) - margin, rough.max(axis=0) + margin
         inner = [max(one, other) for one, other in zip(frame.box[:2], self.region[:2], strict=True)]
         outer = [min(one, other) for one, other in zip(frame.box[2:], self.region[2:], strict=True)]
         if np.any(rough < np.array(inner) + 2) or np.any(rough > np.array(outer) - 3):
             return None
-        dark = frame.dark((int(low[0]), int(low[1]), int(high[0]) + 1, int(high[1]) + 1))
         place, reach = rough, min(0.75 * cell, 3.0 + 3.0 * self._miss, 12.0)
         for _ in range(3):
             before = place
             edges = find_pieces(
-                dark, np.stack([place, np.roll(place, -1, axis=0)], axis=1), reach, MIN_CONTRAST, up=True
+                frame, np.stack([place, np.roll(place, -1, axis=0)], axis=1), reach, MIN_CONTRAST, up=True
             )
             if np.isnan(edges).any(axis=2).mean(axis=1).max() > 0.5:
                 return None
@@ -157,16 +154,16 @@ class MarkerFollower:
             if np.abs(place - before).max() < CONVERGED:
                 break
             reach = min(0.6 * cell, 5.0)
-        return place if self._likeness(dark, place) > MIN_LIKENESS else None
+        return place if self._likeness(frame, place) > MIN_LIKENESS else None
 
-    def _likeness(self, dark: Frame, place: Array) -> float:
+    def _likeness(self, frame: Frame, place: Array) -> float:
         """Correlation of the cells seen with the cells that the marker should have."""
         count = len(self.cells)
         unit = np.array([[0, 0], [count, 0], [count, count], [0, count]], np.float32)
-        homography = cv2.getPerspectiveTransform(unit, (place - dark.corner).astype(np.float32))
+        homography = cv2.getPerspectiveTransform(unit, (place - frame.corner).astype(np.float32))
         pixels = cv2.perspectiveTransform(self._middles, homography)
         seen = (
-            cv2.remap(dark.picture, pixels[..., 0], pixels[..., 1], cv2.INTER_LINEAR)
+            cv2.remap(frame.picture, pixels[..., 0], pixels[..., 1], cv2.INTER_LINEAR)
             .ravel()
             .astype(np.float64)
         )
@@ -177,7 +174,7 @@ def _detect(frame: Frame, box: Box, kind: str) -> list[Marker]:
     part, corner = frame.part(box)
     if min(part.shape[:2]) < MIN_SIDE:
         return []
-    dark, times = halved(grey(part), SEARCH_SIDE)
+    dark, times = halved(part, SEARCH_SIDE)
     parameters = cv2.aruco.DetectorParameters()
     parameters.minMarkerPerimeterRate = 4 * MIN_SIDE / times / max(dark.shape)
     # Thresholding windows up to a marker's cell: blurred and small markers both.

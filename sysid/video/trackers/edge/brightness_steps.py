@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from sysid.roll import Array
-from sysid.video.film.frames import Frame, grey, halved
+from sysid.video.film.frames import Frame, halved
 from sysid.video.types import Image
 
 STEPS_SIDE = 640
@@ -64,7 +64,7 @@ class Steps:
 
 def steps_of(frame: Frame) -> Steps:
     """Return the slopes of brightness [grey levels/px] in a frame, made small."""
-    dark, times = halved(grey(frame.picture), 2 * STEPS_SIDE)
+    dark, times = halved(frame.picture, 2 * STEPS_SIDE)
     scale = min(1.0, STEPS_SIDE / max(dark.shape))
     small = cv2.resize(dark, None, fx=scale, fy=scale) if scale < 1 else dark
     smooth = cv2.GaussianBlur(small.astype(np.float32), (0, 0), 1.0)

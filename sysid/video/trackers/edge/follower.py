@@ -52,7 +52,7 @@ class EdgeFollower:
 
     def update(self, frame: Frame) -> Array | None:
         """Return the points of the edges [px], shape (N, 2), NaN where one is not seen; None where few are."""
-        frame = frame.dark(self.view)
+        frame = frame.cut(self.view)
         centre = self.end.pivot + frame.shift
         turn, shift = self._search(steps_of(frame), centre)
         points = np.full((self.points, 2), np.nan)
