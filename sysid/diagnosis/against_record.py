@@ -4,6 +4,7 @@ A decay alone holds k/I, d/I and a constant shift. Effects that change just thes
 fitting; they show where the record knew the numbers, as a deviation with a direction of its own.
 """
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -141,7 +142,8 @@ def _linear(model: Candidate, board: Board, covariance: np.ndarray, names: list[
     if float(logs @ np.linalg.solve(spread, logs)) < SURE**2 + 3.0:
         return Deviation()
     misses = _explanations(logs, spread, board) + _faithful(model, board)
-    matches = [name for name, miss in sorted(misses, key=lambda item: item[1]) if miss < 3.0]
+    near = sorted((len(effect(name).parameters), miss, name) for name, miss in misses if miss < 3.0)
+    matches = [name for _, _, name in near]
     change = (
         f"Against the record, k/I is {100 * np.expm1(logs[0]):+.1f} % and d/I is {100 * np.expm1(logs[1]):+.1f} %; a free decay "
         "cannot tell whether stiffness and damping changed or "
@@ -158,7 +160,7 @@ def _linear(model: Candidate, board: Board, covariance: np.ndarray, names: list[
 
 
 def _faithful(model: Candidate, board: Board) -> list[tuple[str, float]]:
-    """Return effects of one parameter that fit with the record's own stiffness and damping, and how badly.
+    """Return effects of one or two parameters that fit with the record's own stiffness and damping, and how badly.
 
     An effect that is too weak to show in the shape of the decay may still have moved the k and d that a fit
     without it finds. The distance is that of inertia or clock: how much worse the fit with the effect is,
@@ -168,18 +170,20 @@ def _faithful(model: Candidate, board: Board) -> list[tuple[str, float]]:
     record = {key: (board.tilt[key].value, board.tilt[key].std) for key in ("stiffness", "damping")}
     for name, part in catalogue().items():
         tried = (
-            part.role in ("torque", "measurement") and len(part.parameters) == 1 and name not in model.effects
+            part.role in ("torque", "measurement")
+            and len(part.parameters) <= len(record)
+            and name not in model.effects
         )
         if not tried or part.record_direction is not None or _shifts(name):
             continue
         richer = problem.with_(structure=structure_of((*model.effects, name)), priors=record)
-        parameter = part.parameters[0]
-        starts = [
-            richer.start(
-                {**model.parameters, f"{name}.{parameter.name}": start * parameter.size(problem.scales)}
+        places = itertools.product(
+            *(
+                [(f"{name}.{p.name}", start * p.size(problem.scales)) for start in p.starts]
+                for p in part.parameters
             )
-            for start in parameter.starts
-        ]
+        )
+        starts = [richer.start(model.parameters | dict(place)) for place in places]
         costs = [richer.fitted(start, 25, 1e-6).normal.cost for start in starts]
         found.append((name, float(np.sqrt(max(2 * (min(costs) - model.minimum.normal.cost), 0.0)))))
     return found

@@ -9,6 +9,7 @@ import pytest
 
 from sysid.diagnosis.diagnose import diagnose
 from sysid.diagnosis.search import Search
+from sysid.effects import effect
 from sysid.errors import SysidError
 from sysid.fitting.records import make_records
 from sysid.fitting.search import scales_of
@@ -68,6 +69,22 @@ def test_where_a_deck_sticks_is_no_shift_of_its_rest_angle(tmp_path):
     assert record_deviation(model, board, look_at_linear=False).effects == ()
     moved = board.with_tilt(rest_angle=replace(board.tilt["rest_angle"], value=0.08))
     assert record_deviation(model, moved, look_at_linear=False).effects == ("offset",)
+
+
+def test_an_arm_too_weak_to_bend_a_decay_is_among_what_may_have_moved_k_and_d(tmp_path):
+    """Rubber adds stiffness and damping at the one frequency of a decay; what else adds them comes first if it is simpler."""
+    from sysid.diagnosis.against_record import record_deviation
+
+    truth = truths.Truth("arm", {"viscoelastic": (0.15, 0.02)}, rates=(500.0,), noises=(0.04,))
+    releases, board = truths.make(truth, SEED, tmp_path), truths.board_of(truth)
+    records = make_records(releases, noise_floor(releases).std, rate=False)
+    searcher = Search(records=records, scales=scales_of(records, board), bias="shared")
+    model = searcher.fine(searcher.single(()), average=1)
+    deviation = record_deviation(model, board, look_at_linear=True)
+    named = [deviation.effects, *deviation.alike]
+    assert ("viscoelastic",) in named
+    sizes = [len(effect(name).parameters) for (name,) in named]
+    assert sizes == sorted(sizes)
 
 
 @pytest.mark.parametrize(
