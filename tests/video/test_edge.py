@@ -123,7 +123,7 @@ def test_its_edges_are_followed_into_attitudes_that_were_not_looked_at(swing):
     _, look = swing
     end = find_deck_end(look)
     assert end is not None
-    tracker = EdgeFollower(end, look.frames[0].box, look.box)
+    tracker = EdgeFollower(end, look.frames[0].box)
     rolls = np.linspace(-0.45, 0.42, 14)
     points = [tracker.update(frame_of(n, n / 60, picture(roll))) for n, roll in enumerate(rolls)]
     z = np.array([each @ [1, 1j] for each in points])
@@ -136,6 +136,6 @@ def test_a_picture_without_the_deck_shows_no_edge(swing):
     _, look = swing
     end = find_deck_end(look)
     assert end is not None
-    tracker = EdgeFollower(end, look.frames[0].box, look.box)
+    tracker = EdgeFollower(end, look.frames[0].box)
     wall = np.random.default_rng(2).normal(120, 4, (HEIGHT, WIDTH, 3)).clip(0, 255).astype(np.uint8)
     assert tracker.update(frame_of(0, 0.0, wall)) is None

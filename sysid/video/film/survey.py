@@ -31,9 +31,14 @@ class Survey:
     frames: tuple[Frame, ...]
     """Some, spread over what was looked at, the first one first."""
     box: Box
-    """Left, top, right and bottom [px] of where something moves, or what the user gave, as far as the frames were kept."""
+    """Left, top, right and bottom [px] of where something moves, or what the user gave."""
     moving: Mask
     """Pixels in which something changes, as large as the picture."""
+
+    @property
+    def kept(self) -> Box:
+        """What was kept of the box in the frames [px]: of a large film less, if it moves further later on."""
+        return self.frames[0].within(self.box)
 
 
 @dataclass(slots=True)
@@ -103,13 +108,13 @@ def survey(
                 f"{clip.path}: what moves is all outside --roi {' '.join(map(str, roi))}. Give the region in which the "
                 f"board moves (left, top, width and height in px of {clip.width}x{clip.height}), or leave it out."
             )
-        return Survey(frames, frames[0].within(given), moving)
+        return Survey(frames, given, moving)
     if not moving.any():
         raise SysidError(
             f"{clip.path}: nothing moves in it. Is the board in the picture? Film the whole release, or give the "
             "region of the board with --roi LEFT TOP WIDTH HEIGHT."
         )
-    return Survey(frames, frames[0].within(box_around(moving, BOX_MARGIN)), moving)
+    return Survey(frames, box_around(moving, BOX_MARGIN), moving)
 
 
 def box_around(mask: Mask, margin: int) -> Box:

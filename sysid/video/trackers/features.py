@@ -50,9 +50,9 @@ INLIER_DISTANCE = 2.0
 
 def find_features(look: Survey) -> Array:
     """Return corners in the first frame that belong to what moves [px], shape (m, 2)."""
-    left, top, right, bottom = look.box
+    left, top, right, bottom = look.kept
     frames = look.frames[::2]
-    part, corner = frames[0].part(look.box)
+    part, corner = frames[0].part(look.kept)
     mask = 255 * look.moving[top:bottom, left:right].astype(np.uint8)
     edge = WINDOW // 2 + 3
     mask[:edge], mask[-edge:], mask[:, :edge], mask[:, -edge:] = 0, 0, 0, 0

@@ -24,7 +24,7 @@ def _find(reel: Reel) -> Target | None:
             "to within 5 degrees (say otherwise with --camera-angle)",
         )
     return Target(
-        follower=EdgeFollower(end, look.frames[0].box, look.box),
+        follower=EdgeFollower(end, look.frames[0].box),
         what="the deck's edge",
         why=f"{count} straight edge{'s' if count > 1 else ''} ({lengths} px long)",
         solve=partial(fit_direction, pivot=end.pivot),

@@ -67,8 +67,8 @@ def find_deck_end(look: Survey) -> DeckEnd | None:
     """Return the edges of the deck's end in pictures of a film; None where there are none."""
     shifts = np.array([frame.shift - look.frames[0].shift for frame in look.frames])
     every = without_still([steps_of(frame) for frame in look.frames], shifts)
-    width, turns = look.moving.shape[1], _rough_slopes(every, look.box)
-    box = _usual_box(every, turns, look.box)
+    width, turns = look.moving.shape[1], _rough_slopes(every, look.kept)
+    box = _usual_box(every, turns, look.kept)
     if box is None:
         return None
     left, top, right, bottom = box

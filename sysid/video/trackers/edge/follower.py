@@ -41,7 +41,6 @@ class EdgeFollower:
     end: DeckEnd
     view: Box
     """Part of the pictures that is looked at [px]."""
-    box: Box
     _turn: float = field(init=False, default=0.0)
     _lost: bool = field(init=False, default=True)
 
