@@ -27,6 +27,8 @@ SERVO_STEPS = round(CONTROL_PERIOD / PD_PERIOD)
 """Servo periods in one policy step."""
 STOP_TIME = 1.5
 """How long the servos brake after a stop [s]."""
+INTERRUPTED = "interrupted"
+"""Why a run stopped that was interrupted from the keyboard or by a signal."""
 
 
 class Tick(NamedTuple):
@@ -171,7 +173,7 @@ class _Run:
         except StoppedError as stop:
             stopped = str(stop)
         except KeyboardInterrupt:
-            stopped = "interrupted"
+            stopped = INTERRUPTED
         except BaseException as error:
             self._finish(f"failed: {error!r}")  # whatever went wrong, the robot must not go on by itself
             raise

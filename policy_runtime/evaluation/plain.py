@@ -26,7 +26,7 @@ from policy_runtime.loop.policy import OnnxPolicy, Policy
 from policy_runtime.loop.policy_file import open_policy
 from policy_runtime.loop.scripted import SCRIPTS, scripted
 from policy_runtime.loop.world import World, direct_rake, joint_limits, make_world
-from policy_runtime.runtime import Runtime
+from policy_runtime.runtime import INTERRUPTED, Runtime
 from sim.board.scaled import scaled_board
 from sim.board.scene import Coupling
 from sim.skate.cycle.clock import CONTROL_PERIOD, Clock
@@ -129,7 +129,11 @@ class _Episode:
 def run_episode(
     world: World, policy: Policy, protocol: Protocol, rng: np.random.Generator
 ) -> tuple[Recording, str]:
-    """Ride one episode, leave the world where it ended, and return what happened and how it ended."""
+    """Ride one episode, leave the world where it ended, and return what happened and how it ended.
+
+    Raises:
+        KeyboardInterrupt: The run was interrupted: a ride that was cut says nothing about the policy.
+    """
     world.reset(rng=rng)
     if isinstance(world.robot, StressedRobot):
         world.robot.rng = rng.spawn(1)[0]
@@ -146,6 +150,8 @@ def run_episode(
         hold_heading=protocol.hold_heading,
     )
     result = runtime.run(protocol.duration)
+    if result.stopped == INTERRUPTED:
+        raise KeyboardInterrupt
     if result.stopped is not None:
         episode.ending = "fallen" if result.stopped.startswith("tilt") else result.stopped.split(":")[0]
     return recorder.recording(), episode.ending

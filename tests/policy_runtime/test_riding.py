@@ -4,6 +4,7 @@ import json
 import sys
 from dataclasses import replace
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import mujoco
 import numpy as np
@@ -180,6 +181,14 @@ def test_episode_ends_when_the_robot_falls_and_is_repeatable():
     np.testing.assert_array_equal(first.qpos, again.qpos)
     other, _ = run_episode(world, scripted("zero"), Protocol(), np.random.default_rng([1, 3]))
     assert first.command[0, 0] != other.command[0, 0]
+
+
+def test_an_interrupted_episode_is_no_ride():
+    """It was counted as one that ended early, and `paper` kept it."""
+    policy = HoldStill()
+    policy.act = Mock(side_effect=KeyboardInterrupt)
+    with pytest.raises(KeyboardInterrupt):
+        run_episode(world_or_skip(), policy, Protocol(), np.random.default_rng(0))
 
 
 def endings(truths):
