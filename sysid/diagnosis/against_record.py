@@ -150,7 +150,8 @@ def _linear(model: Candidate, board: Board, covariance: np.ndarray, names: list[
     )
     if not matches:
         return Deviation(text=change + "the inertia did. A fit to these logs brings the record up to date.")
-    titles = " or ".join(f"'{name}' ({effect(name).title})" for name in matches)
+    *others, last = (f"'{name}' ({effect(name).title})" for name in matches)
+    titles = " or ".join(filter(None, (", ".join(others), last)))
     return Deviation(
         (matches[0],),
         tuple((name,) for name in matches[1:]),
@@ -183,7 +184,7 @@ def _faithful(model: Candidate, board: Board) -> list[tuple[str, float]]:
                 for p in part.parameters
             )
         )
-        starts = [richer.start(model.parameters | dict(place)) for place in places]
+        starts = [richer.start({**model.parameters, **dict(place)}) for place in places]
         costs = [richer.fitted(start, 25, 1e-6).normal.cost for start in starts]
         found.append((name, float(np.sqrt(max(2 * (min(costs) - model.minimum.normal.cost), 0.0)))))
     return found
