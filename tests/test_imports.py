@@ -7,8 +7,6 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-LIMIT = 0.060
-"""Longest time that `import sysid` may take [s]."""
 
 
 def test_imports_point_one_way():
@@ -18,14 +16,9 @@ def test_imports_point_one_way():
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-2000:]
 
 
-def test_importing_the_library_costs_nothing():
-    code = (
-        "import sys, time; start = time.perf_counter(); import sysid; took = time.perf_counter() - start\n"
-        "assert 'numpy' not in sys.modules; print(took)"
+def test_importing_the_library_loads_none_of_what_it_stands_on():
+    code = "import sys; import sysid; print(*{name.split('.')[0] for name in sys.modules})"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert not {"numpy", "scipy", "pandas", "mujoco", "casadi", "cv2", "matplotlib"} & set(
+        done.stdout.split()
     )
-    runs = [
-        subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
-        for _ in range(5)
-    ]
-    assert all(run.returncode == 0 for run in runs), runs[0].stderr
-    assert min(float(run.stdout) for run in runs) < LIMIT

@@ -5,13 +5,11 @@ import threading
 import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from datetime import datetime
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 from cyclopts import Parameter, validators
 
 from sysid.board import Board
@@ -20,19 +18,15 @@ from sysid.cli.log_options import LogArguments, recording_of, space_of
 from sysid.cli.subject import Subject
 from sysid.errors import SysidError
 from sysid.live.phyphox import Phone
+from sysid.live.rest import Rest
 from sysid.live.session import Session
 from sysid.logs import read_roll
 from sysid.recording import Recording
-from sysid.roll import Array
 from sysid.text import display
 from sysid.workspace import shipped_data
 
 EVERY = 0.2
 """Between two questions to the phone, or two looks into the folder [s]."""
-STILL = (0.25, 0.4, 0.7)
-"""After how much stillness the log is read: a decay may take a while to be known as ended, and reading costs [s]."""
-QUIET = 0.06
-"""Rate of rotation below which a deck counts as still, beside the phone's offset [rad/s]."""
 LOSSES = 5
 """Answers in a row that a phone may owe."""
 
@@ -119,13 +113,13 @@ def _phoning(
     """Return what fetches from a phone, and reads the log where the deck has come to rest."""
     phone = Phone(address, folder)
     phone.connect()
-    rest = _Rest()
+    rest = Rest()
     owed = 0
 
     def look() -> list[Recording] | None:
         nonlocal owed
         try:
-            rates = phone.poll()
+            rows = phone.poll()
         except SysidError as error:
             owed += 1
             if owed >= LOSSES:
@@ -133,7 +127,7 @@ def _phoning(
             printer.warn("the phone did not answer; trying again")
             return None
         owed = 0
-        if not rest.has_come(rates, time.monotonic()):
+        if not rest.has_come(rows):
             return None
         try:
             return [recording_of(read_roll(folder, arguments.options), arguments)]
@@ -141,30 +135,6 @@ def _phoning(
             return None
 
     return look
-
-
-@dataclass(slots=True)
-class _Rest:
-    """Knows a deck that has just come to rest, from its rates alone."""
-
-    moved: float = 0.0
-    """When it last moved."""
-    looks: int = len(STILL)
-    """How often the log was read since."""
-
-    def has_come(self, rates: Array, now: float) -> bool:
-        """Return whether it is time to read the log.
-
-        Args:
-            rates: New rates of rotation [rad/s], shape (n, 3).
-            now: A clock [s].
-        """
-        if len(rates) and float(np.abs(rates - np.median(rates, axis=0)).max()) > QUIET:
-            self.moved, self.looks = now, 0
-        if self.looks == len(STILL) or now - self.moved < STILL[self.looks]:
-            return False
-        self.looks += 1
-        return True
 
 
 def _watching(folder: Path, arguments: LogArguments) -> Callable[[], list[Recording] | None]:

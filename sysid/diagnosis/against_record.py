@@ -4,7 +4,6 @@ A decay alone holds k/I, d/I and a constant shift. Effects that change just thes
 fitting; they show where the record knew the numbers, as a deviation with a direction of its own.
 """
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +13,7 @@ from sysid.diagnosis.search import Candidate
 from sysid.effects import catalogue, drifting, effect
 from sysid.effects._base import TorqueEffect
 from sysid.fitting.covariance import parameter_covariance
+from sysid.fitting.search import catalogue_starts
 from sysid.joint.sampled import sampled_k_d
 from sysid.joint.structure import structure_of
 from sysid.noise.floor import pooled_step
@@ -178,13 +178,8 @@ def _faithful(model: Candidate, board: Board) -> list[tuple[str, float]]:
         if not tried or part.record_direction is not None or _shifts(name):
             continue
         richer = problem.with_(structure=structure_of((*model.effects, name)), priors=record)
-        places = itertools.product(
-            *(
-                [(f"{name}.{p.name}", start * p.size(problem.scales)) for start in p.starts]
-                for p in part.parameters
-            )
-        )
-        starts = [richer.start({**model.parameters, **dict(place)}) for place in places]
+        own = catalogue_starts(structure_of((name,)), problem.scales)
+        starts = [richer.start({**model.parameters, **start}) for start in own]
         costs = [richer.fitted(start, 25, 1e-6).normal.cost for start in starts]
         found.append((name, float(np.sqrt(max(2 * (min(costs) - model.minimum.normal.cost), 0.0)))))
     return found

@@ -17,7 +17,7 @@ from sysid.effects._base import Scales
 from sysid.fitting.cross_validation import rms, surprising_residuals
 from sysid.fitting.problem import Problem
 from sysid.fitting.records import Bias, Record
-from sysid.fitting.search import first_swings, search
+from sysid.fitting.search import catalogue_starts, first_swings, search
 from sysid.joint.structure import structure_of
 from sysid.least_squares import Minimum
 from sysid.noise.whiteness import correlation_length
@@ -268,12 +268,7 @@ class Search:
 
     def _little(self, effects: Iterable[str]) -> list[dict[str, float]]:
         """Return the catalogue's starts of effects that join a model, a few where there are several valleys."""
-        parameters = [(e, p) for e in structure_of(tuple(effects)).parts for p in e.parameters]
-        choices = itertools.product(*(p.starts for _, p in parameters))
-        return [
-            {f"{e.name}.{p.name}": s * p.size(self.scales) for (e, p), s in zip(parameters, choice, strict=True)}
-            for choice in itertools.islice(choices, STARTS)
-        ]  # fmt: skip
+        return list(itertools.islice(catalogue_starts(structure_of(tuple(effects)), self.scales), STARTS))
 
     def each(
         self, what: str, job: Callable[..., Candidate], arguments: Sequence[tuple[object, ...]], begin: float, end: float

@@ -72,7 +72,7 @@ class Phone:
         self._get("/control?cmd=start")
 
     def poll(self) -> Array:
-        """Fetch what is new, keep it, and return the new rates of rotation, shape (n, 3) [rad/s].
+        """Fetch what is new, keep it, and return the gyroscope's part, shape (n, 4): time [s] and rates of rotation [rad/s].
 
         Raises:
             SysidError: The phone does not answer.
@@ -85,12 +85,12 @@ class Phone:
             for buffer in sensor.buffers
         ]
         answer = self._get("/get?" + "&".join(quote(text, safe="=|") for text in asked))
-        rates = np.zeros((0, 3))
+        turned = np.zeros((0, 4))
         for sensor in self._sensors:
             rows = self._new(sensor, [answer["buffer"][name]["buffer"] for name in sensor.buffers])
             if sensor.name == "Gyroscope":
-                rates = rows[:, 1:]
-        return rates
+                turned = rows
+        return turned
 
     def _new(self, sensor: _Sensor, columns: Sequence[Sequence[float | None]]) -> Array:
         """Append a sensor's new rows to its table; a row that has not arrived whole comes with the next answer."""

@@ -1,4 +1,4 @@
-"""A phone that replays an export of phyphox over its remote access, at its own pace or faster."""
+"""A phone that replays an export of phyphox over its remote access: at its own pace, faster, or a step further with each question."""
 
 import io
 import json
@@ -21,8 +21,9 @@ BUFFERS = {
 class RecordedPhone:
     """What the phone holds, and what it was asked."""
 
-    def __init__(self, export, pace=1.0, without=(), silent_after=math.inf):
+    def __init__(self, export, pace=1.0, without=(), silent_after=math.inf, step=None):
         self.pace, self.started, self.asked, self.silent_after = pace, None, [], silent_after
+        self.step, self.stepped = step, 0.0
         self.buffers = {}
         with zipfile.ZipFile(export) as archive:
             for table, names in BUFFERS.items():
@@ -34,6 +35,8 @@ class RecordedPhone:
     @property
     def now(self):
         """Time of the experiment [s]."""
+        if self.step is not None:
+            return self.stepped
         return 0.0 if self.started is None else self.pace * (time.monotonic() - self.started)
 
     def answer(self, path):
@@ -45,6 +48,7 @@ class RecordedPhone:
             self.started = time.monotonic()
             return {"result": True}
         buffers = {}
+        self.stepped += self.step or 0.0
         now = self.now
         for name, wanted in parse_qsl(asked.query):
             threshold, _, reference = wanted.partition("|")
@@ -58,9 +62,9 @@ class RecordedPhone:
 
 
 @contextmanager
-def recorded_phone(export, pace=1.0, without=(), silent_after=math.inf):
+def recorded_phone(export, **how):
     """Serve an export on this machine; yields the phone and its address."""
-    phone = RecordedPhone(export, pace, without, silent_after)
+    phone = RecordedPhone(export, **how)
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self):
