@@ -28,6 +28,8 @@ def trajectories_figure(panels: Sequence[tuple[str, Sequence[Array]]], path: Pat
         axis.set(xlabel="x [m]", ylabel="y [m]")
         axis.set_aspect("equal", adjustable="box")
         axis.grid(alpha=0.3)
+    for axis in axes.flat[max(len(panels) - columns, 0) : len(panels)]:  # the lowest of each column
+        axis.tick_params(labelbottom=True)
     write_figure(path, figure, dpi=120)
 
 
