@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
+import numpy as np
+
 from sysid.errors import SysidError
 from sysid.files import sha256
 from sysid.logs.read import read_roll
@@ -12,6 +14,7 @@ from sysid.logs.table.options import LogOptions
 from sysid.releases.find import find_releases
 from sysid.releases.phases import Phase, log_phases
 from sysid.roll import Release, Roll, shown
+from sysid.text import DEGREES
 from sysid.video.options import VideoOptions
 
 if TYPE_CHECKING:
@@ -19,6 +22,9 @@ if TYPE_CHECKING:
 
 EARLY = 0.1
 """Share of the hold by which a release may be given too early without a word."""
+FOREIGN = 3.0
+"""Distance of the rest from zero, over the widest swing, from which that zero is the sensor's and not the joint's: a choice. Whoever
+tilts a joint by hand goes through a good part of what it can do."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,6 +52,7 @@ class Recording:
         start: float | None = None,
         stop: float | None = None,
         release: Sequence[float] = (),
+        keep_zero: bool = False,
     ) -> Self:
         """Read a log or film and find the releases in it; what is not given is inferred.
 
@@ -62,6 +69,7 @@ class Recording:
             start: Ignore the log before this time [s].
             stop: Ignore the log after this time [s].
             release: Times at which the deck was let go [s], instead of finding them.
+            keep_zero: Count roll from the log's own zero, however far beside it the joint rests.
 
         Raises:
             SysidError: The file cannot be read as roll, or no free decay is in it.
@@ -70,7 +78,8 @@ class Recording:
             column=column, unit=unit, axis=axis, rate=rate, time_column=time_column, source=source,
             lever_arm=lever_arm, start=start, stop=stop, video=video,
         )  # fmt: skip
-        return cls.of(read_roll(Path(path), options), start=start, stop=stop, release=release)
+        roll = read_roll(Path(path), options)
+        return cls.of(roll, start=start, stop=stop, release=release, keep_zero=keep_zero)
 
     @classmethod
     def of(
@@ -80,25 +89,48 @@ class Recording:
         start: float | None = None,
         stop: float | None = None,
         release: Sequence[float] = (),
+        keep_zero: bool = False,
     ) -> Self:
         """Find the releases in a roll that is in memory.
+
+        An encoder counts from wherever it was mounted: where the joint rests far beside that zero, roll is counted from the rest.
 
         Args:
             start: Ignore the log before this time [s].
             stop: Ignore the log after this time [s].
             release: Times at which the deck was let go [s], instead of finding them.
+            keep_zero: Count roll from the log's own zero all the same.
 
         Raises:
             SysidError: No free decay is in it.
         """
         found = tuple(find_releases(roll, start=start, stop=stop, releases=tuple(release)))
         held = tuple(
-            f"{roll.log}: at {given:.6g} s, where the release was said to be, the deck was still held: its decay begins at "
+            f"at {given:.6g} s, where the release was said to be, the deck was still held: its decay begins at "
             f"{shown(one.start)}, when it leaves"
             for given, one in zip(sorted(release), found, strict=False)
             if one.start - given > EARLY * one.hold
         )
-        return cls(roll=replace(roll, warnings=(*roll.warnings, *held)), releases=found)
+        recording = cls(roll=replace(roll, warnings=(*roll.warnings, *held)), releases=found)
+        return recording if keep_zero else recording._from_rest()
+
+    def _from_rest(self) -> Self:
+        """Return the recording with roll counted from where the joint rests, if the log's own zero has nothing to do with it."""
+        rest = float(np.median([release.rest for release in self.releases]))
+        widest = max(release.amplitude for release in self.releases)
+        if self.roll.zero != "known" or abs(rest) <= FOREIGN * widest:
+            return self
+        said = (
+            f"the joint rests at {DEGREES * rest:+.4g}°, and its widest swing is {DEGREES * widest:.2g}°: that zero is the "
+            "sensor's. Roll is counted from the rest; --keep-zero leaves it as it is"
+        )
+        roll = replace(
+            self.roll, roll=self.roll.roll - rest, zero="constant", warnings=(*self.roll.warnings, said)
+        )
+        releases = (
+            replace(r, roll=r.roll - rest, rest=r.rest - rest, zero="constant") for r in self.releases
+        )
+        return replace(self, roll=roll, releases=tuple(releases))
 
     @property
     def path(self) -> Path:

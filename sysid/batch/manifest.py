@@ -41,6 +41,7 @@ READING: Mapping[str, tuple[str, Callable[[Any], Any]]] = {
     "from": ("start", float),
     "to": ("stop", float),
     "release": ("release", _numbers),
+    "keep-zero": ("keep_zero", _flag),
 }
 """How logs are read: the option of the commands, what `Recording.read` calls it, and what it is."""
 FIELDS: Mapping[str, Callable[[Any], Any]] = {

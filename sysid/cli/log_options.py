@@ -96,13 +96,15 @@ class LogArguments:
     """Ignore the log after this time in s."""
     release: Annotated[tuple[float, ...], Parameter(negative="", show_default=False)] = ()
     """Time of a release in s, instead of finding it; repeat it for several."""
+    keep_zero: Flag = False
+    """Count roll from the log's own zero, however far beside it the joint rests."""
     video: VideoArguments = _NO_VIDEO
 
     @property
     def options(self) -> LogOptions:
         """The part that reading needs."""
         given: dict[str, Any] = vars(self) | {"video": self.video.options}
-        del given["release"]
+        del given["release"], given["keep_zero"]
         return LogOptions(**given)
 
 
@@ -205,13 +207,23 @@ def load_recordings(logs: Sequence[Path], arguments: LogArguments, printer: Prin
         raise SysidError("no log was given.")
     refuse_overwriting_logs(logs, arguments, printer)
     refuse_duplicates(logs)
-    return [recording_of(load_roll(log, arguments, printer), arguments) for log in logs]
+    return [recording_of(load_roll(log, arguments, printer), arguments, printer) for log in logs]
 
 
-def recording_of(roll: Roll, arguments: LogArguments) -> Recording:
-    """Find the releases in the part of a roll that the user named.
+def recording_of(roll: Roll, arguments: LogArguments, printer: Printer | None = None) -> Recording:
+    """Find the releases in the part of a roll that the user named, and say on stderr what is wrong with that.
 
     Raises:
         SysidError: There is none.
     """
-    return Recording.of(roll, start=arguments.start, stop=arguments.stop, release=arguments.release)
+    recording = Recording.of(
+        roll,
+        start=arguments.start,
+        stop=arguments.stop,
+        release=arguments.release,
+        keep_zero=arguments.keep_zero,
+    )
+    if printer is not None:
+        for warning in recording.warnings[len(roll.warnings) :]:
+            printer.warn(f"{roll.log}: {warning}")
+    return recording

@@ -131,7 +131,7 @@ def read_logs(
             say_notes(file.found, roll, printer)
         else:
             roll = load_roll(file.found, arguments, printer)
-        recordings.append(recording_of(roll, arguments))
+        recordings.append(recording_of(roll, arguments, printer))
     return Material(tuple(recordings), pictures)
 
 

@@ -245,14 +245,19 @@ class Problem:
     def bounds(self) -> tuple[Array, Array]:
         """Return lower and upper bounds in units of the sizes, shape (p,) each."""
         # A spring may push (gravity outweighs it, or a bend of another law is taken for one); nothing passive drives.
-        known = {"stiffness": (-3.0, 50.0), "damping": (0.0, 20.0), "rest_angle": (-2.0, 2.0)}
+        rests = [0.0 if r.is_rate else r.release.rest / self.scales.amplitude for r in self.records]
+        rest = float(np.median(rests))
+        known = {"stiffness": (-3.0, 50.0), "damping": (0.0, 20.0), "rest_angle": (rest - 2.0, rest + 2.0)}
         for part in self.structure.parts:
             known.update({f"{part.name}.{p.name}": (p.low, p.high) for p in part.parameters})
-        own = [(-4.0, 4.0)] * 2
-        if self.free_states:
-            own += [(-state.most, state.most) for state in self.structure.internal_states]
-        own += [(-2.0, 2.0)] if self.bias == "per-release" else []
-        pairs = np.array([known[name] for name in self.names] + own * len(self.records))
+        others = (
+            [(-state.most, state.most) for state in self.structure.internal_states]
+            if self.free_states
+            else []
+        )
+        others += [(-2.0, 2.0)] if self.bias == "per-release" else []
+        own = [pair for at in rests for pair in ((at - 4.0, at + 4.0), (-4.0, 4.0), *others)]
+        pairs = np.array([known[name] for name in self.names] + own)
         for index, name in enumerate(self.names):
             if name in self.bounded:
                 pairs[index] = np.array(self.bounded[name]) / self.sizes()[index]
