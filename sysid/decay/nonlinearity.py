@@ -23,6 +23,9 @@ CANDIDATES = 4
 """Effects named for what is seen; `diagnose` tries all."""
 LEVELS_APART = 0.01
 """Share of the first amplitude by which rest levels must differ: sensors wander by less between releases."""
+SWAYS = 0.25
+"""Standard deviation over half a period from which a deck still swings, over how far its level is from the middle then: half a
+cosine about the middle has 0.43 at least, wherever it is cut, and a deck that stands still none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,6 +180,10 @@ def _stop(releases: Sequence[Release], peaks: Sequence[Sequence[Peak]], noise: f
         gains = np.array([c - middle, 2 * (middle - b), a - middle]) / bend
         middle_std = float(np.linalg.norm(gains * np.array([peak.std for peak in chosen])))
         off = release.rest - middle
+        half = (chosen[-1].time - chosen[0].time) / (chosen[-1].number - chosen[0].number)
+        last = release.roll[release.time >= release.time[-1] - half]
+        if np.std(last) > math.hypot(noise, SWAYS * off):
+            continue  # what still swings has not stopped
         if abs(off) > max(CERTAIN * math.hypot(middle_std, noise / 3), 0.015 * release.amplitude):
             return Nonlinearity(
                 "stops aside", f"it stops {math.degrees(abs(off)):.2g}° beside the middle of its swing"

@@ -464,6 +464,23 @@ class Problem:
         """Return the sum of squares [1] that `normal` charges, at unknowns of shape (p,), for starts that are too fast."""
         return sum(self._inward(index, unknowns)[0] ** 2 for index in range(len(self.records)))
 
+    def too_fast(self, unknowns: Array, error: float) -> float:
+        """Return the sum of squares [1] of how much faster records start than releases from rest can be found to.
+
+        A release is found by motion that stands above the noise, so a deck may have set off before it; and no start is known
+        better than the motion after it.
+
+        Args:
+            unknowns: In units of their sizes, shape (p,).
+            error: That the fit leaves, RMS over the noise [1].
+        """
+        total = 0.0
+        for index, (begin, (_, rate)) in enumerate(zip(self._starts, self.starts(unknowns), strict=True)):
+            sign, spread = self.start_limit(index, unknowns)
+            hidden = float(np.sqrt(2 * max(error, 1.0) * begin.std * begin.pull))
+            total += (max(sign * rate, 0.0) / float(np.hypot(spread, hidden))) ** 2
+        return total
+
 
 def _first_pull(release: Release) -> float:
     """Return the acceleration with which a release sets off [rad/s²]: a stop that it leans on pulls hardest."""

@@ -3,20 +3,24 @@
 import math
 from typing import get_args
 
+import numpy as np
 import pytest
 
 from sysid.board import Board
+from sysid.decay.nonlinearity import find_nonlinearities
+from sysid.decay.peaks import find_peaks
 from sysid.effects import catalogue
 from sysid.effects._base import DecaySign
 from sysid.free_decay import fit_decay
 from sysid.quantity import Quantity
 from sysid.recording import Recording
+from sysid.roll import Release
 from sysid.synth.log import SynthOptions
 from sysid.synth.sensors import Sensor
 from sysid.synth.synthesis import synthesise
 
 SHOWN = [
-    ("asymmetric-stiffness", (2.75,), 0.03, ["stops aside"]),
+    ("asymmetric-stiffness", (5.0,), 0.06, ["stops aside"]),
     ("bilinear-stiffness", (1.1,), 0.03, ["stops aside"]),
     ("bouc-wen", (0.132, 0.1, 0.5), 0.03, ["growing loss", "longer period"]),
     ("bouc-wen", (0.132, 0.1, 0.5), 0.11, ["scattered levels", "growing loss"]),
@@ -25,7 +29,7 @@ SHOWN = [
     ("cubic-damping", (0.005,), 0.03, ["growing loss"]),
     ("cubic-stiffness", (-150.0,), 0.03, ["growing loss", "longer period"]),
     ("cubic-stiffness", (137.0,), 0.11, ["constant loss", "shorter period"]),
-    ("dahl", (0.132, 0.006), 0.03, ["constant loss", "stops aside"]),
+    ("dahl", (0.132, 0.006), 0.08, ["constant loss", "stops aside"]),
     ("end-stop", (0.1, 66.0, 0.0), 0.11, ["constant loss", "shorter period", "stops aside"]),
     ("freeplay", (0.016,), 0.03, ["shorter period", "stops aside"]),
     ("freeplay", (0.009,), 0.4, ["scattered levels", "constant loss"]),
@@ -65,3 +69,22 @@ def test_whatever_an_effect_says_is_tried_here_and_every_sign_has_several_causes
     assert said - {("gravity", "longer period"), ("sensor-drift", "scattered levels")} == tried
     for sign in get_args(DecaySign):
         assert sum(sign == other for _, other in said) > 1
+
+
+@pytest.mark.parametrize("sticks", [False, True])
+def test_what_still_swings_at_its_end_has_not_stopped_beside_its_middle(sticks):
+    omega, noise = 12.6, 0.001
+    time = np.arange(0, 20.1 * math.pi / omega, 0.005)
+    roll = 0.2 * np.exp(-0.04 * omega * time) * np.cos(omega * time)
+    if sticks:  # at its last turn, and stays there
+        later = np.arange(1, 200) * 0.005
+        time, roll = np.append(time, time[-1] + later), np.append(roll, np.full(len(later), roll[-1]))
+    roll = roll + noise * np.random.default_rng(0).standard_normal(len(time))
+    release = Release(
+        log="", time=time, roll=roll, std=np.full_like(roll, noise), origin="", number=1, hold=1.0, end="rest",
+        rest=float(np.median(roll[time >= time[-1] - math.pi / omega])),
+    )  # fmt: skip
+    assert abs(release.rest) > 0.004
+    peaks = find_peaks(release, 0.0, omega, omega, noise)
+    seen = [found.sign for found in find_nonlinearities([release], [peaks], noise)]
+    assert ("stops aside" in seen) == sticks

@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 
 from sysid.board import load_board
-from sysid.diagnosis.diagnose import diagnose
+from sysid.diagnosis.diagnose import _fast_starts, diagnose
+from sysid.diagnosis.search import Search
 from sysid.errors import SysidError
+from sysid.fitting.records import make_records
+from sysid.fitting.search import scales_of
 from sysid.joint import JointLaw, simulate
 from sysid.quantity import Quantity
 from sysid.roll import Release
@@ -225,6 +228,28 @@ def test_a_start_faster_than_from_rest_is_charged(slider):
     low, high = (problem.normal(pushed + e * np.eye(len(pushed))[own + 1]).cost for e in (-1e-5, 1e-5))
     slope = problem.normal(pushed).gradient[own + 1]
     assert slope == pytest.approx((high - low) / 2e-5, rel=1e-3)
+
+
+@pytest.mark.parametrize(("late", "push", "warned"), [(0.0, 0.0, False), (1.5, 0.0, False), (0.0, 0.6, True)])
+def test_releases_that_the_noise_hid_for_a_while_were_not_pushed(late, push, warned):
+    """However many there are: `late` in times that a release from rest takes to leave the noise, `push` in amplitudes times ω."""
+    law, noise = JointLaw(inertia=8.7e-3, stiffness=14.684, damping=0.1), 1e-3
+    rng, time, records = np.random.default_rng(0), np.arange(0.0, 1.2, 4e-3), []
+    for number in range(6):
+        angle = (-1) ** number * (0.17 - 0.01 * number)
+        hidden = np.sqrt(2 * noise / abs(angle)) / law.frequency
+        path = simulate(law, np.r_[0.0, time + late * hidden + 1e-9], angle, -push * angle * law.frequency)
+        roll = path.roll[1:] + noise * rng.standard_normal(len(time))
+        records.append(
+            Release(
+                log="x", number=number, time=time, roll=roll, std=np.full(len(time), noise), origin="angle",
+                rest=0.0, hold=1.0, end="log",
+            )
+        )  # fmt: skip
+    records = make_records(records, noise, rate=False)
+    board = load_board(shipped_data() / "boards" / "pink.toml")
+    search = Search(records=records, scales=scales_of(records, board), bias="shared")
+    assert bool(_fast_starts(search.single(()))) is warned
 
 
 def test_what_a_start_is_charged_builds_no_integrator(slider):
