@@ -48,6 +48,7 @@ class Recording:
         time_column: str | None = None,
         source: str = "auto",
         lever_arm: tuple[float, float, float] | None = None,
+        keep_outliers: bool = False,
         video: VideoOptions | None = None,
         start: float | None = None,
         stop: float | None = None,
@@ -65,6 +66,7 @@ class Recording:
             time_column: Column with the time: its name, or its number counted from 1.
             source: What to make roll from, where a log holds several.
             lever_arm: From the tilt axis to the accelerometer, along the sensor's axes [m].
+            keep_outliers: Keep lone samples far beside their neighbours, which are left out.
             video: How a film is read.
             start: Ignore the log before this time [s].
             stop: Ignore the log after this time [s].
@@ -76,7 +78,7 @@ class Recording:
         """
         options = LogOptions(
             column=column, unit=unit, axis=axis, rate=rate, time_column=time_column, source=source,
-            lever_arm=lever_arm, start=start, stop=stop, video=video,
+            lever_arm=lever_arm, keep_outliers=keep_outliers, start=start, stop=stop, video=video,
         )  # fmt: skip
         roll = read_roll(Path(path), options)
         return cls.of(roll, start=start, stop=stop, release=release, keep_zero=keep_zero)

@@ -38,6 +38,7 @@ READING: Mapping[str, tuple[str, Callable[[Any], Any]]] = {
     "rate": ("rate", float),
     "time-column": ("time_column", str),
     "source": ("source", str),
+    "keep-outliers": ("keep_outliers", _flag),
     "from": ("start", float),
     "to": ("stop", float),
     "release": ("release", _numbers),

@@ -90,6 +90,8 @@ class LogArguments:
         tuple[float, float, float] | None, Parameter(negative="", allow_leading_hyphen=True)
     ] = None
     """From the tilt axis to the accelerometer, along the sensor's x y z, in m; estimated if left out."""
+    keep_outliers: Flag = False
+    """Keep lone samples far beside their neighbours, which are left out."""
     start: Annotated[float | None, Parameter(name="--from")] = None
     """Ignore the log before this time in s."""
     stop: Annotated[float | None, Parameter(name="--to")] = None
@@ -153,7 +155,7 @@ def refuse_overwriting_logs(
 def unused_options(log: Path, arguments: LogArguments) -> list[str]:
     """Return the options given that the other kind of log takes."""
     given, usual = (arguments, LogArguments()) if is_film(log) else (arguments.video, _NO_VIDEO)
-    names = ("column", "unit", "axis", "time_column", "source", "lever_arm")
+    names = ("column", "unit", "axis", "time_column", "source", "lever_arm", "keep_outliers")
     if not is_film(log):
         names = tuple(field.name for field in fields(VideoArguments))
     return ["--" + name.replace("_", "-") for name in names if getattr(given, name) != getattr(usual, name)]

@@ -11,11 +11,12 @@ import numpy as np
 
 from sysid.errors import SysidError
 from sysid.logs.formats.registry import open_log
-from sysid.logs.sources.registry import Reading, choose_source
+from sysid.logs.sources.registry import Reading, Source, choose_source
 from sysid.logs.table.choose import Choice, columns_of
 from sysid.logs.table.clock import MIN_SAMPLES, Clock, even_clock, repair_clock, usual_step
 from sysid.logs.table.names import Column
 from sysid.logs.table.options import LogOptions
+from sysid.logs.table.outliers import measured_motion
 from sysid.logs.table.remarks import Remarks
 from sysid.logs.table.rows import measured_rows, on_common_rows
 from sysid.roll import Array, Roll
@@ -51,6 +52,9 @@ def read_roll(path: Path, options: LogOptions | None = None) -> Roll:
     data = log.read(names)
     try:
         clock, data, cleaned = _clean(choice, time, data, options)
+        if not options.keep_outliers:
+            data, outliers = _without_outliers(source, choice, clock, data)
+            cleaned += outliers
         signals, std = tuple(data[name] for name in choice.columns), data[choice.std] if choice.std else None
         roll = _checked(source.to_roll(Reading(str(path), choice, clock.time, signals, std, options)))
     except SysidError as error:
@@ -93,6 +97,24 @@ def _clean(
     else:
         clock = repair_clock(stamps, liveliest, time.unit, time.name, computed=choice.std is not None)
     return clock, {name: clock.of(column) for name, column in data.items()}, joined + dropped
+
+
+def _without_outliers(
+    source: Source, choice: Choice, clock: Clock, data: dict[str, Array]
+) -> tuple[dict[str, Array], Remarks]:
+    """Drop lone samples that no motion explains, from the clock too, and say where they were."""
+    motion = {name: data[name] for name in choice.columns[: source.moving]}
+    if source.turn is not None:  # an angle that wraps jumps by a whole turn, and back
+        turns = {name: source.turn(choice, column) for name, column in motion.items()}
+        motion = {
+            name: np.unwrap(column, discont=0.75 * turns[name], period=turns[name])
+            for name, column in motion.items()
+        }
+    kept, remarks = measured_motion(motion, clock.time, choice.unit)
+    if kept is not None:
+        clock.select(kept)
+        data = {name: column[kept] for name, column in data.items()}
+    return data, remarks
 
 
 def _checked(roll: Roll) -> Roll:

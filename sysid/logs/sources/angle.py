@@ -79,6 +79,11 @@ def angle_scale(angle: Array, choice: Choice) -> tuple[float, Remarks]:
     return ANGLE_UNITS[unit], doubt if unsure else note("unit", why)
 
 
+def whole_turn(choice: Choice, angle: Array) -> float:
+    """Return a whole turn in the unit of an angle, shape (n,)."""
+    return 2 * np.pi / abs(angle_scale(angle, choice)[0])
+
+
 def roll_from_angle(reading: Reading) -> Roll:
     """Return an angle scaled, unwrapped and weighed."""
     choice, (angle,) = reading.choice, reading.signals
@@ -128,6 +133,8 @@ SOURCE = Source(
     quantity="angle",
     find=find_angle,
     to_roll=roll_from_angle,
+    moving=1,
+    turn=whole_turn,
     turning=angle_turning,
     from_column=angle_from,
 )

@@ -231,6 +231,7 @@ SOURCE = Source(
     quantity="rate",
     find=find_gyro,
     to_roll=roll_from_gyro,
+    moving=3,
     turning=gyro_turning,
     from_column=gyro_from,
 )

@@ -130,4 +130,4 @@ def imu_rate_scale(time: Array, rates: Array, accel: Array | None, choice: Choic
     return rate_scale(rates, choice)
 
 
-SOURCE = Source(name="imu", order=1, quantity="rate", find=find_imu, to_roll=roll_from_imu)
+SOURCE = Source(name="imu", order=1, quantity="rate", find=find_imu, to_roll=roll_from_imu, moving=3)

@@ -80,6 +80,11 @@ class Source:
     there."""
     to_roll: Callable[[Reading], Roll]
     """Roll from its columns, with notes and warnings of its own."""
+    moving: int = 0
+    """How many of its columns, from the first on, are angles or rates that a deck moves smoothly: a lone sample beside its
+    neighbours is an outlier there. Accelerations are knocked, and a quaternion's sign is free."""
+    turn: Callable[[Choice, Array], float] | None = None
+    """The whole turn after which a column, shape (n,), may begin again, in its unit; None where it does not."""
     turning: Callable[[Choice, Sequence[Array], float], Array] | None = None
     """How fast it turns [rad/s], shape (n,), from its columns, shape (n,) each, sampled every so many seconds; None where
     that is not told by so little. Of several that turn differently, the one that moves is the deck's."""
