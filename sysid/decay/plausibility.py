@@ -40,7 +40,7 @@ def amplitude_warnings(releases: Sequence[Release], board: Board | None) -> list
     if largest.amplitude > math.pi:
         raise SysidError(
             f"{where} {largest.amplitude:.4g} rad from rest, more than half a turn; the joint of board "
-            f"'{board.name}' allows ±{limit:.3g} rad. If the log is in degrees, say --unit deg."
+            f"'{board.name}' allows ±{limit:.3g} rad. If the log is in degrees, say --unit deg; if in counts, the size of one in rad."
         )
     if largest.amplitude > 1.5 * limit:
         return [

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from sysid.errors import SysidError
 from sysid.logs.sources.registry import Reading, Source
 from sysid.logs.table.choose import Choice, chosen, std_of
 from sysid.logs.table.names import ANGLE_UNITS, Column, unit_kind
@@ -12,15 +13,22 @@ from sysid.logs.table.remarks import Remarks, note, warning
 from sysid.noise.sensor import estimate_noise, saturated
 from sysid.roll import Array, Roll
 
+TURN = 360.0
+"""Angles that count on over a turn in whole numbers are counts, for degrees begin again [deg]."""
+LEAST_DEGREES, MOST_RADIANS = 0.5, 30.0
+"""A log without a unit that reaches so far from its median may be of either: half a degree is a swing that a sensor still sees,
+and some turns are what an arm may make."""
+
 
 def find_angle(columns: Sequence[Column], axis: str, sign: float) -> list[Choice]:
     """Return the angles, about an axis if one is given, the one whose name is the plainest first."""
     angles = [c for c in columns if c.kind == "angle" and (not axis or (c.axis or "x") == axis)]
 
+    def odd(column: Column) -> tuple[object, ...]:
+        return column.doubt, not axis and column.axis in ("y", "z"), not column.is_roll
+
     def rank(column: Column) -> tuple[object, ...]:
-        aside = not axis and column.axis in ("y", "z")
-        odd = column.doubt, aside, not column.is_roll, column.unit != "rad", column.unit is None
-        return (*odd, len(column.name))
+        return *odd(column), column.unit != "rad", column.unit is None, len(column.name)
 
     angles.sort(key=rank)
     choices = [
@@ -29,7 +37,8 @@ def find_angle(columns: Sequence[Column], axis: str, sign: float) -> list[Choice
     if len(angles) > 1:
         rivals = ", ".join(repr(column.name) for column in angles[1:5])
         why = f"from '{angles[0].name}' rather than {rivals}: {_why(angles[0], angles[1])}"
-        choices[0] = replace(choices[0], remarks=note("roll", why))
+        alike = tuple(column.name for column in angles[1:] if odd(column) == odd(angles[0]))
+        choices[0] = replace(choices[0], remarks=note("roll", why), rivals=alike)
     if angles and not axis and angles[0].axis in ("y", "z"):
         aside = f"'{angles[0].name}' is the only angle and taken as roll, though its name says otherwise"
         choices[0] = choices[0].with_remarks(warning(aside))
@@ -65,23 +74,40 @@ def angle_from(column: Column, columns: Sequence[Column], sign: float) -> Choice
 
 
 def angle_scale(angle: Array, choice: Choice) -> tuple[float, Remarks]:
-    """Return radians per unit of an angle, shape (n,), and how that is known."""
+    """Return radians per unit of an angle, shape (n,), and how that is known.
+
+    Raises:
+        SysidError: No unit is named, and it counts beyond a turn in whole numbers.
+    """
     (name,) = choice.columns
     if choice.scale is not None:
         return choice.scale, note("unit", f"one count is {choice.scale:g} rad, as --unit says")
     if choice.unit is not None:
         return ANGLE_UNITS[choice.unit], Remarks()
     reach = float(np.max(np.abs(angle - np.median(angle))))
-    unit = "deg" if reach > np.pi else "rad"
+    whole = bool(np.all(angle == np.rint(angle)))
+    if whole and (np.abs(angle).max() > TURN or np.ptp(np.unwrap(angle, period=TURN)) > TURN):
+        raise SysidError(
+            f"'{name}' names no unit, and its whole numbers from {angle.min():.0f} to {angle.max():.0f} look like counts of "
+            f"an encoder. Give the size of one in rad: --unit {2 * np.pi / 4096:.6g} where 4096 are a turn (2π/4096). "
+            "Degrees are --unit deg."
+        )
+    unit = _likely_unit(reach)
     why = f"'{name}' names no unit; taken as {unit}, because it reaches {reach:.3g} from its median"
-    unsure = 0.9 < reach < 30
+    unsure = whole or LEAST_DEGREES < reach < MOST_RADIANS
     doubt = warning(f"{why}. That can be wrong: say it with --unit")
     return ANGLE_UNITS[unit], doubt if unsure else note("unit", why)
 
 
 def whole_turn(choice: Choice, angle: Array) -> float:
     """Return a whole turn in the unit of an angle, shape (n,)."""
-    return 2 * np.pi / abs(angle_scale(angle, choice)[0])
+    unit = choice.unit or _likely_unit(float(np.max(np.abs(angle - np.median(angle)))))
+    return 2 * np.pi / abs(choice.scale or ANGLE_UNITS[unit])
+
+
+def _likely_unit(reach: float) -> str:
+    """Return the unit of an angle that reaches so far from its median, no deck being tipped by half a turn."""
+    return "deg" if reach > np.pi else "rad"
 
 
 def roll_from_angle(reading: Reading) -> Roll:

@@ -27,6 +27,9 @@ from sysid.roll import Array, Roll
 
 HARDLY, ALIKE = 0.2, 0.5
 """A column that turns less than this share of another, with less than this correlation, is not the deck's."""
+DEGREE = ANGLE_UNITS["deg"]
+SAME = 0.9
+"""Two columns that are as much alike, in size as well, are one motion written twice."""
 AVERAGED = (1, 4, 16)
 """Rows that are averaged before two rates are compared: the slope of an angle is mostly noise from row to row."""
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3}
@@ -165,7 +168,11 @@ def _that_moves(
     best = int(np.argmax(np.median(sizes, axis=0)))
     hardly = np.any(sizes[:, 0] < HARDLY * sizes[:, best])
     if not hardly or max(_likeness(rates[0], rates[best]) for rates in smooth) > ALIKE:
-        return found[0]
+        rates = {
+            choice.columns[0]: rate
+            for (_, choice), rate in zip(rivals, zip(*smooth, strict=True), strict=True)
+        }
+        return found[0][0], _with_rival(found[0][1], rates)
     source, choice = rivals[best]
     named, taken = found[0][1].columns[0], ", ".join(map(repr, choice.columns))
     return source, choice.with_remarks(
@@ -174,6 +181,24 @@ def _that_moves(
             f"--column '{named}' takes the other all the same"
         )
     )
+
+
+def _with_rival(choice: Choice, rates: Mapping[str, Sequence[Array]]) -> Choice:
+    """Return a choice, with a warning where another column is as good by its name and moves otherwise.
+
+    Args:
+        choice: As the names have it.
+        rates: Of every column [rad/s], averaged over `AVERAGED` rows, shape (n,) each.
+    """
+    (name, *_) = choice.columns
+    for rival in choice.rivals:
+        pairs = list(zip(rates[name], rates[rival], strict=True))
+        times = float(np.median([np.std(other) / np.std(own) for own, other in pairs]))
+        as_far = any(abs(times * unit - 1) < 1 - SAME for unit in (1.0, DEGREE, 1 / DEGREE))
+        if times > HARDLY and not (as_far and max(_likeness(*pair) for pair in pairs) > SAME):
+            told = f"roll is made from '{name}', but '{rival}' is as good by its name and turns {times:.2g} times as much"
+            return choice.with_remarks(warning(f"{told}: --column '{rival}' takes that"))
+    return choice
 
 
 def _likeness(one: Array, other: Array) -> float:

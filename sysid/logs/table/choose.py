@@ -30,7 +30,9 @@ class Choice:
     std: str | None = None
     """Column of the angle's own standard deviation."""
     doubt: int = 0
-    """Words that say that these are second-hand: a reference, a goal, a phone's own fusion."""
+    """How much their words say that these are second-hand: a reference, a goal, a phone's own fusion."""
+    rivals: tuple[str, ...] = ()
+    """Columns that are as good by their names."""
     remarks: Remarks
     """How the columns were chosen."""
 
@@ -117,8 +119,9 @@ def time_column(log: LogFile, columns: Sequence[Column], options: LogOptions) ->
     # A unit in the name ('seconds_elapsed') beats a bare 'time', which may be the epoch in anything.
     times.sort(key=lambda column: (column.doubt, column.unit is None))
     if not times:
+        counts = "".join(f"; {column.name!r} counts the rows" for column in columns if column.kind == "count")
         raise SysidError(
-            f"{log.path}: no column of time among {', '.join(map(repr, log.names[:30]))}. "
+            f"{log.path}: no column of time among {', '.join(map(repr, log.names[:30]))}{counts}. "
             "Name it with --time-column, or give the sampling rate with --rate."
         )
     return times[0]

@@ -14,7 +14,7 @@ from sysid.roll import Array
 def name_columns_by_content(log: LogFile, columns: Sequence[Column]) -> list[Column]:
     """Return the columns with the quantities that their numbers tell.
 
-    Time is the first column that always increases. Four columns of unit norm are a quaternion w, x, y, z;
+    Time is the first column that always increases, unless it counts the rows, in whole numbers one after the other. Four columns of unit norm are a quaternion w, x, y, z;
     three whose norm rests at 9.81 m/s² or 1 g an accelerometer, and three others beside it a gyro. One
     column that moves is the angle; of two, the angle is the one whose slope the other is.
 
@@ -30,7 +30,7 @@ def name_columns_by_content(log: LogFile, columns: Sequence[Column]) -> list[Col
         if column.size < 2 or column.min() == column.max():
             continue
         if not any(kind == "time" for kind, _ in found.values()) and np.all(np.diff(column) > 0):
-            found[name] = ("time", "")
+            found[name] = ("count" if _counts(column) else "time", "")
         else:
             moving.append(name)
     signals = {name: data[name] for name in moving}
@@ -48,6 +48,11 @@ def name_columns_by_content(log: LogFile, columns: Sequence[Column]) -> list[Col
         else column
         for column in columns
     ]
+
+
+def _counts(column: Array) -> bool:
+    """Return whether a column, numbers without unit of shape (n,), counts the rows; of some that were lost, it skips the numbers."""
+    return bool(np.all(column == np.rint(column))) and float(np.median(np.diff(column))) == 1
 
 
 def _sensors(names: Sequence[str], signals: dict[str, Array]) -> dict[str, tuple[Kind, str]]:

@@ -9,7 +9,7 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
-Kind = Literal["time", "angle", "rate", "accel", "quaternion", "std", "other", "unknown"]
+Kind = Literal["time", "angle", "rate", "accel", "quaternion", "std", "count", "other", "unknown"]
 
 _UNITS_OF: dict[Kind, dict[str, tuple[float, str]]] = {
     "angle": {
@@ -78,6 +78,8 @@ _DOUBTFUL = {"ref", "reference", "truth", "mocap", "optical", "goal", "target", 
              "setpoint", "desired", "des", "raw", "logged", "err", "error", "model", "sim", "simulated", "predicted",
              "uncalibrated", "wrapped", "old", "linear", "user", "fused"}  # fmt: skip
 """Words of columns that are not the plain measurement: goals, references, second-hand copies."""
+_DRIVING = {"motor", "rotor"}
+"""Words of what turns on the other side of a gear, which is less doubtful than any of those and more than the joint."""
 _GLUED = re.compile(
     r"(gyroscope|gyro|gyr|omega|w|g|accelerometer|accel|acc|a|magnetometer|mag|m|quat|q|rot)([xyzw])"
 )
@@ -96,7 +98,7 @@ class Column:
     unit: str | None
     """A key of the tables above, or None where the name is silent."""
     doubt: int
-    """How many words say that this is not the plain measurement; the lowest is taken."""
+    """How much the words say that this is not the plain measurement: 2 each, 1 for a motor's side of a gear; the lowest is taken."""
     group: str
     """The words that are neither quantity nor axis: columns of one sensor share them."""
     is_roll: bool = False
@@ -125,7 +127,7 @@ def parse_column(name: str, unit: str | None = None) -> Column:
     if found is not None and kind != "std" and unit_kind(found) != kind:
         found = None
     axis = _axis(words, kind)
-    doubt = sum(word in _DOUBTFUL for word in words)
+    doubt = 2 * sum(word in _DOUBTFUL for word in words) + bool(_DRIVING & set(words))
     group = " ".join(word for word in words if word not in _KNOWN_WORDS)
     return Column(name, kind, axis, found, doubt, group, bool(_ROLL_WORDS & set(words)))
 

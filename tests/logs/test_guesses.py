@@ -1,0 +1,90 @@
+"""What a log leaves open and a guess would get wrong: its clock, its unit, which of two columns is the joint's."""
+
+import numpy as np
+import pytest
+from rocking import rocking, write_csv
+
+from sysid.errors import SysidError
+from sysid.logs import LogOptions, read_roll
+from sysid.logs.sources.angle import LEAST_DEGREES
+
+TIME = np.arange(0, 6, 1 / 200)
+ROLL = rocking(TIME)[0] + np.random.default_rng(0).normal(0, 1e-3, len(TIME))
+COUNTS = np.round(2048 + ROLL * 4096 / (2 * np.pi))
+
+
+def log(tmp_path, header, *columns):
+    return write_csv(tmp_path / "log.csv", header, *columns)
+
+
+@pytest.mark.parametrize("first", [0, 1])
+@pytest.mark.parametrize("lost", [0, 20])
+def test_a_count_of_rows_is_no_clock(tmp_path, first, lost):
+    rows = np.sort(np.random.default_rng(1).choice(len(TIME), len(TIME) - lost, replace=False))
+    path = log(tmp_path, ("n", "a"), rows + first, np.degrees(ROLL)[rows])
+    with pytest.raises(SysidError, match=r"no column of time among .*; 'n' counts the rows.*--rate"):
+        read_roll(path)
+    assert read_roll(path, LogOptions(rate=200.0)).sampling_rate == pytest.approx(200)
+    assert read_roll(path, LogOptions(time_column="n")).sampling_rate == pytest.approx(1000)
+
+
+def test_whole_numbers_that_a_name_calls_time_are_one(tmp_path):
+    for name in ("t", "ms", "stamp", "time"):
+        path = log(tmp_path, (name, "roll_deg"), np.arange(len(TIME)), np.degrees(ROLL))
+        assert read_roll(path).sampling_rate == pytest.approx(1000)
+
+
+@pytest.mark.parametrize("counts", [COUNTS, 8 * COUNTS, 8 * (COUNTS - 2048)])
+def test_counts_are_no_degrees(tmp_path, counts):
+    path = log(tmp_path, ("t", "position"), TIME, counts)
+    with pytest.raises(SysidError, match=r"look like counts.*--unit 0\.00153398 .*2π/4096"):
+        read_roll(path)
+    assert np.ptp(read_roll(path, LogOptions(unit="deg")).roll) > 1
+    size = str(2 * np.pi / 4096 * np.ptp(COUNTS) / np.ptp(counts))
+    assert np.ptp(read_roll(path, LogOptions(unit=size)).roll) == pytest.approx(np.ptp(ROLL), rel=1e-2)
+
+
+def test_whole_degrees_that_wrap_are_no_counts(tmp_path):
+    path = log(tmp_path, ("t", "angle"), TIME, np.round(np.degrees(ROLL)) % 360)
+    assert np.ptp(read_roll(path).roll) == pytest.approx(np.ptp(ROLL), rel=0.1)
+
+
+@pytest.mark.parametrize("reach", [0.2, 0.87, 2.4, 17.0, 60.0])
+def test_a_guessed_unit_is_doubted_where_the_other_may_be(tmp_path, reach):
+    angle = (ROLL - 0.02) * reach / 0.3
+    warned = read_roll(log(tmp_path, ("time", "angle"), TIME, angle)).warnings
+    assert bool(warned) == (LEAST_DEGREES < reach < 30)
+
+
+def test_the_joint_goes_before_its_motor_and_its_goal_after_both(tmp_path):
+    joint = np.degrees(ROLL)
+    path = log(tmp_path, ("time_s", "motor_deg", "joint_deg"), TIME, 9 * joint, joint)
+    assert np.ptp(read_roll(path).roll) == pytest.approx(np.ptp(ROLL))
+    path = log(tmp_path, ("time_s", "motor_deg", "target_deg"), TIME, joint, np.where(joint > 5, 10.0, 0.0))
+    assert any("from 'motor_deg' rather than" in note for note in read_roll(path).notes)
+
+
+@pytest.mark.parametrize(("times", "way"), [(1.0, -1), (3.0, -1), (1.5, 1), (6.0, 1), (9.0, 1)])
+def test_another_column_as_good_by_its_name_is_named(tmp_path, times, way):
+    """Another motion, or the same on the other side of a gear."""
+    joint = np.degrees(ROLL)
+    path = log(tmp_path, ("time_s", "hinge_deg", "elbow_deg"), TIME, joint, times * joint[::way])
+    (warned,) = read_roll(path).warnings
+    assert (
+        f"roll is made from 'hinge_deg', but 'elbow_deg' is as good by its name and turns {times:.2g}"
+        in warned
+    )
+    assert "--column 'elbow_deg'" in warned
+
+
+def test_one_motion_written_twice_is_no_rival(tmp_path):
+    other = ROLL + np.random.default_rng(5).normal(0, 2e-3, len(TIME))
+    for header, column in (
+        ("angle_deg", np.degrees(ROLL)),
+        ("angle", np.degrees(ROLL)),
+        ("angle_b_rad", other),
+    ):
+        path = log(tmp_path, ("time_s", "angle_rad", header), TIME, ROLL, column)
+        assert not read_roll(path).warnings
+    path = log(tmp_path, ("time_s", "hip_rad", "angle_rad"), TIME, ROLL, np.full(len(TIME), 0.1))
+    assert "hardly" not in " ".join(read_roll(path).warnings)
