@@ -110,7 +110,7 @@ def _without_outliers(
             name: np.unwrap(column, discont=0.75 * turns[name], period=turns[name])
             for name, column in motion.items()
         }
-    kept, remarks = measured_motion(motion, clock.time, choice.unit)
+    kept, remarks = measured_motion(motion, clock.time, choice.unit, rates=source.quantity == "rate")
     if kept is not None:
         clock.select(kept)
         data = {name: column[kept] for name, column in data.items()}

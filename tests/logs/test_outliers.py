@@ -37,7 +37,7 @@ def test_a_decay_with_lone_spikes_reads_as_the_one_without(seed, spikes, noise, 
         rows = np.concatenate((rows, rows + rng.integers(1, 5, spikes)))
     spiked = clean.copy()
     spiked[rows] += rng.choice((-1, 1), len(rows)) * rng.uniform(0.3, 3.0, len(rows))
-    distance = lone_outliers(TIME, spiked)
+    distance = lone_outliers(TIME, spiked, rate=False)
     assert set(np.flatnonzero(distance)) == set(rows)
     np.testing.assert_allclose(distance[rows], (spiked - clean)[rows], atol=0.02)
 
@@ -65,14 +65,25 @@ def test_no_motion_is_an_outlier(seed, sampling, noise, step, kind, lost):
         "reset": roll + 0.5 * (time > 3.0),
     }[kind] + rng.normal(0, noise, len(time))
     signal = np.round(signal / step) * step if step else signal
-    assert not lone_outliers(time, signal).any()
-    assert measured_motion({"roll": signal}, time, "rad")[0] is None
+    assert not lone_outliers(time, signal, rate=kind in ("rate", "stop")).any()
+    assert measured_motion({"roll": signal}, time, "rad", rates=kind in ("rate", "stop"))[0] is None
 
 
 def test_a_knock_that_rings_is_a_motion():
     knock = np.where(TIME > 2, np.exp(-150 * (TIME - 2)) * np.sin(2 * np.pi * 60 * (TIME - 2)), 0.0)
     rate = rocking(TIME)[1] + 3 * knock + np.random.default_rng(0).normal(0, 1e-3, len(TIME))
-    assert not lone_outliers(TIME, rate).any()
+    assert not lone_outliers(TIME, rate, rate=True).any()
+
+
+@pytest.mark.parametrize("delay", np.linspace(0, 1, 6))
+def test_half_a_swing_that_sticks_is_a_motion(delay):
+    """At 30 Hz it takes two rows of the rate."""
+    time = np.arange(0, 6, 1 / 30)
+    phase = np.clip((time - 2 - delay / 30) * 30 / 2.4, 0, 1)
+    angle = -0.17 * np.cos(np.pi * phase)
+    noise = np.random.default_rng(0).normal(0, 1e-3, len(time))
+    assert not lone_outliers(time, 5 * np.sin(np.pi * phase) + noise, rate=True).any()
+    assert not lone_outliers(time, angle + noise, rate=False).any()
 
 
 @pytest.fixture

@@ -32,7 +32,7 @@ SHOWN = 5
 
 
 def measured_motion(
-    signals: Mapping[str, Array], time: Array, unit: str | None
+    signals: Mapping[str, Array], time: Array, unit: str | None, *, rates: bool
 ) -> tuple[npt.NDArray[np.intp] | None, Remarks]:
     """Return the rows, out of n, that are no outlier in any signal, None for all; and where and how far off the others are.
 
@@ -40,10 +40,11 @@ def measured_motion(
         signals: Angles without wraps or rates, in the log's unit, shape (n,) each.
         time: Strictly increasing [s], shape (n,).
         unit: Their unit, where it is known.
+        rates: Whether they are rates.
     """
     out, remarks = np.zeros(time.size, dtype=np.bool_), Remarks()
     for name, signal in signals.items():
-        distance = lone_outliers(time, signal)
+        distance = lone_outliers(time, signal, rate=rates)
         rows = np.flatnonzero(distance)
         if rows.size:
             told = [f"{distance[row]:+.3g} at {shown(float(time[row]))}" for row in rows[:SHOWN]]
@@ -57,7 +58,7 @@ def measured_motion(
     return (np.flatnonzero(~out) if out.any() else None), remarks
 
 
-def lone_outliers(time: Array, signal: Array) -> Array:
+def lone_outliers(time: Array, signal: Array, *, rate: bool) -> Array:
     """Return how far each outlier lies from where its neighbours put it, 0 for all other samples; shape (n,), in the signal's unit.
 
     An outlier is one sample, or one of two that are close, beside a parabola through the neighbours that the neighbours themselves
@@ -66,6 +67,7 @@ def lone_outliers(time: Array, signal: Array) -> Array:
     Args:
         time: Strictly increasing [s], shape (n,).
         signal: In any unit, shape (n,).
+        rate: Whether it is a rate: two rows in a row may be half a swing from rest to rest; of an angle they would be a whole one.
     """
     found = np.zeros(signal.size)
     if signal.size < 2 * SIDE + NEAR:
@@ -77,7 +79,7 @@ def lone_outliers(time: Array, signal: Array) -> Array:
     noise = float(np.median(bends)) / BEND
     scale = max(noise, quantisation_step(np.diff(signal)), FINEST * float(high - low))
     suspect = bends > FAR * scale
-    for apart in range(NEAR):
+    for apart in (0, *range(2 if rate else 1, NEAR)):
         outliers = np.unique((0, apart)) + SIDE
         first = np.arange(signal.size - 2 * SIDE - apart)
         first = first[np.logical_and.reduce([suspect[first + place] for place in outliers])]
