@@ -563,12 +563,13 @@ def _missing(
     final = search.fine(chosen.model, average=1)
     named = search.added(chosen.model)
     deviation = record_deviation(final, board, look_at_linear=False)
-    # What is richer is a rival only if it is likelier for sure, were it not that no model is exact.
+    # What is richer is a rival only if it is likelier for sure, were it not that no model is exact; with what was chosen in it, never.
     likeliest = max(tried.possible, key=lambda s: s.score)
     rivals = [
         s for s in sorted(tried.near(chosen), key=lambda s: -s.score)
         if s.extra and not s.model.shape and s is not chosen and tried.explained(s) >= EXPLAINED
         and (s.extra <= chosen.extra or (s is likeliest and s.score > chosen.score + TIE))
+        and not tried.adds_to(s, chosen)
     ][:RIVALS]  # fmt: skip
     alike = [search.added(s.model) for s in rivals]
     effects = (*named, *deviation.effects)
@@ -663,7 +664,7 @@ def _unexplained(
     else:
         confidence = tried.confidence(frozenset())
     text += "The map of the missing torque (compare) shows at which angle and rate it acts."
-    experiment = _experiment(search, tried, chosen, board) or _for_the_unknown(chosen.model, board)
+    experiment = _for_the_unknown(chosen.model, board)  # two laws that are both wrong predict none
     return _verdict(tried, "unexplained", (), confidence, (), chosen, None, hints, experiment, text), final
 
 

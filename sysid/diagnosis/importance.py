@@ -151,9 +151,10 @@ def _energy_share(
         path = simulate(plain, grid, angle, rate)
         whole += float(np.trapezoid(law.damping * path.rate**2, grid))
         for name, _ in plain.effects:
-            lost = -float(
-                np.trapezoid(effect_torque(plain, name, grid, path.roll, path.rate) * path.rate, grid)
-            )
+            torque = effect_torque(plain, name, grid, path.roll, path.rate)
+            if not effect(name).states:  # what it has at no rate it gives back
+                torque = torque - effect_torque(plain, name, grid, path.roll, np.zeros_like(path.rate))
+            lost = -float(np.trapezoid(torque * path.rate, grid))
             whole += lost
             mine += lost if name in names else 0.0
     return float(np.clip(mine / whole, 0.0, 1.0)) if whole > 0 else 0.0
@@ -167,7 +168,7 @@ def _amplitude_share(law: JointLaw, starts: Sequence[tuple[float, float]], names
     plain = _unsensed(law)
     spring = law.stiffness + sum(_stiffness(law, name) for name in names)
     without = replace(plain, stiffness=spring, effects=tuple(e for e in plain.effects if e[0] not in names))
-    if spring + sum(_stiffness(law, name) for name, _ in without.effects) <= 0:
+    if spring + without.stiffness_of_effects <= 0:
         return 1.0
     period = 2 * np.pi / plain.frequency
     grid = np.linspace(0.0, (PERIODS + 0.5) * period, 200 * PERIODS)

@@ -195,12 +195,17 @@ class Field:
         """Return the probability of a candidate, up to a constant of the log."""
         return float(np.exp(-self.behind(scored) / TEMPERATURE - PRICE * scored.choices))
 
+    def adds_to(self, one: Scored, other: Scored) -> bool:
+        """Return whether a candidate is another with something beside it: the same effects, or of the same families, and more."""
+        more, less = (families_of(s.model, self.base_effects) for s in (one, other))
+        return more > less or set(one.model.effects) > set(other.model.effects)
+
     def rivals(self, chosen: Scored) -> list[Scored]:
         """Return the effects of other families that are not ruled out at 95 % against what was chosen, the likeliest first."""
         own = families_of(chosen.model, self.base_effects)
         others = [
             s for s in self.possible
-            if families_of(s.model, self.base_effects) != own and not s.model.shape and not set(s.model.effects) > set(chosen.model.effects)
+            if families_of(s.model, self.base_effects) != own and not s.model.shape and not self.adds_to(s, chosen)
             and self.weight(s) * RULED_OUT >= self.weight(chosen)
         ]  # fmt: skip
         return sorted(others, key=lambda s: -self.weight(s))

@@ -38,8 +38,8 @@ def report(result: "Diagnosis", width: int, space: Workspace, logs: Sequence[Pat
     lines = [
         f"{result.board} · {count(result.releases, 'release')} · sensor noise {show(floor.std, 3)}, {floor.how}",
         table(("missing", "error / noise", "held out / noise", "score"), rows, width=width),
-        "held out: what a model misses of a release though its numbers may move as far as the others leave them open; never less than the "
-        "error, and the same where they need not move",
+        "held out: what a model misses of a release though its numbers may move as far as the others leave them open; of means of "
+        "neighbouring samples where the log has many a period, which are less noisy than the samples of the error",
         "score: twice the log-likelihood of unseen motion that the best has more; models up to "
         f"{TIED:g}, or more where periods disagree or none is exact, are not told apart: the simplest counts, if what it adds matters",
         f"Result: {headline(result)} (confidence {percent(verdict.confidence)})",

@@ -13,7 +13,7 @@ from sysid.board import load_board
 from sysid.diagnosis.diagnose import Diagnosis, _hints, _nothing, _outside
 from sysid.diagnosis.error_model import Fitted
 from sysid.diagnosis.experiment import DECIDED, deciding, widest
-from sysid.diagnosis.importance import importance, reading_share
+from sysid.diagnosis.importance import _amplitude_share, _energy_share, importance, reading_share
 from sysid.diagnosis.judgement import (
     FEWEST_BLOCKS,
     INEXACT,
@@ -379,6 +379,23 @@ def test_a_rival_that_is_ruled_out_is_none(friction, monkeypatch):
     assert [field.weight(s) for s in rivals] == sorted(map(field.weight, rivals), reverse=True)
 
 
+def test_what_has_something_beside_what_was_chosen_is_no_rival(friction, monkeypatch):
+    """Nor has another law of the same family."""
+    _, field = friction
+    chosen = field.winner()
+    other = next(s for s in field.scored if s.model.effects == ("quadratic-damping",))
+    pairs = [
+        replace(other, model=replace(other.model, effects=("quadratic-damping", law)), score=chosen.score)
+        for law in ("coulomb", "stribeck")
+    ]
+    monkeypatch.setattr(field, "possible", [chosen, other, *pairs])
+    monkeypatch.setattr("sysid.diagnosis.judgement.RULED_OUT", np.inf)
+    assert field.rivals(chosen) == [other]
+    assert [field.adds_to(pair, chosen) for pair in pairs] == [True, True]
+    assert [field.adds_to(pair, other) for pair in pairs] == [True, True]
+    assert not field.adds_to(other, chosen)
+
+
 @pytest.mark.parametrize(("known", "times"), [(math.pi, 1.0), (1e-3, 1.0), (1.2, 1.2), (3.0, 1.5)])
 def test_a_deck_is_let_go_from_no_farther_than_it_is_known_to_go(friction, known, times):
     """Half a turn is no range that anybody measured; one that is narrower than what the log shows is wrong."""
@@ -419,3 +436,20 @@ def test_a_law_outside_wins_where_no_effect_of_the_catalogue_may_be_true(frictio
     assert _outside(field, pair) is outside, (
         "several effects are no likelier than one law that nobody has met"
     )
+
+
+@pytest.mark.parametrize("angle", [0.17, -0.17])
+def test_what_depends_on_the_tilt_alone_takes_no_energy(angle):
+    law, time = replace(LAW, stiffness=8.0).with_effect("bilinear-stiffness", 0.6), np.linspace(0, 0.9, 200)
+    assert _energy_share(law, [time], [(angle, 0.0)], ["bilinear-stiffness"]) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_friction_of_a_pendulum_takes_its_share_of_energy_and_swing():
+    """Its weight is known, and gives back what it takes."""
+    law = JointLaw(inertia=0.01225, stiffness=0.0, damping=0.0012).with_effect(
+        "weight", 1.0, 0.0, -0.7355, 0.0, 0.0, 0.0, 0.0, 0.0
+    )
+    law = law.with_effect("coulomb", 0.006)
+    share = _amplitude_share(law, [(1.1, 0.0)], ["coulomb"])
+    assert share == pytest.approx(10 * 4 * 0.006 / 0.7355 / 1.1, rel=0.3)  # 4 F / k a swing
+    assert 0.2 < _energy_share(law, [np.linspace(0, 8, 800)], [(1.1, 0.0)], ["coulomb"]) < 0.8
