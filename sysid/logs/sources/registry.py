@@ -27,9 +27,8 @@ from sysid.roll import Array, Roll
 
 HARDLY, ALIKE = 0.2, 0.5
 """A column that turns less than this share of another, with less than this correlation, is not the deck's."""
-DEGREE = ANGLE_UNITS["deg"]
 SAME = 0.9
-"""Two columns that are as much alike, in size as well, are one motion written twice."""
+"""Correlation [1] from which two columns whose sizes agree as well are one motion written twice."""
 AVERAGED = (1, 4, 16)
 """Rows that are averaged before two rates are compared: the slope of an angle is mostly noise from row to row."""
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3}
@@ -190,11 +189,11 @@ def _with_rival(choice: Choice, rates: Mapping[str, Sequence[Array]]) -> Choice:
         choice: As the names have it.
         rates: Of every column [rad/s], averaged over `AVERAGED` rows, shape (n,) each.
     """
-    (name, *_) = choice.columns
+    (name, *_), degree = choice.columns, ANGLE_UNITS["deg"]
     for rival in choice.rivals:
         pairs = list(zip(rates[name], rates[rival], strict=True))
         times = float(np.median([np.std(other) / np.std(own) for own, other in pairs]))
-        as_far = any(abs(times * unit - 1) < 1 - SAME for unit in (1.0, DEGREE, 1 / DEGREE))
+        as_far = any(abs(times * unit - 1) < 1 - SAME for unit in (1.0, degree, 1 / degree))
         if times > HARDLY and not (as_far and max(_likeness(*pair) for pair in pairs) > SAME):
             told = f"roll is made from '{name}', but '{rival}' is as good by its name and turns {times:.2g} times as much"
             return choice.with_remarks(warning(f"{told}: --column '{rival}' takes that"))

@@ -22,7 +22,7 @@ the whole log as well, never comes near."""
 SPARSE = 1.5
 """Neighbours may last this many times as long as without a lost row; what lies alone in a gap may well be a motion."""
 BEND = 0.6745 * 70**0.5
-"""Median size of the fourth difference of white noise of variance 1: the squares of its coefficients add up to 70."""
+"""Median size of the fourth difference of white noise [its standard deviation]: the squares of its coefficients add up to 70."""
 FINEST = 1e-6
 """Share of the motion that rounding may make even of a log without noise."""
 CHUNK = 50_000
