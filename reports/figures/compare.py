@@ -68,7 +68,7 @@ def _lower_panels(result: Comparison) -> "list[Callable[[Axes], None]]":
     """Return what there is to draw below the decays; nothing is drawn empty."""
     panels: list[Callable[[Axes], None]] = []
     if result.missing is not None:
-        missing, only_noise = result.missing, "" if result.where else ": only noise"
+        missing, only_noise = result.missing, "" if result.where else "; the error is at the noise"
         titles = (f"{effort(slides=result.slides).split(' [')[0]} that the model lacks{only_noise}", "")
         for (profile, show), title in zip(profiles(missing, slides=result.slides), titles, strict=True):
             panels.append(

@@ -149,9 +149,11 @@ def draw_candidates(axes: "Axes", ranked: "tuple[Ranked, ...]") -> None:
         axes.set_xscale("symlog", linthresh=TIED)
         axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axes.margins(x=0.08)
+    axes.autoscale()
     axes.set_xlim(left=-TIED / 2)
     axes.grid(visible=False, axis="y")
-    axes.set_xlabel("score: log-likelihood ratio to the best, twice; grey: not told apart")
+    axes.set_xlabel("score (grey: not told apart)")
 
 
 def draw_whiteness(axes: "Axes", story: Story) -> None:

@@ -55,7 +55,7 @@ def deciding(one: Candidate, other: Candidate, errors: Fitted, limit: float) -> 
     """
     laws = [_law(model) for model in (one, other)]
     record, seen = one.problem.records[0], one.problem.scales.amplitude
-    step = float(np.median(np.diff(record.time)))
+    step = one.problem.average * float(np.median(np.diff(record.time)))  # the errors are those of such means
     duration = float(max(r.time[-1] for r in one.problem.records))
     time = np.arange(0.0, duration, step)
     period = 2 * np.pi / one.problem.scales.frequency
@@ -78,7 +78,12 @@ def deciding(one: Candidate, other: Candidate, errors: Fitted, limit: float) -> 
                 1.0, period / step / 4
             )  # samples that are wrong together where a model is not exact
             variance = white + per_block * ((errors.discrepancy * swing) ** 2 + errors.coloured**2)
-            odds = 0.5 * float(np.sum(missed**2 / np.maximum(variance, 1e-300)))
+            # From how far, and when, it will have been let go is fitted to the new release: only what that leaves decides.
+            mean = 0.0 if record.is_rate else rest
+            own = np.column_stack([pairs[0] - mean, np.gradient(pairs[0], step)])
+            apart, *own = np.column_stack([missed, own]).T / np.sqrt(np.maximum(variance, 1e-300))
+            fitted = np.linalg.lstsq(np.array(own).T, apart, rcond=None)[0]
+            odds = 0.5 * float(np.sum((apart - fitted @ np.array(own)) ** 2))
             number = int(np.ceil(DECIDED / max(odds, 1e-9)))
             if number <= MOST:
                 largest = float(np.abs(first.roll - second.roll).max())

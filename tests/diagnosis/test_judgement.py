@@ -422,6 +422,30 @@ def test_the_experiment_is_the_smallest_that_decides(friction):
     assert pytest.approx(np.log(19.0)) == DECIDED
 
 
+def test_what_would_be_seen_of_an_experiment_is_what_no_other_start_makes_and_counted_once(friction):
+    """Two laws that differ by when the deck is let go are not told apart; means of samples are as few as they are."""
+    _, field = friction
+    model = field.winner().model
+    clear = Fitted(0.0, 1e-4, 0.0, 0.0, 0.0, np.zeros(1))
+    rival = next(s for s in field.scored if s.model.effects == ("quadratic-damping",)).model
+    assert deciding(model, rival, clear, 0.2) is not None
+    with patch("sysid.diagnosis.experiment.simulate") as path:
+        for moved, differs in ((1e-4, False), (0.0, True)):
+            calls = []
+
+            def drawn(law, time, angle, moved=moved, calls=calls):
+                calls.append(len(time))
+                other = len(calls) % 2 == 0
+                roll = np.cos(10 * (time + moved * other)) + (
+                    0 if moved or not other else 2e-4 * np.sin(23 * time)
+                )
+                return SimpleNamespace(roll=roll, rate=np.gradient(roll, time))
+
+            path.side_effect = drawn
+            assert (deciding(model, rival, clear, 0.2) is not None) is differs
+            assert calls[0] == pytest.approx(1.6 / 4e-3 / model.problem.average, abs=1)
+
+
 def test_a_law_outside_wins_where_no_effect_of_the_catalogue_may_be_true(friction, monkeypatch):
     _, field = friction
     coulomb = next(s for s in field.scored if s.model.effects == ("coulomb",))

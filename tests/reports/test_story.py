@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from decay_truth import Recipe, make_roll
 
-from reports.figures.story import panels, story_figure
+from reports.figures.story import draw_candidates, panels, story_figure
+from reports.figures.style import styled
 from reports.story import RECORD, STOOD, Ranked, Step, law_of_candidate, ranked, tell, times
 from sysid.board import load_board
 from sysid.joint import JointLaw
@@ -151,3 +152,19 @@ def test_a_law_comes_back_from_the_file_of_a_diagnosis(pink):
     }  # fmt: skip
     del candidate["parameters"]["coulomb.torque"]  # held by --fix
     assert law_of_candidate(pink, candidate) is None
+
+
+def test_the_scores_of_candidates_stand_within_their_panel():
+    """Markers and interval of the worst, and the axis's label."""
+    ranked = tuple(
+        Ranked(effects=effects, score=score, std=1.0, chosen=not score)
+        for effects, score in ((("coulomb",), 0.0), (("coulomb", "lowpass"), 7.0), ((), 1905.0))
+    )
+    with styled(4.2, 3.5) as figure:
+        axes = figure.subplots()
+        draw_candidates(axes, ranked)
+    figure.canvas.draw()
+    shown = figure.get_window_extent()
+    assert axes.xaxis.label.get_window_extent().x0 >= shown.x0
+    assert axes.xaxis.label.get_window_extent().x1 <= shown.x1
+    assert axes.get_xlim()[1] > 1.2 * 1905.0
