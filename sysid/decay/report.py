@@ -106,8 +106,8 @@ def verdict(decay: "FreeDecay") -> str:
         size = max(float(abs(fitted.modelled - fitted.level).max()) for fitted in decay.trace.releases)
         left = 100 * decay.trace.noise / size
         return (
-            f"✓ linear to {left:.2g} % of the amplitude; what remains is {ratio:.3g} × the estimated sensor noise"
-            f"{wider}{closing}"
+            f"✓ linear to {left:.2g} % of the amplitude; what remains is {ratio:.3g} × the scatter from sample to "
+            f"sample, which a filter or a fusion makes small{wider}{closing}"
         )
     return f"✓ linear decay: the residual is {ratio:.2f} × the estimated sensor noise{closing}"
 
