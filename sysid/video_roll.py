@@ -33,7 +33,7 @@ def roll_from_video(path: Path, options: VideoOptions | None = None) -> Roll:
     """Read the roll of a board from a film.
 
     Roll zero is the picture's horizontal where what is followed shows it, or where the body rests at the end.
-    Times are the container's, moved to when the sensor read the board if the read-out time is known.
+    Times are the container's, counted from the film's first frame; of one another, they are when the sensor read the board.
 
     Args:
         path: Film taken from behind the board, one uncut take.
@@ -91,6 +91,8 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
         )
     pace = _refuse_slow(clip.path, signal)
     signal, filled, dropped = fill_gaps(signal, pace)
+    # When the sensor reads the board of the first frame is its stamp: a delay that all frames share shows nowhere.
+    delay = signal.time[0] - track.time[signal.index[0]]
     notes = [
         *inferred(clip, lens, target, track, found, options),
         shutter_note(followed.before, found.camera_state, given=options.readout is not None),
@@ -108,9 +110,10 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
             "angles are no measurement of a board. Look at --overlay; then give the board's region with --roi, or film a release"
         )
     if dropped:
+        lost = np.delete(track.time, signal.index)
         warnings.append(
-            f"{dropped} of {len(track.time)} frames show too little of the board and are left out; "
-            "keep hands and feet out of the picture"
+            f"{dropped} of {len(track.time)} frames, between {lost[0]:.4g} and {lost[-1]:.4g} s, show too little of what is followed "
+            "and are left out; look at --overlay for what hides it"
         )
     rate = 1 / float(np.median(np.diff(track.time)))
     if options.rate is None and rate < SLOW_RATE and SLOW_PERIOD < pace / rate < np.inf:
@@ -120,7 +123,7 @@ def roll_of(clip: "Clip", lens: "Lens", followed: "Followed", options: VideoOpti
         )
     roll = Roll(
         log=str(clip.path),
-        time=signal.time - signal.time[0],
+        time=signal.time - delay,
         roll=signal.roll,
         std=signal.std,
         own_std=signal.own,

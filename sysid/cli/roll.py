@@ -50,7 +50,7 @@ def roll(
         from sysid.logs.clock_offset import clock_offset
 
         offset = clock_offset(load_roll(align, LogArguments(), printer), signal)
-        printer.note(f"{log}: {offset} added to its times, which then count from the first sample of {align}")
+        printer.note(f"{log}: {offset} added to its times, which then are those of {align}")
         half = (offset.ci95[1] - offset.ci95[0]) / 2
         if half > UNSURE:
             printer.warn(

@@ -10,12 +10,14 @@ from sysid.video.film.track import Track
 from sysid.video.options import VideoOptions
 from sysid.video.pose.angle import AngleTrack
 from sysid.video.pose.camera_state import READOUT, CameraState
-from sysid.video.trackers._base import Target
+from sysid.video.trackers._base import Target, rests_at
 
 SHUTTER_SEEN = 0.5
 """A read-out counts as seen in the film if that leaves less than this share of its uncertainty."""
 STILL_CAMERA = 0.15
 """Scatter of the board's middle at the end of a film up to which nothing shakes [px]."""
+MAX_OFF_LEVEL = np.radians(5.0)
+"""A board that ends a film further from level is doubted to rest there [rad]: board and camera are level to a degree or two."""
 OLD_CODECS = frozenset(
     {"mpeg4", "msmpeg4v1", "msmpeg4v2", "msmpeg4v3", "h263", "mpeg1video", "mpeg2video", "flv1"}
 )
@@ -30,11 +32,14 @@ def inferred(
     spread = float(np.std(intervals) / np.mean(intervals))
     stamps = "the given rate" if options.rate is not None else "the container's stamps"
     yield (
-        f"film: {clip.width}x{clip.height}, {len(track.time)} frames, {1 / np.mean(intervals):.4g} frames/s by {stamps}"
+        f"film: {clip.width}x{clip.height}, {track.index[-1] + 1} frames, {1 / np.mean(intervals):.4g} frames/s by {stamps}"
         + (f", varying by {100 * spread:.0f} %" if spread > 0.02 else "")
     )
     if track.index[0] > 0:
-        yield f"film: its first {track.index[0]} frames, in which nothing moves, are left out"
+        yield (
+            f"film: its first {track.index[0]} frames, in which nothing moves, are left out; times are the film's own, from "
+            f"{track.time[0]:.4g} s on"
+        )
     if clip.slowed > 1 and options.rate is None:
         yield (
             f"film: taken at {clip.slowed:.3g} times the rate at which it plays, as the phone notes in the file: its times are "
@@ -88,6 +93,12 @@ def faults(clip: Clip, target: Target, track: Track, found: AngleTrack) -> Itera
         yield f"{track.repeated} frames without a later time stamp than the one before are left out"
     if found.outliers:
         yield f"{found.outliers} frames in which the points do not fit a turning body are left out"
+    rest = rests_at(found.angle + target.zero(found))
+    if target.shows_level and abs(rest) > MAX_OFF_LEVEL:
+        yield (
+            f"at the end of the film the deck is {abs(np.degrees(rest)):.1f}° off zero, which is {target.zero_note}: if it rests "
+            "there, that is no level"
+        )
     yield from target.warnings
     if clip.codec in OLD_CODECS:
         yield (

@@ -108,7 +108,7 @@ def _annotate(
     strip = picture[height - 64 :]
     strip[:] = (strip * 0.35).astype(np.uint8)
     span = max(float(np.abs(roll.roll).max()), 1e-3)
-    across = 8 + (width - 16) * roll.time / roll.time[-1]
+    across = 8 + (width - 16) * (roll.time - roll.time[0]) / (roll.time[-1] - roll.time[0])
     down = height - 32 - 26 * roll.roll / span
     trace = np.round(16 * np.stack([across, down], axis=1)).astype(np.int32)
     cv2.polylines(picture, [trace], False, (200, 200, 200), 1, cv2.LINE_AA, shift=4)

@@ -152,7 +152,8 @@ def _best(usable: list[Followed]) -> Followed:
     """Judge by the uncertainty that each reaches in this film; one that contradicts the first is none of the board."""
     if len(usable) == 1:
         return usable[0]
-    first = next((one for one in usable if one.target.shows_level), usable[0])
+    surest = min(usable, key=lambda one: one.std)
+    first = next((one for one in usable if one.target.shows_level), surest)
     agreeing = [one for one in usable if _same_swing(one, first)]
     best = min(
         agreeing, key=lambda one: one.std * (CLEARLY if one is first and one.target.shows_level else 1.0)

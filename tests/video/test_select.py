@@ -1,10 +1,11 @@
 """The best tracker of a clip is the one that is used, and level is taken from what shows it."""
 
+import re
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from drawn_films import PIVOT, SIZE, decay, dotted, draw_film, marked, plate
+from drawn_films import FINE, PIVOT, SIZE, decay, dotted, draw_film, marked, plate
 
 from sysid.video import select
 from sysid.video.pose.angle import AngleTrack
@@ -136,6 +137,28 @@ def test_prints_askew_do_not_say_what_is_level(method, tmp_path):
     assert any("zero: where the deck is at the end of the film" in note for note in roll.notes)
     assert abs(np.median(roll.roll)) < np.radians(2)
     assert error_of(roll)[1] < 0.1
+
+
+def test_blobs_of_a_print_do_not_say_what_is_level(tmp_path):
+    """Two spots that fade into the print about them, 8° off level: nobody put them there, however well they are followed."""
+    body = plate(300, 90, contrast=35.0)
+    rows, columns = np.indices(body.shape[:2]) / FINE
+    for x, y in ((60, 32), (240, 58)):
+        share = np.exp(-0.5 * ((columns - x) ** 2 + (rows - y) ** 2) / 11**2)[..., None]
+        body = np.round((1 - share) * body + share * np.array(PINK)).astype(np.uint8)
+    roll = read(draw_film(tmp_path / "print.mp4", body, ROLL))
+    assert any("patches of colour" in note for note in roll.notes)
+    assert any("zero: where the deck is at the end of the film" in note for note in roll.notes)
+    assert abs(np.median(roll.roll[-7:])) < np.radians(0.5)
+
+
+@pytest.mark.slow
+def test_a_pair_put_on_askew_is_doubted(tmp_path):
+    """Nothing but the warning tells stickers 8° off level from a board that rests there."""
+    dots = [(-100, -16, 11, PINK), (100, 12, 11, PINK)]
+    roll = read(draw_film(tmp_path / "askew.mp4", dotted(plate(300, 60), dots), ROLL), method="dots")
+    assert any("line between the dots is level" in note for note in roll.notes)
+    assert any(re.search(r"(9|10)\.\d° off zero", warning) for warning in roll.warnings)
 
 
 @pytest.mark.slow

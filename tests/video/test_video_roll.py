@@ -380,7 +380,8 @@ def test_every_kind_of_film_is_read(suffix, tmp_path):
         pytest.skip(f"this ffmpeg writes no {suffix}: {made.stderr.strip()[-80:]}")
     frames = list(open_clip(path).frames())
     assert len(frames) == 25
-    assert frames[-1].time - frames[0].time == pytest.approx(0.96, abs=0.001)
+    assert frames[0].time == 0  # a container may count from anything
+    assert frames[-1].time == pytest.approx(0.96, abs=0.001)
 
 
 def test_frames_decoded_ahead_are_the_same(marker_film):

@@ -48,7 +48,7 @@ class Frame:
 
     index: int
     time: float
-    """The container's stamp [s], of a film that plays slowly as it was filmed; NaN where there is none."""
+    """The container's stamp since the film's first frame [s], of a film that plays slowly as it was filmed; NaN where there is none."""
     picture: Picture
     """Brightness as films hold it, from `BLACK` to `WHITE`, shape (height, width)."""
     chroma: tuple[Picture, Picture]
@@ -139,10 +139,12 @@ class Clip:
         Raises:
             SysidError: The file ends before its announced length.
         """
-        count = 0
+        count, begin = 0, None
         for frame in _decoded(self.path):
+            if begin is None and frame.pts is not None:
+                begin = frame.time
             if count % every == 0:
-                time = np.nan if frame.pts is None else frame.time / self.slowed
+                time = np.nan if begin is None or frame.pts is None else (frame.time - begin) / self.slowed
                 if self.progress is not None and self.announced:
                     what = f"{self.path.name}: {'reading' if every == 1 else 'looking through'}"
                     self.progress(what, min(count / self.announced, 1.0))

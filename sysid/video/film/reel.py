@@ -14,7 +14,7 @@ from sysid.video.film.camera import Lens
 from sysid.video.film.frames import BYTES_AHEAD, Clip, Frame, ahead
 from sysid.video.film.survey import Motion, Survey, box_around, box_of, survey
 from sysid.video.options import VideoOptions
-from sysid.video.types import Box
+from sysid.video.types import Box, Mask
 
 MEMORY = 96_000_000
 """Bytes of pictures that are kept at most ..."""
@@ -22,6 +22,9 @@ MIN_FRAMES = 60
 """... or so many frames of the part in which something moves, if that is more."""
 MARGIN = 0.35
 """What is kept beside what has moved so far, in widths of it [1]: a board that was tilted will swing to the other side."""
+MOST = 0.5
+"""Share of what moves in the end that must lie in the part that was kept: what moved first may have been a speck, or
+what a compressed film redraws while nothing moves."""
 LOOKED_AT = 4
 """Each so many frames are looked at for motion."""
 SURVEY_FRAMES = 40
@@ -48,6 +51,12 @@ class Reel:
         """Start to decode; OpenCV's own threads would only wait for each other beside those of the film."""
         self._threads = cv2.getNumThreads()
         cv2.setNumThreads(1)
+        self._begin()
+
+    def _begin(self) -> None:
+        """Decode from the first frame on, with nothing in memory."""
+        self._frames.clear()
+        self.skipped = self.repeated = 0
         self.background = Background(self.lens)
         count = max(2, BYTES_AHEAD // (3 * self.clip.width * self.clip.height // 2))
         self._source = ahead(self._held(ahead(self._stamped(), count)), 1)
@@ -71,25 +80,12 @@ class Reel:
             SysidError: Nothing does, or the film is damaged or cut.
         """
         region = self.region
-        motion, part, size = Motion(), None, 0
-        for number, frame in enumerate(self._source):
-            if number % LOOKED_AT == 0:
-                motion.add(frame)
-            self._frames.append(_cut(frame, part))
-            size += self._frames[-1].nbytes
-            if size < MEMORY or (part is not None and len(self._frames) < MIN_FRAMES):
-                continue
-            if part is not None:
-                break
-            moving = motion.mask(region)
-            if moving.any():
-                margin = round(MARGIN * np.ptp(np.flatnonzero(moving.any(axis=0))))
-                part = box_around(moving, margin)
-                self._frames = [_cut(frame, part) for frame in self._frames]
-            else:
-                self.skipped += len(self._frames) // 2
-                del self._frames[: len(self._frames) // 2]
-            size = sum(frame.nbytes for frame in self._frames)
+        motion, part = self._fill(None, 1)
+        moving = motion.mask(region)
+        if part is not None and _inside(part, moving) < MOST * moving.sum():
+            self._source.close()
+            self._begin()
+            motion, _ = self._fill(_with_margin(moving), round(MOST * moving.sum()))
         if not self._frames:
             raise SysidError(
                 f"{self.clip.path}: no frame can be decoded. Copy the file again from the camera."
@@ -102,6 +98,33 @@ class Reel:
         ]
         some = np.unique(np.linspace(0, len(self._frames) - 1, SURVEY_FRAMES).astype(int))
         return survey(self.clip, tuple(self._frames[number] for number in some), motion, self.options.roi)
+
+    def _fill(self, part: Box | None, least: int) -> tuple[Motion, Box | None]:
+        """Keep frames until memory is full of what moves; return the motion in them, and the part [px] that was kept.
+
+        Args:
+            part: The part, where it is known; else it follows from what moves by the time that whole frames fill the memory.
+            least: Pixels that change where the board has been seen to move.
+        """
+        motion, size = Motion(), 0
+        for number, frame in enumerate(self._source):
+            if number % LOOKED_AT == 0:
+                motion.add(frame)
+            self._frames.append(_cut(frame, part))
+            size += self._frames[-1].nbytes
+            if size < MEMORY or (part is not None and len(self._frames) < MIN_FRAMES):
+                continue
+            moving = motion.mask(self.region)
+            if moving.sum() < least:
+                self.skipped += len(self._frames) // 2
+                del self._frames[: len(self._frames) // 2]
+            elif part is None:
+                part = _with_margin(moving)
+                self._frames = [_cut(frame, part) for frame in self._frames]
+            else:
+                break
+            size = sum(frame.nbytes for frame in self._frames)
+        return motion, part
 
     def others(self) -> Generator[Frame]:
         """Yield the frames after those in memory, as they are decoded."""
@@ -136,6 +159,15 @@ class Reel:
                 except SysidError as error:
                     raise SysidError(f"{self.clip.path}: {error}") from None
                 yield replace(frame, shift=shift)
+
+
+def _with_margin(moving: Mask) -> Box:
+    return box_around(moving, round(MARGIN * np.ptp(np.flatnonzero(moving.any(axis=0)))))
+
+
+def _inside(box: Box, mask: Mask) -> int:
+    left, top, right, bottom = box
+    return int(mask[top:bottom, left:right].sum())
 
 
 def _cut(frame: Frame, box: Box | None) -> Frame:

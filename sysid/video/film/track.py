@@ -15,7 +15,7 @@ class Track:
     """The points of a whole clip."""
 
     time: Array
-    """Stamps [s], shape (n,), strictly increasing, not shifted."""
+    """Stamps since the film's first frame [s], shape (n,), strictly increasing, not shifted."""
     points: npt.NDArray[np.float32]
     """Points in the pictures [px], shape (n, N, 2); NaN where not seen."""
     shake: Shake

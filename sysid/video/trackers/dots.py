@@ -1,6 +1,6 @@
 """Coloured stickers: two on the deck's end, or one dot that swings about a pivot."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import cv2
@@ -30,8 +30,8 @@ PLACE_FLOOR = 0.08
 """Least standard deviation of a dot's place [px]: films hold colour at half the resolution of brightness."""
 SAME_CHROMA = 18.0
 """Distance below which two dots are of one colour [CIELAB]: such a pair is preferred to any other."""
-BEST = 1e6
-"""Worth of being of one colour, in the unit of a dot's own worth: above all others, so that such a pair always wins."""
+MAX_AROUND = 0.05
+"""Share of dot in the ring about a sticker, up to twice its radius: 0.03 at most in films of stickers, mostly more in prints."""
 MAX_ASIDE = np.radians(3.0)
 """How far from straight below, above or beside its pivot a single dot may rest and still show level by that [rad]."""
 CIRCLE_SCALE = 3.0
@@ -54,13 +54,15 @@ class Dot:
     """Radius of the circle of the same area [px]."""
     chroma: Array
     """Colour, a and b of CIELAB, shape (2,)."""
+    alone: bool = True
+    """Whether nothing about it has its colour, as about a sticker; a blob of a print fades into others like it."""
 
 
 def find_dots(look: Survey) -> tuple[Dot, ...]:
     """Return the two dots, or the one, that move; nothing where no colour stands out."""
     dots = _patches(*look.frames[0].coloured(look.box), look)
     pairs = [
-        (_worth(a) + _worth(b) + (BEST if np.linalg.norm(a.chroma - b.chroma) < SAME_CHROMA else 0), a, b)
+        ((a.alone and b.alone, _alike(a, b), _worth(a) + _worth(b)), a, b)
         for number, a in enumerate(dots)
         for b in dots[number + 1 :]
         if 0.65 < a.radius / b.radius < 1.55
@@ -70,6 +72,10 @@ def find_dots(look: Survey) -> tuple[Dot, ...]:
         _, a, b = max(pairs, key=lambda pair: pair[0])
         return (a, b) if a.place[0] < b.place[0] else (b, a)
     return tuple(sorted(dots, key=_worth)[-1:])
+
+
+def _alike(one: Dot, other: Dot) -> bool:
+    return float(np.linalg.norm(one.chroma - other.chroma)) < SAME_CHROMA
 
 
 def _worth(dot: Dot) -> float:
@@ -282,8 +288,22 @@ def _patches(part: Picture, corner: tuple[int, int], look: Survey) -> list[Dot]:
         if not look.moving[round(place[1]), round(place[0])]:
             continue
         colour = np.median(chroma[labels == label], axis=0).astype(np.float64)
-        dots.append(Dot(place, float(np.sqrt(area / np.pi)), colour))
+        dot = Dot(place, float(np.sqrt(area / np.pi)), colour)
+        dots.append(replace(dot, alone=_stands_alone(part, place - corner, dot)))
     return dots
+
+
+def _stands_alone(part: Picture, place: Array, dot: Dot) -> bool:
+    """Whether a dot is all of its colour that there is about its place in a picture [px], shape (2,)."""
+    reach = 2 * dot.radius + RIM
+    left, top = np.maximum(np.floor(place - reach), 0).astype(int)
+    right, bottom = np.ceil(place + reach).astype(int) + 1
+    near = part[top:bottom, left:right]
+    rows, columns = np.indices(near.shape[:2])
+    away = np.hypot(columns + left - place[0], rows + top - place[1])
+    share = _dot_share(near, dot)
+    ring = share[(away > dot.radius + RIM) & (away < reach)]
+    return bool(ring.mean() < MAX_AROUND and share[away < dot.radius].mean() > 0.5)
 
 
 def _find(reel: Reel) -> Target | None:
@@ -299,7 +319,7 @@ def _find(reel: Reel) -> Target | None:
                 f"--pivot {options.pivot[0]:g} {options.pivot[1]:g}: it is what a single dot turns about, and two dots "
                 "move here, which need none. Leave it out, or give the region of the one with --roi LEFT TOP WIDTH HEIGHT."
             )
-        return Target(
+        pair = Target(
             follower=follower,
             what="the pair of dots",
             why=f"two coloured dots ({size})",
@@ -307,6 +327,17 @@ def _find(reel: Reel) -> Target | None:
             zero=_level_pair,
             joined=((0, 1),),
             zero_note="where the line between the dots is level in the picture",
+        )
+        if all(dot.alone for dot in dots):
+            return pair
+        return replace(
+            pair,
+            what="the pair of patches of colour",
+            why=f"two patches of colour ({size})",
+            zero=lambda found: -rests_at(found.angle),
+            shows_level=False,
+            zero_note="where the deck is at the end of the film: colours run on about both patches, as in a print, and "
+            "nobody put them on level",
         )
     return Target(
         follower=follower,
