@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from rocking import imu, rocking, write_csv
 
@@ -21,6 +21,7 @@ def decay(seed: int, *, noise: float, step: float):
 
 
 @settings(deadline=None, max_examples=60)
+@example(seed=84752506, spikes=7, noise=0.0, step=np.radians(0.1), twice=True)
 @given(
     SEEDS,
     st.integers(1, 12),

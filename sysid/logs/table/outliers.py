@@ -72,7 +72,7 @@ def lone_outliers(time: Array, signal: Array, *, rate: bool) -> Array:
     found = np.zeros(signal.size)
     if signal.size < 2 * SIDE + NEAR:
         return found
-    # 6 times the distance of one outlier, twice that of two in a row
+    # 6 times the distance of one outlier; of two that are close it may be nothing in one of them
     bends = np.zeros(signal.size)
     bends[2:-2] = np.abs(np.diff(signal, 4))
     low, high = np.percentile(signal, (1, 99))
@@ -82,7 +82,7 @@ def lone_outliers(time: Array, signal: Array, *, rate: bool) -> Array:
     for apart in (0, *range(2 if rate else 1, NEAR)):
         outliers = np.unique((0, apart)) + SIDE
         first = np.arange(signal.size - 2 * SIDE - apart)
-        first = first[np.logical_and.reduce([suspect[first + place] for place in outliers])]
+        first = first[np.logical_or.reduce([suspect[first + place] for place in outliers])]
         for rows in np.array_split(first, range(CHUNK, first.size, CHUNK)):
             window = rows[:, None] + np.arange(2 * SIDE + apart + 1)
             lasting = time[window[:, -1]] - time[window[:, 0]]
