@@ -43,18 +43,8 @@ def main() -> None:
         subprocess.run([*TOOL, *made], cwd=ROOT, check=True, capture_output=True)
         with recorded_phone(export) as (phone, address):
             asked = [
-                "live",
-                "-b",
-                "pink",
-                "--phone",
-                address,
-                "--port",
-                "0",
-                "--releases",
-                "3",
-                "--workspace",
-                folder,
-            ]
+                "live", "-b", "pink", "--phone", address, "--port", "0", "--releases", "3", "--workspace", folder
+            ]  # fmt: skip
             process = subprocess.Popen([*TOOL, *asked], cwd=ROOT, stdout=subprocess.PIPE, text=True)
             clock, used, shown, begun = psutil.Process(process.pid), [], [], 0.0
             for line in process.stdout or ():

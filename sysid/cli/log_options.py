@@ -219,12 +219,8 @@ def recording_of(roll: Roll, arguments: LogArguments, printer: Printer | None = 
         SysidError: There is none.
     """
     recording = Recording.of(
-        roll,
-        start=arguments.start,
-        stop=arguments.stop,
-        release=arguments.release,
-        keep_zero=arguments.keep_zero,
-    )
+        roll, start=arguments.start, stop=arguments.stop, release=arguments.release, keep_zero=arguments.keep_zero,
+    )  # fmt: skip
     if printer is not None:
         for warning in recording.warnings[len(roll.warnings) :]:
             printer.warn(f"{roll.log}: {warning}")

@@ -13,7 +13,7 @@ import numpy as np
 
 from sysid.effects._algebra import Numbers
 from sysid.effects._base import Effect, Scales, SensorEffect
-from sysid.fitting.records import LETTING_GO, UNSURE_START, Bias, Record
+from sysid.fitting.records import LETTING_GO, UNSURE_START, Bias, Record, measured_rest
 from sysid.fitting.shooting import Shooting
 from sysid.joint.hermite import hermite_matrix
 from sysid.joint.integrator import Buffered, build_initial, build_stepper, steps_for
@@ -245,8 +245,8 @@ class Problem:
     def bounds(self) -> tuple[Array, Array]:
         """Return lower and upper bounds in units of the sizes, shape (p,) each."""
         # A spring may push (gravity outweighs it, or a bend of another law is taken for one); nothing passive drives.
-        rests = [0.0 if r.is_rate else r.release.rest / self.scales.amplitude for r in self.records]
-        rest = float(np.median(rests))
+        rest = measured_rest(self.records) / self.scales.amplitude
+        rests = [measured_rest([record]) / self.scales.amplitude for record in self.records]
         known = {"stiffness": (-3.0, 50.0), "damping": (0.0, 20.0), "rest_angle": (rest - 2.0, rest + 2.0)}
         for part in self.structure.parts:
             known.update({f"{part.name}.{p.name}": (p.low, p.high) for p in part.parameters})

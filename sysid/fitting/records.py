@@ -50,6 +50,11 @@ class Record:
     """Noise of the signal, one number [rad or rad/s]."""
 
 
+def measured_rest(records: Sequence[Record]) -> float:
+    """Return the roll at which the deck rests, as the releases have it [rad]; 0 where rates are fitted."""
+    return 0.0 if records[0].is_rate else float(np.median([r.release.rest for r in records]))
+
+
 def make_records(releases: Sequence[Release], std: float, *, rate: bool) -> tuple[Record, ...]:
     """Cut the tails at rest that say nothing new and return what is to be fitted: the measured rate or the roll.
 

@@ -10,7 +10,7 @@ from sysid.board import Board
 from sysid.effects._base import Scales
 from sysid.errors import SysidError
 from sysid.fitting.problem import Problem
-from sysid.fitting.records import Bias, Record
+from sysid.fitting.records import Bias, Record, measured_rest
 from sysid.joint.structure import Structure
 from sysid.least_squares import Minimum, minimise
 from sysid.progress import stage, steps
@@ -87,11 +87,6 @@ def _pitch(record: Record) -> float:
     step = float(np.median(np.diff(record.time)))
     power = np.abs(np.fft.rfft(signal * np.hanning(2 * len(signal))[len(signal) :], size))
     return float(2 * np.pi * max(1, int(np.argmax(power))) / (size * step))
-
-
-def measured_rest(records: Sequence[Record]) -> float:
-    """Return the roll at which the deck rests, as the releases have it [rad]; 0 where rates are fitted."""
-    return 0.0 if records[0].is_rate else float(np.median([r.release.rest for r in records]))
 
 
 def linear_guess(record: Record) -> tuple[float, float] | None:

@@ -12,8 +12,8 @@ import numpy as np
 from sysid.effects._base import Effect, Scales, TorqueEffect
 from sysid.fitting.cross_validation import rms
 from sysid.fitting.problem import Problem
-from sysid.fitting.records import Bias, Record
-from sysid.fitting.search import first_swings, measured_rest, search, starting_points
+from sysid.fitting.records import Bias, Record, measured_rest
+from sysid.fitting.search import first_swings, search, starting_points
 from sysid.joint.law import JointLaw
 from sysid.joint.structure import LINEAR, Structure, structure_of
 from sysid.joint.trajectory import simulate

@@ -84,7 +84,7 @@ def angle_scale(angle: Array, choice: Choice) -> tuple[float, Remarks]:
         return choice.scale, note("unit", f"one count is {choice.scale:g} rad, as --unit says")
     if choice.unit is not None:
         return ANGLE_UNITS[choice.unit], Remarks()
-    reach = float(np.max(np.abs(angle - np.median(angle))))
+    reach = _reach(angle)
     whole = bool(np.all(angle == np.rint(angle)))
     if whole and (np.abs(angle).max() > TURN or np.ptp(np.unwrap(angle, period=TURN)) > TURN):
         raise SysidError(
@@ -101,8 +101,13 @@ def angle_scale(angle: Array, choice: Choice) -> tuple[float, Remarks]:
 
 def whole_turn(choice: Choice, angle: Array) -> float:
     """Return a whole turn in the unit of an angle, shape (n,)."""
-    unit = choice.unit or _likely_unit(float(np.max(np.abs(angle - np.median(angle)))))
+    unit = choice.unit or _likely_unit(_reach(angle))
     return 2 * np.pi / abs(choice.scale or ANGLE_UNITS[unit])
+
+
+def _reach(angle: Array) -> float:
+    """Return how far an angle, shape (n,), goes from its median, in its unit."""
+    return float(np.max(np.abs(angle - np.median(angle))))
 
 
 def _likely_unit(reach: float) -> str:
