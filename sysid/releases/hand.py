@@ -200,7 +200,8 @@ def _stands(time: Array, roll: Array, end: float, period: float) -> bool:
 def _let_go(signal: SmoothedSignal, spans: Sequence[Span], period: float) -> list[float]:
     """Return when each deck was let go [s]: where a hand pushed it on its way, when that had left.
 
-    Who pushes one deck has pushed the others, seen or not.
+    Who pushes one deck has pushed the others, and about as long: where a joint that is loose or sticks pulls less than the hand does,
+    the hand's push looks like its pull.
     """
     seen = [_pull_sets_in(signal, span, period) for span in spans]
     late = [
@@ -210,11 +211,8 @@ def _let_go(signal: SmoothedSignal, spans: Sequence[Span], period: float) -> lis
     ]
     if not late or np.mean(late) < LATE:
         return [span.begin for span in spans]
-    usual = max(one[0] - span.begin for one, span in zip(seen, spans, strict=True) if one)
-    return [
-        (one[0] if one else span.begin + usual) + MARGIN * period
-        for one, span in zip(seen, spans, strict=True)
-    ]
+    longest = max(one[0] - span.begin for one, span in zip(seen, spans, strict=True) if one)
+    return [span.begin + longest + MARGIN * period for span in spans]
 
 
 def _pull_sets_in(signal: SmoothedSignal, span: Span, period: float) -> tuple[float, float] | None:

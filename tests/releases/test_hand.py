@@ -83,6 +83,19 @@ def test_a_push_is_cut_where_dry_friction_leaves_a_swing_or_two_to_tell_it_from(
         assert (release.hold > 0) == (push == 0)
 
 
+@pytest.mark.parametrize(("gap", "friction"), [(0.03, 0.06), (0.04, 0.06), (0.06, 0.03)])
+def test_a_hand_that_pushes_harder_than_a_loose_joint_pulls_is_cut_as_long_as_where_it_is_seen(gap, friction):
+    """In a narrow release gap and friction leave the joint less pull than the hand has, so that its push looks like the joint's."""
+
+    def law(x, v):
+        return -(OMEGA**2) * (x - np.clip(x, -gap, gap) + friction * np.tanh(v / 0.05)) - 1.6 * v
+
+    roll, free = handled(law, push=0.06, swings=9.0)
+    for release in find_releases(roll):
+        begin = min((begin for begin, _ in free), key=lambda begin: abs(release.start - begin))
+        assert -0.05 < (release.start - begin) / PERIOD < 0.15
+
+
 @pytest.mark.parametrize("push", [0.0, 0.06])
 def test_a_push_is_told_from_a_hold_under_noise(push):
     roll, free = handled(LAWS["linear"], push=push, swings=9.0, noise=0.25 * DEGREE)
