@@ -34,6 +34,8 @@ WIDTHS = (0.75, 1.5)
 BUMPS = (0.25, 0.35, 0.5)
 """Widths of the bump, in periods: the first under which the median noise is below `DIM` of the largest pull."""
 DIM = 0.12
+TREMOR = 0.03
+"""Share of its way to rest up to which a hand that holds a deck moves it: a choice."""
 NEARLY = 0.7
 """Share of its way to rest after which nobody pushes a deck."""
 RISEN = 0.7
@@ -211,8 +213,17 @@ def _let_go(signal: SmoothedSignal, spans: Sequence[Span], period: float) -> lis
     ]
     if not late or np.mean(late) < LATE:
         return [span.begin for span in spans]
-    longest = max(one[0] - span.begin for one, span in zip(seen, spans, strict=True) if one)
-    return [span.begin + longest + MARGIN * period for span in spans]
+    moves = [_moves(signal, span) for span in spans]
+    longest = max(one[0] - begin for one, begin in zip(seen, moves, strict=True) if one)
+    return [begin + longest + MARGIN * period for begin in moves]
+
+
+def _moves(signal: SmoothedSignal, span: Span) -> float:
+    """Return when a deck is last seen where it was held [s]."""
+    way = (signal.roll - span.level) / (span.rest - span.level)
+    gone = int(np.argmax((signal.time > span.begin) & (way > NEARLY)))
+    there = np.flatnonzero(np.abs(way[:gone]) <= max(TREMOR, 3 * signal.noise / abs(span.rest - span.level)))
+    return float(signal.time[there[-1]]) if len(there) else span.begin
 
 
 def _pull_sets_in(signal: SmoothedSignal, span: Span, period: float) -> tuple[float, float] | None:

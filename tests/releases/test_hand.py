@@ -10,7 +10,8 @@ from scipy.integrate import solve_ivp
 
 from sysid.decay.linear_fit import fit_traces
 from sysid.releases import find_releases
-from sysid.releases.hand import _hand
+from sysid.releases.extrema import smooth_signal
+from sysid.releases.hand import Span, _hand, _let_go
 from sysid.roll import Roll
 
 OMEGA = 41.0
@@ -94,6 +95,18 @@ def test_a_hand_that_pushes_harder_than_a_loose_joint_pulls_is_cut_as_long_as_wh
     for release in find_releases(roll):
         begin = min((begin for begin, _ in free), key=lambda begin: abs(release.start - begin))
         assert -0.05 < (release.start - begin) / PERIOD < 0.15
+
+
+def test_a_push_is_counted_from_where_the_deck_is_last_seen_in_its_hold():
+    """And not from an onset that is extrapolated from the way that follows, which a push may make late."""
+    roll, free = handled(LAWS["linear"], push=0.06, swings=9.0)
+    late = (0.0, 0.04, 0.0)
+    spans = [
+        Span(begin - 0.06 + shift, end, 0.0, level)
+        for (begin, end), shift, level in zip(free, late, (0.18, -0.16, 0.14), strict=True)
+    ]
+    found = _let_go(smooth_signal(roll.time, roll.roll, float(roll.std[0])), spans, PERIOD)
+    assert found == pytest.approx([begin for begin, _ in free], abs=0.12 * PERIOD)
 
 
 @pytest.mark.parametrize("push", [0.0, 0.06])
