@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
 MEMORY = 3
 """Policy steps that delays reach over, the present one included."""
-LEVEL_SHARE, ASCENT_SHARE, DESCENT_SHARE = 0.3, 0.25, 0.3
+LEVEL_SHARE, ASCENT_SHARE, DESCENT_SHARE = 0.3, 0.35, 0.2
 """Shares of the stretches of ground that are level, long ways up and short ways down; the others are long ways down, on which
-nobody fell. Of the way, two fifths are level: a rider who hardly sees the slope must not take every ground for one."""
+nobody fell. Of the way, a third is level: a rider who hardly sees the slope must not take every ground for one."""
 LONG, SHORT = (3.0, 20.0), (1.0, 4.0)
 """How long stretches of ground are, evenly spread in the logarithm: level ones and long slopes, short ways down [m]. Where
 one ends, a ledge lies ahead."""

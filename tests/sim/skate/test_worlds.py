@@ -106,21 +106,21 @@ def test_ground_is_level_sloped_or_goes_down_ahead_for_a_while(env, worlds):
     env.reset()
     level = (gradient == 0).all(dim=-1)
     assert 0.26 < float(level.float().mean()) < 0.34
-    assert 0.33 < float(length[level].sum() / length.sum()) < 0.46
+    assert 0.29 < float(length[level].sum() / length.sum()) < 0.42
     aside = torch.atan2(gradient[~level, 1], gradient[~level, 0]) - 0.3
     forward = gradient[:, 0] * math.cos(0.3) + gradient[:, 1] * math.sin(0.3)
     upwards = forward[~level] > 0
-    assert 0.31 < float(upwards.float().mean()) < 0.41
+    assert 0.45 < float(upwards.float().mean()) < 0.55
     down = torch.atan2(aside.sin(), aside.cos()).abs()
     down = torch.where(upwards, down, math.pi - down)
     assert 0.77 < float(down.max()) <= math.pi / 4 + 1e-4
     steepness = gradient.norm(dim=-1).rad2deg()
-    assert 4.9 < float(steepness[forward > 0].max()) <= 5.0001
+    assert 5.9 < float(steepness[forward > 0].max()) <= 6.0001
     assert 9.8 < float(steepness.max()) <= 10.0001
     short = length < 3  # no long slope is
-    assert float(steepness[~short & (length > 4)].max()) <= 5.0001
-    assert 0.2 < float(short.float().mean()) < 0.28
-    assert 0.4 < float((steepness[forward > 0] > 3.75).float().mean()) < 0.48
+    assert float(steepness[~short & (length > 4)].max()) <= 6.0001
+    assert 0.12 < float(short.float().mean()) < 0.2
+    assert 0.4 < float((steepness[forward > 0] > 4.5).float().mean()) < 0.48
     assert 19 < float(length.max()) <= 20.0001
 
 
@@ -174,7 +174,7 @@ def test_a_board_stands_on_the_slab_and_falls_when_it_is_gone(env, worlds):
 
 
 @pytest.mark.slow
-def test_one_in_six_is_told_to_stand_and_one_in_five_to_go_slowly_by_the_strength(env, worlds):
+def test_one_in_six_is_told_to_stand_and_three_in_ten_to_go_slowly_by_the_strength(env, worlds):
     from sim.skate.mdp.observations import skate_command
 
     env.reset()
@@ -191,7 +191,7 @@ def test_one_in_six_is_told_to_stand_and_one_in_five_to_go_slowly_by_the_strengt
     assert 0.30 < float(still[:, rests].float().mean()) < 0.38
     assert 0.07 < float(speed[still].max()) < 0.1
     slow = speed[:, ~rests] < 0.4
-    assert 0.38 < float(slow.float().mean()) < 0.45  # 0.2 + 0.8 * 0.4 / 1.5
+    assert 0.45 < float(slow.float().mean()) < 0.53  # 0.3 + 0.7 * 0.4 / 1.5
     assert float(speed.max()) > 1.48
 
 
