@@ -7,6 +7,7 @@ better shows that the mimicry is one.
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -124,29 +125,48 @@ def surrogate(
         shape: One of `LAWS`.
         best: Another, whose torque a shape with a width may begin as, too.
     """
-    inside, scales = search.problem(kept, free_states=model.problem.free_states), search.scales
+    job = (search, model, kept, shape)
+    return Candidate(effects=kept, problem=_problem(*job), minimum=_fitted(*job, best), shape=shape)
+
+
+@cache
+def _effect(shape: str, scales: Scales) -> TorqueEffect:
+    """Return the effect that a shape is: one and the same, so that what is built for it is built once."""
     law = LAWS[shape]
-    own = law.own
-    outside = (
-        replace(effect_of(law.shapes), sharpness=SHARP) if law.shapes else own or _sum_of(law.terms, scales)
-    )
-    structure = Structure(inside.structure.effects, (outside,))
+    if law.shapes:
+        return replace(effect_of(law.shapes), sharpness=SHARP)
+    return law.own or _sum_of(law.terms, scales)
+
+
+def _problem(search: Search, model: Candidate, kept: tuple[str, ...], shape: str) -> Problem:
+    """Return the least squares of `surrogate`."""
+    inside, scales = search.problem(kept, free_states=model.problem.free_states), search.scales
+    own = LAWS[shape].own
+    structure = Structure(inside.structure.effects, (_effect(shape, scales),))
     replaced = {"stiffness": scales.stiffness, "damping": scales.damping}
     held = {s.name: replaced[s.name] for s in own.states} if own in CHANGED else {}
-    problem = Problem(
+    return Problem(
         structure, search.records, scales, bias=search.bias, fixed={**held, **inside.fixed}, average=search.average,
         free_states=own is not None or (model.problem.free_states and bool(inside.structure.internal_states)),
         steps_per_period=int(COARSE * min(1.5, structure.sharpness)),
     )  # fmt: skip
+
+
+def _fitted(
+    search: Search, model: Candidate, kept: tuple[str, ...], shape: str, best: Candidate | None
+) -> Minimum:
+    """Return where the fit of `surrogate` ends: what travels from another process, which a law that is no module's does not."""
+    law, problem = LAWS[shape], _problem(search, model, kept, shape)
     starts = _starts(problem, model)
     if law.shapes:
         others = () if best is None or best is model else (best,)
         likes = [one for one in (model, *others) if set(kept) <= set(one.effects)]
         starts = [start for one in likes for start in _starts_as(problem, one, kept, law.shapes)] or starts
-    if own is WAVE:
+    if law.own is WAVE:
+        inside = search.problem(kept, free_states=model.problem.free_states)
         before = _best(inside, _starts(inside, model))
         starts = [_in_step(problem, replace(model, problem=inside, minimum=before))]
-    return Candidate(effects=kept, problem=problem, minimum=_best(problem, starts), shape=shape)
+    return _best(problem, starts)
 
 
 def _starts(problem: Problem, model: Candidate) -> list[Array]:
@@ -250,28 +270,39 @@ def _in_step(problem: Problem, before: Candidate) -> Array:
 def surrogates(search: Search, model: Candidate, best: Candidate | None = None) -> list[Candidate]:
     """Return the best shapes in each of a model's effects' places and in all of them, predicted.
 
-    In this process: laws that are no module's do not travel to another.
-
     Args:
         search: That found the model.
         model: A fitted candidate.
         best: The one with the least error, which is nearer to what a shape with a width may be.
     """
+    if search.progress is not None:
+        search.progress("laws outside the catalogue", 0.97)
     named = search.added(model)
-    found: list[Candidate] = []
-    for place in dict.fromkeys([named, *((name,) for name in named)]):
-        kept = tuple(n for n in model.effects if n not in place)
-        tried = [surrogate(search, model, kept, shape, best) for shape in _shapes(search)]
-        found += sorted(tried, key=lambda m: m.cost + np.log(m.samples) * m.size)[:TRIED]
-        if search.progress is not None:
-            search.progress("laws outside the catalogue", 0.97)
-    return [search.finalist(m) for m in found]
+    places = dict.fromkeys([named, *((name,) for name in named)])
+    tried = _all(search, model, [tuple(n for n in model.effects if n not in place) for place in places], best)
+    return [
+        search.finalist(m)
+        for shapes in tried
+        for m in sorted(shapes, key=lambda m: m.cost + np.log(m.samples) * m.size)[:TRIED]
+    ]
 
 
 def nearest_outside(search: Search, model: Candidate) -> Candidate:
     """Return the law outside the catalogue that comes nearest in the place of all of a model's effects."""
-    tried = [surrogate(search, model, search.base, shape) for shape in _shapes(search)]
+    (tried,) = _all(search, model, [search.base], None)
     return search.fine(min(tried, key=lambda m: m.cost))
+
+
+def _all(
+    search: Search, model: Candidate, rests: Sequence[tuple[str, ...]], best: Candidate | None
+) -> list[list[Candidate]]:
+    """Return every shape beside some of a model's effects, for each of several choices of these, on all workers."""
+    jobs = [[(search, model, kept, shape) for shape in _shapes(search)] for kept in rests]
+    found = search.pool.each(_fitted, [(*job, best) for some in jobs for job in some])
+    return [
+        [Candidate(effects=job[2], problem=_problem(*job), minimum=next(found), shape=job[3]) for job in some]
+        for some in jobs
+    ]
 
 
 def _shapes(search: Search) -> list[str]:
