@@ -8,12 +8,15 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
+from importlib import import_module
 from types import TracebackType
 from typing import Self, TypeVar
 
 from sysid.errors import SysidError
 
 T = TypeVar("T")
+_LOADED = "sysid.diagnosis.search"
+"""What jobs are made of: the half second of loading it is over when the first one comes."""
 
 
 class WorkerPool:
@@ -24,19 +27,21 @@ class WorkerPool:
     """
 
     def __init__(self, workers: int) -> None:
-        """Start nothing yet.
+        """Start the processes; they load while the first jobs are made.
 
         Args:
             workers: Processes; 1 for none.
         """
         self._workers = workers
         self._pool: ProcessPoolExecutor | None = None
+        if workers > 1:
+            context = multiprocessing.get_context("spawn")
+            self._pool = ProcessPoolExecutor(workers, mp_context=context)
+            for _ in range(workers):  # a process starts with the first job that none is free for
+                self._pool.submit(import_module, _LOADED)
 
     def __enter__(self) -> Self:
-        """Start the processes; they load while the first jobs are made."""
-        if self._workers > 1:
-            context = multiprocessing.get_context("spawn")
-            self._pool = ProcessPoolExecutor(self._workers, mp_context=context)
+        """Return itself."""
         return self
 
     def __exit__(
