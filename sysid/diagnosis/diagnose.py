@@ -258,6 +258,7 @@ def diagnose(
     Raises:
         SysidError: The releases are too short, or their unit is wrong.
     """
+    pool = WorkerPool(workers)
     recordings, releases = unpack(data)
     chosen = signal_of(releases, signal)
     bias, use_rate = chosen["bias"], chosen["use_rate"]
@@ -280,7 +281,7 @@ def diagnose(
     # A table that was learned stays as it is: no candidate may bend it.
     learned_parts = (part for part in board.effects if effect(part.name).role == "learned")
     held |= {f"{part.name}.{name}": q.value for part in learned_parts for name, q in part.parameters.items()}
-    with WorkerPool(workers) as pool:
+    with pool:
         search = Search(
             records=records, scales=scales, bias=bias, base=tuple(sorted(p.name for p in board.effects)),
             fixed=held, pool=pool, progress=progress,
@@ -301,12 +302,13 @@ def diagnose(
                 warnings.append(left_out)
                 judged, search, models, final = kept, again, others, last
                 learning, alone = partial(learn, judged, board, signal=signal, fixed=fixed), None
+        quantities = {id(m): pool.begin(parameter_quantities, m.problem, m.minimum, board) for m in final}
         first = Field(final, search.base, period, noise.std)
         if first.surely_missing and first.winner().model.rmse > REACHED * noise.std:
             alone = alone or pool.begin(learning, ())
         winner, final, idle = _material(search, first, final)
         outside = surrogates(search, winner, min(final, key=lambda m: m.cost))
-        everything = Field([*final, *outside], search.base, period, noise.std)
+        everything = Field([*final, *outside], search.base, period, noise.std, known=first)
         verdict, best = _judged(search, everything, winner, board, idle)
         base = search.fine(everything.base.model, average=1)
         verdict = replace(verdict, error_before=base.rmse, error_after=best.rmse)
@@ -340,11 +342,14 @@ def diagnose(
     others = sorted((m for m in models if m.effects not in done), key=lambda m: m.cost)
 
     def shown(model: Model, score: float) -> Candidate:
+        numbers = quantities.get(id(model)) or partial(
+            parameter_quantities, model.problem, model.minimum, board, certain=model.effects in done
+        )
         return Candidate(
             effects=search.added(model), rmse=model.rmse, score=score,
             score_std=spreads.get(model.effects),
             heldout_rmse=model.heldout_rmse if model.heldout is not None else None,
-            parameters=parameter_quantities(model.problem, model.minimum, board, certain=model.effects in done),
+            parameters=numbers(),
         )  # fmt: skip
 
     worst = max((s for s in scores.values() if np.isfinite(s)), default=0.0)

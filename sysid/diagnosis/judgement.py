@@ -71,8 +71,8 @@ class Field:
     """Candidates of one log, scored on the same motion."""
 
     def __init__(
-        self, models: Sequence[Candidate], base: tuple[str, ...], period: float, floor: float
-    ) -> None:
+        self, models: Sequence[Candidate], base: tuple[str, ...], period: float, floor: float, known: "Field | None" = None,
+    ) -> None:  # fmt: skip
         """Score all of them.
 
         Args:
@@ -80,15 +80,18 @@ class Field:
             base: Effects that every one of them has.
             period: Of the joint [s].
             floor: Noise of the sensor [rad or rad/s].
+            known: Of some of the models: where the best is the same, their scores are.
         """
         self.base_effects = base
         self.floor = floor
         linear = next(m for m in models if m.effects == base and not m.shape)
         self.base_parameters = len(linear.problem.names)
-        best = min(models, key=lambda m: m.cost)
-        self.blocks = held_blocks(best, period)
+        self._nearest = min(models, key=lambda m: m.cost)
+        self.blocks = held_blocks(self._nearest, period)
         self.gain = max(GAIN, 0.5 * float(np.log(len(self.blocks.cuts))))
-        self.scored = [self.score(model) for model in models]
+        same = known.scored if known is not None and known._nearest is self._nearest else ()
+        scores = {id(scored.model): scored for scored in same}
+        self.scored = [scores.get(id(model)) or self.score(model) for model in models]
         self.base = next(s for s in self.scored if s.model.effects == base and not s.model.shape)
         self.best = max(self.scored, key=lambda s: s.score)
         self.noise = self._noise()
