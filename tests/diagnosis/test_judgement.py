@@ -83,6 +83,19 @@ def test_a_law_that_is_only_another_one_here_is_no_candidate(friction):
     assert {s.model.effects for s in field.near(field.best)} == {("coulomb",)}
 
 
+def test_what_is_scored_on_the_same_motion_is_not_scored_again(friction):
+    search, field = friction
+    models = [s.model for s in field.scored]
+    period = 2 * np.pi / search.scales.frequency
+    assert Field(models, (), period, NOISE, known=field).best is field.best
+    closer = replace(field.best.model, minimum=replace(field.best.model.minimum))
+    again = Field(
+        [closer, *models], (), period, NOISE, known=field
+    )  # another is the nearest: its motion counts
+    assert again.best is not field.best
+    assert again.best.score == pytest.approx(field.best.score)
+
+
 def test_a_prediction_that_ran_away_explains_nothing(friction):
     _, field = friction
     best = field.best.model

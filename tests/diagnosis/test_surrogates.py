@@ -1,5 +1,6 @@
 """Laws outside the catalogue that an effect with a memory of its own can mimic."""
 
+import pickle
 from dataclasses import replace
 from unittest.mock import patch
 
@@ -9,7 +10,8 @@ from scipy.integrate import solve_ivp
 
 from sysid.diagnosis.diagnose import _outside_all
 from sysid.diagnosis.search import Candidate, Search, _could_begin_so, inherited
-from sysid.diagnosis.surrogates import in_words, surrogate, surrogates
+from sysid.diagnosis.surrogates import LAWS, in_words, nearest_outside, surrogate, surrogates
+from sysid.diagnosis.workers import WorkerPool
 from sysid.effects._base import Scales
 from sysid.fitting.records import Record
 from sysid.roll import Release
@@ -89,6 +91,28 @@ def test_what_mimics_it_predicts_worse(request, logs, shapes):
     best = min(surrogates(search, mimic), key=lambda m: m.heldout_rmse)
     assert best.shape in shapes
     assert best.heldout_rmse < mimic.heldout_rmse
+
+
+class Elsewhere(WorkerPool):
+    """Does each job as another process would: all that it is given and returns has travelled."""
+
+    def __init__(self):
+        super().__init__(1)
+        self.count = 0
+
+    def each(self, function, arguments):
+        for job in arguments:
+            self.count += 1
+            there, given = pickle.loads(pickle.dumps((function, job)))
+            yield pickle.loads(pickle.dumps(there(*given)))
+
+
+def test_laws_outside_are_fitted_by_all_workers(driven):
+    pool, linear = Elsewhere(), driven.single(())
+    nearest = nearest_outside(replace(driven, pool=pool), linear)
+    assert pool.count == len(LAWS)
+    assert nearest.cost == pytest.approx(nearest_outside(driven, linear).cost, rel=1e-9)
+    assert nearest.shape == "sin t"
 
 
 def test_laws_outside_are_asked_about_a_hand_where_none_of_the_catalogue_reaches_the_noise(driven):

@@ -1,5 +1,6 @@
 """Jobs in several processes come back in order, and a process that dies is said."""
 
+import multiprocessing
 import os
 
 import pytest
@@ -22,6 +23,12 @@ def test_one_worker_does_no_more_than_is_asked_for():
         assert not done
         wanted()
     assert done == [2]
+
+
+def test_workers_load_before_there_is_a_job():
+    before = len(multiprocessing.active_children())
+    with WorkerPool(2):
+        assert len(multiprocessing.active_children()) == before + 2
 
 
 def test_a_process_that_dies_is_said():
