@@ -258,7 +258,6 @@ def diagnose(
     Raises:
         SysidError: The releases are too short, or their unit is wrong.
     """
-    pool = WorkerPool(workers)
     recordings, releases = unpack(data)
     chosen = signal_of(releases, signal)
     bias, use_rate = chosen["bias"], chosen["use_rate"]
@@ -281,7 +280,7 @@ def diagnose(
     # A table that was learned stays as it is: no candidate may bend it.
     learned_parts = (part for part in board.effects if effect(part.name).role == "learned")
     held |= {f"{part.name}.{name}": q.value for part in learned_parts for name, q in part.parameters.items()}
-    with pool:
+    with WorkerPool(workers) as pool:
         search = Search(
             records=records, scales=scales, bias=bias, base=tuple(sorted(p.name for p in board.effects)),
             fixed=held, pool=pool, progress=progress,
