@@ -136,7 +136,10 @@ def _to_the_end(reel: Reel, led: Followed) -> Followed:
             stamps.append((frame.index, frame.time))
             points.append(seen)
             if body is not None and whole is not None:
-                poses.append(body.lay(frame, body.rough(seen)))
+                rough = body.rough(seen)
+                if rough is None:  # the points are not seen here: the board itself may be
+                    rough = next((pose for pose in reversed(poses) if pose is not None), None)
+                poses.append(body.lay(frame, rough))
     if len(points) > len(led.track.points):
         track = track_of(reel, stamps, np.array(points))
         all_of_it = _followed(reel, target, track)

@@ -26,6 +26,8 @@ MAX_SHIFT = 6.0
 """How far a shaking camera and soft trucks may shift the edges [px]."""
 EDGE_REACH = 2.5
 """Distance from where the deck's turn puts an edge within which it is looked for at last [px]."""
+MIN_APART = 2.0
+"""Distance of two steps of brightness below which neither shows where it is [px]."""
 MIN_CONTRAST = 8.0
 """Least contrast of an edge [grey levels]."""
 MIN_FITTING_SHARE = 0.35
@@ -62,6 +64,7 @@ class EdgeFollower:
                 find_pieces(frame, place[:, ::way], reach, MIN_CONTRAST)[:, ::way] for way in (1, -1)
             ])  # fmt: skip
             x, y = np.moveaxis(turned(steps - centre, -turn), -1, 0)
+            y = np.where((0 < np.abs(y[0] - y[1])) & (np.abs(y[0] - y[1]) < MIN_APART), np.nan, y)
             x, y = np.stack(2 * [np.fmax(*x)]), np.stack([np.fmax(*y), np.fmin(*y)])
             points = centre + turned(np.stack([x, y], axis=-1), turn)
             off = y - self.end.ends[:, :1, 1] - shift
