@@ -64,7 +64,7 @@ class EdgeFollower:
                 find_pieces(frame, place[:, ::way], reach, MIN_CONTRAST)[:, ::way] for way in (1, -1)
             ])  # fmt: skip
             x, y = np.moveaxis(turned(steps - centre, -turn), -1, 0)
-            y = np.where((0 < np.abs(y[0] - y[1])) & (np.abs(y[0] - y[1]) < MIN_APART), np.nan, y)
+            y = np.where(np.abs(y[0] - y[1]) < MIN_APART, np.nan, y)
             x, y = np.stack(2 * [np.fmax(*x)]), np.stack([np.fmax(*y), np.fmin(*y)])
             points = centre + turned(np.stack([x, y], axis=-1), turn)
             off = y - self.end.ends[:, :1, 1] - shift
